@@ -1,0 +1,57 @@
+"""Bevameter: an instrument made of a ground vehicle.
+
+This is the front door that planners import from. Public names load on first use, so that
+``import bevameter`` stays fast.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+__version__ = "0.1.0"
+
+_PUBLIC = {
+    "BevameterError": "framework.core.errors",
+    "InputError": "framework.core.errors",
+    "ClassEvidence": "framework.core.evidence",
+    "SoilEstimate": "framework.core.soil",
+    "SoilKnowledge": "framework.core.soil",
+    "Vehicle": "framework.core.vehicle",
+    "Wheel": "framework.core.vehicle",
+    "Recording": "framework.core.recording.types",
+    "WheelTable": "framework.core.recording.types",
+    "read_recording": "framework.core.recording.open",
+    "TerrainDatabase": "database.store",
+    "run_traverse": "framework.traverse",
+    "simulate": "identification.simulate",
+    "identify": "identification.identify",
+}
+
+if TYPE_CHECKING:
+    from .database.store import TerrainDatabase as TerrainDatabase
+    from .framework.core.errors import BevameterError as BevameterError
+    from .framework.core.errors import InputError as InputError
+    from .framework.core.evidence import ClassEvidence as ClassEvidence
+    from .framework.core.recording.open import read_recording as read_recording
+    from .framework.core.recording.types import Recording as Recording
+    from .framework.core.recording.types import WheelTable as WheelTable
+    from .framework.core.soil import SoilEstimate as SoilEstimate
+    from .framework.core.soil import SoilKnowledge as SoilKnowledge
+    from .framework.core.vehicle import Vehicle as Vehicle
+    from .framework.core.vehicle import Wheel as Wheel
+    from .framework.traverse import run_traverse as run_traverse
+    from .identification.identify import identify as identify
+    from .identification.simulate import simulate as simulate
+
+__all__ = ["__version__", *_PUBLIC]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _PUBLIC:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f".{_PUBLIC[name]}", __name__), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

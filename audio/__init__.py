@@ -1,0 +1,1 @@
+"""What the wheel's contact sounds like: microphone and, structure-borne, vibration."""

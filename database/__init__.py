@@ -1,0 +1,1 @@
+"""What has been learnt: tables, store and the planner's snapshot."""

@@ -1,0 +1,1 @@
+"""What ties the parts together: fusion, the traverse, synthetic scenarios and the command line."""

@@ -1,0 +1,1 @@
+"""The ground floor: the words that every part speaks. Imports no other part."""

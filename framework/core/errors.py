@@ -1,0 +1,39 @@
+"""The errors that Bevameter knows: the command line prints each as one line and exits with 2."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class BevameterError(Exception):
+    """Something a user can put right. Its text is one line, fit to be printed as it is."""
+
+
+class InputError(BevameterError):
+    """Bad input, named so that a user can find and mend it.
+
+    Parameters
+    ----------
+    source
+        The file (or table, or option) that is at fault.
+    problem
+        What is wrong, the offending value included.
+    expected
+        What would have been right.
+    place
+        Where in the source: a row, a column, a channel, a key, a time.
+
+    Examples
+    --------
+    >>> print(InputError("wheel.csv", "'abc'", expected="a number", place="row 12, column load_N"))
+    wheel.csv, row 12, column load_N: 'abc' (expected a number)
+    """
+
+    def __init__(self, source: str | Path, problem: str, *, expected: str | None = None, place: str | None = None):
+        self.source = str(source)
+        self.place = place
+        self.problem = " ".join(str(problem).split())
+        self.expected = expected
+        where = self.source if place is None else f"{self.source}, {place}"
+        tail = "" if expected is None else f" (expected {expected})"
+        super().__init__(f"{where}: {self.problem}{tail}")

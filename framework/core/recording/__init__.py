@@ -1,0 +1,1 @@
+"""A recorded drive and the readers that open it."""

@@ -1,0 +1,163 @@
+"""A recorded drive: wheel channels, poses and labels in memory, camera and sound as streams."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from ..vehicle import Vehicle
+
+WHEEL_COLUMNS = (
+    "time_s", "load_N", "torque_Nm", "sinkage_m", "slip", "drawbar_pull_N", "wheel_speed_rad_s", "travel_speed_m_s",
+    "wheel_angle_rad", "pitch_rad", "pass", "x_m", "y_m", "slip_angle_rad",
+)  # fmt: skip
+"""Numeric wheel columns (CONTRACTS.md); text columns are `wheel` and `run`. Columns ``<channel>_sd_<unit>`` hold the
+scatter within a steady-state trial."""
+
+
+@dataclass(frozen=True)
+class WheelTable:
+    """Wheel channels of one recording, all wheels together.
+
+    Parameters
+    ----------
+    columns
+        Numeric channels by column name, each (n,), SI; NaN where a value was not observed.
+    wheel
+        (n,) names of the wheels, or None where there is one wheel.
+    run
+        (n,) names of steady-state trials, or None; rows of different runs are not neighbours in time.
+    source
+        The file they came from.
+    """
+
+    columns: Mapping[str, np.ndarray]
+    wheel: np.ndarray | None
+    run: np.ndarray | None
+    source: Path
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values()))) if self.columns else 0
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.columns
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.columns[name]
+
+    def get(self, name: str) -> np.ndarray | None:
+        """Give the channel, (n,), or None where the recording has none of that name."""
+        return self.columns.get(name)
+
+    def select(self, rows: np.ndarray) -> WheelTable:
+        """Give the rows of a boolean mask or an index array, as a new table."""
+        return WheelTable(
+            {name: values[rows] for name, values in self.columns.items()},
+            None if self.wheel is None else self.wheel[rows],
+            None if self.run is None else self.run[rows],
+            self.source,
+        )
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where the vehicle's reference point was: time_s, x_m, y_m, yaw_rad, each (n,); yaw from the x axis, leftwards."""
+
+    time_s: np.ndarray
+    x_m: np.ndarray
+    y_m: np.ndarray
+    yaw_rad: np.ndarray
+
+
+@dataclass(frozen=True)
+class Labels:
+    """Ground truth, where somebody wrote it down: m stretches of time, each of one class."""
+
+    start_s: np.ndarray
+    end_s: np.ndarray
+    classes: tuple[str, ...]
+
+    def at(self, time_s: np.ndarray) -> np.ndarray:
+        """Give the class at each time, (n,) of str, ``""`` where nobody labelled it."""
+        answer = np.full(np.shape(time_s), "", dtype=object)
+        for start, end, name in zip(self.start_s, self.end_s, self.classes, strict=True):
+            answer[(time_s >= start) & (time_s < end)] = name
+        return answer
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One camera image, (h, w, 3) uint8 BGR, or None with the problem that kept it from being read."""
+
+    time_s: float
+    image: np.ndarray | None
+    problem: str | None = None
+
+
+@dataclass(frozen=True)
+class SoundBlock:
+    """A stretch of mono sound: samples (m,) float32 in [-1, 1], the first at `start_s`; or None with the problem."""
+
+    start_s: float
+    samples: np.ndarray | None
+    problem: str | None = None
+
+
+class CameraStream(Protocol):
+    """Images in order of time, decoded one at a time so that memory does not grow with the recording."""
+
+    def __len__(self) -> int: ...
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield every image of the stream, also those that could not be read (then with their problem)."""
+        ...
+
+
+class SoundStream(Protocol):
+    """Sound, read in blocks so that memory does not grow with the recording."""
+
+    @property
+    def sample_rate(self) -> int:
+        """Samples a second [Hz]."""
+        ...
+
+    @property
+    def start_s(self) -> float:
+        """Time of the first sample on the recording's clock [s]."""
+        ...
+
+    @property
+    def duration_s(self) -> float:
+        """Length of what is readable [s]."""
+        ...
+
+    def blocks(self, block_s: float, hop_s: float) -> Iterator[SoundBlock]:
+        """Yield blocks of `block_s` seconds whose starts are `hop_s` apart; the last, shorter rest is left out."""
+        ...
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One drive, whatever it was read from.
+
+    `problems` says in words what could not be read; what is readable is used. `digest` is the SHA-256 of what was
+    read, hexadecimal: two readings of the same drive have the same digest, and so add nothing to a database twice.
+    """
+
+    name: str
+    source: Path
+    vehicle: Vehicle | None
+    start_time: datetime | None
+    site: str
+    digest: str
+    wheel: WheelTable | None = None
+    pose: Pose | None = None
+    labels: Labels | None = None
+    camera: CameraStream | None = None
+    sound: SoundStream | None = None
+    problems: tuple[str, ...] = ()

@@ -1,0 +1,154 @@
+"""Soil parameters: what was estimated, how well, and what was known beforehand."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from .errors import InputError
+from .vehicle import load_toml
+
+PARAMETERS = ("c_Pa", "phi_rad", "k_m", "stiffness_Pa", "n")
+"""Cohesion c [Pa], friction angle phi [rad], Janosi shear modulus k [m], stiffness k1 + k2 b of the paper's Eq. 6
+[Pa], sinkage exponent n [-]: Iagnemma & Dubowsky 2002, Eq. 5-6."""
+
+PLAUSIBLE = {
+    "c_Pa": (0.0, 200e3),
+    "phi_rad": (0.0, math.radians(60.0)),
+    "k_m": (1e-4, 0.2),
+    "stiffness_Pa": (1e2, 1e9),
+    "n": (0.1, 3.0),
+}
+"""Bounds beyond which no natural soil lies (Wong 2010, Table 2.3, widened)."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """An estimated number with its standard deviation and its 95 % interval, all in one unit."""
+
+    value: float
+    sd: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class ShearStrength:
+    """Shear strength tau_max = c + sigma tan(phi) [Pa] at normal stress sigma [Pa], with its 95 % interval."""
+
+    normal_stress_Pa: float
+    value_Pa: float
+    low_Pa: float
+    high_Pa: float
+
+
+@dataclass(frozen=True)
+class SoilEstimate:
+    """Soil parameters estimated from n samples of a wheel's drive.
+
+    Parameters
+    ----------
+    parameters
+        By name (`PARAMETERS`), each with its 95 % interval.
+    mean_c_tan_phi : (2,)
+        Estimate of (c [Pa], tan phi [-]), the pair that the shear strength is linear in.
+    covariance_c_tan_phi : (2, 2)
+        Its covariance; the error of the model's form, where found, is in it.
+    correlation
+        Correlations by ``"first,second"``.
+    shear_strength
+        At normal stresses that were driven.
+    separable
+        By parameter: do the data determine it by themselves?
+    advice
+        What driving would determine what these data do not; empty where nothing is missing.
+    method
+        ``"ml"`` or ``"linear"``.
+    channels
+        Columns used.
+    n
+        Samples used.
+    misfit
+        Root of the mean squared residual in units of the sensors' noise [-]: 1 where model and noise explain all.
+    """
+
+    parameters: Mapping[str, Quantity]
+    mean_c_tan_phi: np.ndarray
+    covariance_c_tan_phi: np.ndarray
+    correlation: Mapping[str, float]
+    shear_strength: tuple[ShearStrength, ...]
+    separable: Mapping[str, bool]
+    advice: str
+    method: str
+    channels: tuple[str, ...]
+    n: int
+    misfit: float
+    problems: tuple[str, ...] = ()
+
+    def strength_at(self, normal_stress_Pa: float) -> tuple[float, float]:
+        """Give the shear strength at a normal stress [Pa] and its standard deviation [Pa]."""
+        gradient = np.array([1.0, normal_stress_Pa])
+        variance = float(gradient @ self.covariance_c_tan_phi @ gradient)
+        return float(gradient @ self.mean_c_tan_phi), math.sqrt(max(variance, 0.0))
+
+
+@dataclass(frozen=True)
+class SoilKnowledge:
+    """What is known of a soil from elsewhere: values, and standard deviations where they are uncertain.
+
+    Parameters
+    ----------
+    values
+        By name (`PARAMETERS`), SI.
+    sd
+        Standard deviations by name; a value without one is taken as exact.
+    """
+
+    values: Mapping[str, float] = field(default_factory=dict)
+    sd: Mapping[str, float] = field(default_factory=dict)
+
+
+_TOML_NAMES = {"c_Pa": ("c_Pa", 1.0), "phi_deg": ("phi_rad", math.pi / 180.0), "phi_rad": ("phi_rad", 1.0),
+               "k_m": ("k_m", 1.0), "stiffness_Pa": ("stiffness_Pa", 1.0), "n": ("n", 1.0)}  # fmt: skip
+
+
+def load_soil(path: str | Path) -> SoilKnowledge:
+    """Read `soil.toml`: ``c_Pa = 300.0`` or ``c_Pa = {value = 300.0, sd = 50.0}``, likewise for the others.
+
+    Raises
+    ------
+    InputError
+        Missing file, unknown key, a value that is no number or lies outside `PLAUSIBLE`.
+    """
+    data = load_toml(path)
+    values: dict[str, float] = {}
+    sds: dict[str, float] = {}
+    for key, entry in data.items():
+        if key not in _TOML_NAMES:
+            raise InputError(path, "unknown key", expected="one of " + ", ".join(_TOML_NAMES), place=f"key {key}")
+        name, scale = _TOML_NAMES[key]
+        if name in values:
+            raise InputError(path, f"{name} is given twice", place=f"key {key}")
+        table = entry if isinstance(entry, dict) else {"value": entry}
+        extra = sorted(set(table) - {"value", "sd"})
+        if extra or "value" not in table:
+            raise InputError(path, f"{table!r}", expected="a number or {value = ..., sd = ...}", place=f"key {key}")
+        for part, number in table.items():
+            if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
+                raise InputError(path, f"{number!r}", expected="a finite number", place=f"key {key}, {part}")
+        low, high = PLAUSIBLE[name]
+        value = float(table["value"]) * scale
+        if not low <= value <= high:
+            raise InputError(
+                path, f"{table['value']!r}", expected=f"{low / scale:g} to {high / scale:g}", place=f"key {key}"
+            )
+        values[name] = value
+        if "sd" in table:
+            if table["sd"] <= 0:
+                raise InputError(path, f"{table['sd']!r}", expected="a positive number", place=f"key {key}, sd")
+            sds[name] = float(table["sd"]) * scale
+    return SoilKnowledge(values, sds)

@@ -1,0 +1,153 @@
+"""The vehicle: its wheels, its camera, its microphone, and the noise of its sensors."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from .errors import InputError
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Wheel(_Part):
+    """A rigid wheel: radius r [m], width b [m], and its grousers (lugs)."""
+
+    radius_m: Positive
+    width_m: Positive
+    grouser_height_m: NonNegative = 0.0
+    grouser_count: Annotated[int, Field(ge=0)] = 0
+    name: str = "wheel"
+    position_m: tuple[Finite, Finite] = (0.0, 0.0)
+    """Place in the vehicle frame: x forward, y left [m]."""
+
+
+class Camera(_Part):
+    """A pinhole camera that looks ahead and down at flat ground.
+
+    The optical axis is `pitch_rad` below the horizon, `height_m` above the ground, at `forward_m` ahead of the
+    vehicle's reference point and `left_m` to its left. `matrix` is the 3x3 intrinsic matrix [px], `distortion` the
+    OpenCV coefficients (k1, k2, p1, p2[, k3]).
+    """
+
+    matrix: tuple[tuple[Finite, Finite, Finite], tuple[Finite, Finite, Finite], tuple[Finite, Finite, Finite]]
+    width_px: Annotated[int, Field(gt=0, le=20000)]
+    height_px: Annotated[int, Field(gt=0, le=20000)]
+    height_m: Positive
+    pitch_rad: Annotated[float, Field(gt=0, le=math.pi / 2)]
+    forward_m: Finite = 0.0
+    left_m: Finite = 0.0
+    distortion: tuple[Finite, ...] = ()
+    exposure_s: Positive | None = None
+    """Exposure time [s], if known: motion blur is travel speed times exposure."""
+
+    @property
+    def intrinsics(self) -> np.ndarray:
+        """The (3, 3) intrinsic matrix [px]."""
+        return np.asarray(self.matrix, dtype=float)
+
+
+class Microphone(_Part):
+    """A microphone near the wheels: its place in the vehicle frame [m] and its gain [dB]."""
+
+    position_m: tuple[Finite, Finite] = (0.0, 0.0)
+    gain_dB: Finite = 0.0
+
+
+class Vehicle(_Part):
+    """A vehicle as `vehicle.toml` describes it.
+
+    `noise` gives standard deviations of the wheel channels by column name (``load_N = 5.0``); a channel that is
+    absent there has its noise estimated from the data.
+    """
+
+    name: str = "vehicle"
+    wheels: Annotated[tuple[Wheel, ...], Field(min_length=1)]
+    noise: dict[str, Positive] = {}
+    camera: Camera | None = None
+    microphone: Microphone | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_wheel(cls, data: object) -> object:
+        if isinstance(data, dict) and "wheel" in data:
+            if "wheels" in data:
+                raise ValueError("both [wheel] and [[wheels]] are given")
+            data = {**{key: value for key, value in data.items() if key != "wheel"}, "wheels": [data["wheel"]]}
+        return data
+
+    @model_validator(mode="after")
+    def _distinct_wheels(self) -> Vehicle:
+        names = [wheel.name for wheel in self.wheels]
+        if len(set(names)) != len(names):
+            raise ValueError(f"wheels must have different names, got {', '.join(names)}")
+        return self
+
+    def wheel(self, name: str | None = None) -> Wheel:
+        """Give the wheel of that name; the only one where `name` is None or there is just one.
+
+        Raises
+        ------
+        InputError
+            There is no such wheel.
+        """
+        if len(self.wheels) == 1:
+            return self.wheels[0]
+        for wheel in self.wheels:
+            if wheel.name == name:
+                return wheel
+        raise InputError(
+            f"vehicle {self.name!r}",
+            f"no wheel named {name!r}",
+            expected="one of " + ", ".join(wheel.name for wheel in self.wheels),
+        )
+
+
+def load_toml(path: str | Path) -> dict:
+    """Read a TOML file; raises `InputError` where it is missing or is not TOML."""
+    path = Path(path)
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(path, "no such file", expected="a TOML file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(path, str(error), expected="a readable TOML text file") from error
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(path, str(error), expected="valid TOML") from error
+
+
+def load_vehicle(path: str | Path) -> Vehicle:
+    """Read `vehicle.toml`.
+
+    Raises
+    ------
+    InputError
+        The file is missing, is not TOML, or a key is missing, unknown or out of range; the text names the key.
+    """
+    data = load_toml(path)
+    if "wheel" not in data and "wheels" not in data:
+        raise InputError(path, "no wheel geometry", expected="a [wheel] table with radius_m and width_m")
+    try:
+        return Vehicle.model_validate(data)
+    except ValidationError as error:
+        raise input_error(path, error) from None
+
+
+def input_error(path: str | Path, error: ValidationError) -> InputError:
+    """Turn the first fault that pydantic found into one line naming file, key and value."""
+    fault = error.errors()[0]
+    key = ".".join(str(part) for part in fault["loc"]) or None
+    value = fault["input"]
+    shown = "" if fault["type"] in ("missing", "value_error") else f"{value!r}: "
+    return InputError(path, f"{shown}{fault['msg'].removeprefix('Value error, ')}", place=key and f"key {key}")

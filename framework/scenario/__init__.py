@@ -1,0 +1,1 @@
+"""Synthetic traverses with ground truth."""

@@ -1,0 +1,1 @@
+"""What the wheel feels: soil parameters from load, torque, sinkage, slip and drawbar pull."""
