@@ -52,9 +52,7 @@ class ClassEvidence:
     def labels(self) -> list[str]:
         """Give the most probable class of each item, or ``"unknown"``: n names."""
         best = np.argmax(self.probabilities, axis=1)
-        return [
-            UNKNOWN if closed else self.classes[index] for index, closed in zip(best, self.unknown, strict=True)
-        ]
+        return [UNKNOWN if closed else self.classes[index] for index, closed in zip(best, self.unknown, strict=True)]
 
     @staticmethod
     def nothing(classes: Sequence[str], reasons: Sequence[tuple[str, ...]]) -> ClassEvidence:

@@ -142,6 +142,40 @@ class SoundStream(Protocol):
 
 
 @dataclass(frozen=True)
+class VibrationRun:
+    """Structure-borne sound: an inertial sensor's channels on a uniform clock, and the wheel drives' channels.
+
+    Parameters
+    ----------
+    time_s : (n,)
+        Uniform, `sample_rate_Hz` samples a second [s].
+    names
+        Names of the c inertial channels, as in the file (``wx`` ... ``az``).
+    channels : (n, c)
+        Inertial channels in the file's units; NaN where there was a gap.
+    wheel_names
+        Names of the w wheel channels (``curL`` ... ``velR``); empty where there was no wheel file.
+    wheel : (n, w)
+        Wheel channels interpolated on the same clock; NaN beyond what was recorded.
+    sample_rate_Hz
+        [Hz].
+    source
+        The inertial sensor's file.
+    problems
+        What is amiss, in words: gaps, a wheel speed that was not recorded.
+    """
+
+    time_s: np.ndarray
+    names: tuple[str, ...]
+    channels: np.ndarray
+    wheel_names: tuple[str, ...]
+    wheel: np.ndarray
+    sample_rate_Hz: float
+    source: Path
+    problems: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Recording:
     """One drive, whatever it was read from.
 
@@ -161,3 +195,4 @@ class Recording:
     camera: CameraStream | None = None
     sound: SoundStream | None = None
     problems: tuple[str, ...] = ()
+    vibration: VibrationRun | None = None

@@ -1,0 +1,99 @@
+"""What ground was it? Classes of windows of recorded sound, and of whole files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..framework.core.errors import InputError
+from ..framework.core.evidence import ClassEvidence
+from ..framework.core.learning import TerrainClassifier
+from ..framework.core.recording.media import read_sound
+from .features import FEATURE_NAMES, HOP_S, RATE_HZ, WINDOW_S, cut_windows, resample, window_features
+from .quality import MEASURES, NoiseModel, assess, noise_measures, recording_faults
+from .rows import evidence_rows
+from .vibration import classify_vibration
+
+__all__ = ["SETTINGS", "classify_sounds", "classify_vibration", "noise_model", "sound_evidence"]
+
+SETTINGS = {"rate_hz": RATE_HZ, "window_s": WINDOW_S, "hop_s": HOP_S}
+"""How features are made; a model that was trained otherwise is refused."""
+
+
+def noise_model(model: TerrainClassifier) -> NoiseModel:
+    """Take the noise model out of a sound classifier.
+
+    Raises
+    ------
+    InputError
+        The classifier is not one of sound, or its features were made in another way than this version makes them.
+    """
+    source = f"model of {model.modality}"
+    if model.modality != "audio":
+        raise InputError(source, "does not listen", expected="a model of modality 'audio'")
+    made = {name: model.settings.get(name) for name in SETTINGS}
+    if made != SETTINGS or model.feature_names != FEATURE_NAMES:
+        raise InputError(source, f"trained with features of {made}", expected=f"features of {SETTINGS}; train it again")
+    try:
+        return NoiseModel.from_settings(model.settings.get("noise"), len(FEATURE_NAMES) + len(MEASURES))
+    except (TypeError, ValueError) as error:
+        raise InputError(source, str(error), expected="a model that `bevameter train audio` wrote") from None
+
+
+def sound_evidence(
+    samples: np.ndarray, rate_hz: float, model: TerrainClassifier, noise: NoiseModel | None = None
+) -> tuple[np.ndarray, np.ndarray, ClassEvidence]:
+    """Classify a stretch of sound window by window.
+
+    Parameters
+    ----------
+    samples : (m,)
+        Mono sound in [-1, 1] at `rate_hz` [Hz], m > 0.
+    model
+        A classifier of modality ``"audio"``.
+    noise
+        Its noise model, where the caller has taken it out before.
+
+    Returns
+    -------
+    start_s, end_s : (n,)
+        The windows [s], counted from the first sample; a stretch shorter than a window is one window.
+    evidence
+        n items.
+
+    Raises
+    ------
+    InputError
+        The model is no sound classifier of this version.
+    """
+    noise = noise or noise_model(model)
+    windows, start_s = cut_windows(resample(samples, rate_hz))
+    end_s = np.minimum(start_s + WINDOW_S, len(samples) / rate_hz)
+    features, measures = window_features(windows), noise_measures(windows)
+    quality, reasons = assess(features, measures, recording_faults(samples, rate_hz, start_s, end_s), noise)
+    # A silent window has no features: it is unknown because it is silent, and for no other reason.
+    features = np.where((quality > 0)[:, None], features, 0.0)
+    return start_s, end_s, model.evidence(features, quality, reasons)
+
+
+def classify_sounds(files: Iterable[str | Path] | Sequence[Path], model: TerrainClassifier) -> list[dict]:
+    """Classify sound files window by window; a file shorter than a window gives one row.
+
+    Returns
+    -------
+    list of dict
+        ``file, start_s, end_s, class, probabilities, quality, unknown, reasons`` for each file and window.
+
+    Raises
+    ------
+    InputError
+        A file is missing, empty, damaged or no sound; the model is no sound classifier of this version.
+    """
+    noise = noise_model(model)
+    rows: list[dict] = []
+    for file in map(Path, files):
+        samples, rate_hz = read_sound(file)
+        rows += evidence_rows(file, *sound_evidence(samples, rate_hz, model, noise))
+    return rows

@@ -1,0 +1,277 @@
+"""How far a window of sound is to be trusted, and why not: gaps, clipping, wind, engine tones, noise.
+
+Two kinds of fault are told apart. Faults of the recording itself (nothing recorded, overdriven) are measured on the
+samples as they came and follow from what a recorder can do. Background noise has no such yardstick: whether a rumble
+is wind or the ground depends on what the classifier was trained on. So its measures are compared with the training
+sound, and how much of it there is is estimated by a regression fitted on training sound to which known noise was added.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .features import frequencies, power_spectra
+
+SILENT_RMS = 1e-4
+"""Root mean square below which a window holds nothing but the rounding of a 16-bit recorder: -80 dB of full scale."""
+GAP_S = 0.02
+"""Samples that stay exactly the same for so long are no sound but a gap [s]."""
+_WIND_HZ = 150.0
+_TONE_BINS = slice(1, 97)
+_LIMIT = 6.0
+MEASURES = ("low_share_dB", "low_fluctuation", "tonality_dB", "floor_dB", "flatness_dB")
+"""Measures of background noise, columns of `noise_measures`."""
+
+
+@dataclass(frozen=True)
+class RecordingFaults:
+    """Faults of the recorder in n windows: root mean square of full scale, shares in [0, 1] clipped and missing."""
+
+    rms: np.ndarray
+    clipped: np.ndarray
+    missing: np.ndarray
+
+
+def recording_faults(samples: np.ndarray, rate_hz: float, start_s: np.ndarray, end_s: np.ndarray) -> RecordingFaults:
+    """Look for silence, gaps and clipping in sound as it was recorded (resampling would blur all three).
+
+    Parameters
+    ----------
+    samples : (m,)
+        Mono sound in [-1, 1] at `rate_hz` [Hz].
+    start_s, end_s : (n,)
+        The windows [s], counted from the first sample.
+    """
+    samples = np.asarray(samples, dtype=np.float64)
+    first = np.clip(np.round(np.asarray(start_s) * rate_hz).astype(int), 0, samples.size)
+    last = np.clip(np.round(np.asarray(end_s) * rate_hz).astype(int), first, samples.size)
+    finite = np.isfinite(samples)
+    clean = np.where(finite, samples, 0.0)
+
+    def share(flags: np.ndarray) -> np.ndarray:
+        total = np.concatenate([[0.0], np.cumsum(flags, dtype=np.float64)])
+        return (total[last] - total[first]) / np.maximum(last - first, 1)
+
+    held = np.concatenate([[False], clean[1:] == clean[:-1]])
+    size = np.abs(clean)
+    peak = size.max(initial=0.0)
+    # A recorder that overdrives flattens the peaks: full scale reached, or neighbours that share the highest value.
+    level = np.concatenate([[False], size[1:] == size[:-1]])
+    flat = (size >= 0.9995 * peak) & (level | np.append(level[1:], False)) & (peak > 0.02)
+    return RecordingFaults(
+        np.sqrt(share(clean**2)), share((size >= 0.9995) | flat), share(_in_gap(held, rate_hz) | ~finite)
+    )
+
+
+def _in_gap(held: np.ndarray, rate_hz: float) -> np.ndarray:
+    """Mark the samples that lie in a run of unchanged samples of at least `GAP_S`."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], held, [False]]).astype(np.int8)))
+    begin, end = edges[::2], edges[1::2]
+    long = end - begin >= GAP_S * rate_hz
+    marks = np.zeros(held.size + 1, dtype=int)
+    np.add.at(marks, begin[long], 1)
+    np.add.at(marks, end[long], -1)
+    return np.cumsum(marks[:-1]) > 0
+
+
+def noise_measures(windows: np.ndarray) -> np.ndarray:
+    """Measure what wind, engines and hiss do to a window.
+
+    Parameters
+    ----------
+    windows : (n, m)
+        Mono sound at the working rate; gain does not matter.
+
+    Returns
+    -------
+    (n, 5)
+        Columns as `MEASURES`: power below 150 Hz against the rest [dB]; how that low power fluctuates from frame to
+        frame (standard deviation of its logarithm) [-]; how far the strongest lines stand above the spectrum around
+        them [dB]; the quietest tenth of the frames against the loudest [dB]; flatness of the mean spectrum [dB].
+    """
+    windows = np.asarray(windows, dtype=np.float32)
+    answer = np.empty((len(windows), len(MEASURES)))
+    for at in range(0, len(windows), 64):
+        answer[at : at + 64] = _batch_measures(windows[at : at + 64])
+    return answer
+
+
+def _batch_measures(windows: np.ndarray) -> np.ndarray:
+    power = power_spectra(windows)
+    power = power / np.maximum(power.max(axis=(1, 2), keepdims=True), 1e-20) + np.float32(1e-9)
+    low = frequencies() < _WIND_HZ
+    rumble, rest = power[:, :, low].sum(axis=2), power[:, :, ~low].sum(axis=2)
+    frames = np.sort(rest, axis=1)
+    tenth = max(1, frames.shape[1] // 10)
+    floor = frames[:, :tenth].mean(axis=1) / frames[:, -tenth:].mean(axis=1)
+    # Lines show where the quietest frames, which no contact disturbs, still hold a comb of peaks.
+    order = np.argsort(rest, axis=1)[:, : power.shape[1] // 3]
+    steady = np.log(np.take_along_axis(power, order[:, :, None], axis=1).mean(axis=1))
+    ratio = np.abs(np.diff(steady[:, _TONE_BINS], n=2, axis=1))
+    spectrum = power[:, :, ~low].mean(axis=1)
+    return np.stack(
+        [
+            10 * np.log10(rumble.mean(axis=1) / rest.mean(axis=1)),
+            np.log(rumble).std(axis=1),
+            10 / np.log(10) * np.quantile(ratio, 0.9, axis=1),
+            10 * np.log10(floor),
+            10 / np.log(10) * (np.log(spectrum).mean(axis=1) - np.log(spectrum.mean(axis=1))),
+        ],
+        axis=1,
+    )
+
+
+NOISE_FREE_DB = 35.0
+"""What is said of training sound as it came [dB]: its own background is not known, and more would change nothing."""
+DROWNED_DB = 5.0
+"""Signal-to-noise ratio at which sound is not to be trusted any more [dB]: footsteps are recognised half as often."""
+_RIDGE = (10.0, 100.0, 1000.0, 10000.0)
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """Estimates from features and noise measures how far contact sound stands above the background.
+
+    Parameters
+    ----------
+    mean, scale, coefficient : (d,)
+        Ridge regression on standard scores (Hoerl and Kennard 1970, doi:10.1080/00401706.1970.10488634).
+    intercept
+        [dB].
+    low_dB, high_dB
+        Estimates at which the quality reaches 0 and 1.
+    usual_mean, usual_sd : (5,)
+        `noise_measures` of training sound as it came: what is more than usual names the noise.
+    """
+
+    mean: np.ndarray
+    scale: np.ndarray
+    coefficient: np.ndarray
+    intercept: float
+    low_dB: float
+    high_dB: float
+    usual_mean: np.ndarray
+    usual_sd: np.ndarray
+
+    @staticmethod
+    def fit(inputs: np.ndarray, snr_dB: np.ndarray, groups: np.ndarray, as_recorded: np.ndarray) -> NoiseModel:
+        """Fit to training sound with known noise added.
+
+        Strength of the regularisation and both thresholds come from groups held out of the fit.
+
+        Parameters
+        ----------
+        inputs : (n, d)
+            Features, then noise measures (`noise_inputs`), finite.
+        snr_dB : (n,)
+            Signal-to-noise ratio of the noise added [dB]; `NOISE_FREE_DB` where none was.
+        groups : (n,)
+            What must stay on one side of a split.
+        as_recorded : (n,)
+            True for training sound as it came.
+        """
+        from sklearn.linear_model import Ridge
+        from sklearn.model_selection import GroupKFold
+
+        mean, scale = inputs.mean(axis=0), np.maximum(inputs.std(axis=0), 1e-6)
+        z = np.clip((inputs - mean) / scale, -_LIMIT, _LIMIT)
+        target = np.minimum(snr_dB, NOISE_FREE_DB)
+        splits = min(5, len(np.unique(groups)))
+        folds = list(GroupKFold(splits).split(z, groups=groups)) if splits > 1 else [(np.arange(len(z)),) * 2]
+        held: dict[float, np.ndarray] = {}
+        for alpha in _RIDGE:
+            held[alpha] = np.empty(len(z))
+            for train, test in folds:
+                held[alpha][test] = Ridge(alpha=alpha).fit(z[train], target[train]).predict(z[test])
+        alpha = min(_RIDGE, key=lambda a: float(np.mean((held[a] - target) ** 2)))
+        ridge = Ridge(alpha=alpha).fit(z, target)
+        free, drowned = snr_dB >= NOISE_FREE_DB, np.abs(snr_dB - DROWNED_DB) < 3.0
+        high = float(np.quantile(held[alpha][free], 0.25))
+        low = float(np.median(held[alpha][drowned])) if drowned.any() else high - 20.0
+        usual = inputs[as_recorded, -len(MEASURES) :]
+        return NoiseModel(
+            mean, scale, ridge.coef_, float(ridge.intercept_), min(low, high - 3.0), high,
+            usual.mean(axis=0), np.maximum(usual.std(axis=0), 0.1),
+        )  # fmt: skip
+
+    def estimate(self, inputs: np.ndarray) -> np.ndarray:
+        """Estimate the signal-to-noise ratio [dB] of windows from their inputs (n, d): (n,), NaN where one is."""
+        return np.clip((inputs - self.mean) / self.scale, -_LIMIT, _LIMIT) @ self.coefficient + self.intercept
+
+    def kind(self, measures: np.ndarray) -> list[str]:
+        """Name the noise by what stands out most from training sound: n phrases for measures (n, 5)."""
+        excess = (measures - self.usual_mean) / self.usual_sd
+        low, lines = excess[:, MEASURES.index("low_share_dB")], excess[:, MEASURES.index("tonality_dB")]
+        wind, tones = (low > 2) & (low >= lines), (lines > 2) & (lines > low)
+        names = np.where(wind, "wind or rumble", np.where(tones, "engine or other tones", "noise"))
+        return [str(name) for name in names]
+
+    def settings(self) -> dict:
+        """Give the model as JSON-able numbers."""
+        return {
+            name: np.round(value, 9).tolist() if isinstance(value, np.ndarray) else float(value)
+            for name, value in vars(self).items()
+        }
+
+    @staticmethod
+    def from_settings(settings: object, width: int) -> NoiseModel:
+        """Make the model of `width` inputs from its settings; raises `ValueError` where they are no such model."""
+        if not isinstance(settings, dict) or set(settings) != set(NoiseModel.__dataclass_fields__):
+            raise ValueError("no noise model in the settings")
+        parts = {name: np.asarray(value, dtype=float) for name, value in settings.items()}
+        sizes = {"mean": (width,), "scale": (width,), "coefficient": (width,),
+                 "usual_mean": (len(MEASURES),), "usual_sd": (len(MEASURES),)}  # fmt: skip
+        for name, value in parts.items():
+            if value.shape != sizes.get(name, ()) or not np.isfinite(value).all():
+                raise ValueError(f"{name} of the noise model is damaged")
+        if not (parts["scale"] > 0).all() or not (parts["usual_sd"] > 0).all() or parts["high_dB"] <= parts["low_dB"]:
+            raise ValueError("the noise model is damaged")
+        return NoiseModel(
+            **{name: parts[name] for name in sizes},
+            intercept=float(parts["intercept"]),
+            low_dB=float(parts["low_dB"]),
+            high_dB=float(parts["high_dB"]),
+        )
+
+
+def noise_inputs(features: np.ndarray, measures: np.ndarray) -> np.ndarray:
+    """Join features (n, d) and noise measures (n, 5) to what `NoiseModel` takes, (n, d + 5)."""
+    return np.concatenate([features, measures], axis=1)
+
+
+def assess(
+    features: np.ndarray, measures: np.ndarray, faults: RecordingFaults, model: NoiseModel
+) -> tuple[np.ndarray, list[tuple[str, ...]]]:
+    """Rate n windows.
+
+    Returns
+    -------
+    quality : (n,)
+        In [0, 1] [-]: the product of what gaps, clipping and noise leave.
+    reasons
+        n tuples of phrases, one for each fault that costs more than a quarter of the quality.
+    """
+    silent = ~(faults.rms >= SILENT_RMS)
+    recorded = np.clip((0.5 - faults.missing) / 0.45, 0.0, 1.0)
+    clear = np.clip((0.1 - faults.clipped) / 0.095, 0.0, 1.0)
+    ratio = model.estimate(noise_inputs(features, measures))
+    above = np.clip((ratio - model.low_dB) / (model.high_dB - model.low_dB), 0.0, 1.0)
+    above = np.where(np.isfinite(above), above, 0.0)
+    quality = np.where(silent, 0.0, recorded * clear * above)
+    kinds = model.kind(measures)
+    reasons: list[tuple[str, ...]] = [()] * len(quality)
+    for index in np.flatnonzero(silent | (np.minimum(np.minimum(recorded, clear), above) < 0.75)):
+        said = []
+        if silent[index]:
+            said.append("silent")
+        else:
+            if recorded[index] < 0.75:
+                said.append(f"{faults.missing[index]:.0%} of the sound is missing")
+            if clear[index] < 0.75:
+                said.append(f"clipped: {faults.clipped[index]:.1%} of the samples")
+            if above[index] < 0.75 and np.isfinite(ratio[index]):
+                said.append(f"{kinds[index]}: contact sound {ratio[index]:.0f} dB above the background")
+        reasons[index] = tuple(said)
+    return quality, reasons

@@ -1,0 +1,161 @@
+"""Trains the ear: from labelled contact sound to a classifier that carries over to another microphone and place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..framework.core.errors import InputError
+from ..framework.core.learning import TerrainClassifier, TrainingOutcome
+from ..framework.core.recording.media import read_sound
+from .augment import add_noise, place, varied_window
+from .classify import SETTINGS
+from .features import FEATURE_NAMES, RATE_HZ, WINDOW_S, cut_windows, resample, window_features
+from .quality import NOISE_FREE_DB, SILENT_RMS, NoiseModel, noise_inputs, noise_measures
+from .vibration import train_vibration
+
+if TYPE_CHECKING:
+    from ..framework.core.labelled import LabelledFile
+
+__all__ = ["train_audio", "train_audio_arrays", "train_vibration"]
+
+FILE_WINDOWS = 24
+"""At most so many windows of one file, evenly spread: more of the same take say little that is new."""
+TARGET_ROWS = 2600
+"""About so many windows, varied copies included, are what the choice of a model needs."""
+COPIES = (2, 8)
+SNR_DB = (-10.0, 40.0)
+USABLE_DB = 0.0
+"""Copies with more noise than this teach what noise is, not what ground sounds like [dB]."""
+CANDIDATES = ("logistic", "kernel", "trees")
+
+
+def train_audio(
+    labelled: Sequence[LabelledFile],
+    rng: np.random.Generator,
+    progress: Callable[[float], None] | None = None,
+) -> TrainingOutcome:
+    """Train a sound classifier on labelled files.
+
+    Parameters
+    ----------
+    labelled
+        Sound files with class and group (`bevameter.framework.core.labelled.read_labelled`); `start_s` and `end_s` of
+        a file are honoured.
+    rng
+        Varies the copies and draws the splits.
+    progress
+        Called with the share done, 0 to 1.
+
+    Raises
+    ------
+    InputError
+        A file is missing, damaged or no sound; fewer than two classes are left.
+    """
+    waves = []
+    for index, item in enumerate(labelled):
+        waves.append(_read(item))
+        if progress:
+            progress(0.2 * (index + 1) / len(labelled))
+    source = Path(labelled[0].file).parent if labelled else "labelled sounds"
+    rest = None if progress is None else (lambda share: progress(0.2 + 0.8 * share))
+    return train_audio_arrays(
+        waves, [item.class_name for item in labelled], [item.group for item in labelled], rng,
+        progress=rest, source=source,
+    )  # fmt: skip
+
+
+def _read(item: LabelledFile) -> tuple[np.ndarray, int]:
+    return read_sound(item.file, item.start_s or 0.0, item.end_s)
+
+
+def train_audio_arrays(
+    waves: Sequence[tuple[np.ndarray, float]],
+    labels: Sequence[str],
+    groups: Sequence[str],
+    rng: np.random.Generator,
+    *,
+    progress: Callable[[float], None] | None = None,
+    source: str | Path = "labelled sounds",
+) -> TrainingOutcome:
+    """Train a sound classifier on sounds in memory.
+
+    Parameters
+    ----------
+    waves
+        n pairs: mono samples (m,) in [-1, 1] and their sample rate [Hz].
+    labels, groups : (n,)
+        Class, and what must stay on one side of a split (source, site, take).
+    source
+        What to name in an error.
+
+    Raises
+    ------
+    InputError
+        Fewer than two classes are left, or no sound.
+    """
+    material = _Material.gather(waves, labels, groups)
+    if not material.pieces:
+        raise InputError(source, "no sound that is louder than silence", expected="labelled contact sounds")
+    windows, origin, snr_dB = material.varied(rng)
+    features, measures = window_features(windows), noise_measures(windows)
+    label, group = np.asarray(material.labels)[origin], np.asarray(material.groups)[origin]
+    usable = np.isfinite(features).all(axis=1)
+    as_recorded = np.arange(len(windows)) < len(material.pieces)
+    noise = NoiseModel.fit(noise_inputs(features, measures)[usable], snr_dB[usable], group[usable], as_recorded[usable])
+    taught = snr_dB >= USABLE_DB
+    return TerrainClassifier.train(
+        features[taught], label[taught], group[taught],
+        modality="audio", feature_names=FEATURE_NAMES, settings=SETTINGS | {"noise": noise.settings()},
+        rng=rng, candidates=CANDIDATES, source=source, progress=progress,
+    )  # fmt: skip
+
+
+class _Material:
+    """Pieces of labelled sound at the working rate, each a little longer than a window where the sound is."""
+
+    def __init__(self) -> None:
+        self.pieces: list[np.ndarray] = []
+        self.labels: list[str] = []
+        self.groups: list[str] = []
+
+    @staticmethod
+    def gather(waves: Sequence[tuple[np.ndarray, float]], labels: Sequence[str], groups: Sequence[str]) -> _Material:
+        material = _Material()
+        window = round(WINDOW_S * RATE_HZ)
+        for (samples, rate_hz), label, group in zip(waves, labels, groups, strict=True):
+            sound = resample(samples, rate_hz)
+            if sound.size == 0:
+                continue
+            starts = np.round(cut_windows(sound)[1] * RATE_HZ).astype(int)
+            keep = np.unique(np.linspace(0, starts.size - 1, min(starts.size, FILE_WINDOWS)).astype(int))
+            for start in starts[keep]:
+                piece = sound[start : start + window + window // 3]
+                if np.sqrt(np.mean(np.square(piece))) >= SILENT_RMS:
+                    material.pieces.append(piece)
+                    material.labels.append(label)
+                    material.groups.append(group)
+        return material
+
+    def varied(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Windows as recorded, then varied copies: (n, window), index of the piece (n,), noise added [dB] (n,)."""
+        count = len(self.pieces)
+        copies = int(np.clip(round(TARGET_ROWS / count), *COPIES))
+        window = round(WINDOW_S * RATE_HZ)
+        windows = np.zeros((count * (1 + copies), window), dtype=np.float32)
+        origin = np.tile(np.arange(count), 1 + copies)
+        snr_dB = np.full(len(windows), NOISE_FREE_DB)
+        for row, index in enumerate(origin):
+            piece = self.pieces[index]
+            if row < count:
+                windows[row] = np.resize(piece, window)
+                continue
+            varied = varied_window(piece, rng) if rng.random() < 0.9 else place(piece, rng)
+            if rng.random() < 0.75:
+                snr_dB[row] = rng.uniform(*SNR_DB)
+                varied = add_noise(varied, snr_dB[row], rng)
+            windows[row] = varied
+        return windows, origin, snr_dB

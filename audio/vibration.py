@@ -1,0 +1,218 @@
+"""Terrain from vibration: trains on labelled runs of an inertial sensor, and classifies other runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..framework.core.errors import InputError
+from ..framework.core.learning import TerrainClassifier, TrainingOutcome
+from ..framework.core.recording.tables import read_table
+from ..framework.core.recording.types import VibrationRun
+from ..framework.core.recording.vibration_run import SAMPLE_RATE_HZ, read_vibration_run
+from .rows import evidence_rows
+from .vibration_features import HOP_S, WINDOW_S, VibrationChannels, vibration_features
+
+if TYPE_CHECKING:
+    from ..framework.core.labelled import LabelledFile
+
+SETTINGS = {"rate_hz": SAMPLE_RATE_HZ, "window_s": WINDOW_S, "hop_s": HOP_S}
+"""How features are made; a model that was trained otherwise is refused."""
+SPARED = 0.4
+"""Share of the training windows that are shown a second time without what the wheels recorded."""
+STILL = np.log(2.0)
+"""So far below the quietest training windows the vehicle counts as standing: half their amplitude."""
+
+
+def train_vibration(
+    labelled: Sequence[LabelledFile],
+    rng: np.random.Generator,
+    progress: Callable[[float], None] | None = None,
+) -> TrainingOutcome:
+    """Train a classifier of vibration on labelled runs.
+
+    Channels that all inertial files share are used, and those of the wheel drives (`wheel_file` of the index) where any
+    run has them. Some windows are learnt twice, with the wheels' channels and without, so that the classifier also
+    answers for a run whose wheels were not recorded.
+
+    Parameters
+    ----------
+    labelled
+        Vibration files with class and group (`bevameter.framework.core.labelled.read_labelled`).
+    rng
+        Draws the splits.
+    progress
+        Called with the share done, 0 to 1.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read, the files share no channel, or fewer than two classes are left.
+    """
+    if not labelled:
+        raise InputError("labelled vibration", "no file", expected="vibration files of at least two classes")
+    runs = []
+    for index, item in enumerate(labelled):
+        wheel = item.extra.get("wheel_file")
+        runs.append(read_vibration_run(item.file, wheel or None))
+        if progress:
+            progress(0.3 * (index + 1) / len(labelled))
+    channels = _shared_channels(runs)
+    blocks, label, group = [], [], []
+    for run, item in zip(runs, labelled, strict=True):
+        rows, first = vibration_features(run, channels)
+        start = first / run.sample_rate_Hz
+        low, high = item.start_s or 0.0, np.inf if item.end_s is None else item.end_s
+        rows = rows[(start >= low - 1e-9) & (start + WINDOW_S <= max(high, low + WINDOW_S) + 1e-6)]
+        blocks.append(rows)
+        label += [item.class_name] * len(rows)
+        group += [item.group] * len(rows)
+    features = np.concatenate(blocks)
+    fill = _usual(features)
+    full = _filled(features, fill)
+    spared = np.flatnonzero(rng.random(len(features)) < SPARED) if _wheel_columns(channels).size else np.arange(0)
+    without = _filled(_without_wheels(features[spared], channels), fill)
+    level = np.nanmean(features[:, _levels(channels)], axis=1)
+    level = level[np.isfinite(level)]
+    settings = SETTINGS | {
+        "inertial": list(channels.inertial), "drive": list(channels.drive), "speed": list(channels.speed),
+        "fill": np.round(fill, 9).tolist(), "quietest": float(np.quantile(level, 0.01)) if level.size else 0.0,
+    }  # fmt: skip
+    order = np.concatenate([np.arange(len(features)), spared])
+    return TerrainClassifier.train(
+        np.concatenate([full, without]), np.asarray(label)[order], np.asarray(group)[order],
+        modality="vibration", feature_names=channels.names, settings=settings, rng=rng,
+        source=Path(labelled[0].file).parent,
+        progress=None if progress is None else (lambda share: progress(0.3 + 0.7 * share)),
+    )  # fmt: skip
+
+
+def classify_vibration(files: Iterable[str | Path], model: TerrainClassifier) -> list[dict]:
+    """Classify vibration files window by window.
+
+    What the wheel drives recorded in the same run is joined where an `index.csv` in the file's folder, or in the one
+    above, names it in its column `wheel_file`.
+
+    Returns
+    -------
+    list of dict
+        ``file, start_s, end_s, class, probabilities, quality, unknown, reasons`` for each file and window; times
+        count from the file's first sample.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read or lacks a channel; the model is none of vibration, or of another version.
+    """
+    channels, fill, quietest = _opened(model)
+    rows: list[dict] = []
+    for file in map(Path, files):
+        run = read_vibration_run(file, wheel_file_of(file) if channels.drive or channels.speed else None)
+        if missing := [name for name in channels.inertial if name not in run.names]:
+            raise InputError(file, f"no column {', '.join(missing)}", expected=", ".join(channels.inertial))
+        features, first = vibration_features(run, channels)
+        quality, reasons = _rated(features, channels, quietest)
+        length = min(WINDOW_S, len(run.time_s) / run.sample_rate_Hz)
+        start_s = first / run.sample_rate_Hz
+        features = np.where((quality > 0)[:, None], _filled(features, fill), 0.0)
+        rows += evidence_rows(file, start_s, start_s + length, model.evidence(features, quality, reasons))
+    return rows
+
+
+def wheel_file_of(file: Path) -> Path | None:
+    """Find the wheel drives' file of the run of a vibration file through the `index.csv` beside or above it, if any."""
+    for folder in file.resolve().parents[:2]:
+        index = folder / "index.csv"
+        if not index.is_file():
+            continue
+        table = read_table(index)
+        if not {"file", "wheel_file"} <= set(table.text):
+            continue
+        for name, wheel in zip(table.text["file"], table.text["wheel_file"], strict=True):
+            found = (folder / str(wheel)).resolve()
+            if wheel and (folder / str(name)).resolve() == file.resolve() and found.is_relative_to(folder):
+                return found
+    return None
+
+
+def _shared_channels(runs: Sequence[VibrationRun]) -> VibrationChannels:
+    inertial = tuple(name for name in runs[0].names if all(name in run.names for run in runs))
+    if not inertial:
+        odd = next(run for run in runs if not set(run.names) & set(runs[0].names))
+        raise InputError(odd.source, f"columns {', '.join(odd.names)}", expected=", ".join(runs[0].names))
+    found = [VibrationChannels.of(run) for run in runs if run.wheel_names]
+    drive = tuple(name for name in (found[0].drive if found else ()) if all(name in part.drive for part in found))
+    speed = tuple(name for name in (found[0].speed if found else ()) if all(name in part.speed for part in found))
+    return VibrationChannels(inertial, drive, speed)
+
+
+def _wheel_columns(channels: VibrationChannels) -> np.ndarray:
+    return np.concatenate([np.arange(block.start, block.stop) for block in channels.blocks().values()])
+
+
+def _without_wheels(features: np.ndarray, channels: VibrationChannels) -> np.ndarray:
+    features = features.copy()
+    for block in channels.blocks().values():
+        if block.stop > block.start:
+            features[:, block.start : block.stop - 1] = np.nan
+            features[:, block.stop - 1] = 0.0
+    return features
+
+
+def _usual(features: np.ndarray) -> np.ndarray:
+    """Mean of each column over the rows that have it, 0 where none has: (d,)."""
+    there = np.isfinite(features)
+    return np.where(there, features, 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
+
+
+def _filled(features: np.ndarray, fill: np.ndarray) -> np.ndarray:
+    """Put what is usual in place of a missing block; a row whose inertial part is missing stays as it is."""
+    absent = np.asarray(np.isnan(features))
+    return np.where(absent & ~absent[:, [0]], fill, features)
+
+
+def _levels(channels: VibrationChannels) -> list[int]:
+    return [index for index, name in enumerate(channels.names) if name.endswith("_level")]
+
+
+def _rated(
+    features: np.ndarray, channels: VibrationChannels, quietest: float
+) -> tuple[np.ndarray, list[tuple[str, ...]]]:
+    """Rate windows: gaps, a sensor that is stuck, a vehicle that stands."""
+    level = features[:, _levels(channels)]
+    gap = np.asarray(~np.isfinite(level).all(axis=1))
+    stuck = np.asarray((level < np.log(2e-8)).any(axis=1))
+    with np.errstate(invalid="ignore"):
+        moving = np.clip((level.mean(axis=1) - quietest + STILL) / STILL, 0.0, 1.0)
+    quality: np.ndarray = np.where(gap | stuck, 0.0, np.nan_to_num(moving))
+    reasons: list[tuple[str, ...]] = [()] * len(quality)
+    for index in np.flatnonzero(quality < 0.75):
+        if gap[index]:
+            reasons[index] = ("the vibration was not recorded",)
+        elif stuck[index]:
+            reasons[index] = ("a channel does not change",)
+        else:
+            reasons[index] = ("hardly any vibration: the vehicle stands, or nearly",)
+    return quality, reasons
+
+
+def _opened(model: TerrainClassifier) -> tuple[VibrationChannels, np.ndarray, float]:
+    """Take channels, filling and threshold out of a model, or say that it is not one of vibration."""
+    source = f"model of {model.modality}"
+    if model.modality != "vibration":
+        raise InputError(source, "does not feel vibration", expected="a model of modality 'vibration'")
+    made = {name: model.settings.get(name) for name in SETTINGS}
+    if made != SETTINGS:
+        raise InputError(source, f"trained with features of {made}", expected=f"features of {SETTINGS}; train it again")
+    try:
+        channels = VibrationChannels(*(tuple(map(str, model.settings[key])) for key in ("inertial", "drive", "speed")))
+        fill = np.asarray(model.settings["fill"], dtype=float)
+        quietest = float(model.settings["quietest"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(source, f"damaged settings: {error}", expected="a model of `bevameter train`") from None
+    if channels.names != tuple(model.feature_names) or fill.shape != (len(channels.names),):
+        raise InputError(source, "settings and features do not agree", expected="a model of `bevameter train`")
+    return channels, fill, quietest

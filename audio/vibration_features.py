@@ -1,0 +1,185 @@
+"""What a stretch of a vehicle's vibration is described by: the ground as it is heard through the structure.
+
+Three blocks of numbers. The inertial sensor's, which is always there; the wheel drives' (current, torque ...); and the
+wheel speed's, since the same ground shakes a fast vehicle more than a slow one. A block that was not recorded is
+missing, which is not the same as zero: a wheel speed that is zero throughout while the vehicle is shaken is unknown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import scipy.fft
+
+from ..framework.core.recording.types import VibrationRun
+
+WINDOW_S = 2.56
+"""Length of one window [s]."""
+HOP_S = 1.28
+"""Distance between the starts of two windows [s]."""
+BAND_EDGES_HZ = (0.8, 1.6, 2.8, 4.2, 6.0, 8.0, 10.5, 13.5, 17.0, 21.0, 26.0, 32.0, 40.0, 50.1)
+SPEED_PREFIXES = ("vel", "speed", "wheel_speed")
+"""How the name of a wheel speed begins; every other channel of a wheel file is one of its drive."""
+STANDSTILL = 0.01
+"""A wheel speed that does not exceed this in a whole window was not recorded [m/s, or rad/s]."""
+_SHAPE = ("level", "crest", "kurtosis", "skewness", "crossings", "centroid", "spread", "flatness", "jerk", "lull")
+_DRIVE = ("mean", "sd", "step", "high")
+_SPEED = ("mean", "sd", "fastest")
+
+
+@dataclass(frozen=True)
+class VibrationChannels:
+    """Which channels features are made of: of the inertial sensor, of the wheel drives, and of the wheel speeds."""
+
+    inertial: tuple[str, ...]
+    drive: tuple[str, ...] = ()
+    speed: tuple[str, ...] = ()
+
+    @staticmethod
+    def of(run: VibrationRun) -> VibrationChannels:
+        """Give the channels of a run."""
+        speed = tuple(name for name in run.wheel_names if name.casefold().startswith(SPEED_PREFIXES))
+        return VibrationChannels(run.names, tuple(name for name in run.wheel_names if name not in speed), speed)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the features, in the order of the columns of `vibration_features`."""
+        bands = [f"band_{i}" for i in range(len(BAND_EDGES_HZ) - 1)]
+        answer = [f"{channel}_{name}" for channel in self.inertial for name in (*_SHAPE, *bands)]
+        pairs = [(a, b) for i, a in enumerate(self.inertial) for b in self.inertial[i + 1 :]]
+        answer += [f"{a}_with_{b}" for a, b in pairs]
+        if self.drive:
+            answer += [f"{channel}_{name}" for channel in self.drive for name in _DRIVE]
+            answer += [*(["drive_difference"] if len(self.drive) > 1 else []), "drive_known"]
+        if self.speed:
+            answer += [f"{channel}_{name}" for channel in self.speed for name in _SPEED]
+            answer += [*(["speed_difference"] if len(self.speed) > 1 else []), "level_for_speed", "speed_known"]
+        return tuple(answer)
+
+    def blocks(self) -> dict[str, slice]:
+        """Columns of the blocks that may be missing: ``drive`` and ``speed``."""
+        inertial = len(self.inertial) * (len(_SHAPE) + len(BAND_EDGES_HZ) - 1)
+        inertial += len(self.inertial) * (len(self.inertial) - 1) // 2
+        drive = len(self.drive) * len(_DRIVE) + (len(self.drive) > 1) + 1 if self.drive else 0
+        speed = len(self.speed) * len(_SPEED) + (len(self.speed) > 1) + 2 if self.speed else 0
+        return {"drive": slice(inertial, inertial + drive), "speed": slice(inertial + drive, inertial + drive + speed)}
+
+
+def cut_run(count: int, rate_hz: float) -> np.ndarray:
+    """Windows of a run of `count` samples: their first samples (n,); one window where the run is no longer than it."""
+    length, hop = round(WINDOW_S * rate_hz), round(HOP_S * rate_hz)
+    return np.arange(0, max(count - length, 0) + 1, hop)
+
+
+def vibration_features(run: VibrationRun, channels: VibrationChannels) -> tuple[np.ndarray, np.ndarray]:
+    """Describe a run window by window.
+
+    Parameters
+    ----------
+    run
+        On a uniform clock.
+    channels
+        What to make features of; those of a drive or a speed that the run lacks are missing.
+
+    Returns
+    -------
+    features : (n, d)
+        Columns as `channels.names`. A missing block is NaN but for its ``known`` column, which is 0. A window of
+        the inertial sensor with a gap is NaN throughout.
+    first : (n,)
+        First sample of each window.
+    """
+    first = cut_run(len(run.time_s), run.sample_rate_Hz)
+    length = min(round(WINDOW_S * run.sample_rate_Hz), len(run.time_s))
+    rows = first[:, None] + np.arange(length)
+    inertial = run.channels[:, [run.names.index(name) for name in channels.inertial]]
+    parts = [_inertial(inertial[rows], run.sample_rate_Hz)]
+    level = parts[0][:, 0 :: len(_SHAPE) + len(BAND_EDGES_HZ) - 1][:, : len(channels.inertial)].mean(axis=1)
+    if channels.drive:
+        parts.append(_drive(_wheel(run, channels.drive)[rows], run.sample_rate_Hz))
+    if channels.speed:
+        parts.append(_speed(_wheel(run, channels.speed)[rows], level))
+    return np.concatenate(parts, axis=1), first
+
+
+def _wheel(run: VibrationRun, names: Sequence[str]) -> np.ndarray:
+    if not set(names) <= set(run.wheel_names):
+        return np.full((len(run.time_s), len(names)), np.nan)
+    return run.wheel[:, [run.wheel_names.index(name) for name in names]]
+
+
+def _inertial(x: np.ndarray, rate_hz: float) -> np.ndarray:
+    """Shape and spectrum of each channel, and their correlations, of windows (n, m, c)."""
+    n, m, c = x.shape
+    x = x - x.mean(axis=1, keepdims=True)
+    variance = np.maximum(np.mean(x**2, axis=1), 1e-16)
+    z = x / np.sqrt(variance)[:, None]
+    taper = np.hanning(m + 2)[1:-1, None]
+    spectrum = np.asarray(scipy.fft.rfft(z * taper, axis=1))
+    power = np.square(np.abs(spectrum)) / np.sum(taper**2)
+    frequency = np.fft.rfftfreq(m, 1.0 / rate_hz)
+    index = np.searchsorted(frequency, BAND_EDGES_HZ)
+    used = slice(int(index[0]), None)
+    power = power + 1e-9
+    share = power[:, used] / power[:, used].sum(axis=1, keepdims=True)
+    octave = np.log2(np.maximum(frequency[used], 0.1) / 10.0)[:, None]
+    centroid = np.sum(share * octave, axis=1)
+    pieces = z[:, : m // 8 * 8].reshape(n, 8, m // 8, c).std(axis=2) if m >= 16 else np.ones((n, 1, c))
+    shape = [
+        0.5 * np.log(variance),
+        np.log(np.maximum(np.abs(z).max(axis=1), 1e-3)),
+        np.log(np.maximum(np.mean(z**4, axis=1), 1e-3)),
+        np.clip(np.mean(z**3, axis=1), -5, 5),
+        np.mean(z[:, 1:] * z[:, :-1] < 0, axis=1),
+        centroid,
+        np.sqrt(np.maximum(np.sum(share * octave**2, axis=1) - centroid**2, 0.0)),
+        np.log(share).mean(axis=1) - np.log(share.mean(axis=1)),
+        0.5 * np.log(np.maximum(np.mean(np.diff(z, axis=1) ** 2, axis=1), 1e-12)),
+        np.log(np.maximum(pieces.min(axis=1), 1e-3)),
+    ]
+    bands = [
+        np.log(power[:, low : max(high, low + 1)].mean(axis=1) * variance)
+        if low < power.shape[1]
+        else np.full((n, c), -20.0)
+        for low, high in pairwise(index)
+    ]
+    per_channel = np.stack(shape + bands, axis=2).reshape(n, -1)
+    together = np.einsum("nta,ntb->nab", z, z) / m
+    upper = np.triu_indices(c, 1)
+    return np.concatenate([per_channel, together[:, upper[0], upper[1]]], axis=1)
+
+
+def _finish(values: np.ndarray, whole: np.ndarray) -> np.ndarray:
+    """Make the rows of a block (n, d) that are not whole (n,) NaN, and add the column that says so."""
+    return np.column_stack([np.where(whole[:, None], values, np.nan), whole.astype(float)])
+
+
+def _drive(x: np.ndarray, rate_hz: float) -> np.ndarray:
+    """Level and restlessness of the drives' channels (n, m, c): current rises with what the ground resists."""
+    step = max(1, round(0.15 * rate_hz))
+    whole = np.asarray(np.isfinite(x).all(axis=(1, 2)))
+    x = np.where(np.isfinite(x), x, 0.0)
+    moved = x[:, ::step]
+    size = np.abs(moved)
+    change = np.abs(np.diff(moved, axis=1)).mean(axis=1) if moved.shape[1] > 1 else np.zeros(moved[:, 0].shape)
+    logs = [np.log(size.mean(axis=1) + 0.1), np.log(moved.std(axis=1) + 0.1), np.log(change + 0.1),
+            np.log(np.quantile(size, 0.9, axis=1) + 0.1)]  # fmt: skip
+    values = np.stack(logs, axis=2).reshape(len(x), -1)
+    if x.shape[2] > 1:
+        values = np.column_stack([values, np.log(np.ptp(size.mean(axis=1), axis=1) + 0.1)])
+    return _finish(values, whole)
+
+
+def _speed(x: np.ndarray, level: np.ndarray) -> np.ndarray:
+    """Speed of the wheels (n, m, c), how evenly they turn, and the vibration's level (n,) set against the speed."""
+    size = np.abs(x)
+    whole = np.asarray(np.isfinite(x).all(axis=(1, 2)) & (size > STANDSTILL).any(axis=(1, 2)))
+    x, size = (np.where(np.isfinite(part), part, 0.0) for part in (x, size))
+    values = np.stack([size.mean(axis=1), x.std(axis=1), size.max(axis=1)], axis=2).reshape(len(x), -1)
+    if x.shape[2] > 1:
+        values = np.column_stack([values, np.ptp(x.mean(axis=1), axis=1)])
+    against = level - np.log(size.mean(axis=(1, 2)) + 0.05)
+    return _finish(np.column_stack([values, against]), whole)

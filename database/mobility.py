@@ -1,0 +1,263 @@
+"""What a vehicle can do on ground that a snapshot knows: drawbar pull at a slip, and whether it moves at all.
+
+Each class's soil is drawn many times from what is known of it (`posterior`: a new place of the class, Student t), every
+draw goes through the wheel's full mechanics (`identification.wheel_soil`), and the classes' distributions are mixed by
+the belief over classes. Draws are quasi-random and fixed, so that the same question has the same answer.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.special import ndtri
+from scipy.stats import chi2, qmc
+
+from ..framework.core.errors import InputError
+from ..framework.core.soil import PARAMETERS, PLAUSIBLE
+from ..framework.core.vehicle import Vehicle, Wheel
+from ..identification import stress_kernel as kernel
+from ..identification.wheel_soil import PEAK_SHARE, Soil, contact_array, solve_contact
+from .mixture import MixtureTable
+from .posterior import ClassSoil, RandomEffects
+
+if TYPE_CHECKING:
+    from .answer import GroundAnswer
+
+DRAWS = 256
+"""Draws from each class's soil; the quasi-random error of a 5 % bound is then about 1 % of the spread."""
+
+SLIPS = np.linspace(0.05, 0.8, 16)
+"""Slips among which `mobility` seeks the best [-]."""
+
+_OTHERS = {"log_k": "shear modulus k", "log_stiffness": "stiffness", "n": "sinkage exponent n"}
+
+
+@dataclass(frozen=True)
+class DrawbarPull:
+    """Drawbar pull of a whole vehicle at n places.
+
+    Parameters
+    ----------
+    known : (n,) bool
+        Could it be predicted?
+    reason : (n,) str
+        Why not; empty where known.
+    mean : (n,)
+        Expected drawbar pull, all wheels together [N], where the soil carries them.
+    lower : (n,)
+        What it exceeds with the answer's confidence [N]; -inf where the soil may not carry the wheels at all.
+    load_N
+        Load on each wheel that was assumed [N].
+    slip
+        [-].
+    """
+
+    known: np.ndarray
+    reason: np.ndarray
+    mean: np.ndarray
+    lower: np.ndarray
+    load_N: tuple[float, ...]
+    slip: float
+
+
+@dataclass(frozen=True)
+class Mobility:
+    """Whether and how well a vehicle moves at n places, at the slip that serves it best.
+
+    Parameters
+    ----------
+    known, reason
+        As `DrawbarPull`.
+    go_probability : (n,)
+        Probability that at some slip of `SLIPS` the drawbar pull is positive: the vehicle moves on the level [-].
+        Classes that no wheel has felt count as not moving.
+    drawbar_pull_lower : (n,)
+        The greatest lower bound of the drawbar pull over the slips [N].
+    best_slip : (n,)
+        Slip at which that is [-].
+    slope_lower : (n,)
+        Steepest climb that this bound allows, asin(DP / W), no more than the pull on level ground tells [rad]; negative
+        where the vehicle may be stuck on the level.
+    load_N
+        Load on each wheel that was assumed [N].
+    """
+
+    known: np.ndarray
+    reason: np.ndarray
+    go_probability: np.ndarray
+    drawbar_pull_lower: np.ndarray
+    best_slip: np.ndarray
+    slope_lower: np.ndarray
+    load_N: tuple[float, ...]
+
+
+def drawbar_pull(
+    answer: GroundAnswer, vehicle: Vehicle, slip: float, load_N: float | Sequence[float] | None = None
+) -> DrawbarPull:
+    """Predict the drawbar pull of all wheels together at one slip.
+
+    Parameters
+    ----------
+    answer
+        The places, and the confidence wanted.
+    vehicle
+        Its wheels.
+    slip
+        In (-1, 1) [-].
+    load_N
+        Load on each wheel [N], one number for all or one a wheel; where absent, the mean load under which the soil
+        was felt (`Snapshot.typical_load_N`).
+
+    Raises
+    ------
+    InputError
+        A slip or load out of range, or no load given and none recorded.
+    """
+    if not (math.isfinite(slip) and -1.0 < slip < 1.0):
+        raise InputError("slip", f"{slip!r}", expected="a number between -1 and 1")
+    loads = _loads(answer, vehicle, load_N)
+    pulls, usable = _class_pulls(answer, vehicle, loads, np.array([slip]))
+    weight, known, reason = _weights(answer, usable)
+    mean = lower = np.full(len(answer), np.nan)
+    if pulls:
+        draws = np.stack([pull[:, 0] for pull in pulls.values()], axis=1)
+        carried = np.isfinite(draws)
+        shares = weight * carried.mean(axis=0)
+        total = shares.sum(axis=1)
+        expected = np.where(carried, draws, 0.0).sum(axis=0) / np.maximum(carried.sum(axis=0), 1)
+        mean = np.divide(shares @ expected, total, out=np.full(len(answer), np.nan), where=total > 0)
+        lower = np.where(known, _bound(answer, draws, weight), np.nan)
+    return DrawbarPull(known, reason, mean, lower, loads, float(slip))
+
+
+def mobility(answer: GroundAnswer, vehicle: Vehicle, load_N: float | Sequence[float] | None = None) -> Mobility:
+    """Predict whether the vehicle moves, and how much pull it has to spare at its best slip; as `drawbar_pull`."""
+    loads = _loads(answer, vehicle, load_N)
+    pulls, usable = _class_pulls(answer, vehicle, loads, SLIPS)
+    weight, known, reason = _weights(answer, usable)
+    go = best = slip = np.full(len(answer), np.nan)
+    if pulls:
+        moving = np.array([np.mean(np.max(pull, axis=1) > 0.0) for pull in pulls.values()])
+        go = np.where(known, weight @ moving, np.nan)
+        columns = range(len(SLIPS))
+        bounds = np.stack(
+            [_bound(answer, np.stack([pull[:, at] for pull in pulls.values()], 1), weight) for at in columns], axis=1
+        )
+        row = np.argmax(bounds, axis=1)
+        best = np.where(known, bounds[np.arange(len(answer)), row], np.nan)
+        slip = np.where(known, SLIPS[row], np.nan)
+    slope = np.arcsin(np.clip(best / sum(loads), -1.0, 1.0))
+    return Mobility(known, reason, go, best, slip, slope, loads)
+
+
+def _loads(answer: GroundAnswer, vehicle: Vehicle, load_N: float | Sequence[float] | None) -> tuple[float, ...]:
+    given = answer.snapshot.typical_load_N if load_N is None else load_N
+    loads = np.broadcast_to(np.asarray(given, dtype=float), (len(vehicle.wheels),)) if np.ndim(given) == 0 else None
+    if loads is None:
+        loads = np.asarray(given, dtype=float)
+        if loads.shape != (len(vehicle.wheels),):
+            raise InputError("load_N", f"{loads.size} numbers", expected=f"one for each of {len(vehicle.wheels)}")
+    if load_N is None and not np.all(np.isfinite(loads)):
+        raise InputError("load_N", "not given, and the database recorded none", expected="the load on each wheel [N]")
+    if not np.all(np.isfinite(loads) & (loads > 0)):
+        raise InputError("load_N", f"{load_N!r}", expected="positive numbers [N]")
+    return tuple(loads.tolist())
+
+
+def _class_pulls(
+    answer: GroundAnswer, vehicle: Vehicle, loads: tuple[float, ...], slips: np.ndarray
+) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Draws of the vehicle's drawbar pull [N] by class, each (DRAWS, slips), -inf where it is not carried.
+
+    Also which of the snapshot's classes have them, (k,). Remembered by the snapshot: planners ask the same again.
+    """
+    snapshot = answer.snapshot
+    usable = np.array(
+        [name in snapshot.soils and set(_OTHERS) <= set(snapshot.soils[name].others) for name in snapshot.class_names],
+        dtype=bool,
+    )
+    pulls = {}
+    for name in np.array(snapshot.class_names, dtype=object)[usable]:
+        key = (name, tuple(_shape(wheel) for wheel in vehicle.wheels), loads, tuple(slips.tolist()))
+        pulls[name] = snapshot.remembered(key, lambda name=name: _pull(snapshot.soils[name], vehicle, loads, slips))
+    return pulls, usable
+
+
+def _shape(wheel: Wheel) -> tuple[float, float]:
+    return wheel.radius_m, wheel.width_m
+
+
+def _pull(soil: ClassSoil, vehicle: Vehicle, loads: tuple[float, ...], slips: np.ndarray) -> np.ndarray:
+    """Draw one class's soil and add up the wheels' drawbar pull: (DRAWS, slips) [N]."""
+    draws = soil_draws(soil)
+    total = np.zeros((DRAWS, len(slips)))
+    by_wheel: dict[tuple[tuple[float, float], float], np.ndarray] = {}
+    for wheel, load in zip(vehicle.wheels, loads, strict=True):
+        key = (_shape(wheel), load)
+        if key not in by_wheel:
+            by_wheel[key] = _wheel_pull(wheel, draws, load, slips)
+        total += by_wheel[key]
+    return np.where(np.isfinite(total), total, -np.inf)
+
+
+def _wheel_pull(wheel: Wheel, draws: np.ndarray, load_N: float, slips: np.ndarray) -> np.ndarray:
+    """Drawbar pull [N] of a wheel on every soil (s, 5) at every slip: (s, slips), NaN where it is not carried."""
+    number = len(draws) * len(slips)
+    any_soil = Soil(**dict(zip(PARAMETERS, draws[0].tolist(), strict=True)))
+    contact = contact_array(np.zeros(number), np.tile(slips, len(draws)), any_soil)
+    soils = draws.copy()
+    soils[:, 1] = np.tan(soils[:, 1])
+    contact[:, kernel.COHESION :] = np.repeat(soils, len(slips), axis=0)
+    shares = np.zeros(number), np.full(number, PEAK_SHARE)
+    forces = solve_contact(contact, shares, np.full(number, load_N), wheel)
+    return forces[:, 2].reshape(len(draws), len(slips))
+
+
+def soil_draws(soil: ClassSoil) -> np.ndarray:
+    """Draw `DRAWS` soils of new places of a class, (DRAWS, 5): columns as `PARAMETERS`, within `PLAUSIBLE`."""
+    # Unscrambled, so that no seed is needed; half a step away from the sequence's zeros.
+    uniform = (qmc.Sobol(d=9, scramble=False).random(DRAWS) + 0.5 / DRAWS) % 1.0
+    middle = 0.5 * np.nansum(soil.normal_stress_Pa)
+    strength = _student(soil.strength, uniform[:, 0:2], uniform[:, 2], np.array([1.0, middle]))
+    log_k, log_stiffness, exponent = (
+        _student(soil.others[name], uniform[:, [column]], uniform[:, column + 1], np.ones(1))[:, 0]
+        for name, column in (("log_k", 3), ("log_stiffness", 5), ("n", 7))
+    )
+    draws = np.stack(
+        [strength[:, 0], np.arctan(strength[:, 1]), *np.exp(np.clip([log_k, log_stiffness], -50.0, 50.0)), exponent],
+        axis=1,
+    )
+    low, high = np.array([PLAUSIBLE[name] for name in PARAMETERS]).T
+    return np.clip(draws, low, high)
+
+
+def _student(effects: RandomEffects, normal: np.ndarray, tail: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+    """Map uniform numbers (s, d) and (s,) to Student t draws of a new place, (s, d)."""
+    freedom = effects.predict(gradient)[2]
+    factor = np.linalg.cholesky(effects.predictive_covariance)
+    stretch = np.sqrt(freedom / chi2.ppf(np.clip(tail, 1e-9, 1.0 - 1e-9), freedom))
+    return effects.mean + stretch[:, None] * (ndtri(np.clip(normal, 1e-9, 1.0 - 1e-9)) @ factor.T)
+
+
+def _weights(answer: GroundAnswer, usable: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Probabilities of the usable classes, (n, usable); where that is enough to predict; and why not."""
+    shares = np.where(answer.known[:, None], answer.class_probability, 0.0)
+    lacking = np.where(usable, 0.0, shares)
+    known = answer.known & (lacking.sum(axis=1) <= 1.0 - answer.confidence + 1e-12) & bool(np.any(usable))
+    reason = answer.reason.copy()
+    for row in np.flatnonzero(answer.known & ~known):
+        name = answer.class_names[int(np.argmax(lacking[row]))]
+        soil = answer.snapshot.soils.get(name)
+        missing = [text for key, text in _OTHERS.items() if soil is None or key not in soil.others]
+        reason[row] = f"no {missing[0]} known of class {name}" if soil is not None else f"no soil data for class {name}"
+    return np.where(known[:, None], shares[:, usable], 0.0), known, reason
+
+
+def _bound(answer: GroundAnswer, draws: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Lower bound at the answer's confidence; the mass of classes not known counts as not carrying at all."""
+    level = weight.sum(axis=1) - answer.confidence
+    return MixtureTable.of_samples(draws).lower_bound(weight, level)

@@ -1,0 +1,187 @@
+"""Between the frozen observation types and the tables' rows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..framework.core.evidence import ClassEvidence
+from ..framework.core.soil import Quantity, ShearStrength, SoilEstimate
+from .observations import Drive, SoilEffect, SoilObservation, TerrainObservations
+
+_PROBABILITY = np.dtype("<f4")
+
+
+def drive_row(drive: Drive) -> dict[str, Any]:
+    """The `drive` row."""
+    return {
+        "id": drive.id,
+        "recording_digest": drive.recording_digest,
+        "name": drive.name,
+        "site": drive.site,
+        "vehicle_name": drive.vehicle_name,
+        "start_time": drive.started,
+        "models": dict(drive.models),
+        "method": drive.method,
+        "cell_size_m": float(drive.terrain.cell_size_m),
+        "classes": list(drive.terrain.evidence.classes),
+    }
+
+
+def terrain_rows(drive: Drive) -> Iterator[dict[str, Any]]:
+    """The `terrain_observation` rows, in order."""
+    terrain, drive_id = drive.terrain, drive.id
+    evidence = terrain.evidence
+    packed = np.ascontiguousarray(evidence.probabilities, dtype=_PROBABILITY)
+    columns = zip(
+        terrain.time_s.tolist(),
+        terrain.cell_x.tolist(),
+        terrain.cell_y.tolist(),
+        np.asarray(terrain.sense, dtype=str).tolist(),
+        evidence.quality.tolist(),
+        evidence.unknown.tolist(),
+        evidence.reasons,
+        strict=True,
+    )
+    for index, (time_s, cell_x, cell_y, sense, quality, unknown, reasons) in enumerate(columns):
+        yield {
+            "id": drive.row_id("terrain", index),
+            "drive_id": drive_id,
+            "time_s": time_s,
+            "cell_x": cell_x,
+            "cell_y": cell_y,
+            "sense": sense,
+            "quality": quality,
+            "unknown": unknown,
+            "probabilities": packed[index].tobytes(),
+            "reasons": "\n".join(" ".join(reason.split()) for reason in reasons),
+        }
+
+
+def soil_rows(drive: Drive) -> Iterator[dict[str, Any]]:
+    """The `soil_observation` rows, in order."""
+    for index, soil in enumerate(drive.soils):
+        yield {"id": drive.row_id("soil", index), "drive_id": drive.id, **_soil_columns(soil)}
+
+
+def _soil_columns(soil: SoilObservation) -> dict[str, Any]:
+    estimate = soil.estimate
+    mean = [None, None] if estimate is None else [_number(value) for value in estimate.mean_c_tan_phi]
+    covariance = np.full((2, 2), math.nan) if estimate is None else estimate.covariance_c_tan_phi
+    return {
+        "start_s": soil.start_s,
+        "end_s": soil.end_s,
+        "x_m": _number(soil.x_m),
+        "y_m": _number(soil.y_m),
+        "class_probabilities": {name: float(value) for name, value in soil.class_probabilities.items()},
+        "c_Pa": mean[0],
+        "tan_phi": mean[1],
+        "variance_c": _number(covariance[0, 0]),
+        "covariance_c_tan_phi": _number(covariance[0, 1]),
+        "variance_tan_phi": _number(covariance[1, 1]),
+        "normal_stress_low_Pa": _number(soil.normal_stress_Pa[0]),
+        "normal_stress_high_Pa": _number(soil.normal_stress_Pa[1]),
+        "load_N": _number(soil.load_N),
+        "effects": [
+            {"slug": effect.slug, "parameters": {name: float(value) for name, value in effect.parameters.items()}}
+            for effect in soil.effects
+        ],
+        "gate_reason": soil.gate_reason,
+        "estimate": None if estimate is None else pack_estimate(estimate),
+    }
+
+
+def pack_estimate(estimate: SoilEstimate) -> dict[str, Any]:
+    """Turn an estimate into JSON that any database takes: what is not finite becomes a word."""
+    return {
+        "parameters": {
+            name: [_json_number(x) for x in (entry.value, entry.sd, entry.low, entry.high)]
+            for name, entry in estimate.parameters.items()
+        },
+        "mean_c_tan_phi": [_json_number(value) for value in estimate.mean_c_tan_phi],
+        "covariance_c_tan_phi": [_json_number(value) for value in np.ravel(estimate.covariance_c_tan_phi)],
+        "correlation": {pair: _json_number(value) for pair, value in estimate.correlation.items()},
+        "shear_strength": [
+            [_json_number(x) for x in (at.normal_stress_Pa, at.value_Pa, at.low_Pa, at.high_Pa)]
+            for at in estimate.shear_strength
+        ],
+        "separable": {name: bool(flag) for name, flag in estimate.separable.items()},
+        "advice": estimate.advice,
+        "method": estimate.method,
+        "channels": list(estimate.channels),
+        "n": int(estimate.n),
+        "misfit": _json_number(estimate.misfit),
+        "problems": list(estimate.problems),
+    }
+
+
+def unpack_estimate(packed: Mapping[str, Any]) -> SoilEstimate:
+    """Undo `pack_estimate`."""
+    return SoilEstimate(
+        parameters={name: Quantity(*map(float, entry)) for name, entry in packed["parameters"].items()},
+        mean_c_tan_phi=np.array([float(value) for value in packed["mean_c_tan_phi"]]),
+        covariance_c_tan_phi=np.array([float(value) for value in packed["covariance_c_tan_phi"]]).reshape(2, 2),
+        correlation={pair: float(value) for pair, value in packed["correlation"].items()},
+        shear_strength=tuple(ShearStrength(*map(float, at)) for at in packed["shear_strength"]),
+        separable=dict(packed["separable"]),
+        advice=packed["advice"],
+        method=packed["method"],
+        channels=tuple(packed["channels"]),
+        n=int(packed["n"]),
+        misfit=float(packed["misfit"]),
+        problems=tuple(packed["problems"]),
+    )
+
+
+def soil_observation(row: Any) -> SoilObservation:
+    """Read a `soil_observation` row."""
+    return SoilObservation(
+        start_s=row.start_s,
+        end_s=row.end_s,
+        x_m=_float(row.x_m),
+        y_m=_float(row.y_m),
+        class_probabilities=dict(row.class_probabilities),
+        estimate=None if row.estimate is None else unpack_estimate(row.estimate),
+        normal_stress_Pa=(_float(row.normal_stress_low_Pa), _float(row.normal_stress_high_Pa)),
+        load_N=_float(row.load_N),
+        effects=tuple(SoilEffect(effect["slug"], effect["parameters"]) for effect in row.effects),
+        gate_reason=row.gate_reason,
+    )
+
+
+def terrain_observations(rows: Sequence[Any], classes: Sequence[str], cell_size_m: float) -> TerrainObservations:
+    """Read the `terrain_observation` rows of one drive, in whatever order they come."""
+    m, k = len(rows), len(classes)
+    packed = np.frombuffer(b"".join(row.probabilities for row in rows), dtype=_PROBABILITY)
+    evidence = ClassEvidence(
+        tuple(classes),
+        packed.reshape(m, k).astype(float),
+        np.array([row.quality for row in rows], dtype=float),
+        np.array([row.unknown for row in rows], dtype=bool),
+        tuple(tuple(row.reasons.split("\n")) if row.reasons else () for row in rows),
+    )
+    return TerrainObservations(
+        cell_size_m,
+        np.array([row.cell_x for row in rows], dtype=np.int64),
+        np.array([row.cell_y for row in rows], dtype=np.int64),
+        np.array([row.time_s for row in rows], dtype=float),
+        np.array([row.sense for row in rows], dtype=str),
+        evidence,
+    )
+
+
+def _number(value: float) -> float | None:
+    """A finite number, or NULL."""
+    return float(value) if math.isfinite(value) else None
+
+
+def _float(value: float | None) -> float:
+    return math.nan if value is None else float(value)
+
+
+def _json_number(value: float) -> float | str:
+    """A number as JSON knows it; ``"nan"``, ``"inf"`` and ``"-inf"`` where it does not, which `float` reads back."""
+    return float(value) if math.isfinite(value) else str(float(value))

@@ -1,0 +1,202 @@
+"""Opening a terrain database: is it one, is it of this version, and may it be made where there is none?"""
+
+from __future__ import annotations
+
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import URL, Connection, Engine, create_engine, event, inspect, make_url, text
+from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, SQLAlchemyError
+from sqlalchemy.pool import NullPool
+
+from ..framework.core.errors import InputError
+from .tables import Base
+
+REVISIONS = ("0001",)
+"""The schema's revisions, oldest first; each has its file in `migrations/versions`."""
+
+VERSION_TABLE = "bevameter_schema"
+APPLICATION_ID = 0x42657661
+"""Marks an SQLite file as ours ("Beva" in ASCII)."""
+
+BUSY_TIMEOUT_S = 60.0
+"""How long a writer waits for another process that writes to the same SQLite file [s]."""
+
+EXPECTED = "a terrain database of Bevameter"
+_OUR_TABLES = frozenset(Base.metadata.tables)
+_MIGRATIONS = Path(__file__).parent / "migrations"
+
+
+def parse_url(url_or_path: str | Path) -> URL:
+    """Turn a path or an SQLAlchemy URL into a URL of a database that is supported.
+
+    Raises
+    ------
+    InputError
+        It is no URL, or names a kind of database that is neither SQLite in a file nor PostgreSQL.
+    """
+    given = str(url_or_path)
+    if "://" not in given:
+        if not given.strip():
+            raise InputError("database", "an empty path", expected="a path or an SQLAlchemy URL")
+        return URL.create("sqlite+pysqlite", database=given)
+    try:
+        url = make_url(given)
+        backend = url.get_backend_name()
+    except (ArgumentError, ValueError):
+        raise InputError("database", "not a URL", expected="sqlite:///FILE or postgresql://...") from None
+    if backend == "sqlite":
+        if not url.database or url.database == ":memory:" or url.database.startswith("file:"):
+            raise InputError(given, "no file is named", expected="sqlite:///FILE, which outlives the program")
+        return url.set(drivername="sqlite+pysqlite")
+    if backend == "postgresql":
+        return url.set(drivername="postgresql+psycopg")
+    raise InputError("database", f"{backend!r}", expected="sqlite:///FILE or postgresql://...")
+
+
+def shown(url: URL) -> str:
+    """Name the database for people: the file's path, or the URL without its password."""
+    return str(url.database) if url.get_backend_name() == "sqlite" else url.render_as_string(hide_password=True)
+
+
+def open_engine(url_or_path: str | Path, *, must_exist: bool) -> Engine:
+    """Open a terrain database of the current schema version, making or upgrading it where that is wanted.
+
+    Parameters
+    ----------
+    url_or_path
+        A path of an SQLite file, or an SQLAlchemy URL.
+    must_exist
+        Open for reading: where there is no terrain database nothing is made.
+
+    Raises
+    ------
+    InputError
+        No such database, not one of ours, made by a newer version, or it cannot be reached or written. Nothing was
+        written then.
+    """
+    url = parse_url(url_or_path)
+    if url.get_backend_name() == "sqlite":
+        _check_file(Path(str(url.database)), must_exist)
+    try:
+        engine = create_engine(url, **_options(url))
+    except (ImportError, NoSuchModuleError) as error:
+        raise InputError(shown(url), f"its driver is not installed: {error}", expected="psycopg") from None
+    if url.get_backend_name() == "sqlite":
+        event.listen(engine, "connect", _prepare_sqlite)
+    try:
+        _bring_up_to_date(engine, must_exist)
+    except InputError:
+        engine.dispose()
+        raise
+    except (SQLAlchemyError, OSError) as error:
+        engine.dispose()
+        raise unreachable(url, error) from error
+    return engine
+
+
+def unreachable(url: URL, error: BaseException) -> InputError:
+    """Say in one line why the database does not answer."""
+    cause = str(error.orig if isinstance(error, DBAPIError) else error)
+    return InputError(shown(url), cause.strip().splitlines()[0] if cause.strip() else type(error).__name__,
+                      expected="a terrain database that can be reached")  # fmt: skip
+
+
+def _options(url: URL) -> dict[str, Any]:
+    if url.get_backend_name() == "sqlite":
+        # Each connection is closed after use, which leaves one whole file to copy and no log beside it.
+        return {"connect_args": {"timeout": BUSY_TIMEOUT_S}, "poolclass": NullPool}
+    return {"pool_pre_ping": True}
+
+
+def _prepare_sqlite(connection: sqlite3.Connection, _record: object) -> None:
+    connection.execute("PRAGMA foreign_keys = ON")
+    connection.execute("PRAGMA synchronous = NORMAL")
+    connection.execute("PRAGMA cache_size = -65536")  # 64 MiB: identities arrive in random order
+
+
+def _check_file(path: Path, must_exist: bool) -> None:
+    """Look at an SQLite file without ever writing to it or making it."""
+    if path.is_dir():
+        raise InputError(path, "is a folder", expected=EXPECTED)
+    if not path.exists():
+        if must_exist:
+            raise InputError(path, "no such file", expected=EXPECTED)
+        if not path.parent.is_dir():
+            raise InputError(path, f"no such folder: {path.parent}", expected="a folder that exists")
+        return
+    if path.stat().st_size == 0:
+        if must_exist and not path.with_name(path.name + "-wal").exists():
+            raise InputError(path, "is empty", expected=EXPECTED)
+        return
+    try:
+        with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=BUSY_TIMEOUT_S)) as look:
+            (mark,) = look.execute("PRAGMA application_id").fetchone()
+            names = {row[0] for row in look.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+    except sqlite3.OperationalError as error:
+        raise InputError(path, str(error), expected=EXPECTED) from error
+    except sqlite3.DatabaseError:
+        raise InputError(path, "is not a database", expected=EXPECTED) from None
+    strange = sorted(names - _OUR_TABLES - {VERSION_TABLE})
+    if mark not in (0, APPLICATION_ID) or (names and VERSION_TABLE not in names):
+        tables = ", ".join(strange[:4]) or "none"
+        raise InputError(path, f"is a database of another program (tables: {tables})", expected=EXPECTED)
+    if must_exist and not names:
+        raise InputError(path, "is an empty database", expected=EXPECTED)
+
+
+def _bring_up_to_date(engine: Engine, must_exist: bool) -> None:
+    source = shown(engine.url)
+    with engine.connect() as connection:
+        version = _version(connection, source)
+    if version == REVISIONS[-1]:
+        return
+    if version is None and must_exist:
+        raise InputError(source, "holds no terrain database", expected=EXPECTED)
+    if version is not None and version not in REVISIONS:
+        raise InputError(
+            source,
+            f"its schema {version!r} is of a newer version of Bevameter",
+            expected=f"schema {REVISIONS[-1]} or older",
+        )
+    migrate(engine)
+
+
+def _version(connection: Connection, source: str) -> str | None:
+    """Give the schema's revision, None where there is no terrain database."""
+    names = set(inspect(connection).get_table_names())
+    if VERSION_TABLE not in names:
+        ours = sorted(names & _OUR_TABLES)
+        if ours:
+            raise InputError(source, f"has a table {ours[0]} of another program", expected=EXPECTED)
+        return None
+    version = connection.execute(text(f"SELECT version_num FROM {VERSION_TABLE}")).scalar()  # noqa: S608
+    if version is not None and not names >= _OUR_TABLES and version in REVISIONS:
+        raise InputError(source, f"lacks the table {min(_OUR_TABLES - names)}", expected=EXPECTED)
+    return version
+
+
+def migrate(engine: Engine) -> None:
+    """Bring the schema to the newest revision in one transaction; a second process meanwhile waits, then finds it done.
+
+    Alembic is imported here: reading a database that is up to date does without it.
+    """
+    from alembic import command
+    from alembic.config import Config
+
+    config = Config()
+    config.set_main_option("script_location", str(_MIGRATIONS).replace("%", "%%"))
+    config.attributes["version_table"] = VERSION_TABLE
+    sqlite = engine.dialect.name == "sqlite"
+    if sqlite:
+        with engine.connect() as connection:
+            connection.exec_driver_sql("PRAGMA journal_mode = WAL")
+    with engine.connect() as connection:
+        connection.exec_driver_sql("BEGIN IMMEDIATE" if sqlite else f"SELECT pg_advisory_xact_lock({APPLICATION_ID})")
+        if sqlite:
+            connection.exec_driver_sql(f"PRAGMA application_id = {APPLICATION_ID}")
+        config.attributes["connection"] = connection
+        command.upgrade(config, "head")
+        connection.commit()

@@ -1,0 +1,267 @@
+"""The planner's view: everything that is known of a site, frozen in memory; no SQL behind its answers."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass
+from datetime import UTC, datetime
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..framework.core.errors import InputError
+from .answer import GroundAnswer, StrengthTable
+from .belief import NO_PLACE, NOT_SEEN, Cells, cell_key, cell_of_key, combine, grid_size
+from .observations import LARGEST_CELL_INDEX, Drive
+from .posterior import ClassSoil, class_soils
+
+DEFAULT_NORMAL_STRESS = 20e3
+"""Normal stress [Pa] at which strength is given where nobody says: about what a light rover's wheel exerts."""
+
+_REMEMBERED = 256
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """What is known of one site, immutable: threads may share it, and what is learnt later does not change it.
+
+    Places are in the site's frame [m]. Answers cover the places asked, unknown ones included (`GroundAnswer.known`).
+
+    Parameters
+    ----------
+    site
+        Name of the site; empty where the database holds no drive.
+    cell_size_m
+        Edge of a ground cell [m].
+    class_names
+        The k classes, sorted.
+    cells
+        Belief over classes by ground cell.
+    soils
+        What is known of the soil, by class; a class that no wheel has felt is absent.
+    drives
+        Number of drives that it rests on (newest processing of each recording).
+    """
+
+    site: str
+    cell_size_m: float
+    class_names: tuple[str, ...]
+    cells: Cells
+    soils: Mapping[str, ClassSoil]
+    drives: int
+    _memory: dict[tuple, Any] = field(default_factory=dict, repr=False, compare=False)
+
+    @staticmethod
+    def derive(site: str, drives: Sequence[Drive]) -> Snapshot:
+        """Derive a snapshot from the drives of one site; `TerrainDatabase.snapshot` does this."""
+        names = {name for drive in drives for name in drive.terrain.evidence.classes}
+        soils = class_soils([soil for drive in drives for soil in drive.soils])
+        classes = tuple(sorted(names | set(soils)))
+        size = grid_size(drives)
+        cells = combine(drives, classes, size)
+        _freeze(cells)
+        for soil in soils.values():
+            _freeze(soil)
+        return Snapshot(site, size, classes, cells, MappingProxyType(soils), len(drives))
+
+    @property
+    def typical_load_N(self) -> float:
+        """Mean load on one wheel while soil was felt [N]; NaN where no soil was."""
+        known = [soil for soil in self.soils.values() if math.isfinite(soil.load_N)]
+        total = sum(soil.weight for soil in known)
+        return sum(soil.weight * soil.load_N for soil in known) / total if total else math.nan
+
+    def along(
+        self,
+        path: ArrayLike,
+        *,
+        normal_stress: float = DEFAULT_NORMAL_STRESS,
+        confidence: float = 0.95,
+        now: float | datetime | None = None,
+    ) -> GroundAnswer:
+        """Say what the ground along a path can bear.
+
+        Parameters
+        ----------
+        path : (n, 2)
+            Places x, y [m].
+        normal_stress
+            At which the shear strength is wanted [Pa].
+        confidence
+            With which the strength exceeds its lower bound, in [0.5, 1).
+        now
+            Moment that ages refer to: POSIX seconds, or a datetime (UTC where it has no zone); the present if absent.
+
+        Returns
+        -------
+        GroundAnswer
+            n places, in the order asked.
+
+        Raises
+        ------
+        InputError
+            A path that is not (n, 2), a stress that is negative or not finite, a confidence out of range.
+        """
+        places = np.asarray(path, dtype=float)
+        if places.ndim != 2 or places.shape[1] != 2:
+            raise InputError("path", f"shape {places.shape}", expected="(n, 2): x, y [m]")
+        return self._answer(places[:, 0], places[:, 1], self._find(places), normal_stress, confidence, now)
+
+    def at(
+        self,
+        x: ArrayLike,
+        y: ArrayLike,
+        *,
+        normal_stress: float = DEFAULT_NORMAL_STRESS,
+        confidence: float = 0.95,
+        now: float | datetime | None = None,
+    ) -> GroundAnswer:
+        """Say what the ground can bear at one place, or at many (arrays of equal size) [m]; else as `along`."""
+        places = np.stack(np.broadcast_arrays(np.ravel(x), np.ravel(y)), axis=1)
+        return self.along(places, normal_stress=normal_stress, confidence=confidence, now=now)
+
+    def box(
+        self,
+        x0: float,
+        y0: float,
+        x1: float,
+        y1: float,
+        *,
+        normal_stress: float = DEFAULT_NORMAL_STRESS,
+        confidence: float = 0.95,
+        now: float | datetime | None = None,
+    ) -> GroundAnswer:
+        """Give all cells that somebody has seen whose centres lie between the corners [m]; else as `along`."""
+        rows, x, y = self._within(x0, y0, x1, y1)
+        return self._answer(x, y, rows, normal_stress, confidence, now)
+
+    def near(
+        self,
+        x: float,
+        y: float,
+        radius: float,
+        *,
+        normal_stress: float = DEFAULT_NORMAL_STRESS,
+        confidence: float = 0.95,
+        now: float | datetime | None = None,
+    ) -> GroundAnswer:
+        """Give all cells that somebody has seen whose centres lie within a radius [m]; else as `along`."""
+        if not (math.isfinite(radius) and radius >= 0):
+            raise InputError("radius", f"{radius!r}", expected="a finite length, not negative [m]")
+        rows, cell_x, cell_y = self._within(x - radius, y - radius, x + radius, y + radius)
+        inside = np.hypot(cell_x - x, cell_y - y) <= radius
+        return self._answer(cell_x[inside], cell_y[inside], rows[inside], normal_stress, confidence, now)
+
+    def class_answer(
+        self, name: str, *, normal_stress: float = DEFAULT_NORMAL_STRESS, confidence: float = 0.95
+    ) -> GroundAnswer:
+        """Say what ground can bear that is certainly of one class, at no place in particular; else as `along`.
+
+        Raises
+        ------
+        InputError
+            There is no such class.
+        """
+        if name not in self.class_names:
+            raise InputError("class", f"{name!r}", expected="one of " + (", ".join(self.class_names) or "none yet"))
+        probability = np.array([[float(other == name) for other in self.class_names]])
+        nowhere = np.full(1, np.nan)
+        table = self._table(normal_stress, confidence)
+        why = np.zeros(1, dtype=int), ("",)
+        return GroundAnswer.of(self, table, (nowhere, nowhere), probability, why, nowhere, np.zeros(1, dtype=int))
+
+    def _find(self, places: np.ndarray) -> np.ndarray:
+        """Rows of `cells` in which places (n, 2) lie: -1 where nobody has seen the ground, -2 for no place at all."""
+        cell = np.floor(places / self.cell_size_m)
+        on_grid = np.all(np.abs(cell) <= LARGEST_CELL_INDEX, axis=1)  # False for NaN
+        whole = np.where(on_grid[:, None], cell, 0.0).astype(np.int64)
+        key = cell_key(whole[:, 0], whole[:, 1])
+        if len(self.cells.key):
+            row = np.searchsorted(self.cells.key, key)
+            row[row == len(self.cells.key)] = 0
+            row = np.where(self.cells.key[row] == key, row, -1)
+        else:
+            row = np.full(len(key), -1)
+        row[~on_grid] = -1
+        row[~np.all(np.isfinite(places), axis=1)] = -2
+        return row
+
+    def _within(self, x0: float, y0: float, x1: float, y1: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Rows and centres [m] of the seen cells between two corners."""
+        if not all(map(math.isfinite, (x0, y0, x1, y1))):
+            raise InputError("box", f"corners {(x0, y0, x1, y1)}", expected="finite numbers [m]")
+        farthest = LARGEST_CELL_INDEX - 1
+        west, east = np.clip(np.floor(np.sort([x0, x1]) / self.cell_size_m), -farthest, farthest).astype(int)
+        # Keys are sorted by x first: the columns of the box are one slice.
+        first, last = np.searchsorted(self.cells.key, [west * 2**32 - 2**31, east * 2**32 + 2**31])
+        cell_x, cell_y = cell_of_key(self.cells.key[first:last])
+        x, y = (cell_x + 0.5) * self.cell_size_m, (cell_y + 0.5) * self.cell_size_m
+        inside = (x >= min(x0, x1)) & (x <= max(x0, x1)) & (y >= min(y0, y1)) & (y <= max(y0, y1))
+        return first + np.flatnonzero(inside), x[inside], y[inside]
+
+    def _answer(
+        self,
+        x: np.ndarray,
+        y: np.ndarray,
+        row: np.ndarray,
+        normal_stress: float,
+        confidence: float,
+        now: float | datetime | None,
+    ) -> GroundAnswer:
+        table = self._table(normal_stress, confidence)
+        moment = _posix(now)
+        seen = row >= 0
+        picked = np.where(seen, row, 0)
+        if len(self.cells.key):
+            probability = np.where(seen[:, None], self.cells.probability[picked], np.nan)
+            age = np.where(seen, moment - self.cells.seen_s[picked], np.nan)
+            looks = np.where(seen, self.cells.looks[picked], 0)
+            code = np.where(seen, self.cells.reason[picked], 0)
+        else:
+            probability = np.full((len(row), len(self.class_names)), np.nan)
+            age, looks, code = np.full(len(row), np.nan), np.zeros(len(row), dtype=int), np.zeros(len(row), dtype=int)
+        reasons = (*self.cells.reasons, NOT_SEEN, NO_PLACE)
+        code = np.where(seen, code, len(reasons) + np.where(row == -1, -2, -1))
+        return GroundAnswer.of(self, table, (x, y), probability, (code, reasons), age, looks)
+
+    def _table(self, normal_stress: float, confidence: float) -> StrengthTable:
+        stress, level = float(normal_stress), float(confidence)
+        if not (math.isfinite(stress) and stress >= 0):
+            raise InputError("normal stress", f"{normal_stress!r}", expected="a finite number, not negative [Pa]")
+        if not 0.5 <= level < 1.0:
+            raise InputError("confidence", f"{confidence!r}", expected="at least 0.5 and less than 1")
+        return self.remembered((stress, level), lambda: StrengthTable.of(self.class_names, self.soils, stress, level))
+
+    def remembered(self, key: tuple, compute: Callable[[], Any]) -> Any:
+        """Give what was computed for a key before; the answer never changes, only the time it takes."""
+        found = self._memory.get(key)
+        if found is None:
+            found = compute()
+            if len(self._memory) >= _REMEMBERED:
+                self._memory.clear()
+            self._memory[key] = found
+        return found
+
+
+def _posix(now: float | datetime | None) -> float:
+    if now is None:
+        return time.time()
+    if isinstance(now, datetime):
+        return (now if now.tzinfo is not None else now.replace(tzinfo=UTC)).timestamp()
+    return float(now)
+
+
+def _freeze(thing: object) -> None:
+    """Make every array of a dataclass read-only, through and through."""
+    if isinstance(thing, np.ndarray):
+        thing.setflags(write=False)
+    elif isinstance(thing, Mapping):
+        for value in thing.values():
+            _freeze(value)
+    elif is_dataclass(thing):
+        for entry in fields(thing):
+            _freeze(getattr(thing, entry.name))

@@ -1,0 +1,265 @@
+"""The terrain database: observations go in, a snapshot for the planner comes out."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from itertools import islice
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from sqlalchemy import Connection, Insert, Table, func, select
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.exc import DBAPIError
+
+from ..framework.core.errors import InputError
+from .observations import Drive
+from .rows import drive_row, soil_observation, soil_rows, terrain_observations, terrain_rows
+from .schema import open_engine, shown, unreachable
+from .snapshot import Snapshot
+from .tables import Base, DriveRow, ImportRow, SoilRow, TerrainRow
+
+_CHUNK = 5000
+"""Rows that are written at a time."""
+
+_OBSERVATIONS = (TerrainRow, SoilRow)
+
+
+@dataclass(frozen=True)
+class Added:
+    """How many observations were new to the database, and how many it knew already."""
+
+    new: int
+    known: int
+
+
+class TerrainDatabase:
+    """What vehicles have learnt about the ground, in an SQLite file or on a PostgreSQL server.
+
+    Observations are only ever added; what is derived from them is computed when a snapshot is taken. Several
+    processes may read and write the same database.
+
+    Parameters
+    ----------
+    url_or_path
+        A path, or an SQLAlchemy URL such as ``sqlite:///terrain.db`` or ``postgresql://user@host/terrain``.
+    must_exist
+        Open what is there, never make a new database: what reading needs.
+
+    Raises
+    ------
+    InputError
+        The database is missing though it must exist, is another program's, is of a newer version, or cannot be
+        reached; nothing was written.
+    """
+
+    def __init__(self, url_or_path: str | Path = "sqlite:///terrain.db", *, must_exist: bool = False):
+        self._engine = open_engine(url_or_path, must_exist=must_exist)
+
+    @property
+    def name(self) -> str:
+        """The file's path, or the URL without its password."""
+        return shown(self._engine.url)
+
+    def close(self) -> None:
+        """Let go of all connections; the object can still be used, and then opens new ones."""
+        self._engine.dispose()
+
+    def __enter__(self) -> TerrainDatabase:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def add_drive(self, drive: Drive) -> Added:
+        """Add a drive's observations, all or none of them; a drive that is there already adds nothing.
+
+        Raises
+        ------
+        InputError
+            The database cannot be written.
+        """
+        rows = [(TerrainRow, terrain_rows(drive)), (SoilRow, soil_rows(drive))]
+        total = len(drive.terrain) + len(drive.soils)
+        moment = {"id": uuid.uuid4(), "drive_id": drive.id, "imported_at": datetime.now(UTC)}
+        with _Written(self) as connection:
+            if not _is_new(connection, drive_row(drive)):
+                return Added(0, total)
+            _insert(connection, ImportRow, [moment])
+            for table, content in rows:
+                _insert(connection, table, content)
+        return Added(total, 0)
+
+    def merge(self, other: TerrainDatabase) -> Added:
+        """Add every observation of another database: set union. One transaction a drive.
+
+        Raises
+        ------
+        InputError
+            This database cannot be written, or the other cannot be read.
+        """
+        new = known = 0
+        with other._read() as source:
+            for drive in source.execute(select(_table(DriveRow)).order_by(DriveRow.id)).all():
+                with _Written(self) as connection:
+                    is_new = _is_new(connection, drive._asdict())
+                    _insert(connection, ImportRow, _rows_of(source, ImportRow, drive.id))
+                    for table in _OBSERVATIONS if is_new else ():
+                        _insert(connection, table, _rows_of(source, table, drive.id))
+                size = sum(_count(source, table, drive.id) for table in _OBSERVATIONS)
+                new, known = (new + size, known) if is_new else (new, known + size)
+        return Added(new, known)
+
+    def sites(self) -> list[str]:
+        """Names of the sites that drives were made at, sorted."""
+        with self._read() as connection:
+            return sorted({row.site for row in _drive_rows(connection, None, newest=True)})
+
+    def drives(self, site: str | None = None, *, newest: bool = False) -> list[Drive]:
+        """Read the drives back, whole, in the order of their first import.
+
+        Parameters
+        ----------
+        site
+            Only those of this site.
+        newest
+            Of a recording that was processed several times, only the newest processing: what derived results use.
+        """
+        with self._read() as connection:
+            return [_read_drive(connection, row, senses=None) for row in _drive_rows(connection, site, newest)]
+
+    def snapshot(self, site: str | None = None) -> Snapshot:
+        """Derive what is known of a site from its observations and freeze it in memory.
+
+        Parameters
+        ----------
+        site
+            Name of the site; may be left out where the database holds one.
+
+        Raises
+        ------
+        InputError
+            The database holds no such site, or several and none was named.
+        """
+        known = self.sites()
+        if site is None and len(known) > 1:
+            raise InputError(self.name, "several sites, each with its own frame", expected="one of " + ", ".join(known))
+        if site is not None and site not in known:
+            raise InputError(self.name, f"no site {site!r}", expected="one of " + (", ".join(known) or "none yet"))
+        site = site if site is not None else (known[0] if known else "")
+        with self._read() as connection:
+            rows = _drive_rows(connection, site, newest=True)
+            return Snapshot.derive(site, [_read_drive(connection, row, senses=("fused",)) for row in rows])
+
+    def _read(self) -> _Reading:
+        return _Reading(self)
+
+
+class _Reading:
+    """A connection whose faults come out as one line."""
+
+    def __init__(self, database: TerrainDatabase):
+        self._database = database
+        self._connection: Connection | None = None
+
+    def __enter__(self) -> Connection:
+        try:
+            self._connection = self._database._engine.connect()
+        except DBAPIError as error:
+            raise unreachable(self._database._engine.url, error) from error
+        return self._connection
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        assert self._connection is not None
+        self._connection.close()
+        if isinstance(error, DBAPIError):
+            raise unreachable(self._database._engine.url, error) from error
+
+
+class _Written(_Reading):
+    """A transaction: everything or nothing of it is stored, whatever ends it."""
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        assert self._connection is not None
+        try:
+            if error is None:
+                self._connection.commit()
+            else:
+                self._connection.rollback()
+        except DBAPIError as fault:
+            error = fault
+        super().__exit__(kind, error, trace)
+
+
+def _table(row_type: type[Base]) -> Table:
+    return Base.metadata.tables[row_type.__tablename__]
+
+
+def _is_new(connection: Connection, row: dict[str, Any]) -> bool:
+    """Insert a drive row; False where it is there already. Another process that is adding the same drive is awaited."""
+    statement = _insertion(connection, DriveRow).returning(_table(DriveRow).c.id)
+    return connection.execute(statement, row).first() is not None
+
+
+def _insert(connection: Connection, row_type: type[Base], rows: Iterable[dict[str, Any]]) -> None:
+    """Insert rows whose identity is not there yet."""
+    remaining = iter(rows)
+    while chunk := list(islice(remaining, _CHUNK)):
+        connection.execute(_insertion(connection, row_type), chunk)
+
+
+def _insertion(connection: Connection, row_type: type[Base]) -> Insert:
+    dialect = postgresql if connection.dialect.name == "postgresql" else sqlite
+    return dialect.insert(_table(row_type)).on_conflict_do_nothing()
+
+
+def _rows_of(connection: Connection, row_type: type[Base], drive_id: uuid.UUID) -> Iterator[dict[str, Any]]:
+    table = _table(row_type)
+    result = connection.execution_options(yield_per=_CHUNK).execute(select(table).where(table.c.drive_id == drive_id))
+    return (row._asdict() for row in result)
+
+
+def _count(connection: Connection, row_type: type[Base], drive_id: uuid.UUID) -> int:
+    table = _table(row_type)
+    return connection.execute(select(func.count()).where(table.c.drive_id == drive_id)).scalar_one()
+
+
+def _drive_rows(connection: Connection, site: str | None, newest: bool) -> list[Any]:
+    """Drive rows in the order of their first import; with `newest` only the last one of each recording."""
+    drive, imported = _table(DriveRow), _table(ImportRow)
+    first = (
+        select(imported.c.drive_id, func.min(imported.c.imported_at).label("first_import"))
+        .group_by(imported.c.drive_id)
+        .subquery()
+    )
+    query = select(drive).join(first, first.c.drive_id == drive.c.id).order_by(first.c.first_import, drive.c.id)
+    rows = list(connection.execute(query))
+    if newest:  # before the site is looked at: a recording may have been processed again under its right site
+        rows = list({row.recording_digest: row for row in rows}.values())
+    return [row for row in rows if site is None or row.site == site]
+
+
+def _read_drive(connection: Connection, row: Any, senses: tuple[str, ...] | None) -> Drive:
+    """Read one drive back; `senses` limits the terrain observations to those of some senses."""
+    terrain, soil = _table(TerrainRow), _table(SoilRow)
+    wanted = [column for column in terrain.c if column.name not in ("id", "drive_id")]  # identities take the most time
+    looks = select(*wanted).where(terrain.c.drive_id == row.id).order_by(terrain.c.time_s, terrain.c.id)
+    if senses is not None:
+        looks = looks.where(terrain.c.sense.in_(senses))
+    stretches = select(soil).where(soil.c.drive_id == row.id).order_by(soil.c.start_s, soil.c.id)
+    return Drive(
+        recording_digest=row.recording_digest,
+        name=row.name,
+        site=row.site,
+        vehicle_name=row.vehicle_name,
+        start_time=row.start_time,
+        models=row.models,
+        method=row.method,
+        terrain=terrain_observations(connection.execute(looks).all(), row.classes, row.cell_size_m),
+        soils=tuple(soil_observation(entry) for entry in connection.execute(stretches)),
+    )

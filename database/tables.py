@@ -1,0 +1,105 @@
+"""The tables of the terrain database: append-only observations and the drives that they came from.
+
+Nothing derived is stored. Every row has an identity that follows from what it was made of (`Drive.id`), so that
+two databases merge by set union.
+"""
+
+from __future__ import annotations
+
+import uuid
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import JSON, DateTime, Dialect, Double, ForeignKey, Index, Integer, LargeBinary, String, Text, Uuid
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+from sqlalchemy.types import TypeDecorator
+
+
+class UtcDateTime(TypeDecorator[datetime]):
+    """A moment in UTC, on databases with and without time zones."""
+
+    impl = DateTime(timezone=True)
+    cache_ok = True
+
+    def process_bind_param(self, value: datetime | None, dialect: Dialect) -> datetime | None:
+        """Store UTC, without a zone where the database knows none."""
+        if value is None:
+            return None
+        value = value.astimezone(UTC)
+        return value.replace(tzinfo=None) if dialect.name == "sqlite" else value
+
+    def process_result_value(self, value: Any | None, dialect: Dialect) -> datetime | None:
+        """Give UTC back."""
+        if value is None:
+            return None
+        return value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
+
+
+class Base(DeclarativeBase):
+    """The tables' common base."""
+
+
+class DriveRow(Base):
+    """One recording, processed once. `classes` are the columns of the terrain observations' probabilities."""
+
+    __tablename__ = "drive"
+    id: Mapped[uuid.UUID] = mapped_column(Uuid, primary_key=True)
+    recording_digest: Mapped[str] = mapped_column(String(128), index=True)
+    name: Mapped[str] = mapped_column(Text)
+    site: Mapped[str] = mapped_column(Text, index=True)
+    vehicle_name: Mapped[str] = mapped_column(Text)
+    start_time: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    models: Mapped[dict[str, str]] = mapped_column(JSON)
+    method: Mapped[str] = mapped_column(Text)
+    cell_size_m: Mapped[float] = mapped_column(Double)
+    classes: Mapped[list[str]] = mapped_column(JSON)
+
+
+class ImportRow(Base):
+    """When a drive was added to some database; of several (after a merge) the first counts."""
+
+    __tablename__ = "drive_import"
+    id: Mapped[uuid.UUID] = mapped_column(Uuid, primary_key=True)
+    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drive.id"), index=True)
+    imported_at: Mapped[datetime] = mapped_column(UtcDateTime)
+
+
+class TerrainRow(Base):
+    """One look of one sense at one ground cell. `probabilities`: little-endian float32, one a class of the drive."""
+
+    __tablename__ = "terrain_observation"
+    __table_args__ = (Index("ix_terrain_observation_drive_sense", "drive_id", "sense"),)
+    id: Mapped[uuid.UUID] = mapped_column(Uuid, primary_key=True)
+    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drive.id"))
+    time_s: Mapped[float] = mapped_column(Double)
+    cell_x: Mapped[int] = mapped_column(Integer)
+    cell_y: Mapped[int] = mapped_column(Integer)
+    sense: Mapped[str] = mapped_column(String(16))
+    quality: Mapped[float] = mapped_column(Double)
+    unknown: Mapped[bool]
+    probabilities: Mapped[bytes] = mapped_column(LargeBinary)
+    reasons: Mapped[str] = mapped_column(Text)
+
+
+class SoilRow(Base):
+    """The soil felt on one stretch. `estimate` holds the whole estimate; the columns beside it are for SQL's users."""
+
+    __tablename__ = "soil_observation"
+    id: Mapped[uuid.UUID] = mapped_column(Uuid, primary_key=True)
+    drive_id: Mapped[uuid.UUID] = mapped_column(ForeignKey("drive.id"), index=True)
+    start_s: Mapped[float] = mapped_column(Double)
+    end_s: Mapped[float] = mapped_column(Double)
+    x_m: Mapped[float | None] = mapped_column(Double)
+    y_m: Mapped[float | None] = mapped_column(Double)
+    class_probabilities: Mapped[dict[str, float]] = mapped_column(JSON)
+    c_Pa: Mapped[float | None] = mapped_column(Double)
+    tan_phi: Mapped[float | None] = mapped_column(Double)
+    variance_c: Mapped[float | None] = mapped_column(Double)
+    covariance_c_tan_phi: Mapped[float | None] = mapped_column(Double)
+    variance_tan_phi: Mapped[float | None] = mapped_column(Double)
+    normal_stress_low_Pa: Mapped[float | None] = mapped_column(Double)
+    normal_stress_high_Pa: Mapped[float | None] = mapped_column(Double)
+    load_N: Mapped[float | None] = mapped_column(Double)
+    effects: Mapped[list[dict[str, Any]]] = mapped_column(JSON)
+    gate_reason: Mapped[str] = mapped_column(Text)
+    estimate: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))

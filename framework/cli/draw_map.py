@@ -1,0 +1,31 @@
+"""`bevameter map`: a picture of what the terrain database knows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    out: Annotated[Path, typer.Option("--out", help="The picture: .png, .svg or .pdf.")],
+    db: Annotated[str, typer.Option("--db", help="Terrain database: a path or an SQLAlchemy URL.")] = (
+        "sqlite:///terrain.db"
+    ),
+    site: Annotated[str | None, typer.Option("--site", help="Which site, where the database holds several.")] = None,
+    track: Annotated[
+        list[Path] | None, typer.Option("--track", help="A recording whose way is drawn on top; may be repeated.")
+    ] = None,
+) -> None:
+    """Draw the ground by class, the surer the more opaque, and the soil where the wheels felt it."""
+    from ...database.store import TerrainDatabase
+    from ..core.recording.open import read_recording
+    from ..map_picture import draw_map
+    from .printing import check_writable
+
+    check_writable(out)
+    recordings = [read_recording(path) for path in track or []]
+    with TerrainDatabase(db, must_exist=True) as database:
+        draw_map(database, out, site=site, tracks=recordings)
+    print(f"map written to {out}")

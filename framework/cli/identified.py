@@ -1,0 +1,85 @@
+"""How `bevameter identify` prints what it found."""
+
+from __future__ import annotations
+
+import math
+
+from ...identification.identify import Identification, Segment
+from ..core.soil import Quantity, SoilEstimate
+from .printing import print_rows
+
+_SHOWN = {
+    "c_Pa": ("cohesion c", "kPa", 1e-3),
+    "phi_rad": ("friction angle phi", "deg", 180.0 / math.pi),
+    "k_m": ("shear modulus k", "mm", 1e3),
+    "stiffness_Pa": ("stiffness k1 + k2 b", "kPa", 1e-3),
+    "n": ("sinkage exponent n", "-", 1.0),
+}
+
+
+def print_identification(result: Identification) -> None:
+    """Print the overall estimate, then what became of each stretch."""
+    if result.overall is None:
+        print("No row could be used:")
+    else:
+        _print_estimate(result.overall)
+        print()
+    print_rows(
+        ["stretch", "rows", "c [kPa]", "phi [deg]", "why not"],
+        [_segment_row(segment) for segment in result.segments],
+        title="Stretches",
+    )
+    for problem in result.problems:
+        print(f"note: {problem}")
+
+
+def _print_estimate(estimate: SoilEstimate) -> None:
+    print(f"Soil from {estimate.n} rows of {', '.join(estimate.channels)} (method {estimate.method})")
+    rows = []
+    for name, quantity in estimate.parameters.items():
+        label, unit, scale = _SHOWN[name]
+        determined = "yes" if estimate.separable[name] else "no"
+        if quantity.low == quantity.high:
+            determined = "given"
+        rows.append([label, unit, f"{quantity.value * scale:.4g}", _interval(quantity, scale), determined])
+    print_rows(["parameter", "unit", "value", "95 % interval", "determined"], rows)
+    print_rows(
+        ["normal stress [kPa]", "shear strength [kPa]", "95 % interval"],
+        [
+            [
+                f"{strength.normal_stress_Pa / 1e3:.3g}",
+                f"{strength.value_Pa / 1e3:.3g}",
+                f"{strength.low_Pa / 1e3:.3g} to {strength.high_Pa / 1e3:.3g}",
+            ]
+            for strength in estimate.shear_strength
+        ],
+        title="Shear strength over the stresses driven",
+    )
+    if estimate.misfit > 1.2:
+        print(
+            f"The model misses the channels by {estimate.misfit:.1f} times the sensors' noise; the intervals carry that. "
+            "Something is left out of the model."
+        )
+    if estimate.advice:
+        print(f"Advice: {estimate.advice}.")
+    for problem in estimate.problems:
+        print(f"note: {problem}")
+
+
+def _interval(quantity: Quantity, scale: float) -> str:
+    return f"{quantity.low * scale:.4g} to {quantity.high * scale:.4g}"
+
+
+def _segment_row(segment: Segment) -> list[str]:
+    where = "steady-state trials" if math.isnan(segment.start_s) else f"{segment.start_s:.1f} to {segment.end_s:.1f} s"
+    if segment.estimate is None:
+        return [where, str(segment.n), "", "", segment.reason]
+    c, phi = segment.estimate.parameters["c_Pa"], segment.estimate.parameters["phi_rad"]
+    degrees = 180.0 / math.pi
+    return [
+        where,
+        str(segment.estimate.n),
+        f"{c.value / 1e3:.2f} ({c.low / 1e3:.2f} to {c.high / 1e3:.2f})",
+        f"{phi.value * degrees:.1f} ({phi.low * degrees:.1f} to {phi.high * degrees:.1f})",
+        "",
+    ]

@@ -1,0 +1,54 @@
+"""How reading commands print what they found: ``--format table|json|csv|geojson``."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from ..core.errors import InputError
+
+FORMATS = ("table", "json", "csv", "geojson")
+"""What ``--format`` takes."""
+
+
+def check_format(name: str, allowed: Sequence[str] = FORMATS) -> str:
+    """Give the format back; raises `InputError` where there is no such format."""
+    if name not in allowed:
+        raise InputError("--format", f"{name!r}", expected=" or ".join(allowed))
+    return name
+
+
+def print_json(page: Any) -> None:
+    """Print JSON on one page; NaN is a fault of the caller (`ValueError`), for JSON knows none."""
+    print(json.dumps(page, ensure_ascii=False, allow_nan=False, indent=1))
+
+
+def print_csv(rows: Sequence[dict[str, Any]]) -> None:
+    """Print rows as CSV; columns in the order in which they first appear, cells empty where a row has no value."""
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    writer = csv.DictWriter(sys.stdout, columns, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+
+
+def print_table(rows: Sequence[dict[str, str]], empty: str) -> None:
+    """Print rows of text under their headings, or the line `empty` where there is none."""
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    console = Console(highlight=False)
+    if not console.is_terminal:  # a file or a pipe: never break a line
+        console = Console(highlight=False, width=400)
+    if not rows:
+        console.print(Text(empty))
+        return
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for name in rows[0]:
+        table.add_column(Text(name), overflow="fold")
+    for row in rows:
+        table.add_row(*(Text(cell) for cell in row.values()))
+    console.print(table)

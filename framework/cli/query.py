@@ -1,0 +1,245 @@
+"""`bevameter query`: ask the terrain database from the command line."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ..core.errors import InputError
+from .output import FORMATS, check_format, print_csv, print_json, print_table
+
+if TYPE_CHECKING:
+    from ...database.answer import GroundAnswer
+    from ...database.snapshot import Snapshot
+
+# Negative coordinates look like options: what is no option is left to be an argument.
+_NUMBERS = {"ignore_unknown_options": True}
+
+app = typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=None)
+
+Db = Annotated[str, typer.Option("--db", help="Path or SQLAlchemy URL of the terrain database.")]
+Site = Annotated[str | None, typer.Option("--site", help="Which site, where the database holds several.")]
+Confidence = Annotated[float, typer.Option("--confidence", help="Of the lower bounds, at least 0.5, less than 1.")]
+Stress = Annotated[str, typer.Option("--normal-stress", help='Where shear strength is wanted, such as "20 kPa".')]
+Format = Annotated[str, typer.Option("--format", help=" | ".join(FORMATS))]
+
+_DB = "sqlite:///terrain.db"
+_STRESS = "20 kPa"
+
+
+@app.command("classes", help="What is known of every class.")
+def classes(
+    db: Db = _DB, site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = _STRESS,
+    format: Format = "table",
+) -> None:  # fmt: skip
+    """Print one row a class."""
+    _print_classes("classes", None, db, site, confidence, normal_stress, format)
+
+
+@app.command("class", help="What is known of one class.")
+def one_class(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="The class.")],
+    db: Db = _DB, site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = _STRESS,
+    format: Format = "table",
+) -> None:  # fmt: skip
+    """Print the row of one class."""
+    _print_classes("class", name, db, site, confidence, normal_stress, format)
+
+
+@app.command("at", help="What the ground at a place can bear.", context_settings=_NUMBERS)
+def at(
+    x: Annotated[str, typer.Argument(metavar="X", help="East [m].")],
+    y: Annotated[str, typer.Argument(metavar="Y", help="North [m].")],
+    db: Db = _DB, site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = _STRESS,
+    format: Format = "table",
+) -> None:  # fmt: skip
+    """Print the row of one place."""
+    place = _number("X", x), _number("Y", y)
+    _print_places("at", lambda view, asked: view.at(*place, **asked), db, site, confidence, normal_stress, format)
+
+
+@app.command("along", help="What the ground along a path can bear.")
+def along(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="CSV with columns x_m, y_m.")],
+    db: Db = _DB, site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = _STRESS,
+    format: Format = "table",
+) -> None:  # fmt: skip
+    """Print one row a place of the path."""
+    path = _read_path(file)
+    _print_places("along", lambda view, asked: view.along(path, **asked), db, site, confidence, normal_stress, format)
+
+
+@app.command("near", help="All cells that were seen near a place.", context_settings=_NUMBERS)
+def near(
+    x: Annotated[str, typer.Argument(metavar="X", help="East [m].")],
+    y: Annotated[str, typer.Argument(metavar="Y", help="North [m].")],
+    radius: Annotated[str, typer.Option("--radius", help="How far around [m].")],
+    db: Db = _DB, site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = _STRESS,
+    format: Format = "table",
+) -> None:  # fmt: skip
+    """Print one row a cell."""
+    circle = _number("X", x), _number("Y", y), _number("--radius", radius)
+    _print_places("near", lambda view, asked: view.near(*circle, **asked), db, site, confidence, normal_stress, format)
+
+
+def _open(db: str, site: str | None) -> Snapshot:
+    from ...database.store import TerrainDatabase
+
+    with TerrainDatabase(db, must_exist=True) as database:
+        return database.snapshot(site)
+
+
+def _print_places(
+    query: str,
+    ask: Callable[[Snapshot, dict[str, float]], GroundAnswer],
+    db: str, site: str | None, confidence: float, normal_stress: str, form: str,
+) -> None:  # fmt: skip
+    check_format(form)
+    stress = _pascals(normal_stress)
+    view = _open(db, site)
+    answer = ask(view, {"normal_stress": stress, "confidence": confidence})
+
+    from ...database.exports import answer_rows, flat, geojson
+
+    rows = answer_rows(answer)
+    if form == "json":
+        print_json(_page(query, view, stress, confidence) | {"places": rows})
+    elif form == "csv":
+        print_csv([flat(row) for row in rows])
+    elif form == "geojson":
+        print_json(geojson(rows, view.site, view.cell_size_m if query == "near" else None))
+    else:
+        print_table([_place_text(row, stress, confidence) for row in rows], "unknown: nobody has seen ground there")
+
+
+def _print_classes(
+    query: str, name: str | None, db: str, site: str | None, confidence: float, normal_stress: str, form: str
+) -> None:
+    check_format(form, [known for known in FORMATS if known != "geojson"])
+    stress = _pascals(normal_stress)
+    view = _open(db, site)
+
+    from ...database.exports import class_rows, flat
+
+    if name is not None:
+        view.class_answer(name)  # finds out whether there is such a class
+    rows = class_rows(view, normal_stress=stress, confidence=confidence)
+    rows = [row for row in rows if name is None or row["class"] == name]
+    if form == "json":
+        print_json(_page(query, view, stress, confidence) | {"classes": rows})
+    elif form == "csv":
+        print_csv([flat(row) for row in rows])
+    else:
+        print_table([_class_text(row, stress, confidence) for row in rows], "unknown: no class was recognised yet")
+
+
+def _page(query: str, view: Snapshot, stress: float, confidence: float) -> dict[str, Any]:
+    return {
+        "schema": 1,
+        "query": query,
+        "site": view.site,
+        "cell_size_m": view.cell_size_m,
+        "normal_stress_Pa": stress,
+        "confidence": confidence,
+    }
+
+
+def _place_text(row: dict[str, Any], stress: float, confidence: float) -> dict[str, str]:
+    place = {"x [m]": _text(row["x_m"], ".2f"), "y [m]": _text(row["y_m"], ".2f")}
+    ranked = sorted((row["class_probabilities"] or {}).items(), key=lambda entry: -entry[1])
+    terrain = ", ".join(f"{name} {share:.0%}" for name, share in ranked[:3] if share >= 0.005)
+    strength = _strength_text(row, stress, confidence)
+    seen = {"age": _age(row["age_s"]), "drives": str(row["observations"])}
+    return place | {"terrain": terrain or "unknown"} | strength | seen
+
+
+def _class_text(row: dict[str, Any], stress: float, confidence: float) -> dict[str, str]:
+    counts = {"cells": str(row["cells"]), "stretches": str(row["observations"])}
+    return {"class": row["class"]} | counts | _strength_text(row, stress, confidence)
+
+
+def _strength_text(row: dict[str, Any], stress: float, confidence: float) -> dict[str, str]:
+    names = ("c [kPa]", "phi [deg]", f"strength at {stress / 1e3:g} kPa [kPa]", f"{confidence:.4g} lower bound [kPa]")
+    if not row["known"]:
+        return dict.fromkeys(names, "") | {names[0]: f"unknown: {row['unknown']}"}
+    covariance = row["covariance_c_tan_phi"]
+    degrees = math.degrees(math.sqrt(covariance[1][1]) / (1.0 + row["tan_phi"] ** 2))
+    texts = (
+        f"{row['c_Pa'] / 1e3:.2f} ± {math.sqrt(covariance[0][0]) / 1e3:.2f}",
+        f"{math.degrees(row['phi_rad']):.1f} ± {degrees:.1f}",
+        f"{row['shear_strength_Pa'] / 1e3:.2f}",
+        f"{row['shear_strength_lower_Pa'] / 1e3:.2f}",
+    )
+    return dict(zip(names, texts, strict=True))
+
+
+def _text(value: float | None, form: str) -> str:
+    return "unknown" if value is None else format(value, form)
+
+
+def _age(seconds: float | None) -> str:
+    if seconds is None:
+        return "unknown"
+    for unit, length in (("d", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if abs(seconds) >= length:
+            return f"{seconds / length:.1f} {unit}"
+    return f"{seconds:.0f} s"
+
+
+def _number(name: str, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(name, f"{text!r}", expected="a finite number [m]")
+    return value
+
+
+def _pascals(text: str) -> float:
+    """Read a pressure; a bare number is in pascals."""
+    import pint
+
+    try:
+        quantity = pint.Quantity(text)
+        value = quantity.magnitude if quantity.dimensionless else quantity.m_as("Pa")
+        value = float(value)
+    except Exception as error:  # pint raises its own, and the tokenizer's, errors for what it cannot read
+        raise InputError("--normal-stress", f"{text!r}", expected='a pressure such as "20 kPa"') from error
+    if not (math.isfinite(value) and value >= 0):
+        raise InputError("--normal-stress", f"{text!r}", expected="a finite pressure, not negative")
+    return value
+
+
+def _read_path(file: Path) -> list[tuple[float, float]]:
+    import csv
+
+    try:
+        with file.open(newline="", encoding="utf-8-sig") as stream:
+            rows = csv.DictReader(stream)
+            for name in ("x_m", "y_m"):
+                if name not in (rows.fieldnames or ()):
+                    found = ", ".join(rows.fieldnames or ()) or "no columns"
+                    raise InputError(file, f"no column {name}", expected=f"columns x_m, y_m, found {found[:200]}")
+            path = [tuple(_cell(file, rows.line_num, name, row[name]) for name in ("x_m", "y_m")) for row in rows]
+    except FileNotFoundError:
+        raise InputError(file, "no such file", expected="a CSV file with columns x_m, y_m") from None
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(file, str(error), expected="a CSV text file with columns x_m, y_m") from error
+    if not path:
+        raise InputError(file, "no rows", expected="at least one place")
+    return [(x, y) for x, y in path]
+
+
+def _cell(file: Path, row: int, name: str, text: str | None) -> float:
+    try:
+        value = float(text or "")
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(file, f"{text!r}", expected="a finite number [m]", place=f"row {row}, column {name}")
+    return value

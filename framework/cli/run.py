@@ -1,0 +1,45 @@
+"""`bevameter run`: a recording in, a filled terrain database out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    recording: Annotated[
+        Path, typer.Argument(metavar="RECORDING", help="A recording's folder, wheel file, ROS bag or MCAP file.")
+    ],
+    db: Annotated[str, typer.Option("--db", help="Terrain database: a path or an SQLAlchemy URL.")],
+    vehicle: Annotated[
+        Path | None, typer.Option("--vehicle", help="vehicle.toml, instead of the recording's own.")
+    ] = None,
+    topics: Annotated[
+        Path | None, typer.Option("--topics", help="TOML map from a bag's topics to streams, where names do not tell.")
+    ] = None,
+    models: Annotated[
+        Path | None,
+        typer.Option(
+            "--models",
+            help="Folder with vision.skops and audio.skops; NAME.models beside NAME.db where absent, and else small "
+            "models of synthetic ground.",
+        ),
+    ] = None,
+    json: Annotated[Path | None, typer.Option("--json", help="Write the summary as JSON.")] = None,
+) -> None:
+    """Read, recognise, fuse, identify, store, and say what was found."""
+    from ..core.recording.open import read_recording
+    from ..traverse import run_traverse
+    from .printing import check_writable, progress_bars, write_json
+    from .run_summary import print_summary
+
+    if json is not None:
+        check_writable(json)
+    with progress_bars() as progress:
+        drive = read_recording(recording, vehicle=vehicle, topics=topics)
+        summary = run_traverse(drive, db, models=models, progress=progress)
+    if json is not None:
+        write_json(summary.as_dict(), json)
+    print_summary(summary)

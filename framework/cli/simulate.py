@@ -1,0 +1,30 @@
+"""`bevameter simulate`: what a wheel would sense on a known soil."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    drive: Annotated[
+        Path, typer.Argument(metavar="DRIVE", help="Wheel file with load_N and slip (or the two speeds).")
+    ],
+    vehicle: Annotated[Path, typer.Option("--vehicle", help="Vehicle TOML.")],
+    soil: Annotated[Path, typer.Option("--soil", help="Soil TOML with c_Pa, phi_deg, k_m, stiffness_Pa and n.")],
+    out: Annotated[Path, typer.Option("--out", help="Wheel file to write: CSV, or Parquet by its ending.")],
+    effect: Annotated[
+        list[str] | None, typer.Option("--effect", help="Physics beyond the textbook wheel, by slug; repeatable.")
+    ] = None,
+) -> None:
+    """Add torque, sinkage and drawbar pull to a drive."""
+    from ...identification.simulate import simulate
+    from ..core.recording.write import write_wheel_file
+    from .printing import check_writable
+
+    check_writable(out)
+    table = simulate(vehicle, soil, drive, tuple(effect or ()))
+    write_wheel_file(table, out)
+    print(f"{len(table)} rows written to {out}")

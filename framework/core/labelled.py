@@ -1,0 +1,158 @@
+"""Labelled folders: what the senses are trained on (CONTRACTS.md, "`bevameter train`")."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from .errors import InputError
+from .evidence import UNKNOWN
+from .recording.paths import inside
+from .recording.tables import Table, read_table
+
+MEDIA_SUFFIXES = (
+    ".jpg", ".jpeg", ".png", ".wav", ".flac", ".ogg", ".aif", ".aiff", ".csv", ".csv.gz", ".parquet",
+)  # fmt: skip
+"""Files that count where sub-folders name the classes; others, such as a licence, are passed over."""
+
+_OWN = frozenset({"file", "class", "group", "start_s", "end_s"})
+
+
+@dataclass(frozen=True)
+class LabelledFile:
+    """A file, or a stretch of one, whose class is known.
+
+    Parameters
+    ----------
+    file
+        The file; it exists.
+    class_name
+        Its class.
+    group
+        What must stay on one side of a split: source, site, photograph, run.
+    start_s, end_s
+        The stretch [s] from the file's beginning; None for the file's own ends.
+    extra
+        Further columns of the index by name, as text; `wheel_file`, where it is given, is an absolute `Path` to a file
+        that exists.
+    """
+
+    file: Path
+    class_name: str
+    group: str
+    start_s: float | None = None
+    end_s: float | None = None
+    extra: Mapping[str, str | Path] = field(default_factory=dict)
+
+
+def read_labelled(folder: str | Path) -> list[LabelledFile]:
+    """Read a labelled folder: by its `index.csv`, or by its sub-folders, each named by a class.
+
+    `index.csv` has columns `file`, `class`, `group`, and may have `start_s`, `end_s` and others. Without it each file
+    of a sub-folder is a group of its own.
+
+    Parameters
+    ----------
+    folder
+        The folder.
+
+    Returns
+    -------
+    list of LabelledFile
+        In the order of the index, or sorted by class and name.
+
+    Raises
+    ------
+    InputError
+        The folder or a file is missing, a name leads out of the folder, a class or group is blank, a stretch ends
+        before it starts, or there are fewer than two classes.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        problem = "a file" if folder.exists() else "no such folder"
+        raise InputError(folder, problem, expected="a folder with index.csv, or with sub-folders named by class")
+    index = folder / "index.csv"
+    labelled = _from_index(folder, index) if index.is_file() else _from_folders(folder)
+    classes = sorted({item.class_name for item in labelled})
+    if len(classes) < 2:
+        raise InputError(
+            index if index.is_file() else folder, f"one class only, {classes[0]!r}", expected="two classes or more"
+        )
+    return labelled
+
+
+def _from_index(folder: Path, index: Path) -> list[LabelledFile]:
+    table = read_table(index, numbers=frozenset({"start_s", "end_s"}), text=None)
+    for name in ("file", "class", "group"):
+        if name not in table.text:
+            there = ", ".join((*table.text, *table.numbers))
+            raise InputError(index, f"no column {name}; there are {there}", expected="file, class, group")
+    extras = [name for name in table.text if name not in _OWN]
+    labelled: list[LabelledFile] = []
+    for row in range(len(table)):
+        class_name = _filled(table, row, "class")
+        if class_name == UNKNOWN:
+            raise InputError(
+                index, repr(UNKNOWN), expected="a class; this is the answer of a closed gate",
+                place=table.place(row, "class"),
+            )  # fmt: skip
+        start_s, end_s = _stretch(table, row)
+        extra: dict[str, str | Path] = {name: table.text[name][row] for name in extras}
+        if extra.get("wheel_file"):
+            extra["wheel_file"] = _existing(folder, table, row, "wheel_file").absolute()
+        labelled.append(
+            LabelledFile(
+                _existing(folder, table, row, "file"), class_name, _filled(table, row, "group"), start_s, end_s, extra
+            )
+        )
+    return labelled
+
+
+def _filled(table: Table, row: int, name: str) -> str:
+    cell = str(table.text[name][row])
+    if not cell:
+        raise InputError(table.source, "an empty cell", expected=f"a {name}", place=table.place(row, name))
+    return cell
+
+
+def _existing(folder: Path, table: Table, row: int, name: str) -> Path:
+    place = table.place(row, name)
+    path = inside(folder, _filled(table, row, name), table.source, place)
+    if not path.is_file():
+        raise InputError(table.source, f"no file {path}", expected="a file that exists", place=place)
+    return path
+
+
+def _stretch(table: Table, row: int) -> tuple[float | None, float | None]:
+    ends: list[float | None] = []
+    for name in ("start_s", "end_s"):
+        value = table.numbers[name][row] if name in table.numbers else np.nan
+        if np.isinf(value) or value < 0:
+            raise InputError(table.source, f"{value:g}", expected="seconds from 0", place=table.place(row, name))
+        ends.append(None if np.isnan(value) else float(value))
+    start_s, end_s = ends
+    if end_s is not None and end_s <= (start_s or 0.0):
+        raise InputError(
+            table.source, f"{start_s or 0.0:g} s to {end_s:g} s", expected="start_s < end_s",
+            place=table.place(row, "end_s"),
+        )  # fmt: skip
+    return start_s, end_s
+
+
+def _from_folders(folder: Path) -> list[LabelledFile]:
+    labelled: list[LabelledFile] = []
+    for class_folder in sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith(".")):
+        if class_folder.name == UNKNOWN:
+            raise InputError(class_folder, "a class of this name", expected="a class; this is a closed gate's answer")
+        files = sorted(path for path in class_folder.iterdir() if path.name.lower().endswith(MEDIA_SUFFIXES))
+        for file in files:
+            name = f"{class_folder.name}/{file.name}"
+            labelled.append(LabelledFile(inside(folder, name, folder, "a sub-folder"), class_folder.name, name))
+    if not labelled:
+        raise InputError(
+            folder, "neither index.csv nor images, sounds or tables in sub-folders", expected="a labelled folder"
+        )
+    return labelled

@@ -1,0 +1,262 @@
+"""Recordings that are bags: ROS 1, ROS 2 (SQLite, MCAP) and plain MCAP, without ROS (see `topic_map`, `bag_files`)."""
+
+from __future__ import annotations
+
+import struct
+from collections import Counter
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..vehicle import Vehicle
+from .bag_files import BagFile, Message
+from .bag_messages import DecodeError, decode, number
+from .bag_messages import field as field_of
+from .bag_streams import BagCamera, BagSound, SoundLayout, is_mp3, message_time, samples_of
+from .bag_wheel import WheelChannels, merge, reading
+from .digest import StreamDigest
+from .media import MAX_CHANNELS, SAMPLE_RATES
+from .streams import pose_from_wheel
+from .topic_map import PoseTopic, Recognised, SoundTopic, TopicMap, complete, load_topic_map, recognise, short_type
+from .types import Pose, Recording
+from .wheel_file import derive_all
+
+_EARLIEST_NS = 946_684_800 * 10**9  # the year 2000: a clock below it counts from the computer's start
+_MP3_MESSAGES = 4
+_LONGEST_SOUND_S = 7 * 86400.0  # a damaged time would make for silence without end
+_SAMPLE_FORMATS = {"U8": "pcm8", "S16LE": "pcm16", "S32LE": "pcm32", "F32LE": "float32"}
+
+
+@dataclass
+class _Gathered:
+    """What the pass over a bag's messages collects: numbers, and times of images and sounds."""
+
+    times: dict[str, list[int]]
+    wheel: list[WheelChannels]
+    poses: list[tuple[float, float, float]] = field(default_factory=list)
+    pose_times: list[int] = field(default_factory=list)
+    frames: list[int] = field(default_factory=list)
+    undecoded: Counter[str] = field(default_factory=Counter)
+    reasons: dict[str, str] = field(default_factory=dict)
+    mp3: int = 0
+
+    def fail(self, topic: str, reason: str) -> None:
+        self.undecoded[topic] += 1
+        self.reasons.setdefault(topic, reason)
+
+
+def read_bag(path: Path, *, vehicle: Vehicle | None = None, topics: Path | None = None) -> Recording:
+    """Read a bag; wheel channels, poses and the times of images and sounds into memory, images and sound as streams.
+
+    Parameters
+    ----------
+    path
+        A ``.bag``, ``.mcap`` or ``.db3`` file, or a ROS 2 bag's folder.
+    vehicle
+        The vehicle.
+    topics
+        The topic map; None to go by the topics' names and types.
+
+    Returns
+    -------
+    Recording
+        Its clock starts at the first message that is used. `problems` says what was cut off, damaged or taken for
+        granted.
+
+    Raises
+    ------
+    InputError
+        The file is no bag, nothing of it can be read, no topic is recognised, or the map does not fit it.
+    """
+    bag = BagFile(path)
+    first = bag.first_messages()
+    if not first:
+        raise InputError(path, "; ".join(bag.problems) or "no message in it", expected="a bag with messages")
+    samples = {name: content for name, message in first.items() if (content := message_time(message)[1]) is not None}
+    names = {name: message.topic for name, message in first.items()}
+    given = None if topics is None else load_topic_map(topics)
+    known = recognise(names, samples, path) if given is None else complete(given, names, samples, path)
+    sound = _with_info(known.topics.sound, None if given is None else given.sound, first, samples, path)
+    digest = StreamDigest()
+    gathered = _gather(bag, known.topics, sound, digest, path)
+    problems = [*bag.problems, *known.assumed, *_undecoded(gathered)]
+    every = [time for times in gathered.times.values() for time in times]
+    if not every:
+        raise InputError(path, "no message of the streams can be read", expected="a bag with messages")
+    origin = min(every)
+    problems += [
+        f"{channels.source.topic}: force z is negative, taken as a load with its sign turned"
+        for channels in gathered.wheel
+        if channels.source.topic in known.guessed_wrenches and channels.turn_load_up()
+    ]
+    wheel, found = merge(gathered.wheel, origin, known.topics.max_gap_s, path)
+    problems += found
+    pose = _pose(gathered, origin)
+    if wheel is not None:
+        wheel = wheel if vehicle is None else derive_all(wheel, vehicle)
+        pose = pose or pose_from_wheel(wheel, vehicle)
+    return Recording(
+        name=known.topics.name or path.resolve().name.split(".")[0],
+        source=path,
+        vehicle=vehicle,
+        start_time=datetime.fromtimestamp(origin / 1e9, UTC) if origin > _EARLIEST_NS else None,
+        site=known.topics.site,
+        digest=digest.hexdigest(),
+        wheel=wheel,
+        pose=pose,
+        camera=_camera(bag, known, gathered, origin),
+        sound=_sound(bag, sound, gathered, origin, known, problems),
+        problems=tuple(problems),
+    )
+
+
+def _with_info(
+    sound: SoundTopic | None, given: SoundTopic | None, first: dict[str, Message], samples: dict[str, Any], path: Path
+) -> SoundTopic | None:
+    """Fill in sample rate, channels and format of the sound by the bag's AudioInfo, where the map leaves them out."""
+    if sound is None:
+        return None
+    info = next((samples[n] for n, m in first.items() if short_type(m.topic) == "AudioInfo" and n in samples), None)
+    if info is not None:
+        try:
+            rate, channels = int(number(info, "sample_rate")), int(number(info, "channels"))
+            form = _SAMPLE_FORMATS.get(str(field_of(info, "sample_format")).upper())
+        except DecodeError:
+            rate, channels, form = 0, 0, None
+        low, high = SAMPLE_RATES
+        sound = sound.model_copy(
+            update={
+                "sample_rate_Hz": sound.sample_rate_Hz or (rate if low <= rate <= high else None),
+                "channels": sound.channels or (channels if 1 <= channels <= MAX_CHANNELS else 1),
+                "format": sound.format if form is None or (given is not None and given.format) else form,
+            }
+        )
+    if given is not None and sound.sample_rate_Hz is None:
+        raise InputError(
+            path, f"the sample rate of {sound.topic} is not known", expected="sample_rate_Hz under [sound]"
+        )
+    return sound
+
+
+def _gather(bag: BagFile, known: TopicMap, sound: SoundTopic | None, digest: StreamDigest, path: Path) -> _Gathered:
+    """Pass once over the messages of the streams."""
+    gathered = _Gathered({}, [WheelChannels(source) for source in known.wheel])
+    by_topic: dict[str, list[WheelChannels]] = {}
+    for channels in gathered.wheel:
+        by_topic.setdefault(channels.source.topic, []).append(channels)
+    camera = None if known.camera is None else known.camera.topic
+    wanted = {*by_topic, *(part.topic for part in (known.pose, known.camera, sound) if part is not None)}
+    for message in bag.messages(wanted):
+        topic = message.topic.name
+        digest.add(topic, struct.pack("<qQ", message.time_ns, len(message.data)))
+        digest.add(topic, message.data)
+        time_ns, content = message_time(message)
+        gathered.times.setdefault(topic, []).append(time_ns)
+        if content is None:
+            gathered.fail(topic, _reason(message))
+        try:
+            for channels in by_topic.get(topic, ()):
+                channels.add(time_ns, content)
+            if known.pose is not None and topic == known.pose.topic and content is not None:
+                gathered.poses.append(_pose_of(content, known.pose))
+                gathered.pose_times.append(time_ns)
+        except DecodeError as error:
+            if content is not None:
+                gathered.fail(topic, str(error))
+        if sound is not None and topic == sound.topic:
+            _add_sound(gathered, message, content, sound)
+    _refuse_empty(gathered, camera, path)
+    return gathered
+
+
+def _reason(message: Message) -> str:
+    try:
+        decode(message)
+    except DecodeError as error:
+        return str(error)
+    return "cannot be decoded"
+
+
+def _add_sound(gathered: _Gathered, message: Message, content: Any, sound: SoundTopic) -> None:
+    frames = 0
+    if content is not None:
+        try:
+            frames = len(samples_of(content, sound.field or "data", sound.format or "pcm16", sound.channels or 1))
+        except DecodeError as error:
+            gathered.fail(sound.topic, str(error))
+        if len(gathered.frames) < _MP3_MESSAGES:
+            gathered.mp3 += is_mp3(message, content, sound.field or "data")
+    gathered.frames.append(frames)
+
+
+def _refuse_empty(gathered: _Gathered, camera: str | None, path: Path) -> None:
+    """Refuse a topic of numbers of which not one message could be used: its map or its type is wrong."""
+    for topic, times in gathered.times.items():
+        if topic != camera and gathered.undecoded[topic] >= len(times):
+            raise InputError(path, gathered.reasons[topic], expected="fields that its messages have", place=topic)
+
+
+def _undecoded(gathered: _Gathered) -> list[str]:
+    return [
+        f"{topic}: {count} of {len(gathered.times[topic])} messages cannot be used, first: {gathered.reasons[topic]}"
+        for topic, count in gathered.undecoded.items()
+    ]
+
+
+def _pose_of(content: Any, source: PoseTopic) -> tuple[float, float, float]:
+    if source.fields:
+        if missing := [name for name in ("x_m", "y_m", "yaw_rad") if name not in source.fields]:
+            raise DecodeError(f"the topic map gives no field for {missing[0]}")
+        x, y, yaw = (reading(content, source.fields[name]) for name in ("x_m", "y_m", "yaw_rad"))
+        return x, y, yaw
+    pose = field_of(content, source.pose or "pose")
+    qx, qy, qz, qw = (number(pose, f"orientation.{axis}") for axis in "xyzw")
+    yaw = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+    return number(pose, "position.x"), number(pose, "position.y"), float(yaw)
+
+
+def _pose(gathered: _Gathered, origin: int) -> Pose | None:
+    if not gathered.poses:
+        return None
+    time = (np.array(gathered.pose_times, dtype=np.int64) - origin) * 1e-9
+    rows = np.array(gathered.poses)
+    order = np.argsort(time, kind="stable")
+    order = order[np.isfinite(rows[order]).all(axis=1)]
+    return Pose(time[order], rows[order, 0], rows[order, 1], np.unwrap(rows[order, 2])) if len(order) else None
+
+
+def _camera(bag: BagFile, known: Recognised, gathered: _Gathered, origin: int) -> BagCamera | None:
+    if known.topics.camera is None:
+        return None
+    topic = known.topics.camera.topic
+    time = np.maximum.accumulate(np.array(gathered.times.get(topic, []), dtype=np.int64))
+    return BagCamera(bag, topic, time, origin) if len(time) else None
+
+
+def _sound(
+    bag: BagFile, sound: SoundTopic | None, gathered: _Gathered, origin: int, known: Recognised, problems: list[str]
+) -> BagSound | None:
+    if sound is None or not sum(gathered.frames):
+        return None
+    if gathered.mp3 == min(len(gathered.frames), _MP3_MESSAGES):
+        problems.append(f"{sound.topic}: MP3 data, which is not read; record it as wave")
+        return None
+    if sound.sample_rate_Hz is None:
+        problems.append(f"{sound.topic}: sound of an unknown sample rate, left out; a topic map's [sound] can give it")
+        return None
+    start_s = (np.array(gathered.times[sound.topic], dtype=np.int64) - origin) * 1e-9
+    layout = SoundLayout(
+        sound.topic, sound.field or "data", sound.format or "pcm16", sound.channels or 1, sound.sample_rate_Hz,
+        start_s, np.array(gathered.frames, dtype=np.int64),
+    )  # fmt: skip
+    stream = BagSound(bag, layout)
+    if stream.duration_s > _LONGEST_SOUND_S:
+        problems.append(f"{sound.topic}: its messages' times span {stream.duration_s:.0f} s, sound is left out")
+        return None
+    if stream.gap_s > 0:
+        problems.append(f"{sound.topic}: {stream.gap_s:.2f} s of {stream.duration_s:.2f} s of sound are missing")
+    return stream

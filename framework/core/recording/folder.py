@@ -1,0 +1,250 @@
+"""A recording that is a folder (CONTRACTS.md, "A recording").
+
+`recording.toml` is optional, and so is each of its keys; a stream that it does not mention is read if its file is
+there, one that it lists must be there::
+
+    name = "sand pit, second run"          # the folder's name where absent
+    start_time = 2024-05-01T10:00:00Z      # a TOML date-time; UTC where it names no offset
+    site = "sand pit"
+    notes = "windy"
+    streams = ["wheel", "camera", "sound", "pose", "labels", "vibration"]   # which must be there
+
+    [wheel]
+    file = "wheel.csv"                     # wheel.csv, .csv.gz or .parquet where absent; likewise [pose], [labels]
+
+    [camera]
+    folder = "camera"                      # with camera.csv: time_s, file
+
+    [sound]
+    file = "sound.wav"                     # sound.wav or sound.flac where absent
+    start_s = 0.0                          # time of the first sample on the recording's clock
+
+    [vibration]
+    file = "vibration.csv"                 # time or time_s and numeric columns, as of an inertial sensor
+    wheel_file = "drives.csv"              # the wheel drives' current and speed
+"""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from ..errors import InputError
+from ..vehicle import Vehicle, input_error, load_toml, load_vehicle
+from .digest import StreamDigest
+from .media import SoundFileStream
+from .paths import inside
+from .streams import FolderCamera, pose_from_wheel, read_camera, read_labels, read_pose
+from .types import Labels, Pose, Recording, VibrationRun, WheelTable
+from .vibration_run import read_vibration_run
+from .wheel_file import derive_all, read_wheel
+
+_TABLE_KINDS = (".csv", ".csv.gz", ".parquet")
+_STREAMS = {
+    "wheel": tuple("wheel" + kind for kind in _TABLE_KINDS),
+    "camera": ("camera",),
+    "sound": ("sound.wav", "sound.flac"),
+    "pose": tuple("pose" + kind for kind in _TABLE_KINDS),
+    "labels": ("labels.csv",),
+    "vibration": tuple("vibration" + kind for kind in _TABLE_KINDS),
+}
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class _File(_Part):
+    file: str | None = None
+
+
+class _Camera(_Part):
+    folder: str | None = None
+
+
+class _Sound(_File):
+    start_s: Annotated[float, Field(allow_inf_nan=False)] = 0.0
+
+
+class _Vibration(_File):
+    wheel_file: str | None = None
+
+
+class _About(_Part):
+    """What `recording.toml` says."""
+
+    name: str | None = None
+    start_time: datetime | None = None
+    site: str = ""
+    notes: str = ""
+    streams: tuple[Literal["wheel", "camera", "sound", "pose", "labels", "vibration"], ...] = ()
+    wheel: _File | None = None
+    camera: _Camera | None = None
+    sound: _Sound | None = None
+    pose: _File | None = None
+    labels: _File | None = None
+    vibration: _Vibration | None = None
+
+
+def read_folder(folder: Path, vehicle: Vehicle | None = None) -> Recording:
+    """Read a recording's folder: tables into memory, camera and sound as streams.
+
+    Parameters
+    ----------
+    folder
+        The folder.
+    vehicle
+        Instead of the folder's own `vehicle.toml`.
+
+    Returns
+    -------
+    Recording
+        `digest` covers wheel, pose, camera, sound and vibration, in whichever of the formats they are stored.
+
+    Raises
+    ------
+    InputError
+        No stream is there, a listed one is missing, or one is at fault.
+    """
+    about = _about(folder)
+    found = _locate(folder, about)
+    if not found:
+        raise InputError(
+            folder,
+            "no stream of a recording in it",
+            expected="wheel.csv, camera/, sound.wav, pose.csv or vibration.csv",
+        )
+    if vehicle is None and (folder / "vehicle.toml").is_file():
+        vehicle = load_vehicle(folder / "vehicle.toml")
+    digest, problems = StreamDigest(), []
+    wheel = _wheel(found.get("wheel"), vehicle, digest, problems)
+    pose = _pose(found.get("pose"), wheel, vehicle, digest, problems)
+    labels: Labels | None = read_labels(found["labels"]) if "labels" in found else None
+    camera = _camera(found.get("camera"), digest, problems)
+    sound = _sound(found.get("sound"), about.sound, digest, problems)
+    vibration = _vibration(folder, found.get("vibration"), about.vibration, digest, problems)
+    return Recording(
+        name=about.name or folder.resolve().name,
+        source=folder,
+        vehicle=vehicle,
+        start_time=with_zone(about.start_time),
+        site=about.site,
+        digest=digest.hexdigest(),
+        wheel=wheel,
+        pose=pose,
+        labels=labels,
+        camera=camera,
+        sound=sound,
+        problems=tuple(problems),
+        vibration=vibration,
+    )
+
+
+def with_zone(time: datetime | None) -> datetime | None:
+    """Take a time that names no offset for UTC."""
+    return time if time is None or time.tzinfo is not None else time.replace(tzinfo=UTC)
+
+
+def _about(folder: Path) -> _About:
+    path = folder / "recording.toml"
+    if not path.is_file():
+        return _About()
+    try:
+        return _About.model_validate(load_toml(path))
+    except ValidationError as error:
+        raise input_error(path, error) from None
+
+
+def _locate(folder: Path, about: _About) -> dict[str, Path]:
+    """Find the streams' files: those that `recording.toml` names, or lists, or that lie there."""
+    source = folder / "recording.toml"
+    found: dict[str, Path] = {}
+    for stream, names in _STREAMS.items():
+        part = getattr(about, stream)
+        named = None if part is None else part.folder if isinstance(part, _Camera) else part.file
+        if named is not None:
+            path = inside(folder, named, source, f"key {stream}")
+            if not path.exists():
+                raise InputError(path, "no such file", expected=f"the {stream} that recording.toml names")
+            found[stream] = path
+            continue
+        there = [folder / name for name in names if (folder / name).exists()]
+        if len(there) > 1:
+            raise InputError(folder, f"both {there[0].name} and {there[1].name}", expected=f"one file of {stream}")
+        if there:
+            found[stream] = there[0]
+        elif part is not None or stream in about.streams:
+            raise InputError(folder / names[0], "no such file", expected=f"the {stream} that recording.toml lists")
+    return found
+
+
+def _wheel(path: Path | None, vehicle: Vehicle | None, digest: StreamDigest, problems: list[str]) -> WheelTable | None:
+    if path is None:
+        return None
+    table, found = read_wheel(path)
+    problems += found
+    digest.add_columns("wheel", {**table.columns, "wheel": table.wheel, "run": table.run})
+    return table if vehicle is None else derive_all(table, vehicle)
+
+
+def _pose(
+    path: Path | None, wheel: WheelTable | None, vehicle: Vehicle | None, digest: StreamDigest, problems: list[str]
+) -> Pose | None:
+    if path is None:
+        return None if wheel is None else pose_from_wheel(wheel, vehicle)
+    pose, found = read_pose(path)
+    problems += found
+    digest.add_columns("pose", vars(pose))
+    return pose
+
+
+def _camera(path: Path | None, digest: StreamDigest, problems: list[str]) -> FolderCamera | None:
+    if path is None:
+        return None
+    if not path.is_dir():
+        raise InputError(path, "a file", expected="a folder of images with camera.csv")
+    camera, found = read_camera(path)
+    problems += found
+    digest.add_columns("camera", {"time_s": camera.time_s})
+    for file in camera.files:
+        digest.add_file("camera", file)
+    return camera
+
+
+def _sound(
+    path: Path | None, about: _Sound | None, digest: StreamDigest, problems: list[str]
+) -> SoundFileStream | None:
+    if path is None:
+        return None
+    start_s = 0.0 if about is None else about.start_s
+    sound = SoundFileStream(path, start_s)
+    problems += sound.problems
+    digest.add_numbers("sound", [start_s])
+    digest.add_file("sound", path)
+    return sound
+
+
+def _vibration(
+    folder: Path, path: Path | None, about: _Vibration | None, digest: StreamDigest, problems: list[str]
+) -> VibrationRun | None:
+    if path is None:
+        return None
+    named = None if about is None else about.wheel_file
+    wheel_file = None
+    if named is not None:
+        wheel_file = inside(folder, named, folder / "recording.toml", "key vibration.wheel_file")
+    return vibration_stream(path, wheel_file, digest, problems)
+
+
+def vibration_stream(path: Path, wheel_file: Path | None, digest: StreamDigest, problems: list[str]) -> VibrationRun:
+    """Read a vibration run, and add it to the digest and its problems to the recording's."""
+    run = read_vibration_run(path, wheel_file)
+    problems += run.problems
+    for names, values in ((run.names, run.channels), (run.wheel_names, run.wheel)):
+        columns: dict[str, np.ndarray | None] = {name: values[:, i] for i, name in enumerate(names)}
+        digest.add_columns("vibration", {"time_s": run.time_s, **columns})
+    return run

@@ -1,0 +1,254 @@
+"""Wheel files: the wheel's channels, one row a sample (CONTRACTS.md, "A recording")."""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..vehicle import Vehicle, Wheel
+from .tables import Table, read_table
+from .types import WHEEL_COLUMNS, WheelTable
+
+SLIP_TOLERANCE = 0.02
+"""How far beyond [-1, 1] a recorded slip may lie, by the noise of the two speeds it was made of [-]."""
+
+STANDSTILL_M_S = 1e-3
+"""Below this, both the rim's speed r omega and the travel speed V count as zero and slip is not defined [m/s]."""
+
+TEXT_COLUMNS = frozenset({"wheel", "run"})
+_UNITS = frozenset({
+    "n", "kn", "mn", "kgf", "lbf", "newton", "newtons", "nm", "knm", "mnm", "nmm", "m", "mm", "cm", "km", "ft", "in",
+    "metre", "metres", "meter", "meters", "s", "ms", "us", "ns", "min", "h", "second", "seconds", "rad", "mrad", "deg",
+    "degree", "degrees", "rpm", "rps", "hz", "mps", "kmh", "kph", "g", "kg", "lb", "pct", "percent", "ratio",
+})  # fmt: skip
+
+
+def read_wheel_file(path: str | Path) -> WheelTable:
+    """Read a wheel file, ``.csv`` (gzip allowed) or ``.parquet``, and check it.
+
+    Columns beyond those of the contract are kept where they are numbers and left out where they are text. An empty cell
+    is a value that was not observed (NaN); a column of the contract without a single value is left out.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Returns
+    -------
+    WheelTable
+        Channels in SI units, each (n,).
+
+    Raises
+    ------
+    InputError
+        The file is missing, empty or no table; a column is misspelt, stands twice, or is neither number nor empty; a
+        value is infinite or slip lies outside [-1, 1]; time runs backwards within a wheel and run; there is neither
+        `time_s` nor `run`.
+    """
+    return read_wheel(path)[0]
+
+
+def read_wheel(path: str | Path) -> tuple[WheelTable, tuple[str, ...]]:
+    """Read a wheel file as `read_wheel_file` does; give the table and, in words, what it lacks."""
+    table = read_table(Path(path), numbers=frozenset(WHEEL_COLUMNS), text=TEXT_COLUMNS)
+    for name in (*table.numbers, *table.text):
+        _check_spelling(table.source, name)
+    if "time_s" not in table.numbers and "run" not in table.text:
+        raise InputError(
+            table.source,
+            "neither column time_s nor column run; there are " + ", ".join((*table.numbers, *table.text)),
+            expected="time_s, or run in a file of steady-state trials",
+        )
+    problems = list(table.problems)
+    columns: dict[str, np.ndarray] = {}
+    for name, values in table.numbers.items():
+        _check_finite(table, name, values)
+        if np.isnan(values).all() and name != "time_s":
+            problems.append(f"{table.source.name}, column {name}: no value in any row, left out")
+        else:
+            columns[name] = values
+    wheel, run = (_names(table, name) for name in ("wheel", "run"))
+    _check_slip(table, columns)
+    _check_time(table, columns.get("time_s"), wheel, run)
+    if not set(columns) - {"time_s"}:
+        raise InputError(table.source, "no wheel channel has a value", expected="columns such as load_N and slip")
+    return WheelTable(columns, wheel, run, table.source), tuple(problems)
+
+
+def derive(table: WheelTable, wheel: Wheel) -> WheelTable:
+    """Fill in what can be derived: slip from the speeds of rim and travel, where it was not recorded.
+
+    Slip is i = 1 - V/(r omega) where the wheel drives (r omega >= V) and i = r omega/V - 1 where it brakes (Wong 2010,
+    Eq. 4.44 and 4.47; CONTRACTS.md), both for a wheel that rolls forwards; one that rolls backwards is taken as
+    rolling forwards in its own direction. A wheel that turns against its travel slips more than wholly, which has no
+    value here: it and a standing wheel are NaN.
+
+    Parameters
+    ----------
+    table
+        The channels.
+    wheel
+        Its radius r [m]; grousers do not count.
+
+    Returns
+    -------
+    WheelTable
+        With `slip` where both speeds are there; rows that had a recorded slip keep it.
+    """
+    return _with_slip(table, np.full(len(table), wheel.radius_m))
+
+
+def derive_all(table: WheelTable, vehicle: Vehicle) -> WheelTable:
+    """Fill in what can be derived, as `derive` does, for the wheels of a vehicle together.
+
+    Raises
+    ------
+    InputError
+        The table names a wheel that the vehicle does not have, or none where the vehicle has several.
+    """
+    if len(vehicle.wheels) == 1 and (table.wheel is None or len(set(table.wheel)) == 1):
+        return derive(table, vehicle.wheels[0])
+    radius = {wheel.name: wheel.radius_m for wheel in vehicle.wheels}
+    known = "one of the vehicle's wheels, " + ", ".join(radius)
+    if table.wheel is None:
+        raise InputError(table.source, "no column wheel", expected=known)
+    names, rows, inverse = np.unique(table.wheel.astype(str), return_index=True, return_inverse=True)
+    for name, row in zip(names, rows, strict=True):
+        if name not in radius:
+            raise InputError(table.source, f"{name!r}", expected=known, place=f"sample {row + 1}, column wheel")
+    return _with_slip(table, np.array([radius[name] for name in names])[inverse])
+
+
+def _with_slip(table: WheelTable, radius_m: np.ndarray) -> WheelTable:
+    rim, travel = table.get("wheel_speed_rad_s"), table.get("travel_speed_m_s")
+    if rim is None or travel is None:
+        return table
+    recorded = table.get("slip")
+    slip = slip_from_speeds(rim * radius_m, travel)
+    if recorded is not None:
+        slip = np.where(np.isnan(recorded), slip, recorded)
+    if np.isnan(slip).all():
+        return table
+    return WheelTable({**table.columns, "slip": slip}, table.wheel, table.run, table.source)
+
+
+def slip_from_speeds(rim_m_s: np.ndarray, travel_m_s: np.ndarray) -> np.ndarray:
+    """Give slip [-], (n,), from the speed of the rim r omega and the speed of travel V, each (n,) [m/s]."""
+    forwards = np.where(np.abs(travel_m_s) > STANDSTILL_M_S, np.sign(travel_m_s), np.sign(rim_m_s))
+    rim, travel = rim_m_s * forwards, travel_m_s * forwards
+    faster = np.maximum(rim, travel)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slip = np.where(rim >= travel, 1.0 - travel / rim, rim / travel - 1.0)
+    defined = (faster > STANDSTILL_M_S) & (rim > -STANDSTILL_M_S) & (travel > -STANDSTILL_M_S)
+    return np.where(defined, np.clip(slip, -1.0, 1.0), np.nan)
+
+
+def _check_spelling(source: Path, name: str) -> None:
+    """Refuse a column that means one of the contract's and is not written so: its unit may be another one."""
+    if name in WHEEL_COLUMNS or name in TEXT_COLUMNS:
+        return
+    right = _meant(name)
+    if right is not None:
+        raise InputError(source, "no column of a wheel file", expected=right, place=f"column {name}")
+
+
+def is_wheel_channel(name: str) -> bool:
+    """Tell whether a column is one of the contract's, or a misspelling of one."""
+    return name in WHEEL_COLUMNS or name in TEXT_COLUMNS or _meant(name) is not None
+
+
+def _meant(name: str) -> str | None:
+    """Give the contract's column that a name is a misspelling of, or None for a column of the user's own."""
+    small = name.casefold().replace(" ", "_").replace("-", "_").replace("[", "").replace("]", "")
+    for right in (*WHEEL_COLUMNS, *TEXT_COLUMNS):
+        if small == right.casefold():
+            return right
+    for right in sorted(WHEEL_COLUMNS, key=len, reverse=True):
+        stem, unit = _stem(right)
+        for beginning, answer in ((stem, right), (f"{stem}_sd", f"{stem}_sd_{unit}" if unit else f"{stem}_sd")):
+            rest = small.removeprefix(beginning).split("_") if small.startswith(beginning) else None
+            if name == answer:
+                return None
+            if small == beginning or (rest and rest[0] == "" and all(part in _UNITS for part in rest[1:])):
+                return answer
+    # a word more makes a column of the user's own, such as wheel_speed_left_rad_s
+    alike = {c.casefold(): c for c in WHEEL_COLUMNS if len(c) > 4 and c.count("_") == small.count("_")}
+    close = difflib.get_close_matches(small, alike, n=1, cutoff=0.83)
+    return alike[close[0]] if close else None
+
+
+def _stem(column: str) -> tuple[str, str]:
+    """Part a column of the contract into quantity and unit: drawbar_pull, N."""
+    for unit in ("rad_s", "m_s", "rad", "Nm", "N", "m", "s"):
+        if column.endswith("_" + unit):
+            return column.removesuffix("_" + unit), unit
+    return column, ""
+
+
+def _check_finite(table: Table, name: str, values: np.ndarray) -> None:
+    infinite = np.isinf(values)
+    if name == "time_s":
+        infinite |= np.isnan(values)
+    if infinite.any():
+        row = int(np.argmax(infinite))
+        shown = "no value" if np.isnan(values[row]) else str(values[row])
+        raise InputError(table.source, shown, expected="a finite number", place=table.place(row, name))
+
+
+def _check_slip(table: Table, columns: dict[str, np.ndarray]) -> None:
+    slip = columns.get("slip")
+    if slip is None:
+        return
+    outside = np.abs(slip) > 1.0 + SLIP_TOLERANCE  # False for NaN
+    if outside.any():
+        rows = np.flatnonzero(outside)
+        more = f" and {len(rows) - 1} more rows" if len(rows) > 1 else ""
+        raise InputError(
+            table.source,
+            f"{slip[rows[0]]:g}{more}",
+            expected="slip in [-1, 1]",
+            place=table.place(int(rows[0]), "slip"),
+        )
+    columns["slip"] = np.clip(slip, -1.0, 1.0)
+
+
+def _names(table: Table, name: str) -> np.ndarray | None:
+    names = table.text.get(name)
+    if names is None:
+        return None
+    blank = names == ""
+    if blank.any():
+        raise InputError(
+            table.source,
+            "an empty cell",
+            expected=f"the name of the {name}",
+            place=table.place(int(np.argmax(blank)), name),
+        )
+    return names
+
+
+def _check_time(table: Table, time: np.ndarray | None, wheel: np.ndarray | None, run: np.ndarray | None) -> None:
+    """Refuse time that runs backwards within one wheel of one run."""
+    if time is None:
+        return
+    keys = np.zeros(len(time), dtype=np.intp)
+    for names in (wheel, run):
+        if names is not None:
+            _, inverse = np.unique(names.astype(str), return_inverse=True)
+            keys = keys * (int(inverse.max()) + 1) + inverse
+    order = np.argsort(keys, kind="stable")
+    back = (np.diff(time[order]) < 0) & (np.diff(keys[order]) == 0)
+    if back.any():
+        rows = order[1:][back]
+        row = int(rows.min())
+        before = int(order[np.flatnonzero(order == row)[0] - 1])
+        raise InputError(
+            table.source,
+            f"time runs backwards, {time[before]:.9g} s in row {before + table.first_row}, then {time[row]:.9g} s",
+            expected="time that does not decrease",
+            place=table.place(row, "time_s"),
+        )

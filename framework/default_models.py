@@ -1,0 +1,191 @@
+"""The models a run uses: those that a user trained, or small ones trained here on synthetic ground.
+
+The default models are trained the first time they are needed, on samples of the package's own synthetic world, and
+cached. They know synthetic ground only, and whoever uses them is told so.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import platformdirs
+from sqlalchemy.engine import make_url
+from sqlalchemy.exc import ArgumentError
+
+from .core.errors import InputError
+from .core.learning import TerrainClassifier
+from .core.learning_store import FORMAT_VERSION
+
+CACHE_VARIABLE = "BEVAMETER_CACHE"
+"""Environment variable that names another folder for the cache."""
+
+SENSES = ("vision", "audio")
+
+SYNTHETIC_WARNING = (
+    "the {senses} model was trained on synthetic ground only: on real ground its classes mean nothing. "
+    "Train one with `bevameter train` and give it with --models"
+)
+
+_SEED = 20021
+_SAMPLES_PER_CLASS = {"vision": 36, "audio": 30}
+_GENERATORS = {
+    "vision": ("framework/scenario", "vision", "framework/core"),
+    "audio": ("framework/scenario", "audio", "framework/core"),
+}
+
+
+@dataclass(frozen=True)
+class Models:
+    """The classifiers of a run, and where each is from.
+
+    Parameters
+    ----------
+    classifiers
+        By sense: ``"vision"``, ``"audio"``.
+    origins
+        By sense: the file that a model was read from.
+    synthetic
+        Senses whose model knows synthetic ground only.
+    """
+
+    classifiers: dict[str, TerrainClassifier]
+    origins: dict[str, str]
+    synthetic: tuple[str, ...]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a user must be told of them."""
+        return (SYNTHETIC_WARNING.format(senses=" and the ".join(self.synthetic)),) if self.synthetic else ()
+
+
+def find_models(
+    folder: str | Path | None = None,
+    database: str | Path | None = None,
+    *,
+    senses: Sequence[str] = SENSES,
+    progress: Callable[[str, float], None] | None = None,
+) -> Models:
+    """Find the model of each sense.
+
+    Looked for in `folder` if given; else beside the database, in ``terrain.models`` for ``terrain.db``; a sense that
+    has no ``vision.skops`` or ``audio.skops`` there gets the default model, trained now if it is not in the cache.
+
+    Parameters
+    ----------
+    folder
+        Where a user put models. Then at least one must be there.
+    database
+        Path or SQLAlchemy URL of the terrain database.
+    senses
+        Those that are needed: no model is trained for nothing.
+    progress
+        Told the name of a model in training, and how much of it is done, in [0, 1].
+
+    Raises
+    ------
+    InputError
+        `folder` is missing or holds no model; a model there is damaged or of another sense.
+    """
+    where = Path(folder) if folder is not None else models_beside(database)
+    found = {sense: where / f"{sense}.skops" for sense in SENSES} if where is not None else {}
+    found = {sense: path for sense, path in found.items() if path.is_file()}
+    if folder is not None and not found:
+        raise InputError(Path(folder), "no model", expected="a folder with vision.skops or audio.skops")
+    classifiers, origins, synthetic = {}, {}, []
+    for sense in senses:
+        if sense in found:
+            path = found[sense]
+            classifiers[sense] = TerrainClassifier.load(path, modality=sense)
+        else:
+            path = cached_path(sense)
+            classifiers[sense] = default_model(sense, progress=progress)
+            synthetic.append(sense)
+        origins[sense] = str(path)
+    return Models(classifiers, origins, tuple(synthetic))
+
+
+def models_beside(database: str | Path | None) -> Path | None:
+    """Give the folder of models that belongs to a database: ``terrain.models`` beside ``terrain.db``.
+
+    None where the database is no file.
+    """
+    if database is None:
+        return None
+    text = str(database)
+    if "://" in text:
+        try:
+            url = make_url(text)
+        except ArgumentError:
+            return None
+        if not url.drivername.startswith("sqlite") or url.database in (None, "", ":memory:"):
+            return None
+        text = str(url.database)
+    path = Path(text)
+    return path.with_name(f"{path.stem}.models")
+
+
+def cache_folder() -> Path:
+    """Give the folder of the default models."""
+    other = os.environ.get(CACHE_VARIABLE)
+    return Path(other) if other else Path(platformdirs.user_cache_dir("bevameter", appauthor=False)) / "models"
+
+
+def cached_path(sense: str) -> Path:
+    """Give the file of a default model: named by the package's version and by all code that shapes the model."""
+    return cache_folder() / f"{sense}-{version('bevameter')}-{_recipe(sense)}.skops"
+
+
+@cache
+def _recipe(sense: str) -> str:
+    """Hash of the settings and of the sources that make samples and features: a change of either is another model."""
+    digest = hashlib.sha256(repr((_SEED, _SAMPLES_PER_CLASS[sense], FORMAT_VERSION)).encode())
+    package = Path(__file__).resolve().parents[1]
+    for folder in _GENERATORS[sense]:
+        for file in sorted((package / folder).glob("*.py")):
+            digest.update(file.name.encode() + file.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def default_model(sense: str, *, progress: Callable[[str, float], None] | None = None) -> TerrainClassifier:
+    """Give the default model of a sense from the cache; train it first where it is missing or damaged.
+
+    Raises
+    ------
+    InputError
+        The cache cannot be written.
+    """
+    path = cached_path(sense)
+    if path.is_file():
+        try:
+            return TerrainClassifier.load(path, modality=sense)
+        except InputError:
+            path.unlink(missing_ok=True)  # damaged: made anew below
+    classifier = _train(sense, progress)
+    classifier.save(path)
+    return classifier
+
+
+def _train(sense: str, progress: Callable[[str, float], None] | None) -> TerrainClassifier:
+    from ..audio.train import train_audio_arrays
+    from ..vision.train import train_vision_arrays
+    from .scenario.samples import labelled_images, labelled_sounds
+
+    rng = np.random.default_rng(_SEED)
+
+    def tell(share: float) -> None:
+        if progress is not None:
+            progress(f"training {sense}", share)
+
+    tell(0.0)
+    if sense == "vision":
+        outcome = train_vision_arrays(*labelled_images(rng, _SAMPLES_PER_CLASS[sense]), rng, progress=tell)
+    else:
+        outcome = train_audio_arrays(*labelled_sounds(rng, _SAMPLES_PER_CLASS[sense]), rng, progress=tell)
+    return outcome.classifier

@@ -1,0 +1,255 @@
+"""A picture of what a terrain database knows of a site."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from ..database.belief import cell_of_key
+from ..database.observations import Drive, SoilObservation
+from ..database.snapshot import Snapshot
+from ..database.store import TerrainDatabase
+from .core.errors import InputError
+from .core.recording.types import Recording
+from .track import track_of
+
+COLOURS = {
+    "sand": "#d9b44a", "loam": "#8a5a2b", "gravel": "#7d8a94", "grass": "#4f9a3d", "clay": "#c8553d",
+    "asphalt": "#3f3f46",
+}  # fmt: skip
+"""Colours of the synthetic world's classes; other classes get the next of `FURTHER_COLOURS`."""
+
+FURTHER_COLOURS = ("#3b76b0", "#8f6bb3", "#d77fb4", "#3aa6a0", "#b5bd61", "#e0873a", "#6a4c93", "#a0a0a0")
+
+_UNKNOWN_COLOUR = "#e4e4e4"
+_LEAST_OPACITY = 0.15
+_MOST_PIXELS = 4000
+_CELLS_PLAIN_TO_SEE, _WIDEST = 200, 3
+_SLOW_COLOUR = "#111111"
+_SOILS_SHOWN = 24
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    """A stretch whose soil was learnt, numbered as in the picture."""
+
+    number: int
+    soil: SoilObservation
+
+    @property
+    def text(self) -> str:
+        belief = self.soil.class_probabilities
+        name = max(belief, key=lambda one: belief[one]) if belief else "unknown class"
+        estimate = self.soil.estimate
+        assert estimate is not None
+        c, phi = estimate.parameters["c_Pa"], estimate.parameters["phi_rad"]
+        return (
+            f"{self.number}  {name}:  c = {c.value / 1e3:.2f} ± {c.sd / 1e3:.2f} kPa,  "
+            f"φ = {math.degrees(phi.value):.1f} ± {math.degrees(phi.sd):.1f}°"
+        )
+
+
+def draw_map(
+    database: TerrainDatabase, out: str | Path, *, site: str | None = None, tracks: Sequence[Recording] = ()
+) -> None:
+    """Draw what a database knows of a site: cells by class, more opaque the surer; the soil where it was felt.
+
+    Parameters
+    ----------
+    database
+        The terrain database.
+    out
+        The picture to write; its suffix says the format (.png, .svg, .pdf).
+    site
+        Which site; may be left out where the database holds one.
+    tracks
+        Recordings whose way is drawn on top, its slow stretches that gave soil in bold.
+
+    Raises
+    ------
+    InputError
+        No such site, nothing to draw, or a format that matplotlib does not write.
+    """
+    out = Path(out)
+    snapshot = database.snapshot(site)
+    if not len(snapshot.cells.key):
+        raise InputError(database.name, "no ground in it yet", expected="a database that `bevameter run` has filled")
+    drives = database.drives(snapshot.site, newest=True)
+    stretches = _stretches(drives)
+    figure = Figure(figsize=_size(snapshot, len(stretches)), dpi=150, layout="constrained")
+    canvas = FigureCanvasAgg(figure)
+    if out.suffix.lstrip(".").lower() not in canvas.get_supported_filetypes():
+        known = ", ".join(sorted(canvas.get_supported_filetypes()))
+        raise InputError(out, f"no picture format {out.suffix!r}", expected=f"one of {known}")
+    axes = figure.add_subplot()
+    colours = _colours(snapshot.class_names)
+    _draw_cells(axes, snapshot, colours)
+    for recording in tracks:
+        _draw_track(axes, recording, [soil for drive in drives for soil in drive.soils])
+    _draw_stretches(axes, stretches)
+    _decorate(figure, axes, snapshot, drives, colours, stretches, drawn_track=bool(tracks))
+    figure.savefig(out)
+
+
+def _stretches(drives: Sequence[Drive]) -> list[_Stretch]:
+    felt = [
+        soil
+        for drive in drives
+        for soil in drive.soils
+        if soil.estimate is not None and not soil.gate_reason and math.isfinite(soil.x_m + soil.y_m)
+    ]
+    return [_Stretch(number, soil) for number, soil in enumerate(felt, 1)]
+
+
+def _bounds(snapshot: Snapshot) -> tuple[float, float, float, float]:
+    """Corners of the seen ground [m]: least x, greatest x, least y, greatest y."""
+    cell_x, cell_y = cell_of_key(snapshot.cells.key)
+    size = snapshot.cell_size_m
+    return (
+        float(cell_x.min()) * size, float(cell_x.max() + 1) * size,
+        float(cell_y.min()) * size, float(cell_y.max() + 1) * size,
+    )  # fmt: skip
+
+
+def _size(snapshot: Snapshot, stretches: int) -> tuple[float, float]:
+    """Size of the figure [inch]: twelve wide, as high as the ground's shape and the legends ask for."""
+    x0, x1, y0, y1 = _bounds(snapshot)
+    picture = 11.0 * (y1 - y0) / max(x1 - x0, 1e-6)
+    listed = min(stretches, _SOILS_SHOWN)
+    return 12.0, float(np.clip(picture, 1.2, 11.0)) + 1.8 + 0.2 * math.ceil(listed / 2)
+
+
+def _colours(names: Sequence[str]) -> dict[str, str]:
+    others = [name for name in names if name not in COLOURS]
+    further = {name: FURTHER_COLOURS[index % len(FURTHER_COLOURS)] for index, name in enumerate(others)}
+    return {name: COLOURS.get(name, further.get(name, "")) for name in names}
+
+
+def _draw_cells(axes: Axes, snapshot: Snapshot, colours: dict[str, str]) -> None:
+    cells = snapshot.cells
+    cell_x, cell_y = cell_of_key(cells.key)
+    known = np.isfinite(cells.probability).all(axis=1) & (cells.looks > 0)
+    k = max(len(snapshot.class_names), 2)
+    palette = np.array([*(to_rgb(colours[name]) for name in snapshot.class_names), to_rgb(_UNKNOWN_COLOUR)])
+    filled = np.where(known[:, None], cells.probability, 0.0)
+    best = np.argmax(filled, axis=1) if len(snapshot.class_names) else np.zeros(len(known), dtype=int)
+    sure = np.clip((filled.max(axis=1, initial=0.0) - 1.0 / k) / (1.0 - 1.0 / k), 0.0, 1.0)
+    stride = max(1, math.ceil(max(np.ptp(cell_x), np.ptp(cell_y)) / _MOST_PIXELS))
+    column, row = (cell_x - cell_x.min()) // stride, (cell_y - cell_y.min()) // stride
+    picture = np.zeros((int(row.max()) + 1, int(column.max()) + 1, 4))
+    order = np.argsort(np.where(known, sure, -1.0), kind="stable")  # where cells share a pixel, the surest shows
+    picture[row[order], column[order], :3] = palette[np.where(known, best, len(snapshot.class_names))[order]]
+    opacity = np.where(known, _LEAST_OPACITY + (1.0 - _LEAST_OPACITY) * sure, 1.0)
+    picture[row[order], column[order], 3] = opacity[order]
+    _widen(picture, max(picture.shape[:2]) // _CELLS_PLAIN_TO_SEE)
+    x0, _, y0, _ = _bounds(snapshot)
+    step = stride * snapshot.cell_size_m
+    extent = (x0, x0 + step * picture.shape[1], y0, y0 + step * picture.shape[0])
+    axes.imshow(picture, extent=extent, origin="lower", interpolation="nearest", aspect="equal")
+
+
+def _widen(picture: np.ndarray, reach: int) -> None:
+    """Let every cell (h, w, 4) spread over `reach` empty ones around it, so that a long, narrow strip can be seen."""
+    for _ in range(min(reach, _WIDEST)):
+        for axis in (0, 1):
+            for step in (1, -1):
+                beside = np.roll(picture, step, axis=axis)
+                edge = (slice(None),) * axis + (0 if step == 1 else -1,)
+                beside[edge] = 0.0
+                empty = (picture[..., 3] == 0.0) & (beside[..., 3] > 0.0)
+                picture[empty] = beside[empty]
+
+
+def _draw_track(axes: Axes, recording: Recording, soils: Sequence[SoilObservation]) -> None:
+    track = track_of(recording)
+    if track is None:
+        return
+    axes.plot(track.x_m, track.y_m, color=_SLOW_COLOUR, linewidth=0.8, alpha=0.8, zorder=3)
+    used = [soil for soil in soils if soil.estimate is not None and not soil.gate_reason]
+    lines = []
+    for soil in used:
+        inside = (track.time_s >= soil.start_s) & (track.time_s <= soil.end_s)
+        here = np.column_stack([track.x_m[inside], track.y_m[inside]])
+        # The database holds stretches of other drives too; those of this one lie on its track.
+        if len(here) > 1 and np.hypot(*(here.mean(axis=0) - (soil.x_m, soil.y_m))) < np.ptp(here, axis=0).max() + 1.0:
+            lines.append(here)
+    axes.add_collection(LineCollection(lines, colors=_SLOW_COLOUR, linewidths=3.0, zorder=4))
+
+
+def _draw_stretches(axes: Axes, stretches: Sequence[_Stretch]) -> None:
+    for stretch in stretches:
+        axes.annotate(
+            str(stretch.number), (stretch.soil.x_m, stretch.soil.y_m), ha="center", va="center", fontsize=8, zorder=5,
+            xytext=(26 if stretch.number % 2 else -26, -16 if stretch.number % 2 else 16), textcoords="offset points",
+            arrowprops={"arrowstyle": "-", "linewidth": 0.7},
+            bbox={"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": "black", "linewidth": 0.8},
+        )  # fmt: skip
+
+
+def _decorate(
+    figure: Figure,
+    axes: Axes,
+    snapshot: Snapshot,
+    drives: Sequence[Drive],
+    colours: dict[str, str],
+    stretches: Sequence[_Stretch],
+    *,
+    drawn_track: bool,
+) -> None:
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    axes.set_facecolor("white")
+    where = f" of {snapshot.site}" if snapshot.site else ""
+    title = f"Terrain{where}: {len(snapshot.cells.key)} cells from {len(drives)} drive{'s' * (len(drives) != 1)}"
+    axes.set_title(title, loc="left", fontsize=11)
+    if any(is_synthetic_drive(drive) for drive in drives):
+        axes.set_title("synthetic", loc="right", fontsize=11, color="#b00020", fontweight="bold")
+    seen = np.isfinite(snapshot.cells.probability).all(axis=1)
+    present = set(np.argmax(snapshot.cells.probability[seen], axis=1).tolist()) if seen.any() else set()
+    handles: list[Patch | Line2D] = [
+        Patch(facecolor=colours[name], label=name)
+        for index, name in enumerate(snapshot.class_names)
+        if index in present
+    ]
+    if not seen.all():
+        handles.append(Patch(facecolor=_UNKNOWN_COLOUR, label="seen, not recognised"))
+    if drawn_track:
+        handles.append(Line2D([], [], color=_SLOW_COLOUR, linewidth=0.8, label="track"))
+        handles.append(Line2D([], [], color=_SLOW_COLOUR, linewidth=3.0, label="slow: soil felt"))
+    figure.legend(
+        handles=handles, loc="outside right upper", frameon=False, fontsize=9, title=_legend_title(snapshot),
+        title_fontsize=8, alignment="left",
+    )  # fmt: skip
+    if stretches:
+        listed = [stretch.text for stretch in stretches[:_SOILS_SHOWN]]
+        if len(stretches) > len(listed):
+            listed.append(f"and {len(stretches) - len(listed)} more")
+        figure.legend(
+            handles=[Line2D([], [], linestyle="none", label=text) for text in listed],
+            loc="outside lower left", ncols=2, frameon=False, fontsize=8, handlelength=0, handletextpad=0,
+            title="Soil felt by the wheels (± one standard deviation)", title_fontsize=9, alignment="left",
+        )  # fmt: skip
+
+
+def _legend_title(snapshot: Snapshot) -> str:
+    cells = max(np.ptp(one) for one in cell_of_key(snapshot.cells.key)) + 1
+    widened = "\ncells drawn wider than they are" if cells >= _CELLS_PLAIN_TO_SEE else ""
+    return f"more opaque: surer{widened}"
+
+
+def is_synthetic_drive(drive: Drive) -> bool:
+    """Say whether a drive is of a synthetic world: its site calls itself so, or a model knows no other."""
+    return "synthetic" in drive.site.lower() or any(
+        version.startswith("synthetic") for version in drive.models.values()
+    )

@@ -1,0 +1,263 @@
+"""What one sense saw of the ground, summed up cell by cell as it arrives; how far its looks go together.
+
+Memory grows with the ground covered, not with the length of the recording.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .core.evidence import ClassEvidence
+
+PROBABILITY_FLOOR = 1e-3
+"""No look may rule a class out altogether: a classifier is never surer than one in a thousand [-]."""
+
+CORRELATION_RANGE = (1.0 / 3.0, 1.0)
+"""Bounds of the correlation between looks [-]. The lower one allows at most three independent looks: what a whole
+stretch of ground has in common (wet, in shadow) looks like its class to the estimate of rho, which is then too low."""
+
+PRIOR_CORRELATION, PRIOR_CELLS = 0.8, 20.0
+"""Correlation assumed before any data [-], and the number of repeatedly seen cells it is worth."""
+
+_BUFFER_LOOKS = 100_000
+_MAX_REASONS = 32
+_OTHER = "other reasons"
+_PATH, _REMARK, _NUMBER = re.compile(r"^\S*[/\\].*?: "), re.compile(r"\s*\([^()]*\)"), re.compile(r"\d+(?:\.\d+)?")
+
+
+def cells_of(x_m: np.ndarray, y_m: np.ndarray, cell_size_m: float) -> np.ndarray:
+    """Give the cells that points (n,) [m] lie in: (n, 2) int64."""
+    return np.floor(np.column_stack([x_m, y_m]) / cell_size_m).astype(np.int64)
+
+
+def cell_keys(cells: np.ndarray) -> np.ndarray:
+    """Give one int64 a cell, (n,): sortable, and the same for the same cell."""
+    return (cells[:, 0].astype(np.int64) << 32) + (cells[:, 1].astype(np.int64) + (1 << 31))
+
+
+def cells_from_keys(keys: np.ndarray) -> np.ndarray:
+    """Turn `cell_keys` back into cells, (n, 2)."""
+    first = keys >> 32
+    return np.column_stack([first, (keys - (first << 32)) - (1 << 31)])
+
+
+class SenseMap:
+    """What one sense saw of the ground, summed up cell by cell as it arrives.
+
+    Parameters
+    ----------
+    sense
+        Its name in reasons: ``"camera"``.
+    """
+
+    # Columns of the sums kept for a cell: open looks, closed looks, sum q, sum q^2, sum q |l|^2.
+    _OPEN, _CLOSED, _Q, _QQ, _SQUARES = range(5)
+
+    def __init__(self, sense: str):
+        self.sense = sense
+        self.classes: tuple[str, ...] = ()
+        self._reason_names: list[str] = []
+        self._keys = np.empty(0, dtype=np.int64)
+        self._sums = np.empty((0, 5))
+        self._logs = np.empty((0, 0))
+        self._reason_counts = np.empty((0, 0))
+        self._last_s = np.empty(0)
+        self._buffer: list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
+        self._buffered = 0
+
+    def add(self, cells: np.ndarray, evidence: ClassEvidence, time_s: np.ndarray) -> None:
+        """Take in m looks.
+
+        Parameters
+        ----------
+        cells : (m, 2)
+            The cell of each look.
+        evidence
+            The m looks. All calls of one sense are over the same classes.
+        time_s : (m,)
+            When [s].
+
+        Raises
+        ------
+        ValueError
+            The classes differ from those of an earlier call.
+        """
+        if not len(evidence):
+            return
+        if not self.classes:
+            self.classes = evidence.classes
+        elif evidence.classes != self.classes:
+            raise ValueError(f"{self.sense}: evidence over {evidence.classes}, earlier over {self.classes}")
+        quality = np.where(evidence.unknown, 0.0, evidence.quality)
+        finite = np.isfinite(evidence.probabilities).all(axis=1) & np.isfinite(quality)
+        quality = np.where(finite, np.clip(quality, 0.0, 1.0), 0.0)
+        logs = _centred_logs(np.where(finite[:, None], evidence.probabilities, 1.0))
+        reason = self._reason_ids(evidence.reasons, quality <= 0.0)
+        self._buffer.append((cell_keys(cells), quality, logs, reason, np.asarray(time_s, dtype=float)))
+        self._buffered += len(evidence)
+        if self._buffered >= _BUFFER_LOOKS:
+            self._merge()
+
+    def _reason_ids(self, reasons: Sequence[tuple[str, ...]], closed: np.ndarray) -> np.ndarray:
+        ids = np.full(len(reasons), -1)
+        for row in np.flatnonzero(closed).tolist():
+            name = ", ".join(kind_of_reason(text) for text in reasons[row]) or "quality 0"
+            if name not in self._reason_names:
+                name = name if len(self._reason_names) < _MAX_REASONS - 1 else _OTHER
+                if name not in self._reason_names:
+                    self._reason_names.append(name)
+            ids[row] = self._reason_names.index(name)
+        return ids
+
+    def _merge(self) -> None:
+        if not self._buffer:
+            return
+        keys, quality, logs, reason, time_s = (np.concatenate(part) for part in zip(*self._buffer, strict=True))
+        self._buffer, self._buffered = [], 0
+        n_reasons = len(self._reason_names)
+        union = np.union1d(self._keys, keys)
+        old, row = np.searchsorted(union, self._keys), np.searchsorted(union, keys)
+
+        def grown(values: np.ndarray, width: int) -> np.ndarray:
+            larger = np.zeros((len(union), width))
+            larger[old, : values.shape[1]] = values
+            return larger
+
+        sums = grown(self._sums, 5)
+        additions = np.column_stack(
+            [quality > 0, quality <= 0, quality, quality**2, quality * np.sum(logs**2, axis=1)]
+        ).astype(float)
+        for column in range(5):
+            sums[:, column] += np.bincount(row, additions[:, column], len(union))
+        pooled = grown(self._logs, len(self.classes))
+        for column in range(len(self.classes)):
+            pooled[:, column] += np.bincount(row, quality * logs[:, column], len(union))
+        counts = grown(self._reason_counts, n_reasons)
+        closed = reason >= 0
+        np.add.at(counts, (row[closed], reason[closed]), 1.0)
+        last = np.full(len(union), -np.inf)
+        last[old] = self._last_s
+        np.maximum.at(last, row, time_s)
+        self._keys, self._sums, self._logs, self._reason_counts, self._last_s = union, sums, pooled, counts, last
+
+    def summed(self) -> SummedLooks:
+        """Give the sums over all looks so far, one row a cell that was looked at."""
+        self._merge()
+        total = self._sums[:, self._Q]
+        safe = np.where(total > 0, total, 1.0)
+        mean_logs = np.where(total[:, None] > 0, self._logs / safe[:, None], 0.0)
+        kish = np.where(total > 0, total**2 / np.where(total > 0, self._sums[:, self._QQ], 1.0), 0.0)
+        within = self._sums[:, self._SQUARES] - total * np.sum(mean_logs**2, axis=1)
+        return SummedLooks(
+            sense=self.sense,
+            classes=self.classes,
+            keys=self._keys,
+            looks=self._sums[:, self._OPEN].astype(np.int64),
+            closed=self._sums[:, self._CLOSED].astype(np.int64),
+            weight=np.where(total > 0, self._sums[:, self._QQ] / safe, 0.0),
+            total_quality=total,
+            kish=kish,
+            mean_logs=mean_logs,
+            within_squares=np.maximum(within, 0.0),
+            closed_reason=self._main_reasons(),
+            last_s=self._last_s,
+        )
+
+    def _main_reasons(self) -> tuple[str, ...]:
+        """Why most of the closed looks at each cell were closed; the first in the alphabet of equals."""
+        if not self._reason_names:
+            return ("",) * len(self._keys)
+        order = np.argsort(self._reason_names)
+        counts = self._reason_counts[:, order]
+        names = [self._reason_names[index] for index in order]
+        return tuple(
+            names[best] if total else ""
+            for best, total in zip(np.argmax(counts, axis=1).tolist(), counts.sum(axis=1).tolist(), strict=True)
+        )
+
+
+@dataclass(frozen=True)
+class SummedLooks:
+    """What one sense saw of n cells: see `SenseMap.summed`.
+
+    Parameters
+    ----------
+    sense
+        Its name.
+    classes
+        Names of the k classes that it knows.
+    keys : (n,)
+        The cells, as `cell_keys`, sorted.
+    looks, closed : (n,)
+        How many looks had an open gate, and how many a closed one.
+    weight : (n,)
+        Quality-weighted mean quality of the open looks [-].
+    total_quality : (n,)
+        Sum of their qualities [-].
+    kish : (n,)
+        Their effective number, were they independent [-].
+    mean_logs : (n, k)
+        Their quality-weighted mean centred log-probabilities.
+    within_squares : (n,)
+        Quality-weighted sum of squares about that mean.
+    closed_reason
+        n texts: why most of the closed looks were closed; empty where none was.
+    last_s : (n,)
+        Time of the last look, open or closed [s].
+    """
+
+    sense: str
+    classes: tuple[str, ...]
+    keys: np.ndarray
+    looks: np.ndarray
+    closed: np.ndarray
+    weight: np.ndarray
+    total_quality: np.ndarray
+    kish: np.ndarray
+    mean_logs: np.ndarray
+    within_squares: np.ndarray
+    closed_reason: tuple[str, ...]
+    last_s: np.ndarray
+
+
+def kind_of_reason(text: str) -> str:
+    """Leave out of a reason what differs from item to item (file, numbers, remarks in brackets), so that it counts."""
+    text = _REMARK.sub("", _PATH.sub("", text))
+    return _NUMBER.sub("…", text).strip()
+
+
+def _centred_logs(probabilities: np.ndarray) -> np.ndarray:
+    """Floored log-probabilities less their mean over the classes (Aitchison's centred log-ratio): (m, k)."""
+    logs = np.log(np.maximum(probabilities, PROBABILITY_FLOOR))
+    return logs - logs.mean(axis=1, keepdims=True)
+
+
+def look_correlation(summed: SummedLooks) -> float:
+    """Estimate how far looks of one sense at one cell go together, given the class [-].
+
+    The intraclass correlation of a one-way random-effects model on the centred log-probabilities: variance between
+    cells of the same class against that between looks at one cell. The class is the sense's own verdict on the cell.
+    Shrunk towards `PRIOR_CORRELATION`, and kept in `CORRELATION_RANGE`.
+    """
+    several = summed.looks >= 2
+    cells = int(several.sum())
+    if not cells:
+        return PRIOR_CORRELATION
+    total, kish = summed.total_quality[several], summed.kish[several]
+    logs = summed.mean_logs[several]
+    freedom = np.sum(total * (1.0 - 1.0 / kish))
+    within = np.sum(summed.within_squares[several]) / max(freedom, 1e-12)
+    verdict = np.argmax(logs, axis=1)
+    k = len(summed.classes)
+    count = np.bincount(verdict, minlength=k)
+    means = np.column_stack([np.bincount(verdict, logs[:, column], k) for column in range(k)])
+    means /= np.maximum(count, 1)[:, None]
+    spread = np.sum((logs - means[verdict]) ** 2) / max(cells - np.count_nonzero(count), 1)
+    between = max(spread - within * float(np.mean(1.0 / kish)), 0.0)
+    estimate = between / (between + within) if between + within > 0 else 1.0
+    shrunk = (cells * estimate + PRIOR_CELLS * PRIOR_CORRELATION) / (cells + PRIOR_CELLS)
+    return float(np.clip(shrunk, *CORRELATION_RANGE))

@@ -1,0 +1,174 @@
+"""Where the vehicle was at each time of a recording, and how fast it went."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .core.recording.streams import pose_from_wheel
+from .core.recording.types import Recording, WheelTable
+from .core.vehicle import Vehicle
+
+RECORDED, DEAD_RECKONING = "recorded", "dead reckoning"
+
+_REACH_S = 0.5
+"""How far beyond the first and last pose a place is still given [s]."""
+
+_SPEED_WINDOW_S = 0.5
+"""Speed from places is taken over this time [s], so that the noise of a pose does not become speed."""
+
+_MAX_STEPS = 400
+"""Most points in which the way of one sound window is followed."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """The vehicle's way over the ground.
+
+    Parameters
+    ----------
+    time_s, x_m, y_m, yaw_rad, speed_m_s : (n,)
+        Time strictly increasing [s], place in the site frame [m], heading from the x axis leftwards, continuous over
+        a full turn [rad], travel speed [m/s].
+    origin
+        What the places come from: `RECORDED`, or `DEAD_RECKONING` from the travel speed along x.
+    """
+
+    time_s: np.ndarray
+    x_m: np.ndarray
+    y_m: np.ndarray
+    yaw_rad: np.ndarray
+    speed_m_s: np.ndarray
+    origin: str
+
+    @property
+    def distance_m(self) -> float:
+        """Length of the way [m]."""
+        return float(self.way_m[-1])
+
+    @property
+    def way_m(self) -> np.ndarray:
+        """Way covered since the start, (n,) [m]."""
+        return np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(self.x_m), np.diff(self.y_m)))])
+
+    def place_at(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Give x [m], y [m] and heading [rad] at times of any shape [s]; NaN well outside the recording."""
+        return self._at(time_s, self.x_m), self._at(time_s, self.y_m), self._at(time_s, self.yaw_rad)
+
+    def speed_at(self, time_s: np.ndarray) -> np.ndarray:
+        """Give the travel speed [m/s] at times of any shape [s]; NaN well outside the recording."""
+        return self._at(time_s, self.speed_m_s)
+
+    def _at(self, time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+        time_s = np.asarray(time_s, dtype=float)
+        inside = (time_s >= self.time_s[0] - _REACH_S) & (time_s <= self.time_s[-1] + _REACH_S)
+        return np.where(inside, np.interp(time_s, self.time_s, values), np.nan)
+
+    def every(self, step_m: float) -> np.ndarray:
+        """Give times at which the way grows by `step_m` [m], the first and last of the track included: (m,) [s]."""
+        way = self.way_m
+        moving = np.concatenate([[True], np.diff(way) > 0])
+        steps = np.append(np.arange(0.0, way[-1], step_m), way[-1])
+        return np.interp(steps, way[moving], self.time_s[moving])
+
+
+def track_of(recording: Recording) -> Track | None:
+    """Find the track of a recording: from its poses or the places in its wheel rows, else by its travel speed along x.
+
+    None where the recording holds none of these.
+    """
+    wheel = recording.wheel
+    pose = recording.pose
+    if pose is None and wheel is not None:
+        pose = pose_from_wheel(wheel, recording.vehicle)
+    if pose is not None:
+        track = _track(pose.time_s, pose.x_m, pose.y_m, pose.yaw_rad, _wheel_speed(wheel), RECORDED)
+        if track is not None:
+            return track
+    speed = _wheel_speed(wheel)
+    if speed is None:
+        return None
+    time_s, travel = speed
+    x = np.concatenate([[0.0], np.cumsum(0.5 * (travel[1:] + travel[:-1]) * np.diff(time_s))])
+    return _track(time_s, x, np.zeros_like(x), np.zeros_like(x), speed, DEAD_RECKONING)
+
+
+def _track(
+    time_s: np.ndarray,
+    x_m: np.ndarray,
+    y_m: np.ndarray,
+    yaw_rad: np.ndarray,
+    speed: tuple[np.ndarray, np.ndarray] | None,
+    origin: str,
+) -> Track | None:
+    good = np.isfinite(time_s) & np.isfinite(x_m) & np.isfinite(y_m) & np.isfinite(yaw_rad)
+    time_s, first = np.unique(np.asarray(time_s, dtype=float)[good], return_index=True)
+    if len(time_s) < 2:
+        return None
+    x_m, y_m, yaw_rad = (np.asarray(values, dtype=float)[good][first] for values in (x_m, y_m, yaw_rad))
+    if speed is None:
+        early, late = time_s - _SPEED_WINDOW_S / 2, time_s + _SPEED_WINDOW_S / 2
+        early, late = np.maximum(early, time_s[0]), np.minimum(late, time_s[-1])
+        dx = np.interp(late, time_s, x_m) - np.interp(early, time_s, x_m)
+        dy = np.interp(late, time_s, y_m) - np.interp(early, time_s, y_m)
+        travel = np.hypot(dx, dy) / (late - early)
+    else:
+        travel = np.abs(np.interp(time_s, *speed))
+    return Track(time_s, x_m, y_m, np.unwrap(yaw_rad), travel, origin)
+
+
+def _wheel_speed(wheel: WheelTable | None) -> tuple[np.ndarray, np.ndarray] | None:
+    """Times [s] and travel speeds [m/s] of the wheel rows, where they carry them."""
+    if wheel is None or wheel.run is not None or "time_s" not in wheel or "travel_speed_m_s" not in wheel:
+        return None
+    rows = _one_wheel(wheel)
+    good = np.isfinite(rows["travel_speed_m_s"]) & np.isfinite(rows["time_s"])
+    return (rows["time_s"][good], rows["travel_speed_m_s"][good]) if good.sum() >= 2 else None
+
+
+def _one_wheel(wheel: WheelTable) -> WheelTable:
+    """Give the rows of the first wheel: every wheel of a vehicle carries the same places and travel speed."""
+    return wheel if wheel.wheel is None else wheel.select(wheel.wheel == wheel.wheel[0])
+
+
+def cells_under_wheels(
+    track: Track, vehicle: Vehicle | None, start_s: np.ndarray, end_s: np.ndarray, cell_size_m: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find the cells that the wheels ran over in windows of time.
+
+    Parameters
+    ----------
+    track, vehicle
+        The way, and the wheels' places in the vehicle frame; without a vehicle, its reference point.
+    start_s, end_s : (m,)
+        The windows [s].
+    cell_size_m
+        Edge of a cell [m].
+
+    Returns
+    -------
+    window : (p,)
+        Index of a window; each pair of window and cell comes once.
+    cells : (p, 2)
+        A cell that a wheel ran over in it.
+    """
+    if not len(start_s):
+        return np.empty(0, dtype=np.int64), np.empty((0, 2), dtype=np.int64)
+    fastest = float(np.nanmax(track.speed_m_s, initial=0.0))
+    reach = fastest * float(np.max(end_s - start_s))
+    steps = int(np.clip(np.ceil(4.0 * reach / cell_size_m), 1, _MAX_STEPS))
+    time_s = start_s[:, None] + (end_s - start_s)[:, None] * (np.arange(steps) + 0.5)[None, :] / steps
+    x, y, yaw = track.place_at(time_s)
+    places = np.array([wheel.position_m for wheel in vehicle.wheels]) if vehicle else np.zeros((1, 2))
+    places = np.unique(places, axis=0)
+    forward, left = places[:, 0], places[:, 1]
+    wheel_x = x[..., None] + np.cos(yaw)[..., None] * forward - np.sin(yaw)[..., None] * left
+    wheel_y = y[..., None] + np.sin(yaw)[..., None] * forward + np.cos(yaw)[..., None] * left
+    window = np.broadcast_to(np.arange(len(start_s))[:, None, None], wheel_x.shape)
+    there = np.isfinite(wheel_x) & np.isfinite(wheel_y)
+    rows = np.column_stack(
+        [window[there], np.floor(np.column_stack([wheel_x[there], wheel_y[there]]) / cell_size_m).astype(np.int64)]
+    )
+    rows = np.unique(rows, axis=0)
+    return rows[:, 0], rows[:, 1:]

@@ -1,0 +1,225 @@
+"""The main job: a recording in, a filled terrain database out."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from ..database.observations import Drive, TerrainObservations
+from ..database.store import TerrainDatabase
+from .core.evidence import ClassEvidence
+from .core.recording.open import read_recording
+from .core.recording.types import Recording
+from .core.vehicle import Vehicle
+from .default_models import Models, find_models
+from .fusion import Belief, fuse
+from .perception import Progress, SenseRecord, perceive, senses_of
+from .soil_along import SoilAlong, learn_soil
+from .stretches import classes_along
+from .track import DEAD_RECKONING, Track, cells_under_wheels, track_of
+from .traverse_summary import (
+    SenseSummary,
+    TraverseSummary,
+    count_cells,
+    count_contradictions,
+    sense_summary,
+)
+
+CELL_SIZE_M = 0.5
+"""Edge of a ground cell where nothing else is asked for [m]: about the width of a rut and of what a camera patch
+covers a few metres ahead."""
+
+METHOD = f"bevameter {version('bevameter')}, traverse 1"
+"""Version of what a run makes of a recording; a change of it is another processing of the same drive."""
+
+_SENSE_MODELS = {"camera": "vision", "microphone": "audio"}
+_SYNTHETIC = "synthetic"
+
+
+def run_traverse(
+    recording: Recording | str | Path,
+    database: TerrainDatabase | str | Path,
+    *,
+    vehicle: Vehicle | None = None,
+    models: Models | str | Path | None = None,
+    cell_size_m: float = CELL_SIZE_M,
+    progress: Progress | None = None,
+) -> TraverseSummary:
+    """Turn a recorded drive into observations of terrain and soil, and add them to a database.
+
+    The camera says what the ground ahead is, the microphone what it is under the wheels; both are fused into one
+    belief for each cell of ground. Where the drive was slow and steady enough, the soil is identified from the wheels,
+    and belongs to the class that was seen and heard there. Everything is written in one transaction at the end, so
+    that an interrupted run leaves the database as it was; a drive that the database holds already adds nothing.
+
+    Parameters
+    ----------
+    recording
+        A recording, or its path.
+    database
+        The terrain database, or its path or URL; made if missing.
+    vehicle
+        Instead of the recording's own.
+    models
+        The classifiers, or the folder that holds them; looked for beside the database where None, and else the
+        defaults, which know synthetic ground only (`default_models.find_models`).
+    cell_size_m
+        Edge of a ground cell [m].
+    progress
+        Told each stage's name and the share of it that is done; what it raises ends the run.
+
+    Returns
+    -------
+    TraverseSummary
+        What was seen, heard, felt and stored.
+
+    Raises
+    ------
+    InputError
+        The recording, a model or the database cannot be used.
+    """
+    began = time.monotonic()
+    tell: Progress = progress or (lambda stage, share: None)
+    tell("reading", 0.0)
+    if not isinstance(recording, Recording):
+        recording = read_recording(recording, vehicle=vehicle)
+    elif vehicle is not None:
+        recording = replace(recording, vehicle=vehicle)
+    tell("reading", 1.0)
+    url = database.name if isinstance(database, TerrainDatabase) else database
+    if not isinstance(models, Models):
+        models = find_models(models, url, senses=senses_of(recording), progress=tell)
+    track = track_of(recording)
+    records = perceive(recording, track, recording.vehicle, models.classifiers, cell_size_m, progress=tell)
+    belief = _believe(records, track, recording.vehicle, cell_size_m)
+    along = classes_along(belief, track, recording.vehicle, cell_size_m) if track is not None else None
+    soil = learn_soil(recording, track, along, progress=tell)
+
+    drive = _drive(recording, models, belief, soil, cell_size_m, track)
+    tell("storing", 0.0)
+    if isinstance(database, TerrainDatabase):
+        added = database.add_drive(drive)
+    else:
+        with TerrainDatabase(database) as store:
+            added = store.add_drive(drive)
+            url = store.name
+    tell("storing", 1.0)
+    return TraverseSummary(
+        recording=recording.name,
+        source=str(recording.source),
+        digest=recording.digest,
+        site=recording.site,
+        vehicle=recording.vehicle.name if recording.vehicle else "",
+        database=str(url),
+        synthetic=is_synthetic(recording.site, models.synthetic),
+        duration_s=_duration_s(recording, track),
+        distance_m=track.distance_m if track else 0.0,
+        places=track.origin if track else "",
+        cell_size_m=cell_size_m,
+        cells=count_cells(belief),
+        track_m=along.metres() if along else {},
+        contradictions=count_contradictions(belief),
+        senses=tuple(_sense_summary(record, belief, models) for record in records),
+        soils=soil.learnt,
+        closed_s=soil.closed_s,
+        used_s=soil.used_s,
+        observations_new=added.new,
+        observations_known=added.known,
+        problems=(*recording.problems, *soil.problems),
+        warnings=_warnings(models, records, track),
+        seconds=time.monotonic() - began,
+    )
+
+
+def is_synthetic(site: str, synthetic_models: tuple[str, ...]) -> bool:
+    """Say whether a result is of a synthetic world: the site calls itself so, or a model knows no other."""
+    return _SYNTHETIC in site.lower() or bool(synthetic_models)
+
+
+def _believe(
+    records: tuple[SenseRecord, ...], track: Track | None, vehicle: Vehicle | None, cell_size_m: float
+) -> Belief:
+    """Fuse the senses over all cells that they looked at and all that the wheels ran over."""
+    under_wheels = None
+    if track is not None:
+        times = track.every(cell_size_m)
+        under_wheels = cells_under_wheels(track, vehicle, times[:-1], times[1:], cell_size_m)[1]
+    return fuse([record.map for record in records], cells=under_wheels)
+
+
+def _drive(
+    recording: Recording,
+    models: Models,
+    belief: Belief,
+    soil: SoilAlong,
+    cell_size_m: float,
+    track: Track | None,
+) -> Drive:
+    looked = np.flatnonzero(np.isfinite(belief.last_seen_s))
+    evidence = ClassEvidence(
+        belief.classes,
+        belief.probabilities[looked],
+        belief.quality[looked],
+        belief.unknown[looked],
+        tuple(belief.reasons[row] for row in looked.tolist()),
+    )
+    terrain = TerrainObservations(
+        cell_size_m,
+        belief.cells[looked, 0],
+        belief.cells[looked, 1],
+        belief.last_seen_s[looked],
+        np.full(len(looked), "fused"),
+        evidence,
+    )
+    vehicle = recording.vehicle
+    described = hashlib.sha256((vehicle.model_dump_json() if vehicle else "").encode()).hexdigest()[:16]
+    return Drive(
+        recording_digest=recording.digest,
+        name=recording.name,
+        site=recording.site,
+        vehicle_name=vehicle.name if vehicle else "",
+        start_time=recording.start_time,
+        models={
+            sense: ("synthetic " if name in models.synthetic else "") + models.classifiers[name].version
+            for sense, name in _SENSE_MODELS.items()
+            if name in models.classifiers
+        },
+        method=f"{METHOD}, vehicle {described}, places {track.origin if track else 'none'}",
+        terrain=terrain,
+        soils=soil.observations,
+    )
+
+
+def _duration_s(recording: Recording, track: Track | None) -> float:
+    if track is not None:
+        return float(np.ptp(track.time_s))
+    wheel = recording.wheel
+    if wheel is not None and wheel.run is None and "time_s" in wheel and len(wheel):
+        return float(np.nanmax(wheel["time_s"]) - np.nanmin(wheel["time_s"]))
+    return recording.sound.duration_s if recording.sound is not None else 0.0
+
+
+def _sense_summary(record: SenseRecord, belief: Belief, models: Models) -> SenseSummary:
+    name = _SENSE_MODELS[record.sense]
+    classifier = models.classifiers.get(name)
+    return sense_summary(
+        record,
+        belief,
+        model=models.origins.get(name, ""),
+        model_version=classifier.version if classifier else "",
+        synthetic_model=name in models.synthetic,
+    )
+
+
+def _warnings(models: Models, records: tuple[SenseRecord, ...], track: Track | None) -> tuple[str, ...]:
+    warnings = list(models.warnings) if not all(record.absent for record in records) else []
+    if track is None:
+        warnings.append("the recording holds no places and no travel speed: nothing can be put on a map")
+    elif track.origin == DEAD_RECKONING:
+        warnings.append("the recording holds no places: the way is travel speed added up along x, heading unknown")
+    return tuple(warnings)

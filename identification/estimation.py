@@ -1,0 +1,234 @@
+"""Statistically efficient estimation of soil parameters, with intervals and a statement of what the data determine.
+
+Maximum likelihood with errors in all channels (`errors_in_variables`); where residuals exceed the sensors' noise, a
+discrepancy variance is estimated with the parameters and carried into the intervals (after M. C. Kennedy, A. O'Hagan,
+"Bayesian calibration of computer models", J. R. Stat. Soc. B 63 (2001), Eq. 5, with an independent discrepancy), and
+its correlation from sample to sample lowers the number of samples that count.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import t as t_distribution
+
+from ..framework.core.errors import InputError
+from ..framework.core.soil import PARAMETERS, PLAUSIBLE, SoilEstimate, SoilKnowledge
+from ..framework.core.vehicle import Wheel
+from .errors_in_variables import Fit, Problem, best_start, fit
+from .forward import CHANNELS, TextbookWheel, slope_of_internal, to_internal
+from .identifiability import advise, separable, strengths
+from .intervals import consistent, parameter_intervals
+from .wheel_soil import Soil, contact_array, entry_angle, rim_forces
+
+ANSWERS = np.array([False, True, True, False, True])
+"""Channels that the soil answers with (T, z, DP): the model's error lives there; load and slip are imposed."""
+
+_EXPLAINED = 1.1
+"""A channel whose standard deviation comes out within this factor of the sensor's is explained by the model [-]."""
+
+_STARTS = ((0.8, 0.02), (1.1, 0.005), (0.5, 0.03))
+"""Starting values of n and k [m]; cohesion and friction start at 1 kPa and 30 degrees, the stiffness from the load."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Samples for an estimate.
+
+    Parameters
+    ----------
+    channels : (n, 5)
+        Columns as `forward.CHANNELS`, SI; NaN where not observed.
+    noise : (5,)
+        Standard deviations of the sensors, SI; NaN for absent channels.
+    order : (n,)
+        What neighbours are neighbours in: time, or slip for steady-state trials.
+    """
+
+    channels: np.ndarray
+    noise: np.ndarray
+    order: np.ndarray
+
+
+@dataclass(frozen=True)
+class Solution:
+    """The fit behind a `SoilEstimate`.
+
+    `inflation` multiplies the covariance, `quantile` is Student's t at 97.5 %, `misfit` as in `SoilEstimate`.
+    """
+
+    problem: Problem
+    fit: Fit
+    inflation: float
+    quantile: float
+    misfit: float
+
+    @property
+    def free(self) -> np.ndarray:
+        """(p,) True where a parameter was estimated."""
+        return self.problem.free
+
+    def covariance(self) -> np.ndarray:
+        """Covariance (p, p) of the parameter vector, the model's error carried in it."""
+        return self.fit.covariance(self.free) * self.inflation
+
+
+def estimate_soil(measured: Measured, wheel: Wheel, known: SoilKnowledge | None = None) -> SoilEstimate:
+    """Estimate c, phi, k, stiffness and n of one soil.
+
+    Parameters
+    ----------
+    measured
+        Samples of one soil. Slip is needed, load or sinkage, and three channels in all.
+    wheel
+        The wheel.
+    known
+        What is known from elsewhere: a value without a standard deviation is held, one with it is a prior.
+
+    Raises
+    ------
+    InputError
+        Too few channels or samples.
+    """
+    known = known or SoilKnowledge()
+    kept = _usable(measured)
+    solution = solve(kept, wheel, known)
+    model = TextbookWheel(wheel)
+    covariance, bounded = solution.covariance(), physical(solution)
+    intervals = parameter_intervals(bounded, covariance, model)
+    strength = strengths(bounded, covariance, intervals, model)
+    covariance = consistent(covariance, bounded, intervals)
+    determined = separable(intervals.quantities, strength, solution.free)
+    seen = np.isfinite(kept.channels).any(axis=0)
+    return SoilEstimate(
+        parameters=intervals.quantities,
+        mean_c_tan_phi=bounded.fit.vector[:2].copy(),
+        covariance_c_tan_phi=covariance[:2, :2].copy(),
+        correlation=_correlations(covariance, solution.free),
+        shear_strength=strength,
+        separable=determined,
+        advice=advise(kept.channels, determined, covariance),
+        method="ml",
+        channels=tuple(name for name, present in zip(CHANNELS, seen, strict=True) if present),
+        n=len(kept.channels),
+        misfit=solution.misfit,
+    )
+
+
+def _usable(measured: Measured) -> Measured:
+    """Keep the rows that have slip, a load or a sinkage, and three channels."""
+    seen = np.isfinite(measured.channels)
+    for name, needed in (("slip", seen[:, 3]), ("load_N or sinkage_m", seen[:, 0] | seen[:, 2])):
+        if not needed.any():
+            raise InputError("wheel channels", f"no {name} was observed", expected="slip, and load or sinkage")
+    rows = seen[:, 3] & (seen[:, 0] | seen[:, 2]) & (seen.sum(axis=1) >= 3)
+    if rows.sum() < 6:
+        raise InputError(
+            "wheel channels",
+            f"{int(rows.sum())} rows with slip, load or sinkage, and a third channel",
+            expected="at least 6",
+        )
+    order = np.argsort(measured.order[rows], kind="stable")
+    return Measured(measured.channels[rows][order], measured.noise, measured.order[rows][order])
+
+
+def solve(measured: Measured, wheel: Wheel, known: SoilKnowledge) -> Solution:
+    """Fit, with cohesion free to be negative, and the soil's answers as uncertain as the model cannot explain them."""
+    problem = _problem(measured, wheel, known)
+    seen = np.isfinite(measured.channels)
+    informative = np.isfinite(problem.prior_sd)
+    # Every sample spends two observations on its own latents.
+    observations = float(seen.sum() - 2 * len(seen) + informative.sum())
+    dof = observations - float(problem.free.sum())
+    if dof < 1.0:
+        raise InputError("wheel channels", f"{int(seen.sum())} observations", expected="more than unknowns")
+    starts = [_start(measured, wheel, known, n, k) for n, k in _STARTS]
+    best = fit(problem, best_start(problem, starts))
+    ratio = np.exp(best.point.log_sd[problem.answers]) / problem.noise[problem.answers]
+    misfit = math.sqrt(float(np.mean(ratio**2))) if ratio.size else 1.0
+    inflation = 1.0
+    if (ratio > _EXPLAINED).any():
+        # The maximum-likelihood variance spends no degrees of freedom on the parameters; neighbours repeat each other.
+        correlation = _correlation_time(best.residuals[:, problem.answers] * np.sqrt(best.weights)[:, None])
+        inflation = observations / dof * correlation
+        dof = max(dof / correlation, 1.0)
+    return Solution(problem, best, inflation, float(t_distribution.ppf(0.975, dof)), misfit)
+
+
+def physical(solution: Solution) -> Solution:
+    """Give the same fit with cohesion kept from being negative."""
+    lower = solution.problem.lower.copy()
+    lower[0] = 0.0
+    problem = replace(solution.problem, lower=lower)
+    if solution.fit.vector[0] >= 0.0:
+        return replace(solution, problem=problem)
+    return replace(solution, problem=problem, fit=fit(problem, solution.fit.point))
+
+
+def _problem(measured: Measured, wheel: Wheel, known: SoilKnowledge) -> Problem:
+    mean, sd = np.zeros(len(PARAMETERS)), np.full(len(PARAMETERS), np.inf)
+    held = np.full(len(PARAMETERS), np.nan)
+    for index, name in enumerate(PARAMETERS):
+        if name in known.sd:
+            mean[index] = to_internal(name, known.values[name])
+            sd[index] = known.sd[name] / slope_of_internal(name, known.values[name])
+        elif name in known.values:
+            held[index] = to_internal(name, known.values[name])
+    lower = np.array([to_internal(name, PLAUSIBLE[name][0]) for name in PARAMETERS])
+    upper = np.array([to_internal(name, PLAUSIBLE[name][1]) for name in PARAMETERS])
+    lower[0] = -upper[0]
+    answers = ANSWERS & np.isfinite(measured.channels).any(axis=0)
+    return Problem(TextbookWheel(wheel), measured.channels, measured.noise, answers, mean, sd, held, lower, upper)
+
+
+def _start(
+    measured: Measured, wheel: Wheel, known: SoilKnowledge, n: float, k: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Starting vector and entry angles: from sinkage, and the stiffness so that the loads are carried."""
+    load, sinkage, slip = measured.channels[:, 0], measured.channels[:, 2], measured.channels[:, 3]
+    typical = float(np.nanmedian(sinkage)) if np.isfinite(sinkage).any() else 0.1 * wheel.radius_m
+    depth = np.where(np.isfinite(sinkage), sinkage, typical)
+    if not np.isfinite(sinkage).any():
+        depth = typical * (np.clip(load / np.nanmedian(load), 0.1, 10.0)) ** (1.0 / (n + 0.5))
+    theta_1 = entry_angle(np.clip(depth, 0.2 * abs(typical) + 1e-6, wheel.radius_m), wheel.radius_m)
+    slip = np.clip(slip, -0.98, 0.98)
+    values = {"c_Pa": 1e3, "phi_rad": math.radians(30.0), "k_m": k, "stiffness_Pa": 1e5, "n": n, **known.values}
+    if "stiffness_Pa" not in known.values and np.isfinite(load).any():
+        carried = rim_forces(contact_array(theta_1, slip, Soil(**values)), wheel)[:, 0]
+        share = float(np.nanmedian(load / np.where(carried > 0.0, carried, np.nan)))
+        low, high = PLAUSIBLE["stiffness_Pa"]
+        values["stiffness_Pa"] = float(np.clip(1e5 * share, low, high)) if share > 0.0 else 1e5
+    return TextbookWheel(wheel).to_vector(values), theta_1
+
+
+def _correlation_time(residuals: np.ndarray) -> float:
+    """Number of neighbouring samples that say the same: 1 + 2 sum of autocorrelations, the largest over channels.
+
+    The sum runs while pairs of autocorrelations are positive (C. J. Geyer, Statist. Sci. 7 (1992), Sec. 3.3).
+    """
+    longest = 1.0
+    for column in residuals.T:
+        values = column[np.isfinite(column)]
+        if len(values) < 8 or float(values @ values) == 0.0:
+            continue
+        spectrum = np.fft.rfft(values, 2 * len(values))
+        correlation = np.fft.irfft(np.abs(spectrum) ** 2)[: len(values) // 2]
+        correlation = correlation / correlation[0]
+        pairs = correlation[1:-1:2] + correlation[2::2]
+        positive = int(np.argmax(pairs <= 0.0)) if (pairs <= 0.0).any() else len(pairs)
+        longest = max(longest, 1.0 + 2.0 * float(pairs[:positive].sum()))
+    return min(longest, max(len(residuals) / 4.0, 1.0))
+
+
+def _correlations(covariance: np.ndarray, free: np.ndarray) -> dict[str, float]:
+    sd = np.sqrt(np.diag(covariance))
+    answer = {}
+    for first in range(len(PARAMETERS)):
+        for second in range(first + 1, len(PARAMETERS)):
+            if free[first] and free[second] and sd[first] > 0.0 and sd[second] > 0.0:
+                answer[f"{PARAMETERS[first]},{PARAMETERS[second]}"] = float(
+                    np.clip(covariance[first, second] / (sd[first] * sd[second]), -1.0, 1.0)
+                )
+    return answer

@@ -1,0 +1,261 @@
+"""`identify`: the soil that a recording's wheels felt, stretch by stretch and overall."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from scipy.stats import t as t_distribution
+
+from ..framework.core.errors import InputError
+from ..framework.core.recording.open import read_recording
+from ..framework.core.recording.types import Recording, WheelTable
+from ..framework.core.recording.wheel_file import derive
+from ..framework.core.soil import Quantity, ShearStrength, SoilEstimate, SoilKnowledge, load_soil
+from ..framework.core.vehicle import Vehicle, Wheel, load_vehicle
+from . import linearised
+from .estimation import Measured, estimate_soil
+from .forward import CHANNELS
+from .gate import Stretch, find_stretches, quasi_static
+from .noise import sensor_noise
+
+Method = Literal["ml", "linear"]
+
+REPRESENTATIVE_K_M = 0.01
+"""Janosi shear modulus [m] that the linear method assumes where none is known: middle of Wong (2010), Table 2.3."""
+
+MOST_ROWS = 1500
+"""A stretch with more rows is thinned evenly to this number: intervals are then those of the rows kept."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One stretch of the drive [s] (NaN for steady-state trials): used, with its estimate, or not, with the reason."""
+
+    start_s: float
+    end_s: float
+    used: bool
+    reason: str
+    n: int
+    estimate: SoilEstimate | None = None
+
+
+@dataclass(frozen=True)
+class Identification:
+    """Soil by segment, and over all rows that were used (None where there were none)."""
+
+    overall: SoilEstimate | None
+    segments: tuple[Segment, ...]
+    method: str
+    problems: tuple[str, ...] = ()
+
+
+def identify(
+    recording: Recording | str | Path,
+    *,
+    vehicle: Vehicle | str | Path | None = None,
+    soil: SoilKnowledge | str | Path | None = None,
+    method: Method = "ml",
+) -> Identification:
+    """Identify the soil from the wheel channels of a recording.
+
+    Parameters
+    ----------
+    recording
+        A recording, or the path of one, or of a single wheel file.
+    vehicle
+        The vehicle, or its TOML file; the recording's own where absent.
+    soil
+        What is known of the soil already, or its TOML file.
+    method
+        ``"ml"``: maximum likelihood with errors in all channels. ``"linear"``: the paper's Eq. 22.
+
+    Returns
+    -------
+    Identification
+        With `overall` None, and the reasons in `segments`, where no row could be used.
+
+    Raises
+    ------
+    InputError
+        The recording has no wheel channels, no geometry, or lacks channels that the method needs.
+    """
+    recording, known = _open(recording, vehicle), _known(soil)
+    rows = felt_rows(recording)
+    stretches = rows.stretches()
+    segments = tuple(_segment(rows, stretch, known, method) for stretch in stretches)
+    used = [stretch.rows for stretch in stretches if not stretch.reason]
+    overall = next((segment.estimate for segment in segments if segment.used), None)
+    if len(used) > 1:
+        overall = _estimate(rows, np.sort(np.concatenate(used)), known, method)
+    return Identification(overall, segments, method, rows.problems)
+
+
+def identify_segments(
+    recording: Recording,
+    *,
+    boundaries_s: Sequence[float] | np.ndarray = (),
+    soil: SoilKnowledge | None = None,
+    method: Method = "ml",
+) -> tuple[Segment, ...]:
+    """Identify the soil of each quasi-static stretch, cut where the ground is known to change (`boundaries_s` [s])."""
+    rows = felt_rows(recording)
+    return tuple(
+        _segment(rows, stretch, soil or SoilKnowledge(), method) for stretch in rows.stretches(np.asarray(boundaries_s))
+    )
+
+
+@dataclass(frozen=True)
+class FeltRows:
+    """Rows of all wheels of one geometry, each with the reason why it is not used (``""`` where it is)."""
+
+    table: WheelTable
+    wheel: Wheel
+    vehicle: Vehicle
+    reasons: np.ndarray
+    problems: tuple[str, ...]
+
+    def stretches(self, boundaries_s: np.ndarray | None = None) -> list[Stretch]:
+        """Cut into stretches by time; steady-state trials make one used stretch and one for each reason not to."""
+        boundaries = np.empty(0) if boundaries_s is None else boundaries_s
+        if "time_s" in self.table:
+            return find_stretches(self.table["time_s"], self.reasons, boundaries)
+        return [
+            Stretch(math.nan, math.nan, np.flatnonzero(self.reasons == reason), reason)
+            for reason in sorted(set(self.reasons), key=lambda text: (text != "", text))
+        ]
+
+
+def felt_rows(recording: Recording) -> FeltRows:
+    """Gather the wheel rows to identify from; raises `InputError` without wheel channels or geometry."""
+    if recording.wheel is None or len(recording.wheel) == 0:
+        raise InputError(recording.source, "no wheel channels", expected="wheel.csv or wheel.parquet")
+    if recording.vehicle is None:
+        raise InputError(
+            recording.source, "no wheel geometry", expected="vehicle.toml beside the recording, or --vehicle"
+        )
+    table, vehicle = recording.wheel, recording.vehicle
+    groups: dict[tuple[float, float], list[str | None]] = {}
+    names = [None] if table.wheel is None else [str(name) for name in np.unique(table.wheel)]
+    for name in names:
+        wheel = vehicle.wheel(name)
+        groups.setdefault((wheel.radius_m, wheel.width_m), []).append(name)
+    gathered = [_gather(table, vehicle, members) for members in groups.values()]
+    best = max(gathered, key=lambda rows: int((rows.reasons == "").sum()))
+    if len(gathered) == 1:
+        return best
+    problem = f"wheels of {len(gathered)} geometries: only those of radius {best.wheel.radius_m:g} m were used"
+    return FeltRows(best.table, best.wheel, best.vehicle, best.reasons, (problem,))
+
+
+def _gather(table: WheelTable, vehicle: Vehicle, names: list[str | None]) -> FeltRows:
+    parts, reasons = [], []
+    for name in names:
+        wheel = vehicle.wheel(name)
+        part = table if name is None else table.select(np.asarray(table.wheel) == name)
+        part = derive(part, wheel)
+        parts.append(part)
+        reasons.append(quasi_static(part, wheel))
+    wheel = vehicle.wheel(names[0])
+    if len(parts) == 1:
+        return FeltRows(parts[0], wheel, vehicle, reasons[0], ())
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0].columns}
+    labels = np.concatenate([np.asarray(part.wheel) for part in parts])
+    runs = None if parts[0].run is None else np.concatenate([np.asarray(part.run) for part in parts])
+    return FeltRows(WheelTable(columns, labels, runs, table.source), wheel, vehicle, np.concatenate(reasons), ())
+
+
+def _segment(rows: FeltRows, stretch: Stretch, known: SoilKnowledge, method: Method) -> Segment:
+    n = len(stretch.rows)
+    if stretch.reason:
+        return Segment(stretch.start_s, stretch.end_s, False, stretch.reason, n)
+    try:
+        estimate = _estimate(rows, stretch.rows, known, method)
+    except InputError as error:
+        if "time_s" not in rows.table:
+            raise
+        return Segment(stretch.start_s, stretch.end_s, False, error.problem, n)
+    return Segment(stretch.start_s, stretch.end_s, True, "", n, estimate)
+
+
+def _estimate(rows: FeltRows, chosen: np.ndarray, known: SoilKnowledge, method: Method) -> SoilEstimate:
+    noise = sensor_noise(rows.table.select(chosen), rows.vehicle)
+    if len(chosen) > MOST_ROWS:
+        chosen = chosen[np.linspace(0, len(chosen) - 1, MOST_ROWS).astype(int)]
+    table = rows.table.select(chosen)
+    if method == "linear":
+        return _linear(table, rows.wheel, known)
+    nothing = np.full(len(table), math.nan)
+    channels = np.column_stack([table[name] if name in table else nothing for name in CHANNELS])
+    order = table["time_s"] if "time_s" in table else table["slip"]
+    return estimate_soil(Measured(channels, noise, order), rows.wheel, known)
+
+
+def _linear(table: WheelTable, wheel: Wheel, known: SoilKnowledge) -> SoilEstimate:
+    """The paper's estimate, as a `SoilEstimate`: a negative cohesion is not passed off as a finding."""
+    needed = ("load_N", "torque_Nm", "sinkage_m", "slip")
+    for name in needed:
+        if name not in table:
+            raise InputError(table.source, f"no column {name}", expected="load, torque, sinkage and slip for Eq. 22")
+    columns = [table[name] for name in needed]
+    k_m = known.values.get("k_m", REPRESENTATIVE_K_M)
+    result = linearised.estimate(*columns, k_m, wheel)
+    if not math.isfinite(result.c_Pa):
+        raise InputError(table.source, f"{result.n} usable rows", expected="two or more that differ", place="Eq. 22")
+    quantile = float(t_distribution.ppf(0.975, max(result.n - 2, 1)))
+    sd = np.sqrt(np.diag(result.covariance))
+    slope = math.cos(result.phi_rad) ** 2
+    ends = [math.atan(max(result.tan_phi + sign * quantile * sd[1], 0.0)) for sign in (-1.0, 1.0)]
+    quantities = {
+        "c_Pa": Quantity(
+            max(result.c_Pa, 0.0), sd[0],
+            max(result.c_Pa - quantile * sd[0], 0.0), max(result.c_Pa + quantile * sd[0], 0.0),
+        ),
+        "phi_rad": Quantity(max(result.phi_rad, 0.0), sd[1] * slope, ends[0], ends[1]),
+    }  # fmt: skip
+    problems = ["the intervals are those of ordinary least squares: they know nothing of the method's bias"]
+    if result.c_Pa < 0.0:
+        problems.append(f"the closed form gives a cohesion of {result.c_Pa:.0f} Pa, which is not physical: 0 is reported")
+    sigma, _ = linearised.peak_stresses(*columns[:3], wheel)
+    strength = []
+    for stress in np.nanpercentile(np.where(sigma > 0.0, sigma, np.nan), [10.0, 50.0, 90.0]):
+        gradient = np.array([1.0, stress])
+        value = float(gradient @ [result.c_Pa, result.tan_phi])
+        half = quantile * math.sqrt(max(float(gradient @ result.covariance @ gradient), 0.0))
+        strength.append(ShearStrength(float(stress), value, max(value - half, 0.0), value + half))
+    correlation = float(result.covariance[0, 1] / (sd[0] * sd[1])) if sd.all() else 0.0
+    tight = 2.0 * quantile * sd * [1.0, strength[1].normal_stress_Pa] <= 0.5 * abs(strength[1].value_Pa)
+    return SoilEstimate(
+        parameters=quantities,
+        mean_c_tan_phi=np.array([result.c_Pa, result.tan_phi]),
+        covariance_c_tan_phi=result.covariance,
+        correlation={"c_Pa,phi_rad": correlation},
+        shear_strength=tuple(strength),
+        separable={"c_Pa": bool(tight[0]), "phi_rad": bool(tight[1])},
+        advice="" if tight.all() else "vary load and slip more, or use the method ml",
+        method="linear",
+        channels=needed,
+        n=result.n,
+        misfit=math.nan,
+        problems=tuple(problems),
+    )
+
+
+def _open(recording: Recording | str | Path, vehicle: Vehicle | str | Path | None) -> Recording:
+    if isinstance(vehicle, str | Path):
+        vehicle = load_vehicle(vehicle)
+    if isinstance(recording, Recording):
+        if vehicle is None:
+            return recording
+        return replace(recording, vehicle=vehicle)
+    return read_recording(recording, vehicle=vehicle)
+
+
+def _known(soil: SoilKnowledge | str | Path | None) -> SoilKnowledge:
+    if isinstance(soil, str | Path):
+        return load_soil(soil)
+    return soil or SoilKnowledge()

@@ -1,0 +1,122 @@
+"""95 % intervals of the parameters from the profile likelihood."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..framework.core.soil import Quantity
+from .errors_in_variables import fit
+from .forward import TextbookWheel, from_internal, slope_of_internal
+
+if TYPE_CHECKING:
+    from .estimation import Solution
+
+_TOLERANCE = 0.15
+"""An end is taken where the profile has fallen to within this share of the critical value."""
+
+_TRIALS = 8
+
+
+@dataclass(frozen=True)
+class Intervals:
+    """Quantities by name, and the parameter vectors (p,) at both ends of each profile, by index."""
+
+    quantities: dict[str, Quantity]
+    ends: dict[int, tuple[np.ndarray, np.ndarray]]
+
+
+def parameter_intervals(solution: Solution, covariance: np.ndarray, model: TextbookWheel) -> Intervals:
+    """Give value, standard deviation and 95 % interval of each parameter in SI.
+
+    Parameters
+    ----------
+    solution
+        The bounded fit.
+    covariance : (p, p)
+        Of the parameter vector, inflation included.
+    model
+        The forward model.
+    """
+    quantities, ends = {}, {}
+    for index, name in enumerate(model.names):
+        value = from_internal(name, float(solution.fit.vector[index]))
+        if not solution.free[index]:
+            quantities[name] = Quantity(value, 0.0, value, value)
+            continue
+        sd = math.sqrt(max(covariance[index, index], 0.0))
+        ridge = covariance[:, index] / max(covariance[index, index], 1e-300)
+        low = _end(solution, index, sd, ridge, -1.0)
+        high = _end(solution, index, sd, ridge, 1.0)
+        ends[index] = low, high
+        quantities[name] = Quantity(
+            value,
+            spread(solution, index, low, high) * slope_of_internal(name, value),
+            from_internal(name, float(low[index])),
+            from_internal(name, float(high[index])),
+        )
+    return Intervals(quantities, ends)
+
+
+def spread(solution: Solution, index: int, low: np.ndarray, high: np.ndarray) -> float:
+    """Standard deviation of a parameter from the wider side of its profile interval."""
+    centre = solution.fit.vector[index]
+    return float(max(high[index] - centre, centre - low[index])) / solution.quantile
+
+
+def consistent(covariance: np.ndarray, solution: Solution, intervals: Intervals) -> np.ndarray:
+    """Scale a covariance (p, p) so that its standard deviations are those of the profiles, the correlations kept.
+
+    Along a ridge that bounds cut off, the curvature at the optimum promises far more than the range of the parameters.
+    """
+    factor = np.ones(len(covariance))
+    for index, (low, high) in intervals.ends.items():
+        sd = math.sqrt(max(covariance[index, index], 1e-300))
+        factor[index] = spread(solution, index, low, high) / sd
+    return covariance * np.outer(factor, factor)
+
+
+def _end(solution: Solution, index: int, sd: float, ridge: np.ndarray, direction: float) -> np.ndarray:
+    """Walk out along the profile to where it has fallen by the critical value, or to the bound: the vector there.
+
+    `ridge` (p,) is how the other parameters go with this one near the optimum: each fit starts there.
+    """
+    best, problem = solution.fit, solution.problem
+    centre = float(best.vector[index])
+    bound = float((problem.upper if direction > 0.0 else problem.lower)[index])
+    reach = (bound - centre) * direction
+    if reach <= 0.0:
+        return best.vector
+    critical = solution.quantile**2 * solution.inflation
+    point = best.point
+    inner, outer, found = 0.0, math.inf, best.vector
+    at = min(max(sd * solution.quantile, 1e-9 * reach), reach)
+    for _ in range(_TRIALS):
+        value = centre + direction * at
+        vector = np.clip(point.vector + ridge * (value - point.vector[index]), problem.lower, problem.upper)
+        profiled = fit(problem.fixing(index, value), replace(point, vector=vector), iterations=20, enough=0.05)
+        fall = max(2.0 * (best.log_likelihood - profiled.log_likelihood), 1e-6)
+        found = profiled.vector
+        if abs(fall / critical - 1.0) <= _TOLERANCE or (fall < critical and at >= reach):
+            break
+        # The profile is nearly a parabola about the optimum; brackets catch it where it is not.
+        aim = at * math.sqrt(critical / fall)
+        if fall < critical:
+            inner, point = at, profiled.point
+            at = min(aim, 4.0 * at, reach) if math.isinf(outer) else min(aim, 0.5 * (inner + outer))
+        else:
+            outer = at
+            at = max(aim, inner + 0.15 * (outer - inner))
+        if outer - inner < 0.03 * outer:
+            break
+    else:
+        fall = critical
+    answer = found.copy()
+    reached = (found[index] - centre) * direction
+    if fall > critical * (1.0 - _TOLERANCE):
+        reached = min(reached * math.sqrt(critical / fall), reach)
+    answer[index] = centre + direction * reached
+    return answer

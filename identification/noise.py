@@ -1,0 +1,72 @@
+"""Noise of the wheel's sensors, from the vehicle's description or from the recording itself, never from a fit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..framework.core.recording.types import WheelTable
+from ..framework.core.vehicle import Vehicle
+from .forward import CHANNELS
+
+_NORMAL_MAD = 1.4826
+LEAST_SHARE = 2e-3
+"""No sensor is taken to be better than this share of the channel's largest value [-]."""
+
+
+def sensor_noise(table: WheelTable, vehicle: Vehicle) -> np.ndarray:
+    """Standard deviation of each channel of `forward.CHANNELS`, (5,), NaN where the channel is absent.
+
+    What `vehicle.noise` gives is taken. Otherwise, in a recording with time, white noise shows in second differences of
+    neighbouring samples; in a file of steady-state trials, in the difference between trials that are nearest in load
+    and slip. Both are robust (median of absolute values), and both take a little of the signal for noise: wide rather
+    than narrow.
+    """
+    return np.array([_channel_noise(table, name, vehicle.noise.get(name)) for name in CHANNELS])
+
+
+def _channel_noise(table: WheelTable, name: str, given: float | None) -> float:
+    values = table.get(name)
+    if values is None or not np.isfinite(values).any():
+        return float("nan")
+    if given is not None:
+        return given
+    least = LEAST_SHARE * float(np.nanmax(np.abs(values))) or LEAST_SHARE
+    measured = _from_neighbours(table, values) if "time_s" in table else _from_repeats(table, values, name)
+    return max(measured, least)
+
+
+def _from_neighbours(table: WheelTable, values: np.ndarray) -> float:
+    """Noise from second differences: for white noise their variance is six times that of a sample."""
+    same = np.ones(max(len(values) - 2, 0), dtype=bool)
+    for names in (table.wheel, table.run):
+        if names is not None:
+            same &= (names[:-2] == names[1:-1]) & (names[1:-1] == names[2:])
+    if table.wheel is not None and not same.any():
+        # Rows of several wheels alternate: look along one wheel at a time.
+        parts = [table.select(table.wheel == wheel) for wheel in np.unique(table.wheel)]
+        measured = [_from_neighbours(part, values[table.wheel == part.wheel[0]]) for part in parts if len(part) > 2]  # type: ignore[index]
+        return float(np.median(measured)) if measured else 0.0
+    second = np.diff(values, 2)[same]
+    second = second[np.isfinite(second)]
+    return _NORMAL_MAD * float(np.median(np.abs(second))) / np.sqrt(6.0) if second.size else 0.0
+
+
+def _from_repeats(table: WheelTable, values: np.ndarray, name: str) -> float:
+    """Noise of steady-state means: the scatter within a trial for what is set, nearest trials for what answers."""
+    if name in ("load_N", "slip"):
+        stem, _, unit = name.rpartition("_")
+        scatter = table.get(f"{stem}_sd_{unit}" if stem else f"{name}_sd")
+        # A trial's mean is known better than one sample of it; five independent stretches are assumed in a trial.
+        return float(np.nanmedian(scatter)) / np.sqrt(5.0) if scatter is not None else 0.0
+    load, slip = table.get("load_N"), table.get("slip")
+    if load is None or slip is None or len(values) < 3:
+        return 0.0
+    place = np.column_stack([load / max(float(np.nanmax(np.abs(load))), 1e-12), slip])
+    apart = np.linalg.norm(place[:, None, :] - place[None, :, :], axis=2)
+    np.fill_diagonal(apart, np.inf)
+    apart[~np.isfinite(apart)] = np.inf
+    nearest = np.argmin(apart, axis=1)
+    close = np.min(apart, axis=1) < 0.1
+    difference = (values - values[nearest])[close]
+    difference = difference[np.isfinite(difference)]
+    return _NORMAL_MAD * float(np.median(np.abs(difference))) / np.sqrt(2.0) if difference.size else 0.0

@@ -1,0 +1,68 @@
+"""Identification as the JSON that CONTRACTS.md fixes: `bevameter identify --json`."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ..framework.core.soil import Quantity, SoilEstimate
+from .identify import Identification
+
+
+def identification_json(result: Identification) -> dict[str, Any]:
+    """Lay out an identification for JSON: SI units, `low` and `high` are 95 % intervals, null where not known."""
+    overall = result.overall
+    return {
+        "schema": 1,
+        "method": result.method,
+        "channels": list(overall.channels) if overall else [],
+        "n": overall.n if overall else 0,
+        "overall": estimate_json(overall) if overall else None,
+        "segments": [
+            {
+                "start_s": _number(segment.start_s),
+                "end_s": _number(segment.end_s),
+                "used": segment.used,
+                "reason": segment.reason,
+                "n": segment.n,
+                **(estimate_json(segment.estimate) if segment.estimate else {}),
+            }
+            for segment in result.segments
+        ],
+        "problems": list(result.problems),
+    }
+
+
+def estimate_json(estimate: SoilEstimate) -> dict[str, Any]:
+    """Lay out one estimate for JSON."""
+    return {
+        **{name: _quantity(quantity) for name, quantity in estimate.parameters.items()},
+        "correlation": dict(estimate.correlation),
+        "shear_strength": [
+            {
+                "normal_stress_Pa": strength.normal_stress_Pa,
+                "value_Pa": strength.value_Pa,
+                "low_Pa": strength.low_Pa,
+                "high_Pa": strength.high_Pa,
+            }
+            for strength in estimate.shear_strength
+        ],
+        "separable": {name: bool(value) for name, value in estimate.separable.items()},
+        "advice": estimate.advice,
+        "misfit": _number(estimate.misfit),
+        "channels": list(estimate.channels),
+        "problems": list(estimate.problems),
+    }
+
+
+def _quantity(quantity: Quantity) -> dict[str, float | None]:
+    return {
+        "value": _number(quantity.value),
+        "sd": _number(quantity.sd),
+        "low": _number(quantity.low),
+        "high": _number(quantity.high),
+    }
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

@@ -1,0 +1,111 @@
+from __future__ import annotations
+
+import gzip
+
+import numpy as np
+import pytest
+from bevameter.audio.classify import classify_vibration
+from bevameter.audio.train import train_vibration
+from bevameter.audio.vibration_features import VibrationChannels, vibration_features
+from bevameter.framework.core.errors import InputError
+from bevameter.framework.core.labelled import read_labelled
+from bevameter.framework.core.recording.vibration_run import read_vibration_run
+
+AXES = ("wx", "wy", "ax", "az")
+
+
+def write_run(folder, name, kind, rng, seconds=25.0, wheels=True, speed=0.5):
+    """A run over ground that shakes strongly and low (rough) or weakly and high (smooth)."""
+    time = np.arange(0, seconds, 0.01)
+    noise = rng.normal(size=(time.size, len(AXES)))
+    if kind == "rough":
+        noise = 4 * np.apply_along_axis(np.convolve, 0, noise, np.ones(8) / 8, "same")
+    values = noise * rng.uniform(0.7, 1.3) + [0, 0, 0, 9.81]
+    with gzip.open(folder / f"imu_{name}.csv.gz", "wt") as file:
+        np.savetxt(file, np.column_stack([time, values]), "%.6g", ",", header=",".join(("time", *AXES)), comments="")
+    if wheels:
+        time = np.arange(0, seconds, 0.15)
+        current = rng.normal(12 if kind == "rough" else 6, 1, (time.size, 2))
+        table = np.column_stack([time, current, np.full((time.size, 2), speed)])
+        np.savetxt(folder / f"pro_{name}.csv", table, "%.6g", ",", header="time,curL,curR,velL,velR", comments="")
+
+
+@pytest.fixture(scope="module")
+def labelled(tmp_path_factory):
+    folder, rng = tmp_path_factory.mktemp("vibration"), np.random.default_rng(1)
+    lines = ["file,class,group,wheel_file"]
+    for index in range(8):
+        kind = ("rough", "smooth")[index % 2]
+        write_run(folder, index, kind, rng, speed=0.5 if index < 6 else 0.0)
+        lines.append(f"imu_{index}.csv.gz,{kind},run {index},pro_{index}.csv")
+    (folder / "index.csv").write_text("\n".join(lines) + "\n")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def outcome(labelled):
+    return train_vibration(read_labelled(labelled), np.random.default_rng(2))
+
+
+def test_a_speed_of_zero_is_missing_and_not_standstill(labelled):
+    moving, unknown = (read_vibration_run(labelled / f"imu_{i}.csv.gz", labelled / f"pro_{i}.csv") for i in (0, 6))
+    channels = VibrationChannels.of(moving)
+    speed = channels.blocks()["speed"]
+    known, _ = vibration_features(moving, channels)
+    missing, first = vibration_features(unknown, channels)
+    assert known.shape[1] == len(channels.names) == len(set(channels.names))
+    assert np.isfinite(known[:-1]).all()
+    assert np.isnan(missing[:, speed.start : speed.stop - 1]).all()
+    assert (missing[:, speed.stop - 1] == 0).all()
+    assert np.isfinite(missing[:, : channels.blocks()["drive"].start]).all()
+    assert np.diff(first).tolist() == [128] * (len(first) - 1)
+
+
+def test_level_and_spectrum_are_those_of_the_signal(labelled):
+    run = read_vibration_run(labelled / "imu_1.csv.gz")
+    channels = VibrationChannels.of(run)
+    features, _ = vibration_features(run, channels)
+    by_name = dict(zip(channels.names, features.mean(axis=0), strict=True))
+    assert by_name["az_level"] == pytest.approx(np.log(run.channels[:, 3].std()), abs=0.05)
+    assert by_name["az_crossings"] == pytest.approx(0.5, abs=0.03)  # of white noise
+
+
+def test_runs_are_told_apart_with_and_without_their_wheels(outcome, tmp_path):
+    assert outcome.report["balanced_accuracy"]["value"] > 0.9
+    rng = np.random.default_rng(3)
+    for name, kind in (("a", "rough"), ("b", "smooth")):
+        write_run(tmp_path, name, kind, rng, wheels=False)
+        rows = classify_vibration([tmp_path / f"imu_{name}.csv.gz"], outcome.classifier)
+        assert np.mean([row["class"] == kind for row in rows]) > 0.8
+        assert rows[1]["start_s"] == 1.28
+
+
+def test_the_wheels_of_the_same_run_are_found_through_the_index(outcome, labelled):
+    rows = classify_vibration([labelled / "imu_0.csv.gz"], outcome.classifier)
+    assert np.mean([row["class"] == "rough" for row in rows]) > 0.9
+
+
+def test_a_vehicle_that_stands_and_a_stuck_sensor_are_unknown(outcome, tmp_path, rng):
+    time = np.arange(0, 6, 0.01)
+    for name, values, said in (
+        ("still", 1e-3 * rng.normal(size=(600, 4)), "stands"),
+        ("stuck", np.column_stack([rng.normal(size=(600, 3)), np.full(600, 9.81)]), "does not change"),
+    ):
+        path = tmp_path / f"{name}.csv"
+        np.savetxt(path, np.column_stack([time, values]), "%.6g", ",", header="time," + ",".join(AXES), comments="")
+        rows = classify_vibration([path], outcome.classifier)
+        assert all(row["unknown"] and said in row["reasons"][0] for row in rows)
+
+
+def test_a_file_without_the_channels_is_refused(outcome, tmp_path):
+    (tmp_path / "odd.csv").write_text("time_s,q\n0,1\n0.01,2\n0.02,1\n")
+    with pytest.raises(InputError, match=r"odd\.csv.*no column wx, wy, ax, az"):
+        classify_vibration([tmp_path / "odd.csv"], outcome.classifier)
+
+
+@pytest.mark.slow
+def test_real_runs_left_out_are_recognised(shared_data):
+    runs = read_labelled(shared_data / "vehicle-vibration")
+    report = train_vibration(runs, np.random.default_rng(4)).report
+    assert report["groups"] == 48
+    assert report["balanced_accuracy"]["value"] > 0.65  # five grounds, by run: chance is 0.2

@@ -1,0 +1,79 @@
+"""What `bevameter run` answers to bad input: one line, exit status 2, nothing written."""
+
+from __future__ import annotations
+
+import pytest
+from bevameter.framework.cli.main import app
+from typer.testing import CliRunner
+
+WHEEL = "time_s,load_N,slip,torque_Nm\n0.0,500,0.1,12\n0.1,500,0.2,13\n"
+VEHICLE = "[wheel]\nradius_m = 0.2\nwidth_m = 0.1\n"
+
+
+@pytest.fixture
+def folder(tmp_path):
+    drive = tmp_path / "drive"
+    drive.mkdir()
+    (drive / "wheel.csv").write_text(WHEEL)
+    (drive / "vehicle.toml").write_text(VEHICLE)
+    return drive
+
+
+def bad(tmp_path, *arguments):
+    database, page = tmp_path / "t.db", tmp_path / "o.json"
+    result = CliRunner().invoke(app, ["run", *map(str, arguments), "--db", str(database), "--json", str(page)])
+    assert result.exit_code == 2, result.output
+    assert len(result.stderr.splitlines()) == 1
+    assert result.stderr.startswith("bevameter: ")
+    assert not database.exists()
+    assert not page.exists()
+    return result.stderr
+
+
+def test_a_missing_recording(tmp_path):
+    assert "no such file" in bad(tmp_path, tmp_path / "nowhere")
+
+
+def test_a_wheel_file_with_text_for_a_number(tmp_path, folder):
+    (folder / "wheel.csv").write_text(WHEEL.replace("0.2,13", "abc,13"))
+    said = bad(tmp_path, folder)
+    assert "wheel.csv" in said
+    assert "abc" in said
+
+
+def test_a_vehicle_that_makes_no_sense(tmp_path, folder):
+    (tmp_path / "v.toml").write_text("[wheel]\nradius_m = -1\nwidth_m = 0.1\n")
+    assert "radius_m" in bad(tmp_path, folder, "--vehicle", tmp_path / "v.toml")
+
+
+def test_models_that_are_not_there(tmp_path, folder):
+    assert "no model" in bad(tmp_path, folder, "--models", tmp_path / "nowhere")
+
+
+def test_a_topic_map_for_what_is_no_bag(tmp_path, folder):
+    (tmp_path / "t.toml").write_text("")
+    assert "no bag" in bad(tmp_path, folder, "--topics", tmp_path / "t.toml")
+
+
+def test_a_database_of_another_program_is_left_alone(tmp_path, folder):
+    other = tmp_path / "other.db"
+    other.write_text("my diary")
+    result = CliRunner().invoke(app, ["run", str(folder), "--db", str(other)])
+    assert result.exit_code == 2
+    assert len(result.stderr.splitlines()) == 1
+    assert other.read_text() == "my diary"
+
+
+def test_a_page_that_cannot_be_written_is_said_before_any_work(tmp_path, folder):
+    arguments = ["run", str(folder), "--db", str(tmp_path / "t.db"), "--json", str(tmp_path / "no" / "o.json")]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 2
+    assert not (tmp_path / "t.db").exists()
+
+
+def test_wheels_alone_make_a_summary_that_says_what_is_missing(tmp_path, folder):
+    result = CliRunner().invoke(app, ["run", str(folder), "--db", str(tmp_path / "t.db")])
+    assert result.exit_code == 0, result.output
+    assert "no camera in the recording" in result.output
+    assert "no sound in the recording" in result.output
+    assert "no places" in result.output

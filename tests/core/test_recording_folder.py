@@ -1,0 +1,202 @@
+import shutil
+from datetime import UTC, datetime
+
+import cv2
+import numpy as np
+import pytest
+import soundfile as sf
+from bevameter.framework.core.errors import InputError
+from bevameter.framework.core.recording.open import read_recording
+
+VEHICLE = "[wheel]\nradius_m = 0.2\nwidth_m = 0.1\n"
+WHEEL = "time_s,load_N,wheel_speed_rad_s,travel_speed_m_s,x_m,y_m\n" + "".join(
+    f"{0.1 * i:.1f},100,1.0,0.15,{0.015 * i:.3f},{0.02 * i:.3f}\n" for i in range(100)
+)
+RATE = 4000
+
+
+@pytest.fixture
+def drive(tmp_path, rng):
+    """A whole recording: four images, two seconds of sound, wheel, pose and labels."""
+    folder = tmp_path / "drive"
+    (folder / "camera").mkdir(parents=True)
+    (folder / "recording.toml").write_text(
+        'name = "sand"\nstart_time = 2024-05-01T10:00:00Z\nsite = "pit"\nnotes = "windy"\n'
+        'streams = ["wheel", "camera", "sound", "pose", "labels"]\n[sound]\nstart_s = 1.5\n'
+    )
+    (folder / "vehicle.toml").write_text(VEHICLE)
+    (folder / "wheel.csv").write_text(WHEEL)
+    (folder / "pose.csv").write_text("time_s,x_m,y_m,yaw_rad\n0,0,0,0.1\n1,1,0,\n2,2,0,0.3\n")
+    (folder / "labels.csv").write_text("start_s,end_s,class\n4,6,loam\n0,4,sand\n")
+    rows = []
+    for i in range(4):
+        cv2.imwrite(str(folder / "camera" / f"{i}.png"), rng.integers(0, 255, (6, 8, 3)).astype(np.uint8))
+        rows.append(f"{0.5 * i},{i}.png\n")
+    (folder / "camera" / "camera.csv").write_text("time_s,file\n" + "".join(rows))
+    sf.write(folder / "sound.wav", rng.uniform(-0.5, 0.5, 2 * RATE), RATE)
+    return folder
+
+
+def test_a_whole_folder(drive):
+    recording = read_recording(drive)
+    assert (recording.name, recording.site, recording.problems[1:]) == ("sand", "pit", ())
+    assert recording.problems == ("pose.csv: 1 of 3 rows without a whole pose",)
+    assert recording.start_time == datetime(2024, 5, 1, 10, tzinfo=UTC)
+    assert recording.vehicle.wheel().radius_m == 0.2
+    np.testing.assert_allclose(recording.wheel["slip"], 0.25)  # derived
+    np.testing.assert_array_equal(recording.pose.time_s, [0.0, 2.0])
+    assert recording.labels.at(np.array([-1.0, 0.0, 4.0, 5.9, 6.0])).tolist() == ["", "sand", "loam", "loam", ""]
+    assert [frame.time_s for frame in recording.camera.frames()] == [0.0, 0.5, 1.0, 1.5]
+    assert (recording.sound.start_s, recording.sound.duration_s) == (1.5, 2.0)
+    assert [block.start_s for block in recording.sound.blocks(1.0, 0.5)] == [1.5, 2.0, 2.5]
+
+
+def test_the_digest_is_that_of_the_content(drive, tmp_path):
+    first = read_recording(drive).digest
+    moved = tmp_path / "elsewhere" / "other name"
+    shutil.copytree(drive, moved)
+    (moved / "recording.toml").write_text('site = "renamed"\n[sound]\nstart_s = 1.5\n')
+    assert read_recording(moved).digest == first
+    data = (moved / "camera" / "3.png").read_bytes()
+    (moved / "camera" / "3.png").write_bytes((moved / "camera" / "2.png").read_bytes())
+    assert read_recording(moved).digest != first
+    (moved / "camera" / "3.png").write_bytes(data)
+    (moved / "wheel.csv").write_text(WHEEL.replace("100,1.0", "101,1.0", 1))
+    assert read_recording(moved).digest != first
+
+
+def test_places_in_wheel_rows_make_poses(drive):
+    (drive / "pose.csv").unlink()
+    (drive / "recording.toml").unlink()
+    recording = read_recording(drive)
+    assert recording.name == "drive"
+    np.testing.assert_allclose(recording.pose.x_m[-1], 0.015 * 99, atol=1e-9)
+    np.testing.assert_allclose(recording.pose.yaw_rad, np.arctan2(0.02, 0.015), atol=0.02)
+
+
+def test_a_vehicle_may_be_given_instead(drive, tmp_path):
+    other = tmp_path / "other.toml"
+    other.write_text(VEHICLE.replace("0.2", "0.3"))
+    np.testing.assert_allclose(read_recording(drive, vehicle=other).wheel["slip"], 0.5)
+    wheel_alone = read_recording(drive / "wheel.csv")
+    np.testing.assert_allclose(wheel_alone.wheel["slip"], 0.25)  # the vehicle beside the file
+    assert wheel_alone.camera is None
+
+
+def test_an_image_that_cannot_be_read_is_a_frame_with_its_problem(drive):
+    half = drive / "camera" / "1.png"
+    half.write_bytes(half.read_bytes()[:60])
+    (drive / "camera" / "2.png").unlink()
+    recording = read_recording(drive)
+    assert any("1 of 4 images are missing, first 2.png" in problem for problem in recording.problems)
+    frames = list(recording.camera.frames())
+    assert [frame.image is None for frame in frames] == [False, True, True, False]
+    assert "1.png: a PNG cut off" in frames[1].problem
+    assert "2.png: no such file" in frames[2].problem
+
+
+def test_sound_that_was_cut_off_is_said(drive):
+    sound = drive / "sound.wav"
+    sound.write_bytes(sound.read_bytes()[: 44 + RATE * 2])
+    recording = read_recording(drive)
+    assert recording.sound.duration_s == 1.0
+    assert any("sound.wav: cut off, ends after 1.000 s of 2.000 s" in problem for problem in recording.problems)
+
+
+def replace(file, old, new):
+    def change(drive):
+        path = drive / file
+        text = path.read_text()
+        assert old in text
+        path.write_text(text.replace(old, new, 1))
+
+    return change
+
+
+def remove(name):
+    def change(drive):
+        path = drive / name
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+
+    return change
+
+
+def copy(old, new):
+    return lambda drive: shutil.copy(drive / old, drive / new)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (remove("wheel.csv"), "wheel.csv: no such file .expected the wheel that recording.toml lists"),
+        (remove("camera"), "camera: no such file"),
+        (remove("camera/camera.csv"), "camera.csv: no such file"),
+        (remove("sound.wav"), "sound.wav: no such file"),
+        (copy("sound.wav", "sound.flac"), "both sound.wav and sound.flac"),
+        (replace("recording.toml", 'site = "pit"', 'sight = "pit"'), "key sight"),
+        (replace("recording.toml", '"labels"', '"smell"'), "key streams.4: 'smell'"),
+        (replace("recording.toml", "2024-05-01T10:00:00Z", '"noon"'), "key start_time: 'noon'"),
+        (replace("recording.toml", "start_s = 1.5", "start_s = inf"), "key sound.start_s"),
+        (replace("recording.toml", "[sound]", '[sound]\nfile = "../sound.wav"'), "leads out of the folder"),
+        (replace("recording.toml", "[sound]", '[sound]\nfile = "noise.wav"'), "noise.wav: no such file"),
+        (replace("recording.toml", 'name = "sand"', "name = "), "expected valid TOML"),
+        (replace("vehicle.toml", "[wheel]", "[wheel_]"), "no wheel geometry"),
+        (replace("wheel.csv", "load_N", "load_kN"), "column load_kN.*load_N"),
+        (replace("pose.csv", "yaw_rad", "yaw"), "no column yaw_rad"),
+        (replace("pose.csv", "2,2,0,0.3", "0.5,2,0,0.3"), "row 4, column time_s: time runs backwards, 1 s and then"),
+        (replace("pose.csv", "1,1,0,", "1,inf,0,"), "row 3, column x_m: inf"),
+        (replace("labels.csv", "4,6,loam", "4,6,"), "row 2, column class: a blank class"),
+        (replace("labels.csv", "4,6,loam", "6,4,loam"), "row 2, column end_s: 6 s to 4 s"),
+        (replace("labels.csv", "0,4,sand", "0,5,sand"), "overlaps another stretch"),
+        (replace("camera/camera.csv", "1.png", "../../secret.png"), "row 3, column file: '../../secret.png' leads out"),
+        (replace("camera/camera.csv", "1.png", "/etc/passwd"), "leads out of the folder"),
+        (replace("camera/camera.csv", "1.png", "C:\\\\secret.png"), "leads out of the folder"),
+        (replace("camera/camera.csv", "1.png", ""), "row 3, column file: ''"),
+        (replace("camera/camera.csv", "1.5,", "0.2,"), "row 5, column time_s: time runs backwards"),
+        (replace("camera/camera.csv", "file", "image"), "no column file"),
+    ],
+)
+def test_what_is_wrong_is_named(change, says, drive):
+    change(drive)
+    with pytest.raises(InputError, match=says):
+        read_recording(drive)
+
+
+def test_images_that_are_all_missing_are_an_error(drive):
+    for file in (drive / "camera").glob("*.png"):
+        file.unlink()
+    with pytest.raises(InputError, match=r"0\.png: no such file, nor any other"):
+        read_recording(drive)
+
+
+def test_a_link_out_of_the_folder_is_refused(drive, tmp_path):
+    (tmp_path / "secret.png").write_bytes(b"x")
+    (drive / "camera" / "1.png").unlink()
+    try:
+        (drive / "camera" / "1.png").symlink_to(tmp_path / "secret.png")
+    except OSError:
+        pytest.skip("this system makes no symbolic links")
+    with pytest.raises(InputError, match="leads out of the folder"):
+        read_recording(drive)
+
+
+def test_what_is_no_recording(tmp_path):
+    with pytest.raises(InputError, match="no such file or folder"):
+        read_recording(tmp_path / "nowhere")
+    with pytest.raises(InputError, match="no stream of a recording in it"):
+        read_recording(tmp_path)
+    (tmp_path / "x.txt").write_text("x")
+    with pytest.raises(InputError, match=r"'\.txt'"):
+        read_recording(tmp_path / "x.txt")
+    (tmp_path / "t.toml").write_text("")
+    with pytest.raises(InputError, match="no bag"):
+        read_recording(tmp_path, topics=tmp_path / "t.toml")
+    with pytest.raises(InputError, match=r"missing\.toml: no such file"):
+        read_recording(tmp_path, vehicle=tmp_path / "missing.toml")
+
+
+def test_a_real_folder(shared_data):
+    recording = read_recording(shared_data / "granular-wheel")
+    assert len(recording.wheel) == 28
+    assert recording.vehicle.wheel().width_m == 1.0
+    assert recording.digest == read_recording(shared_data / "granular-wheel" / "wheel.csv").digest

@@ -1,0 +1,195 @@
+import os
+import shutil
+import socket
+import sqlite3
+import subprocess
+import tempfile
+from contextlib import closing
+from pathlib import Path
+
+import bevameter.database.migrations
+import pytest
+from alembic.autogenerate import compare_metadata
+from alembic.config import Config
+from alembic.migration import MigrationContext
+from alembic.script import ScriptDirectory
+from bevameter import InputError, TerrainDatabase
+from bevameter.database import schema
+from bevameter.database.store import Added
+from bevameter.database.tables import Base
+from sqlalchemy import create_engine
+
+
+def foreign(path: Path, statements: str) -> None:
+    with closing(sqlite3.connect(path)) as connection:
+        connection.executescript(statements)
+
+
+def test_the_revisions_are_those_in_the_folder():
+    config = Config()
+    config.set_main_option("script_location", str(Path(bevameter.database.migrations.__file__).parent))
+    found = [script.revision for script in ScriptDirectory.from_config(config).walk_revisions()]
+    assert tuple(reversed(found)) == schema.REVISIONS
+
+
+def test_migrations_make_the_tables_that_the_code_expects(tmp_path):
+    TerrainDatabase(tmp_path / "terrain.db").close()
+    engine = create_engine(f"sqlite:///{tmp_path / 'terrain.db'}")
+    with engine.connect() as connection:
+        context = MigrationContext.configure(connection, opts={"version_table": schema.VERSION_TABLE})
+        differences = [entry for entry in compare_metadata(context, Base.metadata) if entry[0] != "remove_table"]
+        assert differences == []
+        assert context.get_current_revision() == schema.REVISIONS[-1]
+    engine.dispose()
+
+
+def test_a_new_database_opens_again_for_reading(tmp_path, felt_drive):
+    path = tmp_path / "with space % and ü.db"
+    with TerrainDatabase(path) as database:
+        database.add_drive(felt_drive)
+    before = path.read_bytes()
+    with TerrainDatabase(f"sqlite:///{path}", must_exist=True) as database:
+        assert database.name == str(path)
+        assert database.snapshot().drives == 1
+    assert path.read_bytes() == before
+
+
+def test_opening_for_reading_makes_nothing(tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        TerrainDatabase(tmp_path / "missing.db", must_exist=True)
+    (tmp_path / "empty.db").touch()
+    with pytest.raises(InputError, match="is empty"):
+        TerrainDatabase(tmp_path / "empty.db", must_exist=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["empty.db"]
+    assert (tmp_path / "empty.db").stat().st_size == 0
+
+
+@pytest.mark.parametrize("must_exist", [True, False])
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("CREATE TABLE people (name TEXT)", "another program.*people"),
+        ("CREATE TABLE drive (name TEXT)", "another program"),
+        ("PRAGMA application_id = 77; CREATE TABLE t (x)", "another program"),
+        ("PRAGMA application_id = 77; CREATE TABLE t (x); DROP TABLE t", "another program"),
+        ("CREATE TABLE bevameter_schema (version_num TEXT); INSERT INTO bevameter_schema VALUES ('9999')", "newer"),
+        ("CREATE TABLE bevameter_schema (version_num TEXT); INSERT INTO bevameter_schema VALUES ('0001')", "lacks"),
+    ],
+)
+def test_databases_of_others_are_left_alone(tmp_path, content, said, must_exist):
+    path = tmp_path / "other.db"
+    foreign(path, content)
+    before = path.read_bytes()
+    with pytest.raises(InputError, match=said) as caught:
+        TerrainDatabase(path, must_exist=must_exist)
+    assert "\n" not in str(caught.value)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("must_exist", [True, False])
+def test_files_that_are_no_database_are_left_alone(tmp_path, must_exist):
+    text = tmp_path / "notes.db"
+    text.write_text("dear diary\n" * 100)
+    with pytest.raises(InputError, match=r"notes\.db: is not a database"):
+        TerrainDatabase(text, must_exist=must_exist)
+    with pytest.raises(InputError, match="is a folder"):
+        TerrainDatabase(tmp_path, must_exist=must_exist)
+    assert text.read_text() == "dear diary\n" * 100
+
+
+def test_a_truncated_database_is_one_line(tmp_path, felt_drive):
+    path = tmp_path / "terrain.db"
+    with TerrainDatabase(path) as database:
+        database.add_drive(felt_drive)
+    path.write_bytes(path.read_bytes()[:9000])
+    with pytest.raises(InputError) as caught, TerrainDatabase(path, must_exist=True) as database:
+        database.snapshot()
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_folder_is_said(tmp_path):
+    with pytest.raises(InputError, match="no such folder"):
+        TerrainDatabase(tmp_path / "nowhere" / "terrain.db")
+
+
+@pytest.mark.skipif(
+    os.name == "nt" or not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write anywhere"
+)
+def test_a_file_that_may_not_be_written_is_said(tmp_path, felt_drive):
+    path = tmp_path / "terrain.db"
+    TerrainDatabase(path).close()
+    path.chmod(0o444)
+    with TerrainDatabase(path) as database, pytest.raises(InputError, match="readonly"):
+        database.add_drive(felt_drive)
+
+
+@pytest.mark.parametrize(
+    ("url", "said"),
+    [
+        ("", "an empty path"),
+        ("sqlite://", "no file is named"),
+        ("sqlite:///:memory:", "no file is named"),
+        ("mysql://root@host/terrain", "'mysql'"),
+        ("://nonsense", "not a URL"),
+    ],
+)
+def test_urls_that_cannot_be_used(url, said):
+    with pytest.raises(InputError, match=said):
+        TerrainDatabase(url)
+
+
+def test_a_server_that_does_not_answer_is_one_line_without_its_password():
+    pytest.importorskip("psycopg")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    with pytest.raises(InputError) as caught:
+        TerrainDatabase(f"postgresql://me:s3cret@127.0.0.1:{port}/terrain")
+    assert "\n" not in str(caught.value)
+    assert "s3cret" not in str(caught.value)
+
+
+@pytest.fixture(scope="module")
+def server():
+    """A PostgreSQL server: the one that BEVAMETER_TEST_POSTGRES names, or a throw-away one where it is installed."""
+    pytest.importorskip("psycopg")
+    given = os.environ.get("BEVAMETER_TEST_POSTGRES")
+    if given:
+        yield given
+        return
+    if shutil.which("initdb") is None or shutil.which("pg_ctl") is None or os.name == "nt":
+        pytest.skip("no PostgreSQL server here")
+    with tempfile.TemporaryDirectory() as folder:
+        data = Path(folder) / "data"
+        made = subprocess.run(["initdb", "-D", data, "-A", "trust", "-U", "me", "-E", "UTF8"], capture_output=True)
+        if made.returncode:
+            pytest.skip("initdb does not work here: " + made.stderr.decode(errors="replace")[:100])
+        options = f"-k {folder} -c listen_addresses='' -c fsync=off"
+        start = ["pg_ctl", "-D", data, "-w", "-l", Path(folder) / "log", "-o", options, "start"]
+        if subprocess.run(start, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL).returncode:
+            pytest.skip("the PostgreSQL server does not start here")
+        try:
+            yield f"postgresql://me@/postgres?host={folder}"
+        finally:
+            subprocess.run(["pg_ctl", "-D", data, "-m", "immediate", "stop"], stdout=subprocess.DEVNULL)
+
+
+def test_the_same_on_postgresql(server, tmp_path, felt_drive, make):
+    total = len(felt_drive.terrain) + len(felt_drive.soils)
+    with pytest.raises(InputError, match="holds no terrain database"):
+        TerrainDatabase(server, must_exist=True)
+    with TerrainDatabase(server) as database, TerrainDatabase(tmp_path / "terrain.db") as file:
+        assert database.add_drive(felt_drive) == Added(total, 0)
+        assert database.add_drive(felt_drive) == Added(0, total)
+        file.add_drive(make.drive("d2", soils=(make.felt({"sand": 1.0}),)))
+        assert database.merge(file) == Added(3, 0)
+        assert file.merge(database) == Added(total, 3)
+        there, here = database.snapshot(), file.snapshot()
+        place = [[0.1, 0.1], [0.6, 0.1], [1.1, 0.1]]
+        assert there.along(place).shear_strength_lower.tolist()[:2] == pytest.approx(
+            here.along(place).shear_strength_lower.tolist()[:2]
+        )
+        assert there.along(place).reason.tolist() == here.along(place).reason.tolist()
+        assert [drive.id for drive in database.drives()] == [felt_drive.id, make.drive("d2").id]

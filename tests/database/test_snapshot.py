@@ -1,0 +1,202 @@
+import dataclasses
+import math
+from datetime import timedelta
+
+import numpy as np
+import pytest
+from bevameter import InputError, TerrainDatabase
+from bevameter.database.mixture import MixtureTable
+from bevameter.database.snapshot import Snapshot
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.special import stdtrit
+
+SAND, CLAY, DARK, ASPHALT, NOWHERE = (0.1, 0.1), (0.6, 0.1), (1.2, 0.1), (-1.3, -0.8), (50.0, 50.0)
+
+
+@pytest.fixture
+def view(felt_drive) -> Snapshot:
+    return Snapshot.derive("quarry", [felt_drive])
+
+
+def arrays(thing, seen=None):
+    """Every array that can be reached from a dataclass."""
+    if isinstance(thing, np.ndarray):
+        yield thing
+    elif dataclasses.is_dataclass(thing):
+        for entry in dataclasses.fields(thing):
+            yield from arrays(getattr(thing, entry.name))
+    elif hasattr(thing, "values"):
+        for value in thing.values():
+            yield from arrays(value)
+
+
+def test_known_and_unknown_ground(view):
+    ahead = view.along([SAND, CLAY, DARK, ASPHALT, NOWHERE, (math.nan, 0.0), (1e300, 0.0)])
+    assert ahead.known.tolist() == [True, True, False, False, False, False, False]
+    assert ahead.reason.tolist() == [
+        "",
+        "",
+        "seen, but not recognised: too dark; blurred",
+        "no soil data for class asphalt",
+        "nobody has seen this ground",
+        "the place is not a finite number",
+        "nobody has seen this ground",
+    ]
+    assert ahead.labels() == ["sand", "clay", "unknown", "asphalt", "unknown", "unknown", "unknown"]
+    assert ahead.class_names == ("asphalt", "clay", "sand")
+    assert ahead.observation_count.tolist() == [1, 1, 0, 1, 0, 0, 0]
+    for name in ("cohesion", "friction_angle", "covariance", "shear_strength", "shear_strength_lower"):
+        values = getattr(ahead, name)
+        assert np.all(np.isfinite(values[:2])), name
+        assert np.all(np.isnan(values[2:])), name  # never a number that looks measured
+    np.testing.assert_allclose(ahead.cohesion[:2], [530.0, 3030.0], rtol=0.02)
+    np.testing.assert_allclose(np.tan(ahead.friction_angle[:2]), [0.6075, 0.4075], rtol=0.01)
+    np.testing.assert_allclose(ahead.shear_strength[:2], [530 + 20e3 * 0.6075, 3030 + 20e3 * 0.4075], rtol=0.01)
+    assert np.all(ahead.shear_strength_lower[:2] < ahead.shear_strength[:2])
+    np.testing.assert_allclose(np.nansum(ahead.class_probability, axis=1), [1, 1, 0, 1, 0, 0, 0])
+
+
+def test_an_empty_database_knows_nothing(tmp_path):
+    with TerrainDatabase(tmp_path / "terrain.db") as database:
+        empty = database.snapshot()
+    ahead = empty.along([SAND, NOWHERE])
+    assert not ahead.known.any()
+    assert set(ahead.reason) == {"nobody has seen this ground"}
+    assert ahead.class_probability.shape == (2, 0)
+    assert np.all(np.isnan(ahead.shear_strength_lower))
+    assert ahead.labels() == ["unknown", "unknown"]
+    assert len(empty.box(-9, -9, 9, 9)) == 0
+    assert len(empty.along(np.zeros((0, 2)))) == 0
+
+
+def test_ground_without_any_soil_data(make):
+    ahead = Snapshot.derive("quarry", [make.drive()]).at(0.1, 0.1)
+    assert (ahead.known.tolist(), ahead.reason.tolist()) == ([False], ["no soil data for class sand"])
+    assert ahead.class_probability[0].tolist() == pytest.approx([0.1, 0.9])
+
+
+def test_nothing_can_be_changed(view):
+    found = list(arrays(view))
+    assert len(found) > 10
+    assert not any(array.flags.writeable for array in found)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        view.site = "elsewhere"  # type: ignore[misc]
+    with pytest.raises(TypeError):
+        view.soils["sand"] = view.soils["clay"]
+    before = view.along([SAND, CLAY], now=0.0)
+    answer = view.along([SAND, CLAY], now=0.0)
+    answer.class_probability[:] = 0.0  # an answer is the planner's own
+    np.testing.assert_array_equal(view.along([SAND, CLAY], now=0.0).class_probability, before.class_probability)
+
+
+def test_answers_need_no_database_any_more(tmp_path, felt_drive, make):
+    path = tmp_path / "terrain.db"
+    with TerrainDatabase(path) as database:
+        database.add_drive(felt_drive)
+        frozen = database.snapshot()
+        before = frozen.along([SAND, CLAY, DARK], now=0.0).shear_strength_lower
+        database.add_drive(make.drive("d2", soils=(make.felt({"sand": 1.0}, 9000.0),)))
+        assert database.snapshot().at(*SAND).cohesion[0] > 2 * frozen.at(*SAND).cohesion[0]
+    path.unlink()
+    np.testing.assert_array_equal(frozen.along([SAND, CLAY, DARK], now=0.0).shear_strength_lower, before)
+
+
+def test_at_is_along(view):
+    one = view.at(*SAND, normal_stress=5e3, confidence=0.8, now=0.0)
+    assert one.shear_strength_lower == view.along([SAND], normal_stress=5e3, confidence=0.8).shear_strength_lower
+    many = view.at(np.array([SAND[0], CLAY[0]]), 0.1)
+    assert many.labels() == ["sand", "clay"]
+
+
+def test_the_bound_of_a_pure_class_is_its_student_quantile(view):
+    for confidence in (0.5, 0.8, 0.95, 0.96):
+        answer = view.class_answer("sand", normal_stress=10e3, confidence=confidence)
+        location, scale, freedom = view.soils["sand"].strength.predict(np.array([1.0, 10e3]))
+        assert answer.shear_strength_lower[0] == pytest.approx(
+            max(location + scale * stdtrit(freedom, 1 - confidence), 0.0), rel=1e-6
+        )
+    assert view.class_answer("sand", confidence=0.9999999).shear_strength_lower[0] == 0.0  # strength is not negative
+
+
+def test_the_bound_of_a_mixture_is_the_mixtures_quantile(rng):
+    location, scale, freedom = np.array([10.0, 20.0, 12.0]), np.array([1.0, 2.0, 0.1]), np.array([3.0, 30.0, 8.0])
+    weight = np.array([[0.2, 0.7, 0.1], [0.0, 1.0, 0.0], [0.01, 0.98, 0.01], [1 / 3, 1 / 3, 1 / 3]])
+    for level in (0.01, 0.05, 0.2, 0.5):
+        table = MixtureTable.of_student(location, scale, freedom, level)
+        bound = table.lower_bound(weight, np.full(4, level))
+        draws = location + scale * rng.standard_t(freedom, (400_000, 3))
+        below = np.stack([np.mean(draws <= one, axis=0) for one in bound])
+        np.testing.assert_allclose(np.sum(weight * below, axis=1), level, atol=0.003)
+
+
+def test_classes_without_soil_count_as_no_strength(make):
+    soils = tuple(make.felt({"sand": 1.0}, 500.0 + 20.0 * index) for index in range(9))
+    bounds = []
+    for asphalt in (0.0, 0.02, 0.045, 0.06):
+        terrain = make.seen([(0, 0)], [[asphalt, 1.0 - asphalt]], classes=("asphalt", "sand"))
+        answer = Snapshot.derive("quarry", [make.drive(terrain=terrain, soils=soils)]).at(0.1, 0.1)
+        bounds.append(answer.shear_strength_lower[0])
+        assert bool(answer.known[0]) == (asphalt < 0.05)
+    assert bounds[0] > bounds[1] > bounds[2]
+    assert math.isnan(bounds[3])
+
+
+def test_uncertainty_of_the_class_widens_the_covariance(make, felt_drive):
+    terrain = make.seen([(0, 0), (1, 0)], [[0.5, 0.5], [0.001, 0.999]])
+    answer = Snapshot.derive("q", [dataclasses.replace(felt_drive, terrain=terrain)]).along([SAND, CLAY])
+    assert answer.covariance[0, 0, 0] > 1250.0**2 > answer.covariance[1, 0, 0]
+    # Three quarters of the way down the weaker class still holds nearly half of the mass.
+    assert answer.shear_strength_lower[0] < answer.shear_strength_lower[1]
+    np.testing.assert_allclose(answer.soil_weight.sum(axis=1), 1.0)
+
+
+def test_age(view, make, felt_drive):
+    now = make.START + timedelta(hours=1)
+    answer = view.along([SAND, CLAY, DARK, NOWHERE], now=now)
+    assert answer.age[:3].tolist() == [3600.0, 3599.0, 3598.0]
+    assert math.isnan(answer.age[3])
+    assert view.at(*SAND, now=now.replace(tzinfo=None)).age == view.at(*SAND, now=now.timestamp()).age
+    undated = Snapshot.derive("q", [dataclasses.replace(felt_drive, start_time=None)])
+    assert math.isnan(undated.at(*SAND).age[0])
+    assert undated.at(*SAND).known[0]
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.lists(st.tuples(st.integers(-8, 8), st.integers(-8, 8)), min_size=1, max_size=60, unique=True),
+    st.tuples(*(st.floats(-6, 6),) * 4),
+    st.floats(0, 5),
+)
+def test_regions_hold_what_lies_in_them(make, cells, corners, radius):
+    view = Snapshot.derive("q", [make.drive(terrain=make.seen(cells, [[0.5, 0.5]] * len(cells)))])
+    centres = (np.array(cells) + 0.5) * 0.5
+    x0, y0, x1, y1 = corners
+    low, high = np.minimum([x0, y0], [x1, y1]), np.maximum([x0, y0], [x1, y1])
+    inside = centres[np.all((centres >= low) & (centres <= high), axis=1)]
+    box = view.box(*corners)
+    assert sorted(map(tuple, inside)) == sorted(zip(box.x.tolist(), box.y.tolist(), strict=True))
+    around = centres[np.hypot(*(centres - [x0, y0]).T) <= radius]
+    near = view.near(x0, y0, radius)
+    assert sorted(map(tuple, around)) == sorted(zip(near.x.tolist(), near.y.tolist(), strict=True))
+    assert not (near.reason == "nobody has seen this ground").any()
+
+
+@pytest.mark.parametrize(
+    ("ask", "said"),
+    [
+        (lambda view: view.along([1.0, 2.0]), "shape"),
+        (lambda view: view.along([SAND], confidence=1.0), "confidence"),
+        (lambda view: view.along([SAND], confidence=0.2), "confidence"),
+        (lambda view: view.along([SAND], confidence=math.nan), "confidence"),
+        (lambda view: view.along([SAND], normal_stress=-1.0), "normal stress"),
+        (lambda view: view.along([SAND], normal_stress=math.inf), "normal stress"),
+        (lambda view: view.near(0.0, 0.0, -1.0), "radius"),
+        (lambda view: view.near(math.nan, 0.0, 1.0), "box"),
+        (lambda view: view.box(0.0, 0.0, math.inf, 1.0), "box"),
+        (lambda view: view.class_answer("snow"), "asphalt, clay, sand"),
+    ],
+)
+def test_questions_that_make_no_sense(view, ask, said):
+    with pytest.raises(InputError, match=said):
+        ask(view)

@@ -1,0 +1,237 @@
+import dataclasses
+import math
+import shutil
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bevameter import InputError, TerrainDatabase
+from bevameter.database import store as store_module
+from bevameter.database.observations import SoilEffect, TerrainObservations
+from bevameter.database.store import Added
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from sqlalchemy import create_engine, text
+
+TABLES = ("drive", "drive_import", "terrain_observation", "soil_observation")
+
+
+def content(path: Path) -> dict[str, list]:
+    """Every row of every table, in an order that does not depend on the order of insertion."""
+    engine = create_engine(f"sqlite:///{path}")
+    with engine.connect() as connection:
+        rows = {table: sorted(map(repr, connection.execute(text(f"SELECT * FROM {table}")).all())) for table in TABLES}
+    engine.dispose()
+    return rows
+
+
+def test_a_drive_is_stored_once(tmp_path, felt_drive):
+    path = tmp_path / "terrain.db"
+    total = len(felt_drive.terrain) + len(felt_drive.soils)
+    with TerrainDatabase(path) as database:
+        assert database.add_drive(felt_drive) == Added(total, 0)
+    before = content(path)
+    with TerrainDatabase(path) as database:
+        assert database.add_drive(felt_drive) == Added(0, total)
+    assert content(path) == before
+    assert not path.with_name("terrain.db-wal").exists()  # one file to copy
+
+
+def test_drives_come_back_as_they_went_in(tmp_path, make):
+    vague = dataclasses.replace(make.estimate().parameters["k_m"], sd=math.inf)
+    odd = dataclasses.replace(make.estimate(), misfit=math.nan, parameters={"k_m": vague})
+    soils = (
+        dataclasses.replace(make.felt({"sand": 0.7, "clay": 0.3}), estimate=odd, x_m=math.nan),
+        dataclasses.replace(make.felt({}, at_s=20.0), estimate=None, gate_reason="too fast", load_N=math.nan),
+        make.felt({"sand": 1.0}, at_s=40.0, effects=(SoilEffect("slip_sinkage", {"n1": 0.2}),)),
+    )
+    terrain = make.seen(
+        [(-5, 7), (2**31 - 1, -(2**31) + 1)], [[0.25, 0.75], [0.5, 0.5]], unknown=[False, True],
+        reasons=[(), ("too dark", "two\nlines")], quality=[0.5, 0.0], sense="camera",
+    )  # fmt: skip
+    given = make.drive(terrain=terrain, soils=soils)
+    with TerrainDatabase(tmp_path / "terrain.db") as database:
+        database.add_drive(given)
+        (read,) = database.drives()
+    assert read.id == given.id
+    assert (read.name, read.started) == (given.name, given.started)
+    assert read.terrain.evidence.classes == ("clay", "sand")
+    order = np.argsort(read.terrain.time_s)
+    assert read.terrain.cell_x[order].tolist() == [-5, 2**31 - 1]
+    assert read.terrain.cell_y[order].tolist() == [7, -(2**31) + 1]
+    assert read.terrain.evidence.probabilities[order].tolist() == [[0.25, 0.75], [0.5, 0.5]]
+    assert read.terrain.evidence.unknown[order].tolist() == [False, True]
+    assert read.terrain.evidence.reasons == ((), ("too dark", "two lines"))
+    assert read.terrain.sense.tolist() == ["camera", "camera"]
+    first, closed, effect = read.soils
+    assert math.isnan(first.x_m)
+    assert math.isnan(first.estimate.misfit)
+    assert first.estimate.parameters["k_m"].sd == math.inf
+    np.testing.assert_array_equal(first.estimate.covariance_c_tan_phi, odd.covariance_c_tan_phi)
+    assert dict(first.class_probabilities) == {"sand": 0.7, "clay": 0.3}
+    assert (closed.estimate, closed.gate_reason) == (None, "too fast")
+    assert effect == dataclasses.replace(soils[2], estimate=effect.estimate)
+
+
+def test_a_drive_that_saw_and_felt_nothing_is_known_afterwards(tmp_path, make):
+    nothing = make.drive(terrain=TerrainObservations.nothing())
+    with TerrainDatabase(tmp_path / "terrain.db") as database:
+        assert database.add_drive(nothing) == Added(0, 0)
+        assert len(database.drives()) == 1
+        assert database.snapshot().class_names == ()
+
+
+@pytest.mark.parametrize("fault", [KeyboardInterrupt, RuntimeError])
+def test_an_interrupted_drive_leaves_nothing(tmp_path, felt_drive, make, monkeypatch, fault):
+    path = tmp_path / "terrain.db"
+    monkeypatch.setattr(store_module, "_CHUNK", 2)
+    with TerrainDatabase(path) as database:
+        database.add_drive(make.drive("earlier"))
+        before = content(path)
+
+        def breaks_off(drive):
+            rows = list(original(drive))
+            yield from rows[:3]
+            raise fault
+
+        original = store_module.soil_rows
+        monkeypatch.setattr(store_module, "soil_rows", breaks_off)
+        with pytest.raises(fault):
+            database.add_drive(felt_drive)
+        assert content(path) == before
+        monkeypatch.setattr(store_module, "soil_rows", original)
+        assert database.add_drive(felt_drive).new == len(felt_drive.terrain) + len(felt_drive.soils)
+
+
+_CHILD = textwrap.dedent("""
+    import os, sys
+    import numpy as np
+    from bevameter import ClassEvidence, TerrainDatabase
+    from bevameter.database import store
+    from bevameter.database.observations import Drive, TerrainObservations
+
+    path, fate, *digests = sys.argv[1:]
+    m = 3000
+    evidence = ClassEvidence(("sand",), np.ones((m, 1)), np.ones(m), np.zeros(m, dtype=bool), ((),) * m)
+    cells = np.arange(m)
+    terrain = TerrainObservations(0.5, cells, cells, cells.astype(float), np.full(m, "fused"), evidence)
+    if fate == "dies":
+        store._CHUNK = 1000
+        original = store.terrain_rows
+
+        def terrain_rows(drive):
+            for index, row in enumerate(original(drive)):
+                if index == 2500:
+                    os._exit(9)
+                yield row
+
+        store.terrain_rows = terrain_rows
+    new = 0
+    for digest in digests:
+        with TerrainDatabase(path) as database:
+            new += database.add_drive(Drive(digest, digest, "s", "v", None, {}, "m", terrain)).new
+    print(new)
+""")
+
+
+def child(path: Path, fate: str, *digests: str) -> subprocess.Popen:
+    return subprocess.Popen(
+        [sys.executable, "-c", _CHILD, str(path), fate, *digests],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def test_a_process_that_dies_half_way_leaves_nothing(tmp_path):
+    path = tmp_path / "terrain.db"
+    dying = child(path, "dies", "a")
+    assert dying.wait(60) == 9
+    dying.communicate()
+    with TerrainDatabase(path, must_exist=True) as database:
+        assert database.drives() == []
+    assert all(rows == [] for rows in content(path).values())
+
+
+def test_two_processes_write_the_same_new_file(tmp_path):
+    path = tmp_path / "terrain.db"
+    both = [child(path, "lives", "a", "b", "c"), child(path, "lives", "c", "d", "a")]
+    outputs = [process.communicate(timeout=120) for process in both]
+    assert [process.returncode for process in both] == [0, 0], outputs
+    assert sum(int(out) for out, _ in outputs) == 4 * 3000  # every drive was new to just one of them
+    assert len(content(path)["terrain_observation"]) == 4 * 3000
+
+
+def test_only_the_newest_processing_of_a_recording_counts(tmp_path, make):
+    old = make.drive("d1", make.seen([(0, 0)], [[1.0, 0.0]]), model="m1")
+    new = make.drive("d1", make.seen([(0, 0)], [[0.0, 1.0]]), model="m2")
+    with TerrainDatabase(tmp_path / "terrain.db") as database:
+        database.add_drive(old)
+        database.add_drive(new)
+        assert database.snapshot().at(0.1, 0.1).labels() == ["sand"]
+        assert database.snapshot().at(0.1, 0.1).observation_count.tolist() == [1]
+        assert len(database.drives()) == 2
+        assert [drive.id for drive in database.drives(newest=True)] == [new.id]
+
+
+def test_sites_do_not_mix(tmp_path, make):
+    with TerrainDatabase(tmp_path / "terrain.db") as database:
+        database.add_drive(make.drive("d1", make.seen([(0, 0)], [[1.0, 0.0]]), site="quarry"))
+        database.add_drive(make.drive("d2", make.seen([(0, 0)], [[0.0, 1.0]]), site="beach"))
+        assert database.sites() == ["beach", "quarry"]
+        assert database.snapshot("quarry").at(0.1, 0.1).labels() == ["clay"]
+        assert database.snapshot("beach").at(0.1, 0.1).labels() == ["sand"]
+        with pytest.raises(InputError, match=r"several sites.*beach, quarry"):
+            database.snapshot()
+        with pytest.raises(InputError, match=r"no site 'moon'.*beach, quarry"):
+            database.snapshot("moon")
+
+
+def test_a_recording_whose_site_was_put_right_leaves_the_wrong_one(tmp_path, make):
+    with TerrainDatabase(tmp_path / "terrain.db") as database:
+        database.add_drive(make.drive("d1", site="wrong"))
+        database.add_drive(make.drive("d1", site="right"))
+        assert database.sites() == ["right"]
+        assert database.snapshot().site == "right"
+
+
+@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(parts=st.lists(st.sets(st.tuples(st.integers(0, 3), st.integers(0, 1))), min_size=3, max_size=3))
+def test_merging_is_set_union(tmp_path_factory, make, parts):
+    folder = tmp_path_factory.mktemp("merge")
+    for name, part in zip("abc", parts, strict=True):
+        with TerrainDatabase(folder / name) as database:
+            for digest, model in sorted(part):
+                soils = (make.felt({"sand": 1.0}, 900.0 + digest),)
+                database.add_drive(make.drive(str(digest), soils=soils, model=str(model)))
+
+    def merged(*order: str) -> Path:
+        path = folder / ("".join(order) + "-merged")
+        shutil.copy(folder / order[0], path)
+        with TerrainDatabase(path) as target:
+            for name in order[1:]:
+                with TerrainDatabase(folder / name, must_exist=True) as source:
+                    target.merge(source)
+        return path
+
+    union = content(merged("a", "b", "c"))
+    assert content(merged("c", "b", "a")) == union  # commutative, associative
+    assert content(merged("a", "b", "c", "a", "b")) == union  # idempotent
+    assert len(union["drive"]) == len(set.union(*parts))
+    assert len(union["terrain_observation"]) == 2 * len(set.union(*parts))
+
+
+def test_merging_says_what_was_new_and_does_not_touch_the_other(tmp_path, make):
+    with TerrainDatabase(tmp_path / "a.db") as one, TerrainDatabase(tmp_path / "b.db") as two:
+        one.add_drive(make.drive("d1"))
+        two.add_drive(make.drive("d1"))
+        two.add_drive(make.drive("d2", soils=(make.felt({"sand": 1.0}),)))
+        before = content(tmp_path / "b.db")
+        assert one.merge(two) == Added(3, 2)
+        assert one.merge(two) == Added(0, 5)
+        assert one.merge(one) == Added(0, 5)
+        assert content(tmp_path / "b.db") == before
+        assert two.merge(one) == Added(0, 5)

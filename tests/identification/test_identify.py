@@ -1,0 +1,162 @@
+"""`identify` on recordings: the gate, the stretches, real data."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bevameter import InputError, Recording, Vehicle, Wheel, WheelTable, identify
+from bevameter.identification.gate import find_stretches, quasi_static
+from bevameter.identification.identify import identify_segments
+from bevameter.identification.report import identification_json
+from bevameter.identification.wheel_soil import Soil, equilibrium
+
+WHEEL = Wheel(radius_m=0.15, width_m=0.12)
+VEHICLE = Vehicle(wheels=(WHEEL,), noise={"load_N": 1.0, "torque_Nm": 0.1, "sinkage_m": 2e-4, "slip": 0.005})
+SAND = Soil(c_Pa=300.0, phi_rad=np.radians(31.0), k_m=0.012, stiffness_Pa=9e4, n=0.9)
+CLAY = Soil(c_Pa=4e3, phi_rad=np.radians(15.0), k_m=0.008, stiffness_Pa=2e5, n=0.7)
+
+
+def drive(rng, soils=(SAND,), stretch_s=30.0, speed=0.15) -> WheelTable:
+    """Slow stretches of `stretch_s` on each soil, 10 Hz, load and slip varying."""
+    time_s = np.arange(int(10 * stretch_s) * len(soils)) / 10.0
+    load = 110.0 + 45.0 * np.sin(time_s / 2.0)
+    slip = 0.3 + 0.2 * np.sin(time_s / 1.3)
+    sinkage, torque = np.empty_like(load), np.empty_like(load)
+    for part, soil in zip(np.array_split(np.arange(len(load)), len(soils)), soils, strict=True):
+        state = equilibrium(WHEEL, soil, load[part], slip[part])
+        sinkage[part], torque[part] = state.sinkage_m, state.torque_Nm
+    channels = {"load_N": load, "torque_Nm": torque, "sinkage_m": sinkage, "slip": slip}
+    noisy = {name: values + VEHICLE.noise[name] * rng.normal(size=len(values)) for name, values in channels.items()}
+    speeds = {"travel_speed_m_s": np.full(len(load), speed)}
+    return WheelTable({"time_s": time_s, **noisy, **speeds}, None, None, Path("wheel.csv"))
+
+
+def recording(table: WheelTable, vehicle: Vehicle | None = VEHICLE) -> Recording:
+    return Recording("test", Path("wheel.csv"), vehicle, None, "", "0" * 64, wheel=table)
+
+
+def with_columns(table: WheelTable, **columns) -> WheelTable:
+    return WheelTable({**table.columns, **columns}, table.wheel, table.run, table.source)
+
+
+def test_two_soils_with_a_boundary_between_give_two_estimates(rng):
+    segments = identify_segments(recording(drive(rng, (SAND, CLAY))), boundaries_s=[30.0])
+    assert [segment.used for segment in segments] == [True, True]
+    for segment, soil in zip(segments, (SAND, CLAY), strict=True):
+        c, phi = segment.estimate.parameters["c_Pa"], segment.estimate.parameters["phi_rad"]
+        assert c.low <= soil.c_Pa <= c.high
+        assert phi.low <= soil.phi_rad <= phi.high
+        assert phi.high - phi.low < np.radians(8.0)
+
+
+@pytest.mark.parametrize(
+    ("columns", "reason"),
+    [
+        ({"travel_speed_m_s": 3.0}, "too fast"),
+        ({"sinkage_m": 0.0005}, "too hard"),
+        ({"sinkage_m": 0.2}, "buried"),
+        ({"slip": 0.99}, "digging"),
+        ({"slip": -0.4}, "braked"),
+        ({"slip": np.nan}, "slip was not observed"),
+        ({"pass": 2.0}, "rut of an earlier wheel"),
+        ({"slip_angle_rad": 0.3}, "straight ahead"),
+    ],
+)
+def test_the_gate_closes_and_says_why(rng, columns, reason):
+    table = drive(rng)
+    spoilt = with_columns(table, **{name: np.full(len(table), value) for name, value in columns.items()})
+    reasons = quasi_static(spoilt, WHEEL)
+    assert all(reason in text for text in reasons)
+    result = identify(recording(spoilt))
+    assert result.overall is None
+    assert [segment.used for segment in result.segments] == [False]
+    assert reason in result.segments[0].reason
+
+
+def test_acceleration_closes_the_gate_only_while_it_lasts(rng):
+    table = drive(rng)
+    speed = 0.05 + 0.35 * np.clip((table["time_s"] - 14.0) / 0.5, 0.0, 1.0)
+    reasons = quasi_static(with_columns(table, travel_speed_m_s=speed), WHEEL)
+    closed = table["time_s"][reasons != ""]
+    assert closed.min() > 13.0
+    assert closed.max() < 16.0
+    assert "accelerating" in reasons[reasons != ""][0]
+
+
+def test_short_closures_do_not_cut_a_stretch_and_short_stretches_are_not_used():
+    time_s = np.arange(200) / 10.0
+    reasons = np.full(200, "", dtype=object)
+    reasons[50:53] = "slip was not observed"
+    reasons[120:150] = "accelerating"
+    stretches = find_stretches(time_s, reasons, np.empty(0))
+    assert [(stretch.reason or "used").split(" (")[0] for stretch in stretches] == ["used", "accelerating", "too short"]
+    assert len(stretches[0].rows) == 117
+
+
+def test_fast_driving_is_never_identified_from(rng):
+    slow, fast = drive(rng), drive(rng, (CLAY,), speed=2.5)
+    columns = {name: np.concatenate([slow[name], fast[name]]) for name in slow.columns}
+    columns["time_s"] = np.arange(600) / 10.0
+    segments = identify(recording(WheelTable(columns, None, None, slow.source))).segments
+    used = [segment for segment in segments if segment.used]
+    assert len(used) == 1
+    assert used[0].end_s <= 31.0
+    assert any("too fast" in segment.reason or "accelerating" in segment.reason for segment in segments)
+
+
+def test_json_is_what_the_contract_says(rng):
+    page = identification_json(identify(recording(drive(rng))))
+    assert page["schema"] == 1
+    assert page["method"] == "ml"
+    assert page["n"] == 300
+    overall = page["overall"]
+    for name in ("c_Pa", "phi_rad", "k_m", "stiffness_Pa", "n"):
+        assert overall[name]["low"] <= overall[name]["value"] <= overall[name]["high"]
+        assert name in overall["separable"]
+    assert -1.0 <= overall["correlation"]["c_Pa,phi_rad"] <= 1.0
+    assert set(overall["shear_strength"][0]) == {"normal_stress_Pa", "value_Pa", "low_Pa", "high_Pa"}
+    assert page["segments"][0]["used"] is True
+
+
+def test_without_geometry_or_wheels_the_error_says_what_is_missing(rng):
+    with pytest.raises(InputError, match="no wheel geometry"):
+        identify(recording(drive(rng), None))
+    with pytest.raises(InputError, match="no wheel channels"):
+        identify(Recording("test", Path("x"), VEHICLE, None, "", ""))
+
+
+def test_the_linear_method_needs_torque_and_never_reports_negative_cohesion(rng):
+    table = drive(rng)
+    result = identify(recording(table), method="linear")
+    assert result.overall.method == "linear"
+    assert result.overall.parameters["c_Pa"].value >= 0.0
+    without = WheelTable(
+        {name: values for name, values in table.columns.items() if name != "torque_Nm"}, None, None, table.source
+    )
+    segments = identify(recording(with_columns(without, drawbar_pull_N=table["load_N"])), method="ml").segments
+    assert len(segments) == 1
+    linear = identify_segments(recording(with_columns(without, drawbar_pull_N=table["load_N"])), method="linear")
+    assert not linear[0].used
+    assert "torque_Nm" in linear[0].reason
+
+
+def test_real_sand_without_torque_gives_friction_and_cohesion_with_intervals(shared_data):
+    """Single-wheel testbed, dry sand: angle of repose 29 deg, cohesion 0-1 kPa (NOTES.md of the recording)."""
+    result = identify(shared_data / "single-wheel-sand" / "wheel.csv")
+    assert "torque_Nm" not in result.overall.channels
+    phi, c = result.overall.parameters["phi_rad"], result.overall.parameters["c_Pa"]
+    assert phi.low <= np.radians(29.0) <= phi.high
+    assert phi.high - phi.low < np.radians(12.0)
+    assert c.low <= 1000.0
+    assert 0.0 < c.high < 3000.0
+    reasons = {segment.reason: segment.n for segment in result.segments if not segment.used}
+    assert reasons["not straight ahead (slip angle beyond 2 deg)"] == 162
+
+
+def test_on_granular_ground_the_misfit_is_seen_and_carried(shared_data):
+    """A material-point simulation, nothing of the textbook inside: the model's error has to show."""
+    result = identify(shared_data / "granular-wheel" / "wheel.csv")
+    assert result.overall.misfit > 2.0
+    assert result.overall.n == 28

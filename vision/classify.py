@@ -1,0 +1,108 @@
+"""Naming the ground on photographs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ..framework.core.errors import InputError
+from ..framework.core.evidence import ClassEvidence
+from ..framework.core.learning import TerrainClassifier
+from ..framework.core.recording.media import read_image
+from .features import FEATURE_NAMES, PATCH_PX, patch_features
+from .quality import patch_quality
+from .train import MIN_SIDE_PX, MODALITY, reduced
+
+SIDES = ((0.19, 3), (0.31, 3), (0.5, 2))
+"""Side of a patch as a share of the image's short side, and how many fit along each axis."""
+
+
+def image_patches(image: np.ndarray) -> np.ndarray:
+    """Cut an image (h, w, 3) into patches of several scales, spread evenly, (n, 64, 64, 3) uint8."""
+    image = reduced(image)
+    height, width = image.shape[:2]
+    short = min(height, width)
+    patches = []
+    for share, count in SIDES:
+        side = min(short, max(round(share * short), min(48, short)))
+        for top in np.unique(np.linspace(0, height - side, count).astype(int)):
+            for left in np.unique(np.linspace(0, width - side, count).astype(int)):
+                crop = image[top : top + side, left : left + side]
+                how = cv2.INTER_AREA if side > PATCH_PX else cv2.INTER_LINEAR
+                patches.append(cv2.resize(crop, (PATCH_PX, PATCH_PX), interpolation=how))
+    return np.stack(patches)
+
+
+def check_model(model: TerrainClassifier) -> None:
+    """Refuse a model whose features are not those made here; raises `InputError`."""
+    if model.modality != MODALITY or model.feature_names != FEATURE_NAMES or "limits" not in model.settings:
+        raise InputError(
+            f"model for {model.modality}",
+            "made for other features than this version of Bevameter measures",
+            expected="a model that `bevameter train vision` of this version wrote",
+        )
+
+
+def patch_evidence(model: TerrainClassifier, patches: np.ndarray, **known: np.ndarray) -> ClassEvidence:
+    """Say what patches (n, 64, 64, 3) show; `known` is passed on to `patch_quality`."""
+    features = patch_features(patches)
+    quality, reasons = patch_quality(patches, features, model.settings["limits"], **known)
+    return model.evidence(features, quality, reasons)
+
+
+def image_evidence(model: TerrainClassifier, images: Sequence[np.ndarray]) -> ClassEvidence:
+    """Say what each image, (h, w, 3) uint8, shows: its patches pooled, one item an image."""
+    check_model(model)
+    patches = [image_patches(image) for image in images]
+    if not patches:
+        return ClassEvidence.nothing(model.classes, [])
+    unit = np.repeat(np.arange(len(patches)), [len(part) for part in patches])
+    return model.pool(patch_evidence(model, np.concatenate(patches)), unit, len(patches))
+
+
+def classify_images(files: Sequence[str | Path], model: TerrainClassifier) -> list[dict]:
+    """Name the ground on photographs.
+
+    Parameters
+    ----------
+    files
+        JPEG or PNG files.
+    model
+        Of modality ``"vision"``.
+
+    Returns
+    -------
+    list of dict
+        One for each file, in order: file, start_s and end_s (None), class, probabilities, quality, unknown, reasons.
+
+    Raises
+    ------
+    InputError
+        A file is no whole image, or the model is for other features.
+    """
+    check_model(model)
+    rows = []
+    for file in files:
+        image = read_image(file)
+        if min(image.shape[:2]) < MIN_SIDE_PX:
+            raise InputError(
+                file, f"{image.shape[1]} x {image.shape[0]} px", expected=f"{MIN_SIDE_PX} px or more on each side"
+            )
+        evidence = image_evidence(model, [image])
+        chances = zip(evidence.classes, evidence.probabilities[0], strict=True)
+        rows.append(
+            {
+                "file": str(file),
+                "start_s": None,
+                "end_s": None,
+                "class": evidence.labels()[0],
+                "probabilities": {name: float(value) for name, value in chances},
+                "quality": float(evidence.quality[0]),
+                "unknown": bool(evidence.unknown[0]),
+                "reasons": list(evidence.reasons[0]),
+            }
+        )
+    return rows

@@ -1,0 +1,113 @@
+"""How far a patch of ground may be trusted: light, clipping, sharpness, and pixels on the ground.
+
+What counts as sharp is learnt from the training patches (`learn_limits`) and kept in a model's settings; the other
+limits follow from 8-bit pixels.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .features import FEATURE_NAMES
+
+_FINE_WEAK = [FEATURE_NAMES.index("energy_mean_0.2"), FEATURE_NAMES.index("energy_weak_0.2")]
+_COARSE_STRONG = [FEATURE_NAMES.index("energy_mean_0.05"), FEATURE_NAMES.index("energy_strong_0.05")]
+
+CLIPPED = (0.05, 0.5)
+"""Share of clipped pixels at which quality starts to fall, and at which it is 0 [-]."""
+DARK = (24.0, 6.0)
+"""Mean grey level at which quality starts to fall, and at which it is 0: noise and quantisation take over [-]."""
+FLAT = (4.0, 1.5)
+"""Standard deviation of grey levels, likewise [-]."""
+BLUR_QUALITY = 0.3
+"""Quality that is left to a patch as blurred as the most blurred ones that training knew [-]."""
+RESOLVED_PX = (40.0, 12.0)
+"""Pixels of the image across a patch, likewise [px]."""
+
+
+def sharpness(features: np.ndarray) -> np.ndarray:
+    """Give the log ratio of fine detail in the most blurred direction to coarse detail, (n,), of features (n, d)."""
+    return features[:, _FINE_WEAK].sum(axis=1) - features[:, _COARSE_STRONG].sum(axis=1)
+
+
+def learn_limits(features: np.ndarray, sharp: np.ndarray) -> dict[str, float]:
+    """Learn what is sharp from training patches.
+
+    Parameters
+    ----------
+    features : (n, d)
+        Of `patch_features`.
+    sharp : (n,)
+        True for patches that were not blurred.
+
+    Returns
+    -------
+    dict
+        `sharp`: the 10th percentile of sharpness among unblurred patches; `blurred`: the 2nd among blurred ones.
+    """
+    value = sharpness(features)
+    finite = np.isfinite(value)
+    low = float(np.percentile(value[finite & sharp], 10))
+    floor = float(np.percentile(value[finite & ~sharp], 2)) if (finite & ~sharp).any() else low - 3.0
+    return {"sharp": low, "blurred": min(floor, low - 0.1)}
+
+
+def patch_quality(
+    patches: np.ndarray,
+    features: np.ndarray,
+    limits: dict[str, float],
+    *,
+    resolution_px: np.ndarray | None = None,
+    blur_share: np.ndarray | None = None,
+) -> tuple[np.ndarray, list[tuple[str, ...]]]:
+    """Judge patches.
+
+    Parameters
+    ----------
+    patches : (n, s, s, 3)
+        uint8, blue, green, red.
+    features : (n, d)
+        Of these patches.
+    limits
+        Of `learn_limits`.
+    resolution_px : (n,)
+        Pixels of the image across each patch, where the geometry is known [px].
+    blur_share : (n,)
+        Path of the camera during the exposure over the side of the patch, where both are known [-].
+
+    Returns
+    -------
+    quality : (n,)
+        In [0, 1]: the product of what each fault leaves.
+    reasons
+        n tuples: the faults that cost a fifth or more.
+    """
+    grey = patches[:, ::2, ::2].reshape(len(patches), -1, 3)
+    top, bottom = grey.max(axis=2), grey.min(axis=2)
+    level = grey[:, :, 1].astype(np.float32)
+    clipped = ((top >= 253) | ((top <= 2) & (bottom <= 2))).mean(axis=1)
+    value = np.nan_to_num(
+        sharpness(features), nan=limits["blurred"], posinf=limits["blurred"], neginf=limits["blurred"]
+    )
+    sharp = BLUR_QUALITY + (1 - BLUR_QUALITY) * _ramp(value, limits["sharp"], limits["blurred"])
+    faults = [
+        ("overexposed or underexposed", _ramp(clipped, *CLIPPED)),
+        ("dark", _ramp(level.mean(axis=1), *DARK)),
+        ("no texture", _ramp(level.std(axis=1), *FLAT)),
+        ("blurred", sharp),
+    ]
+    if resolution_px is not None:
+        faults.append(("too few pixels on the ground", _ramp(resolution_px, *RESOLVED_PX)))
+    if blur_share is not None:
+        faults.append(("moving fast for the exposure", _ramp(np.nan_to_num(blur_share), 0.2, 1.0)))
+    kept = np.stack([share for _, share in faults], axis=1)
+    names = [name for name, _ in faults]
+    reasons: list[tuple[str, ...]] = [()] * len(patches)
+    for index in np.flatnonzero((kept < 0.8).any(axis=1)):
+        reasons[index] = tuple(name for name, share in zip(names, kept[index], strict=True) if share < 0.8)
+    return kept.prod(axis=1), reasons
+
+
+def _ramp(value: np.ndarray, good: float, bad: float) -> np.ndarray:
+    """1 at `good` and better, 0 at `bad` and worse, straight in between."""
+    return np.clip((value - bad) / (good - bad), 0.0, 1.0)

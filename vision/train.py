@@ -1,0 +1,138 @@
+"""Training of the camera's classifier from photographs of ground."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ..framework.core.errors import InputError
+from ..framework.core.labelled import LabelledFile
+from ..framework.core.learning import TerrainClassifier, TrainingOutcome
+from ..framework.core.recording.media import read_image
+from .augment import CROP_PX, MAX_BLUR, training_patches
+from .features import FEATURE_NAMES, PATCH_PX, patch_features
+from .quality import learn_limits
+
+MODALITY = "vision"
+IMAGE_PX = 512
+"""Short side that larger photographs are reduced to [px]."""
+ROWS_WANTED = 4000
+PATCHES = (8, 40)
+"""Fewest and most patches of one photograph."""
+MIN_SIDE_PX = 16
+CANDIDATES = ("logistic", "trees")
+Progress = Callable[[float], None]
+
+
+def reduced(image: np.ndarray) -> np.ndarray:
+    """Reduce an image to a short side of `IMAGE_PX`; smaller ones stay as they are."""
+    factor = IMAGE_PX / min(image.shape[:2])
+    if factor >= 1:
+        return image
+    size = (max(1, round(image.shape[1] * factor)), max(1, round(image.shape[0] * factor)))
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
+
+
+def train_vision(
+    labelled: Sequence[LabelledFile], rng: np.random.Generator, progress: Progress | None = None
+) -> TrainingOutcome:
+    """Train on labelled photographs of ground, seen from above or nearly so.
+
+    Parameters
+    ----------
+    labelled
+        Image files with class and group.
+    rng
+        Decides on patches, their variations and the splits.
+    progress
+        Told the share done, 0 to 1.
+
+    Raises
+    ------
+    InputError
+        A file is no whole image, is too small, or there are fewer than two classes.
+    """
+    images = ((read_image(item.file), item.file) for item in labelled)
+    names = [item.class_name for item in labelled]
+    return _train(images, len(labelled), names, [item.group for item in labelled], rng, progress)
+
+
+def train_vision_arrays(
+    images: Sequence[np.ndarray],
+    labels: Sequence[str],
+    groups: Sequence[str],
+    rng: np.random.Generator,
+    progress: Progress | None = None,
+) -> TrainingOutcome:
+    """Train on images in memory.
+
+    Parameters
+    ----------
+    images
+        n images, each (h, w, 3) uint8, blue, green, red.
+    labels, groups
+        n class names and groups.
+    rng, progress
+        As in `train_vision`.
+
+    Raises
+    ------
+    InputError
+        An image is too small, or there are fewer than two classes.
+    """
+    named = ((image, f"image {index}") for index, image in enumerate(images))
+    return _train(named, len(images), labels, groups, rng, progress)
+
+
+def _train(
+    images: Iterable[tuple[np.ndarray, str | Path]],
+    count: int,
+    labels: Sequence[str],
+    groups: Sequence[str],
+    rng: np.random.Generator,
+    progress: Progress | None,
+) -> TrainingOutcome:
+    tell = progress or (lambda share: None)
+    each = int(np.clip(ROWS_WANTED // max(count, 1), *PATCHES))
+    features, sharp = [], []
+    for index, (image, source) in enumerate(images):
+        _check_size(image, source)
+        patches, untouched = training_patches(reduced(image), each, rng)
+        features.append(patch_features(patches))
+        sharp.append(untouched)
+        tell(0.5 * (index + 1) / count)
+    if not features:
+        raise InputError("training data", "no photograph", expected="photographs of at least two classes")
+    rows = np.concatenate(features)
+    settings = {
+        "patch_px": PATCH_PX,
+        "image_px": IMAGE_PX,
+        "crop_px": list(CROP_PX),
+        "patches_per_image": each,
+        "max_blur": MAX_BLUR,
+        "limits": learn_limits(rows, np.concatenate(sharp)),
+    }
+    return TerrainClassifier.train(
+        rows,
+        np.repeat(np.asarray(labels, dtype=str), each),
+        np.repeat(np.asarray(groups, dtype=str), each),
+        modality=MODALITY,
+        feature_names=FEATURE_NAMES,
+        settings=settings,
+        rng=rng,
+        candidates=CANDIDATES,
+        source="labelled photographs",
+        progress=lambda share: tell(0.5 + 0.5 * share),
+    )
+
+
+def _check_size(image: np.ndarray, source: str | Path) -> None:
+    if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8 or min(image.shape[:2]) < MIN_SIDE_PX:
+        raise InputError(
+            source,
+            f"an image of shape {image.shape}, {image.dtype}",
+            expected=f"8-bit colour, at least {MIN_SIDE_PX} px on each side",
+        )
