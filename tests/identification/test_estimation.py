@@ -99,10 +99,10 @@ def test_what_is_known_is_held_and_what_is_uncertain_is_weighed(rng):
     measured = paper_case(rng, 0.05)
     held = estimate_soil(measured, WHEEL, SoilKnowledge({"k_m": 0.005, "n": 0.9}))
     assert held.parameters["k_m"].low == held.parameters["k_m"].high == pytest.approx(0.005)
-    free = estimate_soil(measured, WHEEL)
-    prior = estimate_soil(measured, WHEEL, SoilKnowledge({"phi_rad": np.radians(30.0)}, {"phi_rad": np.radians(0.5)}))
-    width = [each.parameters["c_Pa"].high - each.parameters["c_Pa"].low for each in (free, prior)]
-    assert width[1] < 0.6 * width[0]
+    prior = SoilKnowledge({"phi_rad": np.radians(30.0)}, {"phi_rad": np.radians(0.5)})
+    free, weighed = (np.diag(solve(measured, WHEEL, known).covariance()) for known in (SoilKnowledge(), prior))
+    assert weighed[0] < 0.4 * free[0]
+    assert weighed[1] < (np.radians(0.5) / np.cos(np.radians(30.0)) ** 2) ** 2
 
 
 def test_where_the_model_is_wrong_the_intervals_say_so(rng):

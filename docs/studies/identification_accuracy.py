@@ -1,0 +1,115 @@
+"""How close identification comes to the Cramer-Rao bound, and how often its 95 % intervals hold the truth.
+
+The paper's simulated wheel (Iagnemma & Dubowsky 2002, Sec. 4): r 0.5 m, b 0.3 m, k 5 mm, k1 20 kPa, k2 600 kN/m3, n 0.9,
+c 1 kPa, phi 30 deg; 300 samples at 10 Hz, load 800 +- 300 N, slip 0.3 +- 0.25, white noise in every channel with a standard
+deviation that is a share of the channel's maximum. Soil, load and slip of every sample are unknown to the estimator.
+
+    python docs/studies/identification_accuracy.py --seeds 200
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from concurrent.futures import ProcessPoolExecutor
+
+import numpy as np
+from bevameter.framework.core.vehicle import Wheel
+from bevameter.identification.estimation import Measured, estimate_soil
+from bevameter.identification.forward import TextbookWheel, slope_of_internal
+from bevameter.identification.linearised import estimate as linear_estimate
+from bevameter.identification.wheel_soil import Soil, equilibrium
+
+WHEEL = Wheel(radius_m=0.5, width_m=0.3)
+SOIL = Soil(c_Pa=1e3, phi_rad=np.radians(30.0), k_m=0.005, stiffness_Pa=20e3 + 600e3 * 0.3, n=0.9)
+NAMES = ("c_Pa", "phi_rad", "k_m", "stiffness_Pa", "n")
+ASSUMED_K = 3.0 * SOIL.k_m  # what the linear method is told
+
+
+def truth(samples: int = 300, swing_N: float = 300.0) -> np.ndarray:
+    """Noise-free channels (n, 5) of the paper's case."""
+    time_s = np.arange(samples) / 10.0
+    load = 800.0 + swing_N * np.sin(2.0 * np.pi * time_s / 10.0)
+    slip = 0.3 + 0.25 * np.sin(2.0 * np.pi * time_s / 7.3)
+    state = equilibrium(WHEEL, SOIL, load, slip)
+    return np.column_stack([load, state.torque_Nm, state.sinkage_m, slip, state.drawbar_pull_N])
+
+
+def noisy(rng: np.random.Generator, share: float, pull: bool, outliers: float = 0.0) -> Measured:
+    """One simulated recording; a share `outliers` of its samples is replaced by gross errors."""
+    channels = truth()
+    noise = share * np.abs(channels).max(axis=0)
+    measured = channels + noise * rng.normal(size=channels.shape)
+    rows = rng.choice(len(channels), int(outliers * len(channels)), replace=False)
+    measured[rows] = rng.uniform(0.0, 2.0, (len(rows), 5)) * np.abs(channels).max(axis=0)
+    measured[rows, 3] = rng.uniform(0.0, 0.95, len(rows))
+    if not pull:
+        measured[:, 4], noise = np.nan, np.where(np.arange(5) == 4, np.nan, noise)
+    return Measured(measured, noise, np.arange(len(channels)) / 10.0)
+
+
+def bound(share: float, pull: bool) -> np.ndarray:
+    """Cramer-Rao bound on the standard deviation of each parameter, SI, load and slip of every sample unknown."""
+    model, channels = TextbookWheel(WHEEL), truth()
+    vector = model.to_vector({name: getattr(SOIL, name) for name in NAMES})
+    prediction = model.predict(channels[:, [0, 3]], vector, np.full(len(channels), 0.4))
+    scale = 1.0 / (share * np.abs(channels).max(axis=0))
+    scale[4] *= pull
+    a, b = prediction.by_latent * scale[:, None], prediction.by_parameter * scale[:, None]
+    inner = np.linalg.inv(np.einsum("nma,nmb->nab", a, a))
+    cross = np.einsum("nma,nmp->nap", a, b)
+    covariance = np.linalg.inv(np.einsum("nmp,nmq->pq", b, b) - np.einsum("nap,nab,nbq->pq", cross, inner, cross))
+    slopes = np.array([slope_of_internal(name, getattr(SOIL, name)) for name in NAMES])
+    return np.sqrt(np.diag(covariance)) * slopes
+
+
+def one(task: tuple[int, float, bool, float]) -> tuple[list[float], list[bool], list[float], float]:
+    """Estimates, whether the interval holds the truth, the linear method's c and phi, and seconds."""
+    seed, share, pull, outliers = task
+    measured = noisy(np.random.default_rng(seed), share, pull, outliers)
+    began = time.perf_counter()
+    estimate = estimate_soil(measured, WHEEL)
+    seconds = time.perf_counter() - began
+    quantities = [estimate.parameters[name] for name in NAMES]
+    held = [q.low <= getattr(SOIL, name) <= q.high for q, name in zip(quantities, NAMES, strict=True)]
+    linear = linear_estimate(*measured.channels[:, :4].T, ASSUMED_K, WHEEL)
+    return [q.value for q in quantities], held, [linear.c_Pa, linear.phi_rad], seconds
+
+
+def study(seeds: int, share: float, pull: bool, outliers: float, pool: ProcessPoolExecutor) -> str:
+    """One row of the table."""
+    rows = list(pool.map(one, [(seed, share, pull, outliers) for seed in range(seeds)], chunksize=4))
+    values, held = np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
+    target = np.array([getattr(SOIL, name) for name in NAMES])
+    rms = np.sqrt(np.mean((values - target) ** 2, axis=0))
+    least = bound(share, pull)
+    linear = np.median([row[2] for row in rows], axis=0)
+    cells = [
+        f"{100 * share:.0f} %", "W, T, z, i, DP" if pull else "W, T, z, i", f"{100 * outliers:.0f} %",
+        f"{rms[0]:.0f} ({least[0]:.0f}, {rms[0] / least[0]:.2f})",
+        f"{np.degrees(rms[1]):.2f} ({np.degrees(least[1]):.2f}, {rms[1] / least[1]:.2f})",
+        " / ".join(f"{100 * share:.1f}" for share in held.mean(axis=0)),
+        f"{linear[0]:.0f}, {np.degrees(linear[1]):.1f}",
+        f"{np.median([row[3] for row in rows]):.2f}",
+    ]  # fmt: skip
+    return "| " + " | ".join(cells) + " |"
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=200)
+    arguments = parser.parse_args()
+    print("| noise | channels | gross errors | rms error of c [Pa] (bound, ratio) | of phi [deg] (bound, ratio) "
+          "| 95 % interval holds c / phi / k / stiffness / n [%] | linear method, median c [Pa], phi [deg] | s |")
+    print("|" + "---|" * 8)
+    with ProcessPoolExecutor(max_workers=2) as pool:
+        for share, pull, outliers in (
+            (0.10, False, 0.0), (0.10, True, 0.0), (0.02, False, 0.0), (0.02, True, 0.0), (0.02, True, 0.05),
+            (0.10, False, 0.05),
+        ):  # fmt: skip
+            print(study(arguments.seeds, share, pull, outliers, pool), flush=True)
+
+
+if __name__ == "__main__":
+    main()
