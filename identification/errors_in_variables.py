@@ -1,11 +1,12 @@
 """Maximum likelihood with errors in every channel: the true load and slip of each sample are unknown too.
 
-Least squares on noisy regressors is biased (attenuation). Here the true load and slip of a sample are latent, drawn from
-a population whose mean and covariance are estimated with the soil (the structural model of W. A. Fuller, "Measurement
-Error Models" (1987), Sec. 1.2 and 4.2), and integrated out by adaptive quadrature (Q. Liu, D. A. Pierce,
-Biometrika 81 (1994), Sec. 2). The score is the mean of the complete-data score over the latents (Fisher's identity; T. A.
-Louis, J. R. Stat. Soc. B 44 (1982), Eq. 3.1), the information that of the linearised marginal model. A share of the samples may be gross errors. Where the model cannot explain a channel, its standard deviation is
-estimated too, never below the sensor's.
+Least squares on noisy regressors is biased (attenuation). Here the true load and slip of a sample are latent, drawn
+from a population whose mean and covariance are estimated with the soil (the structural model of W. A. Fuller,
+"Measurement Error Models" (1987), Sec. 1.2 and 4.2), and integrated out by adaptive quadrature (Q. Liu, D. A. Pierce,
+Biometrika 81 (1994), Sec. 2). The score is the mean of the complete-data score over the latents (Fisher's identity;
+T. A. Louis, J. R. Stat. Soc. B 44 (1982), Eq. 3.1), the information that of the linearised marginal model. A share of
+the samples may be gross errors. Where the model cannot explain a channel, its standard deviation is estimated too,
+never below the sensor's.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ NO_OUTLIERS = 1e-300
 _ROOT = np.sqrt(3.0)
 _NODES = _ROOT * np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 _WEIGHTS = np.array([2.0, 1.0, 1.0, 1.0, 1.0]) / 6.0
-"""A cross of five nodes, exact for cubics (A. H. Stroud, "Approximate Calculation of Multiple Integrals" (1971), Sec. 3.9)."""
+"""Five nodes in a cross, exact for cubics (A. H. Stroud, "Approximate Calculation of Multiple Integrals", 1971)."""
 
 _LOG_2PI = float(np.log(2.0 * np.pi))
 
@@ -110,9 +111,9 @@ class Problem:
 class Point:
     """A state of the iteration.
 
-    vector (p,); population (5,): mean load [N], mean slip, ln of the first and second diagonal of the Cholesky factor of
-    their covariance, its off-diagonal (load in units of `load_scale`); log_sd (5,) of the channels; imposed (n, 2) and
-    spread (n, 2, 2), the centre and Cholesky factor of each sample's quadrature; theta_1 (n, q) warm start [rad].
+    vector (p,); population (5,): mean load [N], mean slip, ln of the first and second diagonal of the Cholesky factor
+    of their covariance, its off-diagonal (load in units of `load_scale`); log_sd (5,) of the channels; imposed (n, 2)
+    and spread (n, 2, 2), the centre and Cholesky factor of each sample's quadrature; theta_1 (n, q) warm start [rad].
     """
 
     vector: np.ndarray
@@ -183,7 +184,9 @@ def start(problem: Problem, vector: np.ndarray, theta_1: np.ndarray) -> Point:
         population[2 + axis] = 0.5 * np.log(variance) - np.log(unit)
     population[4] = 0.0
     # Wide at first, so that a start far from the truth sees a slope, not a field of gross errors.
-    wide = 0.5 * np.array([np.std(column[np.isfinite(column)]) if np.isfinite(column).any() else 0.0 for column in measured.T])
+    wide = 0.5 * np.array(
+        [np.std(column[np.isfinite(column)]) if np.isfinite(column).any() else 0.0 for column in measured.T]
+    )
     sd = np.where(np.isfinite(problem.noise), problem.noise, 1.0)
     log_sd = np.log(np.where(problem.answers, np.maximum(sd, wide), sd))
     point = Point(
@@ -248,7 +251,7 @@ def _evaluate(problem: Problem, point: Point) -> _State:
     nodes[..., 1] = np.clip(nodes[..., 1], -0.999, 0.9999)
     prediction = problem.model.predict(nodes.reshape(-1, 2), point.vector, point.theta_1.reshape(-1))
     channels = prediction.channels.reshape(rows, count, 5)
-    carried = np.isfinite(channels).all(axis=2)
+    carried = np.asarray(np.isfinite(channels).all(axis=2))
     inverse_sd = np.where(seen, np.exp(-point.log_sd), 0.0)[:, None, :]
     measured = problem.filled[:, None, :]
     residuals = np.where(carried[..., None], (measured - channels) * inverse_sd, 0.0)
@@ -390,7 +393,9 @@ def _move(problem: Problem, point: Point, state: _State, damping: float) -> Poin
     change[log_part] = np.clip(change[log_part], -1.0, 1.0)
     vector = np.where(problem.free, np.clip(point.vector + change, problem.lower, problem.upper), point.vector)
     population = point.population + np.clip(step[p : p + POPULATION], [-np.inf] * 4 + [-0.3], [np.inf] * 4 + [0.3])
-    population[2:4] = np.clip(population[2:4], np.maximum(point.population[2:4] - 1.0, smallest), point.population[2:4] + 1)
+    population[2:4] = np.clip(
+        population[2:4], np.maximum(point.population[2:4] - 1.0, smallest), point.population[2:4] + 1
+    )
     log_sd = point.log_sd.copy()
     log_sd[answers] = np.maximum(log_sd[answers] + np.clip(step[p + POPULATION :], -1.0, 1.0), floor)
     outliers = point.outliers
@@ -401,7 +406,7 @@ def _move(problem: Problem, point: Point, state: _State, damping: float) -> Poin
 
 
 def _smallest_spread(problem: Problem) -> np.ndarray:
-    """ln of the least standard deviation of the population, (load in scaled units, slip): a tenth of the noise."""
+    """Logarithm of the least standard deviation of the population (scaled load, slip): a tenth of the noise."""
     noise = problem.noise[[0, 3]] / np.array([problem.load_scale, 1.0])
     return np.log(np.maximum(0.1 * np.nan_to_num(noise), 1e-4))
 

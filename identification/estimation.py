@@ -81,7 +81,7 @@ def estimate_soil(measured: Measured, wheel: Wheel, known: SoilKnowledge | None 
     Parameters
     ----------
     measured
-        Samples of one soil. Slip is needed, load or sinkage, and three channels in all.
+        Samples of one soil. Slip and load are needed, in each row slip, load or sinkage, and three channels in all.
     wheel
         The wheel.
     known
@@ -101,7 +101,7 @@ def estimate_soil(measured: Measured, wheel: Wheel, known: SoilKnowledge | None 
     strength = strengths(bounded, covariance, intervals, model)
     covariance = consistent(covariance, bounded, intervals)
     determined = separable(intervals.quantities, strength, solution.free)
-    seen = np.isfinite(kept.channels).any(axis=0)
+    seen = np.asarray(np.isfinite(kept.channels).any(axis=0))
     return SoilEstimate(
         parameters=intervals.quantities,
         mean_c_tan_phi=bounded.fit.vector[:2].copy(),
@@ -111,7 +111,7 @@ def estimate_soil(measured: Measured, wheel: Wheel, known: SoilKnowledge | None 
         separable=determined,
         advice=advise(kept.channels, determined, covariance),
         method="ml",
-        channels=tuple(name for name, present in zip(CHANNELS, seen, strict=True) if present),
+        channels=tuple(name for name, present in zip(CHANNELS, seen.tolist(), strict=True) if present),
         n=len(kept.channels),
         misfit=solution.misfit,
     )
@@ -120,9 +120,9 @@ def estimate_soil(measured: Measured, wheel: Wheel, known: SoilKnowledge | None 
 def _usable(measured: Measured) -> Measured:
     """Keep the rows that have slip, a load or a sinkage, and three channels."""
     seen = np.isfinite(measured.channels)
-    for name, needed in (("slip", seen[:, 3]), ("load_N or sinkage_m", seen[:, 0] | seen[:, 2])):
-        if not needed.any():
-            raise InputError("wheel channels", f"no {name} was observed", expected="slip, and load or sinkage")
+    for channel, remedy in ((3, "slip, or both speeds"), (0, "load_N: the wheel's share of the weight, if not sensed")):
+        if not seen[:, channel].any():
+            raise InputError("wheel channels", f"no {CHANNELS[channel]} was observed", expected=remedy)
     rows = seen[:, 3] & (seen[:, 0] | seen[:, 2]) & (seen.sum(axis=1) >= 3)
     if rows.sum() < 6:
         raise InputError(
@@ -136,16 +136,15 @@ def _usable(measured: Measured) -> Measured:
 
 def solve(measured: Measured, wheel: Wheel, known: SoilKnowledge) -> Solution:
     """Fit, with cohesion free to be negative, and the soil's answers as uncertain as the model cannot explain them."""
-    problem = _problem(measured, wheel, known)
-    seen = np.isfinite(measured.channels)
+    problem = build_problem(measured, wheel, known)
+    seen = problem.seen
     informative = np.isfinite(problem.prior_sd)
     # Every sample spends two observations on its own latents.
     observations = float(seen.sum() - 2 * len(seen) + informative.sum())
     dof = observations - float(problem.free.sum())
     if dof < 1.0:
         raise InputError("wheel channels", f"{int(seen.sum())} observations", expected="more than unknowns")
-    starts = [_start(measured, wheel, known, n, k) for n, k in _STARTS]
-    best = fit(problem, best_start(problem, starts))
+    best = converge(problem, wheel, known)
     ratio = np.exp(best.point.log_sd[problem.answers]) / problem.noise[problem.answers]
     misfit = math.sqrt(float(np.mean(ratio**2))) if ratio.size else 1.0
     inflation = 1.0
@@ -155,6 +154,12 @@ def solve(measured: Measured, wheel: Wheel, known: SoilKnowledge) -> Solution:
         inflation = observations / dof * correlation
         dof = max(dof / correlation, 1.0)
     return Solution(problem, best, inflation, float(t_distribution.ppf(0.975, dof)), misfit)
+
+
+def converge(problem: Problem, wheel: Wheel, known: SoilKnowledge) -> Fit:
+    """Fit from the best of several starts."""
+    starts = [_start(problem.measured, wheel, known, n, k) for n, k in _STARTS]
+    return fit(problem, best_start(problem, starts))
 
 
 def physical(solution: Solution) -> Solution:
@@ -167,7 +172,8 @@ def physical(solution: Solution) -> Solution:
     return replace(solution, problem=problem, fit=fit(problem, solution.fit.point))
 
 
-def _problem(measured: Measured, wheel: Wheel, known: SoilKnowledge) -> Problem:
+def build_problem(measured: Measured, wheel: Wheel, known: SoilKnowledge) -> Problem:
+    """Lay out what is measured and what is known as a problem in the textbook wheel's parameters."""
     mean, sd = np.zeros(len(PARAMETERS)), np.full(len(PARAMETERS), np.inf)
     held = np.full(len(PARAMETERS), np.nan)
     for index, name in enumerate(PARAMETERS):
@@ -184,10 +190,10 @@ def _problem(measured: Measured, wheel: Wheel, known: SoilKnowledge) -> Problem:
 
 
 def _start(
-    measured: Measured, wheel: Wheel, known: SoilKnowledge, n: float, k: float
+    channels: np.ndarray, wheel: Wheel, known: SoilKnowledge, n: float, k: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Starting vector and entry angles: from sinkage, and the stiffness so that the loads are carried."""
-    load, sinkage, slip = measured.channels[:, 0], measured.channels[:, 2], measured.channels[:, 3]
+    load, sinkage, slip = channels[:, 0], channels[:, 2], channels[:, 3]
     typical = float(np.nanmedian(sinkage)) if np.isfinite(sinkage).any() else 0.1 * wheel.radius_m
     depth = np.where(np.isfinite(sinkage), sinkage, typical)
     if not np.isfinite(sinkage).any():

@@ -1,13 +1,14 @@
 """Where a drive is quasi-static enough for the wheel to be an instrument, and why not where it is not.
 
-The wheel-soil equations are static (Iagnemma & Dubowsky 2002, Sec. 3: valid at low speed). The gate closes where inertia,
-an immobilised or braked wheel, ground too hard to feel, or a rut of an earlier wheel would be taken for soil.
+The wheel-soil equations are static (Iagnemma & Dubowsky 2002, Sec. 3: valid at low speed). The gate closes where
+inertia, an immobilised or braked wheel, ground too hard to feel, or a rut of an earlier wheel would be taken for soil.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -142,7 +143,7 @@ def _rate(time_s: np.ndarray, speed: np.ndarray) -> np.ndarray:
     window = max(2 * round(0.3 / step) + 1, 5)
     if len(speed) < window:
         return np.zeros(len(speed))
-    return savgol_filter(speed, window, polyorder=1, deriv=1, delta=step)
+    return np.asarray(savgol_filter(speed, window, polyorder=1, deriv=1, delta=step))
 
 
 def find_stretches(
@@ -169,7 +170,7 @@ def find_stretches(
     change = np.flatnonzero((np.diff(opened.astype(int)) != 0) | (np.diff(cell) != 0)) + 1
     edges = [0, *change.tolist(), len(instants)]
     answer = []
-    for first, last in zip(edges[:-1], edges[1:], strict=True):
+    for first, last in pairwise(edges):
         inside = (index >= first) & (index < last)
         rows = np.flatnonzero(inside & (reasons == ""))
         start, end = float(instants[first]), float(instants[min(last, len(instants) - 1)])
@@ -182,7 +183,7 @@ def _bridged(instants: np.ndarray, opened: np.ndarray, bridge_s: float) -> np.nd
     answer = opened.copy()
     change = np.flatnonzero(np.diff(opened.astype(int)) != 0) + 1
     edges = [0, *change.tolist(), len(opened)]
-    for first, last in zip(edges[1:-2], edges[2:-1], strict=True):
+    for first, last in pairwise(edges[1:-1]):
         if not opened[first] and instants[last] - instants[first] < bridge_s:
             answer[first:last] = True
     return answer

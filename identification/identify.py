@@ -190,7 +190,7 @@ def _estimate(rows: FeltRows, chosen: np.ndarray, known: SoilKnowledge, method: 
     if method == "linear":
         return _linear(table, rows.wheel, known)
     nothing = np.full(len(table), math.nan)
-    channels = np.column_stack([table[name] if name in table else nothing for name in CHANNELS])
+    channels = np.column_stack([table.columns.get(name, nothing) for name in CHANNELS])
     order = table["time_s"] if "time_s" in table else table["slip"]
     return estimate_soil(Measured(channels, noise, order), rows.wheel, known)
 
@@ -201,9 +201,9 @@ def _linear(table: WheelTable, wheel: Wheel, known: SoilKnowledge) -> SoilEstima
     for name in needed:
         if name not in table:
             raise InputError(table.source, f"no column {name}", expected="load, torque, sinkage and slip for Eq. 22")
-    columns = [table[name] for name in needed]
+    load, torque, sinkage, slip = (table[name] for name in needed)
     k_m = known.values.get("k_m", REPRESENTATIVE_K_M)
-    result = linearised.estimate(*columns, k_m, wheel)
+    result = linearised.estimate(load, torque, sinkage, slip, k_m, wheel)
     if not math.isfinite(result.c_Pa):
         raise InputError(table.source, f"{result.n} usable rows", expected="two or more that differ", place="Eq. 22")
     quantile = float(t_distribution.ppf(0.975, max(result.n - 2, 1)))
@@ -219,8 +219,8 @@ def _linear(table: WheelTable, wheel: Wheel, known: SoilKnowledge) -> SoilEstima
     }  # fmt: skip
     problems = ["the intervals are those of ordinary least squares: they know nothing of the method's bias"]
     if result.c_Pa < 0.0:
-        problems.append(f"the closed form gives a cohesion of {result.c_Pa:.0f} Pa, which is not physical: 0 is reported")
-    sigma, _ = linearised.peak_stresses(*columns[:3], wheel)
+        problems.append(f"the closed form gives a cohesion of {result.c_Pa:.0f} Pa, not physical: 0 is reported")
+    sigma, _ = linearised.peak_stresses(load, torque, sinkage, wheel)
     strength = []
     for stress in np.nanpercentile(np.where(sigma > 0.0, sigma, np.nan), [10.0, 50.0, 90.0]):
         gradient = np.array([1.0, stress])

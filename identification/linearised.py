@@ -7,11 +7,13 @@ and slip enter the regressors, and because the stresses are not quite linear. `e
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..framework.core.vehicle import Wheel
+from .stress_kernel import LOCKED
 from .wheel_soil import entry_angle, shear_displacement
 
 
@@ -109,7 +111,7 @@ def estimate(
 
 
 class OnlineEstimator:
-    """Eq. 22 sample by sample, with exponential forgetting.
+    """Eq. 22 sample by sample, with exponential forgetting or over a sliding window.
 
     Only the normal equations of two unknowns are kept, so an update costs the same however long the drive.
 
@@ -120,40 +122,58 @@ class OnlineEstimator:
     k_m
         Assumed Janosi shear modulus [m].
     memory
-        Number of samples after which the weight of an old one has fallen to 1/e [-].
+        Number of samples after which the weight of an old one has fallen to 1/e [-]; infinite: none is forgotten.
+    window
+        Number of samples kept [-]; None keeps all.
     """
 
-    def __init__(self, wheel: Wheel, k_m: float, memory: float = 300.0):
+    def __init__(self, wheel: Wheel, k_m: float, *, memory: float = math.inf, window: int | None = None):
         self._radius, self._width, self._k = wheel.radius_m, wheel.width_m, k_m
         self._forget = math.exp(-1.0 / memory)
-        self._m11 = self._m12 = self._m22 = self._v1 = self._v2 = 0.0
+        self._sums = (0.0,) * 5
+        self._kept: deque[tuple[float, ...]] = deque()
+        self._window = window
         self.n = 0
 
     def update(self, load_N: float, torque_Nm: float, sinkage_m: float, slip: float) -> tuple[float, float]:
         """Take one sample in; give (c [Pa], tan phi [-]), NaN while two samples that differ have not been seen."""
-        r = self._radius
-        cosine = 1.0 - sinkage_m / r
-        if 0.0 < sinkage_m < r and math.isfinite(load_N + torque_Nm + slip):
-            theta = math.acos(cosine)
-            sine, half_sine, half_cosine = math.sin(theta), math.sin(theta / 2.0), math.cos(theta / 2.0)
-            ratio = 1.0 - slip if slip >= 0.0 else 1.0 / max(1.0 + slip, 1e-9)
-            mobilised = -math.expm1(-r / self._k * (theta / 2.0 - ratio * (sine - half_sine)))
-            if mobilised != 0.0:
-                k1 = (4.0 * cosine - 8.0 * half_cosine + 4.0) * torque_Nm / mobilised
-                x1 = 2.0 * r * r * self._width * theta * (cosine - 2.0 * half_cosine + 1.0)
-                x2 = -(4.0 * torque_Nm * sine + load_N * theta * theta * r - 8.0 * torque_Nm * half_sine)
-                f = self._forget
-                self._m11, self._m12, self._m22 = f * self._m11 + x1 * x1, f * self._m12 + x1 * x2, f * self._m22 + x2 * x2
-                self._v1, self._v2 = f * self._v1 + x1 * k1, f * self._v2 + x2 * k1
-                self.n += 1
+        row = self._normal_equations(load_N, torque_Nm, sinkage_m, slip)
+        if row is not None:
+            f = self._forget
+            self._sums = tuple([f * total + part for total, part in zip(self._sums, row, strict=True)])
+            self.n += 1
+            if self._window is not None:
+                self._kept.append(row)
+                if len(self._kept) > self._window:
+                    left = f**self._window
+                    oldest = self._kept.popleft()
+                    self._sums = tuple([total - left * part for total, part in zip(self._sums, oldest, strict=True)])
+                    self.n -= 1
         return self.solution()
+
+    def _normal_equations(
+        self, load_N: float, torque_Nm: float, sinkage_m: float, slip: float
+    ) -> tuple[float, ...] | None:
+        """Products of one row of Eq. 21: x1 x1, x1 x2, x2 x2, x1 y, x2 y; None where it says nothing."""
+        r = self._radius
+        if not (0.0 < sinkage_m < r and math.isfinite(load_N + torque_Nm + slip)):
+            return None
+        cosine = 1.0 - sinkage_m / r
+        theta = math.acos(cosine)
+        sine, half_sine, half_cosine = math.sin(theta), math.sin(theta / 2.0), math.cos(theta / 2.0)
+        ratio = 1.0 - slip if slip >= 0.0 else 1.0 / max(1.0 + slip, LOCKED)
+        mobilised = -math.expm1(-r / self._k * (theta / 2.0 - ratio * (sine - half_sine)))
+        if mobilised == 0.0:
+            return None
+        y = (4.0 * cosine - 8.0 * half_cosine + 4.0) * torque_Nm / mobilised
+        x1 = 2.0 * r * r * self._width * theta * (cosine - 2.0 * half_cosine + 1.0)
+        x2 = -(4.0 * torque_Nm * sine + load_N * theta * theta * r - 8.0 * torque_Nm * half_sine)
+        return x1 * x1, x1 * x2, x2 * x2, x1 * y, x2 * y
 
     def solution(self) -> tuple[float, float]:
         """Give the present (c [Pa], tan phi [-])."""
-        determinant = self._m11 * self._m22 - self._m12 * self._m12
-        if determinant <= 1e-12 * self._m11 * self._m22:
+        m11, m12, m22, v1, v2 = self._sums
+        determinant = m11 * m22 - m12 * m12
+        if determinant <= 1e-12 * m11 * m22:
             return math.nan, math.nan
-        return (
-            (self._m22 * self._v1 - self._m12 * self._v2) / determinant,
-            (self._m11 * self._v2 - self._m12 * self._v1) / determinant,
-        )
+        return (m22 * v1 - m12 * v2) / determinant, (m11 * v2 - m12 * v1) / determinant

@@ -40,8 +40,8 @@ def simulate(
     Returns
     -------
     WheelTable
-        The drive's columns, with torque [N m], sinkage [m] and drawbar pull [N] replaced or added; NaN where load or slip
-        is not known or the soil does not carry the load.
+        The drive's columns, with torque [N m], sinkage [m] and drawbar pull [N] replaced or added; NaN where load or
+        slip is not known or the soil does not carry the load.
 
     Raises
     ------

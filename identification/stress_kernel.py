@@ -93,12 +93,14 @@ def rim_forces_and_derivatives(contact, radius, width, nodes, weights, forces, j
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def carry(imposed, soil, peak_share, radius, width, nodes, weights, smallest, largest, tolerance, angle, forces, jacobian):
+def carry(
+    imposed, soil, peak_share, radius, width, nodes, weights, smallest, largest, tolerance, angle, forces, jacobian
+):
     """Entry angle at which each row carries its load, with the forces and derivatives there, by Newton's method.
 
-    imposed (n, 2): load [N], slip; soil (5,): c, tan phi, k, stiffness, n; `angle` (n,) [rad] holds the start and then the
-    answer; jacobian (n, 3, 7): derivatives of W, T, DP by theta_1 (theta_m following), slip and the soil. A row stops
-    when its load is met within `tolerance`, relative; one whose load is never carried becomes NaN.
+    imposed (n, 2): load [N], slip; soil (5,): c, tan phi, k, stiffness, n; `angle` (n,) [rad] holds the start and then
+    the answer; jacobian (n, 3, 7): derivatives of W, T, DP by theta_1 (theta_m following), slip and the soil. A row
+    stops when its load is met within `tolerance`, relative; one whose load is never carried becomes NaN.
     """
     field = np.empty(FIELD_COUNT)
     full = np.empty((3, FIELD_COUNT))

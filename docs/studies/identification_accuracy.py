@@ -100,8 +100,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=200)
     arguments = parser.parse_args()
-    print("| noise | channels | gross errors | rms error of c [Pa] (bound, ratio) | of phi [deg] (bound, ratio) "
-          "| 95 % interval holds c / phi / k / stiffness / n [%] | linear method, median c [Pa], phi [deg] | s |")
+    print(
+        "| noise | channels | gross errors | rms error of c [Pa] (bound, ratio) | of phi [deg] (bound, ratio) "
+        "| 95 % interval holds c / phi / k / stiffness / n [%] | linear method, median c [Pa], phi [deg] | s |"
+    )
     print("|" + "---|" * 8)
     with ProcessPoolExecutor(max_workers=2) as pool:
         for share, pull, outliers in (

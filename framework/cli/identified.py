@@ -57,8 +57,8 @@ def _print_estimate(estimate: SoilEstimate) -> None:
     )
     if estimate.misfit > 1.2:
         print(
-            f"The model misses the channels by {estimate.misfit:.1f} times the sensors' noise; the intervals carry that. "
-            "Something is left out of the model."
+            f"The model misses the channels by {estimate.misfit:.1f} times the sensors' noise: something is left out "
+            "of it. The intervals carry that."
         )
     if estimate.advice:
         print(f"Advice: {estimate.advice}.")

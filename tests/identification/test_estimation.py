@@ -43,7 +43,7 @@ def test_noise_free_data_give_the_soil_back(rng):
 
 
 def test_estimates_reach_the_cramer_rao_bound_and_cover_at_ten_per_cent_noise():
-    """40 seeds: root-mean-square error within 1.35 of the bound (its own scatter is 11 %), coverage of the intervals."""
+    """40 seeds: root-mean-square error within 1.35 of the bound (its own scatter is 11 %), intervals that cover."""
     rng = np.random.default_rng(3)
     quiet = paper_case(rng, 1e-9)
     noisy = paper_case(rng, 0.10)
@@ -55,9 +55,7 @@ def test_estimates_reach_the_cramer_rao_bound_and_cover_at_ten_per_cent_noise():
     a, b = np.nan_to_num(prediction.by_latent) * scale, np.nan_to_num(prediction.by_parameter) * scale
     inner = np.linalg.inv(np.einsum("nma,nmb->nab", a, a))
     cross = np.einsum("nma,nmp->nap", a, b)
-    bound = np.linalg.inv(
-        np.einsum("nmp,nmq->pq", b, b) - np.einsum("nap,nab,nbq->pq", cross, inner, cross)
-    )
+    bound = np.linalg.inv(np.einsum("nmp,nmq->pq", b, b) - np.einsum("nap,nab,nbq->pq", cross, inner, cross))
     assert np.sqrt(bound[0, 0]) == pytest.approx(707.0, rel=0.02)
 
     errors, covered = [], []

@@ -34,9 +34,7 @@ def test_linear_stresses_give_back_cohesion_friction_and_drawbar_pull_exactly():
     slip = np.array([0.1, 0.2, 0.3, 0.4])
     sinkage = np.array([0.03, 0.035, 0.045, 0.05])
     sigma_m = np.array([15e3, 20e3, 30e3, 38e3])
-    load, torque, pull = np.array(
-        [triangular_wheel(*row) for row in zip(sigma_m, sinkage, slip, strict=True)]
-    ).T
+    load, torque, pull = np.array([triangular_wheel(*row) for row in zip(sigma_m, sinkage, slip, strict=True)]).T
     estimate = linearised.estimate(load, torque, sinkage, slip, SOIL.k_m, WHEEL)
     assert estimate.c_Pa == pytest.approx(SOIL.c_Pa, rel=1e-4)
     assert estimate.phi_rad == pytest.approx(SOIL.phi_rad, rel=1e-5)
@@ -50,7 +48,7 @@ def test_the_on_line_form_is_the_batch_form_and_forgets():
     slip = 0.3 + 0.25 * np.sin(0.9 * time_s)
     state = equilibrium(WHEEL, SOIL, load, slip)
     batch = linearised.estimate(load, state.torque_Nm, state.sinkage_m, slip, SOIL.k_m, WHEEL)
-    online = linearised.OnlineEstimator(WHEEL, SOIL.k_m, memory=1e9)
+    online = linearised.OnlineEstimator(WHEEL, SOIL.k_m)
     for row in zip(load, state.torque_Nm, state.sinkage_m, slip, strict=True):
         answer = online.update(*row)
     assert answer == pytest.approx((batch.c_Pa, batch.tan_phi), rel=1e-5)
@@ -64,6 +62,13 @@ def test_the_on_line_form_is_the_batch_form_and_forgets():
             answer = forgetful.update(*row)
     only_later = linearised.estimate(load, later.torque_Nm, later.sinkage_m, slip, SOIL.k_m, WHEEL)
     assert answer[1] == pytest.approx(only_later.tan_phi, abs=0.02)
+
+    window = linearised.OnlineEstimator(WHEEL, SOIL.k_m, window=300)
+    for source in (state, later):
+        for row in zip(load, source.torque_Nm, source.sinkage_m, slip, strict=True):
+            answer = window.update(*row)
+    assert window.n == 300
+    assert answer == pytest.approx((only_later.c_Pa, only_later.tan_phi), rel=1e-4)
 
 
 def test_nothing_comes_of_nothing():
