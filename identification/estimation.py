@@ -17,10 +17,11 @@ from scipy.stats import t as t_distribution
 from ..framework.core.errors import InputError
 from ..framework.core.soil import PARAMETERS, PLAUSIBLE, SoilEstimate, SoilKnowledge
 from ..framework.core.vehicle import Wheel
-from .errors_in_variables import Fit, Problem, best_start, fit
+from .errors_in_variables import Fit, best_start, fit
 from .forward import CHANNELS, TextbookWheel, slope_of_internal, to_internal
 from .identifiability import advise, separable, strengths
 from .intervals import consistent, parameter_intervals
+from .marginal_likelihood import Problem
 from .wheel_soil import Soil, contact_array, entry_angle, rim_forces
 
 ANSWERS = np.array([False, True, True, False, True])
@@ -28,6 +29,9 @@ ANSWERS = np.array([False, True, True, False, True])
 
 _EXPLAINED = 1.1
 """A channel whose standard deviation comes out within this factor of the sensor's is explained by the model [-]."""
+
+WRONG_FORM = 1.5
+"""A misfit beyond this many times the sensors' noise is reported as an error of the model's form [-]."""
 
 _STARTS = ((0.8, 0.02), (1.1, 0.005), (0.5, 0.03))
 """Starting values of n and k [m]; cohesion and friction start at 1 kPa and 30 degrees, the stiffness from the load."""
@@ -114,6 +118,17 @@ def estimate_soil(measured: Measured, wheel: Wheel, known: SoilKnowledge | None 
         channels=tuple(name for name, present in zip(CHANNELS, seen.tolist(), strict=True) if present),
         n=len(kept.channels),
         misfit=solution.misfit,
+        problems=_model_error(solution.misfit),
+    )
+
+
+def _model_error(misfit: float) -> tuple[str, ...]:
+    """Say what a misfit means: the intervals carry its scatter, not what a wrong form may do to the parameters."""
+    if misfit <= WRONG_FORM:
+        return ()
+    return (
+        f"the model misses the channels by {misfit:.1f} times the sensors' noise: something is left out of it. The "
+        "intervals carry the scatter of that; the parameters may be off by more",
     )
 
 

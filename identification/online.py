@@ -9,9 +9,10 @@ import numpy as np
 
 from ..framework.core.soil import PARAMETERS, PLAUSIBLE, Quantity, SoilKnowledge
 from ..framework.core.vehicle import Wheel
-from .errors_in_variables import Fit, Point, Problem, fit
+from .errors_in_variables import Fit, fit
 from .estimation import Measured, build_problem, converge
 from .forward import CHANNELS, from_internal, slope_of_internal, to_internal
+from .marginal_likelihood import Point, Problem
 
 LEAST_SAMPLES = 40
 """Samples before the first estimate: four seconds at 10 Hz."""

@@ -55,11 +55,6 @@ def _print_estimate(estimate: SoilEstimate) -> None:
         ],
         title="Shear strength over the stresses driven",
     )
-    if estimate.misfit > 1.2:
-        print(
-            f"The model misses the channels by {estimate.misfit:.1f} times the sensors' noise: something is left out "
-            "of it. The intervals carry that."
-        )
     if estimate.advice:
         print(f"Advice: {estimate.advice}.")
     for problem in estimate.problems:

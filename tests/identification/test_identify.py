@@ -159,4 +159,5 @@ def test_on_granular_ground_the_misfit_is_seen_and_carried(shared_data):
     """A material-point simulation, nothing of the textbook inside: the model's error has to show."""
     result = identify(shared_data / "granular-wheel" / "wheel.csv")
     assert result.overall.misfit > 2.0
+    assert "left out" in result.overall.problems[0]
     assert result.overall.n == 28
