@@ -23,6 +23,9 @@ SEARCH_AGAIN = 20
 MOST_IN_AGREEMENT = 0.75
 """Below this share of samples that are no gross errors [-], the estimator searches anew."""
 
+TRIALS = 4
+"""Steps tried at a sample until one leads uphill; the first that does is enough."""
+
 _TWO_SIDED = 1.96
 
 
@@ -89,7 +92,8 @@ class OnlineIdentifier:
             self._fit = converge(problem, self._wheel, self._known)
             self._since_search = 0
         else:
-            self._fit = fit(problem, extended(self._fit.point, problem, self._load_scale, dropped), iterations=1)
+            point = extended(self._fit.point, problem, self._load_scale, dropped)
+            self._fit = fit(problem, point, iterations=TRIALS, enough=math.inf)
         self._load_scale = problem.load_scale
         return self.estimate()
 

@@ -1,8 +1,9 @@
 """How close identification comes to the Cramer-Rao bound, and how often its 95 % intervals hold the truth.
 
-The paper's simulated wheel (Iagnemma & Dubowsky 2002, Sec. 4): r 0.5 m, b 0.3 m, k 5 mm, k1 20 kPa, k2 600 kN/m3, n 0.9,
-c 1 kPa, phi 30 deg; 300 samples at 10 Hz, load 800 +- 300 N, slip 0.3 +- 0.25, white noise in every channel with a standard
-deviation that is a share of the channel's maximum. Soil, load and slip of every sample are unknown to the estimator.
+The paper's simulated wheel (Iagnemma & Dubowsky 2002, Sec. 4): r 0.5 m, b 0.3 m, k 5 mm, k1 20 kPa, k2 600 kN/m3,
+n 0.9, c 1 kPa, phi 30 deg; 300 samples at 10 Hz, load 800 +- 300 N, slip 0.3 +- 0.25, white noise in every channel with
+a standard deviation that is a share of the channel's maximum. Soil, load and slip of every sample are unknown to the
+estimator.
 
     python docs/studies/identification_accuracy.py --seeds 200
 """

@@ -1,0 +1,91 @@
+"""Speed of the wheel-soil mechanics and of the estimators, beside what a user would otherwise pick.
+
+python -m pytest tests/benchmarks/test_identification_speed.py --benchmark-only
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bevameter.framework.core.vehicle import Wheel
+from bevameter.identification.forward import CHANNELS
+from bevameter.identification.linearised import OnlineEstimator
+from bevameter.identification.online import OnlineIdentifier
+from bevameter.identification.wheel_soil import Soil, equilibrium, normal_stress, shear_stress
+from scipy.integrate import quad
+from scipy.optimize import brentq
+
+WHEEL = Wheel(radius_m=0.25, width_m=0.2)
+SOIL = Soil(c_Pa=1e3, phi_rad=np.radians(30.0), k_m=0.02, stiffness_Pa=2e5, n=0.9)
+LOADS = np.linspace(300.0, 2500.0, 1000)
+SLIPS = np.linspace(0.05, 0.9, 1000)
+
+
+def by_quadrature_and_root_finding(loads: np.ndarray, slips: np.ndarray) -> np.ndarray:
+    """Entry angles by `scipy.integrate.quad` in `scipy.optimize.brentq`: the straightforward way."""
+
+    def carried(theta_1: float, slip: float) -> float:
+        def integrand(theta: float) -> float:
+            sigma = float(normal_stress(theta, theta_1, SOIL, WHEEL))
+            tau = float(shear_stress(theta, theta_1, slip, SOIL, WHEEL))
+            return sigma * np.cos(theta) + tau * np.sin(theta)
+
+        parts = ((0.0, theta_1 / 2.0), (theta_1 / 2.0, theta_1))
+        return WHEEL.radius_m * WHEEL.width_m * sum(quad(integrand, *part, epsrel=1e-10)[0] for part in parts)
+
+    return np.array(
+        [
+            brentq(lambda angle, i=slip, w=load: carried(angle, i) - w, 0.01, 1.5, xtol=1e-12)
+            for load, slip in zip(loads, slips, strict=True)
+        ]
+    )
+
+
+@pytest.mark.benchmark(group="equilibrium, per 1000 samples")
+def test_equilibrium(benchmark):
+    equilibrium(WHEEL, SOIL, LOADS[:2], SLIPS[:2])
+    state = benchmark(equilibrium, WHEEL, SOIL, LOADS, SLIPS)
+    few = [0, 500, 999]
+    np.testing.assert_allclose(
+        state.theta_1_rad[few], by_quadrature_and_root_finding(LOADS[few], SLIPS[few]), rtol=1e-8
+    )
+
+
+@pytest.mark.benchmark(group="equilibrium, per 1000 samples")
+def test_quadrature_and_root_finding_of_three_samples(benchmark):
+    """Three samples only: multiply by 333 to compare."""
+    benchmark.pedantic(by_quadrature_and_root_finding, args=(LOADS[::400], SLIPS[::400]), rounds=3)
+    benchmark.extra_info["samples"] = 3
+
+
+def drive(samples: int) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(1)
+    time_s = np.arange(samples) / 10.0
+    load, slip = 1200.0 + 500.0 * np.sin(time_s / 2.0), 0.3 + 0.2 * np.sin(time_s / 1.3)
+    state = equilibrium(WHEEL, SOIL, load, slip)
+    truth = np.column_stack([load, state.torque_Nm, state.sinkage_m, slip, state.drawbar_pull_N])
+    noise = 0.03 * np.abs(truth).max(axis=0)
+    return truth + noise * rng.normal(size=truth.shape), noise
+
+
+@pytest.mark.benchmark(group="one sample while driving")
+def test_linear_update(benchmark):
+    rows, _ = drive(10)
+    estimator = OnlineEstimator(WHEEL, 0.02, window=300)
+    for row in rows:
+        estimator.update(*row[:4])
+    benchmark(estimator.update, *rows[0][:4])
+
+
+@pytest.mark.benchmark(group="one sample while driving")
+def test_maximum_likelihood_update_with_600_samples_in_the_window(benchmark):
+    rows, noise = drive(640)
+    identifier = OnlineIdentifier(WHEEL, dict(zip(CHANNELS, noise, strict=True)), window=600)
+    samples = [dict(zip(CHANNELS, row, strict=True)) for row in rows]
+    for sample in samples[:610]:
+        identifier.update(**sample)
+    rest = iter(samples[610:])
+    benchmark.pedantic(lambda: identifier.update(**next(rest)), rounds=25)
+    estimate = identifier.estimate()
+    assert estimate is not None
+    assert estimate.n == 600
