@@ -33,6 +33,9 @@ _EXPLAINED = 1.1
 WRONG_FORM = 1.5
 """A misfit beyond this many times the sensors' noise is reported as an error of the model's form [-]."""
 
+LEAST_ROWS = 6
+"""Samples below which nothing is estimated."""
+
 _STARTS = ((0.8, 0.02), (1.1, 0.005), (0.5, 0.03))
 """Starting values of n and k [m]; cohesion and friction start at 1 kPa and 30 degrees, the stiffness from the load."""
 
@@ -96,9 +99,12 @@ def estimate_soil(measured: Measured, wheel: Wheel, known: SoilKnowledge | None 
     InputError
         Too few channels or samples.
     """
-    known = known or SoilKnowledge()
-    kept = _usable(measured)
-    solution = solve(kept, wheel, known)
+    kept = usable(measured)
+    return summarise(solve(kept, wheel, known or SoilKnowledge()), kept, wheel)
+
+
+def summarise(solution: Solution, kept: Measured, wheel: Wheel) -> SoilEstimate:
+    """Turn a fit into an estimate: intervals, strength, what is determined and what driving would do for the rest."""
     model = TextbookWheel(wheel)
     covariance, bounded = solution.covariance(), physical(solution)
     intervals = parameter_intervals(bounded, covariance, model)
@@ -132,18 +138,18 @@ def _model_error(misfit: float) -> tuple[str, ...]:
     )
 
 
-def _usable(measured: Measured) -> Measured:
+def usable(measured: Measured) -> Measured:
     """Keep the rows that have slip, a load or a sinkage, and three channels."""
     seen = np.isfinite(measured.channels)
     for channel, remedy in ((3, "slip, or both speeds"), (0, "load_N: the wheel's share of the weight, if not sensed")):
         if not seen[:, channel].any():
             raise InputError("wheel channels", f"no {CHANNELS[channel]} was observed", expected=remedy)
     rows = seen[:, 3] & (seen[:, 0] | seen[:, 2]) & (seen.sum(axis=1) >= 3)
-    if rows.sum() < 6:
+    if rows.sum() < LEAST_ROWS:
         raise InputError(
             "wheel channels",
             f"{int(rows.sum())} rows with slip, load or sinkage, and a third channel",
-            expected="at least 6",
+            expected=f"at least {LEAST_ROWS}",
         )
     order = np.argsort(measured.order[rows], kind="stable")
     return Measured(measured.channels[rows][order], measured.noise, measured.order[rows][order])

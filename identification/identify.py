@@ -18,9 +18,10 @@ from ..framework.core.recording.wheel_file import derive
 from ..framework.core.soil import Quantity, ShearStrength, SoilEstimate, SoilKnowledge, load_soil
 from ..framework.core.vehicle import Vehicle, Wheel, load_vehicle
 from . import linearised
-from .estimation import Measured, estimate_soil
+from .changes import split_soils
+from .estimation import Measured, estimate_soil, summarise, usable
 from .forward import CHANNELS
-from .gate import Stretch, find_stretches, quasi_static
+from .gate import LIMITS, Stretch, find_stretches, quasi_static
 from .noise import sensor_noise
 
 Method = Literal["ml", "linear"]
@@ -84,15 +85,20 @@ def identify(
     InputError
         The recording has no wheel channels, no geometry, or lacks channels that the method needs.
     """
-    recording, known = _open(recording, vehicle), _known(soil)
+    recording, known = open_recording(recording, vehicle), _known(soil)
     rows = felt_rows(recording)
     stretches = rows.stretches()
-    segments = tuple(_segment(rows, stretch, known, method) for stretch in stretches)
-    used = [stretch.rows for stretch in stretches if not stretch.reason]
-    overall = next((segment.estimate for segment in segments if segment.used), None)
-    if len(used) > 1:
-        overall = _estimate(rows, np.sort(np.concatenate(used)), known, method)
-    return Identification(overall, segments, method, rows.problems)
+    segments = tuple(segment for stretch in stretches for segment in _segments(rows, stretch, known, method))
+    chosen = [stretch.rows for stretch in stretches if not stretch.reason]
+    found = [segment.estimate for segment in segments if segment.used]
+    overall, problems = None, rows.problems
+    if len(found) == 1:
+        overall = found[0]
+    elif found:
+        overall = _estimate(rows, np.sort(np.concatenate(chosen)), known, method)
+    if len(found) > len(chosen):
+        problems = (*problems, "the soil changes within a stretch: the overall estimate mixes several soils")
+    return Identification(overall, segments, method, problems)
 
 
 def identify_segments(
@@ -104,9 +110,9 @@ def identify_segments(
 ) -> tuple[Segment, ...]:
     """Identify the soil of each quasi-static stretch, cut where the ground is known to change (`boundaries_s` [s])."""
     rows = felt_rows(recording)
-    return tuple(
-        _segment(rows, stretch, soil or SoilKnowledge(), method) for stretch in rows.stretches(np.asarray(boundaries_s))
-    )
+    known = soil or SoilKnowledge()
+    stretches = rows.stretches(np.asarray(boundaries_s, dtype=float))
+    return tuple(segment for stretch in stretches for segment in _segments(rows, stretch, known, method))
 
 
 @dataclass(frozen=True)
@@ -169,30 +175,52 @@ def _gather(table: WheelTable, vehicle: Vehicle, names: list[str | None]) -> Fel
     return FeltRows(WheelTable(columns, labels, runs, table.source), wheel, vehicle, np.concatenate(reasons), ())
 
 
-def _segment(rows: FeltRows, stretch: Stretch, known: SoilKnowledge, method: Method) -> Segment:
+def _segments(rows: FeltRows, stretch: Stretch, known: SoilKnowledge, method: Method) -> list[Segment]:
+    """Identify one stretch; several segments where the wheels feel that the soil changes within it."""
     n = len(stretch.rows)
     if stretch.reason:
-        return Segment(stretch.start_s, stretch.end_s, False, stretch.reason, n)
+        return [Segment(stretch.start_s, stretch.end_s, False, stretch.reason, n)]
+    timed = "time_s" in rows.table
     try:
-        estimate = _estimate(rows, stretch.rows, known, method)
+        if not timed or method == "linear":
+            estimate = _estimate(rows, stretch.rows, known, method)
+            return [Segment(stretch.start_s, stretch.end_s, True, "", n, estimate)]
+        return _soils(rows, stretch, known)
     except InputError as error:
-        if "time_s" not in rows.table:
+        if not timed:
             raise
-        return Segment(stretch.start_s, stretch.end_s, False, error.problem, n)
-    return Segment(stretch.start_s, stretch.end_s, True, "", n, estimate)
+        return [Segment(stretch.start_s, stretch.end_s, False, error.problem, n)]
+
+
+def _soils(rows: FeltRows, stretch: Stretch, known: SoilKnowledge) -> list[Segment]:
+    kept = usable(measured_rows(rows, stretch.rows))
+    parts = split_soils(kept, rows.wheel, known, least_rows=LIMITS.least_rows)
+    borders = [float(kept.order[part.start]) for part, _ in parts[1:]]
+    starts, ends = [stretch.start_s, *borders], [*borders, stretch.end_s]
+    segments = []
+    for (part, solution), start, end in zip(parts, starts, ends, strict=True):
+        own = Measured(kept.channels[part], kept.noise, kept.order[part])
+        estimate = summarise(solution, own, rows.wheel)
+        segments.append(Segment(start, end, True, "", len(own.channels), estimate))
+    return segments
 
 
 def _estimate(rows: FeltRows, chosen: np.ndarray, known: SoilKnowledge, method: Method) -> SoilEstimate:
+    if method == "linear":
+        return _linear(rows.table.select(chosen), rows.wheel, known)
+    return estimate_soil(measured_rows(rows, chosen), rows.wheel, known)
+
+
+def measured_rows(rows: FeltRows, chosen: np.ndarray) -> Measured:
+    """Lay out chosen rows (m,) for the estimator, with their noise; thinned evenly beyond `MOST_ROWS`."""
     noise = sensor_noise(rows.table.select(chosen), rows.vehicle)
     if len(chosen) > MOST_ROWS:
         chosen = chosen[np.linspace(0, len(chosen) - 1, MOST_ROWS).astype(int)]
     table = rows.table.select(chosen)
-    if method == "linear":
-        return _linear(table, rows.wheel, known)
     nothing = np.full(len(table), math.nan)
     channels = np.column_stack([table.columns.get(name, nothing) for name in CHANNELS])
     order = table["time_s"] if "time_s" in table else table["slip"]
-    return estimate_soil(Measured(channels, noise, order), rows.wheel, known)
+    return Measured(channels, noise, order)
 
 
 def _linear(table: WheelTable, wheel: Wheel, known: SoilKnowledge) -> SoilEstimate:
@@ -245,7 +273,8 @@ def _linear(table: WheelTable, wheel: Wheel, known: SoilKnowledge) -> SoilEstima
     )
 
 
-def _open(recording: Recording | str | Path, vehicle: Vehicle | str | Path | None) -> Recording:
+def open_recording(recording: Recording | str | Path, vehicle: Vehicle | str | Path | None) -> Recording:
+    """Open a recording, if it is a path, and give it the vehicle, if there is one; raises `InputError`."""
     if isinstance(vehicle, str | Path):
         vehicle = load_vehicle(vehicle)
     if isinstance(recording, Recording):

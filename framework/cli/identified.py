@@ -19,6 +19,8 @@ _SHOWN = {
 
 def print_identification(result: Identification) -> None:
     """Print the overall estimate, then what became of each stretch."""
+    for problem in result.problems:
+        print(f"note: {problem}")
     if result.overall is None:
         print("No row could be used:")
     else:
@@ -29,8 +31,6 @@ def print_identification(result: Identification) -> None:
         [_segment_row(segment) for segment in result.segments],
         title="Stretches",
     )
-    for problem in result.problems:
-        print(f"note: {problem}")
 
 
 def _print_estimate(estimate: SoilEstimate) -> None:

@@ -8,6 +8,9 @@ from typing import Annotated
 
 import typer
 
+PICTURES = (".png", ".svg", ".pdf")
+"""Endings that ``--plot`` takes."""
+
 
 class Method(StrEnum):
     """How the soil is estimated."""
@@ -28,17 +31,32 @@ def command(
         Method, typer.Option("--method", help="ml: errors in all channels; linear: the paper's closed form.")
     ] = Method.ML,
     json: Annotated[Path | None, typer.Option("--json", help="Write the result as JSON.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", help="Draw the estimates along the drive and the regions of c and phi.")
+    ] = None,
 ) -> None:
     """Identify cohesion, friction angle, shear modulus, stiffness and sinkage exponent."""
-    from ...identification.identify import identify
+    from ...identification.identify import identify, open_recording
     from ...identification.report import identification_json
+    from ..core.errors import InputError
+    from ..core.soil import load_soil
     from .identified import print_identification
     from .printing import check_writable, status, write_json
 
-    if json is not None:
-        check_writable(json)
+    for path in (json, plot):
+        if path is not None:
+            check_writable(path)
+    if plot is not None and (method is not Method.ML or plot.suffix.lower() not in PICTURES):
+        raise InputError("--plot", str(plot), expected="the method ml, and a file ending in " + ", ".join(PICTURES))
     with status(f"identifying the soil of {recording}"):
-        result = identify(recording, vehicle=vehicle, soil=soil, method=method.value)
+        opened = open_recording(recording, vehicle)
+        known = load_soil(soil) if soil is not None else None
+        result = identify(opened, soil=known, method=method.value)
+    if plot is not None:
+        from ...identification.picture import draw_identification
+
+        with status(f"drawing {plot}"):
+            draw_identification(opened, result, plot, soil=known)
     if json is not None:
         write_json(identification_json(result), json)
     print_identification(result)

@@ -51,6 +51,17 @@ def test_two_soils_with_a_boundary_between_give_two_estimates(rng):
         assert phi.high - phi.low < np.radians(8.0)
 
 
+def test_a_change_of_soil_that_nobody_told_of_is_found_from_the_wheels(rng):
+    result = identify(recording(drive(rng, (SAND, CLAY, SAND), stretch_s=20.0)))
+    assert len(result.segments) == 3
+    assert [round(segment.start_s) for segment in result.segments] == [0, 20, 40]
+    for segment, soil in zip(result.segments, (SAND, CLAY, SAND), strict=True):
+        phi = segment.estimate.parameters["phi_rad"]
+        assert abs(phi.value - soil.phi_rad) < 4.0 * phi.sd
+        assert phi.sd < np.radians(2.0)
+    assert "mixes several soils" in result.problems[0]
+
+
 @pytest.mark.parametrize(
     ("columns", "reason"),
     [
