@@ -84,10 +84,10 @@ def recolour(samples: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Filter sound (m,) as another microphone at another place would: a random smooth response, often band-limited."""
     size = int(scipy.fft.next_fast_len(samples.size, True) or samples.size)
     octave = np.log2(np.maximum(np.fft.rfftfreq(size, 1.0 / RATE_HZ), 40.0) / 1000.0)
-    gain_dB = np.interp(octave, np.linspace(-4.7, 3.0, 10), rng.normal(0, 6.0, 10)) + rng.normal(0, 3.0) * octave
-    if rng.random() < 0.3:
+    gain_dB = np.interp(octave, np.linspace(-4.7, 3.0, 10), rng.normal(0, 2.5, 10)) + rng.normal(0, 1.5) * octave
+    if rng.random() < 0.15:
         gain_dB -= np.maximum(0.0, octave - np.log2(rng.uniform(2.5, 7.0))) * rng.uniform(20, 60)
-    if rng.random() < 0.3:
+    if rng.random() < 0.15:
         gain_dB -= np.maximum(0.0, np.log2(rng.uniform(0.08, 0.4)) - octave) * rng.uniform(6, 24)
     spectrum = np.asarray(scipy.fft.rfft(samples, size)) * 10 ** (gain_dB / 20)
     return np.asarray(scipy.fft.irfft(spectrum, size))[: samples.size]

@@ -127,6 +127,8 @@ NOISE_FREE_DB = 35.0
 """What is said of training sound as it came [dB]: its own background is not known, and more would change nothing."""
 DROWNED_DB = 5.0
 """Signal-to-noise ratio at which sound is not to be trusted any more [dB]: footsteps are recognised half as often."""
+LEAST_DB = -10.0
+"""Noise above that is not told apart [dB]."""
 _RIDGE = (10.0, 100.0, 1000.0, 10000.0)
 
 
@@ -177,7 +179,8 @@ class NoiseModel:
 
         mean, scale = inputs.mean(axis=0), np.maximum(inputs.std(axis=0), 1e-6)
         z = np.clip((inputs - mean) / scale, -_LIMIT, _LIMIT)
-        target = np.minimum(snr_dB, NOISE_FREE_DB)
+        # How deep sound is drowned does not matter, and would bend the line where it does.
+        target = np.clip(snr_dB, LEAST_DB, NOISE_FREE_DB)
         splits = min(5, len(np.unique(groups)))
         folds = list(GroupKFold(splits).split(z, groups=groups)) if splits > 1 else [(np.arange(len(z)),) * 2]
         held: dict[float, np.ndarray] = {}

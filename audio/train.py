@@ -20,16 +20,18 @@ from .vibration import train_vibration
 if TYPE_CHECKING:
     from ..framework.core.labelled import LabelledFile
 
-__all__ = ["train_audio", "train_audio_arrays", "train_vibration"]
+__all__ = ["train_audio", "train_audio_arrays", "train_audio_windows", "train_vibration"]
 
 FILE_WINDOWS = 24
 """At most so many windows of one file, evenly spread: more of the same take say little that is new."""
 TARGET_ROWS = 2600
 """About so many windows, varied copies included, are what the choice of a model needs."""
-COPIES = (2, 8)
-SNR_DB = (-10.0, 40.0)
-USABLE_DB = 0.0
-"""Copies with more noise than this teach what noise is, not what ground sounds like [dB]."""
+COPIES = (2, 4)
+SNR_DB = (-15.0, 40.0)
+NOISY_SHARE = 0.55
+USABLE_DB = 12.0
+"""Copies with more noise than this teach what noise is, not what ground sounds like [dB]: windows as noisy get a
+quality of nearly 0, and learning from them costs more on another source than it gives."""
 CANDIDATES = ("logistic", "kernel", "trees")
 
 
@@ -101,16 +103,62 @@ def train_audio_arrays(
     if not material.pieces:
         raise InputError(source, "no sound that is louder than silence", expected="labelled contact sounds")
     windows, origin, snr_dB = material.varied(rng)
-    features, measures = window_features(windows), noise_measures(windows)
     label, group = np.asarray(material.labels)[origin], np.asarray(material.groups)[origin]
-    usable = np.isfinite(features).all(axis=1)
     as_recorded = np.arange(len(windows)) < len(material.pieces)
+    return _train(windows, label, group, snr_dB, as_recorded, rng, progress, source)
+
+
+def train_audio_windows(
+    windows: np.ndarray,
+    labels: Sequence[str],
+    groups: Sequence[str],
+    snr_dB: np.ndarray,
+    rng: np.random.Generator,
+    *,
+    progress: Callable[[float], None] | None = None,
+    candidates: Sequence[str] | None = None,
+) -> TrainingOutcome:
+    """Train a sound classifier on windows whose noise is known; nothing is varied any more.
+
+    Parameters
+    ----------
+    windows : (n, m)
+        float32, `WINDOW_S` long at `RATE_HZ`.
+    labels, groups : (n,)
+        Class, and what must stay on one side of a split.
+    snr_dB : (n,)
+        Contact sound over noise [dB], `NOISE_FREE_DB` and more where there is none to speak of.
+    candidates
+        Kinds of classifiers to choose from, of `bevameter.framework.core.learning_fit.CANDIDATES`.
+
+    Raises
+    ------
+    InputError
+        Fewer than two classes are left.
+    """
+    label, group = np.asarray(labels), np.asarray(groups)
+    return _train(windows, label, group, snr_dB, snr_dB >= NOISE_FREE_DB, rng, progress, "labelled windows", candidates)
+
+
+def _train(
+    windows: np.ndarray,
+    label: np.ndarray,
+    group: np.ndarray,
+    snr_dB: np.ndarray,
+    as_recorded: np.ndarray,
+    rng: np.random.Generator,
+    progress: Callable[[float], None] | None,
+    source: str | Path,
+    candidates: Sequence[str] | None = None,
+) -> TrainingOutcome:
+    features, measures = window_features(windows), noise_measures(windows)
+    usable = np.isfinite(features).all(axis=1)
     noise = NoiseModel.fit(noise_inputs(features, measures)[usable], snr_dB[usable], group[usable], as_recorded[usable])
     taught = snr_dB >= USABLE_DB
     return TerrainClassifier.train(
         features[taught], label[taught], group[taught],
         modality="audio", feature_names=FEATURE_NAMES, settings=SETTINGS | {"noise": noise.settings()},
-        rng=rng, candidates=CANDIDATES, source=source, progress=progress,
+        rng=rng, candidates=candidates or CANDIDATES, degraded=~as_recorded[taught], source=source, progress=progress,
     )  # fmt: skip
 
 
@@ -154,7 +202,7 @@ class _Material:
                 windows[row] = np.resize(piece, window)
                 continue
             varied = varied_window(piece, rng) if rng.random() < 0.9 else place(piece, rng)
-            if rng.random() < 0.75:
+            if rng.random() < NOISY_SHARE:
                 snr_dB[row] = rng.uniform(*SNR_DB)
                 varied = add_noise(varied, snr_dB[row], rng)
             windows[row] = varied

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 SETTINGS = {"rate_hz": SAMPLE_RATE_HZ, "window_s": WINDOW_S, "hop_s": HOP_S}
 """How features are made; a model that was trained otherwise is refused."""
+CANDIDATES = ("free logistic", "fine kernel")
 SPARED = 0.4
 """Share of the training windows that are shown a second time without what the wheels recorded."""
 STILL = np.log(2.0)
@@ -84,8 +85,8 @@ def train_vibration(
     order = np.concatenate([np.arange(len(features)), spared])
     return TerrainClassifier.train(
         np.concatenate([full, without]), np.asarray(label)[order], np.asarray(group)[order],
-        modality="vibration", feature_names=channels.names, settings=settings, rng=rng,
-        source=Path(labelled[0].file).parent,
+        modality="vibration", feature_names=channels.names, settings=settings, rng=rng, candidates=CANDIDATES,
+        degraded=np.arange(len(order)) >= len(features), source=Path(labelled[0].file).parent,
         progress=None if progress is None else (lambda share: progress(0.3 + 0.7 * share)),
     )  # fmt: skip
 

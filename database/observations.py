@@ -203,7 +203,11 @@ class Drive:
 
     @cached_property
     def id(self) -> uuid.UUID:
-        """The drive's identity: UUID 5 of the recording's digest and of all that shapes what was made of it."""
+        """The drive's identity: UUID 5 of the recording's digest and of all that shapes what was made of it.
+
+        Nothing that was observed enters it: `Drive` without observations has the same, and so a drive can be looked
+        for before it is processed.
+        """
         started = self.started
         key = [
             self.recording_digest,

@@ -80,12 +80,7 @@ def open_engine(url_or_path: str | Path, *, must_exist: bool) -> Engine:
     url = parse_url(url_or_path)
     if url.get_backend_name() == "sqlite":
         _check_file(Path(str(url.database)), must_exist)
-    try:
-        engine = create_engine(url, **_options(url))
-    except (ImportError, NoSuchModuleError) as error:
-        raise InputError(shown(url), f"its driver is not installed: {error}", expected="psycopg") from None
-    if url.get_backend_name() == "sqlite":
-        event.listen(engine, "connect", _prepare_sqlite)
+    engine = _engine(url)
     try:
         _bring_up_to_date(engine, must_exist)
     except InputError:
@@ -95,6 +90,38 @@ def open_engine(url_or_path: str | Path, *, must_exist: bool) -> Engine:
         engine.dispose()
         raise unreachable(url, error) from error
     return engine
+
+
+def _engine(url: URL) -> Engine:
+    """Give the engine of a URL; it connects to nothing yet."""
+    try:
+        engine = create_engine(url, **_options(url))
+    except (ImportError, NoSuchModuleError) as error:
+        raise InputError(shown(url), f"its driver is not installed: {error}", expected="psycopg") from None
+    if url.get_backend_name() == "sqlite":
+        event.listen(engine, "connect", _prepare_sqlite)
+    return engine
+
+
+def holds_database(url_or_path: str | Path) -> bool:
+    """Tell whether there is a terrain database, without making one; False where there is none and one can be made.
+
+    Raises
+    ------
+    InputError
+        What is there is another program's, or there can be none.
+    """
+    url = parse_url(url_or_path)
+    if url.get_backend_name() == "sqlite":
+        return _check_file(Path(str(url.database)), must_exist=False)
+    engine = _engine(url)
+    try:
+        with engine.connect() as connection:
+            return _version(connection, shown(url)) is not None
+    except SQLAlchemyError as error:
+        raise unreachable(url, error) from error
+    finally:
+        engine.dispose()
 
 
 def unreachable(url: URL, error: BaseException) -> InputError:
@@ -117,8 +144,8 @@ def _prepare_sqlite(connection: sqlite3.Connection, _record: object) -> None:
     connection.execute("PRAGMA cache_size = -65536")  # 64 MiB: identities arrive in random order
 
 
-def _check_file(path: Path, must_exist: bool) -> None:
-    """Look at an SQLite file without ever writing to it or making it."""
+def _check_file(path: Path, must_exist: bool) -> bool:
+    """Look at an SQLite file without ever writing to it or making it; tell whether there are tables of ours in it."""
     if path.is_dir():
         raise InputError(path, "is a folder", expected=EXPECTED)
     if not path.exists():
@@ -126,11 +153,11 @@ def _check_file(path: Path, must_exist: bool) -> None:
             raise InputError(path, "no such file", expected=EXPECTED)
         if not path.parent.is_dir():
             raise InputError(path, f"no such folder: {path.parent}", expected="a folder that exists")
-        return
+        return False
     if path.stat().st_size == 0:
         if must_exist and not path.with_name(path.name + "-wal").exists():
             raise InputError(path, "is empty", expected=EXPECTED)
-        return
+        return False
     try:
         with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=BUSY_TIMEOUT_S)) as look:
             (mark,) = look.execute("PRAGMA application_id").fetchone()
@@ -145,6 +172,7 @@ def _check_file(path: Path, must_exist: bool) -> None:
         raise InputError(path, f"is a database of another program (tables: {tables})", expected=EXPECTED)
     if must_exist and not names:
         raise InputError(path, "is an empty database", expected=EXPECTED)
+    return bool(names)
 
 
 def _bring_up_to_date(engine: Engine, must_exist: bool) -> None:

@@ -18,7 +18,7 @@ from sqlalchemy.exc import DBAPIError
 from ..framework.core.errors import InputError
 from .observations import Drive
 from .rows import drive_row, soil_observation, soil_rows, terrain_observations, terrain_rows
-from .schema import open_engine, shown, unreachable
+from .schema import holds_database, open_engine, shown, unreachable
 from .snapshot import Snapshot
 from .tables import Base, DriveRow, ImportRow, SoilRow, TerrainRow
 
@@ -59,6 +59,17 @@ class TerrainDatabase:
     def __init__(self, url_or_path: str | Path = "sqlite:///terrain.db", *, must_exist: bool = False):
         self._engine = open_engine(url_or_path, must_exist=must_exist)
 
+    @classmethod
+    def open_if_there(cls, url_or_path: str | Path) -> TerrainDatabase | None:
+        """Open the database without making one: None where there is none yet and one can be made.
+
+        Raises
+        ------
+        InputError
+            What is there is no terrain database, or there can be none.
+        """
+        return cls(url_or_path, must_exist=True) if holds_database(url_or_path) else None
+
     @property
     def name(self) -> str:
         """The file's path, or the URL without its password."""
@@ -79,6 +90,9 @@ class TerrainDatabase:
     def add_drive(self, drive: Drive) -> Added:
         """Add a drive's observations, all or none of them; a drive that is there already adds nothing.
 
+        Where its recording was processed otherwise since, a drive that is there already becomes the processing in use
+        again.
+
         Raises
         ------
         InputError
@@ -89,6 +103,8 @@ class TerrainDatabase:
         moment = {"id": uuid.uuid4(), "drive_id": drive.id, "imported_at": datetime.now(UTC)}
         with _Written(self) as connection:
             if not _is_new(connection, drive_row(drive)):
+                if _in_use(connection, drive.recording_digest) != drive.id:
+                    _insert(connection, ImportRow, [moment])
                 return Added(0, total)
             _insert(connection, ImportRow, [moment])
             for table, content in rows:
@@ -115,13 +131,20 @@ class TerrainDatabase:
                 new, known = (new + size, known) if is_new else (new, known + size)
         return Added(new, known)
 
+    def drive(self, identity: uuid.UUID) -> Drive | None:
+        """Read one drive back, whole, by its `Drive.id`; None where it is not there."""
+        table = _table(DriveRow)
+        with self._read() as connection:
+            row = connection.execute(select(table).where(table.c.id == identity)).one_or_none()
+            return None if row is None else _read_drive(connection, row, senses=None)
+
     def sites(self) -> list[str]:
         """Names of the sites that drives were made at, sorted."""
         with self._read() as connection:
             return sorted({row.site for row in _drive_rows(connection, None, newest=True)})
 
     def drives(self, site: str | None = None, *, newest: bool = False) -> list[Drive]:
-        """Read the drives back, whole, in the order of their first import.
+        """Read the drives back, whole, in the order of their last import.
 
         Parameters
         ----------
@@ -206,6 +229,19 @@ def _is_new(connection: Connection, row: dict[str, Any]) -> bool:
     return connection.execute(statement, row).first() is not None
 
 
+def _in_use(connection: Connection, recording_digest: str) -> uuid.UUID | None:
+    """Give the drive that derived results use for a recording: its processing that was imported last."""
+    drive, imported = _table(DriveRow), _table(ImportRow)
+    query = (
+        select(drive.c.id)
+        .join(imported, imported.c.drive_id == drive.c.id)
+        .where(drive.c.recording_digest == recording_digest)
+        .order_by(imported.c.imported_at.desc(), drive.c.id.desc())
+        .limit(1)
+    )
+    return connection.execute(query).scalar_one_or_none()
+
+
 def _insert(connection: Connection, row_type: type[Base], rows: Iterable[dict[str, Any]]) -> None:
     """Insert rows whose identity is not there yet."""
     remaining = iter(rows)
@@ -230,14 +266,14 @@ def _count(connection: Connection, row_type: type[Base], drive_id: uuid.UUID) ->
 
 
 def _drive_rows(connection: Connection, site: str | None, newest: bool) -> list[Any]:
-    """Drive rows in the order of their first import; with `newest` only the last one of each recording."""
+    """Drive rows in the order of their last import; with `newest` only the last one of each recording."""
     drive, imported = _table(DriveRow), _table(ImportRow)
-    first = (
-        select(imported.c.drive_id, func.min(imported.c.imported_at).label("first_import"))
+    last = (
+        select(imported.c.drive_id, func.max(imported.c.imported_at).label("last_import"))
         .group_by(imported.c.drive_id)
         .subquery()
     )
-    query = select(drive).join(first, first.c.drive_id == drive.c.id).order_by(first.c.first_import, drive.c.id)
+    query = select(drive).join(last, last.c.drive_id == drive.c.id).order_by(last.c.last_import, drive.c.id)
     rows = list(connection.execute(query))
     if newest:  # before the site is looked at: a recording may have been processed again under its right site
         rows = list({row.recording_digest: row for row in rows}.values())

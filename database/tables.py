@@ -56,7 +56,7 @@ class DriveRow(Base):
 
 
 class ImportRow(Base):
-    """When a drive was added to some database; of several (after a merge) the first counts."""
+    """When a drive was added to some database; of several (after a merge, or a return to it) the last counts."""
 
     __tablename__ = "drive_import"
     id: Mapped[uuid.UUID] = mapped_column(Uuid, primary_key=True)

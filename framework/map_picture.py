@@ -123,11 +123,13 @@ def _bounds(snapshot: Snapshot) -> tuple[float, float, float, float]:
 
 
 def _size(snapshot: Snapshot, stretches: int) -> tuple[float, float]:
-    """Size of the figure [inch]: twelve wide, as high as the ground's shape and the legends ask for."""
+    """Size of the figure [inch]: at most twelve wide, as the ground's shape and the legends ask for."""
     x0, x1, y0, y1 = _bounds(snapshot)
-    picture = 11.0 * (y1 - y0) / max(x1 - x0, 1e-6)
+    wide, high = max(x1 - x0, 1e-6), max(y1 - y0, 1e-6)
+    picture = 11.0 * high / wide
     listed = min(stretches, _SOILS_SHOWN)
-    return 12.0, float(np.clip(picture, 1.2, 11.0)) + 1.8 + 0.2 * math.ceil(listed / 2)
+    width = 12.0 if wide >= high else float(np.clip(11.0 * wide / high + 3.0, 7.0, 12.0))
+    return width, float(np.clip(picture, 1.2, 11.0)) + 1.8 + 0.2 * math.ceil(listed / 2)
 
 
 def _colours(names: Sequence[str]) -> dict[str, str]:
@@ -212,7 +214,7 @@ def _decorate(
     axes.set_facecolor("white")
     where = f" of {snapshot.site}" if snapshot.site else ""
     title = f"Terrain{where}: {len(snapshot.cells.key)} cells from {len(drives)} drive{'s' * (len(drives) != 1)}"
-    axes.set_title(title, loc="left", fontsize=11)
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11)  # a line of its own: a narrow map has no room for two titles
     if any(is_synthetic_drive(drive) for drive in drives):
         axes.set_title("synthetic", loc="right", fontsize=11, color="#b00020", fontweight="bold")
     seen = np.isfinite(snapshot.cells.probability).all(axis=1)

@@ -26,7 +26,11 @@ PRIOR_CORRELATION, PRIOR_CELLS = 0.8, 20.0
 _BUFFER_LOOKS = 100_000
 _MAX_REASONS = 32
 _OTHER = "other reasons"
-_PATH, _REMARK, _NUMBER = re.compile(r"^\S*[/\\].*?: "), re.compile(r"\s*\([^()]*\)"), re.compile(r"\d+(?:\.\d+)?")
+_PATH, _REMARK, _NUMBER = (
+    re.compile(r"^\S*[/\\].*?: "),
+    re.compile(r"\s*\([^()]*\)"),
+    re.compile(r"(?<!\w)-?\d+(?:\.\d+)?|\d+(?:\.\d+)?"),
+)
 
 
 def cells_of(x_m: np.ndarray, y_m: np.ndarray, cell_size_m: float) -> np.ndarray:

@@ -83,25 +83,32 @@ def learn_soil(
         segments = identify_segments(recording, boundaries_s=np.sort(np.concatenate([early, late])))
     except InputError as error:
         return SoilAlong(problems=(f"no soil was identified: {error}",))
-    observations, learnt = [], []
-    closed: dict[str, float] = {}
-    used_s = 0.0
+    observations = []
     for segment in segments:
         middle = 0.5 * (segment.start_s + segment.end_s)
         if segment.used and np.any((early <= middle) & (middle <= late)):
             segment = replace(segment, used=False, reason=AT_A_CHANGE, estimate=None)
         belief = along.belief_between(segment.start_s, segment.end_s) if along is not None else {}
         observations.append(_observation(segment, belief, recording.wheel, track))
-        if segment.used and segment.estimate is not None:
-            used_s += segment.end_s - segment.start_s
-            learnt.append(LearntSoil.of(segment.estimate, belief, segment.start_s, segment.end_s))
-        else:
-            kind = kind_of_reason(segment.reason)
-            closed[kind] = closed.get(kind, 0.0) + segment.end_s - segment.start_s
     if progress is not None:
         progress("soil", 1.0)
+    return recall_soil(tuple(observations))
+
+
+def recall_soil(observations: tuple[SoilObservation, ...]) -> SoilAlong:
+    """Sum up what was observed of the soil, now or when the drive was stored."""
+    learnt = []
+    closed: dict[str, float] = {}
+    used_s = 0.0
+    for one in observations:
+        if one.estimate is not None:
+            used_s += one.end_s - one.start_s
+            learnt.append(LearntSoil.of(one.estimate, one.class_probabilities, one.start_s, one.end_s))
+        else:
+            kind = kind_of_reason(one.gate_reason)
+            closed[kind] = closed.get(kind, 0.0) + one.end_s - one.start_s
     longest_first = dict(sorted(closed.items(), key=lambda item: -item[1]))
-    return SoilAlong(tuple(observations), tuple(learnt), longest_first, used_s)
+    return SoilAlong(observations, tuple(learnt), longest_first, used_s)
 
 
 def _around_changes(track: Track | None, along: ClassTrack | None) -> tuple[np.ndarray, np.ndarray]:

@@ -7,11 +7,13 @@ import time
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..database.observations import Drive, TerrainObservations
-from ..database.store import TerrainDatabase
+from ..database.schema import holds_database, parse_url, shown
+from ..database.store import Added, TerrainDatabase
 from .core.evidence import ClassEvidence
 from .core.recording.open import read_recording
 from .core.recording.types import Recording
@@ -19,7 +21,7 @@ from .core.vehicle import Vehicle
 from .default_models import Models, find_models
 from .fusion import Belief, fuse
 from .perception import Progress, SenseRecord, perceive, senses_of
-from .soil_along import SoilAlong, learn_soil
+from .soil_along import learn_soil, recall_soil
 from .stretches import classes_along
 from .track import DEAD_RECKONING, Track, cells_under_wheels, track_of
 from .traverse_summary import (
@@ -55,7 +57,8 @@ def run_traverse(
     The camera says what the ground ahead is, the microphone what it is under the wheels; both are fused into one
     belief for each cell of ground. Where the drive was slow and steady enough, the soil is identified from the wheels,
     and belongs to the class that was seen and heard there. Everything is written in one transaction at the end, so
-    that an interrupted run leaves the database as it was; a drive that the database holds already adds nothing.
+    that an interrupted run leaves the database as it was. A drive that the database holds already, with the same
+    vehicle, models and method, is not processed again: the summary then says what was stored.
 
     Parameters
     ----------
@@ -92,35 +95,32 @@ def run_traverse(
         recording = replace(recording, vehicle=vehicle)
     tell("reading", 1.0)
     url = database.name if isinstance(database, TerrainDatabase) else database
+    if not isinstance(database, TerrainDatabase):
+        holds_database(database)  # a database of another program is found out before the long work
     if not isinstance(models, Models):
         models = find_models(models, url, senses=senses_of(recording), progress=tell)
     track = track_of(recording)
+    drive = _to_be_observed(recording, models, cell_size_m, track)
+    about = _about(recording, drive, models, track, url)
+    known = _recall(database, drive)
+    if known is not None:
+        return _recalled_summary(*known, about, recording, began)
     records = perceive(recording, track, recording.vehicle, models.classifiers, cell_size_m, progress=tell)
     belief = _believe(records, track, recording.vehicle, cell_size_m)
     along = classes_along(belief, track, recording.vehicle, cell_size_m) if track is not None else None
     soil = learn_soil(recording, track, along, progress=tell)
 
-    drive = _drive(recording, models, belief, soil, cell_size_m, track)
+    drive = replace(drive, terrain=_terrain(belief, cell_size_m), soils=soil.observations)
     tell("storing", 0.0)
     if isinstance(database, TerrainDatabase):
         added = database.add_drive(drive)
     else:
         with TerrainDatabase(database) as store:
             added = store.add_drive(drive)
-            url = store.name
     tell("storing", 1.0)
     return TraverseSummary(
-        recording=recording.name,
-        source=str(recording.source),
-        digest=recording.digest,
-        site=recording.site,
-        vehicle=recording.vehicle.name if recording.vehicle else "",
-        database=str(url),
-        synthetic=is_synthetic(recording.site, models.synthetic),
-        duration_s=_duration_s(recording, track),
-        distance_m=track.distance_m if track else 0.0,
-        places=track.origin if track else "",
-        cell_size_m=cell_size_m,
+        **about,
+        known=False,
         cells=count_cells(belief),
         track_m=along.metres() if along else {},
         contradictions=count_contradictions(belief),
@@ -131,7 +131,6 @@ def run_traverse(
         observations_new=added.new,
         observations_known=added.known,
         problems=(*recording.problems, *soil.problems),
-        warnings=_warnings(models, records, track),
         seconds=time.monotonic() - began,
     )
 
@@ -152,14 +151,60 @@ def _believe(
     return fuse([record.map for record in records], cells=under_wheels)
 
 
-def _drive(
-    recording: Recording,
-    models: Models,
-    belief: Belief,
-    soil: SoilAlong,
-    cell_size_m: float,
-    track: Track | None,
-) -> Drive:
+def _about(recording: Recording, drive: Drive, models: Models, track: Track | None, url: str | Path) -> dict[str, Any]:
+    """Give what a summary says of a drive whether it was processed now or before."""
+    return {
+        "recording": drive.name,
+        "source": str(recording.source),
+        "digest": drive.recording_digest,
+        "site": drive.site,
+        "vehicle": drive.vehicle_name,
+        "database": shown(parse_url(url)),
+        "synthetic": is_synthetic(drive.site, models.synthetic),
+        "duration_s": _duration_s(recording, track),
+        "distance_m": track.distance_m if track else 0.0,
+        "places": track.origin if track else "",
+        "cell_size_m": drive.terrain.cell_size_m,
+        "warnings": _warnings(recording, models, track),
+    }
+
+
+def _recall(database: TerrainDatabase | str | Path, drive: Drive) -> tuple[Drive, Added] | None:
+    """Find the drive in the database, if it is there, and see to it that it is the processing in use."""
+    if not isinstance(database, TerrainDatabase):
+        store = TerrainDatabase.open_if_there(database)
+        if store is None:
+            return None
+        with store:
+            return _recall(store, drive)
+    stored = database.drive(drive.id)
+    return None if stored is None else (stored, database.add_drive(stored))
+
+
+def _recalled_summary(
+    stored: Drive, added: Added, about: dict[str, Any], recording: Recording, began: float
+) -> TraverseSummary:
+    """Sum up a drive from what the database holds of it; how the senses did on the way is not kept there."""
+    soil = recall_soil(stored.soils)
+    return TraverseSummary(
+        **about,
+        known=True,
+        cells=count_cells(stored.terrain.evidence),
+        track_m={},
+        contradictions=count_contradictions(stored.terrain.evidence),
+        senses=(),
+        soils=soil.learnt,
+        closed_s=soil.closed_s,
+        used_s=soil.used_s,
+        observations_new=added.new,
+        observations_known=added.known,
+        problems=recording.problems,
+        seconds=time.monotonic() - began,
+    )
+
+
+def _terrain(belief: Belief, cell_size_m: float) -> TerrainObservations:
+    """Give the cells that some sense looked at, as the database stores them."""
     looked = np.flatnonzero(np.isfinite(belief.last_seen_s))
     evidence = ClassEvidence(
         belief.classes,
@@ -168,7 +213,7 @@ def _drive(
         belief.unknown[looked],
         tuple(belief.reasons[row] for row in looked.tolist()),
     )
-    terrain = TerrainObservations(
+    return TerrainObservations(
         cell_size_m,
         belief.cells[looked, 0],
         belief.cells[looked, 1],
@@ -176,6 +221,10 @@ def _drive(
         np.full(len(looked), "fused"),
         evidence,
     )
+
+
+def _to_be_observed(recording: Recording, models: Models, cell_size_m: float, track: Track | None) -> Drive:
+    """Give the drive without its observations: all that its identity depends on."""
     vehicle = recording.vehicle
     described = hashlib.sha256((vehicle.model_dump_json() if vehicle else "").encode()).hexdigest()[:16]
     return Drive(
@@ -190,8 +239,7 @@ def _drive(
             if name in models.classifiers
         },
         method=f"{METHOD}, vehicle {described}, places {track.origin if track else 'none'}",
-        terrain=terrain,
-        soils=soil.observations,
+        terrain=TerrainObservations.nothing(cell_size_m),
     )
 
 
@@ -216,8 +264,9 @@ def _sense_summary(record: SenseRecord, belief: Belief, models: Models) -> Sense
     )
 
 
-def _warnings(models: Models, records: tuple[SenseRecord, ...], track: Track | None) -> tuple[str, ...]:
-    warnings = list(models.warnings) if not all(record.absent for record in records) else []
+def _warnings(recording: Recording, models: Models, track: Track | None) -> tuple[str, ...]:
+    used = track is not None and bool(senses_of(recording))
+    warnings = list(models.warnings) if used else []
     if track is None:
         warnings.append("the recording holds no places and no travel speed: nothing can be put on a map")
     elif track.origin == DEAD_RECKONING:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from .core.evidence import ClassEvidence
 from .core.soil import Quantity, SoilEstimate
 from .fusion import Belief
 from .perception import SenseRecord
@@ -129,6 +130,8 @@ class TraverseSummary:
         What the places come from: ``"recorded"``, ``"dead reckoning"``, or empty.
     cell_size_m
         Edge of a ground cell [m].
+    known
+        Did the database hold this drive already, so that nothing was processed? Then `track_m` and `senses` are empty.
     cells
         Ground cells by class, ``"unknown"`` included.
     track_m
@@ -164,6 +167,7 @@ class TraverseSummary:
     distance_m: float
     places: str
     cell_size_m: float
+    known: bool
     cells: Mapping[str, int]
     track_m: Mapping[str, float]
     contradictions: int
@@ -209,11 +213,11 @@ def sense_summary(
     )
 
 
-def count_cells(belief: Belief) -> dict[str, int]:
+def count_cells(belief: Belief | ClassEvidence) -> dict[str, int]:
     """Count ground cells by class, the most frequent first."""
-    return dict(Counter(belief.labels().tolist()).most_common())
+    return dict(Counter(map(str, belief.labels())).most_common())
 
 
-def count_contradictions(belief: Belief) -> int:
+def count_contradictions(belief: Belief | ClassEvidence) -> int:
     """Count the cells at which the senses contradict each other."""
     return sum(bool(texts) for texts, unknown in zip(belief.reasons, belief.unknown, strict=True) if not unknown)

@@ -21,3 +21,24 @@ def shared_data() -> Path:
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(20261121)
+
+
+@pytest.fixture(scope="session")
+def short_drive(tmp_path_factory) -> Path:
+    """The `short` scenario: 70 s over sand, loam and grass, each fault once."""
+    from bevameter.framework.scenario.write import write_scenario
+
+    return write_scenario("short", tmp_path_factory.mktemp("drive") / "short", seed=4)
+
+
+@pytest.fixture(scope="session")
+def small_models(tmp_path_factory) -> Path:
+    """The default models from a third of their material: a folder for --models."""
+    from bevameter.framework import default_models
+
+    folder = tmp_path_factory.mktemp("models")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(default_models, "_SITES_PER_CLASS", {"vision": 8, "audio": 8})
+        for sense in default_models.SENSES:
+            default_models._train(sense, None).save(folder / f"{sense}.skops")
+    return folder

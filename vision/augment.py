@@ -11,8 +11,12 @@ CROP_PX = (64, 256)
 """Range of the side of a crop that becomes one patch [px]: the same ground nearer and further."""
 MAX_BLUR = 0.45
 """Longest motion blur, as a share of the side of a patch [-]."""
-SHARP_SHARE = 0.4
-"""Share of patches that are left as sharp as they are [-]."""
+AS_IT_IS, RELIT, DEGRADED = 0, 1, 2
+"""What was done to a patch: nothing but cutting it; another light; another light and a worse camera."""
+SHARES = (0.15, 0.3, 0.55)
+"""Share of patches of each of these kinds [-]."""
+UPRIGHT_SIDES = (0.19, 0.5)
+"""Side of a patch cut as it is, as a share of the image's short side: the range that `classify` looks at."""
 
 
 def motion_blur(image: np.ndarray, length_px: float, direction_rad: float) -> np.ndarray:
@@ -119,12 +123,27 @@ def training_patches(image: np.ndarray, n: int, rng: np.random.Generator) -> tup
     -------
     patches : (n, 64, 64, 3)
         uint8.
-    sharp : (n,)
-        True where the camera was left as it was, and only the light was changed.
+    kind : (n,)
+        `AS_IT_IS`, `RELIT` or `DEGRADED`.
     """
-    sharp = np.arange(n) < round(SHARP_SHARE * n)
+    edges = np.round(np.cumsum(SHARES) * n)
+    kind = np.searchsorted(edges, np.arange(n), side="right")
     patches = np.empty((n, PATCH_PX, PATCH_PX, 3), dtype=np.uint8)
     for index in range(n):
+        if kind[index] == AS_IT_IS:
+            patches[index] = _upright(image, rng)
+            continue
         patch = _light(cut_patch(image, rng), rng)
-        patches[index] = patch if sharp[index] else _camera(patch, rng)
-    return patches, sharp
+        patches[index] = patch if kind[index] == RELIT else _camera(patch, rng)
+    return patches, kind
+
+
+def _upright(image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """A square cut out at a random place and scale and resampled, no more."""
+    height, width = image.shape[:2]
+    short = min(height, width)
+    side = int(np.clip(round(rng.uniform(*UPRIGHT_SIDES) * short), min(48, short), short))
+    top, left = int(rng.integers(height - side + 1)), int(rng.integers(width - side + 1))
+    crop = image[top : top + side, left : left + side]
+    how = cv2.INTER_AREA if side > PATCH_PX else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(crop, (PATCH_PX, PATCH_PX), interpolation=how))

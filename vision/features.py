@@ -18,6 +18,8 @@ import cv2
 import numpy as np
 from scipy import fft
 
+from .feature_kernels import band_sums, difference_sums, gradient_products, pattern_counts
+
 PATCH_PX = 64
 """Side of a patch [px]; patches of another size are resampled to it."""
 SCALES = (0.05, 0.1, 0.2, 0.4)
@@ -170,12 +172,10 @@ def _bands(norm: np.ndarray) -> np.ndarray:
     transform = np.asarray(fft.rfft2(norm))
     columns, envelopes = [], []
     for mask in _band_masks():
-        band = np.asarray(fft.irfft2(transform * mask)).reshape(len(norm), -1)
-        size = np.abs(band)
-        square = band * band
-        scale = np.sqrt(square.mean(axis=1)) + 1e-6
-        columns += [np.cbrt((square * band).mean(axis=1)) / scale, np.log(size.mean(axis=1) / scale)]
-        blocks = size.reshape(len(norm), 8, 8, 8, 8).mean(axis=(2, 4)).reshape(len(norm), -1)
+        band = np.asarray(fft.irfft2(transform * mask))
+        moments, blocks = band_sums(band)
+        scale = np.sqrt(moments[:, 1]) + 1e-6
+        columns += [np.cbrt(moments[:, 2]) / scale, np.log(moments[:, 0] / scale)]
         columns.append(np.log(blocks.std(axis=1) / (blocks.mean(axis=1) + 1e-6) + 0.01))
         envelopes.append((blocks - blocks.mean(axis=1, keepdims=True)) / (blocks.std(axis=1, keepdims=True) + 1e-6))
     columns += [(envelopes[i] * envelopes[i + 1]).mean(axis=1) for i in range(2)]
@@ -191,45 +191,26 @@ def _uniform_table() -> np.ndarray:
     return np.where(turns <= 2, bits.sum(axis=1), 9).astype(np.uint8)
 
 
-_RING = ((-1, -1), (-1, 0), (-1, 1), (0, 1), (1, 1), (1, 0), (1, -1), (0, -1))
-
-
 def _patterns(norm: np.ndarray) -> np.ndarray:
     """Shares of uniform local binary patterns at each radius, square-rooted so that rare ones count, (n, 30)."""
-    n = len(norm)
     columns = []
     for radius in LBP_RADII:
         source = norm
         if radius > 1:
-            stack = norm.transpose(1, 2, 0)
-            smooth = np.empty_like(stack)
-            for start in range(0, n, 4):  # OpenCV filters up to four channels at once
-                part = np.ascontiguousarray(stack[:, :, start : start + 4])
-                smooth[:, :, start : start + 4] = cv2.blur(part, (radius + 1, radius + 1)).reshape(part.shape)
-            source = np.ascontiguousarray(smooth.transpose(2, 0, 1))
-        inner = PATCH_PX - 2 * radius
-        centre = source[:, radius : radius + inner, radius : radius + inner]
-        code = np.zeros(centre.shape, dtype=np.uint8)
-        for bit, (dy, dx) in enumerate(_RING):
-            y, x = radius + dy * radius, radius + dx * radius
-            code |= (source[:, y : y + inner, x : x + inner] > centre).view(np.uint8) << np.uint8(bit)
-        bins = _uniform_table()[code].reshape(n, -1) + (10 * np.arange(n, dtype=np.intp))[:, None]
-        columns.append(np.sqrt(np.bincount(bins.ravel(), minlength=10 * n).reshape(n, 10) / inner**2))
+            source = np.empty_like(norm)
+            for patch, smooth in zip(norm, source, strict=True):
+                cv2.blur(patch, (radius + 1, radius + 1), dst=smooth)
+        counts = pattern_counts(source, radius, _uniform_table())
+        columns.append(np.sqrt(counts / (PATCH_PX - 2 * radius) ** 2))
     return np.concatenate(columns, axis=1)
 
 
 def _differences(norm: np.ndarray) -> np.ndarray:
     """Grey-level differences over lags: size, direction, peakedness, homogeneity, (n, 16)."""
+    sizes, squares = difference_sums(norm, np.array(LAGS))
+    sizes = sizes + 1e-4
     columns = []
-    for lag in LAGS:
-        pairs = (
-            norm[:, :, lag:] - norm[:, :, :-lag],
-            norm[:, lag:, :] - norm[:, :-lag, :],
-            norm[:, lag:, lag:] - norm[:, :-lag, :-lag],
-            norm[:, lag:, :-lag] - norm[:, :-lag, lag:],
-        )
-        size = np.stack([np.abs(pair).mean(axis=(1, 2)) for pair in pairs], axis=1) + 1e-4
-        square = np.stack([np.einsum("nij,nij->n", pair, pair) / pair[0].size for pair in pairs], axis=1)
+    for size, square in zip(sizes.transpose(1, 0, 2), squares.transpose(1, 0, 2), strict=True):
         columns += [
             np.log(size.mean(axis=1)),
             np.log(size.max(axis=1) / size.min(axis=1)),
@@ -242,12 +223,7 @@ def _differences(norm: np.ndarray) -> np.ndarray:
 def _structure(norm: np.ndarray) -> np.ndarray:
     """Coherence of gradients in small, large and the one largest window, and patchiness of edges, (n, 5)."""
     n = len(norm)
-    gx = np.zeros_like(norm)
-    gy = np.zeros_like(norm)
-    gx[:, :, 1:-1] = norm[:, :, 2:] - norm[:, :, :-2]
-    gy[:, 1:-1, :] = norm[:, 2:, :] - norm[:, :-2, :]
-    products = np.stack([gx * gx - gy * gy, 2 * gx * gy, gx * gx + gy * gy], axis=1)
-    fine = products.reshape(n, 3, 16, 4, 16, 4).mean(axis=(3, 5))
+    fine = gradient_products(norm)
     columns = []
     for size in (1, 4, 16):
         part = fine.reshape(n, 3, 16 // size, size, 16 // size, size).mean(axis=(3, 5))

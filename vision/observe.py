@@ -94,7 +94,8 @@ def observe_ground(
         x, y, yaw = (float(np.asarray(value).reshape(-1)[0]) for value in pose_at(np.array([frame.time_s])))
         if not np.isfinite([x, y, yaw]).all() or (last is not None and _near(last, x, y, yaw, cell_size_m)):
             continue
-        last = (x, y, yaw)
+        if frame.image is not None:  # else the next whole image is looked at, however near
+            last = (x, y, yaw)
         batch.append((frame, x, y, yaw))
         if len(batch) == BATCH_FRAMES:
             yield _look(batch, camera, layout, speed_at, model, cell_size_m)

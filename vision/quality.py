@@ -43,13 +43,14 @@ def learn_limits(features: np.ndarray, sharp: np.ndarray) -> dict[str, float]:
     Returns
     -------
     dict
-        `sharp`: the 10th percentile of sharpness among unblurred patches; `blurred`: the 2nd among blurred ones.
+        `sharp`: the 3rd percentile of sharpness among unblurred patches, so that ground which is smooth by nature
+        does not count as blurred; `blurred`: the 1st among blurred ones.
     """
     value = sharpness(features)
     finite = np.isfinite(value)
-    low = float(np.percentile(value[finite & sharp], 10))
-    floor = float(np.percentile(value[finite & ~sharp], 2)) if (finite & ~sharp).any() else low - 3.0
-    return {"sharp": low, "blurred": min(floor, low - 0.1)}
+    low = float(np.percentile(value[finite & sharp], 3))
+    floor = float(np.percentile(value[finite & ~sharp], 1)) if (finite & ~sharp).any() else low - 3.0
+    return {"sharp": low, "blurred": min(floor, low - 0.5)}
 
 
 def patch_quality(

@@ -12,7 +12,7 @@ from ..framework.core.errors import InputError
 from ..framework.core.labelled import LabelledFile
 from ..framework.core.learning import TerrainClassifier, TrainingOutcome
 from ..framework.core.recording.media import read_image
-from .augment import CROP_PX, MAX_BLUR, training_patches
+from .augment import AS_IT_IS, CROP_PX, DEGRADED, MAX_BLUR, training_patches
 from .features import FEATURE_NAMES, PATCH_PX, patch_features
 from .quality import learn_limits
 
@@ -97,35 +97,77 @@ def _train(
 ) -> TrainingOutcome:
     tell = progress or (lambda share: None)
     each = int(np.clip(ROWS_WANTED // max(count, 1), *PATCHES))
-    features, sharp = [], []
+    features, kinds = [], []
     for index, (image, source) in enumerate(images):
         _check_size(image, source)
-        patches, untouched = training_patches(reduced(image), each, rng)
+        patches, kind = training_patches(reduced(image), each, rng)
         features.append(patch_features(patches))
-        sharp.append(untouched)
+        kinds.append(kind)
         tell(0.5 * (index + 1) / count)
     if not features:
         raise InputError("training data", "no photograph", expected="photographs of at least two classes")
-    rows = np.concatenate(features)
-    settings = {
-        "patch_px": PATCH_PX,
-        "image_px": IMAGE_PX,
-        "crop_px": list(CROP_PX),
-        "patches_per_image": each,
-        "max_blur": MAX_BLUR,
-        "limits": learn_limits(rows, np.concatenate(sharp)),
-    }
+    rows, kind = np.concatenate(features), np.concatenate(kinds)
+    made = {"image_px": IMAGE_PX, "crop_px": list(CROP_PX), "patches_per_image": each, "max_blur": MAX_BLUR}
     return TerrainClassifier.train(
         rows,
         np.repeat(np.asarray(labels, dtype=str), each),
         np.repeat(np.asarray(groups, dtype=str), each),
         modality=MODALITY,
         feature_names=FEATURE_NAMES,
-        settings=settings,
+        settings={"patch_px": PATCH_PX, "limits": learn_limits(rows, kind != DEGRADED)} | made,
         rng=rng,
         candidates=CANDIDATES,
+        degraded=kind != AS_IT_IS,
         source="labelled photographs",
         progress=lambda share: tell(0.5 + 0.5 * share),
+    )
+
+
+def train_vision_patches(
+    patches: np.ndarray,
+    labels: Sequence[str],
+    groups: Sequence[str],
+    blurred: np.ndarray,
+    rng: np.random.Generator,
+    progress: Progress | None = None,
+    *,
+    candidates: Sequence[str] | None = None,
+) -> TrainingOutcome:
+    """Train on cells of ground as a moving camera has already seen them; nothing is varied any more.
+
+    Parameters
+    ----------
+    patches : (n, 64, 64, 3)
+        uint8, blue, green, red: as `bevameter.vision.project.GroundPatches.cut` gives them.
+    labels, groups
+        n class names and groups.
+    blurred : (n,)
+        True for patches that motion has smeared; their scores are reported apart.
+    rng, progress
+        As in `train_vision`.
+    candidates
+        Kinds of classifiers to choose from, of `bevameter.framework.core.learning_fit.CANDIDATES`.
+
+    Raises
+    ------
+    InputError
+        There are fewer than two classes.
+    """
+    rows = patch_features(patches)
+    if progress is not None:
+        progress(0.2)
+    return TerrainClassifier.train(
+        rows,
+        labels,
+        groups,
+        modality=MODALITY,
+        feature_names=FEATURE_NAMES,
+        settings={"patch_px": PATCH_PX, "limits": learn_limits(rows, ~np.asarray(blurred, dtype=bool))},
+        rng=rng,
+        candidates=candidates or CANDIDATES,
+        degraded=blurred,
+        source="labelled patches",
+        progress=None if progress is None else (lambda share: progress(0.2 + 0.8 * share)),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -113,7 +114,8 @@ def _print_places(
     elif form == "geojson":
         print_json(geojson(rows, view.site, view.cell_size_m if query == "near" else None))
     else:
-        print_table([_place_text(row, stress, confidence) for row in rows], "unknown: nobody has seen ground there")
+        print_table([_place_text(row) for row in rows], "unknown: nobody has seen ground there")
+        _print_notes(rows, stress, confidence)
 
 
 def _print_classes(
@@ -134,7 +136,20 @@ def _print_classes(
     elif form == "csv":
         print_csv([flat(row) for row in rows])
     else:
-        print_table([_class_text(row, stress, confidence) for row in rows], "unknown: no class was recognised yet")
+        print_table([_class_text(row) for row in rows], "unknown: no class was recognised yet")
+        _print_notes(rows, stress, confidence)
+
+
+def _print_notes(rows: list[dict[str, Any]], stress: float, confidence: float) -> None:
+    """Say below a table what its strengths are, and why what is not known is not: each reason once."""
+    if any(row["known"] for row in rows):
+        print(
+            f"± one standard deviation; shear strength at {stress / 1e3:g} kPa normal stress, "
+            f"lower bound at confidence {confidence:.4g}"
+        )
+    reasons = Counter(row["unknown"] for row in rows if not row["known"])
+    for reason, count in reasons.items():
+        print(f"unknown: {reason}" + (f" ({count} of {len(rows)})" if count > 1 else ""))
 
 
 def _page(query: str, view: Snapshot, stress: float, confidence: float) -> dict[str, Any]:
@@ -148,24 +163,23 @@ def _page(query: str, view: Snapshot, stress: float, confidence: float) -> dict[
     }
 
 
-def _place_text(row: dict[str, Any], stress: float, confidence: float) -> dict[str, str]:
+def _place_text(row: dict[str, Any]) -> dict[str, str]:
     place = {"x [m]": _text(row["x_m"], ".2f"), "y [m]": _text(row["y_m"], ".2f")}
     ranked = sorted((row["class_probabilities"] or {}).items(), key=lambda entry: -entry[1])
     terrain = ", ".join(f"{name} {share:.0%}" for name, share in ranked[:3] if share >= 0.005)
-    strength = _strength_text(row, stress, confidence)
     seen = {"age": _age(row["age_s"]), "drives": str(row["observations"])}
-    return place | {"terrain": terrain or "unknown"} | strength | seen
+    return place | {"terrain": terrain or "unknown"} | _strength_text(row) | seen
 
 
-def _class_text(row: dict[str, Any], stress: float, confidence: float) -> dict[str, str]:
+def _class_text(row: dict[str, Any]) -> dict[str, str]:
     counts = {"cells": str(row["cells"]), "stretches": str(row["observations"])}
-    return {"class": row["class"]} | counts | _strength_text(row, stress, confidence)
+    return {"class": row["class"]} | counts | _strength_text(row)
 
 
-def _strength_text(row: dict[str, Any], stress: float, confidence: float) -> dict[str, str]:
-    names = ("c [kPa]", "phi [deg]", f"strength at {stress / 1e3:g} kPa [kPa]", f"{confidence:.4g} lower bound [kPa]")
+def _strength_text(row: dict[str, Any]) -> dict[str, str]:
+    names = ("c [kPa]", "phi [deg]", "strength [kPa]", "lower [kPa]")
     if not row["known"]:
-        return dict.fromkeys(names, "") | {names[0]: f"unknown: {row['unknown']}"}
+        return dict.fromkeys(names, "") | {names[0]: "unknown"}
     covariance = row["covariance_c_tan_phi"]
     degrees = math.degrees(math.sqrt(covariance[1][1]) / (1.0 + row["tan_phi"] ** 2))
     texts = (

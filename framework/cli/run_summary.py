@@ -39,11 +39,14 @@ def _print_ground(summary: TraverseSummary) -> None:
     names = list(dict.fromkeys([*summary.track_m, *summary.cells]))
     if not names:
         return
-    rows = [
-        [name, f"{summary.track_m.get(name, 0.0):.1f}", str(summary.cells.get(name, 0))]
-        for name in sorted(names, key=lambda name: -summary.track_m.get(name, 0.0))
-    ]
-    print_rows(["ground", "m of track", f"cells of {summary.cell_size_m:g} m"], rows, title="\nseen and heard")
+    cells = f"cells of {summary.cell_size_m:g} m"
+    if summary.known:
+        rows = [[name, str(summary.cells[name])] for name in names]
+        print_rows(["ground", cells], rows, title="\nseen and heard, as it was stored")
+    else:
+        names.sort(key=lambda name: -summary.track_m.get(name, 0.0))
+        rows = [[name, f"{summary.track_m.get(name, 0.0):.1f}", str(summary.cells.get(name, 0))] for name in names]
+        print_rows(["ground", "m of track", cells], rows, title="\nseen and heard")
     if summary.contradictions:
         out().print(f"camera and microphone contradict each other in {summary.contradictions} cells")
 
@@ -110,11 +113,11 @@ def _interval(soil: LearntSoil, name: str, scale: float) -> str:
 
 
 def _print_stored(summary: TraverseSummary) -> None:
-    if summary.observations_new:
-        text = f"{summary.observations_new} observations added to {escape(summary.database)}"
+    database = escape(summary.database)
+    if summary.known or summary.observations_known:
+        text = f"nothing added: {database} holds this drive already ({summary.observations_known} observations)"
+    elif summary.observations_new:
+        text = f"{summary.observations_new} observations added to {database}"
     else:
-        text = (
-            f"nothing added: {escape(summary.database)} holds this drive already "
-            f"({summary.observations_known} observations)"
-        )
+        text = f"nothing added to {database}: nothing was observed"
     out().print(f"\n[bold]{text}[/bold] in {summary.seconds:.1f} s", soft_wrap=True)

@@ -51,6 +51,8 @@ class ClassEvidence:
 
     def labels(self) -> list[str]:
         """Give the most probable class of each item, or ``"unknown"``: n names."""
+        if not self.classes:
+            return [UNKNOWN] * len(self)
         best = np.argmax(self.probabilities, axis=1)
         return [UNKNOWN if closed else self.classes[index] for index, closed in zip(best, self.unknown, strict=True)]
 

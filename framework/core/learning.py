@@ -16,8 +16,8 @@ import numpy as np
 
 from .errors import InputError
 from .evidence import ClassEvidence
-from .learning_fit import CANDIDATES, FALSE_REJECTION_RATE, FOLDS, Fitted, Rows, fit, folds, pooled, row_weights, units
-from .learning_report import scores
+from .learning_fit import CANDIDATES, USUAL, Fitted, Rows, fit, folds, pooled, row_weights
+from .learning_held_out import HeldOut, training_report
 
 _BATCH_ROWS = 8192
 
@@ -69,6 +69,7 @@ class TerrainClassifier:
         settings: dict,
         rng: np.random.Generator,
         candidates: Sequence[str] | None = None,
+        degraded: np.ndarray | None = None,
         source: str | Path = "training data",
         progress: Callable[[float], None] | None = None,
     ) -> TrainingOutcome:
@@ -81,7 +82,10 @@ class TerrainClassifier:
         labels, groups : (n,)
             Class name, and what must stay on one side of a split (site, session, clip, photograph).
         candidates
-            Names from `CANDIDATES`; all by default.
+            Names from `CANDIDATES`; `USUAL` by default.
+        degraded : (n,)
+            True for rows that are no items as they came but made from them: with blur, noise or a channel less. They
+            teach as all rows do; their scores are reported apart, under ``"degraded"``.
         source
             What to name in an error.
         progress
@@ -94,8 +98,9 @@ class TerrainClassifier:
         """
         from .learning_store import content_digest
 
-        x, y, group, classes, dropped = _checked(features, labels, groups, feature_names, source)
-        names = tuple(candidates or CANDIDATES)
+        made = np.zeros(len(labels), dtype=bool) if degraded is None else np.asarray(degraded, dtype=bool)
+        x, y, group, made, classes, dropped = _checked(features, labels, groups, made, feature_names, source)
+        names = tuple(candidates or USUAL)
         if unknown := set(names) - set(CANDIDATES):
             raise InputError(source, f"no candidate {sorted(unknown)}", expected="of " + ", ".join(CANDIDATES))
         step = progress or (lambda share: None)
@@ -103,7 +108,7 @@ class TerrainClassifier:
         held = _outer_predictions(rows, names, rng, step)
         fitted, chosen, losses = fit(rows, names, rng)
         step(1.0)
-        report = _report(rows, classes, modality, held, fitted, chosen, losses, dropped, rng)
+        report = training_report(rows, classes, modality, held, made, fitted, chosen, losses, dropped, rng)
         model = TerrainClassifier(modality, classes, tuple(feature_names), dict(settings), report, fitted)
         object.__setattr__(model, "version", content_digest(model))
         return TrainingOutcome(model, report)
@@ -220,21 +225,11 @@ class TerrainClassifier:
         return load(Path(path), modality)
 
 
-@dataclass
-class _HeldOut:
-    """Predictions of rows by models that have not seen their group."""
-
-    probabilities: np.ndarray
-    correlation: np.ndarray
-    scored: np.ndarray
-    rejected: np.ndarray
-
-
-def _checked(features, labels, groups, feature_names, source):
+def _checked(features, labels, groups, made, feature_names, source):
     x = np.asarray(features, dtype=float)
     labels = np.asarray(labels, dtype=str)
     groups = np.asarray(groups, dtype=str)
-    if x.ndim != 2 or x.shape[1] != len(feature_names) or not len(x) == len(labels) == len(groups):
+    if x.ndim != 2 or x.shape[1] != len(feature_names) or not len(x) == len(labels) == len(groups) == len(made):
         raise InputError(
             source,
             f"features {x.shape}, {len(labels)} labels, {len(groups)} groups",
@@ -246,13 +241,13 @@ def _checked(features, labels, groups, feature_names, source):
         found = f"only class {str(classes[0])!r}" if len(classes) else "no usable item"
         raise InputError(source, found, expected="items of at least two classes")
     _, group = np.unique(groups[finite], return_inverse=True)
-    return x[finite], y, group, tuple(str(name) for name in classes), int((~finite).sum())
+    return x[finite], y, group, made[finite], tuple(str(name) for name in classes), int((~finite).sum())
 
 
-def _outer_predictions(rows: Rows, names: Sequence[str], rng: np.random.Generator, step) -> _HeldOut:
+def _outer_predictions(rows: Rows, names: Sequence[str], rng: np.random.Generator, step) -> HeldOut:
     """Predict each group by a model whose every choice was made without it."""
     n = len(rows.y)
-    held = _HeldOut(np.zeros((n, rows.n_classes)), np.ones(n), np.zeros(n, dtype=bool), np.zeros(n, dtype=bool))
+    held = HeldOut(np.zeros((n, rows.n_classes)), np.ones(n), np.zeros(n, dtype=bool), np.zeros(n, dtype=bool))
     splits = folds(rows, rng)
     for index, (train, test) in enumerate(splits):
         part = rows.take(train)
@@ -264,59 +259,3 @@ def _outer_predictions(rows: Rows, names: Sequence[str], rng: np.random.Generato
         held.scored[test] = np.isin(rows.y[test], part.y)
         step((index + 1) / (len(splits) + 1))
     return held
-
-
-def _report(rows, classes, modality, held, fitted, chosen, losses, dropped, rng) -> dict:
-    unit = units(rows.y, rows.group)
-    groups_of = [len(np.unique(rows.group[rows.y == i])) for i in range(len(classes))]
-    scored = held.scored
-    untested = [name for i, name in enumerate(classes) if not scored[rows.y == i].any()]
-    warnings = []
-    if untested:
-        warnings.append(f"Not validated, for want of a second group: {', '.join(untested)}.")
-    if dropped:
-        warnings.append(f"{dropped} items had features that are not finite and were left out.")
-    thin = [name for name, count in zip(classes, groups_of, strict=True) if 1 < count < 5]
-    if thin:
-        warnings.append(f"Fewer than five groups, so scores are rough: {', '.join(thin)}.")
-    if not losses:
-        warnings.append(
-            "No group could be held out: the model is neither chosen, calibrated nor gated on unseen groups."
-        )
-    report = {
-        "modality": modality,
-        "classes": list(classes),
-        "n": len(rows.y),
-        "groups": len(np.unique(rows.group)),
-        "rows_by_class": {name: int((rows.y == i).sum()) for i, name in enumerate(classes)},
-        "groups_by_class": dict(zip(classes, groups_of, strict=True)),
-        "split": f"Scores are from {FOLDS}-fold cross-validation by group (at most), stratified by class; model, "
-        "temperature and gate are chosen within the training side of each fold by a second split of the same kind.",
-        "validated": bool(scored.any()),
-        "not_validated": untested,
-        "warnings": warnings,
-        "model": chosen,
-        "selection": losses,
-        "temperature": fitted.temperature,
-        "correlation_within_groups": fitted.correlation,
-        "gate": {
-            "threshold": fitted.threshold,
-            "false_rejection_rate": FALSE_REJECTION_RATE,
-            "held_out_rejection": float(np.average(held.rejected[scored], weights=rows.weight[scored]))
-            if scored.any()
-            else None,
-        },
-    }
-    if scored.any():
-        y, p = rows.y[scored], held.probabilities[scored]
-        report |= scores(p, y, rows.group[scored], rows.weight[scored], classes, rng)
-        report["n_scored"], report["n"] = report["n"], len(rows.y)
-        first, inverse = np.unique(unit[scored], return_index=True, return_inverse=True)[1:]
-        # Groups of one fold were pooled with what that fold's training side says of their correlation.
-        joined = np.zeros((len(first), len(classes)))
-        for rho in np.unique(held.correlation[scored]):
-            part = pooled(p, inverse, np.ones(len(y)), len(first), rho)
-            rows_of = held.correlation[scored][first] == rho
-            joined[rows_of] = part[rows_of]
-        report["by_group"] = scores(joined, y[first], rows.group[scored][first], np.ones(len(first)), classes, rng)
-    return report

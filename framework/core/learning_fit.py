@@ -32,12 +32,24 @@ def _logistic(d: int, seed: int) -> LogisticRegression:
     return LogisticRegression(C=0.1, max_iter=500)
 
 
+def _free_logistic(d: int, seed: int) -> LogisticRegression:
+    return LogisticRegression(C=1.0, max_iter=500)
+
+
 def _kernel(d: int, seed: int) -> Pipeline:
+    return _kernel_machine(d, seed, 250, 3.0)
+
+
+def _fine_kernel(d: int, seed: int) -> Pipeline:
+    return _kernel_machine(d, seed, 800, 30.0)
+
+
+def _kernel_machine(d: int, seed: int, components: int, freedom: float) -> Pipeline:
     # A Nystroem map of an RBF kernel stands in for a kernel machine: the cost of a prediction does not grow with n.
     return Pipeline(
         [
-            ("map", Nystroem(gamma=0.5 / d, n_components=250, random_state=seed)),
-            ("logistic", LogisticRegression(C=3.0, max_iter=500)),
+            ("map", Nystroem(gamma=0.5 / d, n_components=components, random_state=seed)),
+            ("logistic", LogisticRegression(C=freedom, max_iter=500)),
         ]
     )
 
@@ -50,7 +62,12 @@ CANDIDATES: dict[str, Callable[[int, int], LogisticRegression | Pipeline | Extra
     "logistic": _logistic,
     "kernel": _kernel,
     "trees": _trees,
+    "free logistic": _free_logistic,
+    "fine kernel": _fine_kernel,
 }
+"""Kinds of classifiers by name; the last two are for many groups: they are less held back, and cost more."""
+USUAL = ("logistic", "kernel", "trees")
+"""Candidates where none are named."""
 COMMITTEE = "committee"
 """The mean of all candidates' probabilities; it takes part in the choice where there are several candidates."""
 
@@ -276,7 +293,7 @@ def _base(rows: Rows, names: Sequence[str], seed: int):
     for name in names:
         member = CANDIDATES[name](rows.x.shape[1], seed)
         if isinstance(member, Pipeline):
-            member.set_params(map__n_components=min(250, len(z)))
+            member.set_params(map__n_components=min(member.named_steps["map"].n_components, len(z)))
             member.fit(np.clip(z, -CLIP, CLIP), rows.y, logistic__sample_weight=rows.weight)
         else:
             member.fit(np.clip(z, -CLIP, CLIP), rows.y, sample_weight=rows.weight)

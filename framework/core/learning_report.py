@@ -194,9 +194,12 @@ def report_html(report: dict) -> str:
     )
     warnings = "".join(f"<p class=warn>{escape(text)}</p>" for text in report["warnings"])
     if report["validated"]:
-        sections = _score_section("Per item, held out by group", classes, report) + _score_section(
-            "Per group: its items pooled", classes, report["by_group"]
-        )
+        shown = report | {"n": report["n_scored"]}
+        sections = _score_section("Per item as it came, held out by group", classes, shown)
+        sections += _score_section("Per group: its items pooled", classes, report["by_group"])
+        if "degraded" in report:
+            title = "Per degraded item (blur, noise or a channel less was added), held out by group"
+            sections += _score_section(title, classes, report["degraded"])
     else:
         sections = ""
     selection = "".join(
@@ -210,7 +213,8 @@ def report_html(report: dict) -> str:
     return (
         f"<!doctype html><html lang=en><head><meta charset=utf-8><title>Bevameter: {escape(report['modality'])}</title>"
         f"<style>{_STYLE}</style></head><body><h1>Terrain classifier: {escape(report['modality'])}</h1>"
-        f"<p>{report['n']} items, {report['groups']} groups, {len(classes)} classes. {escape(report['split'])}</p>"
+        f"<p>{report['n']} items ({report['n_degraded']} of them degraded copies), {report['groups']} groups, "
+        f"{len(classes)} classes. {escape(report['split'])}</p>"
         f"{warnings}{sections}<h2>Material</h2><table><tr><th>class</th><th>items</th><th>groups</th></tr>{counts}</table>"
         f"<h2>Model</h2><p>Chosen on inner folds: {escape(report['model'])}; temperature {report['temperature']:.2f}. "
         f"{escape(gate_text)}</p><table><tr><th>candidate</th><th>inner log loss [nat]</th></tr>{selection}</table>"

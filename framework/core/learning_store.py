@@ -6,7 +6,6 @@ import hashlib
 import io
 import json
 import os
-import tempfile
 import warnings
 import zipfile
 from collections.abc import Iterator
@@ -139,13 +138,12 @@ def save(model: TerrainClassifier, path: Path) -> None:
     """Write the model beside `path` first, and put it in its place once it is whole."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=path.name, suffix=".part", dir=path.parent)
+        part = path.with_name(f".{path.name}.{os.getpid()}.part")  # with the rights that any new file gets
         try:
-            with os.fdopen(handle, "wb") as stream:
-                stream.write(_dump(model))
-            Path(name).replace(path)
+            part.write_bytes(_dump(model))
+            part.replace(path)
         except BaseException:
-            Path(name).unlink(missing_ok=True)
+            part.unlink(missing_ok=True)
             raise
     except OSError as error:
         raise InputError(path, f"cannot be written: {error.strerror or error}") from error

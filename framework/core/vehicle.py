@@ -16,6 +16,12 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
+NOISY_COLUMNS = (
+    "load_N", "torque_Nm", "sinkage_m", "slip", "drawbar_pull_N", "wheel_speed_rad_s", "travel_speed_m_s",
+    "wheel_angle_rad", "pitch_rad", "x_m", "y_m", "slip_angle_rad",
+)  # fmt: skip
+"""Wheel columns whose noise a vehicle may state."""
+
 
 class _Part(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -86,6 +92,13 @@ class Vehicle(_Part):
                 raise ValueError("both [wheel] and [[wheels]] are given")
             data = {**{key: value for key, value in data.items() if key != "wheel"}, "wheels": [data["wheel"]]}
         return data
+
+    @model_validator(mode="after")
+    def _known_noise(self) -> Vehicle:
+        for name in self.noise:
+            if name not in NOISY_COLUMNS:
+                raise ValueError(f"noise of {name!r}: no such wheel column, expected one of {', '.join(NOISY_COLUMNS)}")
+        return self
 
     @model_validator(mode="after")
     def _distinct_wheels(self) -> Vehicle:

@@ -1,191 +1,228 @@
-"""Labelled images and sounds of the synthetic world, for the small models that the package trains by itself.
+"""Labelled looks and sounds of the synthetic world, for the small models that the package trains by itself.
 
-They come from the generators that also make the traverses, but from other sites; a group is one site.
+They come from the generators that also make the traverses, and go the same way through camera and microphone: ground is
+seen in perspective by a camera that moves, stored as JPEG and cut into cells as on a drive; a wheel is heard among
+its drive's whine, wind and engines. Only the sites, and how the camera is mounted, are others. A group is one site.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
-from ..core.vehicle import Camera
+from ...audio.augment import NOISES, sounding_power
+from ...audio.features import RATE_HZ, WINDOW_S, resample
+from ...audio.quality import NOISE_FREE_DB
+from ...vision.project import GroundPatches, ground_patches
+from ..core.recording.media import decode_image
 from .contact_sound import VOICES, contact_sound, engine, motor_whine, wind
 from .ground import PAINTERS, paint_tile
 from .presets import PRESETS
+from .seeing import TARGET_LEVEL, jpeg
 from .view import GroundSite, View
 
 SAMPLE_CLASSES = tuple(sorted(PAINTERS))
 """Classes of the synthetic world."""
 
-SOUND_RATE_HZ = 22050
-SOUND_LENGTH_S = 3.0
+# How ground is looked at.
+# The ripples of sand come and go over a quarter of a tile: a small one has no place that is all smooth.
+_TILE_PX = {"sand": 1024}
+_USUAL_TILE_PX = 512
+_EYES = 10
+_FRAMES_PER_SITE = 3
+_CELL_M = 0.5
+_EXPOSURE_S = (0.004, 0.02)
+_SPEED_M_S = (0.1, 4.0)
+_SHARP = 0.02
+"""Travel during the exposure, over the side of a cell, below which a look counts as sharp: about a pixel [-]."""
 
-_PER_SITE = 3
-_TILE_PX = 512
-_VIEWS = 4
-_FROM_ABOVE = 1 / 6
-_GREATEST_BLUR_M = 0.05
+# How a wheel is listened to.
+_SOUND_RATE_HZ = 22050
+_SOUNDS_PER_SITE = 3
+_WINDOWS_PER_SOUND = 3
+_SNR_DB = (-30.0, 35.0)
+_NOISY_SHARE = 0.55
+_FLOOR = 0.0006
+
+
+@dataclass(frozen=True)
+class LookSamples:
+    """Cells of ground as a moving camera sees them.
+
+    Parameters
+    ----------
+    patches : (n, 64, 64, 3)
+        uint8, blue, green, red; rectified.
+    labels, groups
+        Class and site of each.
+    blurred : (n,)
+        True where motion has smeared it by more than a pixel or so.
+    """
+
+    patches: np.ndarray
+    labels: list[str]
+    groups: list[str]
+    blurred: np.ndarray
+
+
+@dataclass(frozen=True)
+class SoundSamples:
+    """Windows of sound under the wheels.
+
+    Parameters
+    ----------
+    windows : (n, m)
+        float32 in [-1, 1], at `bevameter.audio.features.RATE_HZ`, each `WINDOW_S` long.
+    labels, groups
+        Class and site of each; the sounds of one site share its voice.
+    snr_dB : (n,)
+        Contact sound over wind, engine or other noise [dB]; `NOISE_FREE_DB` where there was none.
+    """
+
+    windows: np.ndarray
+    labels: list[str]
+    groups: list[str]
+    snr_dB: np.ndarray
 
 
 @dataclass(frozen=True)
 class _Eye:
+    """A camera and the cells that it looks at."""
+
     view: View
-    camera: Camera
+    layout: GroundPatches
 
 
-def labelled_images(
-    rng: np.random.Generator, n_per_class: int, *, side_px: int = 192
-) -> tuple[list[np.ndarray], list[str], list[str]]:
-    """Make images of ground seen from straight above, as rectified from what a moving camera took.
-
-    Each is cut from a rendered frame: perspective has coarsened it the more the further away it was, motion has
-    blurred it, sensor and exposure have left their marks. A sixth are photographs from straight above.
+def labelled_looks(
+    rng: np.random.Generator, sites_per_class: int, progress: Callable[[float], None] | None = None
+) -> LookSamples:
+    """Make looks at cells of ground, as `bevameter.vision.observe.observe_ground` cuts them on a drive.
 
     Parameters
     ----------
     rng
         Source of randomness.
-    n_per_class
-        Images of each of `SAMPLE_CLASSES`.
-    side_px
-        Side of an image [px]; its pixels are 4 to 8 mm wide on the ground.
-
-    Returns
-    -------
-    images
-        (side, side, 3) uint8 BGR each.
-    labels, groups
-        Class and site of each.
+    sites_per_class
+        Sites of each of `SAMPLE_CLASSES`, each seen by a few cameras.
+    progress
+        Told the share done, 0 to 1.
     """
-    eyes = [_eye(rng) for _ in range(_VIEWS)]
-    images, labels, groups = [], [], []
-    site: GroundSite | None = None
-    for name, site_name in _sites(n_per_class):
-        if site is None or groups[-1] != site_name:
-            site = GroundSite.make(paint_tile(name, rng, size=_TILE_PX), rng, None)
-        eye = eyes[rng.integers(len(eyes))]
-        above = rng.random() < _FROM_ABOVE
-        image = _from_above(site, rng, side_px) if above else _rectified(site, eye, rng, side_px)
-        images.append(image)
-        labels.append(name)
-        groups.append(site_name)
-    return images, labels, groups
+    eyes = [_eye(rng) for _ in range(_EYES)]
+    patches, labels, groups, blurred = [], [], [], []
+    for name, index in _sites(sites_per_class, progress):
+        site = GroundSite.make(paint_tile(name, rng, size=_TILE_PX.get(name, _USUAL_TILE_PX)), rng, None)
+        level = TARGET_LEVEL
+        for number in rng.integers(len(eyes), size=_FRAMES_PER_SITE):
+            eye = eyes[number]
+            image, travel_m = _taken(site, eye.view, TARGET_LEVEL / max(level, 5.0), rng)
+            level = float(image[image.shape[0] // 3 :: 8, ::8].mean())
+            cut = eye.layout.cut(image)
+            patches.append(cut)
+            labels += [name] * len(cut)
+            groups += [f"{name}-{index:03d}"] * len(cut)
+            blurred.append(np.full(len(cut), travel_m > _SHARP * eye.layout.side_m))
+    return LookSamples(np.concatenate(patches), labels, groups, np.concatenate(blurred))
 
 
-def _sites(n_per_class: int) -> Iterator[tuple[str, str]]:
-    """Class and site of each sample, a few samples of each site."""
-    for name in SAMPLE_CLASSES:
-        for index in range(n_per_class):
-            yield name, f"{name}-{index // _PER_SITE:03d}"
+def _sites(sites_per_class: int, progress: Callable[[float], None] | None) -> Iterator[tuple[str, int]]:
+    """Class and number of each site; progress is told as they are used."""
+    for place, name in enumerate(SAMPLE_CLASSES):
+        for index in range(sites_per_class):
+            yield name, index
+            if progress is not None:
+                progress((place + (index + 1) / sites_per_class) / len(SAMPLE_CLASSES))
 
 
 def _eye(rng: np.random.Generator) -> _Eye:
-    """A camera like that of the presets, mounted somewhat otherwise."""
+    """A camera of the presets' kind with another lens, mounted otherwise, on a map of other cells."""
     usual = PRESETS["demo"].vehicle.camera
     if usual is None:
         raise ValueError("the demo's vehicle has no camera")
-    camera = usual.model_copy(
-        update={
-            "height_m": usual.height_m * math.exp(rng.normal(0.0, 0.12)),
-            "pitch_rad": usual.pitch_rad + rng.normal(0.0, 0.04),
-        }
-    )
-    return _Eye(View(camera, rng), camera)
+    while True:
+        focal = usual.matrix[0][0] * math.exp(rng.normal(0.0, 0.15))
+        camera = usual.model_copy(
+            update={
+                "matrix": ((focal, 0.0, usual.matrix[0][2]), (0.0, focal, usual.matrix[1][2]), (0.0, 0.0, 1.0)),
+                "height_m": usual.height_m * math.exp(rng.normal(0.0, 0.2)),
+                "pitch_rad": usual.pitch_rad + rng.normal(0.0, 0.07),
+                "distortion": (rng.uniform(-0.15, 0.02), 0.01, 0.0, 0.0) if rng.random() < 0.5 else (),
+            }
+        )
+        layout = ground_patches(camera, _CELL_M * math.exp(rng.normal(0.0, 0.15)))
+        if len(layout) >= 3:
+            return _Eye(View(camera, rng), layout)
 
 
-def _rectified(site: GroundSite, eye: _Eye, rng: np.random.Generator, side_px: int) -> np.ndarray:
+def _log_uniform(rng: np.random.Generator, ends: tuple[float, float]) -> float:
+    return math.exp(rng.uniform(math.log(ends[0]), math.log(ends[1])))
+
+
+def _taken(site: GroundSite, view: View, gain: float, rng: np.random.Generator) -> tuple[np.ndarray, float]:
+    """An image as it is read back from its file, and how far the vehicle moved while it was exposed [m]."""
     place = (rng.uniform(-50.0, 50.0), rng.uniform(-50.0, 50.0), rng.uniform(-math.pi, math.pi))
-    travel = _GREATEST_BLUR_M * rng.beta(0.5, 1.2)
-    gain = math.exp(rng.normal(0.0, 0.2))
-    frame = eye.view.frame([site], place, travel, gain, rng)
-    pixel_m = _pixel_size(rng)
-    half = 0.5 * side_px * pixel_m
-    nearest = float(eye.view.ahead_m[-1].max()) + 0.02
-    ahead = nearest + half + 3.2 * rng.beta(0.9, 1.6)
-    left = rng.uniform(-0.5, 0.5) * max(ahead - half, 0.2)
-    rows, columns = np.mgrid[:side_px, :side_px].astype(np.float32)
-    x = ahead + half - (rows + 0.5) * pixel_m
-    y = left + half - (columns + 0.5) * pixel_m
-    u, v = _projected(eye.camera, x, y)
-    return np.asarray(cv2.remap(frame, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT_101))
-
-
-def _pixel_size(rng: np.random.Generator) -> float:
-    return 0.004 * 2.0 ** rng.uniform(0.0, 1.0)
-
-
-def _projected(camera: Camera, ahead_m: np.ndarray, left_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels of places on the ground in the vehicle frame, for a lens without distortion."""
-    x = ahead_m - camera.forward_m
-    depth = x * math.cos(camera.pitch_rad) + camera.height_m * math.sin(camera.pitch_rad)
-    down = camera.height_m * math.cos(camera.pitch_rad) - x * math.sin(camera.pitch_rad)
-    matrix = camera.intrinsics
-    u = matrix[0, 0] * (camera.left_m - left_m) / depth + matrix[0, 2]
-    v = matrix[1, 1] * down / depth + matrix[1, 2]
-    return u.astype(np.float32), v.astype(np.float32)
-
-
-def _from_above(site: GroundSite, rng: np.random.Generator, side_px: int) -> np.ndarray:
-    scale = _pixel_size(rng) / 0.004
-    turn = rng.uniform(0.0, 2.0 * math.pi)
-    tile = site.levels[0]
-    rows, columns = np.mgrid[:side_px, :side_px].astype(np.float32) * np.float32(scale)
-    u = math.cos(turn) * columns - math.sin(turn) * rows + rng.uniform(0, len(tile))
-    v = math.sin(turn) * columns + math.cos(turn) * rows + rng.uniform(0, len(tile))
-    photo = cv2.remap(tile, u.astype(np.float32), v.astype(np.float32), cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
-    noisy = photo * math.exp(rng.normal(0.0, 0.2)) + rng.normal(0.0, 2.0, photo.shape)
-    return np.clip(noisy, 0, 255).astype(np.uint8)
+    speed, exposure = _log_uniform(rng, _SPEED_M_S), _log_uniform(rng, _EXPOSURE_S)
+    # The automatic exposure lags behind, and a bright or dark neighbourhood fools it.
+    shown = float(np.clip(gain * math.exp(rng.normal(0.0, 0.15)), 0.4, 3.0))
+    image = view.frame([site], place, speed * exposure, shown, rng)
+    return decode_image(jpeg(image), "sample"), speed * exposure
 
 
 def labelled_sounds(
-    rng: np.random.Generator, n_per_class: int
-) -> tuple[list[tuple[np.ndarray, int]], list[str], list[str]]:
-    """Make contact sounds at many speeds, with the drive's whine, the microphone's noise and, some, a disturbance.
+    rng: np.random.Generator, sites_per_class: int, progress: Callable[[float], None] | None = None
+) -> SoundSamples:
+    """Make windows of contact sound at many speeds, with the drive's whine, the microphone's own noise, and others'.
 
     Parameters
     ----------
     rng
         Source of randomness.
-    n_per_class
-        Sounds of each of `SAMPLE_CLASSES`, each `SOUND_LENGTH_S` long.
-
-    Returns
-    -------
-    sounds
-        Samples (m,) float32 in [-1, 1] and their rate [Hz].
-    labels, groups
-        Class and site of each; the sounds of one site share its voice.
+    sites_per_class
+        Sites of each of `SAMPLE_CLASSES`.
+    progress
+        Told the share done, 0 to 1.
     """
-    count = int(SOUND_LENGTH_S * SOUND_RATE_HZ)
-    sounds, labels, groups = [], [], []
-    voice_seed = 0
-    for name, site_name in _sites(n_per_class):
-        if not groups or groups[-1] != site_name:
-            voice_seed = int(rng.integers(2**32))
-        sounds.append((_sound(name, voice_seed, count, rng), SOUND_RATE_HZ))
-        labels.append(name)
-        groups.append(site_name)
-    return sounds, labels, groups
+    windows, labels, groups, snr_dB = [], [], [], []
+    for name, index in _sites(sites_per_class, progress):
+        voice_seed = int(rng.integers(2**32))
+        for _ in range(_SOUNDS_PER_SITE):
+            for window in _contact(name, voice_seed, rng):
+                mixed, ratio = _among_noise(window, rng)
+                windows.append(mixed)
+                labels.append(name)
+                groups.append(f"{name}-{index:03d}")
+                snr_dB.append(ratio)
+    return SoundSamples(np.stack(windows), labels, groups, np.array(snr_dB))
 
 
-def _sound(name: str, voice_seed: int, count: int, rng: np.random.Generator) -> np.ndarray:
-    start, end = np.exp(rng.uniform(math.log(0.10), math.log(4.0), 2))
-    if rng.random() < 0.7:
-        end = start * math.exp(rng.normal(0.0, 0.1))
+def _contact(name: str, voice_seed: int, rng: np.random.Generator) -> np.ndarray:
+    """Windows (k, m) of the sound of a wheel on a site, at the working rate."""
+    count = int((_WINDOWS_PER_SOUND * WINDOW_S + 0.05) * _SOUND_RATE_HZ)
+    start = _log_uniform(rng, _SPEED_M_S)
+    end = start * math.exp(rng.normal(0.0, 0.3))
     speed = np.linspace(start, end, count)
-    sound = contact_sound(name, speed, SOUND_RATE_HZ, rng, site=np.random.default_rng(voice_seed))
-    sound = sound + motor_whine(speed / 0.25 / (1.0 - rng.uniform(0.0, 0.5)), SOUND_RATE_HZ, rng)
-    sound += 0.0006 * rng.standard_normal(count, dtype=np.float32)
-    chance = rng.random()
-    if chance < 0.08:
-        sound += rng.uniform(0.02, 0.3) * wind(count, SOUND_RATE_HZ, rng)
-    elif chance < 0.14:
-        sound += rng.uniform(0.02, 0.15) * engine(count, SOUND_RATE_HZ, rng)
-    return np.clip(sound * math.exp(rng.normal(0.0, 0.25)), -1.0, 1.0).astype(np.float32)
+    sound = contact_sound(name, speed, _SOUND_RATE_HZ, rng, site=np.random.default_rng(voice_seed))
+    sound = sound + motor_whine(speed / 0.25 / (1.0 - rng.uniform(0.0, 0.6)), _SOUND_RATE_HZ, rng)
+    sound += _FLOOR * rng.standard_normal(count, dtype=np.float32)
+    length = round(WINDOW_S * RATE_HZ)
+    return resample(sound, _SOUND_RATE_HZ)[: _WINDOWS_PER_SOUND * length].reshape(_WINDOWS_PER_SOUND, length)
+
+
+def _among_noise(window: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, float]:
+    """A window (m,) with a disturbance or without, clipped as a recorder clips, and its ratio to that [dB]."""
+    ratio_dB = NOISE_FREE_DB
+    if rng.random() < _NOISY_SHARE:
+        ratio_dB = float(rng.uniform(*_SNR_DB))
+        own = (wind, engine)
+        kind = int(rng.integers(len(own) + 1))
+        other = NOISES[int(rng.integers(len(NOISES)))]
+        noise = own[kind](len(window), RATE_HZ, rng) if kind < len(own) else other(len(window), rng)
+        power = float(np.mean(np.square(noise)))
+        window = window + noise * math.sqrt(sounding_power(window) / max(power, 1e-12)) * 10 ** (-ratio_dB / 20)
+    gain = min(1.0, 3.0 / max(float(np.abs(window).max()), 1e-9)) * math.exp(rng.normal(0.0, 0.25))
+    return np.clip(window * gain, -1.0, 1.0).astype(np.float32), ratio_dB
 
 
 if set(VOICES) != set(PAINTERS):

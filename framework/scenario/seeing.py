@@ -16,8 +16,10 @@ from .view import FARTHEST_M, GroundSite, View
 FIRST_FRAME_S = 0.08
 """When the camera takes its first image [s]: its clock ticks between the wheels'."""
 
+TARGET_LEVEL = 112.0
+"""Mean grey level that the automatic exposure aims at [-]."""
+
 _BEHIND_M, _AHEAD_M = 2.0, FARTHEST_M + 10.0
-_TARGET_LEVEL = 112.0
 _OVEREXPOSURE = 3.5
 _QUALITY = 88
 
@@ -63,7 +65,7 @@ def seen(plan: Plan) -> Iterator[Picture]:
     sites = ground_sites(plan)
     starts = np.array([stretch.start_m for stretch in plan.stretches])
     exposure = camera.exposure_s or 0.0
-    gain, level = 1.0, _TARGET_LEVEL
+    gain, level = 1.0, TARGET_LEVEL
     for time in times.tolist():
         now = np.array(time)
         way, speed, *place = (
@@ -72,7 +74,7 @@ def seen(plan: Plan) -> Iterator[Picture]:
         first = max(int(np.searchsorted(starts, way - _BEHIND_M, side="right")) - 1, 0)
         last = int(np.searchsorted(starts, way + _AHEAD_M, side="right"))
         # The automatic exposure follows the ground with a lag, and hunts a little.
-        gain = float(np.clip(gain * (_TARGET_LEVEL / max(level, 5.0)) ** 0.25, 0.4, 3.0))
+        gain = float(np.clip(gain * (TARGET_LEVEL / max(level, 5.0)) ** 0.25, 0.4, 3.0))
         over = bool(plan.fault("camera_overexposed", now))
         if bool(plan.fault("camera_black", now)):
             dark = np.zeros((camera.height_px, camera.width_px, 3), dtype=np.float32)

@@ -9,6 +9,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
@@ -80,6 +81,7 @@ def write_scenario(
     plan = make_plan(preset(name), seed, duration_s)
     target = Path(out)
     _check_free(target)
+    made = [folder for folder in target.parents if not folder.exists()]
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         part = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent))
@@ -93,6 +95,9 @@ def write_scenario(
         os.replace(part, target)
     except BaseException:
         shutil.rmtree(part, ignore_errors=True)
+        for folder in made:  # the innermost first; one that somebody else has put something into stays
+            with suppress(OSError):
+                folder.rmdir()
         raise
     return target
 

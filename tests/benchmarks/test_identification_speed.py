@@ -82,7 +82,9 @@ def test_maximum_likelihood_update_with_600_samples_in_the_window(benchmark):
     rows, noise = drive(640)
     identifier = OnlineIdentifier(WHEEL, dict(zip(CHANNELS, noise, strict=True)), window=600)
     samples = [dict(zip(CHANNELS, row, strict=True)) for row in rows]
-    for sample in samples[:610]:
+    # As if 600 samples had come one by one, which would take half a minute.
+    identifier._rows = rows[:600]
+    for sample in samples[600:610]:
         identifier.update(**sample)
     rest = iter(samples[610:])
     benchmark.pedantic(lambda: identifier.update(**next(rest)), rounds=25)

@@ -19,11 +19,15 @@ _RUN = """
 import json, sys
 from bevameter.framework.traverse import run_traverse
 summary = run_traverse(sys.argv[1], sys.argv[2])
-try:
-    import resource
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-except ImportError:  # Windows has no such count
-    peak = 0
+try:  # not ru_maxrss: Linux counts the parent's memory into that of a process it starts
+    with open("/proc/self/status") as status:
+        peak = next(int(line.split()[1]) * 1024 for line in status if line.startswith("VmHWM"))
+except OSError:
+    try:
+        import resource
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    except ImportError:  # Windows has no such count
+        peak = 0
 print(json.dumps({"peak": peak, "seconds": summary.seconds, "new": summary.observations_new}))
 """
 
@@ -47,4 +51,5 @@ def test_run(benchmark, drive, tmp_path_factory):
     benchmark.extra_info |= {"driven_s": DRIVEN_S, "peak_MiB": result["peak"] / 2**20, "run_s": result["seconds"]}
     assert result["new"] > 0
     assert result["peak"] < ALLOWED_BYTES
-    assert benchmark.stats.stats.min < ALLOWED_S
+    if benchmark.enabled:  # not beside other tests: that would measure those
+        assert benchmark.stats.stats.min < ALLOWED_S

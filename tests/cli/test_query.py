@@ -63,7 +63,7 @@ def test_classes(query):
     assert sand["k_m"]["value"] == pytest.approx(0.02)
     status, out, _ = query("classes")
     assert "unknown: no soil data for class asphalt" in out
-    assert "strength at 20 kPa [kPa]" in out
+    assert "shear strength at 20 kPa normal stress" in out
 
 
 def test_one_class(query):

@@ -64,6 +64,23 @@ def test_reported_score_is_of_unseen_groups(outcome, rng):
     assert score["low"] <= score["value"] <= score["high"]
 
 
+def test_degraded_copies_are_scored_apart(rng):
+    """Copies drowned in noise teach, but the score on top is that of the items as they came."""
+    x, y, g = blobs(rng, groups=15, shift=0.3)
+    drowned = x + rng.normal(scale=4.0, size=x.shape)
+    made = np.arange(2 * len(x)) >= len(x)
+    report = train(np.vstack([x, drowned]), np.tile(y, 2), np.tile(g, 2), degraded=made).report
+    assert (report["n"], report["n_degraded"], report["n_scored"]) == (2 * len(x), len(x), len(x))
+    assert report["degraded"]["n"] == len(x)
+    assert report["by_group"]["n"] == 45
+    assert report["balanced_accuracy"]["value"] > 0.75
+    assert report["degraded"]["balanced_accuracy"]["value"] < report["balanced_accuracy"]["value"] - 0.15
+    page = report_html(report)
+    assert "Per degraded item" in page
+    assert f"{2 * len(x)} items ({len(x)} of them degraded copies)" in page
+    assert "degraded" not in train(x, y, g).report
+
+
 def test_labels_without_meaning_score_as_chance(rng):
     """Groups that the features identify, with labels at random: leaking a group over a split would score high."""
     groups = np.repeat(np.arange(24), 15)

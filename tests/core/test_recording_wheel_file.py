@@ -140,7 +140,11 @@ def test_parquet_and_gzip_hold_the_same(tmp_path, wheel_csv):
         assert table.wheel.tolist() == ["a", "b"]
 
 
-@pytest.mark.parametrize("content", [b"nonsense", b"\x1f\x8b", gzip.compress(b"time_s,load_N\n0,1\n" * 99)[:-12]])
+@pytest.mark.parametrize(
+    "content",
+    [b"nonsense", b"\x1f\x8b", gzip.compress(b"time_s,load_N\n0,1\n" * 99, mtime=0)[:-12]],
+    ids=["no gzip", "two bytes", "cut off"],  # of bytes, the moment of compression among them, pytest would make names
+)
 def test_damaged_gzip(content, wheel_csv):
     with pytest.raises(InputError, match="damaged gzip"):
         read_wheel_file(wheel_csv(content, "wheel.csv.gz"))

@@ -7,13 +7,15 @@ import math
 import cv2
 import numpy as np
 import pytest
+from bevameter.audio.quality import NOISE_FREE_DB
 from bevameter.framework.core.vehicle import Camera
+from bevameter.framework.scenario import samples
 from bevameter.framework.scenario.contact_sound import VOICES, contact_sound, engine, motor_whine, wind
 from bevameter.framework.scenario.ground import PAINTERS, paint_tile
 from bevameter.framework.scenario.hearing import heard
 from bevameter.framework.scenario.plan import make_plan
 from bevameter.framework.scenario.presets import PRESETS
-from bevameter.framework.scenario.samples import SAMPLE_CLASSES, labelled_images, labelled_sounds
+from bevameter.framework.scenario.samples import SAMPLE_CLASSES, labelled_looks, labelled_sounds
 from bevameter.framework.scenario.seeing import ground_sites
 from bevameter.framework.scenario.view import GroundSite, View
 
@@ -153,20 +155,26 @@ def test_microphone_faults_are_in_the_sound() -> None:
     assert cut(42.5, 46.5).std() > 5.0 * cut(39.5, 41.5).std()
 
 
-def test_samples_are_labelled_grouped_and_repeatable() -> None:
-    images, labels, groups = labelled_images(np.random.default_rng(0), 3)
-    assert len(images) == len(labels) == len(groups) == 3 * len(SAMPLE_CLASSES)
-    assert all(image.shape == (192, 192, 3) and image.dtype == np.uint8 for image in images)
-    assert all(image.std() > 1.0 for image in images)
-    again, *_ = labelled_images(np.random.default_rng(0), 3)
-    assert all(np.array_equal(a, b) for a, b in zip(images, again, strict=True))
-    sounds, sound_labels, sound_groups = labelled_sounds(np.random.default_rng(0), 4)
-    assert sound_labels.count("sand") == 4
-    for samples, rate in sounds:
-        assert rate == RATE
-        assert samples.dtype == np.float32
-        assert 0.0005 < samples.std() < 0.8
-        assert np.abs(samples).max() <= 1.0
-    for names, of in ((labels, groups), (sound_labels, sound_groups)):
-        assert all(len({name for name, other in zip(names, of, strict=True) if other == group}) == 1 for group in of)
-    assert len(set(sound_groups)) == 2 * len(SAMPLE_CLASSES)
+def test_samples_are_labelled_grouped_and_repeatable(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(samples, "_EYES", 2)
+    looks = labelled_looks(np.random.default_rng(0), 1)
+    n = len(looks.patches)
+    assert looks.patches.shape == (n, 64, 64, 3)
+    assert looks.patches.dtype == np.uint8
+    assert len(looks.labels) == len(looks.groups) == len(looks.blurred) == n
+    assert 0 < looks.blurred.sum() < n
+    again = labelled_looks(np.random.default_rng(0), 1)
+    assert np.array_equal(looks.patches, again.patches)
+    told: list[float] = []
+    sounds = labelled_sounds(np.random.default_rng(0), 2, told.append)
+    assert told[-1] == 1.0
+    assert np.all(np.diff(told) > 0)
+    assert sounds.windows.dtype == np.float32
+    assert np.abs(sounds.windows).max() <= 1.0
+    assert sounds.windows.std(axis=1).min() > 1e-4
+    assert (sounds.snr_dB < 0).any()
+    assert (sounds.snr_dB >= NOISE_FREE_DB).any()
+    for labels, groups, sites in ((looks.labels, looks.groups, 1), (sounds.labels, sounds.groups, 2)):
+        assert set(labels) == set(SAMPLE_CLASSES)
+        assert all(group.startswith(label) for label, group in zip(labels, groups, strict=True))
+        assert len(set(groups)) == sites * len(SAMPLE_CLASSES)

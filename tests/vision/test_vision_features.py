@@ -90,10 +90,10 @@ def test_cutting_works_at_any_size_and_stays_inside(shape, rng):
 
 def test_training_patches_repeat_by_seed():
     image = np.random.default_rng(0).integers(0, 255, (100, 120, 3), dtype=np.uint8)
-    first, sharp = training_patches(image, 10, np.random.default_rng(5))
+    first, kind = training_patches(image, 10, np.random.default_rng(5))
     again, _ = training_patches(image, 10, np.random.default_rng(5))
     np.testing.assert_array_equal(first, again)
-    assert sharp.sum() == 4
+    assert np.bincount(kind).tolist() == [2, 2, 6]
 
 
 def test_quality_names_what_is_wrong(rng):

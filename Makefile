@@ -1,0 +1,69 @@
+# make demo : the main job on a synthetic traverse, then a few queries and a picture of the map, all in demo/
+# make test : all tests
+# Both make their own virtual environment in .venv and install there; a second call installs only what changed.
+# PYTHON=python3.12 takes another Python, VENV=folder another environment.
+
+PYTHON ?= python3
+VENV ?= .venv
+WORKERS ?= auto
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check -q
+CODE := $(shell find __init__.py framework vision audio identification database -name '*.py')
+ABOUT := pyproject.toml requirements.lock
+
+.PHONY: demo test benchmark lint clean
+.DEFAULT_GOAL := demo
+
+demo: $(VENV)/.installed
+	@mkdir -p demo
+	@if [ -d demo/recording ]; then echo "==> demo/recording is there already"; else \
+	  echo "==> a synthetic traverse: demo/recording"; $(BIN)/bevameter scenario demo demo/recording; fi
+	@echo "==> the main job: demo/recording into demo/terrain.db"
+	@$(BIN)/bevameter run demo/recording --db demo/terrain.db
+	@echo; echo "==> what was learnt of each class: bevameter query classes"
+	@$(BIN)/bevameter query classes --db demo/terrain.db
+	@echo; echo "==> what the ground at a place can bear: bevameter query at 0 5"
+	@$(BIN)/bevameter query at 0 5 --db demo/terrain.db
+	@echo; echo "==> ground around a place: bevameter query near -7 41 --radius 1"
+	@$(BIN)/bevameter query near -7 41 --radius 1 --db demo/terrain.db
+	@echo; echo "==> the map: demo/map.png"
+	@$(BIN)/bevameter map --db demo/terrain.db --track demo/recording --out demo/map.png
+
+test: $(VENV)/.installed-for-tests
+	@echo "==> tests"
+	@OMP_NUM_THREADS=1 $(BIN)/python -P -m pytest -n $(WORKERS) --maxprocesses 4 --dist loadfile --benchmark-disable
+
+benchmark: $(VENV)/.installed-for-tests
+	@echo "==> benchmarks, which want a quiet machine"
+	@$(BIN)/python -P -m pytest tests/benchmarks --benchmark-only
+
+lint: $(VENV)/.installed-for-tests
+	@echo "==> ruff, pyright, import-linter"
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check -q .
+	@$(BIN)/pyright --pythonpath $(BIN)/python
+	@$(BIN)/lint-imports
+
+clean:
+	rm -rf $(VENV) build demo
+
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Bevameter needs Python 3.11 or later, this is " + sys.version.split()[0] + ": give another with PYTHON=...")'
+	@echo "==> a virtual environment: $(VENV)"
+	@$(PYTHON) -m venv $(VENV)
+	@$(PIP) install -c requirements.lock setuptools
+
+# Not editable: what is run and tested is the package as pip installs it. A build/ left behind would bring back deleted modules.
+$(VENV)/.installed: $(BIN)/python $(CODE) $(ABOUT)
+	@echo "==> installing Bevameter and what it needs (minutes, the first time)"
+	@rm -rf build
+	@$(PIP) install --no-build-isolation -c requirements.lock .
+	@rm -rf build
+	@touch $@
+
+$(VENV)/.installed-for-tests: $(BIN)/python $(CODE) $(ABOUT)
+	@echo "==> installing Bevameter, what it needs and what its tests need (minutes, the first time)"
+	@rm -rf build
+	@$(PIP) install --no-build-isolation -c requirements.lock '.[dev,postgres]'
+	@rm -rf build
+	@touch $(VENV)/.installed $@

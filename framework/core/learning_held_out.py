@@ -1,0 +1,129 @@
+"""The report of a training: what the model is, and how well it does on groups that it has not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .learning_fit import FALSE_REJECTION_RATE, FOLDS, Fitted, Rows, pooled, row_weights, units
+from .learning_report import scores
+
+
+@dataclass
+class HeldOut:
+    """Predictions of n rows by models that have not seen their group.
+
+    Parameters
+    ----------
+    probabilities : (n, k)
+    correlation : (n,)
+        Within groups, as learnt without the row's own.
+    scored : (n,)
+        True where the row's class was known to the model that predicted it.
+    rejected : (n,)
+        True where the gate turned it away.
+    """
+
+    probabilities: np.ndarray
+    correlation: np.ndarray
+    scored: np.ndarray
+    rejected: np.ndarray
+
+
+def training_report(
+    rows: Rows,
+    classes: Sequence[str],
+    modality: str,
+    held: HeldOut,
+    degraded: np.ndarray,
+    fitted: Fitted,
+    chosen: str,
+    losses: dict[str, float],
+    dropped: int,
+    rng: np.random.Generator,
+) -> dict:
+    """Sum up a training (JSON-able).
+
+    The scores on top are of items as they came; those of items made from them, marked in `degraded` (n,), stand
+    apart under ``"degraded"`` (absent where there are none).
+    """
+    groups_of = [len(np.unique(rows.group[rows.y == i])) for i in range(len(classes))]
+    asked = ~degraded if not degraded.all() else np.ones(len(degraded), dtype=bool)
+    scored = held.scored & asked
+    untested = [name for i, name in enumerate(classes) if not scored[rows.y == i].any()]
+    report = {
+        "modality": modality,
+        "classes": list(classes),
+        "n": len(rows.y),
+        "n_degraded": int(degraded.sum()),
+        "groups": len(np.unique(rows.group)),
+        "rows_by_class": {name: int((rows.y == i).sum()) for i, name in enumerate(classes)},
+        "groups_by_class": dict(zip(classes, groups_of, strict=True)),
+        "split": f"Scores are from {FOLDS}-fold cross-validation by group (at most), stratified by class; model, "
+        "temperature and gate are chosen within the training side of each fold by a second split of the same kind.",
+        "validated": bool(scored.any()),
+        "not_validated": untested,
+        "warnings": _warnings(classes, groups_of, untested, dropped, bool(losses)),
+        "model": chosen,
+        "selection": losses,
+        "temperature": fitted.temperature,
+        "correlation_within_groups": fitted.correlation,
+        "gate": {
+            "threshold": fitted.threshold,
+            "false_rejection_rate": FALSE_REJECTION_RATE,
+            "held_out_rejection": _rejection(rows, held, scored),
+        },
+    }
+    if scored.any():
+        part = _part_scores(rows, held, scored, classes, rng)
+        report |= part | {"n_scored": part["n"], "n": len(rows.y)}
+        report["by_group"] = _scores_by_group(rows, held, scored, classes, rng)
+    made = held.scored & ~asked
+    if made.any():
+        worse = _part_scores(rows, held, made, classes, rng)
+        report["degraded"] = worse | {"held_out_rejection": _rejection(rows, held, made)}
+    return report
+
+
+def _warnings(
+    classes: Sequence[str], groups_of: Sequence[int], untested: Sequence[str], dropped: int, validated: bool
+) -> list[str]:
+    warnings = []
+    if untested:
+        warnings.append(f"Not validated, for want of a second group: {', '.join(untested)}.")
+    if dropped:
+        warnings.append(f"{dropped} items had features that are not finite and were left out.")
+    thin = [name for name, count in zip(classes, groups_of, strict=True) if 1 < count < 5]
+    if thin:
+        warnings.append(f"Fewer than five groups, so scores are rough: {', '.join(thin)}.")
+    if not validated:
+        warnings.append(
+            "No group could be held out: the model is neither chosen, calibrated nor gated on unseen groups."
+        )
+    return warnings
+
+
+def _rejection(rows: Rows, held: HeldOut, part: np.ndarray) -> float | None:
+    """Share of some rows that the gate turned away; None where there are none."""
+    return float(np.average(held.rejected[part], weights=rows.weight[part])) if part.any() else None
+
+
+def _part_scores(rows: Rows, held: HeldOut, part: np.ndarray, classes: Sequence[str], rng: np.random.Generator) -> dict:
+    y, group = rows.y[part], rows.group[part]
+    return scores(held.probabilities[part], y, group, row_weights(y, group), classes, rng)
+
+
+def _scores_by_group(
+    rows: Rows, held: HeldOut, part: np.ndarray, classes: Sequence[str], rng: np.random.Generator
+) -> dict:
+    """Scores of whole groups, the items of each pooled."""
+    y, group, correlation = rows.y[part], rows.group[part], held.correlation[part]
+    first, inverse = np.unique(units(y, group), return_index=True, return_inverse=True)[1:]
+    joined = np.zeros((len(first), len(classes)))
+    # Groups of one fold are pooled with what that fold's training side says of their correlation.
+    for rho in np.unique(correlation):
+        own = correlation[first] == rho
+        joined[own] = pooled(held.probabilities[part], inverse, np.ones(len(y)), len(first), rho)[own]
+    return scores(joined, y[first], group[first], np.ones(len(first)), classes, rng)

@@ -1,0 +1,143 @@
+"""The package as pip installs it: what the wheel holds, that an editable install works, and that imports stay light."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import bevameter
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+OUTSIDE_THE_PACKAGE = {"tests", "docs", "build", "dist", "demo"}
+HEAVY = (
+    "numpy", "scipy", "pandas", "pyarrow", "cv2", "librosa", "soundfile", "sklearn", "skops", "numba", "matplotlib",
+    "sqlalchemy", "alembic", "pydantic", "pint", "rosbags", "mcap", "rich",
+)  # fmt: skip
+
+
+def code_folders(root: Path) -> set[Path]:
+    """Folders with Python files that belong to the package, relative to the root; the root itself is `Path()`."""
+    files = (file.relative_to(root) for file in root.rglob("*.py"))
+    return {
+        file.parent
+        for file in files
+        if not any(part.startswith(".") for part in file.parts) and file.parts[0] not in OUTSIDE_THE_PACKAGE
+    }
+
+
+def pip(*arguments: str) -> None:
+    command = [sys.executable, "-m", "pip", "--disable-pip-version-check", "-q", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.fixture(scope="module")
+def checkout(tmp_path_factory) -> Path:
+    """A copy of the tree in a folder of another name, with what a checkout may have lying about."""
+    pytest.importorskip("setuptools", minversion="77")
+    folder = tmp_path_factory.mktemp("elsewhere") / "a checkout of any name"
+    folder.mkdir()
+    for name in (*{part.parts[0] for part in code_folders(ROOT) if part.parts}, "tests"):
+        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("__init__.py", "py.typed", "pyproject.toml", "README.md"):
+        shutil.copy(ROOT / name, folder / name)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def wheel_names(checkout) -> list[str]:
+    out = checkout.parent / "wheels"
+    pip("wheel", "--no-deps", "--no-build-isolation", "-w", str(out), str(checkout))
+    (wheel,) = out.glob("bevameter-*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        return archive.namelist()
+
+
+def test_every_folder_with_code_is_listed():
+    listed = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["packages"]
+    assert len(set(listed)) == len(listed)
+    assert {".".join(("bevameter", *folder.parts)) for folder in code_folders(ROOT)} == set(listed)
+
+
+def test_the_wheel_holds_the_code_and_nothing_else(wheel_names):
+    code = {Path("bevameter", *folder.parts, file.name).as_posix() for folder in code_folders(ROOT)
+            for file in (ROOT / folder).glob("*.py")}  # fmt: skip
+    packed = {name for name in wheel_names if ".dist-info/" not in name}
+    assert packed == code | {"bevameter/py.typed"}
+    assert "bevameter/database/migrations/versions/r0001_observations.py" in packed
+    assert not [name for name in wheel_names if "test" in name.lower()]
+
+
+def test_the_wheel_brings_the_command(wheel_names, checkout):
+    (wheel,) = (checkout.parent / "wheels").glob("bevameter-*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        (points,) = (name for name in wheel_names if name.endswith("entry_points.txt"))
+        assert "bevameter = bevameter.framework.cli.main:main" in archive.read(points).decode()
+
+
+def test_an_editable_install_runs_the_checkout(checkout):
+    where = checkout.parent / "editable"
+    pip("install", "--no-deps", "--no-build-isolation", "--target", str(where), "-e", str(checkout))
+    code = (
+        f"import site; site.addsitedir({str(where)!r})\n"
+        "import bevameter, bevameter.database.migrations.versions as deep\n"
+        "print(bevameter.__file__); print(deep.__file__)"
+    )
+    # -S: without the site-packages of this environment, in which bevameter is installed already
+    done = subprocess.run([sys.executable, "-S", "-P", "-c", code], capture_output=True, text=True, cwd=where)
+    assert done.returncode == 0, done.stderr
+    front, deep = map(Path, done.stdout.splitlines())
+    assert os.path.samefile(front, checkout / "__init__.py")
+    assert os.path.samefile(deep, checkout / "database" / "migrations" / "versions" / "__init__.py")
+
+
+def test_the_lock_holds_names_and_versions_only_and_all_that_is_needed():
+    lines = (ROOT / "requirements.lock").read_text(encoding="utf-8").splitlines()
+    pins = [line for line in lines if not line.startswith("#")]
+    assert all(re.fullmatch(r"[A-Za-z0-9._-]+==[A-Za-z0-9.+!-]+", pin) for pin in pins)
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = [need for needs in project["optional-dependencies"].values() for need in needs]
+    needed = {re.split(r"[\[<>=~!; ]", need)[0] for need in (*project["dependencies"], *extras)}
+    assert {normal(name) for name in needed} <= {normal(pin.split("==")[0]) for pin in pins}
+
+
+def test_every_library_imported_is_a_dependency():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    needed = {normal(re.split(r"[\[<>=~!; ]", need)[0]) for need in project["dependencies"]}
+    called = {"cv2": "opencv-python-headless", "sklearn": "scikit-learn"}
+    imported = set()
+    for folder in code_folders(ROOT):
+        for file in (ROOT / folder).glob("*.py"):
+            imported |= set(re.findall(r"^\s*(?:from|import) ([A-Za-z_]\w*)", _code(file), re.MULTILINE))
+    others = imported - set(sys.stdlib_module_names)
+    assert {normal(called.get(name, name)) for name in others} == needed
+
+
+def _code(file: Path) -> str:
+    """The file without its docstrings, whose prose may have lines that begin with `from`."""
+    return re.sub(r'"""(?:.|\n)*?"""', "", file.read_text(encoding="utf-8"))
+
+
+def normal(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+@pytest.mark.parametrize("code", ["import bevameter", "from bevameter.framework.cli import main"])
+def test_nothing_heavy_is_imported_at_the_door(code):
+    asked = f"import sys; {code}; print(sorted(set({HEAVY!r}) & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_public_names_load():
+    for name in bevameter.__all__:
+        assert getattr(bevameter, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        bevameter.nonsense  # noqa: B018

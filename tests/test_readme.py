@@ -1,0 +1,145 @@
+"""What the README and the pages under docs/ say: that examples run, commands parse, names and links are right."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from bevameter import ClassEvidence, SoilEstimate, TerrainDatabase
+from bevameter.database.observations import Drive, SoilObservation, TerrainObservations
+from bevameter.framework.cli.main import app
+from bevameter.framework.core.recording.folder import _About
+from bevameter.framework.core.recording.topic_map import load_topic_map
+from bevameter.framework.core.recording.types import WHEEL_COLUMNS
+from bevameter.framework.core.soil import Quantity
+from bevameter.framework.core.vehicle import load_vehicle
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+
+
+def text(page: str = "README.md") -> str:
+    return (ROOT / page).read_text(encoding="utf-8")
+
+
+def blocks(page: str, language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", text(page), re.MULTILINE | re.DOTALL)
+
+
+def commands() -> list[str]:
+    """Every command line of every page, in fenced and indented blocks and between single backquotes."""
+    found = []
+    for page in PAGES:
+        lines = re.findall(r"^(?: {4})?(bevameter .*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+        spans = re.findall(r"`(bevameter [^`\n]* [^`\n]*)`", page.read_text(encoding="utf-8"))
+        found += [line.split(" #")[0].strip() for line in (*lines, *spans)]
+    return sorted(set(found))
+
+
+def parsed(line: str) -> str:
+    """Parse a command line without running it; give the full name of the command that would run."""
+    _, *arguments = shlex.split(line)
+    command, name = typer.main.get_command(app), "bevameter"
+    while hasattr(command, "commands"):
+        assert arguments, f"{name} needs a command"
+        assert arguments[0] in command.commands, f"{line}: no command {arguments[0]}"
+        command, name = command.commands[arguments[0]], f"{name} {arguments.pop(0)}"
+    with contextlib.suppress(typer.Exit):  # of --help
+        command.make_context(name, arguments)
+    return name
+
+
+def test_every_command_line_on_a_page_parses():
+    # Text names a command by its first words, too: no line to parse
+    lines = [line for line in commands() if not re.fullmatch(r"bevameter (train|query)( [\w|]+)?", line)]
+    ran = {parsed(line) for line in lines}
+    queries = {f"bevameter query {name}" for name in ("classes", "class", "at", "along", "near")}
+    others = {f"bevameter {name}" for name in ("scenario", "run", "map", "identify", "simulate", "train", "classify")}
+    assert queries | others <= ran, "every command has an example"
+
+
+@pytest.mark.parametrize(
+    "line", ["bevameter query at 1", "bevameter run drive", "bevameter map --nonsense 1 --out a.png"]
+)
+def test_a_wrong_command_line_does_not_parse(line):
+    with pytest.raises(Exception, match=r"Missing|No such option"):
+        parsed(line)
+
+
+@pytest.fixture
+def terrain(tmp_path) -> Path:
+    """A folder with terrain.db, ten metres of sand then five of grass that no wheel has felt, and vehicle.toml."""
+    cell_x = np.arange(60)
+    evidence = ClassEvidence(
+        ("grass", "sand"),
+        np.where((cell_x < 40)[:, None], [0.01, 0.99], [0.97, 0.03]),
+        np.ones(60),
+        np.zeros(60, bool),
+        ((),) * 60,
+    )
+    ground = TerrainObservations(0.25, cell_x, np.zeros(60, int), np.arange(60.0), np.full(60, "fused"), evidence)
+    mean, covariance = np.array([900.0, 0.6]), np.diag([80.0**2, 0.02**2])
+    values = {"c_Pa": (900.0, 80.0), "phi_rad": (0.54, 0.015), "k_m": (0.02, 0.002), "stiffness_Pa": (2e5, 1e4),
+              "n": (1.0, 0.03)}  # fmt: skip
+    parameters = {name: Quantity(v, sd, v - 1.96 * sd, v + 1.96 * sd) for name, (v, sd) in values.items()}
+    estimate = SoilEstimate(
+        parameters, mean, covariance, {}, (), dict.fromkeys(values, True), "", "ml", ("load_N",), 300, 1.0
+    )
+    soils = tuple(
+        SoilObservation(10.0 * i, 10.0 * i + 9.0, 1.0 + 2.0 * i, 0.0, {"sand": 1.0}, estimate, (5e3, 3e4), 400.0)
+        for i in range(4)
+    )
+    with TerrainDatabase(tmp_path / "terrain.db") as database:
+        database.add_drive(Drive("d1", "a drive", "pit", "rover", None, {}, "method", ground, soils))
+    (tmp_path / "vehicle.toml").write_text(blocks("docs/recording.md", "toml")[1], encoding="utf-8")
+    return tmp_path
+
+
+def test_the_planners_example_runs(terrain):
+    (example,) = blocks("README.md", "python")
+    (terrain / "example.py").write_text(example, encoding="utf-8")
+    done = subprocess.run([sys.executable, "example.py"], cwd=terrain, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "no soil data for class grass" in done.stdout
+    assert "sand" in done.stdout
+
+
+def test_the_examples_of_the_recording_page_are_read(tmp_path):
+    about, vehicle, topics = blocks("docs/recording.md", "toml")
+    _About.model_validate(tomllib.loads(about))
+    (tmp_path / "vehicle.toml").write_text(vehicle, encoding="utf-8")
+    assert [wheel.name for wheel in load_vehicle(tmp_path / "vehicle.toml").wheels] == ["front_left", "front_right"]
+    (tmp_path / "topics.toml").write_text(topics, encoding="utf-8")
+    assert len(load_topic_map(tmp_path / "topics.toml").wheel) == 2
+
+
+def test_the_recording_page_names_every_wheel_column():
+    section = text("docs/recording.md").split("## Wheel columns")[1].split("## ")[0]
+    rows = [line.split("|")[1] for line in section.splitlines() if line.startswith("| `")]
+    named = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
+    assert named == {*WHEEL_COLUMNS, "wheel", "run"}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text(encoding="utf-8")):
+        assert "://" in target or (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+def test_the_pictures_are_small():
+    pictures = list((ROOT / "docs" / "images").glob("*"))
+    assert pictures
+    assert all(picture.stat().st_size < 200_000 for picture in pictures)
+
+
+def test_the_make_targets_named_are_there():
+    made = set(re.findall(r"^(\w+):", text("Makefile"), re.MULTILINE))
+    assert {"demo", "test"} <= set(re.findall(r"make (\w+)", text())) <= made
