@@ -510,3 +510,29 @@ def test_the_real_command_says_one_line_and_leaves_nothing(drive, tmp_path):
         assert len(done.stderr.splitlines()) == 1
         assert done.stderr.startswith(f"bevameter: {drive / 'wheel.csv'}, row 9, column time_s: time runs backwards")
     assert everything(tmp_path) == before
+
+
+N = range(300)
+ODD = {
+    "five rows": WHEEL.split("\n")[:6],
+    "constant": [HEADER, *(f"{0.1 * i:.1f},500,0.2,12,0.01" for i in N)],
+    "standing": [HEADER, *(f"{0.1 * i:.1f},500,0,0,0.01" for i in N)],
+    "no load": [HEADER, *(f"{0.1 * i:.1f},0,0.2,0,0" for i in N)],
+    "huge": [HEADER, *(f"{0.1 * i:.1f},{5 + i % 7}e290,0.2,{1 + i % 5}e300,{i % 3}e305" for i in N)],
+    "far in time": [HEADER, *(f"{1.7e9 + 0.1 * i:.1f},{500 + i % 9},{0.1 + i % 30 / 60},12,0.01" for i in N)],
+    "half missing": [HEADER, *(f"{0.1 * i:.1f},{500 + i % 9},{0.1 + i % 30 / 60},,{'0.01' * (i % 2)}" for i in N)],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ODD)
+def test_odd_numbers_get_an_answer_without_a_warning(kind, drive, tmp_path):
+    """Nothing is wrong with the file: there is an answer, if only that the soil cannot be told."""
+    (drive / "wheel.csv").write_text("\n".join(ODD[kind]) + "\n")
+    for arguments in (
+        identify(tmp_path, drive),
+        ["identify", drive, "--method", "linear"],
+        ["run", drive / "wheel.csv", "--db", tmp_path / "t.db"],
+    ):
+        result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+        one_line = result.exit_code == 2 and len(result.stderr.splitlines()) == 1
+        assert one_line or (result.exit_code == 0 and result.stderr == ""), (result.output, result.exception)

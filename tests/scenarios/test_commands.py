@@ -1,4 +1,4 @@
-"""The commands as a user strings them together: results that other programs read, second runs, interrupts, two at once."""
+"""The commands as a user strings them together: pages that programs read, second runs, interrupts, two at once."""
 
 from __future__ import annotations
 
@@ -212,7 +212,7 @@ def test_half_a_jpeg_among_the_images_costs_that_image_alone(short_drive, small_
     folder = tmp_path / "drive"
     (folder / "camera").mkdir(parents=True)
     shutil.copy(short_drive / "vehicle.toml", folder)
-    (folder / "pose.csv").write_text("time_s,x_m,y_m,yaw_rad\n0,0,0,0\n3,1.5,0,0\n")
+    (folder / "pose.csv").write_text("time_s,x_m,y_m,yaw_rad\n0,0,0,0\n3,6,0,0\n")
     rows = ["time_s,file"]
     for index in range(10):
         name = f"{index:06d}.jpg"
