@@ -29,7 +29,7 @@ CACHE_VARIABLE = "BEVAMETER_CACHE"
 SENSES = ("vision", "audio")
 
 SYNTHETIC_WARNING = (
-    "the {senses} model was trained on synthetic ground only: on real ground its classes mean nothing. "
+    "trained on synthetic ground only: {senses}. On real ground such a model's classes mean nothing. "
     "Train one with `bevameter train` and give it with --models"
 )
 
@@ -64,7 +64,7 @@ class Models:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What a user must be told of them."""
-        return (SYNTHETIC_WARNING.format(senses=" and the ".join(self.synthetic)),) if self.synthetic else ()
+        return (SYNTHETIC_WARNING.format(senses=" and ".join(self.synthetic)),) if self.synthetic else ()
 
 
 def find_models(

@@ -151,6 +151,12 @@ def felt_rows(recording: Recording) -> FeltRows:
         wheel = vehicle.wheel(name)
         groups.setdefault((wheel.radius_m, wheel.width_m), []).append(name)
     gathered = [_gather(table, vehicle, members) for members in groups.values()]
+    for name, remedy in (
+        ("load_N", "load_N: the wheel's share of the weight, if it is not sensed"),
+        ("slip", "slip, or both wheel_speed_rad_s and travel_speed_m_s"),
+    ):
+        if not any(name in rows.table for rows in gathered):
+            raise InputError(table.source, f"no column {name}", expected=remedy)
     best = max(gathered, key=lambda rows: int((rows.reasons == "").sum()))
     if len(gathered) == 1:
         return best

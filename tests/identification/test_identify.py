@@ -138,6 +138,14 @@ def test_without_geometry_or_wheels_the_error_says_what_is_missing(rng):
         identify(Recording("test", Path("x"), VEHICLE, None, "", ""))
 
 
+@pytest.mark.parametrize("missing", ["load_N", "slip"])
+def test_a_column_that_is_not_there_is_one_clear_error(rng, missing):
+    table = drive(rng)
+    columns = {name: values for name, values in table.columns.items() if name != missing}
+    with pytest.raises(InputError, match=f"no column {missing}"):
+        identify(recording(WheelTable(columns, None, None, table.source)))
+
+
 def test_the_linear_method_needs_torque_and_never_reports_negative_cohesion(rng):
     table = drive(rng)
     result = identify(recording(table), method="linear")
