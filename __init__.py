@@ -26,6 +26,7 @@ _PUBLIC = {
     "run_traverse": "framework.traverse",
     "simulate": "identification.simulate",
     "identify": "identification.identify",
+    "OnlineIdentifier": "identification.online",
 }
 
 if TYPE_CHECKING:
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from .framework.core.vehicle import Wheel as Wheel
     from .framework.traverse import run_traverse as run_traverse
     from .identification.identify import identify as identify
+    from .identification.online import OnlineIdentifier as OnlineIdentifier
     from .identification.simulate import simulate as simulate
 
 __all__ = ["__version__", *_PUBLIC]
