@@ -19,6 +19,7 @@ _PUBLIC = {
     "SoilKnowledge": "framework.core.soil",
     "Vehicle": "framework.core.vehicle",
     "Wheel": "framework.core.vehicle",
+    "load_vehicle": "framework.core.vehicle",
     "Recording": "framework.core.recording.types",
     "WheelTable": "framework.core.recording.types",
     "read_recording": "framework.core.recording.open",
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     from .framework.core.soil import SoilKnowledge as SoilKnowledge
     from .framework.core.vehicle import Vehicle as Vehicle
     from .framework.core.vehicle import Wheel as Wheel
+    from .framework.core.vehicle import load_vehicle as load_vehicle
     from .framework.traverse import run_traverse as run_traverse
     from .identification.identify import identify as identify
     from .identification.online import OnlineIdentifier as OnlineIdentifier

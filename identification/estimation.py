@@ -110,7 +110,7 @@ def summarise(solution: Solution, kept: Measured, wheel: Wheel) -> SoilEstimate:
     intervals = parameter_intervals(bounded, covariance, model)
     strength = strengths(bounded, covariance, intervals, model)
     covariance = consistent(covariance, bounded, intervals)
-    determined = separable(intervals.quantities, strength, solution.free)
+    determined = separable(intervals.quantities, strength, solution.free, solution.misfit)
     seen = np.asarray(np.isfinite(kept.channels).any(axis=0))
     return SoilEstimate(
         parameters=intervals.quantities,
@@ -119,7 +119,7 @@ def summarise(solution: Solution, kept: Measured, wheel: Wheel) -> SoilEstimate:
         correlation=_correlations(covariance, solution.free),
         shear_strength=strength,
         separable=determined,
-        advice=advise(kept.channels, determined, covariance),
+        advice=advise(kept.channels, determined, covariance, solution.misfit),
         method="ml",
         channels=tuple(name for name, present in zip(CHANNELS, seen.tolist(), strict=True) if present),
         n=len(kept.channels),

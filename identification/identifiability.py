@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..framework.core.soil import PARAMETERS, Quantity, ShearStrength
+from ..framework.core.soil import PARAMETERS, PLAUSIBLE, Quantity, ShearStrength
 from .forward import TextbookWheel
 from .stress_kernel import NODES, WEIGHTS
 from .wheel_soil import PEAK_SHARE
@@ -21,6 +21,9 @@ SHARE_OF_STRENGTH = 0.25
 """Cohesion or friction is separable if its half interval is below this share of the shear strength [-]."""
 
 _TWO_SIDED = 1.96
+
+GROSSLY_WRONG = 3.0
+"""Misfit beyond which nothing counts as determined: what is left out of the model weighs more than the noise [-]."""
 
 FACTOR = 2.0
 """k, stiffness or n is separable if its interval is within this factor of its value [-]."""
@@ -63,10 +66,21 @@ def _mean_stress(theta_1: np.ndarray, values: dict[str, float], model: TextbookW
     return values["stiffness_Pa"] * ((aspect * depth) ** values["n"] @ WEIGHTS)
 
 
+def is_search_limit(name: str, value: float) -> bool:
+    """Say whether an end of an interval is only where the search stops (`PLAUSIBLE`), not what the data say.
+
+    Zero cohesion and zero friction are limits of nature, and count as ends.
+    """
+    low, high = PLAUSIBLE[name]
+    return math.isclose(value, high, rel_tol=1e-6) or (low > 0.0 and math.isclose(value, low, rel_tol=1e-6))
+
+
 def separable(
-    quantities: Mapping[str, Quantity], strength: tuple[ShearStrength, ...], free: np.ndarray
+    quantities: Mapping[str, Quantity], strength: tuple[ShearStrength, ...], free: np.ndarray, misfit: float
 ) -> dict[str, bool]:
-    """Say of each parameter whether the data determine it by itself."""
+    """Say of each parameter whether the data determine it by itself; none where the model is grossly wrong."""
+    if misfit > GROSSLY_WRONG:
+        return {name: not free[index] for index, name in enumerate(PARAMETERS)}
     middle = strength[len(strength) // 2]
     most = SHARE_OF_STRENGTH * middle.value_Pa
     answer = {}
@@ -84,7 +98,7 @@ def separable(
     return answer
 
 
-def advise(channels: np.ndarray, determined: Mapping[str, bool], covariance: np.ndarray) -> str:
+def advise(channels: np.ndarray, determined: Mapping[str, bool], covariance: np.ndarray, misfit: float) -> str:
     """Say what driving would determine what these data do not; empty where nothing is missing.
 
     Parameters
@@ -95,7 +109,11 @@ def advise(channels: np.ndarray, determined: Mapping[str, bool], covariance: np.
         From `separable`.
     covariance : (p, p)
         Of the parameter vector.
+    misfit
+        As in `SoilEstimate`.
     """
+    if misfit > GROSSLY_WRONG:
+        return "find out first what the model leaves out: until then no driving determines its parameters"
     advice = []
     load, slip = channels[:, 0], channels[:, 3]
     low_slip, high_slip = np.nanpercentile(slip, [5.0, 95.0])
@@ -103,7 +121,10 @@ def advise(channels: np.ndarray, determined: Mapping[str, bool], covariance: np.
         sd = np.sqrt(np.maximum(np.diag(covariance)[:2], 1e-300))
         correlation = covariance[0, 1] / (sd[0] * sd[1])
         known = "their sum, the shear strength, is known" if correlation < -0.9 else "the samples are too few or noisy"
-        advice.append(f"cohesion and friction are not told apart ({known}): {_vary_load(load)}")
+        which = " and ".join(
+            label for name, label in (("c_Pa", "cohesion"), ("phi_rad", "friction")) if not determined[name]
+        )
+        advice.append(f"{which} not determined by itself ({known}): {_vary_load(load)}")
     if not determined["k_m"]:
         advice.append(
             f"the shear modulus k is not determined: drive at slips from 0.02 to 0.3 (driven {low_slip:.2f} to "
@@ -122,4 +143,6 @@ def _vary_load(load: np.ndarray) -> str:
     if not np.isfinite(load).any():
         return "measure the load and vary it by half of its mean or more"
     low, high = np.nanpercentile(load, [5.0, 95.0])
+    if high - low >= float(np.nanmean(load)):
+        return "drive longer, for the load varies enough as it is"
     return f"vary the load more, by half of its mean or more (driven {low:.0f} to {high:.0f} N)"

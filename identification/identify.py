@@ -29,6 +29,9 @@ Method = Literal["ml", "linear"]
 REPRESENTATIVE_K_M = 0.01
 """Janosi shear modulus [m] that the linear method assumes where none is known: middle of Wong (2010), Table 2.3."""
 
+MIXED = 1.5
+"""An overall misfit this many times that of the worst stretch means that one soil does not explain them all [-]."""
+
 MOST_ROWS = 1500
 """A stretch with more rows is thinned evenly to this number: intervals are then those of the rows kept."""
 
@@ -96,8 +99,8 @@ def identify(
         overall = found[0]
     elif found:
         overall = _estimate(rows, np.sort(np.concatenate(chosen)), known, method)
-    if len(found) > len(chosen):
-        problems = (*problems, "the soil changes within a stretch: the overall estimate mixes several soils")
+    if overall is not None and overall.misfit > MIXED * max(each.misfit for each in found if each is not None):
+        problems = (*problems, "the stretches differ in soil: the overall estimate mixes several soils")
     return Identification(overall, segments, method, problems)
 
 
@@ -150,6 +153,8 @@ def felt_rows(recording: Recording) -> FeltRows:
     for name in names:
         wheel = vehicle.wheel(name)
         groups.setdefault((wheel.radius_m, wheel.width_m), []).append(name)
+    for name in names:
+        _check_geometry(table, vehicle.wheel(name))
     gathered = [_gather(table, vehicle, members) for members in groups.values()]
     for name, remedy in (
         ("load_N", "load_N: the wheel's share of the weight, if it is not sensed"),
@@ -162,6 +167,17 @@ def felt_rows(recording: Recording) -> FeltRows:
         return best
     problem = f"wheels of {len(gathered)} geometries: only those of radius {best.wheel.radius_m:g} m were used"
     return FeltRows(best.table, best.wheel, best.vehicle, best.reasons, (problem,))
+
+
+def _check_geometry(table: WheelTable, wheel: Wheel) -> None:
+    """Refuse rows whose own geometry is not that of the wheel: they are of several wheels, or of another."""
+    for column, expected in (("radius_m", wheel.radius_m), ("width_m", wheel.width_m)):
+        values = table.get(column)
+        if values is not None and np.any(np.abs(values - expected) > 0.01 * expected):
+            other = values[np.abs(values - expected) > 0.01 * expected][0]
+            raise InputError(
+                table.source, f"{other:g}", expected=f"{expected:g}, the vehicle's wheel", place=f"column {column}"
+            )
 
 
 def _gather(table: WheelTable, vehicle: Vehicle, names: list[str | None]) -> FeltRows:

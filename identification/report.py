@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from ..framework.core.soil import Quantity, SoilEstimate
+from .identifiability import is_search_limit
 from .identify import Identification
 
 
@@ -24,7 +25,7 @@ def identification_json(result: Identification) -> dict[str, Any]:
                 "end_s": _number(segment.end_s),
                 "used": segment.used,
                 "reason": segment.reason,
-                "n": segment.n,
+                "rows": segment.n,
                 **(estimate_json(segment.estimate) if segment.estimate else {}),
             }
             for segment in result.segments
@@ -36,7 +37,7 @@ def identification_json(result: Identification) -> dict[str, Any]:
 def estimate_json(estimate: SoilEstimate) -> dict[str, Any]:
     """Lay out one estimate for JSON."""
     return {
-        **{name: _quantity(quantity) for name, quantity in estimate.parameters.items()},
+        **{name: _quantity(name, quantity) for name, quantity in estimate.parameters.items()},
         "correlation": dict(estimate.correlation),
         "shear_strength": [
             {
@@ -55,12 +56,15 @@ def estimate_json(estimate: SoilEstimate) -> dict[str, Any]:
     }
 
 
-def _quantity(quantity: Quantity) -> dict[str, float | None]:
+def _quantity(name: str, quantity: Quantity) -> dict[str, Any]:
+    """Lay out a quantity; `unbounded` names the ends of the interval that the data leave open."""
+    ends = {"low": quantity.low, "high": quantity.high}
     return {
         "value": _number(quantity.value),
         "sd": _number(quantity.sd),
         "low": _number(quantity.low),
         "high": _number(quantity.high),
+        "unbounded": [end for end, value in ends.items() if is_search_limit(name, value)],
     }
 
 

@@ -76,16 +76,16 @@ def test_a_wrong_command_line_does_not_parse(line):
 
 @pytest.fixture
 def terrain(tmp_path) -> Path:
-    """A folder with terrain.db, ten metres of sand then five of grass that no wheel has felt, and vehicle.toml."""
-    cell_x = np.arange(60)
+    """A folder as `make demo` leaves it: ten metres of sand, then five of grass that no wheel has felt, and the vehicle."""
+    cell_y = np.arange(60)
     evidence = ClassEvidence(
         ("grass", "sand"),
-        np.where((cell_x < 40)[:, None], [0.01, 0.99], [0.97, 0.03]),
+        np.where((cell_y < 40)[:, None], [0.01, 0.99], [0.97, 0.03]),
         np.ones(60),
         np.zeros(60, bool),
         ((),) * 60,
     )
-    ground = TerrainObservations(0.25, cell_x, np.zeros(60, int), np.arange(60.0), np.full(60, "fused"), evidence)
+    ground = TerrainObservations(0.25, np.zeros(60, int), cell_y, np.arange(60.0), np.full(60, "fused"), evidence)
     mean, covariance = np.array([900.0, 0.6]), np.diag([80.0**2, 0.02**2])
     values = {"c_Pa": (900.0, 80.0), "phi_rad": (0.54, 0.015), "k_m": (0.02, 0.002), "stiffness_Pa": (2e5, 1e4),
               "n": (1.0, 0.03)}  # fmt: skip
@@ -94,12 +94,14 @@ def terrain(tmp_path) -> Path:
         parameters, mean, covariance, {}, (), dict.fromkeys(values, True), "", "ml", ("load_N",), 300, 1.0
     )
     soils = tuple(
-        SoilObservation(10.0 * i, 10.0 * i + 9.0, 1.0 + 2.0 * i, 0.0, {"sand": 1.0}, estimate, (5e3, 3e4), 400.0)
+        SoilObservation(10.0 * i, 10.0 * i + 9.0, 0.0, 1.0 + 2.0 * i, {"sand": 1.0}, estimate, (5e3, 3e4), 400.0)
         for i in range(4)
     )
-    with TerrainDatabase(tmp_path / "terrain.db") as database:
+    (tmp_path / "demo" / "recording").mkdir(parents=True)
+    with TerrainDatabase(tmp_path / "demo" / "terrain.db") as database:
         database.add_drive(Drive("d1", "a drive", "pit", "rover", None, {}, "method", ground, soils))
-    (tmp_path / "vehicle.toml").write_text(blocks("docs/recording.md", "toml")[1], encoding="utf-8")
+    vehicle = blocks("docs/recording.md", "toml")[1]
+    (tmp_path / "demo" / "recording" / "vehicle.toml").write_text(vehicle, encoding="utf-8")
     return tmp_path
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from ...identification.identifiability import is_search_limit
 from ...identification.identify import Identification, Segment
 from ..core.soil import Quantity, SoilEstimate
 from .printing import print_rows
@@ -41,7 +42,7 @@ def _print_estimate(estimate: SoilEstimate) -> None:
         determined = "yes" if estimate.separable[name] else "no"
         if quantity.low == quantity.high:
             determined = "given"
-        rows.append([label, unit, f"{quantity.value * scale:.4g}", _interval(quantity, scale), determined])
+        rows.append([label, unit, f"{quantity.value * scale:.4g}", _interval(name, quantity, scale), determined])
     print_rows(["parameter", "unit", "value", "95 % interval", "determined"], rows)
     print_rows(
         ["normal stress [kPa]", "shear strength [kPa]", "95 % interval"],
@@ -61,8 +62,11 @@ def _print_estimate(estimate: SoilEstimate) -> None:
         print(f"note: {problem}")
 
 
-def _interval(quantity: Quantity, scale: float) -> str:
-    return f"{quantity.low * scale:.4g} to {quantity.high * scale:.4g}"
+def _interval(name: str, quantity: Quantity, scale: float) -> str:
+    low, high = (
+        "open" if is_search_limit(name, end) else f"{end * scale:.4g}" for end in (quantity.low, quantity.high)
+    )
+    return f"{low} to {high}"
 
 
 def _segment_row(segment: Segment) -> list[str]:

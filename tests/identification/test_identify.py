@@ -129,6 +129,8 @@ def test_json_is_what_the_contract_says(rng):
     assert -1.0 <= overall["correlation"]["c_Pa,phi_rad"] <= 1.0
     assert set(overall["shear_strength"][0]) == {"normal_stress_Pa", "value_Pa", "low_Pa", "high_Pa"}
     assert page["segments"][0]["used"] is True
+    assert page["segments"][0]["rows"] == 300
+    assert page["segments"][0]["n"]["unbounded"] == []
 
 
 def test_without_geometry_or_wheels_the_error_says_what_is_missing(rng):
@@ -144,6 +146,22 @@ def test_a_column_that_is_not_there_is_one_clear_error(rng, missing):
     columns = {name: values for name, values in table.columns.items() if name != missing}
     with pytest.raises(InputError, match=f"no column {missing}"):
         identify(recording(WheelTable(columns, None, None, table.source)))
+
+
+def test_rows_of_another_wheel_are_refused(rng):
+    table = with_columns(drive(rng), radius_m=np.full(300, 0.157))
+    with pytest.raises(InputError, match=r"column radius_m: 0.157 \(expected 0.15"):
+        identify(recording(table))
+
+
+def test_soils_that_differ_between_stretches_are_not_passed_off_as_one(rng):
+    sand, clay = drive(rng), drive(rng, (CLAY,))
+    gap = drive(rng, speed=2.5)
+    columns = {name: np.concatenate([part[name] for part in (sand, gap, clay)]) for name in sand.columns}
+    columns["time_s"] = np.arange(900) / 10.0
+    result = identify(recording(WheelTable(columns, None, None, sand.source)))
+    assert sum(segment.used for segment in result.segments) == 2
+    assert "mixes several soils" in result.problems[0]
 
 
 def test_the_linear_method_needs_torque_and_never_reports_negative_cohesion(rng):
@@ -179,4 +197,6 @@ def test_on_granular_ground_the_misfit_is_seen_and_carried(shared_data):
     result = identify(shared_data / "granular-wheel" / "wheel.csv")
     assert result.overall.misfit > 2.0
     assert "left out" in result.overall.problems[0]
+    assert not any(result.overall.separable.values())
+    assert "leaves out" in result.overall.advice
     assert result.overall.n == 28
