@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -68,7 +68,7 @@ class StrengthTable:
 
 @dataclass(frozen=True)
 class GroundAnswer:
-    """What is known of n places. Numbers are NaN where nothing is known, with the reason beside.
+    """What is known of n places, read-only. Numbers are NaN where nothing is known, with the reason beside.
 
     Parameters
     ----------
@@ -113,6 +113,12 @@ class GroundAnswer:
     normal_stress: float
     confidence: float
     snapshot: Snapshot
+
+    def __post_init__(self) -> None:
+        for entry in fields(self):
+            value = getattr(self, entry.name)
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
 
     def __len__(self) -> int:
         return len(self.x)
@@ -181,8 +187,8 @@ class GroundAnswer:
         unknown = ~known
         mean[unknown] = covariance[unknown] = strength[unknown] = lower[unknown] = np.nan
         return GroundAnswer(
-            x=places[0],
-            y=places[1],
+            x=np.array(places[0]),  # a copy: the caller's path stays the caller's
+            y=np.array(places[1]),
             known=known,
             reason=reasons[code],
             class_names=names,

@@ -17,6 +17,25 @@ SCHEMA = 1
 """Version of the JSON's meaning (CONTRACTS.md)."""
 
 
+_PLACE_FIELDS = (
+    "x_m",
+    "y_m",
+    "known",
+    "unknown",
+    "class",
+    "class_probabilities",
+    "c_Pa",
+    "tan_phi",
+    "phi_rad",
+    "covariance_c_tan_phi",
+    "shear_strength_Pa",
+    "shear_strength_lower_Pa",
+    "age_s",
+    "observations",
+)
+"""What `answer_rows` says of a place, in its order."""
+
+
 def answer_rows(answer: GroundAnswer) -> list[dict[str, Any]]:
     """Give one row a place: probabilities of classes as a dict, (c, tan phi)'s covariance as [[., .], [., .]]."""
     labels = answer.labels()
@@ -152,6 +171,17 @@ def flat(row: dict[str, Any]) -> dict[str, Any]:
             columns |= {name: value["value"], f"{name}_sd": value["sd"]}
         else:
             columns[name] = value
+    return columns
+
+
+def csv_columns(class_names: Sequence[str]) -> list[str]:
+    """Give the columns of places as CSV: the same for every answer from a snapshot with these classes."""
+    columns: list[str] = []
+    for name in _PLACE_FIELDS:
+        if name == "class_probabilities":
+            columns += [f"probability_{key}" for key in class_names]
+        else:
+            columns += flat({name: None})
     return columns
 
 

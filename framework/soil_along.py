@@ -14,7 +14,7 @@ from .core.recording.types import Recording, WheelTable
 from .perception import Progress
 from .sense_map import kind_of_reason
 from .stretches import ClassTrack
-from .track import Track
+from .track import DEAD_RECKONING, Track
 from .traverse_summary import LearntSoil
 
 CHANGE_MARGIN_M = 0.5
@@ -125,7 +125,7 @@ def _around_changes(track: Track | None, along: ClassTrack | None) -> tuple[np.n
 
 def _observation(segment: Segment, belief: dict[str, float], wheel: WheelTable, track: Track | None) -> SoilObservation:
     x_m = y_m = np.nan
-    if track is not None:
+    if track is not None and track.origin != DEAD_RECKONING:
         times = np.linspace(segment.start_s, segment.end_s, 33)
         x, y, _ = track.place_at(times)
         if np.isfinite(x).any():

@@ -110,7 +110,7 @@ def run_traverse(
     along = classes_along(belief, track, recording.vehicle, cell_size_m) if track is not None else None
     soil = learn_soil(recording, track, along, progress=tell)
 
-    drive = replace(drive, terrain=_terrain(belief, cell_size_m), soils=soil.observations)
+    drive = replace(drive, terrain=_terrain(belief, cell_size_m, track), soils=soil.observations)
     tell("storing", 0.0)
     if isinstance(database, TerrainDatabase):
         added = database.add_drive(drive)
@@ -203,8 +203,10 @@ def _recalled_summary(
     )
 
 
-def _terrain(belief: Belief, cell_size_m: float) -> TerrainObservations:
-    """Give the cells that some sense looked at, as the database stores them."""
+def _terrain(belief: Belief, cell_size_m: float, track: Track | None) -> TerrainObservations:
+    """Give the cells that some sense looked at, as the database stores them; none where nobody knows where they lie."""
+    if track is None or track.origin == DEAD_RECKONING:
+        return TerrainObservations.nothing(cell_size_m)
     looked = np.flatnonzero(np.isfinite(belief.last_seen_s))
     evidence = ClassEvidence(
         belief.classes,
@@ -270,5 +272,8 @@ def _warnings(recording: Recording, models: Models, track: Track | None) -> tupl
     if track is None:
         warnings.append("the recording holds no places and no travel speed: nothing can be put on a map")
     elif track.origin == DEAD_RECKONING:
-        warnings.append("the recording holds no places: the way is travel speed added up along x, heading unknown")
+        warnings.append(
+            "the recording holds no places: the way is travel speed added up, heading unknown; what was learnt of soils "
+            "is kept, the cells are not put on the site's map"
+        )
     return tuple(warnings)

@@ -26,9 +26,13 @@ def print_json(page: Any) -> None:
     print(json.dumps(page, ensure_ascii=False, allow_nan=False, indent=1))
 
 
-def print_csv(rows: Sequence[dict[str, Any]]) -> None:
-    """Print rows as CSV; columns in the order in which they first appear, cells empty where a row has no value."""
-    columns = list(dict.fromkeys(name for row in rows for name in row))
+def print_csv(rows: Sequence[dict[str, Any]], columns: Sequence[str] | None = None) -> None:
+    """Print rows as CSV under a header, cells empty where a row has no value.
+
+    Columns are those given, and else those of the rows in the order in which they first appear.
+    """
+    if columns is None:
+        columns = list(dict.fromkeys(name for row in rows for name in row))
     writer = csv.DictWriter(sys.stdout, columns, restval="", lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)

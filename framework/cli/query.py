@@ -104,13 +104,13 @@ def _print_places(
     view = _open(db, site)
     answer = ask(view, {"normal_stress": stress, "confidence": confidence})
 
-    from ...database.exports import answer_rows, flat, geojson
+    from ...database.exports import answer_rows, csv_columns, flat, geojson
 
     rows = answer_rows(answer)
     if form == "json":
         print_json(_page(query, view, stress, confidence) | {"places": rows})
     elif form == "csv":
-        print_csv([flat(row) for row in rows])
+        print_csv([flat(row) for row in rows], csv_columns(view.class_names))
     elif form == "geojson":
         print_json(geojson(rows, view.site, view.cell_size_m if query == "near" else None))
     else:

@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 from bevameter import ClassEvidence, SoilEstimate, TerrainDatabase
+from bevameter.database.exports import flat
 from bevameter.database.observations import Drive, SoilObservation, TerrainObservations
 from bevameter.framework.cli.main import main
 from bevameter.framework.core.soil import Quantity
@@ -117,6 +118,20 @@ def test_near_a_place(query):
     assert "nobody has seen ground there" in query("near", "99", "99", "--radius", "1")[1]
     point = json.loads(query("at", "-1", "-1", "--format", "geojson")[1])["features"][0]["geometry"]
     assert point == {"type": "Point", "coordinates": [-1.0, -1.0]}
+
+
+def test_the_columns_of_csv_are_the_same_whatever_is_found(query, tmp_path):
+    (tmp_path / "path.csv").write_text("x_m,y_m\n0.1,0.1\n")
+    asked = (
+        ("at", "0.2", "0.3"), ("at", "9", "9"), ("along", "path.csv"),
+        ("near", "0", "0", "--radius", "1"), ("near", "99", "99", "--radius", "1"),
+    )  # fmt: skip
+    pages = [query(*arguments, "--format", "csv")[1].splitlines() for arguments in asked]
+    assert [len(page) for page in pages] == [2, 2, 2, 3, 1]
+    (header,) = {page[0] for page in pages}
+    assert header.split(",")[:7] == ["x_m", "y_m", "known", "unknown", "class", "probability_asphalt", "probability_sand"]
+    place = json.loads(query("at", "0.2", "0.3", "--format", "json")[1])["places"][0]
+    assert list(flat(place)) == header.split(",")
 
 
 def test_stress_in_any_unit(query):

@@ -86,7 +86,13 @@ def test_nothing_can_be_changed(view):
         view.soils["sand"] = view.soils["clay"]
     before = view.along([SAND, CLAY], now=0.0)
     answer = view.along([SAND, CLAY], now=0.0)
-    answer.class_probability[:] = 0.0  # an answer is the planner's own
+    assert not any(array.flags.writeable for array in arrays(answer))
+    with pytest.raises(ValueError, match="read-only"):
+        answer.class_probability[:] = 0.0
+    path = np.array([SAND, CLAY])
+    asked = view.along(path)
+    path[:] = 0.0  # the path stays the planner's own
+    np.testing.assert_array_equal(asked.x, [SAND[0], CLAY[0]])
     np.testing.assert_array_equal(view.along([SAND, CLAY], now=0.0).class_probability, before.class_probability)
 
 

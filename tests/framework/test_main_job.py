@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +13,7 @@ import pytest
 from bevameter.database.store import TerrainDatabase
 from bevameter.framework.cli.main import app
 from bevameter.framework.core.recording.open import read_recording
-from bevameter.framework.track import track_of
+from bevameter.framework.track import DEAD_RECKONING, track_of
 from bevameter.framework.traverse import run_traverse
 from typer.testing import CliRunner
 
@@ -122,6 +124,22 @@ def test_the_command_says_it_all_and_a_second_run_adds_nothing(drive, small_mode
     assert page["observations_new"] == 0
     assert page["observations_known"] == summary.observations_new
     assert page["soils"][0]["class_name"] == "sand"
+
+
+def test_without_poses_soil_is_learnt_and_no_cell_is_added(drive, small_models, tmp_path):
+    folder, path, _ = drive
+    both = shutil.copy(path, tmp_path / "both.db")
+    recording = replace(read_recording(folder), pose=None, digest="cd" * 32)
+    assert track_of(recording).origin == DEAD_RECKONING
+    summary = run_traverse(recording, both, models=small_models)
+    assert summary.soils
+    with TerrainDatabase(path) as before, TerrainDatabase(both) as after:
+        old, new = before.snapshot(), after.snapshot()
+    np.testing.assert_array_equal(new.cells.key, old.cells.key)
+    np.testing.assert_array_equal(new.cells.probability, old.cells.probability)
+    learnt = {soil.class_name for soil in summary.soils} - {None}
+    assert learnt
+    assert all(new.soils[name].stretches > old.soils[name].stretches for name in learnt)
 
 
 def test_ctrl_c_leaves_the_database_as_it_was(drive, small_models, tmp_path):

@@ -253,6 +253,17 @@ def test_dead_reckoning_is_said(world, tmp_path):
     assert any("heading unknown" in text for text in summary.warnings)
 
 
+def test_a_drive_without_places_puts_nothing_on_the_map_but_teaches_its_soils(world, tmp_path):
+    run_traverse(recording(pose=None), tmp_path / "t.db", models=MODELS)
+    with TerrainDatabase(tmp_path / "t.db") as database:
+        (drive,) = database.drives()
+        snapshot = database.snapshot()
+    assert len(drive.terrain) == 0
+    assert "sand" in snapshot.soils
+    assert all(np.isnan(soil.x_m) for soil in drive.soils)
+    assert not snapshot.at(5.0, 0.0).known.any()
+
+
 def test_soil_that_cannot_be_identified_is_said(world, tmp_path, monkeypatch):
     def identify_segments(recording, **options):
         raise InputError("wheel.csv", "no slip was observed")

@@ -40,7 +40,7 @@ def reference_forces(theta_1: float, slip: float, soil: ws.Soil) -> np.ndarray:
 
     def integral(function) -> float:
         return sum(
-            quad(function, low, high, epsabs=0.0, epsrel=1e-12, limit=200)[0]
+            quad(function, low, high, epsabs=0.0, epsrel=1e-11, limit=200)[0]
             for low, high in ((0.0, theta_m), (theta_m, theta_1))
         )
 
