@@ -273,7 +273,7 @@ def _warnings(recording: Recording, models: Models, track: Track | None) -> tupl
         warnings.append("the recording holds no places and no travel speed: nothing can be put on a map")
     elif track.origin == DEAD_RECKONING:
         warnings.append(
-            "the recording holds no places: the way is travel speed added up, heading unknown; what was learnt of soils "
+            "the recording holds no places: the way is travel speed added up, heading unknown; what the wheels learnt "
             "is kept, the cells are not put on the site's map"
         )
     return tuple(warnings)
