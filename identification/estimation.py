@@ -3,7 +3,8 @@
 Maximum likelihood with errors in all channels (`errors_in_variables`); where residuals exceed the sensors' noise, a
 discrepancy variance is estimated with the parameters and carried into the intervals (after M. C. Kennedy, A. O'Hagan,
 "Bayesian calibration of computer models", J. R. Stat. Soc. B 63 (2001), Eq. 5, with an independent discrepancy), and
-its correlation from sample to sample lowers the number of samples that count.
+its correlation from sample to sample lowers the number of samples that count. Where the samples contradict the form of
+the model, its form is uncertain too (`form_error`).
 """
 
 from __future__ import annotations
@@ -17,10 +18,11 @@ from scipy.stats import t as t_distribution
 from ..framework.core.errors import InputError
 from ..framework.core.soil import PARAMETERS, PLAUSIBLE, SoilEstimate, SoilKnowledge
 from ..framework.core.vehicle import Wheel
+from . import form_error
 from .errors_in_variables import Fit, best_start, fit
-from .forward import CHANNELS, TextbookWheel, slope_of_internal, to_internal
+from .forward import CHANNELS, TextbookWheel, from_internal, slope_of_internal, to_internal
 from .identifiability import advise, separable, strengths
-from .intervals import consistent, parameter_intervals
+from .intervals import consistent, hull, parameter_intervals
 from .marginal_likelihood import Problem
 from .wheel_soil import Soil, contact_array, entry_angle, rim_forces
 
@@ -33,8 +35,8 @@ _EXPLAINED = 1.1
 WRONG_FORM = 1.5
 """A misfit beyond this many times the sensors' noise is reported as an error of the model's form [-]."""
 
-LEAST_ROWS = 6
-"""Samples below which nothing is estimated."""
+LEAST_ROWS = len(PARAMETERS)
+"""Samples below which nothing is estimated: fewer than there are parameters."""
 
 _STARTS = ((0.8, 0.02), (1.1, 0.005), (0.5, 0.03))
 """Starting values of n and k [m]; cohesion and friction start at 1 kPa and 30 degrees, the stiffness from the load."""
@@ -63,7 +65,8 @@ class Measured:
 class Solution:
     """The fit behind a `SoilEstimate`.
 
-    `inflation` multiplies the covariance, `quantile` is Student's t at 97.5 %, `misfit` as in `SoilEstimate`.
+    `inflation` multiplies the covariance, `widening` (p,) each parameter's variance where the form is wrong; `quantile`
+    is Student's t at 97.5 %, `misfit`, of the textbook's form, as in `SoilEstimate`.
     """
 
     problem: Problem
@@ -71,6 +74,7 @@ class Solution:
     inflation: float
     quantile: float
     misfit: float
+    widening: np.ndarray | None = None
 
     @property
     def free(self) -> np.ndarray:
@@ -79,7 +83,12 @@ class Solution:
 
     def covariance(self) -> np.ndarray:
         """Covariance (p, p) of the parameter vector, the model's error carried in it."""
-        return self.fit.covariance(self.free) * self.inflation
+        factor = np.sqrt([self.widened(index) for index in range(len(self.free))])
+        return self.fit.covariance(self.free) * np.outer(factor, factor)
+
+    def widened(self, index: int) -> float:
+        """Factor on the variance of one parameter, the model's error carried in it."""
+        return self.inflation * (1.0 if self.widening is None else float(self.widening[index]))
 
 
 def estimate_soil(measured: Measured, wheel: Wheel, known: SoilKnowledge | None = None) -> SoilEstimate:
@@ -103,11 +112,20 @@ def estimate_soil(measured: Measured, wheel: Wheel, known: SoilKnowledge | None 
     return summarise(solve(kept, wheel, known or SoilKnowledge()), kept, wheel)
 
 
-def summarise(solution: Solution, kept: Measured, wheel: Wheel) -> SoilEstimate:
-    """Turn a fit into an estimate: intervals, strength, what is determined and what driving would do for the rest."""
+def summarise(solution: Solution, kept: Measured, wheel: Wheel, *, one_soil: bool = True) -> SoilEstimate:
+    """Turn a fit into an estimate: intervals, strength, what is determined and what driving would do for the rest.
+
+    Where the samples are known to be of several soils (`one_soil` False), the form of the model is not at fault.
+    """
     model = TextbookWheel(wheel)
     covariance, bounded = solution.covariance(), physical(solution)
     intervals = parameter_intervals(bounded, covariance, model)
+    problems: tuple[str, ...] = ()
+    if one_soil and form_error.rejected(solution, WRONG_FORM):
+        freed = physical(_freed(solution, kept, wheel))
+        # The textbook's values stand, for they predict best with the textbook; the intervals hold both readings.
+        intervals = hull(bounded, intervals, parameter_intervals(freed, freed.covariance(), model))
+        problems = _model_error(solution, freed)
     strength = strengths(bounded, covariance, intervals, model)
     covariance = consistent(covariance, bounded, intervals)
     determined = separable(intervals.quantities, strength, solution.free, solution.misfit)
@@ -124,17 +142,29 @@ def summarise(solution: Solution, kept: Measured, wheel: Wheel) -> SoilEstimate:
         channels=tuple(name for name, present in zip(CHANNELS, seen.tolist(), strict=True) if present),
         n=len(kept.channels),
         misfit=solution.misfit,
-        problems=_model_error(solution.misfit),
+        problems=problems,
     )
 
 
-def _model_error(misfit: float) -> tuple[str, ...]:
-    """Say what a misfit means: the intervals carry its scatter, not what a wrong form may do to the parameters."""
-    if misfit <= WRONG_FORM:
-        return ()
+def _freed(solution: Solution, kept: Measured, wheel: Wheel) -> Solution:
+    """Let the form of the model vary, and carry what is left out even so."""
+    freed = form_error.with_freedom(solution, _starting_points(kept, wheel, _held(solution.problem)))
+    observations, dof = _counts(freed.problem)
+    assert freed.widening is not None
+    least = unexplained(freed.problem, freed.fit) * observations / max(dof, 1.0)
+    return replace(freed, widening=np.maximum(freed.widening, least))
+
+
+def _model_error(solution: Solution, freed: Solution) -> tuple[str, ...]:
+    """Say what a wrong form means for what the estimate may be used for."""
+    left = misfit(freed.problem, freed.fit)
+    remains = "" if left <= WRONG_FORM else f", and {left:.1f} times with all the freedom that is published"
+    c_kPa, phi_deg = freed.fit.vector[0] / 1e3, math.degrees(math.atan(freed.fit.vector[1]))
     return (
-        f"the model misses the channels by {misfit:.1f} times the sensors' noise: something is left out of it. The "
-        "intervals carry the scatter of that; the parameters may be off by more",
+        f"the textbook's form does not hold (it misses the channels by {solution.misfit:.1f} times the sensors' noise"
+        f"{remains}): something is left out of it. Predictions under the conditions driven may be good, but the "
+        f"parameters are not vouched for as properties of the soil; with the form free, c would be {c_kPa:.2f} kPa and "
+        f"phi {phi_deg:.1f} deg, and the intervals hold both readings",
     )
 
 
@@ -158,29 +188,59 @@ def usable(measured: Measured) -> Measured:
 def solve(measured: Measured, wheel: Wheel, known: SoilKnowledge) -> Solution:
     """Fit, with cohesion free to be negative, and the soil's answers as uncertain as the model cannot explain them."""
     problem = build_problem(measured, wheel, known)
-    seen = problem.seen
-    informative = np.isfinite(problem.prior_sd)
-    # Every sample spends two observations on its own latents.
-    observations = float(seen.sum() - 2 * len(seen) + informative.sum())
-    dof = observations - float(problem.free.sum())
+    observations, dof = _counts(problem)
     if dof < 1.0:
-        raise InputError("wheel channels", f"{int(seen.sum())} observations", expected="more than unknowns")
+        raise InputError("wheel channels", f"{int(problem.seen.sum())} observations", expected="more than unknowns")
     best = converge(problem, wheel, known)
+    correlation = unexplained(problem, best)
+    if correlation == 0.0:
+        return Solution(problem, best, 1.0, _two_sided(dof), misfit(problem, best))
+    # The maximum-likelihood variance spends no degrees of freedom on the parameters; neighbours repeat each other.
+    quantile = _two_sided(max(dof / correlation, 1.0))
+    return Solution(problem, best, observations / dof * correlation, quantile, misfit(problem, best))
+
+
+def _two_sided(dof: float) -> float:
+    return float(t_distribution.ppf(0.975, dof))
+
+
+def _counts(problem: Problem) -> tuple[float, float]:
+    """Count the observations, priors included, and the degrees of freedom that the parameters leave of them."""
+    # Every sample spends two observations on its own latents.
+    observations = float(problem.seen.sum() - 2 * len(problem.seen) + np.isfinite(problem.prior_sd).sum())
+    return observations, observations - float(problem.free.sum())
+
+
+def unexplained(problem: Problem, best: Fit) -> float:
+    """How many neighbouring samples say the same of what a fit leaves unexplained; 0 where noise explains all."""
     ratio = np.exp(best.point.log_sd[problem.answers]) / problem.noise[problem.answers]
-    misfit = math.sqrt(float(np.mean(ratio**2))) if ratio.size else 1.0
-    inflation = 1.0
-    if (ratio > _EXPLAINED).any():
-        # The maximum-likelihood variance spends no degrees of freedom on the parameters; neighbours repeat each other.
-        correlation = _correlation_time(best.residuals[:, problem.answers] * np.sqrt(best.weights)[:, None])
-        inflation = observations / dof * correlation
-        dof = max(dof / correlation, 1.0)
-    return Solution(problem, best, inflation, float(t_distribution.ppf(0.975, dof)), misfit)
+    if not (ratio > _EXPLAINED).any():
+        return 0.0
+    return _correlation_time(best.residuals[:, problem.answers] * np.sqrt(best.weights)[:, None])
 
 
 def converge(problem: Problem, wheel: Wheel, known: SoilKnowledge) -> Fit:
     """Fit from the best of several starts."""
-    starts = [_start(problem.measured, wheel, known, n, k) for n, k in _STARTS]
-    return fit(problem, best_start(problem, starts))
+    return fit(problem, best_start(problem, _starting_points(problem, wheel, known)))
+
+
+def _starting_points(
+    samples: Measured | Problem, wheel: Wheel, known: SoilKnowledge
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    channels = samples.channels if isinstance(samples, Measured) else samples.measured
+    return [_start(channels, wheel, known, n, k) for n, k in _STARTS]
+
+
+def _held(problem: Problem) -> SoilKnowledge:
+    """Give back what a problem holds."""
+    held = zip(PARAMETERS, problem.held[: len(PARAMETERS)].tolist(), strict=True)
+    return SoilKnowledge({name: from_internal(name, value) for name, value in held if not math.isnan(value)})
+
+
+def misfit(problem: Problem, best: Fit) -> float:
+    """Root mean square over the answering channels of their standard deviation in units of the sensor's [-]."""
+    ratio = np.exp(best.point.log_sd[problem.answers]) / problem.noise[problem.answers]
+    return math.sqrt(float(np.mean(ratio**2))) if ratio.size else 1.0
 
 
 def physical(solution: Solution) -> Solution:

@@ -19,9 +19,10 @@ from ..framework.core.soil import Quantity, ShearStrength, SoilEstimate, SoilKno
 from ..framework.core.vehicle import Vehicle, Wheel, load_vehicle
 from . import linearised
 from .changes import split_soils
-from .estimation import Measured, estimate_soil, summarise, usable
+from .estimation import Measured, estimate_soil, solve, summarise, usable
 from .forward import CHANNELS
 from .gate import LIMITS, Stretch, find_stretches, quasi_static
+from .geometry import by_geometry
 from .noise import sensor_noise
 
 Method = Literal["ml", "linear"]
@@ -38,7 +39,10 @@ MOST_ROWS = 1500
 
 @dataclass(frozen=True)
 class Segment:
-    """One stretch of the drive [s] (NaN for steady-state trials): used, with its estimate, or not, with the reason."""
+    """One stretch of the drive [s] (NaN for steady-state trials): used, with its estimate, or not, with the reason.
+
+    `wheel` says which wheel it is, where the recording describes several and is no one vehicle's.
+    """
 
     start_s: float
     end_s: float
@@ -46,11 +50,12 @@ class Segment:
     reason: str
     n: int
     estimate: SoilEstimate | None = None
+    wheel: str = ""
 
 
 @dataclass(frozen=True)
 class Identification:
-    """Soil by segment, and over all rows that were used (None where there were none)."""
+    """Soil by segment, and over all rows that were used (None where there were none, or rows of several wheels)."""
 
     overall: SoilEstimate | None
     segments: tuple[Segment, ...]
@@ -89,6 +94,30 @@ def identify(
         The recording has no wheel channels, no geometry, or lacks channels that the method needs.
     """
     recording, known = open_recording(recording, vehicle), _known(soil)
+    parts = by_geometry(recording)
+    if len(parts) > 1:
+        return _several_wheels(parts, known, method)
+    return _one_wheel(parts[0], known, method)
+
+
+def _several_wheels(parts: list[Recording], known: SoilKnowledge, method: Method) -> Identification:
+    """Identify for each wheel by itself what it felt: nothing says that they ran on one soil."""
+    segments, problems = [], []
+    for part in parts:
+        assert part.vehicle is not None
+        name = part.vehicle.name
+        try:
+            result = _one_wheel(part, known, method)
+        except InputError as error:
+            segments.append(Segment(math.nan, math.nan, False, str(error), len(part.wheel or ()), wheel=name))
+            continue
+        segments.extend(replace(segment, wheel=name) for segment in result.segments)
+        problems.extend(f"{name}: {problem}" for problem in result.problems)
+    several = f"{len(parts)} wheels, each identified by itself; there is no estimate over all of them"
+    return Identification(None, tuple(segments), method, (several, *problems))
+
+
+def _one_wheel(recording: Recording, known: SoilKnowledge, method: Method) -> Identification:
     rows = felt_rows(recording)
     stretches = rows.stretches()
     segments = tuple(segment for stretch in stretches for segment in _segments(rows, stretch, known, method))
@@ -98,9 +127,10 @@ def identify(
     if len(found) == 1:
         overall = found[0]
     elif found:
-        overall = _estimate(rows, np.sort(np.concatenate(chosen)), known, method)
-    if overall is not None and overall.misfit > MIXED * max(each.misfit for each in found if each is not None):
-        problems = (*problems, "the stretches differ in soil: the overall estimate mixes several soils")
+        worst = max(each.misfit for each in found if each is not None)
+        overall, mixed = _overall(rows, np.sort(np.concatenate(chosen)), known, method, MIXED * worst)
+        if mixed:
+            problems = (*problems, "the stretches differ in soil: the overall estimate mixes several soils")
     return Identification(overall, segments, method, problems)
 
 
@@ -143,11 +173,17 @@ def felt_rows(recording: Recording) -> FeltRows:
     """Gather the wheel rows to identify from; raises `InputError` without wheel channels or geometry."""
     if recording.wheel is None or len(recording.wheel) == 0:
         raise InputError(recording.source, "no wheel channels", expected="wheel.csv or wheel.parquet")
+    recording, *others = by_geometry(recording)
+    if others:
+        raise InputError(recording.source, f"rows of {1 + len(others)} wheels", expected="rows of one wheel")
     if recording.vehicle is None:
         raise InputError(
-            recording.source, "no wheel geometry", expected="vehicle.toml beside the recording, or --vehicle"
+            recording.source,
+            "no wheel geometry",
+            expected="vehicle.toml beside the recording, --vehicle, or columns radius_m and width_m",
         )
     table, vehicle = recording.wheel, recording.vehicle
+    assert table is not None
     groups: dict[tuple[float, float], list[str | None]] = {}
     names = [None] if table.wheel is None else [str(name) for name in np.unique(table.wheel)]
     for name in names:
@@ -231,6 +267,18 @@ def _estimate(rows: FeltRows, chosen: np.ndarray, known: SoilKnowledge, method: 
     if method == "linear":
         return _linear(rows.table.select(chosen), rows.wheel, known)
     return estimate_soil(measured_rows(rows, chosen), rows.wheel, known)
+
+
+def _overall(
+    rows: FeltRows, chosen: np.ndarray, known: SoilKnowledge, method: Method, most_misfit: float
+) -> tuple[SoilEstimate, bool]:
+    """Give one estimate over several stretches, and whether it mixes soils: it then misfits as no stretch does."""
+    if method == "linear":
+        return _estimate(rows, chosen, known, method), False
+    kept = usable(measured_rows(rows, chosen))
+    solution = solve(kept, rows.wheel, known)
+    mixed = solution.misfit > most_misfit
+    return summarise(solution, kept, rows.wheel, one_soil=not mixed), mixed
 
 
 def measured_rows(rows: FeltRows, chosen: np.ndarray) -> Measured:

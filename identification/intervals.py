@@ -10,6 +10,7 @@ import numpy as np
 
 from ..framework.core.soil import Quantity
 from .errors_in_variables import fit
+from .flexible_form import FlexibleWheel
 from .forward import TextbookWheel, from_internal, slope_of_internal
 
 if TYPE_CHECKING:
@@ -18,7 +19,27 @@ if TYPE_CHECKING:
 _TOLERANCE = 0.15
 """An end is taken where the profile has fallen to within this share of the critical value."""
 
-_TRIALS = 8
+
+@dataclass(frozen=True)
+class _Walk:
+    """How to walk out: trials, iterations of a fit, gain [nats] that ends it, first step [half intervals], growth."""
+
+    trials: int
+    iterations: int
+    enough: float
+    first: float
+    growth: float
+
+
+_STRAIGHT = _Walk(8, 20, 0.05, 1.0, 4.0)
+_WINDING = _Walk(10, 40, 0.01, 0.25, 2.0)
+"""Where the form is free, valleys are long and bend: short steps, each from where the last one ended."""
+
+_WINDING_FAR = _Walk(14, 120, 0.01, 0.2, 1.8)
+"""With few samples they reach far, and each step is cheap."""
+
+_FEW = 60
+"""Samples that are few in this sense."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +50,7 @@ class Intervals:
     ends: dict[int, tuple[np.ndarray, np.ndarray]]
 
 
-def parameter_intervals(solution: Solution, covariance: np.ndarray, model: TextbookWheel) -> Intervals:
+def parameter_intervals(solution: Solution, covariance: np.ndarray, model: TextbookWheel | FlexibleWheel) -> Intervals:
     """Give value, standard deviation and 95 % interval of each parameter in SI.
 
     Parameters
@@ -55,6 +76,33 @@ def parameter_intervals(solution: Solution, covariance: np.ndarray, model: Textb
         quantities[name] = Quantity(
             value,
             spread(solution, index, low, high) * slope_of_internal(name, value),
+            from_internal(name, float(low[index])),
+            from_internal(name, float(high[index])),
+        )
+    return Intervals(quantities, ends)
+
+
+def hull(solution: Solution, first: Intervals, other: Intervals) -> Intervals:
+    """Widen intervals to those that a freer form of the model gives: the truth may be nearer to either.
+
+    Parameters
+    ----------
+    solution
+        The textbook's fit, whose values stand.
+    first, other
+        Its intervals, and those of the freer form, whose vectors begin with the same parameters.
+    """
+    quantities, ends = dict(first.quantities), {}
+    size = len(solution.fit.vector)
+    for index, (name, quantity) in enumerate(first.quantities.items()):
+        if index not in first.ends:
+            continue
+        low = min(first.ends[index][0], other.ends[index][0][:size], key=lambda vector, at=index: float(vector[at]))
+        high = max(first.ends[index][1], other.ends[index][1][:size], key=lambda vector, at=index: float(vector[at]))
+        ends[index] = low, high
+        quantities[name] = Quantity(
+            quantity.value,
+            spread(solution, index, low, high) * slope_of_internal(name, quantity.value),
             from_internal(name, float(low[index])),
             from_internal(name, float(high[index])),
         )
@@ -90,14 +138,19 @@ def _end(solution: Solution, index: int, sd: float, ridge: np.ndarray, direction
     reach = (bound - centre) * direction
     if reach <= 0.0:
         return best.vector
-    critical = solution.quantile**2 * solution.inflation
+    critical = solution.quantile**2 * solution.widened(index)
     point = best.point
     inner, outer, found = 0.0, math.inf, best.vector
-    at = min(max(sd * solution.quantile, 1e-9 * reach), reach)
-    for _ in range(_TRIALS):
+    walk = _STRAIGHT
+    if solution.widening is not None:
+        walk = _WINDING_FAR if len(problem.measured) <= _FEW else _WINDING
+    at = min(max(walk.first * sd * solution.quantile, 1e-9 * reach), reach)
+    for _ in range(walk.trials):
         value = centre + direction * at
         vector = np.clip(point.vector + ridge * (value - point.vector[index]), problem.lower, problem.upper)
-        profiled = fit(problem.fixing(index, value), replace(point, vector=vector), iterations=20, enough=0.05)
+        profiled = fit(
+            problem.fixing(index, value), replace(point, vector=vector), iterations=walk.iterations, enough=walk.enough
+        )
         fall = max(2.0 * (best.log_likelihood - profiled.log_likelihood), 1e-6)
         found = profiled.vector
         if abs(fall / critical - 1.0) <= _TOLERANCE or (fall < critical and at >= reach):
@@ -106,7 +159,7 @@ def _end(solution: Solution, index: int, sd: float, ridge: np.ndarray, direction
         aim = at * math.sqrt(critical / fall)
         if fall < critical:
             inner, point = at, profiled.point
-            at = min(aim, 4.0 * at, reach) if math.isinf(outer) else min(aim, 0.5 * (inner + outer))
+            at = min(aim, walk.growth * at, reach) if math.isinf(outer) else min(aim, 0.5 * (inner + outer))
         else:
             outer = at
             at = max(aim, inner + 0.15 * (outer - inner))

@@ -31,12 +31,12 @@ def _channel_noise(table: WheelTable, name: str, given: float | None) -> float:
     if given is not None:
         return given
     least = LEAST_SHARE * float(np.nanmax(np.abs(values))) or LEAST_SHARE
-    measured = _from_neighbours(table, values) if "time_s" in table else _from_repeats(table, values, name)
+    measured = noise_from_neighbours(table, values) if "time_s" in table else _from_repeats(table, values, name)
     return max(measured, least)
 
 
-def _from_neighbours(table: WheelTable, values: np.ndarray) -> float:
-    """Noise from second differences: for white noise their variance is six times that of a sample."""
+def noise_from_neighbours(table: WheelTable, values: np.ndarray) -> float:
+    """Noise of a channel (n,) with time, from second differences, whose variance is six times that of white noise."""
     same = np.ones(max(len(values) - 2, 0), dtype=bool)
     for names in (table.wheel, table.run):
         if names is not None:
@@ -44,7 +44,9 @@ def _from_neighbours(table: WheelTable, values: np.ndarray) -> float:
     if table.wheel is not None and not same.any():
         # Rows of several wheels alternate: look along one wheel at a time.
         parts = [table.select(table.wheel == wheel) for wheel in np.unique(table.wheel)]
-        measured = [_from_neighbours(part, values[table.wheel == part.wheel[0]]) for part in parts if len(part) > 2]  # type: ignore[index]
+        measured = [
+            noise_from_neighbours(part, values[table.wheel == part.wheel[0]]) for part in parts if len(part) > 2
+        ]  # type: ignore[index]
         return float(np.median(measured)) if measured else 0.0
     second = np.diff(values, 2)[same]
     second = second[np.isfinite(second)]

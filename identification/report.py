@@ -26,6 +26,7 @@ def identification_json(result: Identification) -> dict[str, Any]:
                 "used": segment.used,
                 "reason": segment.reason,
                 "rows": segment.n,
+                **({"wheel": segment.wheel} if segment.wheel else {}),
                 **(estimate_json(segment.estimate) if segment.estimate else {}),
             }
             for segment in result.segments

@@ -36,9 +36,11 @@ def truth(samples: int = 300, swing_N: float = 300.0) -> np.ndarray:
     return np.column_stack([load, state.torque_Nm, state.sinkage_m, slip, state.drawbar_pull_N])
 
 
-def noisy(rng: np.random.Generator, share: float, pull: bool, outliers: float = 0.0) -> Measured:
+def noisy(
+    rng: np.random.Generator, share: float, pull: bool, outliers: float = 0.0, swing_N: float = 300.0
+) -> Measured:
     """One simulated recording; a share `outliers` of its samples is replaced by gross errors."""
-    channels = truth()
+    channels = truth(swing_N=swing_N)
     noise = share * np.abs(channels).max(axis=0)
     measured = channels + noise * rng.normal(size=channels.shape)
     rows = rng.choice(len(channels), int(outliers * len(channels)), replace=False)
@@ -64,32 +66,42 @@ def bound(share: float, pull: bool) -> np.ndarray:
     return np.sqrt(np.diag(covariance)) * slopes
 
 
-def one(task: tuple[int, float, bool, float]) -> tuple[list[float], list[bool], list[float], float]:
-    """Estimates, whether the interval holds the truth, the linear method's c and phi, and seconds."""
-    seed, share, pull, outliers = task
-    measured = noisy(np.random.default_rng(seed), share, pull, outliers)
+def one(task: tuple[int, float, bool, float, float]) -> tuple[list[float], list[bool], list[float], float, list[bool]]:
+    """Estimates, whether the interval holds the truth, the linear method's c and phi, seconds; of the shear strengths,
+    whether their intervals hold the truth, and whether c and phi are called separable.
+    """
+    seed, share, pull, outliers, swing_N = task
+    measured = noisy(np.random.default_rng(seed), share, pull, outliers, swing_N)
     began = time.perf_counter()
     estimate = estimate_soil(measured, WHEEL)
     seconds = time.perf_counter() - began
     quantities = [estimate.parameters[name] for name in NAMES]
     held = [q.low <= getattr(SOIL, name) <= q.high for q, name in zip(quantities, NAMES, strict=True)]
     linear = linear_estimate(*measured.channels[:, :4].T, ASSUMED_K, WHEEL)
-    return [q.value for q in quantities], held, [linear.c_Pa, linear.phi_rad], seconds
+    strong = [
+        each.low_Pa <= SOIL.c_Pa + each.normal_stress_Pa * np.tan(SOIL.phi_rad) <= each.high_Pa
+        for each in estimate.shear_strength
+    ]
+    said = [all(strong), estimate.separable["c_Pa"] or estimate.separable["phi_rad"]]
+    return [q.value for q in quantities], held, [linear.c_Pa, linear.phi_rad], seconds, said
 
 
-def study(seeds: int, share: float, pull: bool, outliers: float, pool: ProcessPoolExecutor) -> str:
+def study(seeds: int, share: float, pull: bool, outliers: float, swing_N: float, pool: ProcessPoolExecutor) -> str:
     """One row of the table."""
-    rows = list(pool.map(one, [(seed, share, pull, outliers) for seed in range(seeds)], chunksize=4))
+    rows = list(pool.map(one, [(seed, share, pull, outliers, swing_N) for seed in range(seeds)], chunksize=4))
     values, held = np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
     target = np.array([getattr(SOIL, name) for name in NAMES])
     rms = np.sqrt(np.mean((values - target) ** 2, axis=0))
-    least = bound(share, pull)
+    least = bound(share, pull) if swing_N else np.full(5, np.nan)
+    said = 100 * np.mean([row[4] for row in rows], axis=0)
     linear = np.median([row[2] for row in rows], axis=0)
     cells = [
-        f"{100 * share:.0f} %", "W, T, z, i, DP" if pull else "W, T, z, i", f"{100 * outliers:.0f} %",
+        f"{100 * share:.0f} %" + ("" if swing_N else ", constant load"),
+        "W, T, z, i, DP" if pull else "W, T, z, i", f"{100 * outliers:.0f} %",
         f"{rms[0]:.0f} ({least[0]:.0f}, {rms[0] / least[0]:.2f})",
         f"{np.degrees(rms[1]):.2f} ({np.degrees(least[1]):.2f}, {rms[1] / least[1]:.2f})",
-        " / ".join(f"{100 * share:.1f}" for share in held.mean(axis=0)),
+        " / ".join(f"{100 * each:.1f}" for each in held.mean(axis=0)),
+        f"{said[0]:.0f} / {said[1]:.0f}",
         f"{linear[0]:.0f}, {np.degrees(linear[1]):.1f}",
         f"{np.median([row[3] for row in rows]):.2f}",
     ]  # fmt: skip
@@ -100,18 +112,20 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=200)
+    parser.add_argument("--workers", type=int, default=1, help="processes")
     arguments = parser.parse_args()
     print(
         "| noise | channels | gross errors | rms error of c [Pa] (bound, ratio) | of phi [deg] (bound, ratio) "
-        "| 95 % interval holds c / phi / k / stiffness / n [%] | linear method, median c [Pa], phi [deg] | s |"
+        "| 95 % interval holds c / phi / k / stiffness / n [%] | strength held / c or phi called separable [%] "
+        "| linear method, median c [Pa], phi [deg] | s |"
     )
-    print("|" + "---|" * 8)
-    with ProcessPoolExecutor(max_workers=2) as pool:
-        for share, pull, outliers in (
-            (0.10, False, 0.0), (0.10, True, 0.0), (0.02, False, 0.0), (0.02, True, 0.0), (0.02, True, 0.05),
-            (0.10, False, 0.05),
+    print("|" + "---|" * 9)
+    with ProcessPoolExecutor(max_workers=arguments.workers) as pool:
+        for share, pull, outliers, swing_N in (
+            (0.10, False, 0.0, 300.0), (0.10, True, 0.0, 300.0), (0.02, False, 0.0, 300.0), (0.02, True, 0.0, 300.0),
+            (0.02, True, 0.05, 300.0), (0.10, False, 0.05, 300.0), (0.02, False, 0.0, 0.0),
         ):  # fmt: skip
-            print(study(arguments.seeds, share, pull, outliers, pool), flush=True)
+            print(study(arguments.seeds, share, pull, outliers, swing_N, pool), flush=True)
 
 
 if __name__ == "__main__":

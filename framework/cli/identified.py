@@ -22,11 +22,11 @@ def print_identification(result: Identification) -> None:
     """Print the overall estimate, then what became of each stretch."""
     for problem in result.problems:
         print(f"note: {problem}")
-    if result.overall is None:
-        print("No row could be used:")
-    else:
+    if result.overall is not None:
         _print_estimate(result.overall)
         print()
+    elif not any(segment.used for segment in result.segments):
+        print("No row could be used:")
     print_rows(
         ["stretch", "rows", "c [kPa]", "phi [deg]", "why not"],
         [_segment_row(segment) for segment in result.segments],
@@ -71,6 +71,8 @@ def _interval(name: str, quantity: Quantity, scale: float) -> str:
 
 def _segment_row(segment: Segment) -> list[str]:
     where = "steady-state trials" if math.isnan(segment.start_s) else f"{segment.start_s:.1f} to {segment.end_s:.1f} s"
+    if segment.wheel:
+        where = f"{where}, {segment.wheel}"
     if segment.estimate is None:
         return [where, str(segment.n), "", "", segment.reason]
     c, phi = segment.estimate.parameters["c_Pa"], segment.estimate.parameters["phi_rad"]

@@ -5,6 +5,8 @@ python -m pytest tests/benchmarks/test_identification_speed.py --benchmark-only
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 from bevameter.framework.core.vehicle import Wheel
@@ -56,6 +58,20 @@ def test_quadrature_and_root_finding_of_three_samples(benchmark):
     """Three samples only: multiply by 333 to compare."""
     benchmark.pedantic(by_quadrature_and_root_finding, args=(LOADS[::400], SLIPS[::400]), rounds=3)
     benchmark.extra_info["samples"] = 3
+
+
+@pytest.mark.benchmark(group="equilibrium, per 1000 samples")
+def test_a_thousand_times_the_throughput_of_quadrature_and_root_finding(benchmark):
+    few = slice(0, 1000, 200)
+    began = time.perf_counter()
+    by_quadrature_and_root_finding(LOADS[few], SLIPS[few])
+    slow = (time.perf_counter() - began) / len(LOADS[few])
+    equilibrium(WHEEL, SOIL, LOADS[:2], SLIPS[:2])
+    benchmark(equilibrium, WHEEL, SOIL, LOADS, SLIPS)
+    if benchmark.enabled:  # not beside other tests: that would measure those
+        ratio = slow / (benchmark.stats.stats.median / len(LOADS))
+        benchmark.extra_info["times_faster"] = ratio
+        assert ratio >= 1000.0
 
 
 def drive(samples: int) -> tuple[np.ndarray, np.ndarray]:

@@ -179,24 +179,88 @@ def test_the_linear_method_needs_torque_and_never_reports_negative_cohesion(rng)
     assert "torque_Nm" in linear[0].reason
 
 
-def test_real_sand_without_torque_gives_friction_and_cohesion_with_intervals(shared_data):
-    """Single-wheel testbed, dry sand: angle of repose 29 deg, cohesion 0-1 kPa (NOTES.md of the recording)."""
+def test_real_sand_without_torque_says_what_it_does_not_know(shared_data):
+    """Single-wheel testbed, dry sand: angle of repose 29 deg, cohesion 0-1 kPa (NOTES.md of the recording).
+
+    Sinkage rises with slip, which the textbook's does not. Without torque, pull fixes only phi less the angle of the
+    stress peak: with the form in doubt, phi is open below.
+    """
     result = identify(shared_data / "single-wheel-sand" / "wheel.csv")
     assert "torque_Nm" not in result.overall.channels
     phi, c = result.overall.parameters["phi_rad"], result.overall.parameters["c_Pa"]
-    assert phi.low <= np.radians(29.0) <= phi.high
-    assert phi.high - phi.low < np.radians(12.0)
-    assert c.low <= 1000.0
-    assert 0.0 < c.high < 3000.0
+    assert phi.low <= np.radians(29.0) <= phi.high < np.radians(35.0)
+    assert c.low <= 0.0
+    assert 1000.0 <= c.high < 6000.0
+    assert not result.overall.separable["phi_rad"]
+    assert "not vouched for" in result.overall.problems[0]
     reasons = {segment.reason: segment.n for segment in result.segments if not segment.used}
     assert reasons["not straight ahead (slip angle beyond 2 deg)"] == 162
 
 
-def test_on_granular_ground_the_misfit_is_seen_and_carried(shared_data):
-    """A material-point simulation, nothing of the textbook inside: the model's error has to show."""
+def test_on_granular_ground_the_intervals_hold_the_soil(shared_data):
+    """A material-point simulation, c = 0 and phi = 30 deg, nothing of the textbook inside."""
     result = identify(shared_data / "granular-wheel" / "wheel.csv")
     assert result.overall.misfit > 2.0
     assert "left out" in result.overall.problems[0]
     assert not any(result.overall.separable.values())
     assert "leaves out" in result.overall.advice
     assert result.overall.n == 28
+    phi, c = result.overall.parameters["phi_rad"], result.overall.parameters["c_Pa"]
+    assert c.low == 0.0
+    assert c.high < 6000.0
+    assert phi.low < np.radians(30.0) < phi.high < np.radians(55.0)
+
+
+def trials(rng, wheels=((0.15, 0.12), (0.1, 0.08))) -> WheelTable:
+    """Steady trials of several wheels, each row with its wheel's geometry."""
+    parts = []
+    for radius_m, width_m in wheels:
+        loads, slips = (grid.ravel() for grid in np.meshgrid([60.0, 100.0, 150.0], np.linspace(0.05, 0.6, 8)))
+        state = equilibrium(Wheel(radius_m=radius_m, width_m=width_m), SAND, loads, slips)
+        truth = {"load_N": loads, "torque_Nm": state.torque_Nm, "sinkage_m": state.sinkage_m, "slip": slips}
+        noisy = {name: values * (1.0 + 0.01 * rng.normal(size=24)) for name, values in truth.items()}
+        parts.append({**noisy, "radius_m": np.full(24, radius_m), "width_m": np.full(24, width_m)})
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    runs = np.array([f"trial {row}" for row in range(24 * len(wheels))])
+    return WheelTable(columns, None, runs, Path("trials.csv"))
+
+
+def test_rows_that_describe_several_wheels_are_identified_wheel_by_wheel(rng):
+    result = identify(recording(trials(rng), None))
+    assert result.overall is None
+    assert "2 wheels" in result.problems[0]
+    assert [segment.wheel for segment in result.segments] == [
+        "wheel of radius 150 mm, width 120 mm",
+        "wheel of radius 100 mm, width 80 mm",
+    ]
+    for segment in result.segments:
+        phi = segment.estimate.parameters["phi_rad"]
+        assert segment.used
+        assert phi.low <= SAND.phi_rad <= phi.high
+    assert identification_json(result)["segments"][1]["wheel"] == "wheel of radius 100 mm, width 80 mm"
+
+
+def test_rows_that_describe_one_wheel_need_no_vehicle(rng):
+    result = identify(recording(trials(rng, ((0.15, 0.12),)), None))
+    assert result.overall.n == 24
+    assert result.segments[0].wheel == ""
+
+
+@pytest.mark.parametrize(("value", "message"), [(np.nan, "row 4, column radius_m: no value"), (-0.1, "radius_m: -0.1")])
+def test_a_wheel_that_no_wheel_can_be_is_one_clear_error(rng, value, message):
+    table = trials(rng)
+    table.columns["radius_m"][3] = value
+    with pytest.raises(InputError, match=message):
+        identify(recording(table, None))
+
+
+def test_published_trials_of_two_wheels_are_identified_and_their_misfit_told(shared_data):
+    """Ding et al. 2011 and Wang & Han 2016, read off figures: five and six rows at one load do not fix a soil."""
+    result = identify(shared_data / "published-wheel-tests" / "wheel_tests.csv")
+    assert [segment.n for segment in result.segments] == [6, 5]
+    for segment, (c_Pa, phi_deg) in zip(result.segments, ((250.0, 31.9), (1716.0, 40.6)), strict=True):
+        c, phi = segment.estimate.parameters["c_Pa"], segment.estimate.parameters["phi_rad"]
+        assert c.low <= c_Pa <= c.high
+        assert phi.low <= np.radians(phi_deg) <= phi.high
+        assert not segment.estimate.separable["phi_rad"]
+        assert segment.estimate.misfit > 1.5

@@ -1,0 +1,63 @@
+"""Wheels that the rows describe themselves: files of trials with columns radius_m and width_m, and no vehicle.toml."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from pydantic import ValidationError
+
+from ..framework.core.errors import InputError
+from ..framework.core.recording.types import Recording, WheelTable
+from ..framework.core.vehicle import Vehicle, Wheel
+
+_COLUMNS = ("radius_m", "width_m", "grouser_height_m", "grouser_count")
+_NEEDED = _COLUMNS[:2]
+
+
+def by_geometry(recording: Recording) -> list[Recording]:
+    """Give one recording for each wheel that the rows describe, in the order of the file; as it is where they do not.
+
+    A vehicle that came with the recording describes its wheels, whatever the rows say.
+
+    Raises
+    ------
+    InputError
+        A row lacks its wheel's radius or width, or gives one that no wheel can have.
+    """
+    table = recording.wheel
+    if recording.vehicle is not None or table is None or any(name not in table for name in _NEEDED):
+        return [recording]
+    names = [name for name in _COLUMNS if name in table]
+    values = np.column_stack([np.nan_to_num(table[name]) if name not in _NEEDED else table[name] for name in names])
+    rows, columns = np.nonzero(~np.isfinite(values))
+    if len(rows):
+        place = f"row {int(rows[0]) + 1}, column {names[int(columns[0])]}"
+        raise InputError(table.source, "no value", expected="the wheel's geometry in every row", place=place)
+    _, first, label = np.unique(values, axis=0, return_index=True, return_inverse=True)
+    label = label.ravel()
+    parts = []
+    for group in np.argsort(first):
+        geometry = dict(zip(names, values[first[group]].tolist(), strict=True))
+        part = table.select(label == group)
+        parts.append(replace(recording, vehicle=_vehicle(part, geometry, int(first[group])), wheel=part))
+    return parts
+
+
+def _vehicle(table: WheelTable, geometry: dict[str, float], row: int) -> Vehicle:
+    """Build a vehicle whose wheels all have the geometry [m] of a row."""
+    names = ["wheel"] if table.wheel is None else [str(name) for name in np.unique(table.wheel)]
+    numbers = {**geometry, "grouser_count": int(geometry.get("grouser_count", 0))}
+    try:
+        return Vehicle(name=describe(numbers), wheels=tuple(Wheel(name=name, **numbers) for name in names))
+    except ValidationError as error:
+        fault = error.errors()[0]
+        place = f"row {row + 1}, column {fault['loc'][-1]}"
+        raise InputError(table.source, f"{fault['input']!r}: {fault['msg']}", place=place) from None
+
+
+def describe(geometry: dict[str, float]) -> str:
+    """Say in words which wheel this is."""
+    height, count = geometry.get("grouser_height_m", 0.0), geometry.get("grouser_count", 0)
+    grousers = f", {count:g} grousers of {1e3 * height:g} mm" if height and count else ""
+    return f"wheel of radius {1e3 * geometry['radius_m']:g} mm, width {1e3 * geometry['width_m']:g} mm{grousers}"
