@@ -1,0 +1,85 @@
+"""The truth of a concealed recording, fit for JSON: what the scorer sees and the tool never."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .drives import Plan
+from .effects import Effect
+from .mechanics import Channels, Ground
+from .strength import LEVELS, Found
+from .table import Recorded
+from .weighing import Case, Refit, soil
+
+
+def truth_of(
+    seed: int, level: str, plan: Plan, kind: str, case: Case, found: Sequence[Found], shares: Sequence[float],
+    textbook: Refit,
+) -> dict:  # fmt: skip
+    """Give the truth: effects, soil, strength, protocol, and what the textbook refitted makes of it."""
+    reached = all(f.reached for f in found) and all(share > 0.3 for share in shares)
+    return {
+        "schema": 1,
+        "seed": seed,
+        "level": level if found else "null",
+        "asked_nats": LEVELS[level] if found else 0.0,
+        "nats": textbook.nats,
+        "reached": reached,
+        "reason": "; ".join(f"{f.effect.slug}: {f.reason}" for f in found if f.reason),
+        "protocol": plan.protocol,
+        "rate_Hz": plan.rate_Hz,
+        "soil_kind": kind,
+        "columns": list(plan.columns),
+        "soil": soil_dict(case.ground),
+        "textbook_soil": soil_dict(soil(textbook.parameters)),
+        "textbook_r2": dict(zip(case.names, np.round(textbook.r2, 5).tolist(), strict=True)),
+        "soil_known": bool(case.known),
+        "variation": {
+            "stiffness_sd": case.variation.stiffness_sd,
+            "strength_sd": case.variation.strength_sd,
+            "length_m": case.variation.length_m,
+        },
+        "noise": {name: case.sensors.deviation(name) for name in ("load_N", *case.names)},
+        "effects": [effect_dict(f, case.names, shares[index] if shares else None) for index, f in enumerate(found)],
+    }
+
+
+def soil_dict(ground: Ground) -> dict[str, float]:
+    """Give a soil's parameters by the names of the contracts."""
+    return {name: float(getattr(ground, name)) for name in ("c_Pa", "phi_rad", "k_m", "stiffness_Pa", "n")}
+
+
+def effect_dict(found: Found, answers: Sequence[str], share: float | None) -> dict:
+    """Give one hidden effect."""
+    effect = found.effect
+    return {
+        "effect": effect.slug,
+        "kind": effect.kind,
+        "form": effect.form,
+        "parameters": effect.parameters(),
+        "magnitude": effect.magnitude,
+        "nats_alone": found.nats,
+        "share_beside_the_other": share,
+        "channels": list(right_channels(effect, answers)),
+        "variables": list(effect.variables),
+    }
+
+
+def right_channels(effect: Effect, answers: Sequence[str]) -> tuple[str, ...]:
+    """Channels where the mismatch may rightly be located."""
+    own = getattr(effect, "channel", None)
+    if own is not None:
+        return (own,)
+    return tuple(name for name in effect.channels if name in answers or name in ("load_N", "slip"))
+
+
+def oracle_rmse(case: Case, recorded: Recorded, oracle: Channels) -> dict[str, float]:
+    """Give the root-mean-square error of the true model with the soil's mean, by answer, on sound rows."""
+    errors = {}
+    for name in case.names:
+        off = recorded.columns[name] - getattr(oracle, name)
+        off = off[recorded.sound & np.isfinite(off)]
+        errors[name] = float(np.sqrt(np.mean(off**2)))
+    return errors

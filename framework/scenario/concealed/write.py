@@ -1,0 +1,48 @@
+"""A concealed recording as a folder that `read_recording` opens, the truth in another."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...core.recording.types import WheelTable
+from ...core.recording.write import write_wheel_file
+
+if TYPE_CHECKING:
+    from .conceal import ConcealedRecording
+
+
+def write_recording(concealed: ConcealedRecording, folder: Path, truth_folder: Path | None) -> Path:
+    """Write recording.toml, vehicle.toml, wheel.csv, soil.toml where the soil is known; the truth elsewhere.
+
+    Raises
+    ------
+    ValueError
+        The truth would lie where the tool looks.
+    InputError
+        A file cannot be written.
+    """
+    if truth_folder is not None and folder.resolve() in (truth_folder.resolve(), *truth_folder.resolve().parents):
+        raise ValueError(f"truth folder {truth_folder} lies in the recording's folder")
+    folder.mkdir(parents=True, exist_ok=True)
+    table = WheelTable(concealed.recorded.columns, None, concealed.recorded.run, folder / "wheel.csv")
+    write_wheel_file(table, folder / "wheel.csv")
+    (folder / "recording.toml").write_text(f'name = "{folder.name}"\nstreams = ["wheel"]\n', encoding="utf-8")
+    (folder / "vehicle.toml").write_text(_vehicle_toml(concealed.vehicle), encoding="utf-8")
+    if concealed.known_soil:
+        lines = [f"{name} = {{ value = {v:.6g}, sd = {sd:.6g} }}" for name, (v, sd) in concealed.known_soil.items()]
+        (folder / "soil.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    if truth_folder is not None:
+        truth_folder.mkdir(parents=True, exist_ok=True)
+        text = json.dumps(concealed.truth, indent=1) + "\n"
+        (truth_folder / f"{folder.name}.json").write_text(text, encoding="utf-8")
+    return folder
+
+
+def _vehicle_toml(vehicle: dict) -> str:
+    lines = [f'name = "{vehicle["name"]}"', "", "[wheel]"]
+    lines += [f"{key} = {vehicle[key]!r}" for key in ("radius_m", "width_m", "grouser_height_m", "grouser_count")]
+    if vehicle["noise"]:
+        lines += ["", "[noise]", *(f"{name} = {sd:.6g}" for name, sd in vehicle["noise"].items())]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,220 @@
+"""The generator of concealed recordings: its drives, the strength of what is hidden, what it writes."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bevameter.framework.core.recording.open import read_recording
+from bevameter.framework.scenario.concealed.conceal import conceal
+from bevameter.framework.scenario.concealed.drives import draw_plan
+from bevameter.framework.scenario.concealed.effects import catalogue
+from bevameter.framework.scenario.concealed.mechanics import Body, Ground, simulate, travel_ratio
+from bevameter.framework.scenario.concealed.rivals import rivals
+from bevameter.framework.scenario.concealed.strength import LEVELS
+from bevameter.framework.scenario.concealed.table import record
+from bevameter.framework.scenario.concealed.weighing import refit_textbook, refit_with, vector, weights
+from scipy.optimize import least_squares
+
+BODY = Body(0.15, 0.12, 0.01, 12)
+GROUND = Ground(c_Pa=1000.0, phi_rad=0.5, k_m=0.015, stiffness_Pa=1.5e5, n=0.9)
+
+
+def test_plans_have_what_effects_need(rng):
+    for _ in range(5):
+        for protocol in ("bench", "field"):
+            plan = draw_plan(rng, protocol, BODY, GROUND, frozenset({"speeds", "passes", "pitch", "pull"}), samples=300)
+            drive = plan.drive
+            assert np.exp(np.ptp(np.log(drive.wheel_speed))) > 1.8
+            assert drive.passes.max() >= 3
+            assert np.ptp(drive.pitch_rad) > 0.03
+            assert {"pass", "pitch_rad", "drawbar_pull_N", "x_m", "time_s"} <= set(plan.columns)
+            np.testing.assert_allclose(  # slip is that of the speeds
+                drive.travel_speed, BODY.radius_m * drive.wheel_speed * travel_ratio(drive.slip)
+            )
+            starts = np.flatnonzero(np.diff(drive.passes)) + 1
+            np.testing.assert_array_equal(drive.x_m[starts], 0.0)
+            assert np.all(np.diff(drive.time_s) > 0.0)
+            assert np.all(np.diff(drive.wheel_angle) >= 0.0)
+
+
+@pytest.mark.parametrize("level", list(LEVELS))
+def test_the_strength_is_what_was_asked(level):
+    made = conceal(2, ("drivetrain_friction",), level, "bench", samples=500)
+    assert made.truth["reached"]
+    assert made.truth["nats"] == pytest.approx(LEVELS[level], rel=0.15)
+    assert min(made.truth["textbook_r2"].values()) > 0.95
+
+
+def test_nats_are_those_of_another_fit():
+    """Steady trials, rows independent: nats from a variance counted over many recordings, by another optimiser."""
+    made = conceal(1, ("slip_sinkage",), "hidden", "steady")
+    case, effects = made.case, made.effects
+    drive, rng = case.drive, np.random.default_rng(0)
+    plan = draw_plan(rng, "steady", case.body, case.ground, frozenset({"pull"}))
+    plan = replace(plan, drive=drive, columns=(*plan.columns, "drawbar_pull_N"))
+    quiet = replace(case.sensors, gross=0.0, missing=0.0)
+    misses = []
+    for _ in range(150):
+        soil = case.variation.of(case.ground, case.variation.draw(rng))
+        varied, theta_1 = simulate(soil, case.body, drive, effects, nodes=8)
+        seen = record(rng, plan, case.body, quiet, varied)
+        expected, _ = simulate(
+            case.ground, case.body, drive, effects, nodes=8, guess=theta_1,
+            load_N=drive.load_N * seen.load_error, slip=seen.true_slip(drive),
+        )  # fmt: skip
+        columns = np.column_stack([seen.columns[name] for name in case.names])
+        misses.append(columns - case.answers(expected))
+    counted = np.var(misses, axis=0)
+    _, theta_1 = simulate(case.ground, case.body, drive, effects)
+    weight = weights(case, effects, made.clean, theta_1)
+    ratio = (counted / weight.variance).mean(axis=0)
+    np.testing.assert_allclose(ratio, 1.0, atol=0.12)
+
+    def misfit(logs):
+        ground = Ground(np.exp(logs[0]), float(np.arctan(np.exp(logs[1]))), *np.exp(logs[2:]))
+        model, _ = simulate(ground, case.body, drive)
+        return ((case.answers(model) - case.answers(made.clean)) / np.sqrt(counted)).ravel()
+
+    fit = least_squares(misfit, vector(case.ground) + 0.1, x_scale="jac")
+    assert fit.cost == pytest.approx(made.truth["nats"], rel=0.15)
+
+
+def test_what_varies_along_the_track_is_weighed_as_it_varies():
+    """Whitened misfits of the true model have unit variance in each channel, noise and soil drawn many times."""
+    made = conceal(4, (), "hidden", "bench", samples=400)
+    case = made.case
+    _, theta_1 = simulate(case.ground, case.body, case.drive)
+    weight = weights(case, (), made.clean, theta_1)
+    rng = np.random.default_rng(1)
+    squares = []
+    for _ in range(25):
+        soil = case.variation.of(case.ground, case.variation.draw(rng))
+        load = case.drive.load_N + case.sensors.deviation("load_N") * rng.normal(size=400)
+        slip = case.drive.slip + case.sensors.slip_deviation(case.drive) * rng.normal(size=400)
+        truth, _ = simulate(soil, case.body, case.drive, nodes=8, guess=theta_1)
+        model, _ = simulate(case.ground, case.body, case.drive, nodes=8, guess=theta_1, load_N=load, slip=slip)
+        noise = np.array([case.sensors.deviation(name) for name in case.names]) * rng.normal(
+            size=(400, len(case.names))
+        )
+        off = weight.whiten(case.answers(truth) + noise - case.answers(model))
+        squares.append(np.mean(off.reshape(len(case.names), 400) ** 2, axis=1))
+    np.testing.assert_allclose(np.mean(squares, axis=0), 1.0, atol=0.12)
+
+
+def test_a_null_hides_nothing():
+    made = conceal(11, (), "hidden", "field", samples=400)
+    assert made.effects == ()
+    assert made.truth["effects"] == []
+    assert made.truth["level"] == "null"
+    assert made.truth["nats"] == pytest.approx(0.0, abs=0.01)
+    plain, _ = simulate(made.case.ground, made.case.body, made.case.drive)
+    np.testing.assert_array_equal(made.clean.answers(), plain.answers())
+    # and what the textbook leaves of the recorded rows is what was put there: noise and the soil's variation
+    sound = made.recorded.sound
+    off = np.column_stack([made.recorded.columns[n] - getattr(made.oracle, n) for n in made.case.names])[sound]
+    _, theta_1 = simulate(made.case.ground, made.case.body, made.case.drive)
+    expected = weights(made.case, (), made.clean, theta_1).variance[sound].mean(axis=0)
+    assert np.all(np.mean(off**2, axis=0) / expected < 2.5)
+    assert np.all(np.mean(off**2, axis=0) / expected > 0.3)
+
+
+def test_both_effects_of_a_pair_are_there_beyond_each_other():
+    made = conceal(5, ("torque_offset", "slip_sinkage"), "hidden", "steady")
+    assert [effect["effect"] for effect in made.truth["effects"]] == ["torque_offset", "slip_sinkage"]
+    assert made.truth["reached"]
+    for effect in made.truth["effects"]:
+        assert effect["nats_alone"] == pytest.approx(LEVELS["hidden"], rel=0.15)
+        assert effect["share_beside_the_other"] > 0.3
+
+
+def test_the_same_seed_makes_the_same_recording():
+    one, two = (conceal(3, ("drift",), "buried", "bench", samples=200) for _ in range(2))
+    assert one.truth == two.truth
+    for name, values in one.recorded.columns.items():
+        np.testing.assert_array_equal(values, two.recorded.columns[name])
+
+
+@pytest.mark.parametrize("protocol", ["bench", "field", "steady"])
+def test_recordings_are_read_and_tell_nothing(tmp_path, protocol):
+    made = conceal(6, ("slip_sinkage",), "hidden", protocol, samples=200)
+    folder = made.write(tmp_path / "recording", tmp_path / "truth")
+    recording = read_recording(folder)
+    assert recording.wheel is not None
+    assert len(recording.wheel) == len(made.case.drive)
+    assert recording.problems == ()
+    assert recording.vehicle is not None
+    assert recording.vehicle.wheels[0].radius_m == made.case.body.radius_m
+    assert ("run" if protocol == "steady" else "time_s") in (folder / "wheel.csv").read_text().splitlines()[0].split(
+        ","
+    )
+    np.testing.assert_allclose(recording.wheel["torque_Nm"], made.recorded.columns["torque_Nm"])
+    told = " ".join(path.read_text() for path in folder.iterdir() if path.suffix == ".toml")
+    assert not any(slug in told for slug in catalogue())
+    assert {path.name for path in folder.iterdir()} == {"recording.toml", "vehicle.toml", "wheel.csv"}
+    truth = json.loads((tmp_path / "truth" / "recording.json").read_text())
+    assert truth["effects"][0]["effect"] == "slip_sinkage"
+    assert set(truth["oracle_rmse"]) == set(made.case.names)
+
+
+def test_the_truth_is_not_written_where_the_tool_looks(tmp_path):
+    made = conceal(6, (), "hidden", "steady")
+    with pytest.raises(ValueError, match="truth folder"):
+        made.write(tmp_path / "a", tmp_path / "a" / "truth")
+
+
+def test_soil_known_from_elsewhere_comes_with_a_slippery_rim(tmp_path):
+    made = conceal(0, ("rim_adhesion",), "buried", "steady")
+    folder = made.write(tmp_path / "a")
+    assert made.truth["soil_known"]
+    assert "phi_deg" in (folder / "soil.toml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"effects": ("gremlins",)}, "no effect 'gremlins'"),
+        ({"effects": ("drift", "drift")}, "one or two different"),
+        ({"level": "loud"}, "no level 'loud'"),
+        ({"protocol": "moon"}, "no protocol 'moon'"),
+        ({"effects": ("drift",), "protocol": "steady"}, "cannot be seen in steady trials"),
+        ({"forms": ("nonsense",)}, "no form 'nonsense'"),
+    ],
+)
+def test_what_cannot_be_made_is_refused(given, message):
+    with pytest.raises(ValueError, match=message):
+        conceal(0, **given)
+
+
+def test_refitting_finds_the_soil_of_a_null():
+    made = conceal(7, (), "hidden", "steady")
+    _, theta_1 = simulate(made.case.ground, made.case.body, made.case.drive)
+    weight = weights(made.case, (), made.clean, theta_1)
+    fit = refit_textbook(made.case, made.clean, weight, vector(made.case.ground) + np.array([0.3, -0.1, 0.3, 0.2, 0.1]))
+    assert fit.nats < 0.5
+
+
+def test_rivals_tell_what_data_can_tell():
+    """Other faults cannot stand for slip-sinkage; a shift of the peak, which follows slip too, comes nearest."""
+    made = conceal(3, ("slip_sinkage",), "hidden", "steady", forms=["exponent"])
+    behind = rivals(made, ("stress_peak_shift", "torque_gain", "sinkage_offset"))
+    assert next(iter(behind)) == "stress_peak_shift"
+    assert 0.0 < behind["stress_peak_shift"] < 0.5 * behind["torque_gain"]
+    assert max(behind.values()) <= made.truth["nats"] * 1.02
+    with pytest.raises(ValueError, match="expected one"):
+        rivals(conceal(3, (), "hidden", "steady"))
+
+
+def test_a_rival_that_is_the_truth_leaves_nothing():
+    """The fit with soil and magnitude, given the effect itself, and a fault of the inputs among them."""
+    for slug in ("load_gain", "bulldozing"):
+        made = conceal(1, (slug,), "hidden", "steady")
+        _, theta_1 = simulate(made.case.ground, made.case.body, made.case.drive, made.effects)
+        weight = weights(made.case, made.effects, made.clean, theta_1)
+        effect = made.effects[0]
+        near = effect.scaled(0.8 * effect.magnitude)
+        fit, magnitude = refit_with(made.case, made.clean, weight, near, vector(made.case.ground) + 0.01)
+        assert fit.nats < 1.0
+        assert magnitude == pytest.approx(effect.magnitude, rel=0.1)
