@@ -1,8 +1,9 @@
 """What a vehicle can do on ground that a snapshot knows: drawbar pull at a slip, and whether it moves at all.
 
 Each class's soil is drawn many times from what is known of it (`posterior`: a new place of the class, Student t), every
-draw goes through the wheel's full mechanics (`identification.wheel_soil`), and the classes' distributions are mixed by
-the belief over classes. Draws are quasi-random and fixed, so that the same question has the same answer.
+draw goes through the wheel's full mechanics (`identification.wheel_soil`, and where the class has physics of its own
+through these, with their soil: `identification.effects.ensemble`), and the classes' distributions are mixed by the
+belief over classes. Draws are quasi-random and fixed, so that the same question has the same answer.
 """
 
 from __future__ import annotations
@@ -20,18 +21,25 @@ from ..framework.core.errors import InputError
 from ..framework.core.soil import PARAMETERS, PLAUSIBLE
 from ..framework.core.vehicle import Vehicle, Wheel
 from ..identification import stress_kernel as kernel
+from ..identification.effects.ensemble import drawbar_pull as augmented_pull
+from ..identification.effects.ensemble import parameter_count
 from ..identification.wheel_soil import PEAK_SHARE, Soil, contact_array, solve_contact
 from .mixture import MixtureTable
+from .physics import about_physics
 from .posterior import ClassSoil, RandomEffects
 
 if TYPE_CHECKING:
     from .answer import GroundAnswer
+    from .snapshot import Snapshot
 
 DRAWS = 256
 """Draws from each class's soil; the quasi-random error of a 5 % bound is then about 1 % of the spread."""
 
 SLIPS = np.linspace(0.05, 0.8, 16)
 """Slips among which `mobility` seeks the best [-]."""
+
+_SOIL_NUMBERS = 9
+"""Columns of uniform numbers that a draw of a soil takes."""
 
 _OTHERS = {"log_k": "shear modulus k", "log_stiffness": "stiffness", "n": "sinkage exponent n"}
 
@@ -177,29 +185,40 @@ def _class_pulls(
     """
     snapshot = answer.snapshot
     usable = np.array(
-        [name in snapshot.soils and set(_OTHERS) <= set(snapshot.soils[name].others) for name in snapshot.class_names],
+        [
+            name in snapshot.soils and (name in snapshot.physics or set(_OTHERS) <= set(snapshot.soils[name].others))
+            for name in snapshot.class_names
+        ],
         dtype=bool,
     )
     pulls = {}
     for name in np.array(snapshot.class_names, dtype=object)[usable]:
         key = (name, tuple(_shape(wheel) for wheel in vehicle.wheels), loads, tuple(slips.tolist()))
-        pulls[name] = snapshot.remembered(key, lambda name=name: _pull(snapshot.soils[name], vehicle, loads, slips))
+        pulls[name] = snapshot.remembered(key, lambda name=name: _pull(snapshot, name, vehicle, loads, slips))
     return pulls, usable
 
 
-def _shape(wheel: Wheel) -> tuple[float, float]:
-    return wheel.radius_m, wheel.width_m
+def _shape(wheel: Wheel) -> tuple[float, float, float]:
+    return wheel.radius_m, wheel.width_m, wheel.grouser_height_m
 
 
-def _pull(soil: ClassSoil, vehicle: Vehicle, loads: tuple[float, ...], slips: np.ndarray) -> np.ndarray:
+def _pull(snapshot: Snapshot, name: str, vehicle: Vehicle, loads: tuple[float, ...], slips: np.ndarray) -> np.ndarray:
     """Draw one class's soil and add up the wheels' drawbar pull: (DRAWS, slips) [N]."""
-    draws = soil_draws(soil)
+    physics, soil = snapshot.physics.get(name), snapshot.soils[name]
+    if physics is None:
+        draws, pull_of = soil_draws(soil), _wheel_pull
+    else:
+        draws, uniform = soil_draws(about_physics(soil, physics)), _uniform(_SOIL_NUMBERS + parameter_count(physics))
+
+        def pull_of(wheel: Wheel, draws: np.ndarray, load_N: float, slips: np.ndarray) -> np.ndarray:
+            return augmented_pull(physics, wheel, draws, uniform[:, _SOIL_NUMBERS:], load_N, slips)
+
     total = np.zeros((DRAWS, len(slips)))
-    by_wheel: dict[tuple[tuple[float, float], float], np.ndarray] = {}
+    by_wheel: dict[tuple[tuple[float, float, float], float], np.ndarray] = {}
     for wheel, load in zip(vehicle.wheels, loads, strict=True):
         key = (_shape(wheel), load)
         if key not in by_wheel:
-            by_wheel[key] = _wheel_pull(wheel, draws, load, slips)
+            by_wheel[key] = pull_of(wheel, draws, load, slips)
         total += by_wheel[key]
     return np.where(np.isfinite(total), total, -np.inf)
 
@@ -219,8 +238,7 @@ def _wheel_pull(wheel: Wheel, draws: np.ndarray, load_N: float, slips: np.ndarra
 
 def soil_draws(soil: ClassSoil) -> np.ndarray:
     """Draw `DRAWS` soils of new places of a class, (DRAWS, 5): columns as `PARAMETERS`, within `PLAUSIBLE`."""
-    # Unscrambled, so that no seed is needed; half a step away from the sequence's zeros.
-    uniform = (qmc.Sobol(d=9, scramble=False).random(DRAWS) + 0.5 / DRAWS) % 1.0
+    uniform = _uniform(_SOIL_NUMBERS)
     middle = 0.5 * np.nansum(soil.normal_stress_Pa)
     strength = _student(soil.strength, uniform[:, 0:2], uniform[:, 2], np.array([1.0, middle]))
     log_k, log_stiffness, exponent = (
@@ -233,6 +251,12 @@ def soil_draws(soil: ClassSoil) -> np.ndarray:
     )
     low, high = np.array([PLAUSIBLE[name] for name in PARAMETERS]).T
     return np.clip(draws, low, high)
+
+
+def _uniform(columns: int) -> np.ndarray:
+    """Quasi-random numbers in (0, 1), (DRAWS, columns); more columns leave the first ones as they were."""
+    # Unscrambled, so that no seed is needed; half a step away from the sequence's zeros.
+    return (qmc.Sobol(d=columns, scramble=False).random(DRAWS) + 0.5 / DRAWS) % 1.0
 
 
 def _student(effects: RandomEffects, normal: np.ndarray, tail: np.ndarray, gradient: np.ndarray) -> np.ndarray:

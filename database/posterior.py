@@ -22,12 +22,12 @@ much.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..framework.core.soil import PLAUSIBLE
+from ..framework.core.soil import PLAUSIBLE, Quantity
 from .observations import SoilObservation
 
 LEAST_CLASS_PROBABILITY = 0.5
@@ -209,7 +209,7 @@ def _class_soil(name: str, stretches: list[tuple[SoilObservation, float]]) -> Cl
     return ClassSoil(
         name,
         random_effects(means, noise, weight, prior),
-        _other_parameters(estimates, weight),
+        other_parameters([estimate.parameters for estimate in estimates], weight),
         len(stretches),
         float(np.sum(weight)),
         (_nan_extreme(np.min, stresses[:, 0]), _nan_extreme(np.max, stresses[:, 1])),
@@ -217,13 +217,22 @@ def _class_soil(name: str, stretches: list[tuple[SoilObservation, float]]) -> Cl
     )
 
 
-def _other_parameters(estimates: Sequence, weight: np.ndarray) -> dict[str, RandomEffects]:
+def other_parameters(estimates: Sequence[Mapping[str, Quantity]], weight: np.ndarray) -> dict[str, RandomEffects]:
+    """Fit k, stiffness and n, each by itself; absent where no estimate has it with its standard deviation.
+
+    Parameters
+    ----------
+    estimates
+        Parameters by name (`PARAMETERS`), one a stretch.
+    weight : (m,)
+        How far each counts.
+    """
     found = {}
     for parameter, key in (("k_m", "log_k"), ("stiffness_Pa", "log_stiffness"), ("n", "n")):
         low, high = PLAUSIBLE[parameter]
         rows = []
         for estimate, share in zip(estimates, weight, strict=True):
-            entry = estimate.parameters.get(parameter)
+            entry = estimate.get(parameter)
             if entry is not None and math.isfinite(entry.sd) and entry.value > 0:
                 rows.append((min(max(entry.value, low), high), entry.sd, share))
         if not rows:

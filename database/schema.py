@@ -14,8 +14,11 @@ from sqlalchemy.pool import NullPool
 from ..framework.core.errors import InputError
 from .tables import Base
 
-REVISIONS = ("0001",)
+REVISIONS = ("0001", "0002")
 """The schema's revisions, oldest first; each has its file in `migrations/versions`."""
+
+_ADDED_TABLES = {"0002": frozenset({"class_physics"})}
+"""Tables that came with a revision: a database of an earlier one has not got them yet."""
 
 VERSION_TABLE = "bevameter_schema"
 APPLICATION_ID = 0x42657661
@@ -201,8 +204,11 @@ def _version(connection: Connection, source: str) -> str | None:
             raise InputError(source, f"has a table {ours[0]} of another program", expected=EXPECTED)
         return None
     version = connection.execute(text(f"SELECT version_num FROM {VERSION_TABLE}")).scalar()  # noqa: S608
-    if version is not None and not names >= _OUR_TABLES and version in REVISIONS:
-        raise InputError(source, f"lacks the table {min(_OUR_TABLES - names)}", expected=EXPECTED)
+    if version in REVISIONS:
+        later = REVISIONS[REVISIONS.index(version) + 1 :]
+        missing = _OUR_TABLES.difference(names, *(_ADDED_TABLES[revision] for revision in later))
+        if missing:
+            raise InputError(source, f"lacks the table {min(missing)}", expected=EXPECTED)
     return version
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from datetime import UTC, datetime
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +18,9 @@ from .answer import GroundAnswer, StrengthTable
 from .belief import NO_PLACE, NOT_SEEN, Cells, cell_key, cell_of_key, combine, grid_size
 from .observations import LARGEST_CELL_INDEX, Drive
 from .posterior import ClassSoil, class_soils
+
+if TYPE_CHECKING:
+    from ..identification.effects.stored import AugmentedSimulator
 
 DEFAULT_NORMAL_STRESS = 20e3
 """Normal stress [Pa] at which strength is given where nobody says: about what a light rover's wheel exerts."""
@@ -45,6 +48,9 @@ class Snapshot:
         What is known of the soil, by class; a class that no wheel has felt is absent.
     drives
         Number of drives that it rests on (newest processing of each recording).
+    physics
+        By class, what the textbook wheel lacks on it, with the soil that goes with that: predictions of the wheel use
+        it (`mobility`); a class without is the textbook's.
     """
 
     site: str
@@ -53,11 +59,12 @@ class Snapshot:
     cells: Cells
     soils: Mapping[str, ClassSoil]
     drives: int
+    physics: Mapping[str, AugmentedSimulator] = field(default_factory=lambda: MappingProxyType({}))
     _memory: dict[tuple, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @staticmethod
-    def derive(site: str, drives: Sequence[Drive]) -> Snapshot:
-        """Derive a snapshot from the drives of one site; `TerrainDatabase.snapshot` does this."""
+    def derive(site: str, drives: Sequence[Drive], physics: Mapping[str, AugmentedSimulator] | None = None) -> Snapshot:
+        """Derive a snapshot from a site's drives and its classes' physics; `TerrainDatabase.snapshot` does this."""
         names = {name for drive in drives for name in drive.terrain.evidence.classes}
         soils = class_soils([soil for drive in drives for soil in drive.soils])
         classes = tuple(sorted(names | set(soils)))
@@ -66,7 +73,9 @@ class Snapshot:
         _freeze(cells)
         for soil in soils.values():
             _freeze(soil)
-        return Snapshot(site, size, classes, cells, MappingProxyType(soils), len(drives))
+        return Snapshot(
+            site, size, classes, cells, MappingProxyType(soils), len(drives), MappingProxyType(dict(physics or {}))
+        )
 
     @property
     def typical_load_N(self) -> float:

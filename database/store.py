@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import islice
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import Connection, Insert, Table, func, select
 from sqlalchemy.dialects import postgresql, sqlite
@@ -20,7 +20,11 @@ from .observations import Drive
 from .rows import drive_row, soil_observation, soil_rows, terrain_observations, terrain_rows
 from .schema import holds_database, open_engine, shown, unreachable
 from .snapshot import Snapshot
-from .tables import Base, DriveRow, ImportRow, SoilRow, TerrainRow
+from .tables import Base, DriveRow, ImportRow, PhysicsRow, SoilRow, TerrainRow
+
+if TYPE_CHECKING:
+    from ..identification.effects.stored import AugmentedSimulator
+    from .physics import ClassPhysics
 
 _CHUNK = 5000
 """Rows that are written at a time."""
@@ -111,8 +115,61 @@ class TerrainDatabase:
                 _insert(connection, table, content)
         return Added(total, 0)
 
+    def add_physics(
+        self,
+        class_name: str,
+        physics: AugmentedSimulator,
+        *,
+        source: str,
+        time: datetime | None = None,
+        site: str = "",
+    ) -> Added:
+        """Add what the textbook wheel was found to lack on ground of a class; the same again adds nothing.
+
+        Of several for one class the newest is used for predictions (`GroundAnswer.drawbar_pull`, `mobility`), as long
+        as wheels have felt the class; older ones are kept.
+
+        Parameters
+        ----------
+        class_name
+            The class.
+        physics
+            Soil and effects, fitted together. Faults of instruments among them are kept and never act on predictions.
+        source
+            Where it came from, for people.
+        time
+            When it was found; the present if absent, and then the same physics added again is newer physics.
+        site
+            The site that it holds at; empty for ground of the class anywhere.
+
+        Raises
+        ------
+        InputError
+            A number in it is not finite or out of bounds, or the database cannot be written.
+        """
+        from .physics import ClassPhysics, physics_row
+
+        sound = type(physics).from_json(physics.to_json(), f"physics of {class_name}")
+        found = ClassPhysics(class_name, sound, source, time if time is not None else datetime.now(UTC), site)
+        with _Written(self) as connection:
+            return _add_physics(connection, [physics_row(found)])
+
+    def physics(self, class_name: str | None = None) -> list[ClassPhysics]:
+        """Read the physics of classes back, oldest first; of one class where one is named.
+
+        Raises
+        ------
+        InputError
+            The database cannot be read, or holds what is no physics.
+        """
+        with self._read() as connection:
+            found = _physics(connection, self.name)
+        return [each for each in found if class_name in (None, each.class_name)]
+
     def merge(self, other: TerrainDatabase) -> Added:
-        """Add every observation of another database: set union. One transaction a drive.
+        """Add every observation of another database, physics of classes included: set union.
+
+        One transaction a drive, and one for the physics.
 
         Raises
         ------
@@ -129,7 +186,10 @@ class TerrainDatabase:
                         _insert(connection, table, _rows_of(source, table, drive.id))
                 size = sum(_count(source, table, drive.id) for table in _OBSERVATIONS)
                 new, known = (new + size, known) if is_new else (new, known + size)
-        return Added(new, known)
+            found = [row._asdict() for row in source.execute(select(_table(PhysicsRow)))]
+            with _Written(self) as connection:
+                added = _add_physics(connection, found)
+        return Added(new + added.new, known + added.known)
 
     def drive(self, identity: uuid.UUID) -> Drive | None:
         """Read one drive back, whole, by its `Drive.id`; None where it is not there."""
@@ -177,7 +237,8 @@ class TerrainDatabase:
         site = site if site is not None else (known[0] if known else "")
         with self._read() as connection:
             rows = _drive_rows(connection, site, newest=True)
-            return Snapshot.derive(site, [_read_drive(connection, row, senses=("fused",)) for row in rows])
+            physics = {found.class_name: found.physics for found in _physics(connection, self.name, site)}
+            return Snapshot.derive(site, [_read_drive(connection, row, senses=("fused",)) for row in rows], physics)
 
     def _read(self) -> _Reading:
         return _Reading(self)
@@ -227,6 +288,27 @@ def _is_new(connection: Connection, row: dict[str, Any]) -> bool:
     """Insert a drive row; False where it is there already. Another process that is adding the same drive is awaited."""
     statement = _insertion(connection, DriveRow).returning(_table(DriveRow).c.id)
     return connection.execute(statement, row).first() is not None
+
+
+def _add_physics(connection: Connection, rows: Sequence[dict[str, Any]]) -> Added:
+    """Insert rows of physics; those that are there already stay as they are."""
+    statement = _insertion(connection, PhysicsRow).returning(_table(PhysicsRow).c.id)
+    new = sum(connection.execute(statement, row).first() is not None for row in rows)
+    return Added(new, len(rows) - new)
+
+
+def _physics(connection: Connection, database: str, site: str | None = None) -> list[ClassPhysics]:
+    """Physics of classes, oldest first; with a site only what holds there."""
+    table = _table(PhysicsRow)
+    query = select(table).order_by(table.c.observed_at, table.c.id)
+    if site is not None:
+        query = query.where(table.c.site.in_(("", site)))
+    rows = connection.execute(query).all()
+    if not rows:
+        return []  # most databases: spare them the mechanics' import
+    from .physics import class_physics
+
+    return [class_physics(row, database) for row in rows]
 
 
 def _in_use(connection: Connection, recording_digest: str) -> uuid.UUID | None:

@@ -1,7 +1,7 @@
 """The tables of the terrain database: append-only observations and the drives that they came from.
 
-Nothing derived is stored. Every row has an identity that follows from what it was made of (`Drive.id`), so that
-two databases merge by set union.
+Nothing derived is stored. Every row has an identity that follows from what it was made of (`Drive.id`,
+`ClassPhysics.id`), so that two databases merge by set union.
 """
 
 from __future__ import annotations
@@ -103,3 +103,15 @@ class SoilRow(Base):
     effects: Mapped[list[dict[str, Any]]] = mapped_column(JSON)
     gate_reason: Mapped[str] = mapped_column(Text)
     estimate: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+
+
+class PhysicsRow(Base):
+    """An augmented simulator found on ground of a class. `site`: where it holds, empty for everywhere."""
+
+    __tablename__ = "class_physics"
+    id: Mapped[uuid.UUID] = mapped_column(Uuid, primary_key=True)
+    class_name: Mapped[str] = mapped_column(Text, index=True)
+    site: Mapped[str] = mapped_column(Text)
+    source: Mapped[str] = mapped_column(Text)
+    observed_at: Mapped[datetime] = mapped_column(UtcDateTime)
+    physics: Mapped[dict[str, Any]] = mapped_column(JSON)

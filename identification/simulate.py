@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,7 +12,11 @@ from ..framework.core.errors import InputError
 from ..framework.core.recording.types import WheelTable
 from ..framework.core.recording.wheel_file import derive, read_wheel_file
 from ..framework.core.soil import SoilKnowledge, load_soil
-from ..framework.core.vehicle import Vehicle, load_vehicle
+from ..framework.core.vehicle import Vehicle, Wheel, load_vehicle
+from .augmented import AugmentedWheel
+from .effects.drive import PresentDrive, drive_of, order_of, select_rows
+from .effects.effect import PULL, SINKAGE, TORQUE
+from .effects.named import NamedEffect, build, parse_effect, situation_of
 from .wheel_soil import Soil, equilibrium
 
 ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
@@ -22,7 +27,7 @@ def simulate(
     vehicle: Vehicle | str | Path,
     soil: Soil | SoilKnowledge | str | Path,
     drive: WheelTable | str | Path,
-    effects: Sequence[str] = (),
+    effects: Sequence[str | NamedEffect] = (),
 ) -> WheelTable:
     """Simulate the wheels of a drive on a soil, free of noise.
 
@@ -33,23 +38,24 @@ def simulate(
     soil
         The soil, all five parameters of it, or its TOML file.
     drive
-        Wheel rows with `load_N` and `slip` (or both speeds), or their file.
+        Wheel rows with `load_N` and `slip` (or both speeds), as their instruments report them, or their file.
     effects
-        Physics beyond the paper's Eq. 1-9; none is known yet.
+        What is added to the paper's Eq. 1-9, each ``"slug:parameter=value,..."``: see docs/effects.md. They act in the
+        order given.
 
     Returns
     -------
     WheelTable
         The drive's columns, with torque [N m], sinkage [m] and drawbar pull [N] replaced or added; NaN where load or
-        slip is not known or the soil does not carry the load.
+        slip, or what an effect needs, is not known, or the soil does not carry the load.
 
     Raises
     ------
     InputError
-        A file or value is bad, or load and slip are missing.
+        A file or value is bad, load and slip are missing, an effect or one of its parameters is not known or out of
+        bounds, or an effect needs a column that the drive lacks.
     """
-    if effects:
-        raise InputError("effects", f"{effects[0]!r}", expected="none: this version simulates the paper's Eq. 1-9 only")
+    named = [parse_effect(effect) if isinstance(effect, str) else effect for effect in effects]
     vehicle = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
     if not isinstance(soil, Soil):
         known = soil if isinstance(soil, SoilKnowledge) else load_soil(soil)
@@ -65,8 +71,44 @@ def simulate(
         for column in ("load_N", "slip"):
             if column not in part:
                 raise InputError(table.source, f"no column {column}", expected="load_N, and slip or both speeds")
-        state = equilibrium(wheel, soil, part["load_N"], part["slip"])
         slips[rows] = part["slip"]
-        for column, values in zip(ANSWERS, (state.torque_Nm, state.sinkage_m, state.drawbar_pull_N), strict=True):
+        channels = _augmented(wheel, soil, part, named) if named else _textbook(wheel, soil, part)
+        for column, values in zip(ANSWERS, channels, strict=True):
             answers[column][rows] = values
     return WheelTable({**table.columns, "slip": slips, **answers}, table.wheel, table.run, table.source)
+
+
+def _textbook(wheel: Wheel, soil: Soil, table: WheelTable) -> tuple[np.ndarray, ...]:
+    """Torque [N m], sinkage [m] and drawbar pull [N] of the paper's Eq. 1-9, each (n,)."""
+    state = equilibrium(wheel, soil, table["load_N"], table["slip"])
+    return state.torque_Nm, state.sinkage_m, state.drawbar_pull_N
+
+
+def _augmented(wheel: Wheel, soil: Soil, table: WheelTable, named: Sequence[NamedEffect]) -> np.ndarray:
+    """Torque [N m], sinkage [m] and drawbar pull [N] with effects, (3, n)."""
+    order, stretch = order_of(table)
+    table = table.select(order)
+    load, slip = table["load_N"], table["slip"]
+    with np.errstate(invalid="ignore"):
+        usable = (load > 0.0) & np.isfinite(load) & (np.abs(slip) <= 1.0)
+    answers = np.full((3, len(table)), np.nan)
+    if not usable.any():
+        raise InputError(table.source, "no row with load and slip", expected="rows that an effect can act on")
+    drive = select_rows(drive_of(table, wheel, stretch, PresentDrive), usable)
+    situation = situation_of(wheel, soil, drive)
+    pairs = [build(effect, situation, str(table.source)) for effect in named]
+    model = AugmentedWheel(wheel, tuple(effect for effect, _ in pairs))
+    vector = np.concatenate([soil_vector(soil), *(values for _, values in pairs)])
+    channels = model.predict(drive, np.column_stack([drive.load_N, drive.slip]), vector).channels
+    for effect, _ in pairs:
+        for need in effect.needs:
+            channels[~np.isfinite(getattr(drive, need))] = np.nan
+    answers[:, order[usable]] = channels[:, [TORQUE, SINKAGE, PULL]].T
+    return answers
+
+
+def soil_vector(soil: Soil) -> np.ndarray:
+    """Lay a soil out as the leading entries of an augmented wheel's vector: c, tan phi, ln k, ln stiffness, ln n."""
+    return np.array(
+        [soil.c_Pa, math.tan(soil.phi_rad), math.log(soil.k_m), math.log(soil.stiffness_Pa), math.log(soil.n)]
+    )

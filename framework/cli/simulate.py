@@ -16,7 +16,12 @@ def command(
     soil: Annotated[Path, typer.Option("--soil", help="Soil TOML with c_Pa, phi_deg, k_m, stiffness_Pa and n.")],
     out: Annotated[Path, typer.Option("--out", help="Wheel file to write: CSV, or Parquet by its ending.")],
     effect: Annotated[
-        list[str] | None, typer.Option("--effect", help="Physics beyond the textbook wheel, by slug; repeatable.")
+        list[str] | None,
+        typer.Option(
+            "--effect",
+            metavar="SLUG:NAME=VALUE,...",
+            help="Beyond the textbook wheel, such as slip_sinkage:n1=0.2 (docs/effects.md); repeatable.",
+        ),
     ] = None,
 ) -> None:
     """Add torque, sinkage and drawbar pull to a drive."""

@@ -5,10 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bevameter import InputError, SoilKnowledge, simulate
+from bevameter.framework.cli.main import app
+from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.core.recording.wheel_file import read_wheel_file
 from bevameter.framework.core.recording.write import write_wheel_file
 from bevameter.framework.core.vehicle import Vehicle, Wheel
+from bevameter.identification.effects.catalogue import SLUGS, forms_by_name
+from bevameter.identification.effects.named import NamedEffect, specimen
 from bevameter.identification.wheel_soil import Soil, equilibrium
+from typer.testing import CliRunner
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.12)
 VEHICLE = Vehicle(wheels=(WHEEL,))
@@ -57,3 +62,89 @@ def test_bad_input_is_named(tmp_path, drive_file):
     blind.write_text("time_s,load_N\n0,100\n")
     with pytest.raises(InputError, match="no column slip"):
         simulate(VEHICLE, SOIL, blind)
+
+
+def test_without_effects_nothing_changes_and_with_one_at_its_null_next_to_nothing(drive_file):
+    plain = simulate(VEHICLE, SOIL, drive_file)
+    null = simulate(VEHICLE, SOIL, drive_file, effects=["slip_sinkage:n1=0"])
+    rows = [0, 1, 3]
+    for column in ("torque_Nm", "sinkage_m"):
+        np.testing.assert_allclose(null[column][rows], plain[column][rows], rtol=2e-4)
+    assert np.isnan(null["sinkage_m"][2])
+
+
+def test_effects_act_together_and_on_the_rows_that_they_were_asked_for(drive_file):
+    plain = simulate(VEHICLE, SOIL, drive_file, effects=["slip_sinkage:n1=0"])
+    both = simulate(VEHICLE, SOIL, drive_file, effects=["slip_sinkage:n1=0.5", "torque_offset:T_0=20 N cm"])
+    once = simulate(VEHICLE, SOIL, drive_file, effects=["slip_sinkage:n1=0.5"])
+    rows = [0, 1, 3]
+    assert (both["sinkage_m"][rows] > plain["sinkage_m"][rows]).all()
+    np.testing.assert_allclose((both["torque_Nm"] - once["torque_Nm"])[rows], 0.2, rtol=1e-9)
+
+
+def test_rows_come_back_in_their_own_order(tmp_path):
+    columns = {
+        "time_s": np.array([0.2, 0.0, 0.1]), "load_N": np.full(3, 100.0), "slip": np.full(3, 0.1),
+        "pitch_rad": np.array([0.1, 0.2, np.nan]),
+    }  # fmt: skip
+    drive = WheelTable(columns, None, None, tmp_path / "drive.csv")
+    table = simulate(VEHICLE, SOIL, drive, effects=["slope_gravity:s=1"])
+    flat = simulate(VEHICLE, SOIL, drive, effects=["slip_sinkage:n1=0"])
+    pull = table["drawbar_pull_N"] - flat["drawbar_pull_N"]
+    np.testing.assert_allclose(pull[:2], -100.0 * np.sin([0.1, 0.2]))
+    assert np.isnan(table["drawbar_pull_N"][2])  # its pitch is not known
+
+
+@pytest.mark.parametrize(
+    ("effect", "said"),
+    [
+        ("slope_gravity:s=1", "no column pitch_rad"),
+        ("multipass_compaction:A=0.3", "no column pass"),
+        ("grousers:a_T=0.1,form=ripple", "no column wheel_angle_rad"),
+        ("grousers:s=0.5", "no lugs"),
+        ("rate_dependence:m=0.1", "no column wheel_speed_rad_s"),
+        ("inertia:m=3", r"no column travel_speed_m_s.*time_s"),
+        ("slip_sinkage:n1=1e9", "expected 0 to"),
+    ],
+)
+def test_an_effect_that_the_drive_cannot_show_names_what_it_lacks(drive_file, effect, said):
+    with pytest.raises(InputError, match=said):
+        simulate(VEHICLE, SOIL, drive_file, effects=[effect])
+
+
+def test_every_effect_of_the_catalogue_can_be_simulated_on_a_drive_that_has_all_columns(tmp_path):
+    situation = specimen()
+    drive, rows = situation.drive, len(situation.drive)
+    columns = {
+        "time_s": drive.time_s, "load_N": drive.load_N, "slip": drive.slip, "pass": drive.pass_number,
+        "wheel_speed_rad_s": drive.rim_speed_m_s / 0.15, "travel_speed_m_s": drive.travel_speed_m_s,
+        "wheel_angle_rad": drive.wheel_angle_rad, "pitch_rad": drive.pitch_rad, "x_m": drive.place_m,
+    }  # fmt: skip
+    table = WheelTable(columns, None, None, tmp_path / "drive.csv")
+    vehicle = Vehicle(wheels=(situation.wheel,))
+    for slug in SLUGS:
+        for effect in forms_by_name(slug, situation):
+            values = {p.name: p.low + 0.4 * (p.high - p.low) for p in effect.parameters}
+            answer = simulate(vehicle, SOIL, table, [NamedEffect(slug, values, effect.form)])
+            assert np.isfinite(answer["torque_Nm"]).sum() > 0.8 * rows, effect.name
+
+
+def test_the_command_takes_effects(drive_file, tmp_path):
+    vehicle, soil = tmp_path / "vehicle.toml", tmp_path / "soil.toml"
+    vehicle.write_text("[wheel]\nradius_m = 0.15\nwidth_m = 0.12\n")
+    soil.write_text("c_Pa = 300\nphi_deg = 31\nk_m = 0.012\nstiffness_Pa = 9e4\nn = 0.9\n")
+    out = tmp_path / "sim.csv"
+    arguments = [
+        "simulate", str(drive_file), "--vehicle", str(vehicle), "--soil", str(soil), "--out", str(out),
+        "--effect", "slip_sinkage:n1=0.4", "--effect", "bulldozing:s=1",
+    ]  # fmt: skip
+    assert CliRunner().invoke(app, arguments).exit_code == 0
+    written = read_wheel_file(out)
+    expected = simulate(VEHICLE, SOIL, drive_file, ["slip_sinkage:n1=0.4", "bulldozing:s=1"])
+    np.testing.assert_allclose(written["drawbar_pull_N"], expected["drawbar_pull_N"], rtol=1e-9)
+    out.unlink()
+    refused = CliRunner().invoke(app, [*arguments, "--effect", "slip_sinkage:n7=1"])
+    assert refused.exit_code == 2
+    assert "'n7'" in refused.stderr
+    assert "exponent]: n1" in refused.stderr
+    assert not out.exists()

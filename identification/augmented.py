@@ -1,0 +1,222 @@
+"""The textbook wheel with any set of effects: the simulator that the mismatch tool fits, and that planners use.
+
+The contact of each sample is laid out as the textbook has it, each effect changes what it changes, the entry angle is
+found at which the load is carried, and what follows is reported as the effects say. Derivatives are differences at a
+fixed entry angle, the angle's answer following from the implicit function theorem: one quadrature a parameter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..framework.core.vehicle import Wheel
+from . import contact_kernel as kernel
+from .effects.effect import Contact, Drive, Effect
+from .stress_kernel import LOCKED
+from .wheel_soil import LARGEST_ENTRY_ANGLE, PEAK_SHARE
+
+SOIL_COUNT = 5
+"""Leading entries of a parameter vector: c [Pa], tan phi, ln k [m], ln stiffness [Pa], ln n; the effects' follow."""
+
+_LOAD_TOLERANCE = 1e-6
+_ITERATIONS = 40
+_SMALLEST_ANGLE = 1e-4
+_STEP = 1e-5
+
+
+@dataclass(frozen=True)
+class Response:
+    """What the simulator answers: channels (n, 5) as `forward.CHANNELS`, and the entry angle (n,) [rad].
+
+    With derivatives by the parameter vector (n, 5, p) and by the true load [N] and slip (n, 5, 2), where they were
+    asked for. Rows whose load is not carried are NaN.
+    """
+
+    channels: np.ndarray
+    theta_1: np.ndarray
+    by_parameter: np.ndarray = field(default_factory=lambda: np.empty(0))
+    by_latent: np.ndarray = field(default_factory=lambda: np.empty(0))
+
+
+@dataclass(frozen=True)
+class AugmentedWheel:
+    """A wheel on soil, with effects."""
+
+    wheel: Wheel
+    effects: tuple[Effect, ...] = ()
+
+    @property
+    def size(self) -> int:
+        """Length of the parameter vector."""
+        return SOIL_COUNT + sum(len(effect.parameters) for effect in self.effects)
+
+    def slices(self) -> list[tuple[Effect, slice]]:
+        """Give each effect and where its parameters stand in the vector."""
+        answer, start = [], SOIL_COUNT
+        for effect in self.effects:
+            answer.append((effect, slice(start, start + len(effect.parameters))))
+            start += len(effect.parameters)
+        return answer
+
+    def predict(
+        self, drive: Drive, imposed: np.ndarray, vector: np.ndarray, theta_1: np.ndarray | None = None
+    ) -> Response:
+        """Predict the channels.
+
+        Parameters
+        ----------
+        drive
+            What is known of each sample.
+        imposed : (n, 2)
+            Load [N] and slip as they would be reported by faultless instruments.
+        vector : (p,)
+            Soil and effects.
+        theta_1 : (n,), optional
+            Where the search for the entry angle starts [rad].
+        """
+        true = self._true(drive, imposed, vector)
+        start = np.full(len(imposed), 0.4) if theta_1 is None else theta_1
+        angle, _ = self._solve(drive, true, vector, start)
+        return Response(self._channels(drive, imposed, true, vector, angle), angle)
+
+    def linearise(self, drive: Drive, imposed: np.ndarray, vector: np.ndarray, theta_1: np.ndarray | None) -> Response:
+        """As `predict`, with derivatives."""
+        true = self._true(drive, imposed, vector)
+        start = np.full(len(imposed), 0.4) if theta_1 is None else theta_1
+        angle, forces = self._solve(drive, true, vector, start)
+        contact = self._contact(drive, true, vector, angle)
+        slopes = np.empty((len(true), 3, kernel.SOIL_FIELDS))
+        kernel.rim_forces_and_slopes(contact.array, self.wheel.width_m, kernel.NODES, kernel.WEIGHTS, forces, slopes)
+        base = self._channels(drive, imposed, true, vector, angle, forces)
+        carried = forces[:, 0]
+        turned = angle * (1.0 + _STEP)
+        moved = self._forces(drive, true, vector, turned)
+        growth = np.maximum((moved[:, 0] - carried) / (turned - angle), 1e-300)
+        along = (self._channels(drive, imposed, true, vector, turned, moved) - base) / (turned - angle)[:, None]
+
+        def derivative(
+            imposed_there: np.ndarray,
+            vector_there: np.ndarray,
+            step: float | np.ndarray,
+            forces_there: np.ndarray | None,
+        ) -> np.ndarray:
+            true_there = self._true(drive, imposed_there, vector_there)
+            if forces_there is None:
+                forces_there = self._forces(drive, true_there, vector_there, angle)
+            lifted = (true_there[:, 0] - true[:, 0]) - (forces_there[:, 0] - carried)
+            channels = self._channels(drive, imposed_there, true_there, vector_there, angle, forces_there)
+            return (channels - base + along * (lifted / growth)[:, None]) / np.reshape(step, (-1, 1))
+
+        additive = [True] * SOIL_COUNT + [
+            not effect.moves_contact() for effect in self.effects for _ in effect.parameters
+        ]
+        first = kernel.COLUMN["c_Pa"]
+        fields = slice(first, first + kernel.SOIL_FIELDS)
+        by_parameter = np.empty((*base.shape, self.size))
+        for index, step in enumerate(self.steps(vector)):
+            there = vector.copy()
+            there[index] += step
+            known = None
+            if index < SOIL_COUNT:
+                # The soil enters through five fields, whatever the effects make of it: their slopes are known.
+                change = self._contact(drive, true, there, angle).array[:, fields] - contact.array[:, fields]
+                known = forces + np.einsum("nfm,nm->nf", slopes, change)
+            elif additive[index]:
+                known = forces
+            by_parameter[:, :, index] = derivative(imposed, there, step, known)
+        by_latent = np.empty((*base.shape, 2))
+        nothing = np.zeros(len(imposed))
+        step_N = 1e-5 * np.abs(imposed[:, 0])
+        by_latent[:, :, 0] = derivative(imposed + np.column_stack([step_N, nothing]), vector, step_N, None)
+        # Stepping towards zero slip never reaches the locked or the spinning wheel.
+        step_slip = np.where(imposed[:, 1] > 0.0, -1e-5, 1e-5)
+        by_latent[:, :, 1] = derivative(imposed + np.column_stack([nothing, step_slip]), vector, step_slip, None)
+        return Response(base, angle, by_parameter, by_latent)
+
+    def steps(self, vector: np.ndarray) -> np.ndarray:
+        """Steps (p,) of the differences, small against what each parameter usually is."""
+        steps = [10.0 * _STEP * max(abs(vector[0]), 500.0), *[_STEP] * 4]
+        for effect, where in self.slices():
+            for parameter, value in zip(effect.parameters, vector[where], strict=True):
+                step = parameter.step or _STEP * max(parameter.scale, abs(value))
+                steps.append(-step if value + step > parameter.high else step)
+        return np.array(steps)
+
+    def _true(self, drive: Drive, imposed: np.ndarray, vector: np.ndarray) -> np.ndarray:
+        true = imposed.copy()
+        for effect, where in self.slices():
+            effect.impose(true, drive, vector[where])
+        return true
+
+    def _contact(self, drive: Drive, true: np.ndarray, vector: np.ndarray, theta_1: np.ndarray) -> Contact:
+        contact = Contact(len(true), self.wheel)
+        radius, slip = self.wheel.radius_m, true[:, 1]
+        ratio = np.where(slip >= 0.0, 1.0 - slip, 1.0 / np.maximum(1.0 + slip, LOCKED))
+        contact.theta_1, contact.theta_2, contact.theta_m = theta_1, 0.0, PEAK_SHARE * theta_1
+        contact.advance_m = radius * ratio
+        contact.c_Pa, contact.tan_phi = vector[0], vector[1]
+        contact.k_m, contact.stiffness_Pa, contact.n = np.exp(vector[2:5])
+        contact.radius_m = contact.shear_radius_m = contact.lever_m = radius
+        contact.residual = contact.tan_delta = contact.layer_depth_m = contact.most_normal_Pa = np.inf
+        contact.adhesion_Pa = contact.layer_stiffness_Pa = 0.0
+        contact.sinkage_m = radius * (1.0 - np.cos(theta_1))
+        for effect, where in self.slices():
+            effect.contact(contact, drive, vector[where])
+        return contact
+
+    def _forces(self, drive: Drive, true: np.ndarray, vector: np.ndarray, theta_1: np.ndarray) -> np.ndarray:
+        contact = self._contact(drive, true, vector, theta_1)
+        forces = np.empty((len(true), 3))
+        kernel.rim_forces(contact.array, self.wheel.width_m, kernel.NODES, kernel.WEIGHTS, forces)
+        return forces
+
+    def _channels(
+        self, drive: Drive, imposed: np.ndarray, true: np.ndarray, vector: np.ndarray, theta_1: np.ndarray,
+        forces: np.ndarray | None = None,
+    ) -> np.ndarray:  # fmt: skip
+        contact = self._contact(drive, true, vector, theta_1)
+        if forces is None:
+            forces = self._forces(drive, true, vector, theta_1)
+        channels = np.column_stack([imposed[:, 0], forces[:, 1], contact.sinkage_m, imposed[:, 1], forces[:, 2]])
+        for effect, where in self.slices():
+            effect.act(channels, contact, drive, vector[where])
+        for effect, where in self.slices():
+            effect.report(channels, drive, vector[where])
+        return channels
+
+    def _solve(
+        self, drive: Drive, true: np.ndarray, vector: np.ndarray, start: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Entry angle (n,) and forces (n, 3) there, all rows at once.
+
+        W grows like a power of theta_1, whose exponent is measured as the search goes: secant steps in logarithms,
+        kept within a bracket.
+        """
+        load = true[:, 0]
+        rows = len(load)
+        low, high = np.full(rows, _SMALLEST_ANGLE), np.full(rows, LARGEST_ENTRY_ANGLE)
+        angle = np.clip(np.where(np.isfinite(start), start, 0.4), 2.0 * _SMALLEST_ANGLE, 0.99 * LARGEST_ENTRY_ANGLE)
+        growth = np.full(rows, 2.0 * float(np.exp(vector[4])) + 1.0)
+        before_angle, before_load = angle, np.full(rows, np.nan)
+        forces = self._forces(drive, true, vector, angle)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            for _ in range(_ITERATIONS):
+                carried = forces[:, 0]
+                off = np.abs(carried - load) > _LOAD_TOLERANCE * load
+                if not (off & (high - low > 1e-9)).any():
+                    break
+                short = carried < load
+                low, high = np.where(short, angle, low), np.where(short, high, angle)
+                measured = np.log(carried / before_load) / np.log(angle / before_angle)
+                growth = np.where(np.isfinite(measured), np.clip(measured, 0.2, 20.0), growth)
+                trial = np.where(carried > 0.0, angle * (load / carried) ** (1.0 / growth), np.nan)
+                trial = np.where((trial > low) & (trial < high), trial, 0.5 * (low + high))
+                before_angle, before_load = angle, carried
+                angle = np.where(off, trial, angle)
+                forces = self._forces(drive, true, vector, angle)
+            lost = ~(np.abs(forces[:, 0] - load) <= 10.0 * _LOAD_TOLERANCE * load)
+        angle = np.where(lost, np.nan, angle)
+        forces = np.where(lost[:, None], np.nan, forces)
+        return angle, forces

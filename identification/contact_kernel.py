@@ -1,0 +1,132 @@
+"""Compiled quadrature along the rim for a contact whose every row may have its own geometry, soil and shear law.
+
+The textbook wheel has its own kernel with analytic derivatives (`stress_kernel`); this one carries the fields through
+which the effects of `effects` enter. The quadrature is the same.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from .stress_kernel import quadrature
+
+NODES, WEIGHTS = quadrature(8)
+"""Eight nodes in each zone: about five digits, far below any sensor's noise."""
+
+FIELDS = (
+    "theta_1", "theta_2", "theta_m", "advance_m", "c_Pa", "tan_phi", "k_m", "stiffness_Pa", "n", "radius_m",
+    "shear_radius_m", "lever_m", "residual", "adhesion_Pa", "tan_delta", "layer_depth_m", "layer_stiffness_Pa",
+    "most_normal_Pa",
+)  # fmt: skip
+"""Columns of a contact: the three angles [rad], V / omega [m], c [Pa], tan phi, Janosi k [m], stiffness [Pa], n, radius
+of the contact, radius at which soil shears and lever arm of the shear stress [m], share of the shear strength left
+after its peak (infinite for Janosi's law, which has no peak), adhesion [Pa] and friction of the rim (infinite where
+soil never slips on it), depth [m] and stiffness [Pa] of a layer beneath, and the largest normal stress that the wheel
+transmits [Pa] (infinite for a rigid one)."""
+
+COLUMN = {name: index for index, name in enumerate(FIELDS)}
+
+
+SOIL_FIELDS = 5
+"""The fields from `c_Pa` to `n`, by which `rim_forces_and_slopes` gives derivatives."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def rim_forces(contact, width, nodes, weights, forces):
+    """Integrate the stresses of each row of `contact` (n, f) into `forces` (n, 3): W [N], T [N m], DP [N]."""
+    no_slopes = np.empty((1, 3, 0))
+    for row in range(contact.shape[0]):
+        _one_rim(contact[row], width, nodes, weights, forces[row], no_slopes[0])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def rim_forces_and_slopes(contact, width, nodes, weights, forces, slopes):
+    """As `rim_forces`, and `slopes` (n, 3, 5): derivatives of W, T, DP by c, tan phi, k, stiffness and n."""
+    for row in range(contact.shape[0]):
+        _one_rim(contact[row], width, nodes, weights, forces[row], slopes[row])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _one_rim(field, width, nodes, weights, forces, slopes):
+    theta_1, theta_2, theta_m, advance = field[0], field[1], field[2], field[3]
+    radius, shear_radius = field[9], field[10]
+    sin_1, cos_1 = math.sin(theta_1), math.cos(theta_1)
+    forces[:] = 0.0
+    slopes[:, :] = 0.0
+    normal_slopes, shear_slopes = np.empty(SOIL_FIELDS), np.empty(SOIL_FIELDS)
+    for zone in range(2):
+        start, length = (theta_1, theta_m - theta_1) if zone == 0 else (theta_2, theta_m - theta_2)
+        # By Eq. 9 both zones have the same normal stress at the same node: that of the front.
+        for node in range(nodes.size):
+            theta = start + length * nodes[node]
+            ahead = theta_1 + (theta_m - theta_1) * nodes[node]
+            weight = weights[node] * abs(length)
+            sine, cosine = math.sin(theta), math.cos(theta)
+            depth = max(radius * (math.cos(ahead) - cos_1), 1e-300)
+            share = math.exp(field[8] * math.log(depth / width))
+            normal = field[7] * share
+            below = depth - field[15]
+            layer = 0.0
+            if below > 0.0:
+                layer = field[16] * (below / width) ** field[8]
+                normal += layer
+            flat = normal > field[17]
+            if flat:
+                normal = field[17]
+            friction, strength = field[5], field[4] + normal * field[5]
+            capped = field[14] < math.inf and field[13] + normal * field[14] < strength
+            if capped:
+                friction, strength = field[14], field[13] + normal * field[14]
+            displacement = shear_radius * (theta_1 - theta) - advance * (sin_1 - sine)
+            mobilised, slope = _mobilised(displacement, field[6], field[12])
+            shear = strength * mobilised
+            forces[0] += weight * (radius * normal * cosine + shear_radius * shear * sine)
+            forces[1] += weight * shear
+            forces[2] += weight * (shear_radius * shear * cosine - radius * normal * sine)
+            if slopes.shape[1] == 0:
+                continue
+            normal_slopes[:] = 0.0
+            if not flat:
+                normal_slopes[3] = share
+                normal_slopes[4] = field[7] * share * math.log(depth / width)
+                if below > 0.0:
+                    normal_slopes[4] += layer * math.log(below / width)
+            for m in range(SOIL_FIELDS):
+                shear_slopes[m] = mobilised * friction * normal_slopes[m]
+            if not capped:
+                shear_slopes[0] += mobilised
+                shear_slopes[1] += mobilised * normal
+            shear_slopes[2] += strength * slope
+            for m in range(SOIL_FIELDS):
+                slopes[0, m] += weight * (radius * normal_slopes[m] * cosine + shear_radius * shear_slopes[m] * sine)
+                slopes[1, m] += weight * shear_slopes[m]
+                slopes[2, m] += weight * (shear_radius * shear_slopes[m] * cosine - radius * normal_slopes[m] * sine)
+    lever = shear_radius * field[11]
+    forces[0] *= width
+    forces[1] *= width * lever
+    forces[2] *= width
+    for m in range(slopes.shape[1]):
+        slopes[0, m] *= width
+        slopes[1, m] *= width * lever
+        slopes[2, m] *= width
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _mobilised(displacement, modulus, residual):
+    """Mobilised share of the shear strength, odd in the displacement [m], and its derivative by the modulus [1/m].
+
+    Janosi & Hanamoto (1961) where `residual` is infinite, else J. Y. Wong, J. Preston-Thomas, J. Terramechanics 19
+    (1983): a peak at the displacement `modulus`, then a fall to the residual share.
+    """
+    along = abs(displacement) / modulus
+    decay = math.exp(-along)
+    share, slope = 1.0 - decay, decay
+    if residual < math.inf:
+        excess = (1.0 / (1.0 - math.exp(-1.0)) - residual) * math.e * decay
+        slope = decay * (residual + excess) - share * excess
+        share *= residual + excess
+    sense = math.copysign(1.0, displacement)
+    return sense * share, -sense * slope * along / modulus

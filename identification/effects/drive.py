@@ -1,0 +1,126 @@
+"""From a wheel table to what effects ask of each sample: place, speeds, accelerations, uninterrupted stretches."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from ...framework.core.recording.types import WheelTable
+from ...framework.core.vehicle import Wheel
+from .effect import Drive
+
+COLUMNS = {
+    "load_N": "load_N",
+    "slip": "slip",
+    "time_s": "time_s",
+    "travel_speed_m_s": "travel_speed_m_s",
+    "rim_speed_m_s": "wheel_speed_rad_s",
+    "wheel_angle_rad": "wheel_angle_rad",
+    "pitch_rad": "pitch_rad",
+    "pass_number": "pass",
+    "place_m": "x_m",
+    "acceleration_m_s2": "travel_speed_m_s",
+    "angular_acceleration_rad_s2": "wheel_speed_rad_s",
+}
+"""The wheel column that each attribute of `Drive` comes from; accelerations need `time_s` as well."""
+
+_JUMP = 20.0
+"""Usual steps [-] by which a place that is reached from one sample to the next cannot have been driven to."""
+
+_SMOOTHING = 7
+"""Samples over which speeds are fitted for their derivative."""
+
+
+class PresentDrive(Drive):
+    """A drive that is simulated, not learnt from: whatever was observed at all is there, constant or not."""
+
+    def has(self, name: str) -> bool:
+        """Say whether a channel was observed in any sample."""
+        return bool(np.isfinite(getattr(self, name)).any())
+
+
+def order_of(table: WheelTable) -> tuple[np.ndarray, np.ndarray]:
+    """Order by wheel, then time (trials as they stand), (n,), and the stretch that each row in that order is of, (n,).
+
+    A stretch ends where wheel, run or pass change, where time does not go on or jumps by five usual steps, and where
+    place jumps by twenty: the wheel was set down elsewhere.
+    """
+    time_s = table.get("time_s")
+    labels = np.zeros(len(table), dtype=int)
+    for names in (table.wheel, table.run):
+        if names is not None:
+            labels = labels * (len(names) + 1) + np.unique(names, return_inverse=True)[1]
+    if time_s is None:
+        return np.arange(len(table)), np.arange(len(table))
+    order = np.lexsort((time_s, labels))
+    labels, time_s = labels[order], time_s[order]
+    step = np.diff(time_s)
+    usual = float(np.median(step[step > 0.0])) if (step > 0.0).any() else 1.0
+    broken = (np.diff(labels) != 0) | (step <= 0.0) | (step > 5.0 * usual)
+    number = table.get("pass")
+    if number is not None:
+        broken |= np.nan_to_num(np.diff(number[order])) != 0.0
+    place = table.get("x_m")
+    if place is not None:
+        moved = np.nan_to_num(np.abs(np.diff(place[order])))
+        broken |= moved > _JUMP * np.median(moved[moved > 0.0]) if (moved > 0.0).any() else False
+    return order, np.concatenate([[0], np.cumsum(broken)])[: len(order)]
+
+
+def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Drive] = Drive) -> Drive:
+    """Lay out the covariates of a table's rows.
+
+    Parameters
+    ----------
+    table
+        Rows of one wheel geometry in the order of `order_of`, with load and slip.
+    wheel
+        The wheel: its radius turns rad/s into the rim's speed.
+    stretch : (n,)
+        Stretch of each row.
+    kind
+        `Drive`, or `PresentDrive` for a drive that is to be simulated.
+    """
+    nothing = np.full(len(table), math.nan)
+
+    def column(name: str) -> np.ndarray:
+        return table.columns.get(name, nothing)
+
+    rate, travel, time_s = column("wheel_speed_rad_s"), column("travel_speed_m_s"), column("time_s")
+    place = column("x_m")
+    if "y_m" in table and np.isfinite(place).all() and float(np.nanstd(table["y_m"])) > 0.1 * float(np.nanstd(place)):
+        # A track that turns has no place along one axis: the distance travelled takes its part.
+        step = np.hypot(np.diff(place), np.diff(table["y_m"]))
+        place = np.concatenate([[0.0], np.cumsum(np.nan_to_num(step))])
+    return kind(
+        load_N=table["load_N"],
+        slip=table["slip"],
+        time_s=time_s,
+        travel_speed_m_s=travel,
+        rim_speed_m_s=rate * wheel.radius_m,
+        wheel_angle_rad=column("wheel_angle_rad"),
+        pitch_rad=column("pitch_rad"),
+        pass_number=column("pass"),
+        place_m=place,
+        acceleration_m_s2=_derivative(travel, time_s, stretch),
+        angular_acceleration_rad_s2=_derivative(rate, time_s, stretch),
+        stretch=stretch,
+    )
+
+
+def select_rows(drive: Drive, rows: np.ndarray) -> Drive:
+    """Give the rows of a mask or an index array, as a drive of the same kind."""
+    return type(drive)(**{name: getattr(drive, name)[rows] for name in Drive.__dataclass_fields__})
+
+
+def _derivative(values: np.ndarray, time_s: np.ndarray, stretch: np.ndarray) -> np.ndarray:
+    """Rate of change [1/s], (n,), from a local parabola within each stretch; NaN in stretches too short for one."""
+    answer = np.full(len(values), math.nan)
+    for rows in np.split(np.arange(len(values)), np.flatnonzero(np.diff(stretch)) + 1):
+        if len(rows) < _SMOOTHING or not np.isfinite(values[rows]).all() or not np.isfinite(time_s[rows]).all():
+            continue
+        step = float(np.median(np.diff(time_s[rows])))
+        answer[rows] = savgol_filter(values[rows], _SMOOTHING, 2, deriv=1, delta=step)
+    return answer

@@ -1,0 +1,199 @@
+"""What an effect is: something that the textbook wheel leaves out, with its formula, parameters and place to enter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from ...framework.core.vehicle import Wheel
+from ..contact_kernel import COLUMN, FIELDS
+
+Kind = Literal["physics", "instrument"]
+
+LOAD, TORQUE, SINKAGE, SLIP, PULL = range(5)
+"""Columns of an array of channels, in the order of `forward.CHANNELS`."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of an effect.
+
+    Parameters
+    ----------
+    name, unit
+        Its name, and its SI unit (``""`` for a pure number).
+    low, high
+        Bounds.
+    start
+        Where the search starts.
+    scale
+        Standard deviation of the prior about `null`: how strong the effect usually is.
+    null
+        The value at which the effect vanishes.
+    step
+        Step of the difference that derivatives are taken by, where a minute one would not do.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    start: float
+    scale: float
+    null: float = 0.0
+    step: float = 0.0
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What is known of each sample besides the channels that answer, all (n,), NaN where not observed.
+
+    Parameters
+    ----------
+    load_N, slip
+        As measured.
+    time_s, travel_speed_m_s, rim_speed_m_s, wheel_angle_rad, pitch_rad, pass_number, place_m
+        Channels; `pass_number` is 1 on fresh ground, `rim_speed_m_s` is r omega.
+    acceleration_m_s2, angular_acceleration_rad_s2
+        dV/dt and d(omega)/dt, smoothed.
+    stretch
+        Number of the uninterrupted stretch of time that a sample belongs to: one run, pass and wheel.
+    """
+
+    load_N: np.ndarray
+    slip: np.ndarray
+    time_s: np.ndarray
+    travel_speed_m_s: np.ndarray
+    rim_speed_m_s: np.ndarray
+    wheel_angle_rad: np.ndarray
+    pitch_rad: np.ndarray
+    pass_number: np.ndarray
+    place_m: np.ndarray
+    acceleration_m_s2: np.ndarray
+    angular_acceleration_rad_s2: np.ndarray
+    stretch: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.load_N)
+
+    def has(self, name: str) -> bool:
+        """Say whether a channel was observed in most samples and is not constant."""
+        values = getattr(self, name)
+        seen = np.isfinite(values)
+        return bool(seen.mean() > 0.5) and float(np.ptp(values[seen])) > 1e-9 * max(
+            float(np.abs(values[seen]).max()), 1e-9
+        )
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What decides which forms of an effect a recording can show, and how strong they usually are.
+
+    Parameters
+    ----------
+    wheel
+        The wheel.
+    drive
+        Samples' covariates.
+    typical : (5,)
+        Root mean square of each channel of `forward.CHANNELS`, NaN where it was not observed.
+    sinkage_m : (n,)
+        As measured, NaN where not observed.
+    residuals : (n, 5)
+        What the textbook wheel leaves of each channel, in units of its noise; NaN where not observed.
+    c_Pa, tan_phi
+        The soil that the textbook wheel fits.
+    """
+
+    wheel: Wheel
+    drive: Drive
+    typical: np.ndarray
+    sinkage_m: np.ndarray
+    residuals: np.ndarray
+    c_Pa: float
+    tan_phi: float
+
+    def seen(self, *channels: int) -> bool:
+        """Say whether one of the channels, by number, was observed."""
+        return bool(np.isfinite(self.typical[list(channels)]).any())
+
+
+class Contact:
+    """Rows of a contact under construction: each field of `contact_kernel.FIELDS` is an attribute, (n,).
+
+    `sinkage_m` (n,) is what the geometry gives, and `wheel` the wheel.
+    """
+
+    def __init__(self, rows: int, wheel: Wheel) -> None:
+        object.__setattr__(self, "array", np.empty((rows, len(FIELDS))))
+        object.__setattr__(self, "wheel", wheel)
+        object.__setattr__(self, "sinkage_m", np.empty(rows))
+
+    array: np.ndarray
+    wheel: Wheel
+    sinkage_m: np.ndarray
+
+    def __getattr__(self, name: str) -> np.ndarray:
+        if name not in COLUMN:
+            raise AttributeError(name)
+        return self.array[:, COLUMN[name]]
+
+    def __setattr__(self, name: str, values: np.ndarray | float) -> None:
+        if name in COLUMN:
+            self.array[:, COLUMN[name]] = values
+        else:
+            object.__setattr__(self, name, values)
+
+
+class Effect:
+    """An effect, at most one of whose four places to enter a sub-class overrides, or several.
+
+    In each, `values` (k,) are the parameters in the order of `parameters`.
+    """
+
+    slug: ClassVar[str]
+    kind: ClassVar[Kind] = "physics"
+    nested: ClassVar[bool] = True
+    """Whether the effect vanishes smoothly at its null values: its first step from there tells what it is worth."""
+    sought: ClassVar[float] = 0.0
+    """Nats of chance that the search for its place or number has: they do not count."""
+    equation: str
+    source: str
+    parameters: tuple[Parameter, ...]
+    form: str = ""
+    """Which published form, or which channel, where an effect has several."""
+    needs: tuple[str, ...] = ()
+    """Attributes of `Drive` without which the formula says nothing of a sample."""
+    required: tuple[str, ...] = ()
+    """Parameters that have to be stated where an effect is asked for by name; the others are `Parameter.null` then."""
+    constants: Mapping[str, float] = MappingProxyType({})
+    """What the formula holds besides its parameters, taken from the drive that it was found on, by name [SI]."""
+
+    @property
+    def name(self) -> str:
+        """Slug, and form in brackets where there is one."""
+        return f"{self.slug}[{self.form}]" if self.form else self.slug
+
+    def moves_contact(self) -> bool:
+        """Say whether the effect changes the contact or what is imposed on it, and not only what is reported of it."""
+        return type(self).contact is not Effect.contact or type(self).impose is not Effect.impose
+
+    def starts(self) -> list[np.ndarray]:
+        """Parameter vectors (k,) at which a search may start."""
+        return [np.array([parameter.start for parameter in self.parameters])]
+
+    def impose(self, imposed: np.ndarray, drive: Drive, values: np.ndarray) -> None:
+        """Correct the load [N] and slip that the wheel truly had, (n, 2), in place, from those reported."""
+
+    def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        """Change geometry, pressure-sinkage or shear law, in place, at the entry angle that `contact` holds."""
+
+    def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        """Add forces: `channels` (n, 5) as `forward.CHANNELS`, in place, with the entry angle found."""
+
+    def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
+        """Change what the instruments report: `channels` (n, 5), in place."""

@@ -1,0 +1,29 @@
+"""Soil rebounds: the contact goes on behind bottom-dead-centre."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .effect import Contact, Drive, Effect, Parameter, Situation
+
+
+class ExitAngle(Effect):
+    """Exit angle in proportion to the entry angle.
+
+    Ishigami's sinkage ratio, cos theta_2 = 1 - lambda (1 - cos theta_1), is the same to second order: lambda = c2^2.
+    """
+
+    slug = "exit_angle"
+    equation = "theta_2 = -c2 theta_1"
+    source = (
+        "after O. Onafeko, A. R. Reece, J. Terramechanics 4(1) (1967); G. Ishigami et al., J. Field Robotics 24 (2007)"
+    )
+    parameters = (Parameter("c2", "", 0.0, 0.95, 0.2, 0.3),)
+
+    def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        contact.theta_2 = -values[0] * contact.theta_1
+
+
+def forms(situation: Situation) -> tuple[Effect, ...]:
+    """Give the form that these data can show."""
+    return (ExitAngle(),)

@@ -1,0 +1,91 @@
+"""Lugs move the shear surface outwards, bite, and make the forces ripple."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...framework.core.vehicle import Wheel
+from .effect import PULL, SINKAGE, TORQUE, Contact, Drive, Effect, Parameter, Situation
+
+_MOST_LUGS = 60
+_STANDS_OUT = 12.0
+"""A line of the residuals' order spectrum is looked into where its power is this many times the median's [-]."""
+
+
+class LugRadius(Effect):
+    """Soil shears beyond the rim, at a share of the lugs' height."""
+
+    slug = "grousers"
+    form = "radius"
+    equation = "r_s = r + s h: shear displacement, thrust and torque at r_s"
+    source = "L. Ding et al., J. Terramechanics 48 (2011), 27-45, equivalent shear radius"
+    parameters = (Parameter("s", "", 0.0, 2.0, 0.4, 0.6),)
+
+    def __init__(self, height_m: float) -> None:
+        self._height = height_m
+
+    def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        radius = contact.shear_radius_m + values[0] * self._height
+        contact.shear_radius_m, contact.lever_m = radius, radius
+
+
+class LugRipple(Effect):
+    """Forces and sinkage ripple as lugs enter and leave, once a lug."""
+
+    slug = "grousers"
+    source = "after R. A. Irani et al., J. Terramechanics 48 (2011), periodic term at the lugs' passing"
+    needs = ("wheel_angle_rad",)
+
+    def __init__(self, count: int, typical: np.ndarray) -> None:
+        self.form = f"ripple, {count} lugs"
+        self.count = count
+        self.equation = f"T, DP, z += a cos({count} theta_w) + b sin({count} theta_w)"
+        self._channels = [channel for channel in (TORQUE, PULL, SINKAGE) if np.isfinite(typical[channel])]
+        names = {TORQUE: ("T", "N m"), PULL: ("DP", "N"), SINKAGE: ("z", "m")}
+        self.parameters = tuple(
+            Parameter(f"{part}_{names[channel][0]}", names[channel][1], -usual, usual, 0.0, 0.1 * usual)
+            for channel in self._channels
+            for usual in [float(typical[channel])]
+            for part in ("a", "b")
+        )
+
+    def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        phase = self.count * drive.wheel_angle_rad
+        cosine, sine = np.nan_to_num(np.cos(phase)), np.nan_to_num(np.sin(phase))
+        for index, channel in enumerate(self._channels):
+            channels[:, channel] += values[2 * index] * cosine + values[2 * index + 1] * sine
+
+
+def forms(situation: Situation) -> tuple[Effect, ...]:
+    """Give the forms that these data can show: lugs, or a ripple that looks like some."""
+    wheel, drive = situation.wheel, situation.drive
+    answer: list[Effect] = []
+    if wheel.grouser_height_m > 0.0 and situation.seen(TORQUE, PULL):
+        answer.append(LugRadius(wheel.grouser_height_m))
+    if drive.has("wheel_angle_rad") and np.nanmax(drive.wheel_angle_rad) - np.nanmin(drive.wheel_angle_rad) > np.pi:
+        answer += [LugRipple(count, situation.typical) for count in _counts(wheel, drive, situation.residuals)]
+    return tuple(answer)
+
+
+def named(situation: Situation) -> tuple[Effect, ...]:
+    """Give the forms that a simulation may ask for: the vehicle's lugs, however far the wheel turns."""
+    wheel = situation.wheel
+    answer: list[Effect] = [LugRadius(wheel.grouser_height_m)] if wheel.grouser_height_m > 0.0 else []
+    if wheel.grouser_count and situation.drive.has("wheel_angle_rad"):
+        answer.append(LugRipple(wheel.grouser_count, situation.typical))
+    return tuple(answer)
+
+
+def _counts(wheel: Wheel, drive: Drive, residuals: np.ndarray) -> list[int]:
+    """Numbers of lugs worth a trial: the vehicle's, and the strongest line of the residuals against wheel angle."""
+    counts = [wheel.grouser_count] if wheel.grouser_count else []
+    power = np.zeros(_MOST_LUGS + 1)
+    for channel in (TORQUE, PULL, SINKAGE):
+        good = np.isfinite(residuals[:, channel]) & np.isfinite(drive.wheel_angle_rad)
+        if good.any():
+            turns = np.exp(1j * np.outer(np.arange(_MOST_LUGS + 1), drive.wheel_angle_rad[good]))
+            power += np.abs(turns @ residuals[good, channel]) ** 2 / good.sum()
+    strongest = 3 + int(np.argmax(power[3:]))
+    if power[strongest] > _STANDS_OUT * np.median(power[3:]) and strongest not in counts:
+        counts.append(strongest)
+    return counts

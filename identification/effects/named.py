@@ -1,0 +1,292 @@
+"""Effects asked for by name: ``slip_sinkage:n1=0.2`` becomes an effect of the catalogue and its parameters."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...framework.core.errors import InputError
+from ...framework.core.vehicle import Wheel
+from ..forward import CHANNELS
+from ..wheel_soil import Soil, equilibrium
+from .catalogue import forms_by_name
+from .drive import COLUMNS, PresentDrive
+from .effect import PULL, SINKAGE, TORQUE, Drive, Effect, Parameter, Situation
+
+_USUAL_LUGS = 18
+_LEAST_SHARE = {TORQUE: 0.1, SINKAGE: 0.01, PULL: 0.1}
+"""A channel's usual size is at least this share of W r [N m], r [m], W [N]: a wheel at zero slip has torque sensors."""
+
+
+@dataclass(frozen=True)
+class NamedEffect:
+    """An effect as it is asked for.
+
+    Parameters
+    ----------
+    slug
+        Public name.
+    settings
+        Parameters, and constants of the formula, by name: SI numbers, or text with a unit ("2 kPa").
+    form
+        Which form, where the parameters' names leave that open; its beginning is enough.
+    bounded
+        Refuse values out of bounds; False for those found on another drive, whose bounds were that drive's.
+    """
+
+    slug: str
+    settings: Mapping[str, float | str] = field(default_factory=dict)
+    form: str = ""
+    bounded: bool = True
+
+
+def parse_effect(text: str) -> NamedEffect:
+    """Read ``slug:name=value,name=value``, with ``form=...`` among the names where an effect has several forms.
+
+    Raises
+    ------
+    InputError
+        The text is not of that form, or names a parameter twice.
+    """
+    slug, _, rest = text.partition(":")
+    settings: dict[str, float | str] = {}
+    # A form's name may hold a comma: only one before another NAME= divides.
+    for part in re.split(r",(?=\s*\w+\s*=)", rest) if rest.strip() else []:
+        name, equals, value = (piece.strip() for piece in part.partition("="))
+        if not (name and equals and value):
+            raise InputError("effect", f"{text!r}", expected="SLUG:NAME=VALUE,NAME=VALUE")
+        if name in settings:
+            raise InputError("effect", f"{text!r}", expected="each parameter once", place=name)
+        settings[name] = value
+    form = str(settings.pop("form", ""))
+    return NamedEffect(slug.strip(), settings, form)
+
+
+def situation_of(wheel: Wheel, soil: Soil, drive: Drive) -> Situation:
+    """Give the situation that forms of effects are built from, where nothing was measured: the textbook wheel's.
+
+    Parameters
+    ----------
+    wheel, soil
+        The wheel, and the soil that it is simulated on.
+    drive
+        Rows with finite load and slip, one at least.
+    """
+    state = equilibrium(wheel, soil, drive.load_N, drive.slip)
+    channels = np.column_stack([state.load_N, state.torque_Nm, state.sinkage_m, state.slip, state.drawbar_pull_N])
+    carried = np.isfinite(state.sinkage_m)
+    load = float(np.mean(np.abs(drive.load_N)))
+    typical = np.sqrt(np.mean(channels[carried] ** 2, axis=0)) if carried.any() else np.zeros(len(CHANNELS))
+    for channel, unit in ((TORQUE, load * wheel.radius_m), (SINKAGE, wheel.radius_m), (PULL, load)):
+        typical[channel] = max(typical[channel], _LEAST_SHARE[channel] * unit)
+    typical[0] = load
+    # A wheel that is swallowed has no sinkage: as deep as its axle is as good a scale as any.
+    sinkage = np.where(carried, state.sinkage_m, wheel.radius_m)
+    return Situation(
+        wheel, drive, typical, sinkage, np.zeros_like(channels), soil.c_Pa, math.tan(soil.phi_rad)
+    )  # fmt: skip
+
+
+def specimen(lugs: int = _USUAL_LUGS, *, scale: float = 1.0) -> Situation:
+    """Give a situation in which every form of every effect can be shown: a lugged wheel, every column observed.
+
+    Parameters
+    ----------
+    lugs
+        Number of the wheel's lugs.
+    scale
+        Of wheel, loads, track and time: what differs between two scales follows the drive (`follows_drive`).
+    """
+    wheel = Wheel(
+        radius_m=0.15 * scale, width_m=0.12 * scale, grouser_height_m=0.01 * scale, grouser_count=lugs
+    )  # fmt: skip
+    soil = Soil(c_Pa=500.0 * scale, phi_rad=math.radians(32.0), k_m=0.012, stiffness_Pa=2e5, n=0.9)
+    rows = 40
+    along = np.linspace(0.0, 1.0, rows)
+    drive = PresentDrive(
+        load_N=(80.0 + 60.0 * along) * scale**2, slip=0.05 + 0.6 * along, time_s=10.0 * along * scale,
+        travel_speed_m_s=0.1 + 0.1 * along, rim_speed_m_s=0.2 + 0.1 * along, wheel_angle_rad=20.0 * along,
+        pitch_rad=0.1 * along, pass_number=1.0 + np.floor(2.999 * along), place_m=along * scale,
+        acceleration_m_s2=np.full(rows, 0.01), angular_acceleration_rad_s2=np.full(rows, 0.07),
+        stretch=np.zeros(rows, dtype=int),
+    )  # fmt: skip
+    return situation_of(wheel, soil, drive)
+
+
+def follows_drive(effect: Effect) -> set[str]:
+    """Give the names of the parameters whose bounds follow from the drive, not from the formula."""
+    other = specimen(lugs_of(effect.form), scale=3.0)
+    for twin in forms_by_name(effect.slug, other):
+        if (twin.form, _names(twin)) == (effect.form, _names(effect)):
+            here = specimen(lugs_of(effect.form))
+            alike = next(
+                e for e in forms_by_name(effect.slug, here) if _names(e) == _names(effect) and e.form == effect.form
+            )
+            return {
+                one.name
+                for one, two in zip(alike.parameters, twin.parameters, strict=True)
+                if not (math.isclose(one.low, two.low) and math.isclose(one.high, two.high))
+            }
+    return set(_names(effect))
+
+
+def lugs_of(form: str) -> int:
+    """Give the number of lugs that the name of a form says; the usual where it says none."""
+    found = re.fullmatch(r"ripple, (\d{1,4}) lugs", form)
+    return int(found.group(1)) if found else _USUAL_LUGS
+
+
+def choose(named: NamedEffect, effects: Sequence[Effect]) -> Effect:
+    """Choose the form whose parameters are those named, with the fewest others.
+
+    Raises
+    ------
+    InputError
+        No form has these parameters, or several have; what is known is listed.
+    """
+    source = f"effect {named.slug}"
+    among = [effect for effect in effects if effect.form == named.form] if named.form else list(effects)
+    among = among or [effect for effect in effects if effect.form.startswith(named.form)]
+    if not among:
+        forms = ", ".join(dict.fromkeys(effect.form for effect in effects if effect.form))
+        raise InputError(source, f"form {named.form!r}", expected=f"one of {forms}" if forms else "no form")
+    given = set(named.settings)
+    known = "; ".join(dict.fromkeys(_described(effect) for effect in among))
+    strange = sorted(given - {name for effect in among for name in (*_names(effect), *effect.constants)})
+    if strange:
+        raise InputError(source, f"no parameter {strange[0]!r}", expected=known)
+    fitting = [
+        effect
+        for effect in among
+        if given <= {*_names(effect), *effect.constants}
+        and given & set(_names(effect))
+        and given >= set(effect.required)
+    ]
+    if not fitting:
+        stated = ", ".join(sorted(given)) or "no parameter"
+        raise InputError(source, f"{stated} given", expected=known)
+    fewest = min(len(effect.parameters) for effect in fitting)
+    best = [effect for effect in fitting if len(effect.parameters) == fewest]
+    if len(best) > 1:
+        choices = " or ".join(f"form={effect.form}" for effect in best)
+        raise InputError(source, f"{', '.join(sorted(given))} given, which leaves its form open", expected=choices)
+    return best[0]
+
+
+def smallest_holding(names: set[str], effects: Sequence[Effect]) -> Effect | None:
+    """Give the effect with the fewest parameters among those that have all of these; None where none has."""
+    holding = [effect for effect in effects if names and names <= set(_names(effect))]
+    return min(holding, key=lambda effect: len(effect.parameters), default=None)
+
+
+def pinned(effect: Effect, named: NamedEffect) -> Effect:
+    """Give the effect with the constants that are named; itself where none is."""
+    given = {
+        name: _number(named, Parameter(name, "", -math.inf, math.inf, 0.0, 1.0), named.settings[name])
+        for name in effect.constants
+        if name in named.settings
+    }
+    if not given:
+        return effect
+    answer = copy(effect)
+    answer.constants = {**effect.constants, **given}
+    return answer
+
+
+def values_of(effect: Effect, named: NamedEffect) -> np.ndarray:
+    """Give the parameters (k,) in the effect's order; what is not named is at its null.
+
+    Raises
+    ------
+    InputError
+        A value is not a finite number of the parameter's unit, or lies outside its bounds.
+    """
+    values = []
+    for parameter in effect.parameters:
+        if parameter.name not in named.settings:
+            values.append(parameter.null)
+            continue
+        value = _number(named, parameter, named.settings[parameter.name])
+        if named.bounded and not parameter.low <= value <= parameter.high:
+            raise InputError(
+                f"effect {named.slug}",
+                f"{value:g}",
+                expected=f"{parameter.low:.4g} to {parameter.high:.4g} {parameter.unit}".strip(),
+                place=parameter.name,
+            )
+        values.append(value)
+    return np.array(values)
+
+
+def build(named: NamedEffect, situation: Situation, source: str) -> tuple[Effect, np.ndarray]:
+    """Build an effect for a drive that is to be simulated, and its parameters (k,).
+
+    Parameters
+    ----------
+    named
+        What is asked for.
+    situation
+        The wheel and the drive (`situation_of`), the latter a `PresentDrive`.
+    source
+        Where the drive came from, for messages.
+
+    Raises
+    ------
+    InputError
+        Unknown effect or parameter, a value out of bounds, or a column that the drive lacks.
+    """
+    wheel = situation.wheel
+    wanted = choose(named, forms_by_name(named.slug, specimen(wheel.grouser_count or _USUAL_LUGS)))
+    for need in wanted.needs:
+        if not situation.drive.has(need):
+            column = COLUMNS[need]
+            expected = f"{column}, which the effect {named.slug} needs"
+            if need.endswith(("acceleration_m_s2", "acceleration_rad_s2")):
+                expected += ", and time_s, in stretches of seven samples at least"
+            raise InputError(source, f"no column {column}", expected=expected)
+    for effect in forms_by_name(named.slug, situation):
+        if (effect.form, _names(effect)) == (wanted.form, _names(wanted)):
+            return pinned(effect, named), values_of(effect, named)
+    raise InputError(
+        f"effect {named.slug}", "the vehicle's wheel has no lugs", expected="grouser_height_m and grouser_count"
+    )
+
+
+def _names(effect: Effect) -> tuple[str, ...]:
+    return tuple(parameter.name for parameter in effect.parameters)
+
+
+def _described(effect: Effect) -> str:
+    """Name an effect's parameters with their bounds, for messages."""
+    parameters = ", ".join(
+        f"{parameter.name} [{parameter.unit}]" if parameter.unit else parameter.name for parameter in effect.parameters
+    )
+    return f"{effect.name}: {parameters}"
+
+
+def _number(named: NamedEffect, parameter: Parameter, given: float | str) -> float:
+    """Read an SI number, or a quantity of the parameter's unit."""
+    try:
+        value = float(given)
+    except (TypeError, ValueError):
+        value = _quantity(str(given), parameter.unit)
+    if not math.isfinite(value):
+        unit = f"a finite number [{parameter.unit}]" if parameter.unit else "a finite number"
+        raise InputError(f"effect {named.slug}", f"{given!r}", expected=unit, place=parameter.name)
+    return value
+
+
+def _quantity(text: str, unit: str) -> float:
+    """Read a quantity with pint; NaN where it is none, or not of the unit (logarithms have none)."""
+    import pint
+
+    unit = re.sub(r"(?<=[a-z])(\d)", r"**\1", "" if unit.startswith("ln ") else unit)
+    try:
+        return float(pint.Quantity(text).m_as(unit or "dimensionless"))
+    except Exception:  # pint raises its own, and the tokenizer's, errors for what it cannot read
+        return math.nan

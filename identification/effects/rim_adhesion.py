@@ -1,0 +1,40 @@
+"""Soil slips on the rim before it shears within."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .effect import Contact, Drive, Effect, Parameter, Situation
+
+
+class RimAdhesion(Effect):
+    """The rim's own adhesion and friction cap the shear strength."""
+
+    slug = "rim_adhesion"
+    nested = False
+    equation = "tau_max = min(c + sigma tan phi, c_a + sigma tan delta)"
+    source = (
+        "M. G. Bekker, Theory of Land Locomotion (1956), external friction; adhesion and friction as in A. R. Reece, "
+        "Proc. Inst. Mech. Eng. 179(6) (1964), 16-22"
+    )
+    required = ("c_a", "tan_delta")
+
+    def __init__(self, c_Pa: float, tan_phi: float) -> None:
+        self.parameters = (
+            Parameter("c_a", "Pa", 0.0, 3e4, 0.8 * c_Pa, 1e3),
+            Parameter("tan_delta", "", 0.02, 1.5, 0.9 * tan_phi, 0.2, 0.45),
+        )
+        self._within = c_Pa, tan_phi
+
+    def starts(self) -> list[np.ndarray]:
+        # Just below the soil's own strength: a cap far below would hide the soil from the search.
+        c_Pa, tan_phi = self._within
+        return [np.array([0.9 * c_Pa, 0.95 * tan_phi]), np.array([1.5 * c_Pa + 200.0, 0.8 * tan_phi])]
+
+    def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        contact.adhesion_Pa, contact.tan_delta = values[0], values[1]
+
+
+def forms(situation: Situation) -> tuple[Effect, ...]:
+    """Give the form that these data can show."""
+    return (RimAdhesion(situation.c_Pa, situation.tan_phi),)

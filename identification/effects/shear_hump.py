@@ -1,0 +1,33 @@
+"""Shear stress peaks, then falls to a residual value."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .effect import Contact, Drive, Effect, Parameter, Situation
+
+
+class ShearHump(Effect):
+    """Dense or brittle soil: the share of the strength that is left after the peak; k is where the peak lies.
+
+    From K_r = 1 / (1 - 1/e) = 1.58 on there is no peak: the law is then Janosi & Hanamoto's with c and tan phi 1.58
+    times as large. Below, the stress passes a maximum, about tau_max, and falls to K_r tau_max.
+    """
+
+    slug = "shear_hump"
+    nested = False
+    equation = "tau = tau_max K_r {1 + [1 / (K_r (1 - 1/e)) - 1] exp(1 - j/k)} [1 - exp(-j/k)]"
+    source = "J. Y. Wong, J. Preston-Thomas, J. Terramechanics 19 (1983), 225-234"
+    required = ("K_r",)
+    parameters = (Parameter("K_r", "", 0.05, 1.3, 0.7, 0.3, 1.0),)
+
+    def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        contact.residual = values[0]
+
+    def starts(self) -> list[np.ndarray]:
+        return [np.array([0.75]), np.array([0.4])]
+
+
+def forms(situation: Situation) -> tuple[Effect, ...]:
+    """Give the form that these data can show."""
+    return (ShearHump(),)

@@ -1,0 +1,70 @@
+"""The buried flanks of the wheel rub on soil."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .effect import PULL, TORQUE, Contact, Drive, Effect, Parameter, Situation
+
+
+class SideWallFriction(Effect):
+    """A shear stress over the buried part of both flanks brakes rotation and travel."""
+
+    slug = "side_wall_friction"
+    source = "statics of a shear stress on the buried flanks, after L. Ding et al. (2009)"
+
+    def __init__(self, form: str) -> None:
+        self.form = form
+        if form == "stress":
+            self.equation = "T += 2 tau_s A r, DP -= 2 tau_s A; A the buried area of a flank"
+            self.parameters = (Parameter("tau_s", "Pa", 0.0, 1e5, 500.0, 3e3),)
+        else:
+            self.equation = "T += 2 g_s z A r, DP -= 2 g_s z A; A the buried area of a flank"
+            self.parameters = (Parameter("g_s", "Pa/m", 0.0, 1e7, 1e4, 1e5),)
+
+    def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        theta, radius = contact.theta_1, contact.wheel.radius_m
+        area = 0.5 * radius**2 * (theta - np.sin(theta) * np.cos(theta))
+        stress = values[0] if self.form == "stress" else values[0] * contact.sinkage_m
+        force = 2.0 * stress * area
+        channels[:, TORQUE] += force * radius
+        channels[:, PULL] -= force
+
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
+_NODES, _WEIGHTS = (_NODES + 1.0) / 2.0, _WEIGHTS / 2.0
+
+
+class FlankRubbing(Effect):
+    """The same stress, but against the way in which each point of a flank moves: below the hub it moves backwards."""
+
+    slug = "side_wall_friction"
+    form = "rubbing"
+    equation = "F = -2 tau_s integral v/|v| dA over the buried part of a flank, v = omega (V/omega - y, x)"
+    source = "Coulomb friction on the flanks (statics); kinematics of a rolling wheel"
+    parameters = (Parameter("tau_s", "Pa", 0.0, 1e5, 500.0, 3e3),)
+
+    def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        radius = contact.wheel.radius_m
+        surface = radius * np.cos(contact.theta_1)
+        advance = np.minimum(contact.advance_m, 1e6 * radius)
+        along, twist = np.zeros(len(surface)), np.zeros(len(surface))
+        for node, weight in zip(_NODES, _WEIGHTS, strict=True):
+            below = surface + (radius - surface) * node
+            reach = np.sqrt(np.maximum(radius**2 - below**2, 0.0))
+            for other, share in zip(_NODES, _WEIGHTS, strict=True):
+                ahead = reach * other
+                area = weight * share * (radius - surface) * reach
+                forward, down = advance - below, ahead
+                speed = np.hypot(forward, down)
+                along += area * forward / np.maximum(speed, 1e-12)
+                twist += area * (down * ahead - forward * below) / np.maximum(speed, 1e-12)
+        channels[:, TORQUE] += 2.0 * values[0] * twist
+        channels[:, PULL] -= 2.0 * values[0] * along
+
+
+def forms(situation: Situation) -> tuple[Effect, ...]:
+    """Give the forms that these data can show: torque or drawbar pull has to be measured."""
+    if not situation.seen(TORQUE, PULL):
+        return ()
+    return SideWallFriction("stress"), SideWallFriction("depth"), FlankRubbing()

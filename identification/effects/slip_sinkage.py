@@ -1,0 +1,58 @@
+"""Slip-sinkage: a slipping wheel carries soil from under itself and sinks further."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .effect import SINKAGE, Contact, Drive, Effect, Parameter, Situation
+
+
+class SinkageExponent(Effect):
+    """The sinkage exponent grows with slip."""
+
+    slug = "slip_sinkage"
+    form = "exponent"
+    equation = "n = n0 + n1 |i|"
+    source = "L. Ding et al., J. Cent. South Univ. Technol. 17 (2010), 129-135: n0 + n1 i"
+    parameters = (Parameter("n1", "", 0.0, 3.0, 0.15, 0.4),)
+
+    def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        contact.n = contact.n + values[0] * np.abs(drive.slip)
+
+
+class SinkageRatio(Effect):
+    """The sinkage is the static one times a power of a ratio that grows with slip; only the static one bears."""
+
+    slug = "slip_sinkage"
+    form = "ratio"
+    equation = "z = z0 K^p, K = (1 + |i|) / (1 - |i| / 2)"
+    source = "after M. Lyasko, J. Terramechanics 47 (2010), 21-31, slip-sinkage coefficient"
+    parameters = (Parameter("p", "", 0.0, 6.0, 0.5, 1.0),)
+
+    def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        contact.stiffness_Pa = contact.stiffness_Pa * _ratio(drive.slip) ** (-values[0] * contact.n)
+
+
+class SoilTransport(Effect):
+    """The wheel's rut is deepened by the soil carried out behind it; the contact ahead is the static one's."""
+
+    slug = "slip_sinkage"
+    form = "transport"
+    equation = "z = z0 K^p, K = (1 + |i|) / (1 - |i| / 2), stresses those of z0"
+    source = "after M. Lyasko, J. Terramechanics 47 (2010), 21-31, slip-sinkage coefficient"
+    parameters = (Parameter("p", "", 0.0, 6.0, 0.5, 1.0),)
+
+    def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        channels[:, SINKAGE] *= _ratio(drive.slip) ** values[0]
+
+
+def _ratio(slip: np.ndarray) -> np.ndarray:
+    away = np.abs(slip)
+    return (1.0 + away) / (1.0 - 0.5 * away)
+
+
+def forms(situation: Situation) -> tuple[Effect, ...]:
+    """Give the forms that these data can show: slip has to vary."""
+    if not situation.drive.has("slip"):
+        return ()
+    return SinkageExponent(), SinkageRatio(), SoilTransport()

@@ -1,0 +1,135 @@
+"""Faults of instruments in time: a channel that arrives late, a channel that wanders."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.signal import lfilter
+
+from ..forward import CHANNELS
+from .effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Drive, Effect, Parameter, Situation
+
+_LONGEST_LAG = 25
+"""Longest delay that is looked for, in samples."""
+
+
+def delayed(values: np.ndarray, time_s: np.ndarray, stretch: np.ndarray, lag_s: float) -> np.ndarray:
+    """Values (n,) as they were `lag_s` ago, interpolated within each uninterrupted stretch; its ends are held."""
+    answer = np.empty_like(values)
+    borders = np.flatnonzero(np.diff(stretch)) + 1
+    for rows in np.split(np.arange(len(values)), borders):
+        good = rows[np.isfinite(values[rows]) & np.isfinite(time_s[rows])]
+        answer[rows] = np.interp(time_s[rows] - lag_s, time_s[good], values[good]) if good.size else np.nan
+    return answer
+
+
+def filtered(values: np.ndarray, time_s: np.ndarray, stretch: np.ndarray, constant_s: float) -> np.ndarray:
+    """Values (n,) behind a first-order low-pass of time constant [s], within each uninterrupted stretch."""
+    answer = values.copy()
+    borders = np.flatnonzero(np.diff(stretch)) + 1
+    for rows in np.split(np.arange(len(values)), borders):
+        good = rows[np.isfinite(values[rows]) & np.isfinite(time_s[rows])]
+        if len(good) < 2:
+            continue
+        step = float(np.median(np.diff(time_s[good])))
+        keep = math.exp(-step / max(constant_s, 1e-3 * step))
+        # The stretch starts settled.
+        answer[good], _ = lfilter([1.0 - keep], [1.0, -keep], values[good], zi=[keep * values[good[0]]])
+    return answer
+
+
+class LowPass(Effect):
+    """A channel is smoothed by its amplifier or its driver, and so arrives late."""
+
+    slug = "time_lag"
+    kind = "instrument"
+    needs = ("time_s",)
+    source = "definition of a first-order low-pass"
+
+    def __init__(self, channel: int, step_s: float) -> None:
+        self.form = f"{CHANNELS[channel]}, low-pass"
+        self.equation = f"tau d({CHANNELS[channel]} reported)/dt = {CHANNELS[channel]} - {CHANNELS[channel]} reported"
+        self._channel, self._step = channel, step_s
+        self.parameters = (Parameter("tau", "s", 0.0, _LONGEST_LAG * step_s, step_s, 4.0 * step_s, step=0.2 * step_s),)
+
+    def starts(self) -> list[np.ndarray]:
+        return [np.array([samples * self._step]) for samples in (1.0, 5.0)]
+
+    def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
+        channels[:, self._channel] = filtered(channels[:, self._channel], drive.time_s, drive.stretch, float(values[0]))
+
+
+class TimeLag(Effect):
+    """A channel arrives late (early, where negative)."""
+
+    slug = "time_lag"
+    kind = "instrument"
+    needs = ("time_s",)
+    source = "definition"
+
+    def __init__(self, channel: int, step_s: float) -> None:
+        self.form = CHANNELS[channel]
+        self.equation = f"{self.form} reported at t = {self.form} at t - tau"
+        self._channel, self._step = channel, step_s
+        longest = _LONGEST_LAG * step_s
+        self.parameters = (Parameter("tau", "s", -longest, longest, step_s, 4.0 * step_s, step=0.2 * step_s),)
+
+    def starts(self) -> list[np.ndarray]:
+        return [np.array([samples * self._step]) for samples in (1.5, 6.0, -2.0)]
+
+    def impose(self, imposed: np.ndarray, drive: Drive, values: np.ndarray) -> None:
+        if self._channel in (LOAD, SLIP):
+            column = 0 if self._channel == LOAD else 1
+            imposed[:, column] = delayed(imposed[:, column], drive.time_s, drive.stretch, -values[0])
+
+    def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
+        if self._channel not in (LOAD, SLIP):
+            channels[:, self._channel] = delayed(channels[:, self._channel], drive.time_s, drive.stretch, values[0])
+
+
+class ChannelDrift(Effect):
+    """A channel wanders smoothly with time."""
+
+    slug = "drift"
+    kind = "instrument"
+    needs = ("time_s",)
+    source = "A.-M. Legendre (1785): polynomials orthogonal over the drive"
+
+    def __init__(self, channel: int, usual: float, orders: int, time_s: np.ndarray) -> None:
+        self.form = CHANNELS[channel]
+        self.equation = f"{self.form} reported = {self.form} + " + " + ".join(
+            f"d{order} P{order}(t)" for order in range(1, orders + 1)
+        )
+        self._channel = channel
+        self.constants = {"t_first": float(np.nanmin(time_s)), "t_last": float(np.nanmax(time_s))}
+        unit = self.form.rsplit("_", 1)[-1].replace("Nm", "N m")
+        self.parameters = tuple(
+            Parameter(f"d{order}", unit, -2.0 * usual, 2.0 * usual, 0.0, 0.1 * usual / order)
+            for order in range(1, orders + 1)
+        )
+        if orders > 1:
+            self.form += ", curved"
+
+    def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
+        first, last = self.constants["t_first"], self.constants["t_last"]
+        along = np.nan_to_num(2.0 * (drive.time_s - first) / (last - first) - 1.0)
+        channels[:, self._channel] += np.polynomial.legendre.legval(along, np.concatenate([[0.0], values]))
+
+
+def forms(situation: Situation) -> tuple[Effect, ...]:
+    """Give the faults that these data can show: there has to be a clock."""
+    drive = situation.drive
+    if not drive.has("time_s"):
+        return ()
+    steps = np.diff(drive.time_s)[np.diff(drive.stretch) == 0]
+    step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
+    answers = [channel for channel in (TORQUE, SINKAGE, PULL) if situation.seen(channel)]
+    lags = [TimeLag(channel, step) for channel in [*answers, LOAD, SLIP]]
+    drifts = [
+        ChannelDrift(channel, float(situation.typical[channel]), orders, drive.time_s)
+        for channel in answers
+        for orders in (1, 6)
+    ]
+    low_passes = [LowPass(channel, step) for channel in answers]
+    return (*lags, *low_passes, *drifts)

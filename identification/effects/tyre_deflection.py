@@ -1,0 +1,76 @@
+"""The wheel flattens under its load."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .effect import SINKAGE, Contact, Drive, Effect, Parameter, Situation
+
+
+class TyreDeflection(Effect):
+    """A flattened wheel touches like a larger, rigid one.
+
+    The larger circle enters the soil where the flattened wheel does: with chord^2 = 8 r (z + delta) = 8 r* z, the
+    parabola for the arc, r* = r (1 + delta / z).
+    """
+
+    slug = "tyre_deflection"
+    form = "circle"
+    equation = "r* = r (1 + delta / z), delta = W / k_t"
+    source = "C. Harnisch et al., Vehicle System Dynamics 43 Suppl. (2005); I. C. Schmid, J. Terramechanics 32 (1995)"
+
+    def __init__(self, load_N: float, radius_m: float) -> None:
+        # Two per cent of the radius under the mean load is a firm tyre, twenty a soft one.
+        usual = 0.05 * radius_m / load_N
+        self.parameters = (Parameter("compliance", "m/N", 0.0, 8.0 * usual, usual, usual),)
+
+    def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        rigid = contact.wheel.radius_m
+        deflection = values[0] * np.maximum(drive.load_N, 0.0)
+        # z = r* (1 - cos theta_1) with r* = r (1 + delta / z) is quadratic in z.
+        flat = rigid * (1.0 - np.cos(contact.theta_1))
+        sinkage = 0.5 * (flat + np.sqrt(flat**2 + 4.0 * flat * deflection))
+        radius = rigid * (1.0 + deflection / np.maximum(sinkage, 1e-9))
+        contact.radius_m = contact.shear_radius_m = radius
+        contact.advance_m = contact.advance_m * radius / rigid
+        contact.sinkage_m = sinkage
+
+
+class FlatTyre(Effect):
+    """A tyre flattens where the ground would press harder than its own pressure: there it presses evenly.
+
+    The ground is then as deep as that pressure takes it, the rest of the entry's depth is the tyre's deflection.
+    """
+
+    slug = "tyre_deflection"
+    form = "pressure"
+    nested = False
+    equation = "sigma <= p_g; z = b (p_g / S)^(1/n) where the wheel is flat"
+    source = "M. G. Bekker, Introduction to Terrain-Vehicle Systems (1969), elastic mode of a pneumatic tyre"
+
+    def __init__(self, pressures_Pa: tuple[float, ...]) -> None:
+        self._pressures = pressures_Pa
+        middle = pressures_Pa[len(pressures_Pa) // 2]
+        self.parameters = (Parameter("p_g", "Pa", 0.05 * middle, 20.0 * middle, middle, 2.0 * middle, 5.0 * middle),)
+
+    def starts(self) -> list[np.ndarray]:
+        return [np.array([pressure]) for pressure in self._pressures]
+
+    def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        contact.most_normal_Pa = values[0]
+        flat = contact.wheel.width_m * (values[0] / contact.stiffness_Pa) ** (1.0 / contact.n)
+        contact.sinkage_m = np.minimum(contact.sinkage_m, flat)
+
+
+def forms(situation: Situation) -> tuple[Effect, ...]:
+    """Give the form that these data can show: the load has to vary."""
+    if not situation.drive.has("load_N"):
+        return ()
+    load, wheel = float(np.nanmean(situation.drive.load_N)), situation.wheel
+    answer: tuple[Effect, ...] = (TyreDeflection(load, wheel.radius_m),)
+    if situation.seen(SINKAGE):
+        # The mean stress is the load over the contact; the peak's, which a tyre flattens first, a little more.
+        depth = np.clip(np.nanmedian(situation.sinkage_m), 1e-3 * wheel.radius_m, wheel.radius_m)
+        mean = load / (wheel.width_m * np.sqrt(2.0 * wheel.radius_m * depth))
+        answer += (FlatTyre(tuple(float(share * mean) for share in (1.0, 1.3, 1.7))),)
+    return answer

@@ -1,0 +1,470 @@
+"""Every effect of the catalogue: it vanishes at its null, has the sign and the limits that its source says."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from bevameter import InputError
+from bevameter.identification import contact_kernel, stress_kernel
+from bevameter.identification.augmented import AugmentedWheel
+from bevameter.identification.effects.catalogue import INSTRUMENTS, SLUGS, effects_for, forms_by_name
+from bevameter.identification.effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Effect, Situation
+from bevameter.identification.effects.named import NamedEffect, choose, parse_effect, pinned, specimen, values_of
+from bevameter.identification.simulate import soil_vector
+from bevameter.identification.wheel_soil import Soil, contact_array, equilibrium, rim_forces
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad
+
+SITUATION = specimen()
+WHEEL, DRIVE = SITUATION.wheel, SITUATION.drive
+SOIL = Soil(c_Pa=500.0, phi_rad=math.radians(32.0), k_m=0.012, stiffness_Pa=2e5, n=0.9)
+IMPOSED = np.column_stack([DRIVE.load_N, DRIVE.slip])
+FORMS = [effect for slug in SLUGS for effect in forms_by_name(slug, SITUATION)]
+JANOSI = 1.0 / (1.0 - math.exp(-1.0))
+"""K_r from which on the humped law has no hump."""
+
+
+def identity(effect: Effect) -> str:
+    return effect.name + "".join(f"-{parameter.name}" for parameter in effect.parameters)
+
+
+def textbook() -> np.ndarray:
+    state = equilibrium(WHEEL, SOIL, DRIVE.load_N, DRIVE.slip)
+    return np.column_stack([state.load_N, state.torque_Nm, state.sinkage_m, state.slip, state.drawbar_pull_N])
+
+
+def predict(named: str, situation: Situation = SITUATION, soil: Soil = SOIL) -> np.ndarray:
+    """Channels (n, 5) with one effect, asked for as on the command line."""
+    asked = parse_effect(named)
+    effect = choose(asked, forms_by_name(asked.slug, situation))
+    vector = np.concatenate([soil_vector(soil), values_of(effect, asked)])
+    model = AugmentedWheel(situation.wheel, (pinned(effect, asked),))
+    drive = situation.drive
+    return model.predict(drive, np.column_stack([drive.load_N, drive.slip]), vector).channels
+
+
+def change(named: str) -> np.ndarray:
+    """What an effect adds to the channels (n, 5) of the textbook wheel."""
+    return predict(named) - AugmentedWheel(WHEEL).predict(DRIVE, IMPOSED, soil_vector(SOIL)).channels
+
+
+def untouched(difference: np.ndarray, *channels: int) -> bool:
+    """Say whether nothing happened to these channels, the solver's tolerance apart."""
+    return bool(np.all(np.abs(difference[:, channels]) <= 1e-5 * np.abs(textbook()[:, channels]).max(axis=0)))
+
+
+def test_every_slug_has_a_form_and_every_form_says_what_it_is():
+    assert {effect.slug for effect in FORMS} == set(SLUGS)
+    assert {effect.slug for effect in FORMS if effect.kind == "instrument"} == set(INSTRUMENTS)
+    for effect in FORMS:
+        assert effect.equation
+        assert effect.source
+        for parameter in effect.parameters:
+            assert parameter.low < parameter.high, identity(effect)
+            assert parameter.low <= parameter.start <= parameter.high, identity(effect)
+            assert parameter.scale > 0.0
+        for start in effect.starts():
+            assert len(start) == len(effect.parameters)
+    with pytest.raises(InputError, match=r"'gravity'.*slip_sinkage"):
+        effects_for(SITUATION, ["gravity"])
+
+
+@pytest.mark.parametrize("effect", [e for e in FORMS if e.slug not in ("shear_hump", "rim_adhesion")], ids=identity)
+def test_an_effect_vanishes_at_its_null(effect):
+    null = np.array([parameter.null for parameter in effect.parameters])
+    model = AugmentedWheel(WHEEL, (effect,))
+    channels = model.predict(DRIVE, IMPOSED, np.concatenate([soil_vector(SOIL), null])).channels
+    expected = textbook()
+    np.testing.assert_allclose(channels / np.abs(expected).max(axis=0), expected / np.abs(expected).max(axis=0),
+                               atol=1e-5)  # fmt: skip
+
+
+def test_effects_without_a_null_of_their_own_vanish_in_their_limits():
+    assert untouched(change("rim_adhesion:c_a=3e4,tan_delta=1.5"), *range(5))
+    (hump,) = forms_by_name("shear_hump", SITUATION)
+    weaker = replace(SOIL, c_Pa=SOIL.c_Pa / JANOSI, phi_rad=math.atan(math.tan(SOIL.phi_rad) / JANOSI))
+    vector = np.append(soil_vector(weaker), JANOSI)
+    expected = textbook()
+    channels = AugmentedWheel(WHEEL, (hump,)).predict(DRIVE, IMPOSED, vector).channels
+    np.testing.assert_allclose(channels / expected.max(axis=0), expected / expected.max(axis=0), atol=1e-5)
+
+
+@pytest.mark.parametrize("effect", FORMS, ids=identity)
+def test_derivatives_are_those_of_the_prediction(effect):
+    model = AugmentedWheel(WHEEL, (effect,))
+    values = np.array([min(max(p.start + 0.2 * p.scale, p.low), p.high) for p in effect.parameters])
+    if effect.slug == "rim_adhesion":
+        values = np.array([200.0, 0.4])  # the soil's own strength nowhere near: where the two cross there is a kink
+    vector = np.concatenate([soil_vector(SOIL), values])
+    scale = np.concatenate([[500.0, 0.5, 1.0, 1.0, 0.5], [parameter.scale for parameter in effect.parameters]])
+    if effect.slug == "soil_patch":
+        scale[-2:] = 0.1 * effect.constants["edge"]
+    # A delayed answer is that of another row, whose angle moves a little otherwise: its derivative is less exact.
+    share = 0.05 if effect.slug == "time_lag" else 1e-3
+    here = model.linearise(DRIVE, IMPOSED, vector, None)
+    usual = np.abs(here.channels).max(axis=0)
+    for index in range(model.size):
+        step = 1e-3 * scale[index]
+        up, down = vector.copy(), vector.copy()
+        up[index] += step
+        down[index] -= step
+        if effect.slug == "time_lag" and index >= 5:
+            continue  # interpolated samples have kinks; the step of its derivative is a share of a sample
+        numeric = (model.predict(DRIVE, IMPOSED, up, here.theta_1).channels
+                   - model.predict(DRIVE, IMPOSED, down, here.theta_1).channels) / (2.0 * step)  # fmt: skip
+        error = np.abs(numeric - here.by_parameter[:, :, index]).max(axis=0)
+        assert (error <= share * np.abs(numeric).max(axis=0) + 3e-6 * usual / step).all(), (index, error)
+    for index, step in ((LOAD, 0.05), (1, 1e-4)):
+        move = np.zeros_like(IMPOSED)
+        move[:, index] = step
+        numeric = (model.predict(DRIVE, IMPOSED + move, vector, here.theta_1).channels
+                   - model.predict(DRIVE, IMPOSED - move, vector, here.theta_1).channels) / (2.0 * step)  # fmt: skip
+        if effect.slug != "time_lag":
+            error = np.abs(numeric - here.by_latent[:, :, index]).max(axis=0)
+            assert (error <= share * np.abs(numeric).max(axis=0) + 3e-6 * usual / step).all(), (index, error)
+
+
+def test_a_lag_shifts_a_channel_in_time_within_its_stretch():
+    lagging = SITUATION.drive.time_s[1] - SITUATION.drive.time_s[0]
+    late, book = predict(f"time_lag:form=sinkage_m,tau={lagging}"), predict("torque_offset:T_0=0")
+    np.testing.assert_allclose(late[1:, SINKAGE], book[:-1, SINKAGE], rtol=1e-9)
+    assert late[0, SINKAGE] == pytest.approx(book[0, SINKAGE])
+    stretches = np.repeat([0, 1], len(DRIVE) // 2)
+    broken = replace(SITUATION, drive=replace(DRIVE, stretch=stretches))
+    late = predict(f"time_lag:form=sinkage_m,tau={lagging}", broken)
+    first = int(np.flatnonzero(stretches)[0])
+    assert late[first, SINKAGE] == pytest.approx(book[first, SINKAGE])
+
+
+@pytest.mark.parametrize("named", ["slip_sinkage:n1=0.4", "slip_sinkage:form=ratio,p=0.8"])
+def test_slip_sinkage_deepens_the_wheel_with_slip_and_changes_its_forces(named):
+    away = change(named)
+    assert (away[:, SINKAGE] > 0.0).all()
+    same_load = replace(SITUATION, drive=replace(DRIVE, load_N=np.full(len(DRIVE), 100.0)))
+    deeper = predict(named, same_load)[:, SINKAGE] / predict("torque_offset:T_0=0", same_load)[:, SINKAGE]
+    assert (np.diff(deeper) > 0.0).all()
+    assert (away[:, TORQUE] > 0.0).all()
+    assert away[-1, PULL] < 0.0  # what the longer contact gains is lost where the wheel digs itself in
+
+
+def test_soil_transport_deepens_the_rut_alone_by_the_ratio_of_lyasko():
+    away = change("slip_sinkage:form=transport,p=1")
+    assert untouched(away, LOAD, TORQUE, SLIP, PULL)
+    ratio = (1.0 + DRIVE.slip) / (1.0 - 0.5 * DRIVE.slip)
+    np.testing.assert_allclose((away + textbook())[:, SINKAGE], ratio * textbook()[:, SINKAGE], rtol=1e-4)
+
+
+def test_the_stress_peak_moves_forward_with_slip_and_costs_pull():
+    away = change("stress_peak_shift:a1=0.4")
+    assert (away[:, PULL] < 0.0).all()
+    back = change("stress_peak_shift:a0=0.3")
+    assert (back[:, PULL] > 0.0).all()
+    braked = replace(SITUATION, drive=replace(DRIVE, slip=-DRIVE.slip))
+    np.testing.assert_allclose(predict("stress_peak_shift:a1=0.4", braked), predict("stress_peak_shift:a1=0", braked))
+
+
+def test_a_contact_behind_the_wheel_carries_part_of_the_load():
+    away = change("exit_angle:c2=0.4")
+    assert (away[:, SINKAGE] < 0.0).all()
+    contact = textbook_contact(np.array([0.6]), np.array([0.2]))
+    forces, behind = forces_of(contact), contact.copy()
+    behind[:, contact_kernel.COLUMN["theta_2"]] = -0.24
+    assert forces_of(behind)[0, 0] > forces[0, 0]
+
+
+def test_a_hump_takes_from_large_displacements_what_it_gives_to_middle_ones():
+    small, peak, large = (mobilised(at, 0.5) for at in (0.2, 1.0, 12.0))
+    assert peak == pytest.approx(1.0)
+    assert large == pytest.approx(0.5, rel=1e-3)
+    assert small < peak
+    assert all(np.diff([mobilised(at, JANOSI) for at in np.linspace(0.0, 6.0, 50)]) > 0.0)
+    spun = replace(SITUATION, drive=replace(DRIVE, slip=np.full(len(DRIVE), 0.9)))
+    assert (predict("shear_hump:K_r=0.3", spun)[:, TORQUE] < predict("shear_hump:K_r=0.9", spun)[:, TORQUE]).all()
+
+
+def test_soil_loaded_faster_is_stiffer_or_stronger_about_its_reference_speed():
+    fast = DRIVE.rim_speed_m_s > 0.25
+    stiffer = change("rate_dependence:m=0.2,v0=0.25")
+    assert (stiffer[fast, SINKAGE] < 0.0).all()
+    assert (stiffer[~fast, SINKAGE] > 0.0).all()
+    stronger = change("rate_dependence:s=0.2,v0=0.25")
+    assert (stronger[fast, PULL] > 0.0).all()
+    alike = replace(SITUATION, drive=replace(DRIVE, rim_speed_m_s=np.full(len(DRIVE), 0.25)))
+    np.testing.assert_allclose(predict("rate_dependence:m=0.3,v0=0.25", alike), textbook(), rtol=1e-4)
+
+
+def test_later_passes_sink_less_and_by_less_and_less():
+    numbers = np.array([1.0, 2.0, 3.0, 4.0, 20.0])
+    drive = type(DRIVE)(**{name: getattr(DRIVE, name)[:5] for name in DRIVE.__dataclass_fields__})
+    drive = replace(drive, pass_number=numbers, load_N=np.full(5, 100.0), slip=np.full(5, 0.2))
+    sinkage = predict("multipass_compaction:A=0.6,N0=1.5", replace(SITUATION, drive=drive))[:, SINKAGE]
+    fresh = equilibrium(WHEEL, SOIL, np.array([100.0]), np.array([0.2])).sinkage_m[0]
+    assert sinkage[0] == pytest.approx(fresh, rel=1e-5)
+    steps = -np.diff(sinkage)
+    assert (steps[:3] > 0.0).all()
+    assert (np.diff(steps[:3]) < 0.0).all()
+    firm = equilibrium(WHEEL, replace(SOIL, stiffness_Pa=SOIL.stiffness_Pa * math.exp(0.6)), np.array([100.0]), [0.2])
+    assert sinkage[-1] == pytest.approx(firm.sinkage_m[0], rel=1e-4)
+
+
+def test_a_hard_layer_holds_up_only_the_wheels_that_reach_it():
+    """The law's deepest point is that of the stress peak, midway along the contact, where the depth is about 3/4 z."""
+    reach = WHEEL.radius_m * (np.cos(0.5 * angle_of(textbook())) - np.cos(angle_of(textbook())))
+    depth = float(np.median(reach))
+    away = change(f"hard_layer:d={depth},ln_S_L=15")
+    assert untouched(away[reach < depth], *range(5))
+    assert (away[reach > 1.06 * depth, SINKAGE] < -1e-6).all()
+    floor = predict(f"hard_layer:d={depth},ln_S_L=20")
+    assert (np.cos(0.5 * angle_of(floor)) - np.cos(angle_of(floor))).max() * WHEEL.radius_m < 1.08 * depth
+
+
+def angle_of(channels: np.ndarray) -> np.ndarray:
+    return np.arccos(1.0 - channels[:, SINKAGE] / WHEEL.radius_m)
+
+
+def test_a_patch_is_another_soil_between_its_ends():
+    away = change("soil_patch:form=place,from=0.4,to=0.6,A=-0.5,B=-0.2")
+    inside = (DRIVE.place_m > 0.45) & (DRIVE.place_m < 0.55)
+    outside = (DRIVE.place_m < 0.3) | (DRIVE.place_m > 0.7)
+    assert (away[inside, SINKAGE] > 0.0).all()
+    assert (away[inside, PULL] < 0.0).all()
+    assert (np.abs(away[outside]) < 1e-3 * np.abs(textbook()).max(axis=0)).all()
+
+
+def test_the_rim_caps_the_shear_stress_as_a_weaker_soil_would():
+    weak = equilibrium(WHEEL, replace(SOIL, c_Pa=200.0, phi_rad=math.atan(0.4)), DRIVE.load_N, DRIVE.slip)
+    capped = predict("rim_adhesion:c_a=200,tan_delta=0.4")
+    np.testing.assert_allclose(capped[:, TORQUE], weak.torque_Nm, rtol=1e-4)
+    assert (change("rim_adhesion:c_a=200,tan_delta=0.4")[:, TORQUE] < 0.0).all()
+
+
+@pytest.mark.parametrize("named", ["bulldozing:s=1", "bulldozing:N=5"])
+def test_bulldozing_costs_pull_alone_and_grows_with_sinkage(named):
+    away = change(named)
+    assert untouched(away, LOAD, TORQUE, SINKAGE, SLIP)
+    assert (away[:, PULL] < 0.0).all()
+    order = np.argsort(textbook()[:, SINKAGE])
+    assert (np.diff(away[order, PULL]) < 0.0).all()
+
+
+def test_the_wedge_is_that_of_rankine_for_soil_without_friction():
+    """Without friction X = 45 deg, cot X + tan X = 2: R_b = 2 b (c z + gamma z^2 / 2)."""
+    clay = replace(SOIL, phi_rad=0.0, c_Pa=4e3)
+    away = predict("bulldozing:s=1", soil=clay)[:, PULL] - predict("bulldozing:s=0", soil=clay)[:, PULL]
+    z = predict("bulldozing:s=0", soil=clay)[:, SINKAGE]
+    np.testing.assert_allclose(away, -2.0 * WHEEL.width_m * (4e3 * z + 15.7e3 * z**2 / 2.0), rtol=1e-6)
+
+
+@pytest.mark.parametrize("named", ["side_wall_friction:form=stress,tau_s=800", "side_wall_friction:g_s=4e4"])
+def test_flanks_cost_torque_and_pull_in_a_fixed_ratio(named):
+    away = change(named)
+    assert untouched(away, LOAD, SINKAGE, SLIP)
+    assert (away[:, TORQUE] > 0.0).all()
+    np.testing.assert_allclose(away[:, TORQUE], -away[:, PULL] * WHEEL.radius_m, rtol=1e-6)
+
+
+def test_rubbing_flanks_hold_back_or_push_as_their_points_move():
+    named = "side_wall_friction:form=rubbing,tau_s=800"
+    rolling = replace(SITUATION, drive=replace(DRIVE, slip=np.full(len(DRIVE), 1e-3)))
+    spinning = replace(SITUATION, drive=replace(DRIVE, slip=np.full(len(DRIVE), 0.95)))
+    assert untouched(change(named), LOAD, SINKAGE, SLIP)
+    for situation, sense in ((rolling, -1.0), (spinning, 1.0)):
+        away = predict(named, situation) - predict("side_wall_friction:form=rubbing,tau_s=0", situation)
+        assert (sense * away[:, PULL] > 0.0).all()  # a spinning wheel's flanks sweep backwards, and thrust
+        assert (sense * away[:, TORQUE] > 0.0).all()  # a rolling one's are dragged forwards, and help to turn it
+
+
+def test_lugs_shear_farther_out_and_ripple_once_a_lug():
+    away = change("grousers:s=0.8")
+    assert (away[:, TORQUE] > 0.0).all()
+    assert (away[:, PULL] > 0.0).all()
+    ripple = change("grousers:a_T=0.5,b_T=0.2")
+    assert untouched(ripple, LOAD, SINKAGE, SLIP, PULL)
+    phase = WHEEL.grouser_count * DRIVE.wheel_angle_rad
+    np.testing.assert_allclose(ripple[:, TORQUE], 0.5 * np.cos(phase) + 0.2 * np.sin(phase), atol=1e-9)
+
+
+def test_a_flattened_wheel_sinks_less():
+    away = change("tyre_deflection:compliance=1e-4")
+    assert (away[:, SINKAGE] < 0.0).all()
+    assert untouched(change("tyre_deflection:compliance=0"), *range(5))
+
+
+def test_a_slope_takes_its_share_of_the_weight():
+    away = change("slope_gravity:s=1")
+    assert untouched(away, LOAD, TORQUE, SINKAGE, SLIP)
+    np.testing.assert_allclose(away[:, PULL], -DRIVE.load_N * np.sin(DRIVE.pitch_rad), atol=1e-9)
+
+
+def test_inertia_is_newtons():
+    away = change("inertia:J=0.2,m=12")
+    assert untouched(away, LOAD, SINKAGE, SLIP)
+    np.testing.assert_allclose(away[:, TORQUE], 0.2 * DRIVE.angular_acceleration_rad_s2, atol=1e-9)
+    np.testing.assert_allclose(away[:, PULL], -12.0 * DRIVE.acceleration_m_s2, atol=1e-9)
+
+
+def test_drivetrain_friction_costs_torque_alone():
+    load, rate = DRIVE.load_N, DRIVE.rim_speed_m_s / WHEEL.radius_m
+    for named, expected in (
+        ("T_c=0.3", np.full(len(DRIVE), 0.3)), ("b_v=0.1", 0.1 * rate), ("mu=0.004", 0.004 * load),
+        ("T_c=0.3,mu=0.004", 0.3 + 0.004 * load), ("T_c=0.3,b_v=0.1", 0.3 + 0.1 * rate),
+    ):  # fmt: skip
+        away = change(f"drivetrain_friction:{named}")
+        assert untouched(away, LOAD, SINKAGE, SLIP, PULL)
+        np.testing.assert_allclose(away[:, TORQUE], expected, atol=1e-9)
+    backwards = replace(SITUATION, drive=replace(DRIVE, rim_speed_m_s=-DRIVE.rim_speed_m_s))
+    less = predict("drivetrain_friction:T_c=0.3", backwards) - predict("drivetrain_friction:T_c=0", backwards)
+    np.testing.assert_allclose(less[:, TORQUE], -0.3, atol=1e-9)
+
+
+def test_constant_faults_change_what_is_reported_and_nothing_else():
+    assert np.allclose(change("torque_offset:T_0=0.4")[:, TORQUE], 0.4, atol=1e-9)
+    np.testing.assert_allclose(predict("torque_gain:g=0.1")[:, TORQUE], 1.1 * predict("torque_gain:g=0")[:, TORQUE])
+    assert np.allclose(change("sinkage_offset:z_0=-0.002")[:, SINKAGE], -0.002, atol=1e-9)
+    drift = change("drift:form=torque_Nm,d1=0.3")[:, TORQUE]
+    np.testing.assert_allclose(drift, np.linspace(-0.3, 0.3, len(DRIVE)), atol=1e-9)
+    true = equilibrium(WHEEL, SOIL, DRIVE.load_N / 1.2, DRIVE.slip)
+    heavy = predict("load_gain:g=0.2")
+    np.testing.assert_allclose(heavy[:, SINKAGE], true.sinkage_m, rtol=1e-5)
+    np.testing.assert_allclose(heavy[:, LOAD], DRIVE.load_N)
+
+
+def test_a_wrong_radius_is_a_wrong_slip_and_leaves_the_angle_of_the_wheel():
+    wrong = predict("rolling_radius:e=0.05")
+    true = equilibrium(WHEEL, SOIL, DRIVE.load_N, 1.0 - (1.0 - DRIVE.slip) / 1.05)
+    np.testing.assert_allclose(wrong[:, TORQUE], true.torque_Nm, rtol=1e-5)
+    np.testing.assert_allclose(wrong[:, SLIP], DRIVE.slip)
+    asked = parse_effect("rolling_radius:e=0.05")
+    before = DRIVE.wheel_angle_rad.copy()
+    choose(asked, forms_by_name("rolling_radius", SITUATION)).impose(IMPOSED.copy(), DRIVE, np.array([0.05]))
+    np.testing.assert_array_equal(DRIVE.wheel_angle_rad, before)
+
+
+def textbook_contact(theta_1: np.ndarray, slip: np.ndarray) -> np.ndarray:
+    """Rows of `contact_kernel` as the augmented wheel lays them out without effects."""
+    true = np.column_stack([np.ones(len(slip)), slip])
+    return AugmentedWheel(WHEEL)._contact(DRIVE, true, soil_vector(SOIL), theta_1).array
+
+
+def forces_of(contact: np.ndarray, count: int = 0) -> np.ndarray:
+    nodes, weights = stress_kernel.quadrature(count) if count else (contact_kernel.NODES, contact_kernel.WEIGHTS)
+    forces = np.empty((len(contact), 3))
+    contact_kernel.rim_forces(contact, WHEEL.width_m, nodes, weights, forces)
+    return forces
+
+
+def test_the_kernel_is_the_textbooks_where_nothing_is_added(rng):
+    theta_1, slip = rng.uniform(0.2, 1.2, 60), rng.uniform(0.0, 0.95, 60)
+    expected = rim_forces(contact_array(theta_1, slip, SOIL), WHEEL)
+    scale = expected[:, [0]] * np.array([1.0, WHEEL.radius_m, 1.0])
+    np.testing.assert_allclose(forces_of(textbook_contact(theta_1, slip)) / scale, expected / scale, atol=1e-5)
+
+
+def test_the_kernel_agrees_with_adaptive_quadrature_of_a_contact_that_has_everything():
+    column = contact_kernel.COLUMN
+    contact = textbook_contact(np.array([0.8]), np.array([0.35]))
+    fields = {
+        "theta_2": -0.2, "theta_m": 0.35, "radius_m": 0.16, "shear_radius_m": 0.165, "lever_m": 0.162,
+        "residual": 0.6, "adhesion_Pa": 700.0, "tan_delta": 0.5, "layer_depth_m": 0.02, "layer_stiffness_Pa": 4e5,
+    }  # fmt: skip
+    for name, value in fields.items():
+        contact[:, column[name]] = value
+    f = {name: float(contact[0, index]) for name, index in column.items()}
+
+    def sigma(theta: float) -> float:
+        front = f["theta_1"] - f["theta_m"]
+        ahead = theta if theta > f["theta_m"] else (
+            f["theta_1"] - (theta - f["theta_2"]) / (f["theta_m"] - f["theta_2"]) * front
+        )  # fmt: skip
+        depth = max(f["radius_m"] * (math.cos(ahead) - math.cos(f["theta_1"])), 0.0)
+        below = max(depth - f["layer_depth_m"], 0.0)
+        upper = f["stiffness_Pa"] * (depth / WHEEL.width_m) ** f["n"]
+        return upper + f["layer_stiffness_Pa"] * (below / WHEEL.width_m) ** f["n"]
+
+    def tau(theta: float) -> float:
+        slid = f["shear_radius_m"] * (f["theta_1"] - theta) - f["advance_m"] * (
+            math.sin(f["theta_1"]) - math.sin(theta)
+        )
+        strength = min(f["c_Pa"] + sigma(theta) * f["tan_phi"], f["adhesion_Pa"] + sigma(theta) * f["tan_delta"])
+        return math.copysign(strength * mobilised(abs(slid) / f["k_m"], f["residual"]), slid)
+
+    def integral(function) -> float:
+        pieces = np.linspace(f["theta_2"], f["theta_1"], 41)
+        return sum(quad(function, low, high, epsrel=1e-9)[0] for low, high in pairwise(pieces))
+
+    expected = WHEEL.width_m * np.array([
+        integral(lambda t: f["radius_m"] * sigma(t) * math.cos(t) + f["shear_radius_m"] * tau(t) * math.sin(t)),
+        f["shear_radius_m"] * f["lever_m"] * integral(tau),
+        integral(lambda t: f["shear_radius_m"] * tau(t) * math.cos(t) - f["radius_m"] * sigma(t) * math.sin(t)),
+    ])  # fmt: skip
+    scale = expected[0] * np.array([1.0, WHEEL.radius_m, 1.0])
+    np.testing.assert_allclose(forces_of(contact, 200)[0] / scale, expected / scale, atol=1e-4)
+    # The kinks of layer and cap cost the few nodes of everyday use some of their digits, no more.
+    np.testing.assert_allclose(forces_of(contact)[0] / scale, expected / scale, atol=1e-2)
+
+
+def mobilised(along: float, residual: float) -> float:
+    """Mobilised share after Wong & Preston-Thomas, written out as they print it."""
+    hump = (1.0 / (residual * (1.0 - math.exp(-1.0))) - 1.0) * math.exp(1.0 - along)
+    return residual * (1.0 + hump) * (1.0 - math.exp(-along))
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    effect=st.sampled_from(FORMS),
+    shares=st.lists(st.floats(0.0, 1.0), min_size=8, max_size=8),
+    load=st.floats(5.0, 400.0),
+    slip=st.floats(-0.95, 0.95),
+)
+def test_carried_loads_give_finite_channels_whatever_the_parameters(effect, shares, load, slip):
+    drive = replace(DRIVE, load_N=np.full(len(DRIVE), load), slip=np.full(len(DRIVE), slip))
+    values = [p.low + share * (p.high - p.low) for p, share in zip(effect.parameters, shares, strict=False)]
+    imposed = np.column_stack([drive.load_N, drive.slip])
+    answer = AugmentedWheel(WHEEL, (effect,)).predict(drive, imposed, np.concatenate([soil_vector(SOIL), values]))
+    carried = np.isfinite(answer.theta_1)
+    assert np.isfinite(answer.channels[carried]).all()
+    assert np.isnan(answer.channels[~carried][:, [TORQUE, PULL]]).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("gravity:g=1", "slip_sinkage"),
+        ("slip_sinkage", "exponent.*n1"),
+        ("slip_sinkage:n2=0.1", "no parameter 'n2'.*n1"),
+        ("slip_sinkage:p=0.5", "form=ratio or form=transport"),
+        ("slip_sinkage:form=plain,p=0.5", "form 'plain'.*ratio"),
+        ("slip_sinkage:n1=nan", "a finite number"),
+        ("slip_sinkage:n1=0.2 m", "a finite number"),
+        ("slip_sinkage:n1=9", "to 3"),
+        ("slip_sinkage:n1", "NAME=VALUE"),
+        ("slip_sinkage:n1=1,n1=2", "once"),
+        ("rim_adhesion:c_a=100", "tan_delta"),
+        ("side_wall_friction:form=stress,tau_s=2 m", r"\[Pa\]"),
+        ("slope_gravity:s=__import__('os')", "finite"),
+    ],
+)
+def test_what_cannot_be_asked_for_is_one_line_that_lists_what_can(text, said):
+    with pytest.raises(InputError, match=said) as caught:
+        predict(text)
+    assert "\n" not in str(caught.value)
+
+
+def test_quantities_carry_their_units_and_forms_their_beginnings():
+    asked = parse_effect("side_wall_friction:form=stress,tau_s=0.8 kPa")
+    assert values_of(choose(asked, forms_of("side_wall_friction")), asked) == pytest.approx([800.0])
+    asked = parse_effect("inertia:J=2e4 kg cm**2")
+    assert values_of(choose(asked, forms_of("inertia")), asked) == pytest.approx([2.0])
+    asked = NamedEffect("grousers", {"a_T": 0.1}, "ripple")
+    assert choose(asked, forms_of("grousers")).form == "ripple, 18 lugs"
+    asked = parse_effect("drift:d1=0.1,form=torque_Nm, curved")
+    assert choose(asked, forms_of("drift")).form == "torque_Nm, curved"
+
+
+def forms_of(slug: str) -> list[Effect]:
+    return forms_by_name(slug, SITUATION)

@@ -1,0 +1,177 @@
+"""The augmented simulator outlives its fit: JSON and back, simulated again, and hostile documents refused."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bevameter import InputError, Vehicle, Wheel
+from bevameter.framework.core.recording.types import WheelTable
+from bevameter.framework.core.soil import PARAMETERS
+from bevameter.identification.augmented import AugmentedWheel
+from bevameter.identification.effects.catalogue import SLUGS, forms_by_name
+from bevameter.identification.effects.effect import PULL, TORQUE, Effect
+from bevameter.identification.effects.ensemble import drawbar_pull, parameter_count
+from bevameter.identification.effects.named import specimen
+from bevameter.identification.effects.stored import AugmentedSimulator, Estimated, StoredEffect
+from bevameter.identification.simulate import simulate, soil_vector
+from bevameter.identification.wheel_soil import Soil, equilibrium
+
+SITUATION = specimen()
+SOIL = Soil(c_Pa=500.0, phi_rad=math.radians(32.0), k_m=0.012, stiffness_Pa=2e5, n=0.9)
+FORMS = [effect for slug in SLUGS for effect in forms_by_name(slug, SITUATION)]
+SLIPS = np.array([0.1, 0.3, 0.6])
+
+
+def fitted(*effects: Effect, sd: float = 0.0) -> AugmentedSimulator:
+    model = AugmentedWheel(SITUATION.wheel, effects)
+    values = [p.low + 0.3 * (p.high - p.low) for effect in effects for p in effect.parameters]
+    vector = np.concatenate([soil_vector(SOIL), values])
+    return AugmentedSimulator.of(model, vector, np.eye(len(vector)) * sd**2)
+
+
+def physics(slug: str, sd: float = math.nan, **parameters: float) -> AugmentedSimulator:
+    soil = {name: Estimated(getattr(SOIL, name), 0.01) for name in PARAMETERS}
+    form = parameters.pop("form", "")
+    named = {name: Estimated(value, sd) for name, value in parameters.items()}
+    return AugmentedSimulator(soil, (StoredEffect(slug, str(form), named),))
+
+
+@pytest.mark.parametrize("effect", FORMS, ids=lambda effect: effect.name + str(len(effect.parameters)))
+def test_every_form_survives_json(effect):
+    simulator = fitted(effect, sd=0.01)
+    text = json.dumps(simulator.to_json(), allow_nan=False)
+    again = AugmentedSimulator.from_json(json.loads(text))
+    assert again.to_json() == simulator.to_json()
+    assert again.effects[0].constants == dict(effect.constants)
+    assert again.soil["c_Pa"].value == pytest.approx(500.0)
+    assert again.soil["k_m"].sd == pytest.approx(0.012 * 0.01)  # of ln k, taken back to k
+
+
+def test_what_was_stored_simulates_as_what_was_fitted():
+    (sinkage, *_), (rate, *_) = (forms_by_name(slug, SITUATION) for slug in ("slip_sinkage", "rate_dependence"))
+    simulator = AugmentedSimulator.from_json(fitted(sinkage, rate).to_json())
+    drive = SITUATION.drive
+    columns = {
+        "time_s": drive.time_s, "load_N": drive.load_N, "slip": drive.slip,
+        "wheel_speed_rad_s": 2.0 * drive.rim_speed_m_s / SITUATION.wheel.radius_m,
+    }  # fmt: skip
+    table = WheelTable(columns, None, None, Path("drive.csv"))
+    vector = np.concatenate([soil_vector(SOIL), [0.9, 0.18]])
+    faster = type(drive)(**{**vars(drive), "rim_speed_m_s": 2.0 * drive.rim_speed_m_s})
+    imposed = np.column_stack([drive.load_N, drive.slip])
+    expected = AugmentedWheel(SITUATION.wheel, (sinkage, rate)).predict(faster, imposed, vector).channels
+    answer = simulator.simulate(Vehicle(wheels=(SITUATION.wheel,)), table)
+    # The speed that the stiffness refers to is that of the drive it was found on, not of this one.
+    np.testing.assert_allclose(answer["torque_Nm"], expected[:, TORQUE], rtol=1e-6)
+    asked = ["slip_sinkage:n1=0.9", "rate_dependence:m=0.18"]
+    other = simulate(Vehicle(wheels=(SITUATION.wheel,)), SOIL, table, asked)
+    assert np.abs(other["sinkage_m"] / answer["sinkage_m"] - 1.0).max() > 0.01
+
+
+def broken() -> dict:
+    """Faults by name: how to spoil a good document, and what the message says."""
+
+    def at(*path, value):
+        def spoil(page):
+            for key in path[:-1]:
+                page = page[key]
+            page[path[-1]] = value
+
+        return spoil
+
+    effect = ("effects", 0)
+    return {
+        "schema": (at("schema", value=2), "schema 2"),
+        "schema true": (at("schema", value=True), "schema True"),
+        "extra key": (at("code", value="import os"), "code"),
+        "no soil": (at("soil", value=None), "an object with"),
+        "soil not finite": (at("soil", "c_Pa", "value", value=math.inf), "a number from"),
+        "soil not a number": (at("soil", "c_Pa", "value", value="5"), "a number from"),
+        "soil no soil": (at("soil", "phi_rad", "value", value=3.0), "phi_rad"),
+        "negative sd": (at("soil", "n", "sd", value=-1.0), "sd"),
+        "huge": (at("soil", "n", "sd", value=10**400), "sd"),
+        "no list": (at("effects", value={}), "no list"),
+        "too many": (at("effects", value=[{}] * 1000), "at most"),
+        "slug": (at(*effect, "slug", value="gravity"), "gravity"),
+        "slug a list": (at(*effect, "slug", value=["exit_angle"]), "one of"),
+        "form": (at(*effect, "form", value="x" * 10**5), "a form of the catalogue"),
+        "lugs": (at(*effect, "form", value="ripple, " + "9" * 6000 + " lugs"), "a form of the catalogue"),
+        "parameter": (at(*effect, "parameters", value={"n2": {"value": 1, "sd": None}}), "n2"),
+        "none": (at(*effect, "parameters", value={}), "n1"),
+        "out of bounds": (at(*effect, "parameters", "n1", "value", value=99.0), "from 0 to 3"),
+        "not finite": (at(*effect, "parameters", "n1", "value", value=math.nan), "n1"),
+        "constant": (at(*effect, "constants", value={"v0": 1.0}), "constants"),
+    }
+
+
+@pytest.mark.parametrize("fault", broken())
+def test_hostile_documents_are_refused_in_one_line(fault):
+    page = fitted(forms_by_name("slip_sinkage", SITUATION)[0]).to_json()
+    AugmentedSimulator.from_json(copy.deepcopy(page))
+    spoil, said = broken()[fault]
+    spoil(page)
+    with pytest.raises(InputError, match=said) as caught:
+        AugmentedSimulator.from_json(page, "db, physics of sand")
+    assert str(caught.value).startswith("db, physics of sand")
+    assert len(str(caught.value)) < 1000
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("page", [None, [], 3, "{}", {"schema": 1}])
+def test_what_is_no_document_is_refused(page):
+    with pytest.raises(InputError, match="an object with"):
+        AugmentedSimulator.from_json(page)
+
+
+def draws(count: int = 40) -> np.ndarray:
+    rng = np.random.default_rng(3)
+    usual = np.array([500.0, math.radians(32.0), 0.012, 2e5, 0.9])
+    return usual * rng.uniform(0.8, 1.2, (count, 5))
+
+
+def test_many_soils_without_effects_of_the_ground_are_the_textbooks():
+    soils = draws()
+    for name in (physics("torque_gain", g=0.3), physics("drivetrain_friction", form="coulomb", T_c=0.5),
+                 physics("slope_gravity", s=1.0), physics("rate_dependence", form="stiffness", m=0.3)):  # fmt: skip
+        assert parameter_count(name) == 0
+        pulls = drawbar_pull(name, SITUATION.wheel, soils, np.empty((len(soils), 0)), 90.0, SLIPS)
+        for row, soil in zip(pulls, soils, strict=True):
+            state = equilibrium(SITUATION.wheel, Soil(*soil.tolist()), np.full(3, 90.0), SLIPS)
+            np.testing.assert_allclose(row, state.drawbar_pull_N, atol=1e-3)
+
+
+def test_each_soil_and_draw_goes_through_the_effect_of_the_ground():
+    soils = draws()
+    ground = physics("slip_sinkage", sd=0.1, form="exponent", n1=0.5)
+    uniform = np.linspace(0.05, 0.95, len(soils))[:, None]
+    pulls = drawbar_pull(ground, SITUATION.wheel, soils, uniform, 90.0, SLIPS)
+    (effect, *_) = forms_by_name("slip_sinkage", SITUATION)
+    drive = SITUATION.drive
+    rows = type(drive)(**{**{name: values[:3] for name, values in vars(drive).items()},
+                          "load_N": np.full(3, 90.0), "slip": SLIPS})  # fmt: skip
+    for index in (0, 20, 39):
+        n1 = 0.5 + 0.1 * math.sqrt(2.0) * erfinv(2.0 * float(uniform[index, 0]) - 1.0)
+        vector = np.append(soil_vector(Soil(*soils[index].tolist())), n1)
+        imposed = np.column_stack([rows.load_N, rows.slip])
+        expected = AugmentedWheel(SITUATION.wheel, (effect,)).predict(rows, imposed, vector).channels[:, PULL]
+        np.testing.assert_allclose(pulls[index], expected, rtol=1e-3, atol=1e-3)
+
+
+def erfinv(share: float) -> float:
+    from scipy.special import erfinv as inverse
+
+    return float(inverse(share))
+
+
+def test_lugs_are_those_of_the_wheel_that_comes():
+    soils = draws(4)
+    ground = physics("grousers", form="radius", s=0.8)
+    uniform = np.full((4, 1), 0.5)
+    smooth = drawbar_pull(ground, Wheel(radius_m=0.15, width_m=0.12), soils, uniform, 90.0, SLIPS)
+    lugged = drawbar_pull(ground, SITUATION.wheel, soils, uniform, 90.0, SLIPS)
+    assert (lugged > smooth).all()
