@@ -27,6 +27,7 @@ _PUBLIC = {
     "run_traverse": "framework.traverse",
     "simulate": "identification.simulate",
     "identify": "identification.identify",
+    "explain": "framework.explain",
     "OnlineIdentifier": "identification.online",
 }
 
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
     from .framework.core.vehicle import Vehicle as Vehicle
     from .framework.core.vehicle import Wheel as Wheel
     from .framework.core.vehicle import load_vehicle as load_vehicle
+    from .framework.explain import explain as explain
     from .framework.traverse import run_traverse as run_traverse
     from .identification.identify import identify as identify
     from .identification.online import OnlineIdentifier as OnlineIdentifier

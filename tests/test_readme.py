@@ -62,7 +62,10 @@ def test_every_command_line_on_a_page_parses():
     lines = [line for line in commands() if not re.fullmatch(r"bevameter (train|query)( [\w|]+)?", line)]
     ran = {parsed(line) for line in lines}
     queries = {f"bevameter query {name}" for name in ("classes", "class", "at", "along", "near")}
-    others = {f"bevameter {name}" for name in ("scenario", "run", "map", "identify", "simulate", "train", "classify")}
+    others = {
+        f"bevameter {name}"
+        for name in ("scenario", "run", "map", "identify", "explain", "simulate", "train", "classify")
+    }
     assert queries | others <= ran, "every command has an example"
 
 

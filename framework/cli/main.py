@@ -14,7 +14,7 @@ from typer.core import TyperGroup
 
 from ... import __version__
 from ..core.errors import BevameterError
-from . import classify, draw_map, identify, query, run, scenario, simulate, train
+from . import classify, draw_map, explain, identify, query, run, scenario, simulate, train
 
 BAD_INPUT = 2
 """Exit status where the input or the way of asking is at fault."""
@@ -68,6 +68,7 @@ app.command("run", help="A recording in, a filled terrain database out.")(run.co
 app.add_typer(query.app, name="query", help="Ask the terrain database.")
 app.command("map", help="Draw what the terrain database knows.")(draw_map.command)
 app.command("identify", help="Soil parameters from the wheel channels of a recording.")(identify.command)
+app.command("explain", help="Why simulation and recording differ: what was left out.")(explain.command)
 app.command("simulate", help="Simulate the wheel on a soil.")(simulate.command)
 app.command("train", help="Train a classifier from labelled files.")(train.command)
 app.command("classify", help="Classify files with a trained model.")(classify.command)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,9 +10,11 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-from ..core.errors import InputError
+from ..core.writing import check_writable as check_writable
+from ..core.writing import write_text as write_text
 from .output import print_table
 
 
@@ -24,10 +25,10 @@ def out() -> Console:
 
 
 @contextmanager
-def status(text: str) -> Iterator[None]:
-    """Show on stderr that work is going on; nothing where stderr is no terminal."""
-    with Console(stderr=True).status(text):
-        yield
+def status(text: str) -> Iterator[Callable[[str], None]]:
+    """Show on stderr that work is going on, and what at present once told; nothing where stderr is no terminal."""
+    with Console(stderr=True).status(escape(text)) as shown:
+        yield lambda doing: shown.update(escape(f"{text}: {doing}"))
 
 
 def print_rows(headers: Sequence[str], rows: Sequence[Sequence[str]], title: str | None = None) -> None:
@@ -36,29 +37,6 @@ def print_rows(headers: Sequence[str], rows: Sequence[Sequence[str]], title: str
         if title is not None:
             print(title)
         print_table([dict(zip(headers, row, strict=True)) for row in rows], "")
-
-
-def check_writable(path: Path) -> None:
-    """Find out before long work whether its result can be written; raises `InputError` where it cannot."""
-    if path.is_dir():
-        raise InputError(path, "is a folder", expected="the name of a file to write")
-    folder = path.parent
-    if not folder.is_dir():
-        raise InputError(path, f"there is no folder {folder}", expected="a file in a folder that exists")
-    if not os.access(folder, os.W_OK):
-        raise InputError(path, f"the folder {folder} may not be written to", expected="a folder that may be written to")
-
-
-def write_text(text: str, path: Path) -> None:
-    """Write a text file whole or not at all."""
-    check_writable(path)
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        part.write_text(text, encoding="utf-8", newline="\n")
-        os.replace(part, path)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise
 
 
 def write_json(page: Any, path: Path) -> None:

@@ -7,6 +7,8 @@ from html import escape
 
 import numpy as np
 
+from .html_page import page
+
 BOOTSTRAP_DRAWS = 1000
 CALIBRATION_BINS = 10
 
@@ -129,11 +131,6 @@ def scores(
     }
 
 
-_STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#222}
-table{border-collapse:collapse;margin:1rem 0}td,th{padding:.3rem .6rem;border:1px solid #ccc;text-align:right}
-th{background:#f4f4f4}th:first-child{text-align:left}.note{color:#555}.warn{color:#a33}"""
-
-
 def _percent(score: dict) -> str:
     return f"{score['value']:.3f} (95 %: {score['low']:.3f} to {score['high']:.3f})"
 
@@ -210,13 +207,12 @@ def report_html(report: dict) -> str:
     gate_text = f"Items further than {gate['threshold']:.2f} from what was trained on are answered 'unknown'" + (
         "." if rejected is None else f": {rejected:.1%} of held-out items were."
     )
-    return (
-        f"<!doctype html><html lang=en><head><meta charset=utf-8><title>Bevameter: {escape(report['modality'])}</title>"
-        f"<style>{_STYLE}</style></head><body><h1>Terrain classifier: {escape(report['modality'])}</h1>"
+    body = (
+        f"<h1>Terrain classifier: {escape(report['modality'])}</h1>"
         f"<p>{report['n']} items ({report['n_degraded']} of them degraded copies), {report['groups']} groups, "
         f"{len(classes)} classes. {escape(report['split'])}</p>"
         f"{warnings}{sections}<h2>Material</h2><table><tr><th>class</th><th>items</th><th>groups</th></tr>{counts}</table>"
         f"<h2>Model</h2><p>Chosen on inner folds: {escape(report['model'])}; temperature {report['temperature']:.2f}. "
         f"{escape(gate_text)}</p><table><tr><th>candidate</th><th>inner log loss [nat]</th></tr>{selection}</table>"
-        f"</body></html>"
     )
+    return page(f"Bevameter: {report['modality']}", body)

@@ -1,0 +1,46 @@
+"""`bevameter explain`: why simulation and recording differ."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    recording: Annotated[
+        Path, typer.Argument(metavar="RECORDING", help="A recording (folder, bag, MCAP) or a wheel file.")
+    ],
+    vehicle: Annotated[
+        Path | None, typer.Option("--vehicle", help="Vehicle TOML; the recording's own where absent.")
+    ] = None,
+    soil: Annotated[
+        Path | None, typer.Option("--soil", help="TOML of what is known of the soil from elsewhere; it breaks ties.")
+    ] = None,
+    simulated: Annotated[
+        Path | None, typer.Option("--simulated", help="Another simulator's wheel file for the same drive.")
+    ] = None,
+    json: Annotated[Path | None, typer.Option("--json", help="Write the answer as JSON.")] = None,
+    report: Annotated[Path | None, typer.Option("--report", help="Write the answer as an HTML page.")] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the resampling behind the intervals.")] = 0,
+) -> None:
+    """Locate the mismatch, name what was left out, model it, and show what that gains."""
+    from ...identification.mismatch.explanation import to_json
+    from ..explain import explain
+    from .explained import print_explanation
+    from .printing import check_writable, status, write_json
+
+    for path in (json, report):
+        if path is not None:
+            check_writable(path)
+    with status(f"explaining {recording}") as tell:
+        answer = explain(recording, vehicle=vehicle, soil=soil, simulated=simulated, seed=seed, progress=tell)
+    if json is not None:
+        write_json(to_json(answer), json)
+    if report is not None:
+        from ...identification.mismatch.report import write_report
+
+        with status(f"drawing {report}"):
+            write_report(answer, report)
+    print_explanation(answer)

@@ -1,0 +1,52 @@
+"""The frame of every HTML report: one page that needs nothing from elsewhere, readable on a screen and in print."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from html import escape
+
+STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#222}
+h2{margin-top:2.2rem;border-bottom:1px solid #ccc}h3{margin-bottom:.3rem}
+table{border-collapse:collapse;margin:1rem 0}td,th{padding:.3rem .6rem;border:1px solid #ccc;text-align:right}
+th{background:#f4f4f4}th:first-child{text-align:left}.note{color:#555}.warn{color:#a33}
+td.text,th.text{text-align:left}.wide{overflow-x:auto}
+.verdict{font-size:1.3rem;font-weight:600;border-left:.4rem solid #0072b2;padding:.5rem 1rem;background:#f2f7fb}
+code{font:.95em ui-monospace,monospace;background:#f4f4f4;padding:0 .25em}
+figure{margin:1rem 0}figure img{max-width:100%;height:auto}figcaption{color:#555;font-size:.93em}
+@media print{body{max-width:none;margin:0;font-size:11pt}.wide{overflow:visible}figure,tr,h2,h3{break-inside:avoid}
+h2,h3{break-after:avoid}.wide table{font-size:8.5pt}.wide td,.wide th{padding:.1rem .3rem}}"""
+
+
+def page(title: str, body: str) -> str:
+    """Give the whole page; `body` is HTML, `title` text."""
+    return (
+        "<!doctype html><html lang=en><head><meta charset=utf-8>"
+        f"<meta name=viewport content='width=device-width'><title>{escape(title)}</title>"
+        f"<style>{STYLE}</style></head><body>{body}</body></html>\n"
+    )
+
+
+def table(headers: Sequence[str], rows: Iterable[Sequence[str]], text_columns: Sequence[int] = (0,)) -> str:
+    """Give a table that scrolls where it is wider than the page.
+
+    Parameters
+    ----------
+    headers, rows
+        Text; it is escaped here.
+    text_columns
+        Columns set to the left; numbers are set to the right.
+    """
+
+    def line(cells: Sequence[str], tag: str) -> str:
+        marked = (
+            f"<{tag}{' class=text' if index in text_columns else ''}>{unbroken(cell)}</{tag}>"
+            for index, cell in enumerate(cells)
+        )
+        return f"<tr>{''.join(marked)}</tr>"
+
+    return f"<div class=wide><table>{line(headers, 'th')}{''.join(line(row, 'td') for row in rows)}</table></div>"
+
+
+def unbroken(text: str) -> str:
+    """Escape text; a number stays on one line with its unit, its bound and its standard deviation."""
+    return escape(text).replace(" %", "&nbsp;%").replace("&lt; ", "&lt;&nbsp;").replace(" ± ", "&nbsp;±&nbsp;")

@@ -1,0 +1,240 @@
+"""The answer put together from what was fitted, held out and weighed."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+
+from ...framework.core.soil import PARAMETERS
+from ..effects.catalogue import PHYSICS
+from ..effects.effect import Effect
+from ..forward import CHANNELS, from_internal, slope_of_internal
+from .explanation import Candidate, ChannelFit, Estimate, Explanation, Missing, Region, Rows, Verdict
+from .fitting import Fitted, Problem
+from .naming import ASSERTED, MENTIONED, UNKNOWN, Naming, why_not
+from .search import Search, Trial
+from .smooth_correction import SmoothCorrection
+from .wording import summarise, trust
+from .would_tell import would_tell
+
+_RESAMPLES = 400
+_SOIL_UNITS = {"c_Pa": "Pa", "phi_rad": "rad", "k_m": "m", "stiffness_Pa": "Pa", "n": ""}
+
+
+def assemble(
+    problem: Problem, found: Search, naming: Naming, remaining: SmoothCorrection, regions: tuple[Region, ...], *,
+    source: str, seed: int, began: float, problems: tuple[str, ...] = (), simulated: np.ndarray | None = None,
+) -> Explanation:  # fmt: skip
+    """Put the answer together.
+
+    Parameters
+    ----------
+    problem, found, naming, remaining, regions
+        From the steps before.
+    source, seed, began, problems
+        The recording, the seed of resampling, when work began [s], and what the reader noticed.
+    simulated : (n, 5)
+        Residuals of another simulator, which then stand for "before".
+    """
+    chosen, textbook = found.chosen, found.textbook
+    unknown_wins = naming.unknown > 0.5
+    held = np.nan_to_num(remaining.held_out) if unknown_wins else 0.0
+    after = chosen.held_out.residuals - held
+    missing = _missing(problem, found, naming, remaining)
+    verdict = _verdict(missing)
+    if verdict == "none":
+        after, regions = textbook.held_out.residuals, ()
+    before = textbook.held_out.residuals if simulated is None else simulated[:, problem.answers]
+    fits = _fits(problem, before, after, chosen.fitted, np.random.default_rng(seed))
+    gained = chosen.held_out.gain(textbook.held_out) if verdict != "none" else (0.0, 0.0)
+    if unknown_wins:
+        gained = gained[0] + remaining.gain, gained[1]
+    best = chosen if verdict != "none" else textbook
+    explanation = Explanation(
+        source=source,
+        verdict=verdict,
+        summary="",
+        soil=_soil(best.fitted, found, naming),
+        soil_textbook=_soil(textbook.fitted, None, None),
+        trust="",
+        located=regions,
+        missing=missing,
+        candidates=_candidates(found, naming, remaining),
+        fits=fits,
+        split=problem.samples.split,
+        heldout_nats=Estimate(*gained),
+        notes=(*problems, *problem.samples.notes),
+        rows=_rows(problem, before, after, chosen.fitted),
+        simulator=best.fitted.model,
+        vector=best.fitted.vector,
+        seconds=time.perf_counter() - began,
+        seed=seed,
+        n=len(problem.samples),
+    )
+    object.__setattr__(explanation, "summary", summarise(explanation))
+    object.__setattr__(explanation, "trust", trust(explanation))
+    return explanation
+
+
+def parameters(fitted: Fitted, effect: Effect) -> dict[str, Estimate]:
+    """Parameters of one effect of a fit, with their standard deviations."""
+    for each, where in fitted.model.slices():
+        if each is effect:
+            sd = np.sqrt(np.maximum(np.diag(fitted.covariance)[where], 0.0))
+            return {
+                parameter.name: Estimate(float(value), float(spread), parameter.unit)
+                for parameter, value, spread in zip(effect.parameters, fitted.vector[where], sd, strict=True)
+            }
+    raise KeyError(effect.name)
+
+
+def _missing(problem: Problem, found: Search, naming: Naming, remaining: SmoothCorrection) -> tuple[Missing, ...]:
+    """What is asserted; where an effect is not certain, those that look like it too."""
+    answer: list[Missing] = []
+    chosen = found.chosen
+    for effect in chosen.effects:
+        probability = naming.effects.get(effect.slug, 0.0)
+        alike = naming.look_alikes.get(effect.slug, ())
+        rival = _standing_in(found, effect.slug, alike[0]) if alike else None
+        tell = would_tell(problem, chosen, rival) if rival is not None else ""
+        answer.append(_named(chosen, effect, probability, alike, tell))
+        if probability < ASSERTED:
+            for slug in alike:
+                share = naming.effects.get(slug, 0.0)
+                trial = _standing_in(found, effect.slug, slug)
+                if trial is not None and share >= MENTIONED and slug not in {each.effect for each in answer}:
+                    other = next(each for each in trial.effects if each.slug == slug)
+                    answer.append(_named(trial, other, share, (effect.slug,), tell))
+    if naming.unknown >= MENTIONED and remaining.terms:
+        answer.append(_unknown(naming, remaining))
+    answer.sort(key=lambda each: -each.probability)
+    return tuple(answer)
+
+
+def _named(trial: Trial, effect: Effect, probability: float, alike: tuple[str, ...], tell: str) -> Missing:
+    return Missing(
+        effect.slug, effect.kind, effect.form, probability, parameters(trial.fitted, effect), effect.equation,
+        effect.source, alike, tell,
+    )  # fmt: skip
+
+
+def _standing_in(found: Search, slug: str, other: str) -> Trial | None:
+    """Best trial in which another effect stands in one's place."""
+    wanted = (found.chosen.slugs - {slug}) | {other}
+    trials = [trial for trial in found.trials if trial.slugs == wanted]
+    return max(trials, key=lambda trial: trial.gain, default=None)
+
+
+def _unknown(naming: Naming, remaining: SmoothCorrection) -> Missing:
+    shapes = "; ".join(f"{term.channel} {_shape(term.values)} with {term.variable}" for term in remaining.terms)
+    return Missing(
+        UNKNOWN, UNKNOWN, "smooth correction", naming.unknown, {}, "channel += f(variable), splines",
+        "fitted to the data", (), "a measurement of the variable by itself, the others held",
+        f"{shapes} ({remaining.gain:.0f} nats)",
+    )  # fmt: skip
+
+
+def _shape(values: np.ndarray) -> str:
+    return f"moves by {np.ptp(values):.3g}"
+
+
+def _verdict(missing: tuple[Missing, ...]) -> Verdict:
+    sure = [each for each in missing if each.probability >= ASSERTED]
+    if not missing:
+        return "none"
+    if any(each.kind == UNKNOWN and each.probability > 0.5 for each in missing):
+        return "unknown"
+    if not sure:
+        return "cannot_tell"
+    return "physics" if any(each.kind == "physics" for each in sure) else "instrument"
+
+
+def _candidates(found: Search, naming: Naming, remaining: SmoothCorrection) -> tuple[Candidate, ...]:
+    answer = []
+    for trial, weight in zip(found.trials, naming.weights, strict=True):
+        kinds = {effect.kind for effect in trial.effects}
+        values = {
+            (f"{effect.slug}.{name}" if len(trial.effects) > 1 else name): estimate
+            for effect in trial.effects
+            for name, estimate in parameters(trial.fitted, effect).items()
+        }
+        answer.append(
+            Candidate(
+                " + ".join(effect.name for effect in trial.effects), "physics" if "physics" in kinds else "instrument",
+                float(weight), trial.gain, values, why_not(trial, found),
+            )
+        )  # fmt: skip
+    for effects, promised in found.passed:
+        kind = "physics" if any(part.split("[")[0] in PHYSICS for part in effects.split(" + ")) else "instrument"
+        why = f"not fitted: its first step promises {promised:.1f} nats at most"
+        answer.append(Candidate(effects, kind, 0.0, min(promised, 0.0), {}, why))
+    if remaining.terms:
+        gain = found.chosen.gain + remaining.gain
+        answer.append(
+            Candidate(UNKNOWN, UNKNOWN, naming.unknown, gain, {}, "a smooth correction beside what is chosen")
+        )
+    return tuple(sorted(answer, key=lambda each: -each.heldout_nats))
+
+
+def _soil(fitted: Fitted, found: Search | None, naming: Naming | None) -> dict[str, Estimate]:
+    """Soil of a fit; with the spread between explanations that the data do not tell apart."""
+    values = fitted.vector[: len(PARAMETERS)]
+    variance = np.diag(fitted.covariance)[: len(PARAMETERS)].copy()
+    if found is not None and naming is not None:
+        for trial, weight in zip(found.trials, naming.weights, strict=True):
+            if weight > 0.01:
+                variance += weight * (trial.fitted.vector[: len(PARAMETERS)] - values) ** 2
+    answer = {}
+    for index, name in enumerate(PARAMETERS):
+        value = from_internal(name, float(values[index]))
+        sd = math.sqrt(max(float(variance[index]), 0.0)) * abs(slope_of_internal(name, value))
+        answer[name] = Estimate(value, sd, _SOIL_UNITS[name])
+    return answer
+
+
+def _fits(
+    problem: Problem, before: np.ndarray, after: np.ndarray, chosen: Fitted, rng: np.random.Generator
+) -> dict[str, ChannelFit]:
+    answer = {}
+    block = np.unique(problem.samples.block, return_inverse=True)[1]
+    count = int(block.max()) + 1
+    drawn = rng.integers(0, count, (_RESAMPLES, count))
+    for position, channel in enumerate(problem.answers):
+        good = np.isfinite(before[:, position]) & np.isfinite(after[:, position])
+        rows = np.bincount(block[good], minlength=count)
+        values = []
+        for residual in (before, after):
+            squares = np.bincount(block[good], residual[good, position] ** 2, count)
+            resampled = np.sqrt(squares[drawn].sum(axis=1) / np.maximum(rows[drawn].sum(axis=1), 1))
+            low, high = np.quantile(resampled, [0.025, 0.975])
+            values.append((math.sqrt(squares.sum() / max(good.sum(), 1)), (float(low), float(high))))
+        answer[CHANNELS[channel]] = ChannelFit(
+            values[0][0], values[1][0], _floor(problem, chosen, position), int(good.sum()), values[0][1], values[1][1]
+        )
+    return answer
+
+
+def _floor(problem: Problem, fitted: Fitted, position: int) -> float:
+    """Least error that any model could reach: the sensor's noise, and what uncertain load and slip do."""
+    by_latent = np.nan_to_num(fitted.response.by_latent[:, problem.answers[position]])
+    spread = np.einsum("na,ab,nb->n", by_latent, problem.latent_covariance, by_latent)
+    return math.sqrt(float(fitted.noise.answers[position]) ** 2 + float(np.mean(spread)))
+
+
+def _rows(problem: Problem, before: np.ndarray, after: np.ndarray, chosen: Fitted) -> Rows:
+    drive = problem.samples.drive
+    named = {
+        "slip": drive.slip, "load_N": drive.load_N, "rim_speed_m_s": drive.rim_speed_m_s,
+        "travel_speed_m_s": drive.travel_speed_m_s, "pitch_rad": drive.pitch_rad, "pass": drive.pass_number,
+        "acceleration_m_s2": drive.acceleration_m_s2,
+        "angular_acceleration_rad_s2": drive.angular_acceleration_rad_s2, "x_m": drive.place_m,
+        "time_s": drive.time_s, "wheel_angle_rad": drive.wheel_angle_rad, "sinkage_m": chosen.response.channels[:, 2],
+    }  # fmt: skip
+    seen = {name: values for name, values in named.items() if np.isfinite(values).any()}
+    measured = np.where(problem.seen, problem.measured, np.nan)
+    return Rows(
+        tuple(CHANNELS[channel] for channel in problem.answers), seen, measured, measured - before, measured - after,
+        chosen.noise.answers,
+    )  # fmt: skip

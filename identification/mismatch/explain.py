@@ -1,0 +1,85 @@
+"""`explain`: why simulation and recording differ."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from ...framework.core.recording.types import Recording
+from ...framework.core.soil import SoilKnowledge, load_soil
+from ...framework.core.vehicle import Vehicle
+from ..effects.catalogue import SLUGS, effects_for
+from ..identify import felt_rows, open_recording
+from .answer import assemble
+from .explanation import Explanation
+from .locate import locate
+from .naming import name
+from .samples import gather
+from .search import search, situation, textbook_trial
+from .simulated import as_differences, attach
+from .smooth_correction import smooth_correction
+
+
+def explain(
+    recording: Recording | str | Path,
+    *,
+    vehicle: Vehicle | str | Path | None = None,
+    soil: SoilKnowledge | str | Path | None = None,
+    simulated: str | Path | None = None,
+    seed: int = 0,
+    catalogue: Iterable[str] | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Explanation:
+    """Compare a recording with the simulation, and say what the simulation leaves out.
+
+    Parameters
+    ----------
+    recording
+        A recording, or the path of one, or of a single wheel file.
+    vehicle
+        The vehicle, or its TOML file; the recording's own where absent.
+    soil
+        What is known of the soil from elsewhere, or its TOML file: it breaks ties.
+    simulated
+        Another simulator's wheel file for the same drive; the built-in simulator, its soil refitted, where absent.
+    seed
+        Of the resampling behind the intervals of held-out errors.
+    catalogue
+        Public names of the effects to consider; all where absent.
+    progress
+        Told in words what is being done.
+
+    Returns
+    -------
+    Explanation
+        The answer, of whatever kind; see `Explanation.verdict`.
+
+    Raises
+    ------
+    InputError
+        The recording has no wheel channels or geometry, lacks channels or rows to compare, or a name is unknown.
+    """
+    began = time.perf_counter()
+    tell = progress or (lambda _: None)
+    opened = open_recording(recording, vehicle)
+    known = load_soil(soil) if isinstance(soil, str | Path) else soil or SoilKnowledge()
+    rows = felt_rows(opened)
+    table = rows.table if simulated is None else attach(rows.table, simulated)
+    samples, own = gather(table, rows.wheel, rows.vehicle), None
+    if simulated is not None:
+        tell("fitting the textbook wheel to the other simulator")
+        samples, own = as_differences(samples)
+    tell("refitting the soil")
+    problem, textbook = textbook_trial(samples, known)
+    effects = effects_for(situation(problem, textbook.fitted), SLUGS if catalogue is None else catalogue)
+    found = search(problem, textbook, effects, lambda what: tell(f"trying {what}"))
+    tell("looking for what nothing explains")
+    remaining = smooth_correction(problem, found.chosen.fitted)
+    naming = name(found, remaining.gain)
+    tell("locating the mismatch")
+    regions = locate(problem, textbook.fitted, found.chosen.fitted.noise)
+    return assemble(
+        problem, found, naming, remaining, regions, source=str(opened.source), seed=seed, began=began,
+        problems=rows.problems, simulated=own,
+    )  # fmt: skip

@@ -1,0 +1,451 @@
+"""Soil and effects fitted together, with the sensors' noise and the soil's variation along the track.
+
+Load and slip are measured with errors, which spread into all answers of a sample at once. The wheel is linearised where
+they probably were, by their neighbours in time, and its answers then taken at what was measured: the errors stay as
+white as the sensors' (R. J. Carroll et al., "Measurement Error in Nonlinear Models" (2006), Ch. 4). In steady trials
+they are shrunk towards the mean instead. The fit is maximum a posteriori by damped Gauss-Newton on whitened residuals.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import minimize
+
+from ...framework.core.soil import PARAMETERS, PLAUSIBLE, SoilKnowledge
+from ..augmented import SOIL_COUNT, AugmentedWheel, Response
+from ..effects.effect import LOAD, SLIP
+from ..forward import slope_of_internal, to_internal
+from .samples import Samples
+from .soil_variation import huber_loss, huber_weight, whiten
+
+_SPREAD_PRIOR = 0.15
+"""Soil varies along a track by some per cent, seldom more (standard deviation of ln stiffness and ln strength)."""
+
+_NOISE_UNIT, _SPREAD_UNIT, _LENGTH_UNIT = 0.03, 0.01, 0.5
+"""By how much the noise's description usually moves: the search is well scaled in these units."""
+
+_NOISE_PRIOR = (0.5, 0.1)
+"""Standard deviation of ln(noise) about what neighbours show, and about what the vehicle states."""
+
+_SOIL_PRIOR = {
+    "c_Pa": (0.0, 2e4), "phi_rad": (0.6, 0.4), "k_m": (math.log(0.012), 1.2), "stiffness_Pa": (0.0, math.inf),
+    "n": (math.log(0.95), 0.5),
+}  # fmt: skip
+"""Mean and standard deviation in internal coordinates: the range of Wong (2010), Table 2.3, wide."""
+
+_NOT_CARRIED = 15.0
+"""Loss of a row whose load the soil of a trial does not carry [nats]."""
+
+_COARSE = 0.1
+"""Share of a channel's scatter that the first search for a soil takes for noise [-]."""
+
+ENOUGH = 0.02
+"""The iteration ends when a step promises less than this [nats]."""
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """Standard deviations of the answers (m,), of ln stiffness and ln strength (2,), and the variation's length."""
+
+    answers: np.ndarray
+    spread: np.ndarray
+    length: float
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A fit.
+
+    Parameters
+    ----------
+    model, vector, noise
+        The simulator, its parameters (p,) and the noise that were found.
+    score
+        Log-posterior [nats], up to a constant that all fits of the same samples share.
+    covariance : (p, p)
+        Of the vector.
+    residuals : (n, m)
+        Of the answers, SI, NaN where not observed.
+    innovations : (n, m)
+        Whitened residuals, zero where not observed.
+    jacobian : (n, m, p)
+        Whitened derivatives of the answers.
+    theta_1 : (n,)
+        Entry angles [rad].
+    response
+        The simulator's answers and derivatives.
+    """
+
+    model: AugmentedWheel
+    vector: np.ndarray
+    noise: NoiseModel
+    score: float
+    covariance: np.ndarray
+    residuals: np.ndarray
+    innovations: np.ndarray
+    jacobian: np.ndarray
+    theta_1: np.ndarray
+    response: Response
+
+    def values(self, slug: str) -> dict[str, tuple[float, float]]:
+        """Value and standard deviation of an effect's parameters, by name."""
+        for effect, where in self.model.slices():
+            if effect.slug == slug:
+                sd = np.sqrt(np.diag(self.covariance)[where])
+                return {
+                    parameter.name: (float(value), float(spread))
+                    for parameter, value, spread in zip(effect.parameters, self.vector[where], sd, strict=True)
+                }
+        raise KeyError(slug)
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Mean and precision of a normal prior, and bounds, each (p,)."""
+
+    mean: np.ndarray
+    precision: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+
+    def loss(self, vector: np.ndarray) -> float:
+        """Minus the log-density [nats], up to a constant."""
+        return 0.5 * float(np.sum(self.precision * (vector - self.mean) ** 2))
+
+
+@dataclass(frozen=True)
+class _Ready:
+    """Residuals and derivatives (n, m, 1 + p), what was seen, and how they answer the soil's variation and latents."""
+
+    columns: np.ndarray
+    seen: np.ndarray
+    by_variation: np.ndarray
+    by_latent: np.ndarray
+
+    def filter(
+        self, noise: NoiseModel, latent_covariance: np.ndarray, gap: np.ndarray, derivatives: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Whitened columns, and the logarithm of each row's scale (n,)."""
+        columns = (self.columns if derivatives else self.columns[..., :1]).copy()
+        log_scale = np.empty(len(columns))
+        whiten(
+            columns, self.seen, self.by_variation, self.by_latent, latent_covariance, noise.answers**2, noise.spread,
+            noise.length, gap, log_scale,
+        )  # fmt: skip
+        return columns, log_scale
+
+
+class Problem:
+    """Samples made ready: what load and slip probably were, gaps between rows, and the priors."""
+
+    def __init__(self, samples: Samples, known: SoilKnowledge | None = None) -> None:
+        self.samples = samples
+        self.known = known or SoilKnowledge()
+        self.answers = list(samples.answers)
+        imposed, noise = samples.measured[:, [LOAD, SLIP]], samples.noise[[LOAD, SLIP]]
+        if np.isfinite(samples.drive.time_s).all():
+            self.imposed = np.column_stack([samples.drive.load_N, samples.drive.slip])
+            self.latent_covariance, self._deviation = np.diag(noise**2), imposed - self.imposed
+        else:
+            self.imposed, self.latent_covariance = _calibrated(imposed, noise)
+            self._deviation = np.zeros_like(imposed)
+        self.order, self.gap = _neighbours(samples)
+        self.seen = np.ascontiguousarray(samples.seen)
+        self.measured = samples.measured[:, self.answers]
+        self.first_noise = self._first_noise()
+        self._log_first = np.log(self.first_noise.answers)
+        self._noise_sd = np.where(samples.stated[self.answers], _NOISE_PRIOR[1], _NOISE_PRIOR[0])
+
+    def _first_noise(self) -> NoiseModel:
+        finite = self.gap[np.isfinite(self.gap)]
+        track = float(finite.sum()) if finite.size else 1.0
+        self.shortest = float(np.median(finite[finite > 0.0])) if (finite > 0.0).any() else 1e-3
+        self.longest = max(0.3 * track, 2.0 * self.shortest)
+        length = math.sqrt(self.shortest * self.longest)
+        return NoiseModel(self.samples.noise[self.answers], np.array([0.02, 0.02]), length)
+
+    def prior(self, model: AugmentedWheel) -> Prior:
+        """Priors and bounds of a model's parameter vector."""
+        mean, sd, lower, upper = [], [], [], []
+        for name in PARAMETERS:
+            if name in self.known.values:
+                at = to_internal(name, self.known.values[name])
+                slope = slope_of_internal(name, self.known.values[name])
+                mean.append(at)
+                sd.append(max(self.known.sd.get(name, 0.0) / slope, 1e-6 * max(abs(at), 1.0)))
+            else:
+                usual = _SOIL_PRIOR[name]
+                mean.append(usual[0])
+                sd.append(usual[1])
+            lower.append(to_internal(name, PLAUSIBLE[name][0]))
+            upper.append(to_internal(name, PLAUSIBLE[name][1]))
+        lower[0] = 0.0
+        for effect, _ in model.slices():
+            for parameter in effect.parameters:
+                mean.append(parameter.null)
+                sd.append(parameter.scale)
+                lower.append(parameter.low)
+                upper.append(parameter.high)
+        sd = np.array(sd)
+        return Prior(np.array(mean), np.where(np.isfinite(sd), 1.0 / sd**2, 0.0), np.array(lower), np.array(upper))
+
+    def linearise(self, model: AugmentedWheel, vector: np.ndarray, theta_1: np.ndarray | None) -> Response:
+        """Answer of the model with derivatives, in the samples' order."""
+        return model.linearise(self.samples.drive, self.imposed, vector, theta_1)
+
+    def residuals(self, channels: np.ndarray, by_latent: np.ndarray) -> np.ndarray:
+        """What a model's channels (n, 5) leave of the answers (n, m), SI, taken at the load and slip measured."""
+        by_latent = np.nan_to_num(by_latent[:, self.answers])
+        return self.measured - channels[:, self.answers] - np.einsum("nca,na->nc", by_latent, self._deviation)
+
+    def whitened(
+        self, response: Response, vector: np.ndarray, noise: NoiseModel, weighed_by: Response | None = None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Innovations (n, m), their derivatives (n, m, p) by the parameters, and each row's loss (n,) [nats].
+
+        Errors of load and slip and the soil's variation are carried as another response answers them, if given: trials
+        weighed alike can be compared, where each its own weights would prefer the more uncertain.
+        """
+        ready = self._ready(response, vector, weighed_by)
+        columns, log_scale = ready.filter(noise, self.latent_covariance, self.gap, derivatives=True)
+        back = np.empty_like(self.order)
+        back[self.order] = np.arange(len(self.order))
+        columns, seen, log_scale = columns[back], ready.seen[back], log_scale[back]
+        innovations = np.where(seen, columns[..., 0], 0.0)
+        loss = huber_loss(innovations).sum(axis=1) + log_scale + _NOT_CARRIED * (~seen & self.seen).any(axis=1)
+        return innovations, np.where(seen[..., None], columns[..., 1:], 0.0), loss
+
+    def loss(self, residuals: np.ndarray, fitted: Fitted) -> np.ndarray:
+        """Loss of each row (n,) [nats] for residuals (n, m), SI, under the noise of a fit."""
+        ready = self._ready(fitted.response, fitted.vector)
+        carried = np.isfinite(residuals)
+        seen = ready.seen & carried[self.order]
+        columns = np.where(seen, residuals[self.order], 0.0)[..., None]
+        ready = replace(ready, columns=columns, seen=seen)
+        columns, log_scale = ready.filter(fitted.noise, self.latent_covariance, self.gap, derivatives=False)
+        answer = np.empty(len(residuals))
+        answer[self.order] = huber_loss(np.where(seen, columns[..., 0], 0.0)).sum(axis=1) + log_scale
+        return answer + _NOT_CARRIED * (self.seen & ~carried).any(axis=1)
+
+    def whitened_columns(
+        self, fitted: Fitted, noise: NoiseModel, extra: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Innovations (n, m) of a fit, their derivatives (n, m, p) and further columns (n, m, k) made white alike."""
+        wider = np.zeros((len(self.measured), 5, extra.shape[-1]))
+        wider[:, self.answers] = extra
+        both = np.concatenate([fitted.response.by_parameter, wider], axis=-1)
+        innovations, columns, _ = self.whitened(replace(fitted.response, by_parameter=both), fitted.vector, noise)
+        size = len(fitted.vector)
+        return innovations, columns[..., :size], columns[..., size:]
+
+    def _ready(self, response: Response, vector: np.ndarray, weighed_by: Response | None = None) -> _Ready:
+        """Residuals and derivatives in the order in which the soil's variation is followed."""
+        answers, order = self.answers, self.order
+        weights = response if weighed_by is None else weighed_by
+        residual = self.residuals(response.channels, weights.by_latent)
+        carried = np.asarray(np.isfinite(response.channels[:, answers]).all(axis=1))
+        seen = self.seen & carried[:, None]
+        by_parameter = response.by_parameter[:, answers]
+        by_soil = weights.by_parameter[:, answers]
+        strength = vector[0] * by_soil[..., 0] + vector[1] * by_soil[..., 1]
+        vary = np.stack([by_soil[..., 3], strength], axis=-1)
+        columns = np.where(seen[..., None], np.concatenate([residual[..., None], by_parameter], axis=-1), 0.0)
+        latent = np.nan_to_num(weights.by_latent[:, answers])
+        return _Ready(columns[order], seen[order], np.nan_to_num(vary)[order], latent[order])
+
+    def noise_loss(self, noise: NoiseModel) -> float:
+        """Minus the log-prior of the noise."""
+        away = (np.log(noise.answers) - self._log_first) / self._noise_sd
+        about = math.log(noise.length / math.sqrt(self.shortest * self.longest)) / 1.5
+        return 0.5 * float(away @ away) + 0.5 * float(np.sum((noise.spread / _SPREAD_PRIOR) ** 2)) + 0.5 * about**2
+
+    def best_noise(self, response: Response, vector: np.ndarray, start: NoiseModel, prior: Prior) -> NoiseModel:
+        """Noise and variation of the soil that explain a response's residuals best, the parameters following along.
+
+        Were the parameters held, what they leave unexplained would pass for variation of the soil, and they would not
+        move once it does.
+        """
+        count = len(self.answers)
+        unit = np.concatenate([np.full(count, _NOISE_UNIT), np.full(2, _SPREAD_UNIT), [_LENGTH_UNIT]])
+
+        def unpack(x: np.ndarray) -> NoiseModel:
+            x = x * unit
+            return NoiseModel(np.exp(x[:count]), x[count : count + 2], math.exp(x[-1]))
+
+        ready = self._ready(response, vector)
+        pull = prior.precision * (prior.mean - vector)
+
+        def loss(x: np.ndarray) -> float:
+            noise = unpack(x)
+            columns, log_scale = ready.filter(noise, self.latent_covariance, self.gap, derivatives=True)
+            gradient, information = normal_equations(columns[..., 0], columns[..., 1:])
+            gradient = gradient + pull
+            information[np.diag_indices_from(information)] += prior.precision + 1e-12
+            gained = 0.5 * float(gradient @ np.linalg.solve(information, gradient))
+            return float(huber_loss(columns[..., 0]).sum() + log_scale.sum()) - gained + self.noise_loss(noise)
+
+        first = np.concatenate([np.log(start.answers), start.spread, [math.log(start.length)]])
+        low = np.concatenate([self._log_first - 1.5, [1e-5] * 2, [math.log(self.shortest)]])
+        high = np.concatenate([self._log_first + 4.0, [1.0] * 2, [math.log(self.longest)]])
+        found = minimize(
+            loss, np.clip(first, low, high) / unit, method="L-BFGS-B",
+            bounds=np.column_stack([low, high]) / unit[:, None],
+            options={"maxiter": 12, "ftol": 5e-6, "eps": 1e-4},
+        )  # fmt: skip
+        return unpack(np.asarray(found.x))
+
+
+def _calibrated(measured: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Expected load and slip of each sample (n, 2) given what was measured, and their covariance (2, 2)."""
+    variance = noise**2
+    mean, total = measured.mean(axis=0), np.var(measured, axis=0)
+    truth = np.maximum(total - variance, 0.02 * total + 1e-30)
+    share = truth / (truth + variance)
+    return mean + share * (measured - mean), np.diag(share * variance)
+
+
+def _neighbours(samples: Samples) -> tuple[np.ndarray, np.ndarray]:
+    """Order (n,) in which the soil's variation is followed, and the distance from the row before, (n,)."""
+    count = len(samples)
+    position = samples.position
+    if not np.isfinite(position).all():
+        return np.arange(count), np.full(count, np.inf)
+    order = np.lexsort((position, samples.lane))
+    gap = np.diff(position[order])
+    gap[np.diff(samples.lane[order]) != 0] = np.inf
+    return order, np.concatenate([[np.inf], gap])
+
+
+def fit(
+    problem: Problem,
+    model: AugmentedWheel,
+    vector: np.ndarray,
+    noise: NoiseModel | None = None,
+    theta_1: np.ndarray | None = None,
+    iterations: int = 25,
+    settle: bool = True,
+) -> Fitted:
+    """Fit a model from a start.
+
+    Parameters
+    ----------
+    problem
+        The samples.
+    model
+        The simulator.
+    vector : (p,)
+        Where to start.
+    noise, theta_1
+        Where the noise and the entry angles (n,) [rad] start.
+    iterations
+        At most this many steps.
+    settle
+        Fit the noise as well.
+    """
+    prior = problem.prior(model)
+    vector = np.clip(vector, prior.lower, prior.upper)
+    response = problem.linearise(model, vector, theta_1)
+    damping, settled = 1e-3, 0
+    if noise is None:
+        noise = problem.best_noise(response, vector, problem.first_noise, prior)
+    innovations, jacobian, loss = problem.whitened(response, vector, noise)
+    total = float(loss.sum()) + prior.loss(vector)
+    for iteration in range(iterations):
+        step, promised = _step(innovations, jacobian, prior, vector, damping)
+        if promised < ENOUGH:
+            if not settle:
+                break
+            noise = problem.best_noise(response, vector, noise, prior)
+            innovations, jacobian, loss = problem.whitened(response, vector, noise)
+            before, total = total, float(loss.sum()) + prior.loss(vector)
+            settled += 1
+            if settled > 3 or abs(before - total) < 5.0 * ENOUGH:
+                break
+            continue
+        trial = np.clip(vector + step, prior.lower, prior.upper)
+        answer = problem.linearise(model, trial, response.theta_1)
+        reached = float(problem.whitened(answer, trial, noise, response)[2].sum()) + prior.loss(trial)
+        if reached < total:
+            vector, response = trial, answer
+            damping = max(damping / 6.0, 1e-6)
+            if settle and iteration == 2:
+                noise = problem.best_noise(response, vector, noise, prior)
+            innovations, jacobian, loss = problem.whitened(response, vector, noise)
+            total = float(loss.sum()) + prior.loss(vector)
+        else:
+            damping = max(damping, 1e-4) * 10.0
+            if damping > 1e6:
+                break
+    covariance = _covariance(innovations, jacobian, prior)
+    residuals = np.where(problem.seen, problem.residuals(response.channels, response.by_latent), np.nan)
+    score = -total - problem.noise_loss(noise)
+    return Fitted(model, vector, noise, score, covariance, residuals, innovations, jacobian, response.theta_1, response)
+
+
+def normal_equations(innovations: np.ndarray, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Gradient (p,) and information (p, p) of the log-likelihood of some rows."""
+    weight = huber_weight(innovations)
+    flat = jacobian.reshape(-1, jacobian.shape[-1])
+    return flat.T @ (weight * innovations).ravel(), (flat * weight.ravel()[:, None]).T @ flat
+
+
+def _step(
+    innovations: np.ndarray, jacobian: np.ndarray, prior: Prior, vector: np.ndarray, damping: float
+) -> tuple[np.ndarray, float]:
+    """Damped step (p,) that stays off the bounds it leans on, and the gain that it promises [nats]."""
+    gradient, information = normal_equations(innovations, jacobian)
+    gradient = gradient - prior.precision * (vector - prior.mean)
+    information = information + np.diag(prior.precision)
+    free = ~((vector <= prior.lower) & (gradient < 0.0)) & ~((vector >= prior.upper) & (gradient > 0.0))
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-12))
+    scaled = information * np.outer(scale, scale) + damping * np.eye(len(vector))
+    step = np.zeros(len(vector))
+    inside = np.ix_(free, free)
+    step[free] = scale[free] * np.linalg.solve(
+        scaled[inside] + 1e-10 * np.eye(int(free.sum())), (scale * gradient)[free]
+    )
+    longest = np.concatenate([[np.inf, 0.5, 1.0, 1.0, 0.5], np.full(len(vector) - SOIL_COUNT, np.inf)])
+    step *= min(1.0, 1.0 / max(float(np.max(np.abs(step) / longest)), 1e-12))
+    return step, float(step @ gradient - 0.5 * step @ information @ step)
+
+
+def _covariance(innovations: np.ndarray, jacobian: np.ndarray, prior: Prior) -> np.ndarray:
+    _, information = normal_equations(innovations, jacobian)
+    information = information + np.diag(prior.precision)
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-12))
+    scaled = information * np.outer(scale, scale)
+    return np.linalg.pinv(scaled, rcond=1e-12, hermitian=True) * np.outer(scale, scale)
+
+
+def first_soil(problem: Problem) -> list[np.ndarray]:
+    """Vectors of five to start from: middling soils, stiff enough to carry the load at the sinkage measured."""
+    samples = problem.samples
+    radius, width = samples.wheel.radius_m, samples.wheel.width_m
+    sinkage = samples.measured[:, 2]
+    depth = float(np.nanmedian(sinkage)) if np.isfinite(sinkage).any() else 0.1 * radius
+    depth = float(np.clip(depth, 2e-3 * radius, radius))
+    load = float(np.median(samples.measured[:, 0]))
+    answer = []
+    for n, k, friction in ((0.8, 0.02, 0.55), (1.1, 0.006, 0.6), (0.6, 0.03, 0.3)):
+        # W is about the mean stress over the chord of the contact.
+        chord = math.sqrt(2.0 * radius * depth)
+        stress = load / (0.75 * width * chord)
+        stiffness = stress * (n + 1.0) / (depth / width) ** n
+        answer.append(np.array([500.0, friction, math.log(k), math.log(stiffness), math.log(n)]))
+    return answer
+
+
+def fit_textbook(samples: Samples, known: SoilKnowledge | None = None) -> tuple[Problem, Fitted]:
+    """Fit the textbook wheel from the best of several starts."""
+    problem = Problem(samples, known)
+    model = AugmentedWheel(samples.wheel)
+    # Soil first, by what it explains coarsely: variation along the track would explain any soil's residuals.
+    coarse = replace(
+        problem.first_noise, answers=_COARSE * np.nanstd(problem.measured, axis=0), spread=np.full(2, 1e-3)
+    )
+    short = [fit(problem, model, start, coarse, iterations=15, settle=False) for start in first_soil(problem)]
+    best = max(short, key=lambda fitted: fitted.score)
+    return problem, fit(problem, model, best.vector, None, best.theta_1)

@@ -1,0 +1,114 @@
+"""From held-out scores to statements: which effects are asserted, with what probability, and what looks like them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .search import ASKED_FOR, Search, Trial
+
+UNKNOWN = "unknown"
+
+TEMPERATURE = 2.5
+"""Held-out nats that make one unit of log-odds: scores of look-alikes differ by chance too. From the study's training
+recordings (docs/studies/concealed_physics.py)."""
+
+PENALTY = 4.0
+"""Log-odds in nats of held-out score against each further effect, before any data."""
+
+ASSERTED = 0.8
+"""An effect is asserted where its probability is at least this; below, the answer is that the data cannot tell."""
+
+MENTIONED = 0.05
+"""Look-alikes of at least this probability are listed."""
+
+_TOLERATED = 0.15
+"""Share of an effect's gain that a smooth correction may add to it before the effect is doubted: published forms of one
+effect differ by about as much."""
+
+_REMAINS = 20.0
+"""Nats that a smooth correction has to add at least before something unknown is spoken of."""
+
+
+@dataclass(frozen=True)
+class Naming:
+    """Probabilities: of each effect being among what was left out, and of something that the catalogue lacks.
+
+    Parameters
+    ----------
+    effects
+        Probability of each slug, the most probable first.
+    unknown
+        That the chosen set does not explain the mismatch.
+    look_alikes
+        For each chosen slug, those that could stand in its place, the most probable first.
+    weights : (t,)
+        Probability of each trial of the search.
+    """
+
+    effects: dict[str, float]
+    unknown: float
+    look_alikes: dict[str, tuple[str, ...]]
+    weights: np.ndarray
+
+
+def name(search: Search, remaining: float) -> Naming:
+    """Weigh the trials of a search.
+
+    Parameters
+    ----------
+    search
+        Every set that was tried.
+    remaining
+        Nats that a smooth correction gains on top of the chosen set.
+    """
+    chosen = search.chosen
+    score = np.array([trial.gain - PENALTY * len(trial.effects) for trial in search.trials])
+    # No more effects than held-out data ask for: larger sets that were tried and turned down have no say.
+    admitted = np.array([len(trial.effects) <= max(len(chosen.effects), 1) for trial in search.trials])
+    doubt = remaining - max(_REMAINS, _TOLERATED * chosen.gain)
+    top = max(0.0, float(np.max(score[admitted], initial=0.0)))
+    weights = np.where(admitted, np.exp((score - top) / TEMPERATURE), 0.0)
+    nothing = np.exp((0.0 - top) / TEMPERATURE)
+    known = weights.sum() + nothing
+    # What a smooth correction adds speaks against every set alike.
+    unknown = float(1.0 / (1.0 + np.exp(-np.clip(doubt / (2.0 * TEMPERATURE), -50.0, 50.0))))
+    weights = weights / known * (1.0 - unknown)
+    effects: dict[str, float] = {}
+    for trial, weight in zip(search.trials, weights, strict=True):
+        for slug in trial.slugs:
+            effects[slug] = effects.get(slug, 0.0) + float(weight)
+    effects = dict(sorted(effects.items(), key=lambda pair: -pair[1]))
+    look_alikes = {slug: _stand_ins(search, slug) for slug in sorted(chosen.slugs)}
+    return Naming(effects, unknown, look_alikes, weights)
+
+
+def _stand_ins(search: Search, slug: str) -> tuple[str, ...]:
+    """Effects that could take one's place in the chosen set at nearly the same score."""
+    chosen = search.chosen
+    rest = chosen.slugs - {slug}
+    margin = TEMPERATURE * np.log(1.0 / MENTIONED)
+    best: dict[str, float] = {}
+    for trial in search.trials:
+        extra = trial.slugs - rest
+        if len(trial.slugs) == len(chosen.slugs) and rest <= trial.slugs and len(extra) == 1:
+            other = next(iter(extra))
+            if other != slug and trial.gain > chosen.gain - margin:
+                best[other] = max(best.get(other, -np.inf), trial.gain)
+    return tuple(sorted(best, key=lambda other: -best[other]))
+
+
+def why_not(trial: Trial, search: Search) -> str:
+    """Say why a set that was tried is not the answer."""
+    chosen = search.chosen
+    if trial.effects == chosen.effects:
+        return "chosen"
+    if trial.gain < ASKED_FOR:
+        return f"held-out data do not ask for it ({trial.gain:+.1f} nats)"
+    behind = chosen.gain - trial.gain
+    if chosen.slugs < trial.slugs:
+        return f"adds too little to what is chosen ({-behind:+.1f} nats)"
+    if behind < TEMPERATURE * np.log(1.0 / MENTIONED):
+        return f"nearly as good: {behind:.1f} nats behind"
+    return f"explains less: {behind:.0f} nats behind"

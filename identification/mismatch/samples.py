@@ -1,0 +1,282 @@
+"""The rows of a recording that the mismatch tool compares: channels, covariates, noise and how rows are held out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from ...framework.core.errors import InputError
+from ...framework.core.recording.types import WheelTable
+from ...framework.core.vehicle import Vehicle, Wheel
+from ..effects.drive import drive_of, order_of, select_rows
+from ..effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Drive
+from ..forward import CHANNELS
+from ..gate import LIMITS
+from ..noise import noise_from_neighbours, sensor_noise
+
+ANSWERS = (TORQUE, SINKAGE, PULL)
+"""Channels that the simulator answers with; load and slip are what the drive imposes."""
+
+SIMULATED = "simulated_"
+"""Prefix of columns that hold another simulator's answers."""
+
+LEAST_ROWS = 12
+MOST_ROWS = 1500
+"""A recording with more rows is thinned to about this number, in stretches so that neighbours stay neighbours."""
+
+_THINNED_STRETCH = 50
+_BLOCKS = 12
+_ISOLATED = 7.0
+"""A value this many sensor noises from the median of its neighbours in time is a gross error [-]."""
+
+_REACH = 4
+"""Neighbours on each side over which load and slip are averaged."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Rows of one wheel geometry.
+
+    Parameters
+    ----------
+    wheel
+        The wheel.
+    drive
+        Covariates of each row; in a recording with time, load, slip and speeds are averaged over neighbours that
+        differ by no more than noise: what is asked of a residual must not share its errors.
+    measured : (n, 5)
+        Channels as `forward.CHANNELS`; NaN where not observed, or where a gross error stood.
+    noise : (5,)
+        Standard deviations of the sensors, from the vehicle or from the data's own scatter; NaN for absent channels.
+    stated : (5,)
+        True where the vehicle states the noise.
+    position, lane : (n,)
+        Where soil varies: place [m], else time [s], NaN for steady-state trials, whose soils are independent; and the
+        number of the track, whose soil repeats where the wheel runs in its own rut again.
+    block : (n,)
+        Number of the block that a row is held out with.
+    split
+        How the blocks were made, in words.
+    notes
+        What was left out, in words.
+    simulated : (n, 5)
+        Another simulator's answers, where there is one.
+    """
+
+    wheel: Wheel
+    drive: Drive
+    measured: np.ndarray
+    noise: np.ndarray
+    stated: np.ndarray
+    position: np.ndarray
+    lane: np.ndarray
+    block: np.ndarray
+    split: str
+    notes: tuple[str, ...] = ()
+    simulated: np.ndarray | None = None
+
+    def __len__(self) -> int:
+        return len(self.measured)
+
+    @property
+    def answers(self) -> tuple[int, ...]:
+        """Channels that are answered and were observed."""
+        return tuple(channel for channel in ANSWERS if np.isfinite(self.measured[:, channel]).sum() >= LEAST_ROWS // 2)
+
+    @property
+    def seen(self) -> np.ndarray:
+        """(n, m) True where an answer was observed."""
+        return np.isfinite(self.measured[:, list(self.answers)])
+
+
+def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
+    """Choose and lay out the rows.
+
+    Parameters
+    ----------
+    table
+        Rows of wheels of one geometry, slip derived.
+    wheel, vehicle
+        The wheel, and the vehicle whose sensors' noise may be stated.
+
+    Raises
+    ------
+    InputError
+        Load, slip or every answer is missing, or too few rows are left.
+    """
+    for name, remedy in (("load_N", "load_N, the wheel's load"), ("slip", "slip, or both speeds")):
+        if name not in table or not np.isfinite(table[name]).any():
+            raise InputError(table.source, f"no column {name}", expected=remedy)
+    if not any(CHANNELS[channel] in table for channel in ANSWERS):
+        raise InputError(table.source, "nothing to compare", expected="torque_Nm, sinkage_m or drawbar_pull_N")
+    order, stretch = order_of(table)
+    table = table.select(order)
+    noise = sensor_noise(table, vehicle)
+    usable, notes = _usable(table)
+    if usable.sum() < LEAST_ROWS:
+        raise InputError(
+            table.source, f"{int(usable.sum())} rows with load, slip and an answer", expected=f"at least {LEAST_ROWS}"
+        )
+    drive = (
+        _smoothed(drive_of(table, wheel, stretch), table, noise)
+        if "time_s" in table
+        else drive_of(table, wheel, stretch)
+    )
+    measured = np.column_stack([table.columns.get(name, np.full(len(table), math.nan)) for name in CHANNELS])
+    measured, gross = _without_gross_errors(measured, noise, stretch, "time_s" in table)
+    if gross:
+        notes.append(f"{gross} values stand alone far from their neighbours in time: taken for gross errors")
+    usable &= np.isfinite(measured[:, [LOAD, SLIP]]).all(axis=1) & np.isfinite(measured[:, ANSWERS]).any(axis=1)
+    rows, thinned = _thinned(np.flatnonzero(usable))
+    if thinned:
+        notes.append(f"{int(usable.sum())} rows thinned to {len(rows)}, in stretches of {_THINNED_STRETCH}")
+    drive = select_rows(drive, rows)
+    others = [table.columns.get(SIMULATED + name, np.full(len(table), math.nan)) for name in CHANNELS]
+    simulated = np.column_stack(others)[rows] if any(name.startswith(SIMULATED) for name in table.columns) else None
+    measured = measured[rows]
+    stated = np.array([name in vehicle.noise for name in CHANNELS])
+    placed = bool(np.isfinite(drive.place_m).all())
+    position = drive.place_m if placed else drive.time_s
+    lane = _lanes(drive) if placed else drive.stretch
+    samples = Samples(
+        wheel, drive, measured, noise, stated, position, lane,
+        np.zeros(len(rows), dtype=int), "", tuple(notes), simulated,
+    )  # fmt: skip
+    return _blocked(samples)
+
+
+def _usable(table: WheelTable) -> tuple[np.ndarray, list[str]]:
+    load, slip = table["load_N"], table["slip"]
+    checks = [
+        (np.isfinite(load) & np.isfinite(slip), "without load or slip"),
+        (load > 0.0, "whose wheel carries nothing"),
+        ((slip >= -1.0) & (slip < 0.995), "with a slip outside -1 to 0.995"),
+    ]
+    angle = table.get("slip_angle_rad")
+    if angle is not None:
+        checks.append((~(np.abs(angle) > LIMITS.slip_angle_rad), "driven at an angle to the wheel's plane"))
+    usable, notes = np.ones(len(table), dtype=bool), []
+    with np.errstate(invalid="ignore"):
+        for good, why in checks:
+            lost = int((usable & ~good).sum())
+            if lost:
+                notes.append(f"{lost} rows {why} are left out")
+            usable &= good
+    return usable, notes
+
+
+def _lanes(drive: Drive) -> np.ndarray:
+    """Number the tracks, (n,): a wheel that starts over on fresh ground, or on ground unsaid, is on another."""
+    starts = np.concatenate([[False], np.diff(drive.stretch) != 0])
+    back = np.concatenate([[False], np.diff(drive.place_m) < 0.0])
+    again = np.nan_to_num(drive.pass_number, nan=1.0) > 1.0
+    return np.cumsum(starts & back & ~again)
+
+
+def _without_gross_errors(
+    measured: np.ndarray, noise: np.ndarray, stretch: np.ndarray, timed: bool
+) -> tuple[np.ndarray, int]:
+    """Blank values that stand alone: far from the running median, their neighbours not."""
+    if not timed:
+        return measured, 0
+    measured, count = measured.copy(), 0
+    for rows in np.split(np.arange(len(measured)), np.flatnonzero(np.diff(stretch)) + 1):
+        if len(rows) < 7:
+            continue
+        for channel in range(measured.shape[1]):
+            values = measured[rows, channel]
+            if not np.isfinite(values).all():
+                continue
+            away = np.abs(values - median_filter(values, 5, mode="nearest")) > _ISOLATED * noise[channel]
+            # Where many stand apart the channel is quick, not faulty.
+            if 0 < away.sum() <= 0.05 * len(rows):
+                measured[rows[away], channel] = math.nan
+                count += int(away.sum())
+    return measured, count
+
+
+def _smoothed(drive: Drive, table: WheelTable, noise: np.ndarray) -> Drive:
+    """Average load, slip and speeds over neighbours in time."""
+    noises = {"load_N": noise[LOAD], "slip": noise[SLIP]}
+    for name in ("rim_speed_m_s", "travel_speed_m_s"):
+        if drive.has(name):
+            noises[name] = noise_from_neighbours(table, getattr(drive, name))
+    return replace(
+        drive, **{name: _averaged(getattr(drive, name), float(sd), drive.stretch) for name, sd in noises.items()}
+    )
+
+
+def _averaged(values: np.ndarray, noise: float, stretch: np.ndarray) -> np.ndarray:
+    """Average each sample (n,) with its neighbours, and with further pairs whose surroundings are alike within noise.
+
+    Pairs keep ramps unbiased, the limit keeps steps sharp (after J.-S. Lee, Comput. Vision Graph. Image Process. 24
+    (1983), sigma filter). A sample counts in its own average as it does in its neighbours', or a signal that is delayed
+    by a sample would be less noisy.
+    """
+    answer = values.copy()
+    for rows in np.split(np.arange(len(values)), np.flatnonzero(np.diff(stretch)) + 1):
+        if len(rows) < 3:
+            continue
+        ends = np.pad(values[rows], _REACH, mode="reflect" if len(rows) > _REACH else "edge")
+        around = np.convolve(ends, np.full(3, 1.0 / 3.0), mode="same")
+        middle = slice(_REACH, _REACH + len(rows))
+        total, weight = ends[middle].copy(), np.ones(len(rows))
+        for away in range(1, _REACH + 1):
+            before, after = slice(_REACH - away, -_REACH - away), slice(_REACH + away, len(ends) - _REACH + away)
+            apart = np.maximum(np.abs(around[before] - around[middle]), np.abs(around[after] - around[middle]))
+            pair = ends[before] + ends[after]
+            alike = np.isfinite(pair) & ((apart < 3.0 * noise) | (away == 1))
+            total += np.where(alike, pair, 0.0)
+            weight += 2.0 * alike
+        answer[rows] = total / weight
+    return answer
+
+
+def _thinned(rows: np.ndarray) -> tuple[np.ndarray, bool]:
+    if len(rows) <= MOST_ROWS:
+        return rows, False
+    pieces = MOST_ROWS // _THINNED_STRETCH
+    starts = np.linspace(0, len(rows) - _THINNED_STRETCH, pieces).astype(int)
+    kept = np.unique((starts[:, None] + np.arange(_THINNED_STRETCH)).ravel())
+    return rows[kept], True
+
+
+def _blocked(samples: Samples) -> Samples:
+    """Number the blocks to hold out: conditions of trials, else stretches of time that no run or pass crosses."""
+    drive, count = samples.drive, len(samples)
+    if np.isfinite(drive.time_s).all():
+        usual = max(count // _BLOCKS, 1)
+        block, number = np.empty(count, dtype=int), 0
+        for rows in np.split(np.arange(count), np.flatnonzero(np.diff(drive.stretch)) + 1):
+            parts = max(round(len(rows) / usual), 1)
+            for part in np.array_split(rows, parts):
+                block[part] = number
+                number += 1
+        split = "stretches of time"
+        if number > 2 * _BLOCKS:
+            block = block * _BLOCKS // number
+            split = "groups of neighbouring runs"
+        return replace(samples, block=block, split=f"{block.max() + 1} {split} held out in turn")
+    levels = _levels(drive.slip)
+    what = "slips"
+    if levels.max() < 2:
+        levels, what = _levels(drive.load_N / float(np.max(drive.load_N))), "loads"
+    if levels.max() < 2:
+        levels, what = np.arange(count) * min(_BLOCKS, count) // count, "groups of trials"
+    elif levels.max() >= _BLOCKS:
+        levels = levels * _BLOCKS // (levels.max() + 1)
+    return replace(
+        samples, block=levels, split=f"{levels.max() + 1} {what} held out in turn, all their repeats together"
+    )
+
+
+def _levels(values: np.ndarray, apart: float = 0.03) -> np.ndarray:
+    """Number the levels of a quantity, (n,): neighbours in size that are nearer than `apart` are one level."""
+    order = np.argsort(values)
+    number = np.concatenate([[0], np.cumsum(np.diff(values[order]) > apart)])
+    answer = np.empty(len(values), dtype=int)
+    answer[order] = number
+    return answer

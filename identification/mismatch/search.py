@@ -1,0 +1,222 @@
+"""Search for what was left out: effects fitted with the soil, one by one, then in sets, judged on held-out blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...framework.core.soil import SoilKnowledge
+from ..augmented import SOIL_COUNT, AugmentedWheel
+from ..effects.effect import Effect, Situation
+from .fitting import Fitted, Problem, fit, fit_textbook, normal_equations
+from .held_out import HeldOut, hold_out
+from .samples import Samples
+
+ASKED_FOR = 12.0
+"""An effect is added where it gains more than this many nats on held-out blocks."""
+
+MOST_EFFECTS = 3
+SHARE_ASKED_FOR = 0.04
+"""A further effect has to gain at least this share of what is gained already [-]."""
+
+_LEAST_PROMISE = 2.5
+"""Effects that promise less [nats] are not fitted."""
+
+_TRIED_IN_SETS = 6
+"""Effects tried beside those already found: the most promising ones."""
+
+_SHORT = 5
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A set of effects, its fit and how it predicts.
+
+    `gain` over the textbook wheel [nats] is the lesser of that on held-out blocks and that in the fit: a wrong model
+    may fail wildly on a block that the others do not foresee, and what merely calms that failure explains nothing.
+    """
+
+    effects: tuple[Effect, ...]
+    fitted: Fitted
+    held_out: HeldOut
+    gain: float
+
+    @property
+    def slugs(self) -> frozenset[str]:
+        """Public names of the effects."""
+        return frozenset(effect.slug for effect in self.effects)
+
+
+@dataclass(frozen=True)
+class Search:
+    """The textbook wheel, every set of effects tried, and the set that held-out blocks ask for (may be empty).
+
+    `passed` names sets that were not fitted, with the nats that they promised.
+    """
+
+    textbook: Trial
+    trials: tuple[Trial, ...]
+    passed: tuple[tuple[str, float], ...]
+    chosen: Trial
+
+
+def situation(problem: Problem, textbook: Fitted) -> Situation:
+    """Describe the recording to the catalogue."""
+    samples = problem.samples
+    measured = samples.measured
+    residuals = np.full_like(measured, np.nan)
+    residuals[:, problem.answers] = textbook.residuals / textbook.noise.answers
+    with np.errstate(invalid="ignore"):
+        seen = np.isfinite(measured).any(axis=0)
+        typical = np.where(seen, np.sqrt(np.nanmean(np.where(seen, measured, 0.0) ** 2, axis=0)), np.nan)
+    absent = [channel for channel in (1, 2, 4) if channel not in samples.answers]
+    typical[absent] = np.nan
+    return Situation(
+        samples.wheel,
+        samples.drive,
+        typical,
+        measured[:, 2],
+        residuals,
+        float(textbook.vector[0]),
+        float(textbook.vector[1]),
+    )
+
+
+def textbook_trial(samples: Samples, known: SoilKnowledge | None = None) -> tuple[Problem, Trial]:
+    """Fit the textbook wheel and hold its blocks out."""
+    problem, fitted = fit_textbook(samples, known)
+    return problem, Trial((), fitted, hold_out(problem, fitted), 0.0)
+
+
+def try_adding(problem: Problem, textbook: Trial, base: Trial, effect: Effect) -> Trial:
+    """Fit a set with one more effect, from each of its starts, and hold its blocks out."""
+    effects = (*base.effects, effect)
+    model = AugmentedWheel(problem.samples.wheel, effects)
+    starts = [np.concatenate([base.fitted.vector, start]) for start in effect.starts()]
+    fits = [
+        fit(problem, model, start, base.fitted.noise, base.fitted.theta_1, iterations=_SHORT if len(starts) > 1 else 25)
+        for start in starts
+    ]
+    best = max(fits, key=lambda fitted: fitted.score)
+    if len(starts) > 1:
+        best = fit(problem, model, best.vector, best.noise, best.theta_1)
+    held = hold_out(problem, best)
+    return _trial(textbook, effects, best, held)
+
+
+def _trial(textbook: Trial, effects: tuple[Effect, ...], fitted: Fitted, held: HeldOut) -> Trial:
+    gain = min(held.gain(textbook.held_out)[0], fitted.score - textbook.fitted.score)
+    gain -= sum(effect.sought for effect in effects)
+    return Trial(effects, fitted, held, gain)
+
+
+def without(problem: Problem, textbook: Trial, trial: Trial, dropped: Effect) -> Trial:
+    """Fit a set less one of its effects."""
+    kept = [(effect, where) for effect, where in trial.fitted.model.slices() if effect is not dropped]
+    if not kept:
+        return textbook
+    model = AugmentedWheel(problem.samples.wheel, tuple(effect for effect, _ in kept))
+    vector = np.concatenate([trial.fitted.vector[:SOIL_COUNT], *[trial.fitted.vector[where] for _, where in kept]])
+    fitted = fit(problem, model, vector, trial.fitted.noise, trial.fitted.theta_1)
+    held = hold_out(problem, fitted)
+    return _trial(textbook, model.effects, fitted, held)
+
+
+def promise(problem: Problem, base: Trial, effect: Effect) -> float:
+    """Nats that an effect's first step from nothing promises on top of a fitted set, everything else following."""
+    null = np.array([parameter.null for parameter in effect.parameters])
+    model = AugmentedWheel(problem.samples.wheel, (*base.effects, effect))
+    vector = np.concatenate([base.fitted.vector, null])
+    answer = problem.linearise(model, vector, base.fitted.theta_1)
+    innovations, jacobian, _ = problem.whitened(answer, vector, base.fitted.noise)
+    prior = problem.prior(model)
+    size = len(base.fitted.vector)
+    gradient, information = normal_equations(innovations, jacobian)
+    gradient[:size] = 0.0
+    information[np.diag_indices_from(information)] += prior.precision + 1e-12
+    free = ~((vector <= prior.lower) & (gradient < 0.0)) & ~((vector >= prior.upper) & (gradient > 0.0))
+    free[:size] = True
+    inside = np.ix_(free, free)
+    return 0.5 * float(gradient[free] @ np.linalg.pinv(information[inside], hermitian=True) @ gradient[free])
+
+
+def search(
+    problem: Problem, textbook: Trial, catalogue: Sequence[Effect], tell: Callable[[str], None] = lambda _: None
+) -> Search:
+    """Try every effect alone, then add, swap and drop while held-out blocks ask for it.
+
+    Parameters
+    ----------
+    problem
+        The samples.
+    textbook
+        The fit without effects.
+    catalogue
+        Forms of effects to try.
+    tell
+        Told what is being tried.
+    """
+    trials: list[Trial] = []
+    passed: list[tuple[str, float]] = []
+
+    def attempt(base: Trial, effects: Sequence[Effect], least: float, most: int) -> list[Trial]:
+        """Fit those effects beside a set that promise enough, at most so many."""
+        promised = [(promise(problem, base, effect) if effect.nested else np.inf, effect) for effect in effects]
+        promised.sort(key=lambda pair: -pair[0])
+        answer = []
+        for rank, (nats, effect) in enumerate(promised):
+            together = " + ".join(each.name for each in (*base.effects, effect))
+            if nats < least or rank >= most:
+                passed.append((together, nats))
+                continue
+            tell(together)
+            answer.append(try_adding(problem, textbook, base, effect))
+        trials.extend(answer)
+        return answer
+
+    tell("every effect alone")
+    singles = attempt(textbook, catalogue, _LEAST_PROMISE, len(catalogue))
+    best = max(singles, key=lambda trial: trial.gain, default=textbook)
+    if best.gain < ASKED_FOR:
+        return Search(textbook, tuple(trials), tuple(passed), textbook)
+    alone = {trial.effects[0]: trial.gain for trial in singles}
+
+    def others(slugs: frozenset[str]) -> list[Effect]:
+        return [
+            effect for effect in catalogue
+            if effect.slug not in slugs and (effect.nested or alone.get(effect, -np.inf) >= ASKED_FOR)
+        ]  # fmt: skip
+
+    while len(best.effects) < MOST_EFFECTS:
+        larger = attempt(best, others(best.slugs), ASKED_FOR, _TRIED_IN_SETS)
+        challenger = max(larger, key=lambda trial: trial.gain, default=best)
+        if challenger.gain - best.gain < _asked_of(best):
+            break
+        best = challenger
+        # What was found first may have stood in for two: exchange it for others.
+        for effect in best.effects[:-1]:
+            rest = without(problem, textbook, best, effect)
+            for trial in attempt(rest, others(best.slugs), ASKED_FOR, _TRIED_IN_SETS):
+                if trial.gain > best.gain:
+                    best = trial
+    best = _pruned(problem, textbook, best, trials)
+    return Search(textbook, tuple(trials), tuple(passed), best)
+
+
+def _asked_of(trial: Trial) -> float:
+    """Nats that a further effect has to gain: published forms of one effect differ, and the difference is no effect."""
+    return max(ASKED_FOR, SHARE_ASKED_FOR * trial.gain)
+
+
+def _pruned(problem: Problem, textbook: Trial, best: Trial, trials: list[Trial]) -> Trial:
+    """Drop effects that held-out blocks do not ask for once the others are there."""
+    while len(best.effects) > 1:
+        smaller = [without(problem, textbook, best, effect) for effect in best.effects]
+        trials.extend(smaller)
+        challenger = max(smaller, key=lambda trial: trial.gain)
+        if best.gain - challenger.gain >= _asked_of(challenger):
+            return best
+        best = challenger
+    return best

@@ -1,0 +1,93 @@
+"""Another simulator's output: what it gives for the same drive, and effects as differences to it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ...framework.core.errors import InputError
+from ...framework.core.recording.types import WheelTable
+from ...framework.core.recording.wheel_file import read_wheel_file
+from ..augmented import AugmentedWheel
+from ..forward import CHANNELS
+from .fitting import fit_textbook
+from .samples import ANSWERS, SIMULATED, Samples
+
+
+def attach(table: WheelTable, path: str | Path) -> WheelTable:
+    """Give a recording's table columns with the simulator's answers for each row, by run or by time.
+
+    Raises
+    ------
+    InputError
+        The file has no answer, or neither the clock nor the runs of the recording.
+    """
+    simulated = read_wheel_file(Path(path))
+    names = [CHANNELS[channel] for channel in ANSWERS if CHANNELS[channel] in simulated]
+    if not names:
+        raise InputError(path, "nothing to compare", expected="torque_Nm, sinkage_m or drawbar_pull_N")
+    if table.run is not None and simulated.run is not None:
+        columns = {SIMULATED + name: _by_run(table.run, simulated.run, simulated[name]) for name in names}
+    elif "time_s" in table and "time_s" in simulated:
+        columns = {SIMULATED + name: _by_time(table, simulated, name) for name in names}
+    else:
+        raise InputError(
+            path, "neither time_s nor run in both files", expected="the clock or the runs of the recording"
+        )
+    if not any(np.isfinite(values).any() for values in columns.values()):
+        raise InputError(path, "no row has the time or the run of one of the recording's", expected="the same drive")
+    return WheelTable({**table.columns, **columns}, table.wheel, table.run, table.source)
+
+
+def _by_run(wanted: np.ndarray, runs: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Mean of the simulated rows of each run."""
+    means = {
+        run: float(np.nanmean(values[runs == run])) for run in np.unique(runs) if np.isfinite(values[runs == run]).any()
+    }
+    return np.array([means.get(run, np.nan) for run in wanted])
+
+
+def _by_time(table: WheelTable, simulated: WheelTable, name: str) -> np.ndarray:
+    """Interpolate wheel by wheel; NaN outside the simulated time."""
+    answer = np.full(len(table), np.nan)
+    both = table.wheel is not None and simulated.wheel is not None
+    for wheel in np.unique(table.wheel) if both and table.wheel is not None else [None]:
+        rows = np.ones(len(table), dtype=bool) if wheel is None else table.wheel == wheel
+        of = np.ones(len(simulated), dtype=bool) if wheel is None else simulated.wheel == wheel
+        time_s, values = simulated["time_s"][of], simulated[name][of]
+        good = np.isfinite(time_s) & np.isfinite(values)
+        if good.any():
+            order = np.argsort(time_s[good])
+            answer[rows] = np.interp(
+                table["time_s"][rows], time_s[good][order], values[good][order], left=np.nan, right=np.nan
+            )
+    return answer
+
+
+def as_differences(samples: Samples) -> tuple[Samples, np.ndarray]:
+    """Samples whose textbook wheel answers like the other simulator, and that simulator's own residuals (n, 5).
+
+    The textbook wheel is fitted to what the other simulated; what it misses of that is taken off the recording. An
+    effect then counts by its difference: our model with it minus our model without.
+    """
+    if samples.simulated is None:
+        raise ValueError("no simulated channels attached")
+    imitated = replace(samples, measured=np.where(_answers(samples), samples.simulated, samples.measured))
+    seen = np.isfinite(imitated.measured[:, ANSWERS]).any(axis=1)
+    if seen.sum() < 0.5 * len(samples):
+        raise InputError("simulated channels", f"{int(seen.sum())} of {len(samples)} rows", expected="the whole drive")
+    problem, fitted = fit_textbook(imitated)
+    model = AugmentedWheel(samples.wheel)
+    imitation = model.predict(samples.drive, problem.imposed, fitted.vector, fitted.theta_1).channels
+    residuals = samples.measured - samples.simulated
+    measured = np.where(_answers(samples), residuals + imitation, samples.measured)
+    return replace(samples, measured=measured), residuals
+
+
+def _answers(samples: Samples) -> np.ndarray:
+    """(n, 5) True for the channels that a simulator answers with."""
+    answer = np.zeros_like(samples.measured, dtype=bool)
+    answer[:, ANSWERS] = True
+    return answer

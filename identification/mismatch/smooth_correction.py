@@ -1,0 +1,174 @@
+"""What nothing in the catalogue explains: a smooth correction of channels against variables, added while it predicts.
+
+Splines of one variable on one channel at a time enter by forward selection on held-out blocks; their coefficients have
+a normal prior, and are fitted together with the model's parameters.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..forward import CHANNELS
+from .fitting import Fitted, Problem
+from .soil_variation import huber_loss, huber_weight
+from .variables import cycles, variables
+
+_STRENGTH = 5.0
+"""Prior standard deviation of a spline's coefficient, in units of the channel's noise."""
+
+_WORTH = 10.0
+"""A group of splines is added where it gains more than this many nats on held-out blocks."""
+
+_MOST_GROUPS = 6
+
+
+@dataclass(frozen=True)
+class Term:
+    """A smooth function of one variable on one channel; `values` (n,) is what it adds, SI; `gain` in nats."""
+
+    channel: str
+    variable: str
+    values: np.ndarray
+    gain: float
+
+
+@dataclass(frozen=True)
+class SmoothCorrection:
+    """Terms, what they gain in all on held-out blocks [nats], and what they add while held out (n, m), SI."""
+
+    terms: tuple[Term, ...]
+    gain: float
+    held_out: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Group:
+    position: int
+    variable: str
+    columns: np.ndarray
+
+
+def smooth_correction(problem: Problem, fitted: Fitted) -> SmoothCorrection:
+    """Find what a fit leaves that depends smoothly on something."""
+    groups = _groups(problem, fitted)
+    solver = _Solver(problem, fitted, groups)
+    chosen: list[int] = []
+    gains: list[float] = []
+    best = solver.predictive([])
+    first = best
+    while len(chosen) < _MOST_GROUPS:
+        others = [index for index in range(len(groups)) if index not in chosen]
+        if not others:
+            break
+        reached = [solver.predictive([*chosen, index]) for index in others]
+        winner = int(np.argmax(reached))
+        if reached[winner] - best < _WORTH:
+            break
+        gains.append(reached[winner] - best)
+        best = reached[winner]
+        chosen.append(others[winner])
+    added, held_out = solver.added(chosen)
+    terms = tuple(
+        Term(CHANNELS[problem.answers[groups[index].position]], groups[index].variable, values, gain)
+        for index, values, gain in zip(chosen, added, gains, strict=True)
+    )
+    return SmoothCorrection(terms, best - first, held_out)
+
+
+def _groups(problem: Problem, fitted: Fitted) -> list[_Group]:
+    answer = []
+    drive = problem.samples.drive
+    bases = {
+        variable.name: variable.smooth() for variable in variables(problem.samples, fitted.response.channels[:, 2])
+    }
+    if "slip" in bases and "load_N" in bases:
+        product = (drive.slip - drive.slip.mean()) * (drive.load_N / drive.load_N.mean() - 1.0)
+        bases["slip x load"] = product[:, None] / max(float(product.std()), 1e-12)
+    angle = drive.wheel_angle_rad
+    if drive.has("wheel_angle_rad"):
+        waves = cycles(angle)
+        residual = np.nan_to_num(fitted.residuals / fitted.noise.answers)
+        power = np.sum(np.einsum("nkc,nm->kcm", waves, residual) ** 2, axis=(1, 2))
+        strongest = int(np.argmax(power))
+        bases[f"wheel_angle_rad ({strongest + 1} cycles a turn)"] = waves[:, strongest]
+    for name, columns in bases.items():
+        if columns.shape[1]:
+            answer += [_Group(position, name, columns) for position in range(len(problem.answers))]
+    return answer
+
+
+class _Solver:
+    """Whitened normal equations of a fit and all groups, by block."""
+
+    def __init__(self, problem: Problem, fitted: Fitted, groups: list[_Group]) -> None:
+        self._size = len(fitted.vector)
+        channels = len(problem.answers)
+        widths = [group.columns.shape[1] for group in groups]
+        starts = np.concatenate([[0], np.cumsum(widths)]).astype(int)
+        extra = np.zeros((len(problem.measured), channels, int(starts[-1])))
+        for group, start, width in zip(groups, starts[:-1], widths, strict=True):
+            extra[:, group.position, start : start + width] = group.columns * fitted.noise.answers[group.position]
+        self._extra = np.where(problem.seen[..., None], extra, 0.0)
+        innovations, own, added = problem.whitened_columns(fitted, fitted.noise, self._extra)
+        self._innovations = innovations.reshape(-1)
+        self._columns = np.concatenate([own, added], axis=-1).reshape(len(self._innovations), -1)
+        self._block = np.repeat(np.unique(problem.samples.block, return_inverse=True)[1], channels)
+        self._shape = (len(problem.measured), channels)
+        weight = huber_weight(self._innovations)
+        prior = problem.prior(fitted.model).precision
+        self._prior = np.concatenate([prior, np.full(int(starts[-1]), 1.0 / _STRENGTH**2)])
+        # The prior's pull on the model's own parameters is balanced at the fit.
+        self._pull = prior * (problem.prior(fitted.model).mean - fitted.vector)
+        self._where = [
+            np.arange(start, start + width) + self._size for start, width in zip(starts[:-1], widths, strict=True)
+        ]
+        blocks = int(self._block.max()) + 1
+        self._gradient, self._information = [], []
+        for block in range(blocks):
+            rows = self._block == block
+            part = self._columns[rows]
+            self._gradient.append(part.T @ (weight[rows] * self._innovations[rows]))
+            self._information.append((part * weight[rows][:, None]).T @ part)
+        self._all_gradient = np.sum(self._gradient, axis=0)
+        self._all_information = np.sum(self._information, axis=0)
+
+    def _chosen(self, groups: list[int]) -> np.ndarray:
+        return np.concatenate([np.arange(self._size), *[self._where[index] for index in groups]])
+
+    def _solve(self, which: np.ndarray, without: int | None) -> np.ndarray:
+        gradient, information = self._all_gradient[which], self._all_information[np.ix_(which, which)]
+        if without is not None:
+            gradient = gradient - self._gradient[without][which]
+            information = information - self._information[without][np.ix_(which, which)]
+        gradient = gradient + np.concatenate([self._pull, np.zeros(len(which) - self._size)])
+        information = information + np.diag(self._prior[which] + 1e-9)
+        return np.linalg.solve(information, gradient)
+
+    def predictive(self, groups: list[int]) -> float:
+        """Predictive log-likelihood over all blocks, each held out [nats], up to a constant."""
+        which, total = self._chosen(groups), 0.0
+        for block in range(len(self._gradient)):
+            rows = self._block == block
+            left = self._innovations[rows] - self._columns[np.ix_(rows, which)] @ self._solve(which, block)
+            total -= float(huber_loss(left).sum())
+        return total
+
+    def added(self, groups: list[int]) -> tuple[list[np.ndarray], np.ndarray]:
+        """What each group adds (n,), and what all add while held out (n, m), SI."""
+        which = self._chosen(groups)
+        solution = self._solve(which, None)
+        answer, start = [], self._size
+        for index in groups:
+            columns = self._where[index] - self._size
+            own = solution[start : start + len(columns)]
+            answer.append((self._extra[..., columns] @ own).sum(axis=1))
+            start += len(columns)
+        held = np.zeros(self._shape)
+        rows_block = self._block.reshape(self._shape)[:, 0]
+        for block in range(len(self._gradient)):
+            rows = rows_block == block
+            found = self._solve(which, block)[self._size :]
+            held[rows] = self._extra[rows][..., which[self._size :] - self._size] @ found
+        return answer, held

@@ -1,0 +1,90 @@
+"""The answer in words."""
+
+from __future__ import annotations
+
+from . import readable
+from .explanation import Explanation, Missing
+from .naming import ASSERTED
+
+_AT_NOISE = 1.3
+"""A channel whose held-out error is within this factor of its noise is predicted as well as can be [-]."""
+
+
+def summarise(explanation: Explanation) -> str:
+    """Say in a few sentences what differs, what was left out, and what modelling it gains."""
+    if explanation.verdict == "none":
+        return (
+            f"Simulation and recording agree within noise over {explanation.n} samples: nothing was found that "
+            "held-out data ask for."
+        )
+    parts = [_where(explanation)]
+    sure = [each for each in explanation.missing if each.probability >= ASSERTED]
+    unsure = [each for each in explanation.missing if each.probability < ASSERTED and each.kind != "unknown"]
+    if explanation.verdict == "unknown":
+        shape = next(each for each in explanation.missing if each.kind == "unknown")
+        parts.append(f"Nothing in the catalogue explains it; what is left: {shape.description}.")
+    parts += [_statement(each) for each in sure if each.kind != "unknown"]
+    if unsure and explanation.verdict != "unknown":
+        listed = ", ".join(f"{readable.effect(each.effect)} ({readable.percent(each.probability)})" for each in unsure)
+        parts.append(f"These data do not tell for sure: {listed}.")
+        tell = next((each.would_tell for each in unsure if each.would_tell), "")
+        if tell:
+            parts.append(f"What would tell: {tell}.")
+    parts.append(_errors(explanation))
+    return " ".join(part for part in parts if part)
+
+
+def _where(explanation: Explanation) -> str:
+    if not explanation.located:
+        return "The channels leave the simulation, but nowhere in particular."
+    first = explanation.located[0]
+    named = list(dict.fromkeys(_bare(region.channel) for region in explanation.located))
+    channels = named[0] if len(named) == 1 else ", ".join(named[:-1]) + " and " + named[-1]
+    verb = "leaves" if len(named) == 1 else "leave"
+    most = f"{_bare(first.channel)} most clearly" if len(named) > 1 else "most clearly"
+    where = f"for {readable.shown(first.variable).name} from {readable.interval(first)}"
+    if first.variable == "wheel_angle_rad":
+        where = f"with {readable.interval(first)}"
+    return f"{channels[0].upper()}{channels[1:]} {verb} the simulation, {most} {where}."
+
+
+def _bare(channel: str) -> str:
+    """Name of a channel in words, without its symbol."""
+    return readable.shown(channel).name.rpartition(" ")[0] or readable.shown(channel).name
+
+
+def _statement(each: Missing) -> str:
+    values = ", ".join(readable.estimate(name, estimate) for name, estimate in each.parameters.items())
+    fault = "an instrument's fault: " if each.kind == "instrument" else ""
+    return (
+        f"What was left out is {fault}{readable.effect(each.effect)} ({readable.percent(each.probability)}), {values}."
+    )
+
+
+def _errors(explanation: Explanation) -> str:
+    falls = []
+    for channel, fit in explanation.fits.items():
+        if fit.rmse_after < 0.97 * fit.rmse_before:
+            how = readable.shown(channel)
+            floor = ", which is noise" if fit.rmse_after < _AT_NOISE * fit.noise else ""
+            before, after = readable.number(fit.rmse_before, how.scale), readable.number(fit.rmse_after, how.scale)
+            falls.append(f"{_bare(channel)} from {before} to {after} {how.unit}{floor}")
+    return f"With it the held-out error falls: {'; '.join(falls)}." if falls else ""
+
+
+def trust(explanation: Explanation) -> str:
+    """Say what can be vouched for: the prediction, the parameters, both or neither."""
+    far = [_bare(channel) for channel, fit in explanation.fits.items() if fit.rmse_after > _AT_NOISE * fit.noise]
+    if explanation.verdict == "none":
+        prediction = "The textbook wheel predicts held-out rows to within noise"
+    elif far:
+        prediction = f"Held-out error of {', '.join(far)} stays above the noise: the form of the model is not complete"
+    else:
+        prediction = "Held-out rows are predicted to within noise"
+    certain = explanation.verdict in ("none", "physics", "instrument") and not far
+    if certain:
+        return f"{prediction}, and the parameters can be used with their standard deviations."
+    return (
+        f"{prediction}. The prediction can be used where rows like these were driven; soil and effect parameters are "
+        "those of the model that fits best, not measurements of the ground: another form could fit as well with others."
+    )

@@ -1,0 +1,116 @@
+"""Answers of `explain` made by hand: what the report and the command have to show, whatever the search would find."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from bevameter import Wheel
+from bevameter.identification.augmented import AugmentedWheel
+from bevameter.identification.mismatch.explanation import (
+    Candidate,
+    ChannelFit,
+    Estimate,
+    Explanation,
+    Missing,
+    Region,
+    Rows,
+)
+
+N1 = {"n1": Estimate(0.2134, 0.0189)}
+EQUATION = "n = n0 + n1 |i|"
+ROWS = 400
+
+
+def rows(seed: int = 0) -> Rows:
+    """Rows of a drive whose sinkage grows with slip, whose torque ripples, and a few of which were not observed."""
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(ROWS) / 10.0
+    slip = 0.3 + 0.25 * np.sin(time_s / 1.7)
+    angle = 1.5 * time_s
+    truth = np.column_stack([12.0 + 20.0 * slip, 0.02 + 0.03 * slip, 30.0 + 60.0 * slip])
+    noise = np.array([0.5, 5e-4, 3.0])
+    measured = truth + noise * rng.normal(size=truth.shape)
+    before = truth.copy()
+    before[:, 1] -= 0.02 * np.maximum(slip - 0.3, 0.0)
+    before[:, 0] -= 1.5 * np.cos(12.0 * angle)
+    measured[5:9, 1] = np.nan
+    measured[200, 2] += 60.0
+    variables = {"slip": slip, "time_s": time_s, "wheel_angle_rad": angle, "pass": 1.0 + (time_s > 20.0)}
+    return Rows(("torque_Nm", "sinkage_m", "drawbar_pull_N"), variables, measured, before, truth, noise)
+
+
+def explanation(**changes) -> Explanation:
+    """Slip-sinkage, named with certainty; `changes` are fields of `Explanation`."""
+    drive = rows()
+    answer = Explanation(
+        source="somewhere/wheel.csv",
+        verdict="physics",
+        summary="Sinkage leaves the simulation above slip 0.3.",
+        soil={"c_Pa": Estimate(512.0, 83.0, "Pa"), "phi_rad": Estimate(np.radians(30.0), np.radians(0.9), "rad")},
+        soil_textbook={"c_Pa": Estimate(2100.0, 300.0, "Pa"), "phi_rad": Estimate(np.radians(21.0), 0.03, "rad")},
+        trust="Held-out rows are predicted to within noise.",
+        located=(
+            Region("sinkage_m", "slip", 0.3, 0.55, 0.97, 1e-30, 6.2),
+            Region("torque_Nm", "wheel_angle_rad", 0.0, 2.0 * np.pi / 12.0, 1.0, 2e-9, 2.1),
+        ),
+        missing=(Missing("slip_sinkage", "physics", "exponent", 0.98, N1, EQUATION, "Ding et al. (2010)"),),
+        candidates=(
+            Candidate("slip_sinkage[exponent]", "physics", 0.98, 240.0, N1, "chosen"),
+            Candidate(
+                "bulldozing[wedge]", "physics", 1e-9, -2.0, {"s": Estimate(0.1, 0.4)}, "held-out data do not ask"
+            ),
+        ),
+        fits={
+            "torque_Nm": ChannelFit(1.2, 0.52, 0.5, ROWS, (1.1, 1.3), (0.48, 0.55)),
+            "sinkage_m": ChannelFit(2.8e-3, 5.1e-4, 5e-4, ROWS - 4, (2.4e-3, 3.3e-3), (4.8e-4, 5.6e-4)),
+            "drawbar_pull_N": ChannelFit(3.2, 3.1, 3.0, ROWS, (2.8, 3.5), (2.8, 3.4)),
+        },
+        split="12 stretches of time held out in turn",
+        heldout_nats=Estimate(240.0, 21.0),
+        notes=("3 rows without load or slip are left out",),
+        rows=drive,
+        simulator=AugmentedWheel(Wheel(radius_m=0.15, width_m=0.12)),
+        vector=np.array([512.0, 0.577, -4.0, 12.0, 0.0]),
+        seconds=12.3,
+        seed=7,
+        n=ROWS,
+    )
+    return replace(answer, **changes)
+
+
+def nothing() -> Explanation:
+    """Nothing beyond noise."""
+    return explanation(verdict="none", located=(), missing=(), heldout_nats=Estimate(0.0, 0.0), summary="They agree.")
+
+
+def cannot_tell() -> Explanation:
+    """Two causes that the data do not separate."""
+    first = Missing(
+        "side_wall_friction", "physics", "stress", 0.55, {"tau_s": Estimate(900.0, 200.0, "Pa")}, "T += 2 tau_s A r",
+        "Ding et al. (2009)", ("torque_gain",), "measure drawbar pull (drawbar_pull_N) on the same drive",
+    )  # fmt: skip
+    second = Missing(
+        "torque_gain", "instrument", "", 0.42, {"g": Estimate(0.08, 0.02)}, "T reported = (1 + g) T", "definition",
+        ("side_wall_friction",), "measure drawbar pull (drawbar_pull_N) on the same drive",
+    )  # fmt: skip
+    return explanation(verdict="cannot_tell", missing=(first, second))
+
+
+SOUND = {
+    "schema": 1,
+    "verdict": "physics",
+    "located": [
+        {"channel": "sound", "variable": "wheel_angle_rad", "from": 18.0, "to": 18.0, "from_Hz": 12.0, "to_Hz": 90.0,
+         "share": 0.6, "p_value": 1e-5}
+    ],
+    "missing": [
+        {"effect": "gear_mesh", "kind": "physics", "probability": 0.97,
+         "parameters": {"order": {"value": 18.0, "sd": 0.1, "unit": ""}}, "equation": "f = k omega / 2 pi",
+         "source": "somebody", "indistinguishable_from": [], "would_tell": "", "subtracted": True}
+    ],
+    "fit": {"split": "12 stretches", "rms_before_dB": 8.0, "rms_after_dB": 5.7, "noise_dB": 5.6, "nats_gained": 900.0,
+            "nats_sd": 80.0, "n": 12345},
+    "notes": ["<i>a note</i>"],
+    "seconds": 2.0,
+}  # fmt: skip
