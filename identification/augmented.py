@@ -30,14 +30,15 @@ _STEP = 1e-5
 class Response:
     """What the simulator answers: channels (n, 5) as `forward.CHANNELS`, and the entry angle (n,) [rad].
 
-    With derivatives by the parameter vector (n, 5, p) and by the true load [N] and slip (n, 5, 2), where they were
-    asked for. Rows whose load is not carried are NaN.
+    With derivatives by the parameter vector (n, 5, p), by the true load [N] and slip (n, 5, 2), and by the logarithms
+    of the ground's stiffness and strength (n, 5, 2), where they were asked for. Rows whose load is not carried are NaN.
     """
 
     channels: np.ndarray
     theta_1: np.ndarray
     by_parameter: np.ndarray = field(default_factory=lambda: np.empty(0))
     by_latent: np.ndarray = field(default_factory=lambda: np.empty(0))
+    by_ground: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,15 @@ class AugmentedWheel:
             answer.append((effect, slice(start, start + len(effect.parameters))))
             start += len(effect.parameters)
         return answer
+
+    def strengths(self) -> list[int]:
+        """Where the vector holds what the ground's strength scales: c, tan phi, and such parameters of effects."""
+        return [0, 1] + [
+            where.start + index
+            for effect, where in self.slices()
+            for index, parameter in enumerate(effect.parameters)
+            if parameter.name in effect.strengths
+        ]
 
     def predict(
         self, drive: Drive, imposed: np.ndarray, vector: np.ndarray, theta_1: np.ndarray | None = None
@@ -133,7 +143,9 @@ class AugmentedWheel:
         # Stepping towards zero slip never reaches the locked or the spinning wheel.
         step_slip = np.where(imposed[:, 1] > 0.0, -1e-5, 1e-5)
         by_latent[:, :, 1] = derivative(imposed + np.column_stack([nothing, step_slip]), vector, step_slip, None)
-        return Response(base, angle, by_parameter, by_latent)
+        strengths = self.strengths()
+        by_ground = np.stack([by_parameter[..., 3], by_parameter[..., strengths] @ vector[strengths]], axis=-1)
+        return Response(base, angle, by_parameter, by_latent, by_ground)
 
     def steps(self, vector: np.ndarray) -> np.ndarray:
         """Steps (p,) of the differences, small against what each parameter usually is."""
@@ -160,7 +172,7 @@ class AugmentedWheel:
         contact.k_m, contact.stiffness_Pa, contact.n = np.exp(vector[2:5])
         contact.radius_m = contact.shear_radius_m = contact.lever_m = radius
         contact.residual = contact.tan_delta = contact.layer_depth_m = contact.most_normal_Pa = np.inf
-        contact.adhesion_Pa = contact.layer_stiffness_Pa = 0.0
+        contact.adhesion_Pa = contact.layer_stiffness_Pa = contact.rim_cuts_off = 0.0
         contact.sinkage_m = radius * (1.0 - np.cos(theta_1))
         for effect, where in self.slices():
             effect.contact(contact, drive, vector[where])

@@ -19,13 +19,14 @@ NODES, WEIGHTS = quadrature(8)
 FIELDS = (
     "theta_1", "theta_2", "theta_m", "advance_m", "c_Pa", "tan_phi", "k_m", "stiffness_Pa", "n", "radius_m",
     "shear_radius_m", "lever_m", "residual", "adhesion_Pa", "tan_delta", "layer_depth_m", "layer_stiffness_Pa",
-    "most_normal_Pa",
+    "most_normal_Pa", "rim_cuts_off",
 )  # fmt: skip
 """Columns of a contact: the three angles [rad], V / omega [m], c [Pa], tan phi, Janosi k [m], stiffness [Pa], n, radius
 of the contact, radius at which soil shears and lever arm of the shear stress [m], share of the shear strength left
 after its peak (infinite for Janosi's law, which has no peak), adhesion [Pa] and friction of the rim (infinite where
-soil never slips on it), depth [m] and stiffness [Pa] of a layer beneath, and the largest normal stress that the wheel
-transmits [Pa] (infinite for a rigid one)."""
+soil never slips on it), depth [m] and stiffness [Pa] of a layer beneath, the largest normal stress that the wheel
+transmits [Pa] (infinite for a rigid one), and one where the rim cuts the soil's shear stress off instead of its
+strength."""
 
 COLUMN = {name: index for index, name in enumerate(FIELDS)}
 
@@ -77,11 +78,16 @@ def _one_rim(field, width, nodes, weights, forces, slopes):
             if flat:
                 normal = field[17]
             friction, strength = field[5], field[4] + normal * field[5]
-            capped = field[14] < math.inf and field[13] + normal * field[14] < strength
-            if capped:
-                friction, strength = field[14], field[13] + normal * field[14]
             displacement = shear_radius * (theta_1 - theta) - advance * (sin_1 - sine)
             mobilised, slope = _mobilised(displacement, field[6], field[12])
+            capped = False
+            if field[14] < math.inf:
+                rim, cuts_off = field[13] + normal * field[14], field[18] > 0.5
+                capped = rim < (strength * abs(mobilised) if cuts_off else strength)
+                if capped:
+                    friction, strength = field[14], rim
+                    if cuts_off:
+                        mobilised, slope = math.copysign(1.0, mobilised), 0.0
             shear = strength * mobilised
             forces[0] += weight * (radius * normal * cosine + shear_radius * shear * sine)
             forces[1] += weight * shear

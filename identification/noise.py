@@ -43,10 +43,8 @@ def noise_from_neighbours(table: WheelTable, values: np.ndarray) -> float:
             same &= (names[:-2] == names[1:-1]) & (names[1:-1] == names[2:])
     if table.wheel is not None and not same.any():
         # Rows of several wheels alternate: look along one wheel at a time.
-        parts = [table.select(table.wheel == wheel) for wheel in np.unique(table.wheel)]
-        measured = [
-            noise_from_neighbours(part, values[table.wheel == part.wheel[0]]) for part in parts if len(part) > 2
-        ]  # type: ignore[index]
+        wheels = [table.wheel == wheel for wheel in np.unique(table.wheel)]
+        measured = [noise_from_neighbours(table.select(one), values[one]) for one in wheels if one.sum() > 2]
         return float(np.median(measured)) if measured else 0.0
     second = np.diff(values, 2)[same]
     second = second[np.isfinite(second)]

@@ -30,30 +30,52 @@ class LugRadius(Effect):
 
 
 class LugRipple(Effect):
-    """Forces and sinkage ripple as lugs enter and leave, once a lug."""
+    """Forces and sinkage ripple as lugs enter and leave, once a lug; sharper lugs with an overtone."""
 
     slug = "grousers"
     source = "after R. A. Irani et al., J. Terramechanics 48 (2011), periodic term at the lugs' passing"
     needs = ("wheel_angle_rad",)
 
-    def __init__(self, count: int, typical: np.ndarray) -> None:
-        self.form = f"ripple, {count} lugs"
+    def __init__(self, count: int, typical: np.ndarray, *, overtone: bool = False) -> None:
+        self.form = f"ripple, {count} lugs" + (", overtone" if overtone else "")
         self.count = count
         self.equation = f"T, DP, z += a cos({count} theta_w) + b sin({count} theta_w)"
+        if overtone:
+            self.equation += f" + a2 cos({2 * count} theta_w) + b2 sin({2 * count} theta_w)"
+        self._orders = (1, 2) if overtone else (1,)
         self._channels = [channel for channel in (TORQUE, PULL, SINKAGE) if np.isfinite(typical[channel])]
         names = {TORQUE: ("T", "N m"), PULL: ("DP", "N"), SINKAGE: ("z", "m")}
         self.parameters = tuple(
             Parameter(f"{part}_{names[channel][0]}", names[channel][1], -usual, usual, 0.0, 0.1 * usual)
+            for part in (("a", "b", "a2", "b2") if overtone else ("a", "b"))
             for channel in self._channels
             for usual in [float(typical[channel])]
-            for part in ("a", "b")
         )
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
-        phase = self.count * drive.wheel_angle_rad
-        cosine, sine = np.nan_to_num(np.cos(phase)), np.nan_to_num(np.sin(phase))
-        for index, channel in enumerate(self._channels):
-            channels[:, channel] += values[2 * index] * cosine + values[2 * index + 1] * sine
+        sizes = values.reshape(len(self._orders), 2, len(self._channels))
+        for order, (cosines, sines) in zip(self._orders, sizes, strict=True):
+            phase = order * self.count * np.nan_to_num(drive.wheel_angle_rad)[:, None]
+            channels[:, self._channels] += np.cos(phase) * cosines + np.sin(phase) * sines
+
+
+class Lugs(LugRipple):
+    """Soil shears beyond the rim, and forces ripple: both at once."""
+
+    source = f"{LugRadius.source}; {LugRipple.source}"
+
+    def __init__(self, count: int, typical: np.ndarray, height_m: float) -> None:
+        super().__init__(count, typical, overtone=True)
+        self._radius = LugRadius(height_m)
+        self.form = f"radius and ripple, {count} lugs"
+        self.equation = f"{self._radius.equation}; {self.equation}"
+        self.parameters = (*self._radius.parameters, *self.parameters)
+
+    def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        self._radius.contact(contact, drive, values[:1])
+
+    def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        super().act(channels, contact, drive, values[1:])
 
 
 def forms(situation: Situation) -> tuple[Effect, ...]:
@@ -63,7 +85,10 @@ def forms(situation: Situation) -> tuple[Effect, ...]:
     if wheel.grouser_height_m > 0.0 and situation.seen(TORQUE, PULL):
         answer.append(LugRadius(wheel.grouser_height_m))
     if drive.has("wheel_angle_rad") and np.nanmax(drive.wheel_angle_rad) - np.nanmin(drive.wheel_angle_rad) > np.pi:
-        answer += [LugRipple(count, situation.typical) for count in _counts(wheel, drive, situation.residuals)]
+        for count in _counts(wheel, drive, situation.residuals):
+            answer += [LugRipple(count, situation.typical, overtone=overtone) for overtone in (False, True)]
+            if wheel.grouser_height_m > 0.0 and situation.seen(TORQUE, PULL) and count == wheel.grouser_count:
+                answer.append(Lugs(count, situation.typical, wheel.grouser_height_m))
     return tuple(answer)
 
 
@@ -72,7 +97,9 @@ def named(situation: Situation) -> tuple[Effect, ...]:
     wheel = situation.wheel
     answer: list[Effect] = [LugRadius(wheel.grouser_height_m)] if wheel.grouser_height_m > 0.0 else []
     if wheel.grouser_count and situation.drive.has("wheel_angle_rad"):
-        answer.append(LugRipple(wheel.grouser_count, situation.typical))
+        answer += [LugRipple(wheel.grouser_count, situation.typical, overtone=overtone) for overtone in (False, True)]
+        if wheel.grouser_height_m > 0.0:
+            answer.append(Lugs(wheel.grouser_count, situation.typical, wheel.grouser_height_m))
     return tuple(answer)
 
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.constants import g as GRAVITY_M_S2
 
 from .effect import PULL, TORQUE, Contact, Drive, Effect, Parameter, Situation
-
-_GRAVITY_M_S2 = 9.81
 
 
 class Inertia(Effect):
@@ -17,7 +16,7 @@ class Inertia(Effect):
     source = "I. Newton, Principia (1687), second law"
 
     def __init__(self, load_N: float, radius_m: float, torque: bool, pull: bool) -> None:
-        mass = load_N / _GRAVITY_M_S2
+        mass = load_N / GRAVITY_M_S2
         turning = Parameter("J", "kg m2", 0.0, 20.0 * mass * radius_m**2, 0.0, mass * radius_m**2)
         travelling = Parameter("m", "kg", 0.0, 20.0 * mass, 0.0, 2.0 * mass)
         self._torque, self._pull = torque, pull

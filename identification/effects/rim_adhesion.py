@@ -8,18 +8,25 @@ from .effect import Contact, Drive, Effect, Parameter, Situation
 
 
 class RimAdhesion(Effect):
-    """The rim's own adhesion and friction cap the shear strength."""
+    """The rim's own adhesion and friction cap the shear strength, or cut the soil's shear stress off."""
 
     slug = "rim_adhesion"
     nested = False
-    equation = "tau_max = min(c + sigma tan phi, c_a + sigma tan delta)"
+    strengths = ("c_a", "tan_delta")
     source = (
         "M. G. Bekker, Theory of Land Locomotion (1956), external friction; adhesion and friction as in A. R. Reece, "
         "Proc. Inst. Mech. Eng. 179(6) (1964), 16-22"
     )
     required = ("c_a", "tan_delta")
 
-    def __init__(self, c_Pa: float, tan_phi: float) -> None:
+    def __init__(self, c_Pa: float, tan_phi: float, *, cuts_off: bool = False) -> None:
+        self._cuts_off = cuts_off
+        self.form = "cut off" if cuts_off else "strength"
+        self.equation = (
+            "tau = min((c + sigma tan phi)(1 - exp(-j / k)), c_a + sigma tan delta)"
+            if cuts_off
+            else "tau_max = min(c + sigma tan phi, c_a + sigma tan delta)"
+        )
         self.parameters = (
             Parameter("c_a", "Pa", 0.0, 3e4, 0.8 * c_Pa, 1e3),
             Parameter("tan_delta", "", 0.02, 1.5, 0.9 * tan_phi, 0.2, 0.45),
@@ -33,8 +40,9 @@ class RimAdhesion(Effect):
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         contact.adhesion_Pa, contact.tan_delta = values[0], values[1]
+        contact.rim_cuts_off = float(self._cuts_off)
 
 
 def forms(situation: Situation) -> tuple[Effect, ...]:
-    """Give the form that these data can show."""
-    return (RimAdhesion(situation.c_Pa, situation.tan_phi),)
+    """Give the forms that these data can show."""
+    return tuple(RimAdhesion(situation.c_Pa, situation.tan_phi, cuts_off=cuts_off) for cuts_off in (False, True))

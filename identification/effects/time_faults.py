@@ -14,27 +14,33 @@ _LONGEST_LAG = 25
 """Longest delay that is looked for, in samples."""
 
 
+def _runs(time_s: np.ndarray, stretch: np.ndarray) -> list[np.ndarray]:
+    """Rows of each uninterrupted run of the clock: an instrument does not forget where a new pass begins at once."""
+    step = np.diff(time_s)
+    usual = np.median(step[step > 0.0]) if (step > 0.0).any() else math.inf
+    broken = (np.diff(stretch) != 0) & ~((step > 0.0) & (step < 2.0 * usual))
+    return np.split(np.arange(len(time_s)), np.flatnonzero(broken) + 1)
+
+
 def delayed(values: np.ndarray, time_s: np.ndarray, stretch: np.ndarray, lag_s: float) -> np.ndarray:
-    """Values (n,) as they were `lag_s` ago, interpolated within each uninterrupted stretch; its ends are held."""
+    """Values (n,) as they were `lag_s` ago, interpolated within each run of the clock; its ends are held."""
     answer = np.empty_like(values)
-    borders = np.flatnonzero(np.diff(stretch)) + 1
-    for rows in np.split(np.arange(len(values)), borders):
+    for rows in _runs(time_s, stretch):
         good = rows[np.isfinite(values[rows]) & np.isfinite(time_s[rows])]
         answer[rows] = np.interp(time_s[rows] - lag_s, time_s[good], values[good]) if good.size else np.nan
     return answer
 
 
 def filtered(values: np.ndarray, time_s: np.ndarray, stretch: np.ndarray, constant_s: float) -> np.ndarray:
-    """Values (n,) behind a first-order low-pass of time constant [s], within each uninterrupted stretch."""
+    """Values (n,) behind a first-order low-pass of time constant [s], within each run of the clock."""
     answer = values.copy()
-    borders = np.flatnonzero(np.diff(stretch)) + 1
-    for rows in np.split(np.arange(len(values)), borders):
+    for rows in _runs(time_s, stretch):
         good = rows[np.isfinite(values[rows]) & np.isfinite(time_s[rows])]
         if len(good) < 2:
             continue
         step = float(np.median(np.diff(time_s[good])))
         keep = math.exp(-step / max(constant_s, 1e-3 * step))
-        # The stretch starts settled.
+        # The run starts settled.
         answer[good], _ = lfilter([1.0 - keep], [1.0, -keep], values[good], zi=[keep * values[good[0]]])
     return answer
 
@@ -89,7 +95,7 @@ class TimeLag(Effect):
 
 
 class ChannelDrift(Effect):
-    """A channel wanders smoothly with time."""
+    """A channel wanders smoothly with time, from zero when the drive began."""
 
     slug = "drift"
     kind = "instrument"
@@ -99,7 +105,7 @@ class ChannelDrift(Effect):
     def __init__(self, channel: int, usual: float, orders: int, time_s: np.ndarray) -> None:
         self.form = CHANNELS[channel]
         self.equation = f"{self.form} reported = {self.form} + " + " + ".join(
-            f"d{order} P{order}(t)" for order in range(1, orders + 1)
+            f"d{order} (P{order}(t) - P{order}(0))" for order in range(1, orders + 1)
         )
         self._channel = channel
         self.constants = {"t_first": float(np.nanmin(time_s)), "t_last": float(np.nanmax(time_s))}
@@ -114,7 +120,9 @@ class ChannelDrift(Effect):
     def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
         first, last = self.constants["t_first"], self.constants["t_last"]
         along = np.nan_to_num(2.0 * (drive.time_s - first) / (last - first) - 1.0)
-        channels[:, self._channel] += np.polynomial.legendre.legval(along, np.concatenate([[0.0], values]))
+        series = np.concatenate([[0.0], values])
+        began = np.polynomial.legendre.legval(-1.0, series)
+        channels[:, self._channel] += np.polynomial.legendre.legval(along, series) - began
 
 
 def forms(situation: Situation) -> tuple[Effect, ...]:

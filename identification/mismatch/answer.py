@@ -106,8 +106,10 @@ def _missing(problem: Problem, found: Search, naming: Naming, remaining: SmoothC
                 trial = _standing_in(found, effect.slug, slug)
                 if trial is not None and share >= MENTIONED and slug not in {each.effect for each in answer}:
                     other = next(each for each in trial.effects if each.slug == slug)
-                    answer.append(_named(trial, other, share, (effect.slug,), tell))
-    if naming.unknown >= MENTIONED and remaining.terms:
+                    others = (effect.slug, *(each for each in alike if each != slug))
+                    answer.append(_named(trial, other, share, others, tell))
+    # What may be nothing at all is not a finding.
+    if remaining.terms and naming.unknown >= (MENTIONED if answer else 0.5):
         answer.append(_unknown(naming, remaining))
     answer.sort(key=lambda each: -each.probability)
     return tuple(answer)

@@ -39,9 +39,6 @@ _SOIL_PRIOR = {
 _NOT_CARRIED = 15.0
 """Loss of a row whose load the soil of a trial does not carry [nats]."""
 
-_COARSE = 0.1
-"""Share of a channel's scatter that the first search for a soil takes for noise [-]."""
-
 ENOUGH = 0.02
 """The iteration ends when a step promises less than this [nats]."""
 
@@ -156,6 +153,7 @@ class Problem:
         self.seen = np.ascontiguousarray(samples.seen)
         self.measured = samples.measured[:, self.answers]
         self.first_noise = self._first_noise()
+        self.most_spread = 1.0
         self._log_first = np.log(self.first_noise.answers)
         self._noise_sd = np.where(samples.stated[self.answers], _NOISE_PRIOR[1], _NOISE_PRIOR[0])
 
@@ -202,14 +200,14 @@ class Problem:
         return self.measured - channels[:, self.answers] - np.einsum("nca,na->nc", by_latent, self._deviation)
 
     def whitened(
-        self, response: Response, vector: np.ndarray, noise: NoiseModel, weighed_by: Response | None = None
+        self, response: Response, noise: NoiseModel, weighed_by: Response | None = None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Innovations (n, m), their derivatives (n, m, p) by the parameters, and each row's loss (n,) [nats].
 
         Errors of load and slip and the soil's variation are carried as another response answers them, if given: trials
         weighed alike can be compared, where each its own weights would prefer the more uncertain.
         """
-        ready = self._ready(response, vector, weighed_by)
+        ready = self._ready(response, weighed_by)
         columns, log_scale = ready.filter(noise, self.latent_covariance, self.gap, derivatives=True)
         back = np.empty_like(self.order)
         back[self.order] = np.arange(len(self.order))
@@ -220,7 +218,7 @@ class Problem:
 
     def loss(self, residuals: np.ndarray, fitted: Fitted) -> np.ndarray:
         """Loss of each row (n,) [nats] for residuals (n, m), SI, under the noise of a fit."""
-        ready = self._ready(fitted.response, fitted.vector)
+        ready = self._ready(fitted.response)
         carried = np.isfinite(residuals)
         seen = ready.seen & carried[self.order]
         columns = np.where(seen, residuals[self.order], 0.0)[..., None]
@@ -237,11 +235,11 @@ class Problem:
         wider = np.zeros((len(self.measured), 5, extra.shape[-1]))
         wider[:, self.answers] = extra
         both = np.concatenate([fitted.response.by_parameter, wider], axis=-1)
-        innovations, columns, _ = self.whitened(replace(fitted.response, by_parameter=both), fitted.vector, noise)
+        innovations, columns, _ = self.whitened(replace(fitted.response, by_parameter=both), noise)
         size = len(fitted.vector)
         return innovations, columns[..., :size], columns[..., size:]
 
-    def _ready(self, response: Response, vector: np.ndarray, weighed_by: Response | None = None) -> _Ready:
+    def _ready(self, response: Response, weighed_by: Response | None = None) -> _Ready:
         """Residuals and derivatives in the order in which the soil's variation is followed."""
         answers, order = self.answers, self.order
         weights = response if weighed_by is None else weighed_by
@@ -249,9 +247,7 @@ class Problem:
         carried = np.asarray(np.isfinite(response.channels[:, answers]).all(axis=1))
         seen = self.seen & carried[:, None]
         by_parameter = response.by_parameter[:, answers]
-        by_soil = weights.by_parameter[:, answers]
-        strength = vector[0] * by_soil[..., 0] + vector[1] * by_soil[..., 1]
-        vary = np.stack([by_soil[..., 3], strength], axis=-1)
+        vary = weights.by_ground[:, answers]
         columns = np.where(seen[..., None], np.concatenate([residual[..., None], by_parameter], axis=-1), 0.0)
         latent = np.nan_to_num(weights.by_latent[:, answers])
         return _Ready(columns[order], seen[order], np.nan_to_num(vary)[order], latent[order])
@@ -275,7 +271,7 @@ class Problem:
             x = x * unit
             return NoiseModel(np.exp(x[:count]), x[count : count + 2], math.exp(x[-1]))
 
-        ready = self._ready(response, vector)
+        ready = self._ready(response)
         pull = prior.precision * (prior.mean - vector)
 
         def loss(x: np.ndarray) -> float:
@@ -289,7 +285,7 @@ class Problem:
 
         first = np.concatenate([np.log(start.answers), start.spread, [math.log(start.length)]])
         low = np.concatenate([self._log_first - 1.5, [1e-5] * 2, [math.log(self.shortest)]])
-        high = np.concatenate([self._log_first + 4.0, [1.0] * 2, [math.log(self.longest)]])
+        high = np.concatenate([self._log_first + 4.0, [self.most_spread] * 2, [math.log(self.longest)]])
         found = minimize(
             loss, np.clip(first, low, high) / unit, method="L-BFGS-B",
             bounds=np.column_stack([low, high]) / unit[:, None],
@@ -351,7 +347,7 @@ def fit(
     damping, settled = 1e-3, 0
     if noise is None:
         noise = problem.best_noise(response, vector, problem.first_noise, prior)
-    innovations, jacobian, loss = problem.whitened(response, vector, noise)
+    innovations, jacobian, loss = problem.whitened(response, noise)
     total = float(loss.sum()) + prior.loss(vector)
     for iteration in range(iterations):
         step, promised = _step(innovations, jacobian, prior, vector, damping)
@@ -359,7 +355,7 @@ def fit(
             if not settle:
                 break
             noise = problem.best_noise(response, vector, noise, prior)
-            innovations, jacobian, loss = problem.whitened(response, vector, noise)
+            innovations, jacobian, loss = problem.whitened(response, noise)
             before, total = total, float(loss.sum()) + prior.loss(vector)
             settled += 1
             if settled > 3 or abs(before - total) < 5.0 * ENOUGH:
@@ -367,13 +363,13 @@ def fit(
             continue
         trial = np.clip(vector + step, prior.lower, prior.upper)
         answer = problem.linearise(model, trial, response.theta_1)
-        reached = float(problem.whitened(answer, trial, noise, response)[2].sum()) + prior.loss(trial)
+        reached = float(problem.whitened(answer, noise, response)[2].sum()) + prior.loss(trial)
         if reached < total:
             vector, response = trial, answer
             damping = max(damping / 6.0, 1e-6)
             if settle and iteration == 2:
                 noise = problem.best_noise(response, vector, noise, prior)
-            innovations, jacobian, loss = problem.whitened(response, vector, noise)
+            innovations, jacobian, loss = problem.whitened(response, noise)
             total = float(loss.sum()) + prior.loss(vector)
         else:
             damping = max(damping, 1e-4) * 10.0
@@ -418,34 +414,3 @@ def _covariance(innovations: np.ndarray, jacobian: np.ndarray, prior: Prior) -> 
     scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-12))
     scaled = information * np.outer(scale, scale)
     return np.linalg.pinv(scaled, rcond=1e-12, hermitian=True) * np.outer(scale, scale)
-
-
-def first_soil(problem: Problem) -> list[np.ndarray]:
-    """Vectors of five to start from: middling soils, stiff enough to carry the load at the sinkage measured."""
-    samples = problem.samples
-    radius, width = samples.wheel.radius_m, samples.wheel.width_m
-    sinkage = samples.measured[:, 2]
-    depth = float(np.nanmedian(sinkage)) if np.isfinite(sinkage).any() else 0.1 * radius
-    depth = float(np.clip(depth, 2e-3 * radius, radius))
-    load = float(np.median(samples.measured[:, 0]))
-    answer = []
-    for n, k, friction in ((0.8, 0.02, 0.55), (1.1, 0.006, 0.6), (0.6, 0.03, 0.3)):
-        # W is about the mean stress over the chord of the contact.
-        chord = math.sqrt(2.0 * radius * depth)
-        stress = load / (0.75 * width * chord)
-        stiffness = stress * (n + 1.0) / (depth / width) ** n
-        answer.append(np.array([500.0, friction, math.log(k), math.log(stiffness), math.log(n)]))
-    return answer
-
-
-def fit_textbook(samples: Samples, known: SoilKnowledge | None = None) -> tuple[Problem, Fitted]:
-    """Fit the textbook wheel from the best of several starts."""
-    problem = Problem(samples, known)
-    model = AugmentedWheel(samples.wheel)
-    # Soil first, by what it explains coarsely: variation along the track would explain any soil's residuals.
-    coarse = replace(
-        problem.first_noise, answers=_COARSE * np.nanstd(problem.measured, axis=0), spread=np.full(2, 1e-3)
-    )
-    short = [fit(problem, model, start, coarse, iterations=15, settle=False) for start in first_soil(problem)]
-    best = max(short, key=lambda fitted: fitted.score)
-    return problem, fit(problem, model, best.vector, None, best.theta_1)

@@ -126,6 +126,13 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
         else drive_of(table, wheel, stretch)
     )
     measured = np.column_stack([table.columns.get(name, np.full(len(table), math.nan)) for name in CHANNELS])
+    for channel in ANSWERS:
+        seen = np.isfinite(measured[:, channel])
+        if seen.any() and np.ptp(measured[seen, channel]) == 0.0:
+            notes.append(f"{CHANNELS[channel]} never changes: it is left out, as of a sensor that is stuck or absent")
+            measured[:, channel] = math.nan
+    if not np.isfinite(measured[usable][:, ANSWERS]).any():
+        raise InputError(table.source, "nothing to compare", expected="torque, sinkage or drawbar pull that change")
     measured, gross = _without_gross_errors(measured, noise, stretch, "time_s" in table)
     if gross:
         notes.append(f"{gross} values stand alone far from their neighbours in time: taken for gross errors")

@@ -10,9 +10,10 @@ import numpy as np
 from ...framework.core.soil import SoilKnowledge
 from ..augmented import SOIL_COUNT, AugmentedWheel
 from ..effects.effect import Effect, Situation
-from .fitting import Fitted, Problem, fit, fit_textbook, normal_equations
+from .fitting import Fitted, Problem, fit, normal_equations
 from .held_out import HeldOut, hold_out
 from .samples import Samples
+from .textbook import best_fit, fit_textbook
 
 ASKED_FOR = 12.0
 """An effect is added where it gains more than this many nats on held-out blocks."""
@@ -28,6 +29,9 @@ _TRIED_IN_SETS = 6
 """Effects tried beside those already found: the most promising ones."""
 
 _SHORT = 5
+
+_ANCHORS = 3
+"""Effects from whose soils the textbook wheel is fitted once more."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +134,7 @@ def promise(problem: Problem, base: Trial, effect: Effect) -> float:
     model = AugmentedWheel(problem.samples.wheel, (*base.effects, effect))
     vector = np.concatenate([base.fitted.vector, null])
     answer = problem.linearise(model, vector, base.fitted.theta_1)
-    innovations, jacobian, _ = problem.whitened(answer, vector, base.fitted.noise)
+    innovations, jacobian, _ = problem.whitened(answer, base.fitted.noise)
     prior = problem.prior(model)
     size = len(base.fitted.vector)
     gradient, information = normal_equations(innovations, jacobian)
@@ -178,6 +182,13 @@ def search(
 
     tell("every effect alone")
     singles = attempt(textbook, catalogue, _LEAST_PROMISE, len(catalogue))
+    anchored = _anchored(problem, textbook, singles)
+    if anchored is not textbook:
+        tell("every effect alone, from a better soil")
+        textbook = anchored
+        trials.clear()
+        passed.clear()
+        singles = attempt(textbook, catalogue, _LEAST_PROMISE, len(catalogue))
     best = max(singles, key=lambda trial: trial.gain, default=textbook)
     if best.gain < ASKED_FOR:
         return Search(textbook, tuple(trials), tuple(passed), textbook)
@@ -203,6 +214,20 @@ def search(
                     best = trial
     best = _pruned(problem, textbook, best, trials)
     return Search(textbook, tuple(trials), tuple(passed), best)
+
+
+def _anchored(problem: Problem, textbook: Trial, singles: Sequence[Trial]) -> Trial:
+    """Refit the textbook wheel from the soils that effects found: none may shine for having left a poor fit."""
+    better = sorted((trial for trial in singles if trial.gain >= ASKED_FOR), key=lambda trial: -trial.fitted.score)
+    starts = [(trial.fitted.vector[:SOIL_COUNT], trial.fitted.theta_1) for trial in better[:_ANCHORS]]
+    if not starts:
+        return textbook
+    held = problem.most_spread
+    fitted = best_fit(problem, starts)
+    if fitted.score < textbook.fitted.score + 1.0:
+        problem.most_spread = held
+        return textbook
+    return Trial((), fitted, hold_out(problem, fitted), 0.0)
 
 
 def _asked_of(trial: Trial) -> float:

@@ -12,8 +12,8 @@ from ...framework.core.recording.types import WheelTable
 from ...framework.core.recording.wheel_file import read_wheel_file
 from ..augmented import AugmentedWheel
 from ..forward import CHANNELS
-from .fitting import fit_textbook
 from .samples import ANSWERS, SIMULATED, Samples
+from .textbook import fit_textbook
 
 
 def attach(table: WheelTable, path: str | Path) -> WheelTable:
