@@ -170,6 +170,8 @@ class Effect:
     """Attributes of `Drive` without which the formula says nothing of a sample."""
     required: tuple[str, ...] = ()
     """Parameters that have to be stated where an effect is asked for by name; the others are `Parameter.null` then."""
+    remembers: ClassVar[bool] = False
+    """Whether what is reported of a sample follows from samples before it."""
     strengths: ClassVar[tuple[str, ...]] = ()
     """Parameters in proportion to which forces follow the ground's strength, as they do with c and tan phi."""
     constants: Mapping[str, float] = MappingProxyType({})

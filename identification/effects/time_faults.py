@@ -50,6 +50,7 @@ class LowPass(Effect):
 
     slug = "time_lag"
     kind = "instrument"
+    remembers = True
     needs = ("time_s",)
     source = "definition of a first-order low-pass"
 
@@ -71,6 +72,7 @@ class TimeLag(Effect):
 
     slug = "time_lag"
     kind = "instrument"
+    remembers = True
     needs = ("time_s",)
     source = "definition"
 

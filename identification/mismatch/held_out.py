@@ -50,13 +50,20 @@ def hold_out(problem: Problem, fitted: Fitted) -> HeldOut:
         scaled[np.diag_indices_from(scaled)] += _LEAST_LEVERAGE
         step = -scale * np.linalg.solve(scaled, scale * gradient)
         vector = np.clip(fitted.vector + step, prior.lower, prior.upper)
-        drive = select_rows(samples.drive, rows)
-        answer = fitted.model.predict(drive, problem.imposed[rows], vector, fitted.theta_1[rows])
         # Load and slip are corrected as at the fit.
-        moved = answer.channels[:, problem.answers] - response.channels[rows][:, problem.answers]
+        channels = _predicted(problem, fitted, vector, rows)
+        moved = channels[:, problem.answers] - response.channels[rows][:, problem.answers]
         residuals[rows] = at_fit[rows] - moved
         # The soil's variation is followed from the neighbours as they look at these parameters.
         there = at_fit - slopes @ (vector - fitted.vector)
         there[rows] = residuals[rows]
         nats[number] = -problem.loss(there, fitted)[rows].sum()
     return HeldOut(nats, np.where(problem.seen, residuals, np.nan))
+
+
+def _predicted(problem: Problem, fitted: Fitted, vector: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Channels (k, 5) of some rows at other parameters; from the whole drive where an effect remembers."""
+    drive, model = problem.samples.drive, fitted.model
+    if any(effect.remembers for effect in model.effects):
+        return model.predict(drive, problem.imposed, vector, fitted.theta_1).channels[rows]
+    return model.predict(select_rows(drive, rows), problem.imposed[rows], vector, fitted.theta_1[rows]).channels

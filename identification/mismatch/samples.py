@@ -120,11 +120,6 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
         raise InputError(
             table.source, f"{int(usable.sum())} rows with load, slip and an answer", expected=f"at least {LEAST_ROWS}"
         )
-    drive = (
-        _smoothed(drive_of(table, wheel, stretch), table, noise)
-        if "time_s" in table
-        else drive_of(table, wheel, stretch)
-    )
     measured = np.column_stack([table.columns.get(name, np.full(len(table), math.nan)) for name in CHANNELS])
     for channel in ANSWERS:
         seen = np.isfinite(measured[:, channel])
@@ -137,6 +132,12 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
     if gross:
         notes.append(f"{gross} values stand alone far from their neighbours in time: taken for gross errors")
     usable &= np.isfinite(measured[:, [LOAD, SLIP]]).all(axis=1) & np.isfinite(measured[:, ANSWERS]).any(axis=1)
+    table = WheelTable(
+        {**table.columns, "load_N": measured[:, LOAD], "slip": measured[:, SLIP]}, table.wheel, table.run, table.source
+    )
+    drive = drive_of(table, wheel, stretch)
+    if "time_s" in table:
+        drive = _smoothed(drive, table, noise)
     rows, thinned = _thinned(np.flatnonzero(usable))
     if thinned:
         notes.append(f"{int(usable.sum())} rows thinned to {len(rows)}, in stretches of {_THINNED_STRETCH}")
@@ -191,16 +192,15 @@ def _without_gross_errors(
         return measured, 0
     measured, count = measured.copy(), 0
     for rows in np.split(np.arange(len(measured)), np.flatnonzero(np.diff(stretch)) + 1):
-        if len(rows) < 7:
-            continue
         for channel in range(measured.shape[1]):
-            values = measured[rows, channel]
-            if not np.isfinite(values).all():
+            seen = rows[np.isfinite(measured[rows, channel])]
+            if len(seen) < 7:
                 continue
+            values = measured[seen, channel]
             away = np.abs(values - median_filter(values, 5, mode="nearest")) > _ISOLATED * noise[channel]
             # Where many stand apart the channel is quick, not faulty.
-            if 0 < away.sum() <= 0.05 * len(rows):
-                measured[rows[away], channel] = math.nan
+            if 0 < away.sum() <= 0.05 * len(seen):
+                measured[seen[away], channel] = math.nan
                 count += int(away.sum())
     return measured, count
 
@@ -225,9 +225,11 @@ def _averaged(values: np.ndarray, noise: float, stretch: np.ndarray) -> np.ndarr
     """
     answer = values.copy()
     for rows in np.split(np.arange(len(values)), np.flatnonzero(np.diff(stretch)) + 1):
-        if len(rows) < 3:
+        seen = np.flatnonzero(np.isfinite(values[rows]))
+        if len(seen) < 3:
             continue
-        ends = np.pad(values[rows], _REACH, mode="reflect" if len(rows) > _REACH else "edge")
+        whole = np.interp(np.arange(len(rows)), seen, values[rows[seen]])
+        ends = np.pad(whole, _REACH, mode="reflect" if len(rows) > _REACH else "edge")
         around = np.convolve(ends, np.full(3, 1.0 / 3.0), mode="same")
         middle = slice(_REACH, _REACH + len(rows))
         total, weight = ends[middle].copy(), np.ones(len(rows))
@@ -235,10 +237,10 @@ def _averaged(values: np.ndarray, noise: float, stretch: np.ndarray) -> np.ndarr
             before, after = slice(_REACH - away, -_REACH - away), slice(_REACH + away, len(ends) - _REACH + away)
             apart = np.maximum(np.abs(around[before] - around[middle]), np.abs(around[after] - around[middle]))
             pair = ends[before] + ends[after]
-            alike = np.isfinite(pair) & ((apart < 3.0 * noise) | (away == 1))
+            alike = (apart < 3.0 * noise) | (away == 1)
             total += np.where(alike, pair, 0.0)
             weight += 2.0 * alike
-        answer[rows] = total / weight
+        answer[rows] = np.where(np.isfinite(values[rows]), total / weight, math.nan)
     return answer
 
 
