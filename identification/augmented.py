@@ -61,15 +61,6 @@ class AugmentedWheel:
             start += len(effect.parameters)
         return answer
 
-    def strengths(self) -> list[int]:
-        """Where the vector holds what the ground's strength scales: c, tan phi, and such parameters of effects."""
-        return [0, 1] + [
-            where.start + index
-            for effect, where in self.slices()
-            for index, parameter in enumerate(effect.parameters)
-            if parameter.name in effect.strengths
-        ]
-
     def predict(
         self, drive: Drive, imposed: np.ndarray, vector: np.ndarray, theta_1: np.ndarray | None = None
     ) -> Response:
@@ -143,8 +134,7 @@ class AugmentedWheel:
         # Stepping towards zero slip never reaches the locked or the spinning wheel.
         step_slip = np.where(imposed[:, 1] > 0.0, -1e-5, 1e-5)
         by_latent[:, :, 1] = derivative(imposed + np.column_stack([nothing, step_slip]), vector, step_slip, None)
-        strengths = self.strengths()
-        by_ground = np.stack([by_parameter[..., 3], by_parameter[..., strengths] @ vector[strengths]], axis=-1)
+        by_ground = np.stack([by_parameter[..., 3], by_parameter[..., :2] @ vector[:2]], axis=-1)
         return Response(base, angle, by_parameter, by_latent, by_ground)
 
     def steps(self, vector: np.ndarray) -> np.ndarray:

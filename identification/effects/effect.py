@@ -172,8 +172,6 @@ class Effect:
     """Parameters that have to be stated where an effect is asked for by name; the others are `Parameter.null` then."""
     remembers: ClassVar[bool] = False
     """Whether what is reported of a sample follows from samples before it."""
-    strengths: ClassVar[tuple[str, ...]] = ()
-    """Parameters in proportion to which forces follow the ground's strength, as they do with c and tan phi."""
     constants: Mapping[str, float] = MappingProxyType({})
     """What the formula holds besides its parameters, taken from the drive that it was found on, by name [SI]."""
 

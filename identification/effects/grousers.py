@@ -30,7 +30,7 @@ class LugRadius(Effect):
 
 
 class LugRipple(Effect):
-    """Forces and sinkage ripple as lugs enter and leave, once a lug; sharper lugs with an overtone."""
+    """Forces and sinkage ripple as lugs enter and leave, once a lug, by so much; sharper lugs with an overtone."""
 
     slug = "grousers"
     source = "after R. A. Irani et al., J. Terramechanics 48 (2011), periodic term at the lugs' passing"
@@ -53,29 +53,42 @@ class LugRipple(Effect):
         )
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        channels[:, self._channels] += self.waves(drive, values)
+
+    def waves(self, drive: Drive, values: np.ndarray) -> np.ndarray:
+        """Ripple of each channel, (n, channels), in the unit of the parameters."""
         sizes = values.reshape(len(self._orders), 2, len(self._channels))
+        answer = np.zeros((len(drive), len(self._channels)))
         for order, (cosines, sines) in zip(self._orders, sizes, strict=True):
             phase = order * self.count * np.nan_to_num(drive.wheel_angle_rad)[:, None]
-            channels[:, self._channels] += np.cos(phase) * cosines + np.sin(phase) * sines
+            answer += np.cos(phase) * cosines + np.sin(phase) * sines
+        return answer
 
 
 class Lugs(LugRipple):
-    """Soil shears beyond the rim, and forces ripple: both at once."""
+    """Soil shears beyond the rim, and forces ripple in proportion to the torque, sinkage to the lugs' height."""
 
     source = f"{LugRadius.source}; {LugRipple.source}"
 
-    def __init__(self, count: int, typical: np.ndarray, height_m: float) -> None:
-        super().__init__(count, typical, overtone=True)
-        self._radius = LugRadius(height_m)
-        self.form = f"radius and ripple, {count} lugs"
-        self.equation = f"{self._radius.equation}; {self.equation}"
-        self.parameters = (*self._radius.parameters, *self.parameters)
+    def __init__(self, count: int, typical: np.ndarray, wheel: Wheel, *, overtone: bool = False) -> None:
+        super().__init__(count, typical, overtone=overtone)
+        self._lugs, self._radius_m = LugRadius(wheel.grouser_height_m), wheel.radius_m
+        self._height = wheel.grouser_height_m
+        self.form = f"radius and {self.form}"
+        waves = self.equation.split(" += ")[1]
+        self.equation = f"{self._lugs.equation}; T += |T| w, DP += |T| / r w, z += h w, each w = {waves}"
+        ripple = tuple(Parameter(each.name, "", -1.0, 1.0, 0.0, 0.1) for each in self.parameters)
+        self.parameters = (*self._lugs.parameters, *ripple)
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
-        self._radius.contact(contact, drive, values[:1])
+        self._lugs.contact(contact, drive, values[:1])
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
-        super().act(channels, contact, drive, values[1:])
+        torque = np.abs(channels[:, TORQUE])
+        size = {TORQUE: torque, PULL: torque / self._radius_m, SINKAGE: np.full_like(torque, self._height)}
+        channels[:, self._channels] += self.waves(drive, values[1:]) * np.column_stack(
+            [size[channel] for channel in self._channels]
+        )
 
 
 def forms(situation: Situation) -> tuple[Effect, ...]:
@@ -86,9 +99,7 @@ def forms(situation: Situation) -> tuple[Effect, ...]:
         answer.append(LugRadius(wheel.grouser_height_m))
     if drive.has("wheel_angle_rad") and np.nanmax(drive.wheel_angle_rad) - np.nanmin(drive.wheel_angle_rad) > np.pi:
         for count in _counts(wheel, drive, situation.residuals):
-            answer += [LugRipple(count, situation.typical, overtone=overtone) for overtone in (False, True)]
-            if wheel.grouser_height_m > 0.0 and situation.seen(TORQUE, PULL) and count == wheel.grouser_count:
-                answer.append(Lugs(count, situation.typical, wheel.grouser_height_m))
+            answer += _ripples(wheel, count, situation)
     return tuple(answer)
 
 
@@ -97,10 +108,17 @@ def named(situation: Situation) -> tuple[Effect, ...]:
     wheel = situation.wheel
     answer: list[Effect] = [LugRadius(wheel.grouser_height_m)] if wheel.grouser_height_m > 0.0 else []
     if wheel.grouser_count and situation.drive.has("wheel_angle_rad"):
-        answer += [LugRipple(wheel.grouser_count, situation.typical, overtone=overtone) for overtone in (False, True)]
-        if wheel.grouser_height_m > 0.0:
-            answer.append(Lugs(wheel.grouser_count, situation.typical, wheel.grouser_height_m))
+        answer += _ripples(wheel, wheel.grouser_count, situation)
     return tuple(answer)
+
+
+def _ripples(wheel: Wheel, count: int, situation: Situation) -> list[Effect]:
+    """Ripples of so many lugs; with the shear radius where the wheel has lugs."""
+    typical = situation.typical
+    answer: list[Effect] = [LugRipple(count, typical, overtone=overtone) for overtone in (False, True)]
+    if wheel.grouser_height_m > 0.0 and situation.seen(TORQUE, PULL):
+        answer += [Lugs(count, typical, wheel, overtone=overtone) for overtone in (False, True)]
+    return answer
 
 
 def _counts(wheel: Wheel, drive: Drive, residuals: np.ndarray) -> list[int]:

@@ -40,11 +40,37 @@ class RateDependence(Effect):
             contact.c_Pa, contact.tan_phi = contact.c_Pa * factor, contact.tan_phi * factor
 
 
+class PenetrationRate(Effect):
+    """Pressure grows with a power of the speed at which the rim enters the ground."""
+
+    slug = "rate_dependence"
+    form = "penetration"
+    equation = "stiffness ~ (V sin theta_1 / w0)^p, w0 the drive's mean travel speed"
+    source = "after M. Grahn, J. Terramechanics 28 (1991), 351-362: pressure-sinkage with the penetration velocity"
+    needs = ("travel_speed_m_s",)
+    parameters = (Parameter("p", "", 0.0, 0.6, 0.05, 0.15),)
+
+    def __init__(self, speed_m_s: float) -> None:
+        self.constants = {"w0": speed_m_s}
+
+    def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        entering = np.maximum(np.abs(drive.travel_speed_m_s) * np.sin(contact.theta_1), _LEAST_SPEED_M_S)
+        fast = entering / self.constants["w0"]
+        contact.stiffness_Pa = contact.stiffness_Pa * np.where(np.isfinite(fast), fast, 1.0) ** values[0]
+
+
 def forms(situation: Situation) -> tuple[Effect, ...]:
     """Give the forms that these data can show: the rim's speed has to vary."""
     drive = situation.drive
-    if not drive.has("rim_speed_m_s"):
-        return ()
-    speed = np.maximum(np.abs(drive.rim_speed_m_s), _LEAST_SPEED_M_S)
-    mean = float(np.exp(np.nanmean(np.log(speed))))
-    return tuple(RateDependence(form, mean) for form in ("stiffness", "strength", "both"))
+    answer: list[Effect] = []
+    if drive.has("rim_speed_m_s"):
+        mean = _mean(drive.rim_speed_m_s)
+        answer += [RateDependence(form, mean) for form in ("stiffness", "strength", "both")]
+    if drive.has("travel_speed_m_s"):
+        answer.append(PenetrationRate(_mean(drive.travel_speed_m_s)))
+    return tuple(answer)
+
+
+def _mean(speed_m_s: np.ndarray) -> float:
+    """Geometric mean of a speed's size."""
+    return float(np.exp(np.nanmean(np.log(np.maximum(np.abs(speed_m_s), _LEAST_SPEED_M_S)))))

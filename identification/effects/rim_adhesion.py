@@ -12,7 +12,6 @@ class RimAdhesion(Effect):
 
     slug = "rim_adhesion"
     nested = False
-    strengths = ("c_a", "tan_delta")
     source = (
         "M. G. Bekker, Theory of Land Locomotion (1956), external friction; adhesion and friction as in A. R. Reece, "
         "Proc. Inst. Mech. Eng. 179(6) (1964), 16-22"

@@ -39,17 +39,18 @@ class TyreDeflection(Effect):
 class FlatTyre(Effect):
     """A tyre flattens where the ground would press harder than its own pressure: there it presses evenly.
 
-    The ground is then as deep as that pressure takes it, the rest of the entry's depth is the tyre's deflection.
+    The ground is then as deep as that pressure takes it, the rest of the entry's depth is the tyre's deflection; or,
+    where the axle's height is what sinkage is measured by, as deep as the rim's circle.
     """
 
     slug = "tyre_deflection"
-    form = "pressure"
     nested = False
-    equation = "sigma <= p_g; z = b (p_g / S)^(1/n) where the wheel is flat"
     source = "M. G. Bekker, Introduction to Terrain-Vehicle Systems (1969), elastic mode of a pneumatic tyre"
 
-    def __init__(self, pressures_Pa: tuple[float, ...]) -> None:
-        self._pressures = pressures_Pa
+    def __init__(self, pressures_Pa: tuple[float, ...], *, of_axle: bool = False) -> None:
+        self._pressures, self._of_axle = pressures_Pa, of_axle
+        self.form = "pressure, sinkage of the axle" if of_axle else "pressure"
+        self.equation = "sigma <= p_g" + ("" if of_axle else "; z = b (p_g / S)^(1/n) where the wheel is flat")
         middle = pressures_Pa[len(pressures_Pa) // 2]
         self.parameters = (Parameter("p_g", "Pa", 0.05 * middle, 20.0 * middle, middle, 2.0 * middle, 5.0 * middle),)
 
@@ -58,6 +59,8 @@ class FlatTyre(Effect):
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         contact.most_normal_Pa = values[0]
+        if self._of_axle:
+            return
         flat = contact.wheel.width_m * (values[0] / contact.stiffness_Pa) ** (1.0 / contact.n)
         contact.sinkage_m = np.minimum(contact.sinkage_m, flat)
 
@@ -72,5 +75,6 @@ def forms(situation: Situation) -> tuple[Effect, ...]:
         # The mean stress is the load over the contact; the peak's, which a tyre flattens first, a little more.
         depth = np.clip(np.nanmedian(situation.sinkage_m), 1e-3 * wheel.radius_m, wheel.radius_m)
         mean = load / (wheel.width_m * np.sqrt(2.0 * wheel.radius_m * depth))
-        answer += (FlatTyre(tuple(float(share * mean) for share in (1.0, 1.3, 1.7))),)
+        pressures = tuple(float(share * mean) for share in (1.0, 1.3, 1.7))
+        answer += tuple(FlatTyre(pressures, of_axle=of_axle) for of_axle in (False, True))
     return answer

@@ -154,6 +154,7 @@ class Problem:
         self.measured = samples.measured[:, self.answers]
         self.first_noise = self._first_noise()
         self.most_spread = 1.0
+        self.weights: Response | None = None
         self._log_first = np.log(self.first_noise.answers)
         self._noise_sd = np.where(samples.stated[self.answers], _NOISE_PRIOR[1], _NOISE_PRIOR[0])
 
@@ -194,20 +195,21 @@ class Problem:
         """Answer of the model with derivatives, in the samples' order."""
         return model.linearise(self.samples.drive, self.imposed, vector, theta_1)
 
-    def residuals(self, channels: np.ndarray, by_latent: np.ndarray) -> np.ndarray:
-        """What a model's channels (n, 5) leave of the answers (n, m), SI, taken at the load and slip measured."""
-        by_latent = np.nan_to_num(by_latent[:, self.answers])
-        return self.measured - channels[:, self.answers] - np.einsum("nca,na->nc", by_latent, self._deviation)
+    def residuals(self, response: Response, weights: Response | None = None) -> np.ndarray:
+        """What a model leaves of the answers (n, m), SI, taken at the load and slip measured."""
+        by_latent = np.nan_to_num((self.weights or weights or response).by_latent[:, self.answers])
+        moved = np.einsum("nca,na->nc", by_latent, self._deviation)
+        return self.measured - response.channels[:, self.answers] - moved
 
     def whitened(
-        self, response: Response, noise: NoiseModel, weighed_by: Response | None = None
+        self, response: Response, noise: NoiseModel, weights: Response | None = None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Innovations (n, m), their derivatives (n, m, p) by the parameters, and each row's loss (n,) [nats].
 
-        Errors of load and slip and the soil's variation are carried as another response answers them, if given: trials
-        weighed alike can be compared, where each its own weights would prefer the more uncertain.
+        Errors of load and slip and the soil's variation are carried as the `weights` answer them: models that are
+        weighed alike can be compared, where each with its own weights would prefer what hides the errors.
         """
-        ready = self._ready(response, weighed_by)
+        ready = self._ready(response, weights)
         columns, log_scale = ready.filter(noise, self.latent_covariance, self.gap, derivatives=True)
         back = np.empty_like(self.order)
         back[self.order] = np.arange(len(self.order))
@@ -239,11 +241,11 @@ class Problem:
         size = len(fitted.vector)
         return innovations, columns[..., :size], columns[..., size:]
 
-    def _ready(self, response: Response, weighed_by: Response | None = None) -> _Ready:
+    def _ready(self, response: Response, weights: Response | None = None) -> _Ready:
         """Residuals and derivatives in the order in which the soil's variation is followed."""
         answers, order = self.answers, self.order
-        weights = response if weighed_by is None else weighed_by
-        residual = self.residuals(response.channels, weights.by_latent)
+        weights = self.weights or weights or response
+        residual = self.residuals(response, weights)
         carried = np.asarray(np.isfinite(response.channels[:, answers]).all(axis=1))
         seen = self.seen & carried[:, None]
         by_parameter = response.by_parameter[:, answers]
@@ -376,7 +378,7 @@ def fit(
             if damping > 1e6:
                 break
     covariance = _covariance(innovations, jacobian, prior)
-    residuals = np.where(problem.seen, problem.residuals(response.channels, response.by_latent), np.nan)
+    residuals = np.where(problem.seen, problem.residuals(response), np.nan)
     score = -total - problem.noise_loss(noise)
     return Fitted(model, vector, noise, score, covariance, residuals, innovations, jacobian, response.theta_1, response)
 

@@ -39,7 +39,7 @@ def hold_out(problem: Problem, fitted: Fitted) -> HeldOut:
     residuals = np.full_like(problem.measured, np.nan)
     nats = np.empty(len(blocks))
     response = fitted.response
-    at_fit = problem.residuals(response.channels, response.by_latent)
+    at_fit = problem.residuals(response)
     slopes = response.by_parameter[:, problem.answers]
     for number, block in enumerate(blocks):
         rows = samples.block == block

@@ -19,7 +19,7 @@ ASKED_FOR = 12.0
 """An effect is added where it gains more than this many nats on held-out blocks."""
 
 MOST_EFFECTS = 3
-SHARE_ASKED_FOR = 0.04
+SHARE_ASKED_FOR = 0.08
 """A further effect has to gain at least this share of what is gained already [-]."""
 
 _LEAST_PROMISE = 2.5
@@ -222,10 +222,10 @@ def _anchored(problem: Problem, textbook: Trial, singles: Sequence[Trial]) -> Tr
     starts = [(trial.fitted.vector[:SOIL_COUNT], trial.fitted.theta_1) for trial in better[:_ANCHORS]]
     if not starts:
         return textbook
-    held = problem.most_spread
+    before = problem.most_spread, problem.weights
     fitted = best_fit(problem, starts)
     if fitted.score < textbook.fitted.score + 1.0:
-        problem.most_spread = held
+        problem.most_spread, problem.weights = before
         return textbook
     return Trial((), fitted, hold_out(problem, fitted), 0.0)
 

@@ -31,15 +31,17 @@ def fit_textbook(samples: Samples, known: SoilKnowledge | None = None) -> tuple[
 
 
 def best_fit(problem: Problem, starts: list[tuple[np.ndarray, np.ndarray]]) -> Fitted:
-    """Fit the textbook wheel from several soils (5,) and entry angles (n,) [rad]; effects have to live with its ground.
+    """Fit the textbook wheel from several soils (5,) and entry angles (n,) [rad].
 
-    An effect that needs the ground to vary more than without it explains nothing.
+    Effects have to live with what it makes of the ground and of errors in load and slip: one that needs the ground to
+    vary more, or that hides the errors, explains nothing.
     """
     model = AugmentedWheel(problem.samples.wheel)
-    problem.most_spread = 1.0
+    problem.most_spread, problem.weights = 1.0, None
     found = [fit(problem, model, soil, None, theta_1) for soil, theta_1 in starts]
     best = max(found, key=lambda fitted: fitted.score)
     problem.most_spread = float(max(_LEAST_SPREAD, best.noise.spread.max()))
+    problem.weights = best.response
     return best
 
 

@@ -194,8 +194,13 @@ class TimeLag(Fault):
         if self.form == "delay":
             late = np.interp(time - self.magnitude, time, values)
         else:
-            share = -np.expm1(-float(np.median(np.diff(time))) / max(self.magnitude, 1e-9))
-            late, _ = lfilter([share], [1.0, share - 1.0], values, zi=[(1.0 - share) * values[0]])
+            step = float(np.median(np.diff(time)))
+            share = -np.expm1(-step / max(self.magnitude, 1e-9))
+            # In a pause between passes it settles.
+            runs = np.split(values, np.flatnonzero(np.diff(time) > 5.0 * step) + 1)
+            late = np.concatenate([
+                lfilter([share], [1.0, share - 1.0], run, zi=[(1.0 - share) * run[0]])[0] for run in runs
+            ])  # fmt: skip
         return replace(channels, **{self.channel: late})
 
 
