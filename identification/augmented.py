@@ -82,8 +82,10 @@ class AugmentedWheel:
         angle, _ = self._solve(drive, true, vector, start)
         return Response(self._channels(drive, imposed, true, vector, angle), angle)
 
-    def linearise(self, drive: Drive, imposed: np.ndarray, vector: np.ndarray, theta_1: np.ndarray | None) -> Response:
-        """As `predict`, with derivatives."""
+    def linearise(
+        self, drive: Drive, imposed: np.ndarray, vector: np.ndarray, theta_1: np.ndarray | None, *, latent: bool = True
+    ) -> Response:
+        """As `predict`, with derivatives; those by the true load and slip only where `latent`."""
         true = self._true(drive, imposed, vector)
         start = np.full(len(imposed), 0.4) if theta_1 is None else theta_1
         angle, forces = self._solve(drive, true, vector, start)
@@ -127,6 +129,9 @@ class AugmentedWheel:
             elif additive[index]:
                 known = forces
             by_parameter[:, :, index] = derivative(imposed, there, step, known)
+        by_ground = np.stack([by_parameter[..., 3], by_parameter[..., :2] @ vector[:2]], axis=-1)
+        if not latent:
+            return Response(base, angle, by_parameter, by_ground=by_ground)
         by_latent = np.empty((*base.shape, 2))
         nothing = np.zeros(len(imposed))
         step_N = 1e-5 * np.abs(imposed[:, 0])
@@ -134,7 +139,6 @@ class AugmentedWheel:
         # Stepping towards zero slip never reaches the locked or the spinning wheel.
         step_slip = np.where(imposed[:, 1] > 0.0, -1e-5, 1e-5)
         by_latent[:, :, 1] = derivative(imposed + np.column_stack([nothing, step_slip]), vector, step_slip, None)
-        by_ground = np.stack([by_parameter[..., 3], by_parameter[..., :2] @ vector[:2]], axis=-1)
         return Response(base, angle, by_parameter, by_latent, by_ground)
 
     def steps(self, vector: np.ndarray) -> np.ndarray:

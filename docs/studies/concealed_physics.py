@@ -39,6 +39,18 @@ PROTOCOL_SHARES = (0.5, 0.25, 0.25)
 """Of bench, field and steady recordings."""
 
 
+OURS = {
+    ("torque_offset", "offset_Nm"): ("T_0", 0.0), ("torque_gain", "gain"): ("g", 1.0),
+    ("load_gain", "gain"): ("g", 1.0), ("sinkage_offset", "offset_m"): ("z_0", 0.0),
+    ("rolling_radius", "radius_ratio"): ("e", 1.0), ("time_lag", "lag_s"): ("tau", 0.0),
+    ("exit_angle", "exit_ratio"): ("s", 0.0), ("shear_hump", "residual_ratio"): ("K_r", 0.0),
+    ("inertia", "wheel_inertia_kg_m2"): ("J", 0.0), ("inertia", "mass_kg"): ("m", 0.0),
+    ("slope_gravity", "mass_kg"): ("m", 0.0), ("slope_gravity", "load_share"): ("s", 0.0),
+    ("drivetrain_friction", "viscous_Nms"): ("b_v", 0.0),
+}  # fmt: skip
+"""The tool's name of a parameter of the generator, and what to add to its value; a low-pass is no delay."""
+
+
 def draw(seed: int, left_out: bool) -> tuple[tuple[str, ...], str, str]:
     """Give what recording number `seed` hides, its level and its protocol.
 
@@ -115,9 +127,19 @@ def explained(folder: Path, made: ConcealedRecording, left_out: bool) -> tuple[d
         options["catalogue"] = [slug for slug in catalogue() if slug not in gone]
     try:
         answer = to_json(bevameter.explain(folder, **options))
-        return json.loads(json.dumps(answer)), None
+        return renamed(json.loads(json.dumps(answer))), None
     except Exception as error:  # a failure of the tool is a result of the study
         return None, f"{type(error).__name__}: {error}"
+
+
+def renamed(answer: dict[str, Any]) -> dict[str, Any]:
+    """Add the generator's names of the parameters that mean the same."""
+    for item in answer["missing"]:
+        given = item["parameters"]
+        for (slug, name), (ours, more) in OURS.items():
+            if item["effect"] == slug and ours in given and "low-pass" not in item["form"]:
+                given[name] = {**given[ours], "value": given[ours]["value"] + more}
+    return answer
 
 
 def done(path: Path) -> dict[int, dict[str, Any]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...framework.core.vehicle import Wheel
 from .effect import TORQUE, Contact, Drive, Effect, Parameter, Situation
 
 
@@ -29,12 +30,40 @@ class DrivetrainFriction(Effect):
         self.equation = "T += " + " + ".join(shown[term] for term in self._terms)
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
-        rate = drive.rim_speed_m_s / contact.wheel.radius_m
-        rate = np.where(np.isfinite(rate), rate, np.nanmean(rate) if np.isfinite(rate).any() else 1.0)
-        sense = np.where(np.abs(rate) > 0.0, np.sign(rate), 0.0)
+        rate, sense = _turning(drive, contact.wheel)
         parts = {"coulomb": sense, "viscous": rate, "load": sense * drive.load_N}
         for term, value in zip(self._terms, values, strict=True):
             channels[:, TORQUE] += value * parts[term]
+
+
+class Stribeck(Effect):
+    """Friction falls from breakaway to Coulomb's as the wheel turns faster."""
+
+    slug = "drivetrain_friction"
+    form = "stribeck"
+    equation = "T += [T_c + T_s exp(-(omega / omega_s)^2)] sign(omega)"
+    source = DrivetrainFriction.source
+    needs = ("rim_speed_m_s",)
+
+    def __init__(self, torque_Nm: float, rate_rad_s: float) -> None:
+        usual = 0.1 * torque_Nm
+        self.parameters = (
+            Parameter("T_c", "N m", 0.0, 20.0 * usual, usual, usual),
+            Parameter("T_s", "N m", 0.0, 40.0 * usual, usual, usual),
+            Parameter("omega_s", "rad/s", 0.05 * rate_rad_s, 5.0 * rate_rad_s, 0.7 * rate_rad_s, rate_rad_s,
+                      0.7 * rate_rad_s),
+        )  # fmt: skip
+
+    def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        rate, sense = _turning(drive, contact.wheel)
+        channels[:, TORQUE] += sense * (values[0] + values[1] * np.exp(-((rate / values[2]) ** 2)))
+
+
+def _turning(drive: Drive, wheel: Wheel) -> tuple[np.ndarray, np.ndarray]:
+    """Wheel speed (n,) [rad/s], its mean where it was not observed, and its sense."""
+    rate = drive.rim_speed_m_s / wheel.radius_m
+    rate = np.where(np.isfinite(rate), rate, np.nanmean(rate) if np.isfinite(rate).any() else 1.0)
+    return rate, np.sign(rate)
 
 
 def forms(situation: Situation) -> tuple[Effect, ...]:
@@ -47,5 +76,8 @@ def forms(situation: Situation) -> tuple[Effect, ...]:
     names = ["coulomb", "load", "coulomb+load"] if drive.has("load_N") else ["coulomb"]
     if drive.has("rim_speed_m_s"):
         names += ["viscous", "coulomb+viscous"]
-    load = float(np.nanmean(drive.load_N))
-    return tuple(DrivetrainFriction(name, float(situation.typical[TORQUE]), load, max(usual, 1e-6)) for name in names)
+    load, torque, usual = float(np.nanmean(drive.load_N)), float(situation.typical[TORQUE]), max(usual, 1e-6)
+    answer: list[Effect] = [DrivetrainFriction(name, torque, load, usual) for name in names]
+    if drive.has("rim_speed_m_s"):
+        answer.append(Stribeck(torque, usual))
+    return tuple(answer)

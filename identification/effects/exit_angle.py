@@ -14,7 +14,8 @@ class ExitAngle(Effect):
     """
 
     slug = "exit_angle"
-    equation = "theta_2 = -c2 theta_1"
+    form = "peak kept"
+    equation = "theta_2 = -c2 theta_1, theta_m = theta_1 / 2"
     source = (
         "after O. Onafeko, A. R. Reece, J. Terramechanics 4(1) (1967); G. Ishigami et al., J. Field Robotics 24 (2007)"
     )
@@ -24,6 +25,18 @@ class ExitAngle(Effect):
         contact.theta_2 = -values[0] * contact.theta_1
 
 
+class ExitAngleMidway(ExitAngle):
+    """Exit angle in proportion to the entry angle, the peak stress midway of the whole contact."""
+
+    form = "peak midway"
+    equation = "theta_2 = -s theta_1, theta_m = (theta_1 + theta_2) / 2"
+    parameters = (Parameter("s", "", 0.0, 0.95, 0.2, 0.3),)
+
+    def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        super().contact(contact, drive, values)
+        contact.theta_m = contact.theta_m + 0.5 * contact.theta_2
+
+
 def forms(situation: Situation) -> tuple[Effect, ...]:
-    """Give the form that these data can show."""
-    return (ExitAngle(),)
+    """Give the forms that these data can show."""
+    return ExitAngle(), ExitAngleMidway()

@@ -220,7 +220,8 @@ def _fits(
 
 def _floor(problem: Problem, fitted: Fitted, position: int) -> float:
     """Least error that any model could reach: the sensor's noise, and what uncertain load and slip do."""
-    by_latent = np.nan_to_num(fitted.response.by_latent[:, problem.answers[position]])
+    weights = problem.weights or fitted.response
+    by_latent = np.nan_to_num(weights.by_latent[:, problem.answers[position]])
     spread = np.einsum("na,ab,nb->n", by_latent, problem.latent_covariance, by_latent)
     return math.sqrt(float(fitted.noise.answers[position]) ** 2 + float(np.mean(spread)))
 

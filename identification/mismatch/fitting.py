@@ -193,7 +193,7 @@ class Problem:
 
     def linearise(self, model: AugmentedWheel, vector: np.ndarray, theta_1: np.ndarray | None) -> Response:
         """Answer of the model with derivatives, in the samples' order."""
-        return model.linearise(self.samples.drive, self.imposed, vector, theta_1)
+        return model.linearise(self.samples.drive, self.imposed, vector, theta_1, latent=self.weights is None)
 
     def residuals(self, response: Response, weights: Response | None = None) -> np.ndarray:
         """What a model leaves of the answers (n, m), SI, taken at the load and slip measured."""

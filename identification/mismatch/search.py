@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +28,12 @@ _LEAST_PROMISE = 2.5
 
 _TRIED_IN_SETS = 6
 """Effects tried beside those already found: the most promising ones."""
+
+_FAR_LESS = 0.1
+"""Effects that promise less than this share of what another one gained are not fitted [-]."""
+
+_THREADS = 2
+"""Effects fitted at once: the heavy parts let go of Python's lock."""
 
 _SHORT = 5
 
@@ -165,18 +172,24 @@ def search(
     trials: list[Trial] = []
     passed: list[tuple[str, float]] = []
 
+    def named(base: Trial, effect: Effect) -> str:
+        return " + ".join(each.name for each in (*base.effects, effect))
+
     def attempt(base: Trial, effects: Sequence[Effect], least: float, most: int) -> list[Trial]:
         """Fit those effects beside a set that promise enough, at most so many."""
-        promised = [(promise(problem, base, effect) if effect.nested else np.inf, effect) for effect in effects]
-        promised.sort(key=lambda pair: -pair[0])
-        answer = []
-        for rank, (nats, effect) in enumerate(promised):
-            together = " + ".join(each.name for each in (*base.effects, effect))
-            if nats < least or rank >= most:
-                passed.append((together, nats))
-                continue
-            tell(together)
-            answer.append(try_adding(problem, textbook, base, effect))
+        answer: list[Trial] = []
+        with ThreadPoolExecutor(_THREADS) as pool:
+            nats = pool.map(lambda effect: promise(problem, base, effect) if effect.nested else np.inf, effects)
+            promised = sorted(zip(nats, effects, strict=True), key=lambda pair: -pair[0])
+            while promised:
+                gained = max((trial.gain - base.gain for trial in answer), default=0.0)
+                worth = [pair for pair in promised[: most - len(answer)] if pair[0] >= max(least, _FAR_LESS * gained)]
+                if not worth:
+                    break
+                now, promised = worth[:_THREADS], promised[len(worth[:_THREADS]) :]
+                tell(", ".join(named(base, effect) for _, effect in now))
+                answer += pool.map(lambda pair: try_adding(problem, textbook, base, pair[1]), now)
+        passed.extend((named(base, effect), nats) for nats, effect in promised)
         trials.extend(answer)
         return answer
 
