@@ -15,6 +15,7 @@ from .explanation import Candidate, ChannelFit, Estimate, Explanation, Missing, 
 from .fitting import Fitted, Problem
 from .naming import ASSERTED, MENTIONED, UNKNOWN, Naming, why_not
 from .search import Search, Trial
+from .shape import shape_of
 from .smooth_correction import SmoothCorrection
 from .wording import summarise, trust
 from .would_tell import would_tell
@@ -130,16 +131,14 @@ def _standing_in(found: Search, slug: str, other: str) -> Trial | None:
 
 
 def _unknown(naming: Naming, remaining: SmoothCorrection) -> Missing:
-    shapes = "; ".join(f"{term.channel} {_shape(term.values)} with {term.variable}" for term in remaining.terms)
+    found = [(term.channel, shape_of(term.variable, term.at, term.values)) for term in remaining.terms]
+    shapes = "; ".join(f"{channel} {shape.words}" for channel, shape in found)
+    equation = "; ".join(f"{channel} += {shape.formula or 'a spline'}" for channel, shape in found)
     return Missing(
-        UNKNOWN, UNKNOWN, "smooth correction", naming.unknown, {}, "channel += f(variable), splines",
+        UNKNOWN, UNKNOWN, "smooth correction", naming.unknown, {}, equation,
         "fitted to the data", (), "a measurement of the variable by itself, the others held",
         f"{shapes} ({remaining.gain:.0f} nats)",
     )  # fmt: skip
-
-
-def _shape(values: np.ndarray) -> str:
-    return f"moves by {np.ptp(values):.3g}"
 
 
 def _verdict(missing: tuple[Missing, ...]) -> Verdict:

@@ -26,10 +26,11 @@ _MOST_GROUPS = 6
 
 @dataclass(frozen=True)
 class Term:
-    """A smooth function of one variable on one channel; `values` (n,) is what it adds, SI; `gain` in nats."""
+    """A smooth function of a variable, `at` (n,), on a channel; `values` (n,) is what it adds, SI; `gain` in nats."""
 
     channel: str
     variable: str
+    at: np.ndarray
     values: np.ndarray
     gain: float
 
@@ -47,6 +48,7 @@ class SmoothCorrection:
 class _Group:
     position: int
     variable: str
+    at: np.ndarray
     columns: np.ndarray
 
 
@@ -71,7 +73,7 @@ def smooth_correction(problem: Problem, fitted: Fitted) -> SmoothCorrection:
         chosen.append(others[winner])
     added, held_out = solver.added(chosen)
     terms = tuple(
-        Term(CHANNELS[problem.answers[groups[index].position]], groups[index].variable, values, gain)
+        Term(CHANNELS[problem.answers[groups[index].position]], groups[index].variable, groups[index].at, values, gain)
         for index, values, gain in zip(chosen, added, gains, strict=True)
     )
     return SmoothCorrection(terms, best - first, held_out)
@@ -81,21 +83,22 @@ def _groups(problem: Problem, fitted: Fitted) -> list[_Group]:
     answer = []
     drive = problem.samples.drive
     bases = {
-        variable.name: variable.smooth() for variable in variables(problem.samples, fitted.response.channels[:, 2])
+        variable.name: (variable.values, variable.smooth())
+        for variable in variables(problem.samples, fitted.response.channels[:, 2])
     }
     if "slip" in bases and "load_N" in bases:
         product = (drive.slip - drive.slip.mean()) * (drive.load_N / drive.load_N.mean() - 1.0)
-        bases["slip x load"] = product[:, None] / max(float(product.std()), 1e-12)
+        bases["slip x load"] = product, product[:, None] / max(float(product.std()), 1e-12)
     angle = drive.wheel_angle_rad
     if drive.has("wheel_angle_rad"):
         waves = cycles(angle)
         residual = np.nan_to_num(fitted.residuals / fitted.noise.answers)
         power = np.sum(np.einsum("nkc,nm->kcm", waves, residual) ** 2, axis=(1, 2))
         strongest = int(np.argmax(power))
-        bases[f"wheel_angle_rad ({strongest + 1} cycles a turn)"] = waves[:, strongest]
-    for name, columns in bases.items():
+        bases[f"wheel_angle_rad ({strongest + 1} cycles a turn)"] = angle, waves[:, strongest]
+    for name, (at, columns) in bases.items():
         if columns.shape[1]:
-            answer += [_Group(position, name, columns) for position in range(len(problem.answers))]
+            answer += [_Group(position, name, at, columns) for position in range(len(problem.answers))]
     return answer
 
 

@@ -1,0 +1,93 @@
+"""A smooth correction in words and, where a short one does as well, in algebra."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.stats import rankdata
+from sklearn.linear_model import LinearRegression
+
+_MONOTONIC = 0.9
+"""Rank correlation from which on a curve rises or falls as a whole [-]."""
+
+_PACE = 1.6
+"""A half of the samples in which it moves this many times as far as in the other is worth a word [-]."""
+
+_AS_WELL = 0.97
+"""Share of the correction's variance that an algebraic form has to hold to stand for it [-]."""
+
+_MOST_TERMS = 2
+
+
+@dataclass(frozen=True)
+class Shape:
+    """How a correction moves with its variable, and a formula (SI) where one is as good, else empty."""
+
+    words: str
+    formula: str
+
+
+def shape_of(variable: str, at: np.ndarray, values: np.ndarray) -> Shape:
+    """Describe a correction.
+
+    Parameters
+    ----------
+    variable
+        Its name; for a ripple with its number of cycles in brackets.
+    at, values : (n,)
+        The variable and the correction, SI; NaN where the variable was not observed.
+    """
+    good = np.isfinite(at) & np.isfinite(values)
+    at, values = at[good], values[good]
+    size = float(np.ptp(values))
+    if "cycles a turn" in variable:
+        name, _, cycles = variable.partition(" (")
+        return Shape(f"ripples with {name}, {cycles.rstrip(')')}, by {size:.3g}", "")
+    words = f"{_movement(at, values)} with {variable} by {size:.3g}"
+    return Shape(words, _formula(variable, at, values))
+
+
+def _movement(at: np.ndarray, values: np.ndarray) -> str:
+    """Whether it rises, falls, peaks or dips, and where it does so most."""
+    if len(np.unique(at)) < 3:
+        return "steps"
+    trend = float(np.corrcoef(rankdata(at), rankdata(values))[0, 1])
+    if abs(trend) >= _MONOTONIC:
+        middle = float(np.median(at))
+        low, high = at <= middle, at > middle
+        early, late = float(np.ptp(values[low])), float(np.ptp(values[high])) if high.any() else 0.0
+        pace = ", ever faster," if late > _PACE * early else ", ever slower," if early > _PACE * late else ""
+        return ("rises" if trend > 0.0 else "falls") + pace
+    line = np.polynomial.Polynomial.fit(at, values, 2)
+    bend = line.convert().coef[2] if line.convert().coef.size > 2 else 0.0
+    explained = 1.0 - float(np.var(values - line(at))) / max(float(np.var(values)), 1e-300)
+    if explained < 0.5:
+        return "wanders"
+    turn = at[np.argmin(values)] if bend > 0.0 else at[np.argmax(values)]
+    return f"{'dips' if bend > 0.0 else 'peaks'} near {turn:.2g}"
+
+
+def _formula(variable: str, at: np.ndarray, values: np.ndarray) -> str:
+    """The shortest sum of elementary terms that holds almost all of the correction, or nothing."""
+    scale = float(np.max(np.abs(at)))
+    if scale <= 0.0 or len(np.unique(at)) < 5:
+        return ""
+    name = variable if " " not in variable else f"({variable})"
+    terms = {name: at, f"{name}^2": at**2, f"{name}^3": at**3, f"sqrt|{name}|": np.sqrt(np.abs(at))}
+    if at.min() > 0.0:
+        terms |= {f"ln {name}": np.log(at), f"1/{name}": 1.0 / at}
+    for count in range(1, _MOST_TERMS + 1):
+        best, formula = _AS_WELL, ""
+        for chosen in combinations(terms, count):
+            columns = np.column_stack([terms[each] for each in chosen])
+            fitted = LinearRegression().fit(columns, values)
+            score = float(fitted.score(columns, values))
+            if score > best:
+                slopes = zip(fitted.coef_, chosen, strict=True)
+                best = score
+                formula = f"{fitted.intercept_:.3g} " + " ".join(f"{slope:+.3g} {each}" for slope, each in slopes)
+        if formula:
+            return formula
+    return ""
