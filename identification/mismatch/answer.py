@@ -218,11 +218,13 @@ def _fits(
 
 
 def _floor(problem: Problem, fitted: Fitted, position: int) -> float:
-    """Least error that any model could reach: the sensor's noise, and what uncertain load and slip do."""
+    """Least error to be had: the sensor's noise, what uncertain load and slip do, and ground that varies unforeseen."""
     weights = problem.weights or fitted.response
-    by_latent = np.nan_to_num(weights.by_latent[:, problem.answers[position]])
-    spread = np.einsum("na,ab,nb->n", by_latent, problem.latent_covariance, by_latent)
-    return math.sqrt(float(fitted.noise.answers[position]) ** 2 + float(np.mean(spread)))
+    channel = problem.answers[position]
+    by_latent, by_ground = np.nan_to_num(weights.by_latent[:, channel]), np.nan_to_num(weights.by_ground[:, channel])
+    uncertain = np.einsum("na,ab,nb->n", by_latent, problem.latent_covariance, by_latent)
+    varying = by_ground**2 @ fitted.noise.spread**2
+    return math.sqrt(float(fitted.noise.answers[position]) ** 2 + float(np.mean(uncertain + varying)))
 
 
 def _rows(problem: Problem, before: np.ndarray, after: np.ndarray, chosen: Fitted) -> Rows:

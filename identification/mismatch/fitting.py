@@ -9,6 +9,7 @@ they are shrunk towards the mean instead. The fit is maximum a posteriori by dam
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -153,7 +154,7 @@ class Problem:
         self.seen = np.ascontiguousarray(samples.seen)
         self.measured = samples.measured[:, self.answers]
         self.first_noise = self._first_noise()
-        self.most_spread = 1.0
+        self.most = self.unbounded
         self.weights: Response | None = None
         self._log_first = np.log(self.first_noise.answers)
         self._noise_sd = np.where(samples.stated[self.answers], _NOISE_PRIOR[1], _NOISE_PRIOR[0])
@@ -194,6 +195,11 @@ class Problem:
     def linearise(self, model: AugmentedWheel, vector: np.ndarray, theta_1: np.ndarray | None) -> Response:
         """Answer of the model with derivatives, in the samples' order."""
         return model.linearise(self.samples.drive, self.imposed, vector, theta_1, latent=self.weights is None)
+
+    @property
+    def unbounded(self) -> NoiseModel:
+        """The most that noise and the soil's variation may be where nothing says less."""
+        return NoiseModel(self.first_noise.answers * math.exp(4.0), np.ones(2), self.longest)
 
     def residuals(self, response: Response, weights: Response | None = None) -> np.ndarray:
         """What a model leaves of the answers (n, m), SI, taken at the load and slip measured."""
@@ -266,18 +272,10 @@ class Problem:
         Were the parameters held, what they leave unexplained would pass for variation of the soil, and they would not
         move once it does.
         """
-        count = len(self.answers)
-        unit = np.concatenate([np.full(count, _NOISE_UNIT), np.full(2, _SPREAD_UNIT), [_LENGTH_UNIT]])
-
-        def unpack(x: np.ndarray) -> NoiseModel:
-            x = x * unit
-            return NoiseModel(np.exp(x[:count]), x[count : count + 2], math.exp(x[-1]))
-
         ready = self._ready(response)
         pull = prior.precision * (prior.mean - vector)
 
-        def loss(x: np.ndarray) -> float:
-            noise = unpack(x)
+        def loss(noise: NoiseModel) -> float:
             columns, log_scale = ready.filter(noise, self.latent_covariance, self.gap, derivatives=True)
             gradient, information = normal_equations(columns[..., 0], columns[..., 1:])
             gradient = gradient + pull
@@ -285,11 +283,52 @@ class Problem:
             gained = 0.5 * float(gradient @ np.linalg.solve(information, gradient))
             return float(huber_loss(columns[..., 0]).sum() + log_scale.sum()) - gained + self.noise_loss(noise)
 
+        return self._least(loss, start)
+
+    def repeated_noise(self, response: Response, repeat: np.ndarray) -> NoiseModel:
+        """Noise and variation of the soil that explain how repeats of one trial differ, whatever the model.
+
+        Parameters
+        ----------
+        response
+            Of the textbook wheel, which takes out what small differences in load and slip do.
+        repeat : (n,)
+            Number of the trial that each row repeats, -1 where none.
+        """
+        ready = self._ready(response)
+        rows = repeat[self.order] >= 0
+        trial = repeat[self.order][rows]
+        size = np.bincount(trial)
+        mean = np.zeros((len(size), len(self.answers)))
+        np.add.at(mean, trial, ready.columns[rows, :, 0])
+        # Deviations from a mean of m repeats scatter less than repeats do.
+        wider = np.sqrt(size / (size - 1.0))[trial, None]
+        away = (ready.columns[rows, :, 0] - (mean / size[:, None])[trial]) * wider
+        apart = _Ready(away[..., None], ready.seen[rows], ready.by_variation[rows], ready.by_latent[rows])
+        share = float(np.sum(size - 1.0)) / len(trial)
+        alone = np.full(len(trial), np.inf)
+
+        def loss(noise: NoiseModel) -> float:
+            columns, log_scale = apart.filter(noise, self.latent_covariance, alone, derivatives=False)
+            return share * float(huber_loss(columns[..., 0]).sum() + log_scale.sum()) + self.noise_loss(noise)
+
+        return self._least(loss, self.first_noise)
+
+    def _least(self, loss: Callable[[NoiseModel], float], start: NoiseModel) -> NoiseModel:
+        """Noise of the least loss, within bounds."""
+        count = len(self.answers)
+        unit = np.concatenate([np.full(count, _NOISE_UNIT), np.full(2, _SPREAD_UNIT), [_LENGTH_UNIT]])
+
+        def unpack(x: np.ndarray) -> NoiseModel:
+            x = x * unit
+            return NoiseModel(np.exp(x[:count]), x[count : count + 2], math.exp(x[-1]))
+
         first = np.concatenate([np.log(start.answers), start.spread, [math.log(start.length)]])
         low = np.concatenate([self._log_first - 1.5, [1e-5] * 2, [math.log(self.shortest)]])
-        high = np.concatenate([self._log_first + 4.0, [self.most_spread] * 2, [math.log(self.longest)]])
+        high = np.concatenate([np.log(self.most.answers), self.most.spread, [math.log(self.longest)]])
+        low = np.minimum(low, high)
         found = minimize(
-            loss, np.clip(first, low, high) / unit, method="L-BFGS-B",
+            lambda x: loss(unpack(x)), np.clip(first, low, high) / unit, method="L-BFGS-B",
             bounds=np.column_stack([low, high]) / unit[:, None],
             options={"maxiter": 12, "ftol": 5e-6, "eps": 1e-4},
         )  # fmt: skip

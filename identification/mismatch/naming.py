@@ -23,11 +23,11 @@ ASSERTED = 0.8
 MENTIONED = 0.05
 """Look-alikes of at least this probability are listed."""
 
-_TOLERATED = 0.15
+_TOLERATED = 0.06
 """Share of an effect's gain that a smooth correction may add to it before the effect is doubted: published forms of one
 effect differ by about as much."""
 
-_REMAINS = 20.0
+_REMAINS = 15.0
 """Nats that a smooth correction has to add at least before something unknown is spoken of."""
 
 

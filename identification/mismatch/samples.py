@@ -269,20 +269,20 @@ def _blocked(samples: Samples) -> Samples:
             block = block * _BLOCKS // number
             split = "groups of neighbouring runs"
         return replace(samples, block=block, split=f"{block.max() + 1} {split} held out in turn")
-    levels = _levels(drive.slip)
+    level = levels(drive.slip)
     what = "slips"
-    if levels.max() < 2:
-        levels, what = _levels(drive.load_N / float(np.max(drive.load_N))), "loads"
-    if levels.max() < 2:
-        levels, what = np.arange(count) * min(_BLOCKS, count) // count, "groups of trials"
-    elif levels.max() >= _BLOCKS:
-        levels = levels * _BLOCKS // (levels.max() + 1)
+    if level.max() < 2:
+        level, what = levels(drive.load_N / float(np.max(drive.load_N))), "loads"
+    if level.max() < 2:
+        level, what = np.arange(count) * min(_BLOCKS, count) // count, "groups of trials"
+    elif level.max() >= _BLOCKS:
+        level = level * _BLOCKS // (level.max() + 1)
     return replace(
-        samples, block=levels, split=f"{levels.max() + 1} {what} held out in turn, all their repeats together"
+        samples, block=level, split=f"{level.max() + 1} {what} held out in turn, all their repeats together"
     )
 
 
-def _levels(values: np.ndarray, apart: float = 0.03) -> np.ndarray:
+def levels(values: np.ndarray, apart: float = 0.03) -> np.ndarray:
     """Number the levels of a quantity, (n,): neighbours in size that are nearer than `apart` are one level."""
     order = np.argsort(values)
     number = np.concatenate([[0], np.cumsum(np.diff(values[order]) > apart)])

@@ -235,10 +235,10 @@ def _anchored(problem: Problem, textbook: Trial, singles: Sequence[Trial]) -> Tr
     starts = [(trial.fitted.vector[:SOIL_COUNT], trial.fitted.theta_1) for trial in better[:_ANCHORS]]
     if not starts:
         return textbook
-    before = problem.most_spread, problem.weights
+    before = problem.most, problem.weights
     fitted = best_fit(problem, starts)
     if fitted.score < textbook.fitted.score + 1.0:
-        problem.most_spread, problem.weights = before
+        problem.most, problem.weights = before
         return textbook
     return Trial((), fitted, hold_out(problem, fitted), 0.0)
 

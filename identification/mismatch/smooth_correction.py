@@ -15,7 +15,7 @@ from .fitting import Fitted, Problem
 from .soil_variation import huber_loss, huber_weight
 from .variables import cycles, variables
 
-_STRENGTH = 5.0
+_STRENGTH = 20.0
 """Prior standard deviation of a spline's coefficient, in units of the channel's noise."""
 
 _WORTH = 10.0

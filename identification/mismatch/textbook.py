@@ -9,11 +9,18 @@ import numpy as np
 
 from ...framework.core.soil import SoilKnowledge
 from ..augmented import AugmentedWheel
-from .fitting import Fitted, Problem, fit
-from .samples import Samples
+from ..effects.effect import LOAD, SLIP
+from .fitting import Fitted, NoiseModel, Problem, fit
+from .samples import Samples, levels
 
 _COARSE = 0.1
 """Share of a channel's scatter that the first search for a soil takes for noise [-]."""
+
+_ALIKE = 0.025
+"""Conditions of trials this share of their range apart are levels of their own [-]."""
+
+_ENOUGH_REPEATS = 8
+"""Degrees of freedom among repeats from which on they say what noise is."""
 
 _LEAST_SPREAD = 0.01
 """Ground varies by at least so much [-]."""
@@ -37,12 +44,40 @@ def best_fit(problem: Problem, starts: list[tuple[np.ndarray, np.ndarray]]) -> F
     vary more, or that hides the errors, explains nothing.
     """
     model = AugmentedWheel(problem.samples.wheel)
-    problem.most_spread, problem.weights = 1.0, None
+    problem.most, problem.weights = problem.unbounded, None
     found = [fit(problem, model, soil, None, theta_1) for soil, theta_1 in starts]
     best = max(found, key=lambda fitted: fitted.score)
-    problem.most_spread = float(max(_LEAST_SPREAD, best.noise.spread.max()))
+    repeat = repeats(problem.samples)
+    freedom = int(np.sum(np.maximum(np.bincount(repeat[repeat >= 0]) - 1, 0)))
+    if freedom >= _ENOUGH_REPEATS:
+        # What repeats do not show is misfit, however well more noise would hide it.
+        shown = problem.repeated_noise(best.response, repeat)
+        wider = math.exp(2.0 / math.sqrt(2.0 * freedom))
+        problem.most = NoiseModel(shown.answers * wider, np.maximum(shown.spread * wider, _LEAST_SPREAD), shown.length)
+        best = fit(problem, model, best.vector, None, best.theta_1)
+    spread = np.full(2, max(_LEAST_SPREAD, float(best.noise.spread.max())))
+    problem.most = replace(problem.most, spread=np.minimum(problem.most.spread, spread))
     problem.weights = best.response
     return best
+
+
+def repeats(samples: Samples) -> np.ndarray:
+    """Number of the trial that each row repeats, (n,), -1 for rows that repeat none, and in recordings with time.
+
+    Repeats have all conditions in common: those known, to within a hundredth of their range or a few noises.
+    """
+    drive = samples.drive
+    if np.isfinite(drive.time_s).any():
+        return np.full(len(samples), -1)
+    near = {"load_N": 4.0 * samples.noise[LOAD], "slip": 4.0 * samples.noise[SLIP]}
+    label = np.zeros(len(samples), dtype=int)
+    for name in ("load_N", "slip", "rim_speed_m_s", "pitch_rad", "pass_number"):
+        values = np.nan_to_num(getattr(drive, name))
+        apart = max(_ALIKE * float(np.ptp(values)), near.get(name, 0.0))
+        label = np.unique(label * len(values) + levels(values, apart), return_inverse=True)[1]
+    size = np.bincount(label)
+    number = np.cumsum(size > 1) - 1
+    return np.where(size[label] > 1, number[label], -1)
 
 
 def first_soil(problem: Problem) -> list[np.ndarray]:

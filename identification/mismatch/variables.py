@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.polynomial.legendre import legvander
 from sklearn.preprocessing import SplineTransformer
 
 from .samples import Samples
@@ -27,6 +28,7 @@ _NAMES = {
 _BINS = 10
 _LEAST_IN_BIN = 4
 _MOST_CYCLES = 60
+_FEW_LEVELS = 8
 
 
 @dataclass(frozen=True)
@@ -48,9 +50,12 @@ class Variable:
         return (self.cell[:, None] == np.arange(len(self.edges) - 1)).astype(float)
 
     def smooth(self) -> np.ndarray:
-        """(n, k) cubic splines of the variable, centred; steps where it has few levels."""
-        if len(self.edges) <= 6:
-            columns = self.indicators()
+        """(n, k) cubic splines of the variable, centred; a polynomial that joins its levels where these are few."""
+        count = len(self.edges) - 1
+        if count <= _FEW_LEVELS:
+            low, high = float(self.edges[0]), float(self.edges[-1])
+            along = np.nan_to_num(2.0 * (self.values - low) / (high - low) - 1.0)
+            columns = legvander(along, min(count - 1, 3))[:, 1:]
         else:
             known = np.isfinite(self.values)
             filled = np.where(known, self.values, np.nanmedian(self.values))[:, None]
