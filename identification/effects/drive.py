@@ -104,8 +104,8 @@ def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Dr
         pitch_rad=column("pitch_rad"),
         pass_number=column("pass"),
         place_m=place,
-        acceleration_m_s2=_derivative(travel, time_s, stretch),
-        angular_acceleration_rad_s2=_derivative(rate, time_s, stretch),
+        acceleration_m_s2=rate_of_change(travel, time_s, stretch),
+        angular_acceleration_rad_s2=rate_of_change(rate, time_s, stretch),
         stretch=stretch,
     )
 
@@ -115,7 +115,7 @@ def select_rows(drive: Drive, rows: np.ndarray) -> Drive:
     return type(drive)(**{name: getattr(drive, name)[rows] for name in Drive.__dataclass_fields__})
 
 
-def _derivative(values: np.ndarray, time_s: np.ndarray, stretch: np.ndarray) -> np.ndarray:
+def rate_of_change(values: np.ndarray, time_s: np.ndarray, stretch: np.ndarray) -> np.ndarray:
     """Rate of change [1/s], (n,), from a local parabola within each stretch; NaN in stretches too short for one."""
     answer = np.full(len(values), math.nan)
     for rows in np.split(np.arange(len(values)), np.flatnonzero(np.diff(stretch)) + 1):

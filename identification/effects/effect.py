@@ -170,6 +170,8 @@ class Effect:
     """Attributes of `Drive` without which the formula says nothing of a sample."""
     required: tuple[str, ...] = ()
     """Parameters that have to be stated where an effect is asked for by name; the others are `Parameter.null` then."""
+    local: ClassVar[bool] = False
+    """Whether it says what the ground's variation along the track could say too."""
     remembers: ClassVar[bool] = False
     """Whether what is reported of a sample follows from samples before it."""
     constants: Mapping[str, float] = MappingProxyType({})

@@ -18,6 +18,7 @@ class SoilPatch(Effect):
 
     slug = "soil_patch"
     nested = False
+    local = True
     sought = 2.0 * math.log(_GRID)
     equation = "from < x < to: ln stiffness += A, ln strength += B"
     source = "definition"

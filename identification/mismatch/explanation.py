@@ -26,8 +26,8 @@ class Estimate:
 class Region:
     """Where a channel leaves the simulation: an interval of a variable.
 
-    `share` is the part of the channel's misfit beyond noise that lies there; `p_value` is corrected for the number of
-    questions asked; `mean` is the residual there in units of the channel's noise.
+    `share` is the part that lies there of the largest misfit that one variable accounts for; `p_value` is corrected for
+    the number of questions asked; `mean` is the residual there in units of the channel's noise.
     """
 
     channel: str

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2, false_discovery_control
 
+from ..effects.drive import rate_of_change
 from ..forward import CHANNELS
 from .explanation import Region
 from .fitting import Fitted, NoiseModel, Problem
@@ -59,23 +60,27 @@ def locate(problem: Problem, textbook: Fitted, noise: NoiseModel) -> tuple[Regio
     angle = problem.samples.drive.wheel_angle_rad
     if np.isfinite(angle).any() and np.nanmax(angle) - np.nanmin(angle) > 2.0 * np.pi:
         questions += [whites.periodic(angle, position, channel) for position, channel in enumerate(problem.answers)]
+    if problem.samples.drive.has("time_s"):
+        questions += [whites.lag(position, channel) for position, channel in enumerate(problem.answers)]
     questions = [question for question in questions if question.freedom > 0]
     if not questions:
         return ()
     p_values = np.array([float(chi2.sf(2.0 * each.gain, each.freedom)) for each in questions])
     corrected = false_discovery_control(np.maximum(p_values, 1e-300))
+    sure = [(each, p) for each, p in zip(questions, corrected, strict=True) if p <= FALSE_DISCOVERIES]
     best = {each.channel: 0.0 for each in questions}
-    for each, p_value in zip(questions, corrected, strict=True):
-        if p_value <= FALSE_DISCOVERIES:
-            best[each.channel] = max(best[each.channel], each.gain)
+    for each, _ in sure:
+        best[each.channel] = max(best[each.channel], each.gain)
+    most = max(best.values())
     answer = [
-        (each.gain, Region(CHANNELS[each.channel], each.variable, start, end, share, float(p_value), mean))
-        for each, p_value in zip(questions, corrected, strict=True)
-        if p_value <= FALSE_DISCOVERIES and each.gain >= _WORTH_SAYING * best[each.channel]
+        Region(
+            CHANNELS[each.channel], each.variable, start, end, share * each.gain / most, float(p_value), mean,
+        )
+        for each, p_value in sure
+        if each.gain >= _WORTH_SAYING * best[each.channel]
         for start, end, share, mean in each.regions
-    ]
-    answer.sort(key=lambda pair: (-pair[0], -pair[1].share))
-    return tuple(region for _, region in answer)
+    ]  # fmt: skip
+    return tuple(sorted(answer, key=lambda region: -region.share))
 
 
 class _Whitened:
@@ -142,3 +147,16 @@ class _Whitened:
         gain = max(gain - np.log(len(power)), 0.0)
         size = float(np.hypot(*mean)) / self._noise.answers[position]
         return _Question(channel, "wheel_angle_rad", gain, 2, ((0.0, 2.0 * np.pi / (strongest + 1), 1.0, size),))
+
+    def lag(self, position: int, channel: int) -> _Question:
+        """Ask of one channel whether it comes late: whether what is left follows its own rate of change."""
+        samples, predicted = self._problem.samples, self._textbook.response.channels[:, channel]
+        rate = rate_of_change(predicted, samples.drive.time_s, samples.drive.stretch)
+        column = np.where(np.isfinite(rate) & self._problem.seen[:, position], rate, 0.0)[:, None]
+        if np.ptp(column) == 0.0:
+            return _Question(channel, "lag_s", 0.0, 0, ())
+        gain, mean, error = self._gain(column, position)
+        # Late by tau, a channel falls short of the simulation by tau times its rate.
+        tau, spread = -float(mean[0]), 2.0 * float(error[0])
+        size = float(np.sqrt(np.mean((tau * column) ** 2))) / self._noise.answers[position]
+        return _Question(channel, "lag_s", gain, 1, ((tau - spread, tau + spread, 1.0, size),))

@@ -42,6 +42,7 @@ _QUANTITIES = {
     "angular_acceleration_rad_s2": Shown("angular acceleration", "rad/s^2"),
     "x_m": Shown("place along the track", "m"),
     "time_s": Shown("time", "s"),
+    "lag_s": Shown("delay", "s"),
     "c_Pa": Shown("cohesion c", "kPa", 1e-3),
     "phi_rad": Shown("friction angle phi", "deg", _DEGREES),
     "k_m": Shown("shear modulus k", "mm", 1e3),

@@ -277,9 +277,7 @@ def _blocked(samples: Samples) -> Samples:
         level, what = np.arange(count) * min(_BLOCKS, count) // count, "groups of trials"
     elif level.max() >= _BLOCKS:
         level = level * _BLOCKS // (level.max() + 1)
-    return replace(
-        samples, block=level, split=f"{level.max() + 1} {what} held out in turn, all their repeats together"
-    )
+    return replace(samples, block=level, split=f"{level.max() + 1} {what} held out in turn, all their repeats together")
 
 
 def levels(values: np.ndarray, apart: float = 0.03) -> np.ndarray:

@@ -106,12 +106,16 @@ def try_adding(problem: Problem, textbook: Trial, base: Trial, effect: Effect) -
     effects = (*base.effects, effect)
     model = AugmentedWheel(problem.samples.wheel, effects)
     starts = [np.concatenate([base.fitted.vector, start]) for start in effect.starts()]
+    # Where the ground's variation has explained a place already, its patch is seen once that varies less.
+    noises = [base.fitted.noise, problem.first_noise] if effect.local else [base.fitted.noise]
+    several = len(starts) * len(noises) > 1
     fits = [
-        fit(problem, model, start, base.fitted.noise, base.fitted.theta_1, iterations=_SHORT if len(starts) > 1 else 25)
+        fit(problem, model, start, noise, base.fitted.theta_1, iterations=_SHORT if several else 25)
         for start in starts
+        for noise in noises
     ]
     best = max(fits, key=lambda fitted: fitted.score)
-    if len(starts) > 1:
+    if several:
         best = fit(problem, model, best.vector, best.noise, best.theta_1)
     held = hold_out(problem, best)
     return _trial(textbook, effects, best, held)

@@ -12,7 +12,7 @@ _WORSE = 1.03
 
 def located_headers() -> list[str]:
     """Headers of the table of regions."""
-    return ["channel", "depends on", "differs for", "share of its misfit", "mean residual [noise]", "p"]
+    return ["channel", "depends on", "differs for", "share of misfit", "mean residual [noise]", "p"]
 
 
 def located_rows(explanation: Explanation) -> list[list[str]]:

@@ -64,7 +64,8 @@ def test_what_is_missing_is_named_and_the_fit_improves(tmp_path, slug, protocol)
     assert np.mean(list(result["error_ratio"].values())) < 1.25
     channel = made.truth["effects"][0]["channels"][0]
     assert answer.fits[channel].rmse_after < answer.fits[channel].rmse_before
-    assert answer.located, "what is named is also located"
+    assert result["located_channel"]
+    assert result["located_variable"]
 
 
 def test_what_the_catalogue_lacks_is_not_named_with_confidence(tmp_path):

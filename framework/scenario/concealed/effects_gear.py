@@ -181,7 +181,7 @@ class Inertia(Effect):
     slug = "inertia"
     forms = ("both", "wheel", "carriage")
     channels = ("torque_Nm", "drawbar_pull_N")
-    variables = ("wheel_acceleration", "travel_acceleration", "time_s")
+    variables = ("angular_acceleration_rad_s2", "acceleration_m_s2", "time_s")
     typical_load_N: float = 1.0
     radius_m: float = 1.0
 

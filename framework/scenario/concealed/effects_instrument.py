@@ -171,7 +171,7 @@ class TimeLag(Fault):
     slug = "time_lag"
     forms = ("delay", "filter")
     channels = ANSWERS
-    variables = ("time_s", "lag")
+    variables = ("time_s", "lag_s")
     channel: str = "torque_Nm"
 
     @classmethod
