@@ -28,6 +28,7 @@ _PUBLIC = {
     "simulate": "identification.simulate",
     "identify": "identification.identify",
     "explain": "framework.explain",
+    "AugmentedSimulator": "identification.effects.stored",
     "OnlineIdentifier": "identification.online",
 }
 
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from .framework.core.vehicle import load_vehicle as load_vehicle
     from .framework.explain import explain as explain
     from .framework.traverse import run_traverse as run_traverse
+    from .identification.effects.stored import AugmentedSimulator as AugmentedSimulator
     from .identification.identify import identify as identify
     from .identification.online import OnlineIdentifier as OnlineIdentifier
     from .identification.simulate import simulate as simulate

@@ -70,6 +70,7 @@ def assemble(
         rows=_rows(problem, before, after, chosen.fitted),
         simulator=best.fitted.model,
         vector=best.fitted.vector,
+        covariance=best.fitted.covariance,
         seconds=time.perf_counter() - began,
         seed=seed,
         n=len(problem.samples),

@@ -78,7 +78,7 @@ def explain(
     remaining = smooth_correction(problem, found.chosen.fitted)
     naming = name(found, remaining.gain)
     tell("locating the mismatch")
-    regions = locate(problem, textbook.fitted, found.chosen.fitted.noise)
+    regions = locate(problem, found.chosen.fitted)
     return assemble(
         problem, found, naming, remaining, regions, source=str(opened.source), seed=seed, began=began,
         problems=rows.problems, simulated=own,

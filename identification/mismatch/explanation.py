@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from ..augmented import AugmentedWheel
+from ..effects.stored import AugmentedSimulator
 
 Verdict = Literal["none", "physics", "instrument", "unknown", "cannot_tell"]
 
@@ -128,7 +129,8 @@ class Explanation:
     rows
         For pictures.
     simulator
-        The textbook wheel with what was missing, and its parameter vector `vector` (p,).
+        The textbook wheel with what was missing, its parameter vector `vector` (p,), and the vector's `covariance`
+        (p, p).
     seconds
         Time taken.
     """
@@ -153,6 +155,16 @@ class Explanation:
     sound: dict | None = None
     seed: int = 0
     n: int = field(default=0)
+    covariance: np.ndarray | None = None
+
+    @property
+    def physics(self) -> AugmentedSimulator:
+        """Soil and effects as found: to simulate and predict with, to save, to keep with a class of ground.
+
+        The textbook wheel's soil alone where nothing was found. A smooth correction that stands in for something
+        unknown is not part of it: it holds nowhere but in the recording.
+        """
+        return AugmentedSimulator.of(self.simulator, self.vector, self.covariance)
 
 
 def _number(value: float) -> float | None:

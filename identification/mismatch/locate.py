@@ -1,7 +1,7 @@
 """Where simulation and recording differ: which channel, against which variable, over which interval.
 
-Each question adds a step function of one variable to one channel of the refitted textbook wheel and asks how much
-better it then fits, soil following along; residuals are white by then (`soil_variation`), so twice the gain is
+Each question adds a step function of one variable to one channel of the textbook wheel and asks how much better it then
+fits, the soil no more certain than it is; residuals are white by then (`soil_variation`), so twice the gain is
 chi-square. The share of false answers is controlled over all questions (Y. Benjamini, Y. Hochberg, J. R. Stat. Soc. B
 57 (1995)).
 """
@@ -13,10 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2, false_discovery_control
 
+from ..augmented import SOIL_COUNT, AugmentedWheel
 from ..effects.drive import rate_of_change
 from ..forward import CHANNELS
 from .explanation import Region
-from .fitting import Fitted, NoiseModel, Problem
+from .fitting import Fitted, NoiseModel, Problem, fit
 from .soil_variation import huber_weight
 from .variables import Variable, cycles, variables
 
@@ -39,21 +40,24 @@ class _Question:
     regions: tuple[tuple[float, float, float, float], ...]
 
 
-def locate(problem: Problem, textbook: Fitted, noise: NoiseModel) -> tuple[Region, ...]:
+def locate(problem: Problem, best: Fitted) -> tuple[Region, ...]:
     """Find the regions, the strongest first.
 
     Parameters
     ----------
     problem
         The samples.
-    textbook
-        The refitted textbook wheel.
-    noise
-        What sensors and soil do, as the best model that was found sees it: the textbook wheel's own would take the
-        mismatch for noise.
+    best
+        The best model that was found. The textbook wheel is asked on its soil and with its noise: its own soil has
+        carried the mismatch of one channel over to the others, and its own noise takes mismatch for noise.
     """
     questions = []
-    whites = _Whitened(problem, textbook, noise)
+    noise = best.noise
+    textbook = fit(
+        problem, AugmentedWheel(problem.samples.wheel), best.vector[:SOIL_COUNT], noise, best.theta_1, iterations=0
+    )
+    soil = np.linalg.pinv(best.covariance[:SOIL_COUNT, :SOIL_COUNT], rcond=1e-12, hermitian=True)
+    whites = _Whitened(problem, textbook, noise, soil)
     for variable in variables(problem.samples, textbook.response.channels[:, 2]):
         for position, channel in enumerate(problem.answers):
             questions.append(whites.steps(variable, position, channel))
@@ -68,16 +72,16 @@ def locate(problem: Problem, textbook: Fitted, noise: NoiseModel) -> tuple[Regio
     p_values = np.array([float(chi2.sf(2.0 * each.gain, each.freedom)) for each in questions])
     corrected = false_discovery_control(np.maximum(p_values, 1e-300))
     sure = [(each, p) for each, p in zip(questions, corrected, strict=True) if p <= FALSE_DISCOVERIES]
-    best = {each.channel: 0.0 for each in questions}
+    strongest = {each.channel: 0.0 for each in questions}
     for each, _ in sure:
-        best[each.channel] = max(best[each.channel], each.gain)
-    most = max(best.values())
+        strongest[each.channel] = max(strongest[each.channel], each.gain)
+    most = max(strongest.values())
     answer = [
         Region(
             CHANNELS[each.channel], each.variable, start, end, share * each.gain / most, float(p_value), mean,
         )
         for each, p_value in sure
-        if each.gain >= _WORTH_SAYING * best[each.channel]
+        if each.gain >= _WORTH_SAYING * strongest[each.channel]
         for start, end, share, mean in each.regions
     ]  # fmt: skip
     return tuple(sorted(answer, key=lambda region: -region.share))
@@ -86,8 +90,8 @@ def locate(problem: Problem, textbook: Fitted, noise: NoiseModel) -> tuple[Regio
 class _Whitened:
     """The textbook wheel's residuals and soil derivatives, ready for questions."""
 
-    def __init__(self, problem: Problem, textbook: Fitted, noise: NoiseModel) -> None:
-        self._problem, self._textbook, self._noise = problem, textbook, noise
+    def __init__(self, problem: Problem, textbook: Fitted, noise: NoiseModel, precision: np.ndarray) -> None:
+        self._problem, self._textbook, self._noise, self._precision = problem, textbook, noise, precision
 
     def _gain(self, columns: np.ndarray, position: int) -> tuple[float, np.ndarray, np.ndarray]:
         """Gain of adding columns (n, k) to a channel [nats], their coefficients and standard errors, soil refitted."""
@@ -96,11 +100,10 @@ class _Whitened:
         extra[:, position] = columns
         innovations, soil, added = problem.whitened_columns(self._textbook, self._noise, extra)
         weight = huber_weight(innovations).ravel()
-        precision = problem.prior(self._textbook.model).precision
         count = soil.shape[-1]
         full = np.concatenate([soil, added], axis=-1).reshape(len(weight), -1)
         information = (full * weight[:, None]).T @ full
-        information[np.arange(count), np.arange(count)] += precision
+        information[:count, :count] += self._precision
         information[np.diag_indices_from(information)] += 1e-9
         gradient = full.T @ (weight * innovations.ravel())
         alone = 0.5 * gradient[:count] @ np.linalg.solve(information[:count, :count], gradient[:count])
@@ -118,8 +121,7 @@ class _Whitened:
         if filled.sum() < 2:
             return _Question(channel, variable.name, 0.0, 0, ())
         columns = columns[:, filled]
-        gain, mean, error = self._gain(columns - columns.mean(axis=0), position)
-        _, mean, error = self._gain(columns, position)
+        gain, mean, error = self._gain(columns, position)
         edges = np.column_stack([variable.edges[:-1], variable.edges[1:]])[filled]
         weight = np.maximum(mean**2 - error**2, 0.0) * columns.sum(axis=0)
         total = max(float(weight.sum()), 1e-300)
@@ -133,7 +135,7 @@ class _Whitened:
                 level = float(np.average(mean[cells], weights=columns.sum(axis=0)[cells])) / unit
                 regions.append((float(edges[cells[0], 0]), float(edges[cells[-1], 1]), share, level))
         regions = [region for region in regions if region[2] >= 0.1]
-        return _Question(channel, variable.name, gain, int(filled.sum()) - 1, tuple(regions))
+        return _Question(channel, variable.name, gain, int(filled.sum()), tuple(regions))
 
     def periodic(self, angle: np.ndarray, position: int, channel: int) -> _Question:
         """Ask of one channel whether it repeats with the wheel's rotation; the number of cycles is searched for."""

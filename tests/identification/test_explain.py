@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bevameter import InputError, explain
+from bevameter import InputError, TerrainDatabase, explain
+from bevameter import simulate as simulate_file
 from bevameter.framework.core.recording.open import read_recording
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.core.recording.write import write_wheel_file
@@ -66,6 +67,22 @@ def test_what_is_missing_is_named_and_the_fit_improves(tmp_path, slug, protocol)
     assert answer.fits[channel].rmse_after < answer.fits[channel].rmse_before
     assert result["located_channel"]
     assert result["located_variable"]
+
+
+def test_what_was_found_simulates_and_is_kept_with_the_class(tmp_path):
+    _, folder = recorded(tmp_path, SEED + 10, ("slip_sinkage",), "plain")
+    answer = explain(folder)
+    recording = read_recording(folder)
+    simulated = answer.physics.simulate(recording.vehicle, recording.wheel)
+    measured = recording.wheel["sinkage_m"]
+    alone = simulate_file(recording.vehicle, answer.physics.soil_values, recording.wheel)
+    error = [float(np.nanstd(measured - table["sinkage_m"])) for table in (simulated, alone)]
+    assert error[0] < 0.5 * error[1]
+    database = TerrainDatabase(tmp_path / "terrain.db")
+    database.add_physics("sand", answer.physics, source=answer.source)
+    kept = database.physics("sand")[0].physics
+    assert [effect.slug for effect in kept.effects] == ["slip_sinkage"]
+    assert kept.effects[0].parameters["n1"].sd > 0.0
 
 
 def test_what_the_catalogue_lacks_is_not_named_with_confidence(tmp_path):
