@@ -77,6 +77,8 @@ def explain(
     tell("looking for what nothing explains")
     remaining = smooth_correction(problem, found.chosen.fitted)
     naming = name(found, remaining.gain)
+    if naming.unknown > 0.5 and found.chosen.effects:
+        naming = name(found, remaining.gain, smooth_correction(problem, found.textbook.fitted).gain)
     tell("locating the mismatch")
     regions = locate(problem, found.chosen.fitted)
     return assemble(

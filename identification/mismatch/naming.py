@@ -31,6 +31,10 @@ _REMAINS = 15.0
 """Nats that a smooth correction has to add at least before something unknown is spoken of."""
 
 
+_BESIDE_UNKNOWN = 0.4
+"""Most that an effect is believed in beside something that the catalogue lacks: it may stand in for that [-]."""
+
+
 @dataclass(frozen=True)
 class Naming:
     """Probabilities: of each effect being among what was left out, and of something that the catalogue lacks.
@@ -53,7 +57,7 @@ class Naming:
     weights: np.ndarray
 
 
-def name(search: Search, remaining: float) -> Naming:
+def name(search: Search, remaining: float, alone: float = np.inf) -> Naming:
     """Weigh the trials of a search.
 
     Parameters
@@ -62,6 +66,8 @@ def name(search: Search, remaining: float) -> Naming:
         Every set that was tried.
     remaining
         Nats that a smooth correction gains on top of the chosen set.
+    alone
+        Nats that one gains on the textbook wheel without any effect.
     """
     chosen = search.chosen
     score = np.array([trial.gain - PENALTY * len(trial.effects) for trial in search.trials])
@@ -74,7 +80,9 @@ def name(search: Search, remaining: float) -> Naming:
     known = weights.sum() + nothing
     # What a smooth correction adds speaks against every set alike.
     unknown = float(1.0 / (1.0 + np.exp(-np.clip(doubt / (2.0 * TEMPERATURE), -50.0, 50.0))))
-    weights = weights / known * (1.0 - unknown)
+    # Beside something unknown an effect can be right all the same, where no correction does without it.
+    beside = _BESIDE_UNKNOWN if chosen.gain + remaining - alone > ASKED_FOR else 0.0
+    weights = weights / known * (1.0 - unknown * (1.0 - beside))
     effects: dict[str, float] = {}
     for trial, weight in zip(search.trials, weights, strict=True):
         for slug in trial.slugs:

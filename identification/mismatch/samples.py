@@ -23,7 +23,8 @@ ANSWERS = (TORQUE, SINKAGE, PULL)
 SIMULATED = "simulated_"
 """Prefix of columns that hold another simulator's answers."""
 
-LEAST_ROWS = 12
+LEAST_ROWS = 5
+_FEW_ROWS = 20
 MOST_ROWS = 1500
 """A recording with more rows is thinned to about this number, in stretches so that neighbours stay neighbours."""
 
@@ -84,7 +85,7 @@ class Samples:
     @property
     def answers(self) -> tuple[int, ...]:
         """Channels that are answered and were observed."""
-        return tuple(channel for channel in ANSWERS if np.isfinite(self.measured[:, channel]).sum() >= LEAST_ROWS // 2)
+        return tuple(channel for channel in ANSWERS if np.isfinite(self.measured[:, channel]).sum() >= LEAST_ROWS)
 
     @property
     def seen(self) -> np.ndarray:
@@ -141,6 +142,8 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
     rows, thinned = _thinned(np.flatnonzero(usable))
     if thinned:
         notes.append(f"{int(usable.sum())} rows thinned to {len(rows)}, in stretches of {_THINNED_STRETCH}")
+    if len(rows) < _FEW_ROWS:
+        notes.append(f"{len(rows)} rows: only a mismatch much larger than the noise shows in so few")
     drive = select_rows(drive, rows)
     others = [table.columns.get(SIMULATED + name, np.full(len(table), math.nan)) for name in CHANNELS]
     simulated = np.column_stack(others)[rows] if any(name.startswith(SIMULATED) for name in table.columns) else None
