@@ -159,7 +159,7 @@ class Effect:
     kind: ClassVar[Kind] = "physics"
     nested: ClassVar[bool] = True
     """Whether the effect vanishes smoothly at its null values: its first step from there tells what it is worth."""
-    sought: ClassVar[float] = 0.0
+    sought: float = 0.0
     """Nats of chance that the search for its place or number has: they do not count."""
     equation: str
     source: str

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ...framework.core.vehicle import Wheel
@@ -36,13 +38,15 @@ class LugRipple(Effect):
     source = "after R. A. Irani et al., J. Terramechanics 48 (2011), periodic term at the lugs' passing"
     needs = ("wheel_angle_rad",)
 
-    def __init__(self, count: int, typical: np.ndarray, *, overtone: bool = False) -> None:
+    def __init__(self, count: int, typical: np.ndarray, *, overtone: bool = False, searched: bool = False) -> None:
         self.form = f"ripple, {count} lugs" + (", overtone" if overtone else "")
         self.count = count
         self.equation = f"T, DP, z += a cos({count} theta_w) + b sin({count} theta_w)"
         if overtone:
             self.equation += f" + a2 cos({2 * count} theta_w) + b2 sin({2 * count} theta_w)"
         self._orders = (1, 2) if overtone else (1,)
+        # The vehicle's own number was not searched for.
+        self.sought = math.log(_MOST_LUGS - 2) if searched else 0.0
         self._channels = [channel for channel in (TORQUE, PULL, SINKAGE) if np.isfinite(typical[channel])]
         names = {TORQUE: ("T", "N m"), PULL: ("DP", "N"), SINKAGE: ("z", "m")}
         self.parameters = tuple(
@@ -115,7 +119,10 @@ def named(situation: Situation) -> tuple[Effect, ...]:
 def _ripples(wheel: Wheel, count: int, situation: Situation) -> list[Effect]:
     """Ripples of so many lugs; with the shear radius where the wheel has lugs."""
     typical = situation.typical
-    answer: list[Effect] = [LugRipple(count, typical, overtone=overtone) for overtone in (False, True)]
+    searched = count != wheel.grouser_count
+    answer: list[Effect] = [
+        LugRipple(count, typical, overtone=overtone, searched=searched) for overtone in (False, True)
+    ]
     if wheel.grouser_height_m > 0.0 and situation.seen(TORQUE, PULL):
         answer += [Lugs(count, typical, wheel, overtone=overtone) for overtone in (False, True)]
     return answer

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
 
 from ...framework.core.soil import PARAMETERS
-from ..effects.catalogue import PHYSICS
 from ..effects.effect import Effect
 from ..forward import CHANNELS, from_internal, slope_of_internal
-from .explanation import Candidate, ChannelFit, Estimate, Explanation, Missing, Region, Rows, Verdict
+from . import readable
+from .explanation import Candidate, ChannelFit, Estimate, Explanation, Missing, Region, Rows, Screened, Verdict
 from .fitting import Fitted, Problem
 from .naming import ASSERTED, MENTIONED, UNKNOWN, Naming, why_not
 from .search import Search, Trial
@@ -45,15 +46,20 @@ def assemble(
     after = chosen.held_out.residuals - held
     missing = _missing(problem, found, naming, remaining)
     verdict = _verdict(missing)
+    unsure: list[str] = []
+    if verdict in ("physics", "instrument"):
+        # What is asserted only; look-alikes of the rest are among the candidates.
+        unsure = [each.effect for each in missing if each.probability < 0.5]
+        missing = tuple(each for each in missing if each.probability >= 0.5)
     if verdict == "none":
         after, regions = textbook.held_out.residuals, ()
     before = textbook.held_out.residuals if simulated is None else simulated[:, problem.answers]
     fits = _fits(problem, before, after, chosen.fitted, np.random.default_rng(seed))
-    gained = chosen.held_out.gain(textbook.held_out) if verdict != "none" else (0.0, 0.0)
+    gained = (chosen.gain, chosen.held_out.gain(textbook.held_out)[1]) if verdict != "none" else (0.0, 0.0)
     if unknown_wins:
         gained = gained[0] + remaining.gain, gained[1]
     best = chosen if verdict != "none" else textbook
-    explanation = Explanation(
+    explained = Explanation(
         source=source,
         verdict=verdict,
         summary="",
@@ -63,10 +69,11 @@ def assemble(
         located=regions,
         missing=missing,
         candidates=_candidates(found, naming, remaining),
+        screened=tuple(Screened(name, nats) for name, nats in sorted(found.passed, key=lambda pair: -pair[1])),
         fits=fits,
         split=problem.samples.split,
         heldout_nats=Estimate(*gained),
-        notes=(*problems, *problem.samples.notes),
+        notes=(*problems, *problem.samples.notes, *_not_predicted(problem, before, after), *_beside(unsure)),
         rows=_rows(problem, before, after, chosen.fitted),
         simulator=best.fitted.model,
         vector=best.fitted.vector,
@@ -75,9 +82,7 @@ def assemble(
         seed=seed,
         n=len(problem.samples),
     )
-    object.__setattr__(explanation, "summary", summarise(explanation))
-    object.__setattr__(explanation, "trust", trust(explanation))
-    return explanation
+    return replace(explained, summary=summarise(explained), trust=trust(explained))
 
 
 def parameters(fitted: Fitted, effect: Effect) -> dict[str, Estimate]:
@@ -134,10 +139,11 @@ def _standing_in(found: Search, slug: str, other: str) -> Trial | None:
 def _unknown(naming: Naming, remaining: SmoothCorrection) -> Missing:
     found = [(term.channel, shape_of(term.variable, term.at, term.values)) for term in remaining.terms]
     shapes = "; ".join(f"{channel} {shape.words}" for channel, shape in found)
+    names = list(dict.fromkeys(term.variable for term in remaining.terms))
     equation = "; ".join(f"{channel} += {shape.formula or 'a spline'}" for channel, shape in found)
     return Missing(
         UNKNOWN, UNKNOWN, "smooth correction", naming.unknown, {}, equation,
-        "fitted to the data", (), "a measurement of the variable by itself, the others held",
+        "fitted to the data", (), "a drive that varies " + " and ".join(names) + " by themselves, all else held",
         f"{shapes} ({remaining.gain:.0f} nats)",
     )  # fmt: skip
 
@@ -146,7 +152,7 @@ def _verdict(missing: tuple[Missing, ...]) -> Verdict:
     sure = [each for each in missing if each.probability >= ASSERTED]
     if not missing:
         return "none"
-    if any(each.kind == UNKNOWN and each.probability > 0.5 for each in missing):
+    if any(each.kind == UNKNOWN for each in sure):
         return "unknown"
     if not sure:
         return "cannot_tell"
@@ -168,10 +174,6 @@ def _candidates(found: Search, naming: Naming, remaining: SmoothCorrection) -> t
                 float(weight), trial.gain, values, why_not(trial, found),
             )
         )  # fmt: skip
-    for effects, promised in found.passed:
-        kind = "physics" if any(part.split("[")[0] in PHYSICS for part in effects.split(" + ")) else "instrument"
-        why = f"not fitted: its first step promises {promised:.1f} nats at most"
-        answer.append(Candidate(effects, kind, 0.0, min(promised, 0.0), {}, why))
     if remaining.terms:
         gain = found.chosen.gain + remaining.gain
         answer.append(
@@ -204,18 +206,41 @@ def _fits(
     count = int(block.max()) + 1
     drawn = rng.integers(0, count, (_RESAMPLES, count))
     for position, channel in enumerate(problem.answers):
-        good = np.isfinite(before[:, position]) & np.isfinite(after[:, position])
-        rows = np.bincount(block[good], minlength=count)
         values = []
         for residual in (before, after):
+            good = np.isfinite(residual[:, position])
+            rows = np.bincount(block[good], minlength=count)
             squares = np.bincount(block[good], residual[good, position] ** 2, count)
             resampled = np.sqrt(squares[drawn].sum(axis=1) / np.maximum(rows[drawn].sum(axis=1), 1))
             low, high = np.quantile(resampled, [0.025, 0.975])
             values.append((math.sqrt(squares.sum() / max(good.sum(), 1)), (float(low), float(high))))
         answer[CHANNELS[channel]] = ChannelFit(
-            values[0][0], values[1][0], _floor(problem, chosen, position), int(good.sum()), values[0][1], values[1][1]
+            values[0][0],
+            values[1][0],
+            _floor(problem, chosen, position),
+            int(problem.seen[:, position].sum()),
+            values[0][1],
+            values[1][1],
         )
     return answer
+
+
+def _not_predicted(problem: Problem, before: np.ndarray, after: np.ndarray) -> list[str]:
+    """Say how many held-out rows have no prediction: the soil of the other rows does not carry their load."""
+    counts = [(np.isnan(each) & problem.seen).any(axis=1).sum() for each in (before, after)]
+    return [
+        f"{count} held-out rows were not predicted {when}, their load not being carried: the errors are of the others"
+        for count, when in zip(counts, ("before", "after"), strict=True)
+        if count
+    ]
+
+
+def _beside(unsure: list[str]) -> list[str]:
+    """Say what else may be there."""
+    if not unsure:
+        return []
+    names = ", ".join(readable.effect(slug) for slug in unsure)
+    return [f"held-out data ask for something more, and do not tell whether it is {names}"]
 
 
 def _floor(problem: Problem, fitted: Fitted, position: int) -> float:

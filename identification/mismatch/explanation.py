@@ -61,7 +61,11 @@ class Missing:
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect or a set of them that was tried: `heldout_nats` gained over the textbook wheel, and why not chosen."""
+    """An effect or a set of them that was tried, and why it was not chosen.
+
+    `heldout_nats` are gained over the textbook wheel: the lesser of what is gained on held-out blocks and in the fit,
+    less what searching for a place or a number gains by chance.
+    """
 
     effect: str
     kind: str
@@ -69,6 +73,14 @@ class Candidate:
     heldout_nats: float
     parameters: dict[str, Estimate]
     why: str
+
+
+@dataclass(frozen=True)
+class Screened:
+    """An effect or a set of them that was not fitted: its first step promised so few nats."""
+
+    effect: str
+    promised_nats: float
 
 
 @dataclass(frozen=True)
@@ -123,7 +135,7 @@ class Explanation:
     split
         How rows were held out.
     heldout_nats
-        Gained over the textbook wheel on held-out blocks.
+        Gained by the best candidate, as `Candidate.heldout_nats`, with the scatter between blocks.
     notes
         What was left out of the comparison, in words.
     rows
@@ -156,6 +168,7 @@ class Explanation:
     seed: int = 0
     n: int = field(default=0)
     covariance: np.ndarray | None = None
+    screened: tuple[Screened, ...] = ()
 
     @property
     def physics(self) -> AugmentedSimulator:
@@ -210,6 +223,9 @@ def to_json(explanation: Explanation) -> dict:
                 "heldout_nats": each.heldout_nats, "parameters": _quantities(each.parameters), "why": each.why,
             }
             for each in explanation.candidates
+        ],
+        "screened": [
+            {"effect": each.effect, "promised_nats": _number(each.promised_nats)} for each in explanation.screened
         ],
         "fit": {
             "split": explanation.split,

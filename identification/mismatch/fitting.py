@@ -37,8 +37,8 @@ _SOIL_PRIOR = {
 }  # fmt: skip
 """Mean and standard deviation in internal coordinates: the range of Wong (2010), Table 2.3, wide."""
 
-_NOT_CARRIED = 15.0
-"""Loss of a row whose load the soil of a trial does not carry [nats]."""
+_STEEPEST = 1e12
+"""Derivatives beyond this, SI, are those of a wheel about to be swallowed."""
 
 ENOUGH = 0.02
 """The iteration ends when a step promises less than this [nats]."""
@@ -87,17 +87,6 @@ class Fitted:
     jacobian: np.ndarray
     theta_1: np.ndarray
     response: Response
-
-    def values(self, slug: str) -> dict[str, tuple[float, float]]:
-        """Value and standard deviation of an effect's parameters, by name."""
-        for effect, where in self.model.slices():
-            if effect.slug == slug:
-                sd = np.sqrt(np.diag(self.covariance)[where])
-                return {
-                    parameter.name: (float(value), float(spread))
-                    for parameter, value, spread in zip(effect.parameters, self.vector[where], sd, strict=True)
-                }
-        raise KeyError(slug)
 
 
 @dataclass(frozen=True)
@@ -221,20 +210,19 @@ class Problem:
         back[self.order] = np.arange(len(self.order))
         columns, seen, log_scale = columns[back], ready.seen[back], log_scale[back]
         innovations = np.where(seen, columns[..., 0], 0.0)
-        loss = huber_loss(innovations).sum(axis=1) + log_scale + _NOT_CARRIED * (~seen & self.seen).any(axis=1)
+        loss = huber_loss(innovations).sum(axis=1) + log_scale
         return innovations, np.where(seen[..., None], columns[..., 1:], 0.0), loss
 
     def loss(self, residuals: np.ndarray, fitted: Fitted) -> np.ndarray:
-        """Loss of each row (n,) [nats] for residuals (n, m), SI, under the noise of a fit."""
+        """Loss of each row (n,) [nats] for residuals (n, m), SI, NaN where nothing was predicted, by a fit's noise."""
         ready = self._ready(fitted.response)
-        carried = np.isfinite(residuals)
-        seen = ready.seen & carried[self.order]
-        columns = np.where(seen, residuals[self.order], 0.0)[..., None]
-        ready = replace(ready, columns=columns, seen=seen)
+        residuals = np.where(np.isfinite(residuals), residuals, self.measured)
+        columns = np.where(ready.seen, residuals[self.order], 0.0)[..., None]
+        ready = replace(ready, columns=columns)
         columns, log_scale = ready.filter(fitted.noise, self.latent_covariance, self.gap, derivatives=False)
         answer = np.empty(len(residuals))
-        answer[self.order] = huber_loss(np.where(seen, columns[..., 0], 0.0)).sum(axis=1) + log_scale
-        return answer + _NOT_CARRIED * (self.seen & ~carried).any(axis=1)
+        answer[self.order] = huber_loss(np.where(ready.seen, columns[..., 0], 0.0)).sum(axis=1) + log_scale
+        return answer
 
     def whitened_columns(
         self, fitted: Fitted, noise: NoiseModel, extra: np.ndarray
@@ -252,9 +240,14 @@ class Problem:
         answers, order = self.answers, self.order
         weights = self.weights or weights or response
         residual = self.residuals(response, weights)
-        carried = np.asarray(np.isfinite(response.channels[:, answers]).all(axis=1))
-        seen = self.seen & carried[:, None]
+        carried = np.asarray(np.isfinite(response.channels[:, answers]).all(axis=1))[:, None]
+        # A wheel that the soil does not carry predicts nothing, which is as wrong as can be.
+        residual = np.where(carried, residual, self.measured)
         by_parameter = response.by_parameter[:, answers]
+        # At the edge of being carried the entry angle's answer has no bounds.
+        tame = carried[..., None] & (np.abs(by_parameter) < _STEEPEST)
+        by_parameter = np.where(tame, by_parameter, 0.0)
+        seen = self.seen
         vary = weights.by_ground[:, answers]
         columns = np.where(seen[..., None], np.concatenate([residual[..., None], by_parameter], axis=-1), 0.0)
         latent = np.nan_to_num(weights.by_latent[:, answers])
@@ -451,7 +444,10 @@ def _step(
 
 def _covariance(innovations: np.ndarray, jacobian: np.ndarray, prior: Prior) -> np.ndarray:
     _, information = normal_equations(innovations, jacobian)
-    information = information + np.diag(prior.precision)
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-12))
-    scaled = information * np.outer(scale, scale)
-    return np.linalg.pinv(scaled, rcond=1e-12, hermitian=True) * np.outer(scale, scale)
+    return scaled_inverse(information + np.diag(prior.precision))
+
+
+def scaled_inverse(matrix: np.ndarray) -> np.ndarray:
+    """Inverse of a symmetric matrix (p, p) without negative eigenvalues, its units put aside; pseudo where singular."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    return np.linalg.pinv(matrix * np.outer(scale, scale), rcond=1e-12, hermitian=True) * np.outer(scale, scale)

@@ -17,7 +17,7 @@ from ..augmented import SOIL_COUNT, AugmentedWheel
 from ..effects.drive import rate_of_change
 from ..forward import CHANNELS
 from .explanation import Region
-from .fitting import Fitted, NoiseModel, Problem, fit
+from .fitting import Fitted, NoiseModel, Problem, fit, scaled_inverse
 from .soil_variation import huber_weight
 from .variables import Variable, cycles, variables
 
@@ -56,7 +56,7 @@ def locate(problem: Problem, best: Fitted) -> tuple[Region, ...]:
     textbook = fit(
         problem, AugmentedWheel(problem.samples.wheel), best.vector[:SOIL_COUNT], noise, best.theta_1, iterations=0
     )
-    soil = np.linalg.pinv(best.covariance[:SOIL_COUNT, :SOIL_COUNT], rcond=1e-12, hermitian=True)
+    soil = scaled_inverse(best.covariance[:SOIL_COUNT, :SOIL_COUNT])
     whites = _Whitened(problem, textbook, noise, soil)
     for variable in variables(problem.samples, textbook.response.channels[:, 2]):
         for position, channel in enumerate(problem.answers):
@@ -104,11 +104,9 @@ class _Whitened:
         full = np.concatenate([soil, added], axis=-1).reshape(len(weight), -1)
         information = (full * weight[:, None]).T @ full
         information[:count, :count] += self._precision
-        information[np.diag_indices_from(information)] += 1e-9
         gradient = full.T @ (weight * innovations.ravel())
-        alone = 0.5 * gradient[:count] @ np.linalg.solve(information[:count, :count], gradient[:count])
-        inverse = np.linalg.pinv(information, rcond=1e-12, hermitian=True)
-        together = inverse @ gradient
+        alone = 0.5 * gradient[:count] @ scaled_inverse(information[:count, :count]) @ gradient[:count]
+        together = scaled_inverse(information) @ gradient
         held = gradient[count:] / np.maximum(np.diag(information)[count:], 1e-12)
         error = 1.0 / np.sqrt(np.maximum(np.diag(information)[count:], 1e-12))
         return float(0.5 * gradient @ together - alone), held, error

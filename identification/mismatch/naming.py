@@ -42,13 +42,13 @@ class Naming:
     Parameters
     ----------
     effects
-        Probability of each slug, the most probable first.
+        Probability of each slug, the most probable first, alone or with others, the unknown among them.
     unknown
         That the chosen set does not explain the mismatch.
     look_alikes
         For each chosen slug, those that could stand in its place, the most probable first.
     weights : (t,)
-        Probability of each trial of the search.
+        Probability of each trial of the search being all that was left out.
     """
 
     effects: dict[str, float]
@@ -80,13 +80,15 @@ def name(search: Search, remaining: float, alone: float = np.inf) -> Naming:
     known = weights.sum() + nothing
     # What a smooth correction adds speaks against every set alike.
     unknown = float(1.0 / (1.0 + np.exp(-np.clip(doubt / (2.0 * TEMPERATURE), -50.0, 50.0))))
+    weights = weights / known * (1.0 - unknown)
     # Beside something unknown an effect can be right all the same, where no correction does without it.
     beside = _BESIDE_UNKNOWN if chosen.gain + remaining - alone > ASKED_FOR else 0.0
-    weights = weights / known * (1.0 - unknown * (1.0 - beside))
     effects: dict[str, float] = {}
     for trial, weight in zip(search.trials, weights, strict=True):
         for slug in trial.slugs:
             effects[slug] = effects.get(slug, 0.0) + float(weight)
+    for slug in chosen.slugs:
+        effects[slug] += unknown * beside
     effects = dict(sorted(effects.items(), key=lambda pair: -pair[1]))
     look_alikes = {slug: _stand_ins(search, slug) for slug in sorted(chosen.slugs)}
     return Naming(effects, unknown, look_alikes, weights)

@@ -189,7 +189,7 @@ def verdict(explanation: Explanation) -> str:
     """Put the verdict in one sentence."""
     missing = explanation.missing
     if explanation.verdict == "none":
-        return "Simulation and recording agree: nothing beyond noise was found."
+        return "Nothing that held-out data ask for is missing from the simulation."
     if explanation.verdict == "unknown":
         sure = "".join(f" ({likelihood(each.probability)})" for each in missing if each.kind == "unknown")
         others = _and(

@@ -82,11 +82,13 @@ def _located(explanation: Explanation) -> str:
         body += table(located_headers(), located_rows(explanation), text_columns=(0, 1, 2))
         body += (
             "<p class=note>A residual is measured less simulated, in units of the channel's noise. The share is "
-            "that of the channel's misfit beyond noise which lies in the interval; p is corrected for the number of "
-            "questions asked. Variables that go together in this recording (slip and speed, say) are each named.</p>"
+            "that of the largest misfit that one variable accounts for which lies in the interval; p is the "
+            "question's, corrected for the number of questions asked. The simulation here has the soil that was found "
+            "with what was left out, without that. Variables that go together in this recording (slip and speed, say) "
+            "are each named.</p>"
         )
     else:
-        body += "<p>In no channel does the residual depend on anything more than noise would.</p>"
+        body += "<p>No place is listed: held-out rows ask for nothing, or a variation of the ground explains it.</p>"
     maps = pictures.residual_maps(explanation)
     if maps:
         body += (
@@ -141,8 +143,9 @@ def _predictions(explanation: Explanation) -> str:
     body += _figure(
         pictures.held_out_errors(explanation),
         "Held-out error of each channel before and after, against the noise",
-        "Root-mean-square error on rows that the fit had not seen, with 95 % intervals from resampling the "
-        "blocks held out. Below the dashed line lies the channel's noise: no model can do better.",
+        "Root-mean-square error on rows that soil and effects were not fitted to, with 95 % intervals from "
+        "resampling the blocks held out. The dashed line is the noise: of the sensors, of load and slip, and of ground "
+        "that varies, all of which were estimated with these rows.",
     )
     body += table(fit_headers(), fit_rows(explanation))
     body += "".join(f"<p class=warn>{escape(text)}.</p>" for text in predicted_worse(explanation))
@@ -156,14 +159,21 @@ def _predictions(explanation: Explanation) -> str:
 def _candidates(explanation: Explanation) -> str:
     body = (
         "<h2>Everything that was considered</h2>"
-        "<p>Each candidate was fitted together with the soil. Nats: log-likelihood of held-out rows gained over the "
-        "simulation without it.</p>"
+        "<p>Each candidate was fitted together with the soil. Nats: log-likelihood gained over the simulation without "
+        "it, on held-out rows or in the fit, whichever is less. Probabilities of single effects, above, count all sets "
+        "that they are in; something unknown may be there beside them.</p>"
     )
     candidates = explanation.candidates
     body += _candidate_table(candidates[:_CANDIDATES_SHOWN])
     if len(candidates) > _CANDIDATES_SHOWN:
         others = candidates[_CANDIDATES_SHOWN:]
         body += f"<details><summary>{len(others)} more</summary>{_candidate_table(others)}</details>"
+    if explanation.screened:
+        names = "; ".join(f"{readable.effect(each.effect)} ({each.promised_nats:.1f})" for each in explanation.screened)
+        body += (
+            "<details><summary>Not fitted: their first step promised too few nats</summary>"
+            f"<p class=note>{escape(names)}</p></details>"
+        )
     return body
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from ...framework.core.soil import SoilKnowledge
 from ..augmented import SOIL_COUNT, AugmentedWheel
 from ..effects.effect import Effect, Situation
-from .fitting import Fitted, Problem, fit, normal_equations
+from .fitting import Fitted, Problem, fit, normal_equations, scaled_inverse
 from .held_out import HeldOut, hold_out
 from .samples import Samples
 from .textbook import best_fit, fit_textbook
@@ -154,7 +154,7 @@ def promise(problem: Problem, base: Trial, effect: Effect) -> float:
     free = ~((vector <= prior.lower) & (gradient < 0.0)) & ~((vector >= prior.upper) & (gradient > 0.0))
     free[:size] = True
     inside = np.ix_(free, free)
-    return 0.5 * float(gradient[free] @ np.linalg.pinv(information[inside], hermitian=True) @ gradient[free])
+    return 0.5 * float(gradient[free] @ scaled_inverse(information[inside]) @ gradient[free])
 
 
 def search(

@@ -13,7 +13,7 @@ _MONOTONIC = 0.9
 """Rank correlation from which on a curve rises or falls as a whole [-]."""
 
 _PACE = 1.6
-"""A half of the samples in which it moves this many times as far as in the other is worth a word [-]."""
+"""A half of the range in which it is this many times as steep as in the other is worth a word [-]."""
 
 _AS_WELL = 0.97
 """Share of the correction's variance that an algebraic form has to hold to stand for it [-]."""
@@ -55,9 +55,7 @@ def _movement(at: np.ndarray, values: np.ndarray) -> str:
         return "steps"
     trend = float(np.corrcoef(rankdata(at), rankdata(values))[0, 1])
     if abs(trend) >= _MONOTONIC:
-        middle = float(np.median(at))
-        low, high = at <= middle, at > middle
-        early, late = float(np.ptp(values[low])), float(np.ptp(values[high])) if high.any() else 0.0
+        early, late = _pace(at, values, False), _pace(at, values, True)
         pace = ", ever faster," if late > _PACE * early else ", ever slower," if early > _PACE * late else ""
         return ("rises" if trend > 0.0 else "falls") + pace
     line = np.polynomial.Polynomial.fit(at, values, 2)
@@ -67,6 +65,15 @@ def _movement(at: np.ndarray, values: np.ndarray) -> str:
         return "wanders"
     turn = at[np.argmin(values)] if bend > 0.0 else at[np.argmax(values)]
     return f"{'dips' if bend > 0.0 else 'peaks'} near {turn:.2g}"
+
+
+def _pace(at: np.ndarray, values: np.ndarray, late: bool) -> float:
+    """Slope of the straight line through the lower or the upper half of the range, without its sign."""
+    middle = 0.5 * (float(at.min()) + float(at.max()))
+    half = at >= middle if late else at <= middle
+    if len(np.unique(at[half])) < 2:
+        return 0.0
+    return abs(float(np.polynomial.Polynomial.fit(at[half], values[half], 1).convert().coef[-1]))
 
 
 def _formula(variable: str, at: np.ndarray, values: np.ndarray) -> str:

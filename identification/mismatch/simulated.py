@@ -28,10 +28,10 @@ def attach(table: WheelTable, path: str | Path) -> WheelTable:
     names = [CHANNELS[channel] for channel in ANSWERS if CHANNELS[channel] in simulated]
     if not names:
         raise InputError(path, "nothing to compare", expected="torque_Nm, sinkage_m or drawbar_pull_N")
-    if table.run is not None and simulated.run is not None:
-        columns = {SIMULATED + name: _by_run(table.run, simulated.run, simulated[name]) for name in names}
-    elif "time_s" in table and "time_s" in simulated:
+    if "time_s" in table and "time_s" in simulated:
         columns = {SIMULATED + name: _by_time(table, simulated, name) for name in names}
+    elif table.run is not None and simulated.run is not None:
+        columns = {SIMULATED + name: _by_run(table.run, simulated.run, simulated[name]) for name in names}
     else:
         raise InputError(
             path, "neither time_s nor run in both files", expected="the clock or the runs of the recording"
@@ -50,12 +50,11 @@ def _by_run(wanted: np.ndarray, runs: np.ndarray, values: np.ndarray) -> np.ndar
 
 
 def _by_time(table: WheelTable, simulated: WheelTable, name: str) -> np.ndarray:
-    """Interpolate wheel by wheel; NaN outside the simulated time."""
+    """Interpolate within each wheel and run that both name; NaN outside the simulated time."""
     answer = np.full(len(table), np.nan)
-    both = table.wheel is not None and simulated.wheel is not None
-    for wheel in np.unique(table.wheel) if both and table.wheel is not None else [None]:
-        rows = np.ones(len(table), dtype=bool) if wheel is None else table.wheel == wheel
-        of = np.ones(len(simulated), dtype=bool) if wheel is None else simulated.wheel == wheel
+    rows_of, simulated_of = _labels(table, simulated)
+    for label in np.unique(rows_of):
+        rows, of = rows_of == label, simulated_of == label
         time_s, values = simulated["time_s"][of], simulated[name][of]
         good = np.isfinite(time_s) & np.isfinite(values)
         if good.any():
@@ -64,6 +63,15 @@ def _by_time(table: WheelTable, simulated: WheelTable, name: str) -> np.ndarray:
                 table["time_s"][rows], time_s[good][order], values[good][order], left=np.nan, right=np.nan
             )
     return answer
+
+
+def _labels(*tables: WheelTable) -> list[np.ndarray]:
+    """Number wheel and run of each row alike in several tables, as far as all of them name them."""
+    labels = [np.full(len(table), "", dtype=object) for table in tables]
+    for names in ([table.wheel for table in tables], [table.run for table in tables]):
+        if all(each is not None for each in names):
+            labels = [label + "/" + np.asarray(each, dtype=object) for label, each in zip(labels, names, strict=True)]
+    return [label.astype(str) for label in labels]
 
 
 def as_differences(samples: Samples) -> tuple[Samples, np.ndarray]:
@@ -77,7 +85,10 @@ def as_differences(samples: Samples) -> tuple[Samples, np.ndarray]:
     imitated = replace(samples, measured=np.where(_answers(samples), samples.simulated, samples.measured))
     seen = np.isfinite(imitated.measured[:, ANSWERS]).any(axis=1)
     if seen.sum() < 0.5 * len(samples):
-        raise InputError("simulated channels", f"{int(seen.sum())} of {len(samples)} rows", expected="the whole drive")
+        raise InputError(
+            "the other simulator's file", f"answers for {int(seen.sum())} of {len(samples)} rows",
+            expected="the whole drive",
+        )  # fmt: skip
     problem, fitted = fit_textbook(imitated)
     model = AugmentedWheel(samples.wheel)
     imitation = model.predict(samples.drive, problem.imposed, fitted.vector, fitted.theta_1).channels

@@ -6,6 +6,7 @@ a normal prior, and are fitted together with the model's parameters.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from ..forward import CHANNELS
 from .fitting import Fitted, Problem
 from .soil_variation import huber_loss, huber_weight
-from .variables import cycles, variables
+from .variables import MOST_CYCLES, cycles, variables
 
 _STRENGTH = 20.0
 """Prior standard deviation of a spline's coefficient, in units of the channel's noise."""
@@ -51,6 +52,11 @@ class _Group:
     at: np.ndarray
     columns: np.ndarray
 
+    @property
+    def sought(self) -> float:
+        """Nats of chance that the search for its number of cycles had."""
+        return math.log(MOST_CYCLES) if "cycles a turn" in self.variable else 0.0
+
 
 def smooth_correction(problem: Problem, fitted: Fitted) -> SmoothCorrection:
     """Find what a fit leaves that depends smoothly on something."""
@@ -59,24 +65,25 @@ def smooth_correction(problem: Problem, fitted: Fitted) -> SmoothCorrection:
     chosen: list[int] = []
     gains: list[float] = []
     best = solver.predictive([])
-    first = best
     while len(chosen) < _MOST_GROUPS:
         others = [index for index in range(len(groups)) if index not in chosen]
         if not others:
             break
-        reached = [solver.predictive([*chosen, index]) for index in others]
+        # The best of many is good by chance too.
+        reached = [solver.predictive([*chosen, index]) - groups[index].sought for index in others]
         winner = int(np.argmax(reached))
-        if reached[winner] - best < _WORTH:
+        gain = reached[winner] - best - math.log(len(others))
+        if gain < _WORTH:
             break
-        gains.append(reached[winner] - best)
-        best = reached[winner]
+        gains.append(gain)
+        best = reached[winner] + groups[others[winner]].sought
         chosen.append(others[winner])
     added, held_out = solver.added(chosen)
     terms = tuple(
         Term(CHANNELS[problem.answers[groups[index].position]], groups[index].variable, groups[index].at, values, gain)
         for index, values, gain in zip(chosen, added, gains, strict=True)
     )
-    return SmoothCorrection(terms, best - first, held_out)
+    return SmoothCorrection(terms, sum(gains), held_out)
 
 
 def _groups(problem: Problem, fitted: Fitted) -> list[_Group]:

@@ -27,7 +27,7 @@ _NAMES = {
 
 _BINS = 10
 _LEAST_IN_BIN = 4
-_MOST_CYCLES = 60
+MOST_CYCLES = 60
 _FEW_LEVELS = 8
 
 
@@ -79,7 +79,8 @@ def variables(samples: Samples, sinkage_m: np.ndarray) -> list[Variable]:
         if samples.drive.has(attribute):
             values = getattr(samples.drive, attribute)
             answer.append(Variable(name, values, _edges(values)))
-    if np.ptp(sinkage_m[np.isfinite(sinkage_m)]) > 0.0:
+    carried = sinkage_m[np.isfinite(sinkage_m)]
+    if carried.size and np.ptp(carried) > 0.0:
         answer.append(Variable("sinkage_m", sinkage_m, _edges(sinkage_m)))
     return answer
 
@@ -101,5 +102,5 @@ def _edges(values: np.ndarray) -> np.ndarray:
 
 def cycles(angle: np.ndarray) -> np.ndarray:
     """Cosines and sines (n, 60, 2) of 1 to 60 cycles a turn of the wheel; zero where the angle was not observed."""
-    phase = np.outer(angle, np.arange(1, _MOST_CYCLES + 1))
+    phase = np.outer(angle, np.arange(1, MOST_CYCLES + 1))
     return np.nan_to_num(np.stack([np.cos(phase), np.sin(phase)], axis=-1))

@@ -13,13 +13,10 @@ _AT_NOISE = 1.3
 def summarise(explanation: Explanation) -> str:
     """Say in a few sentences what differs, what was left out, and what modelling it gains."""
     if explanation.verdict == "none":
-        return (
-            f"Simulation and recording agree within noise over {explanation.n} samples: nothing was found that "
-            "held-out data ask for."
-        )
+        return _nothing(explanation)
     parts = [_where(explanation)]
     sure = [each for each in explanation.missing if each.probability >= ASSERTED]
-    unsure = [each for each in explanation.missing if each.probability < ASSERTED and each.kind != "unknown"]
+    unsure = [each for each in explanation.missing if each.probability < ASSERTED]
     if explanation.verdict == "unknown":
         shape = next(each for each in explanation.missing if each.kind == "unknown")
         parts.append(f"Nothing in the catalogue explains it; what is left: {shape.description}.")
@@ -32,6 +29,24 @@ def summarise(explanation: Explanation) -> str:
             parts.append(f"What would tell: {tell}.")
     parts.append(_errors(explanation))
     return " ".join(part for part in parts if part)
+
+
+def _nothing(explanation: Explanation) -> str:
+    fits = explanation.fits
+    other = [_bare(channel) for channel, fit in fits.items() if fit.rmse_before > _AT_NOISE * fit.rmse_after]
+    far = _far(explanation)
+    if other:
+        return (
+            f"The other simulator's {', '.join(other)} differ from the recording; the textbook wheel on another soil "
+            f"differs less. Over {explanation.n} samples its physics is not what is missing, its soil is another."
+        )
+    agree = f"is not within noise in {', '.join(far)}" if far else "agrees within noise"
+    return f"The simulation {agree} over {explanation.n} samples: nothing was found that held-out data ask for."
+
+
+def _far(explanation: Explanation) -> list[str]:
+    """Channels whose held-out error stays above the noise."""
+    return [_bare(channel) for channel, fit in explanation.fits.items() if fit.rmse_after > _AT_NOISE * fit.noise]
 
 
 def _where(explanation: Explanation) -> str:
@@ -62,22 +77,24 @@ def _statement(each: Missing) -> str:
 
 
 def _errors(explanation: Explanation) -> str:
-    falls = []
+    falls, rises = [], []
     for channel, fit in explanation.fits.items():
+        how = readable.shown(channel)
+        before, after = readable.number(fit.rmse_before, how.scale), readable.number(fit.rmse_after, how.scale)
+        change = f"{_bare(channel)} from {before} to {after} {how.unit}"
         if fit.rmse_after < 0.97 * fit.rmse_before:
-            how = readable.shown(channel)
-            floor = ", which is noise" if fit.rmse_after < _AT_NOISE * fit.noise else ""
-            before, after = readable.number(fit.rmse_before, how.scale), readable.number(fit.rmse_after, how.scale)
-            falls.append(f"{_bare(channel)} from {before} to {after} {how.unit}{floor}")
-    return f"With it the held-out error falls: {'; '.join(falls)}." if falls else ""
+            falls.append(change + (", which is noise" if fit.rmse_after < _AT_NOISE * fit.noise else ""))
+        elif fit.rmse_after > 1.03 * fit.rmse_before:
+            rises.append(change)
+    fallen = f"With it the held-out error falls: {'; '.join(falls)}." if falls else ""
+    risen = f"It rises: {'; '.join(rises)}." if rises else ""
+    return " ".join(each for each in (fallen, risen) if each)
 
 
 def trust(explanation: Explanation) -> str:
     """Say what can be vouched for: the prediction, the parameters, both or neither."""
-    far = [_bare(channel) for channel, fit in explanation.fits.items() if fit.rmse_after > _AT_NOISE * fit.noise]
-    if explanation.verdict == "none":
-        prediction = "The textbook wheel predicts held-out rows to within noise"
-    elif far:
+    far = _far(explanation)
+    if far:
         prediction = f"Held-out error of {', '.join(far)} stays above the noise: the form of the model is not complete"
     else:
         prediction = "Held-out rows are predicted to within noise"

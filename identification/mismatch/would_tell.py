@@ -10,7 +10,7 @@ import numpy as np
 
 from ..effects.effect import PULL, SINKAGE, TORQUE, Drive
 from ..forward import CHANNELS
-from .fitting import Fitted, Problem
+from .fitting import Fitted, Problem, scaled_inverse
 from .search import Trial
 
 _NAMES = {TORQUE: "wheel torque", SINKAGE: "sinkage", PULL: "drawbar pull"}
@@ -136,7 +136,7 @@ def _expected(
         return 0.0
     away, columns = away[good].ravel(), columns[good].reshape(-1, columns.shape[-1])
     # On a new drive the fit to the present one holds the parameters where they are.
-    held = np.linalg.pinv(other.covariance, rcond=1e-12, hermitian=True) if problem is not None else 0.0
+    held = scaled_inverse(other.covariance) if problem is not None else 0.0
     information = columns.T @ columns + held + 1e-9 * np.eye(columns.shape[1])
     gradient = columns.T @ away
     return 0.5 * float(away @ away - gradient @ np.linalg.solve(information, gradient))

@@ -99,7 +99,7 @@ def test_the_page_does_not_guess_where_the_data_come_from(page):
 
 def test_nothing_found_is_said_so_and_nothing_is_shown_as_added():
     text = Page(report_html(nothing())).text
-    assert "Simulation and recording agree: nothing beyond noise was found." in text
+    assert "Nothing that held-out data ask for is missing from the simulation." in text
     assert "What was left out" not in text
     assert "with what was left out" not in text
     assert "Nothing was added" in text

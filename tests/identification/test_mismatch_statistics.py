@@ -11,11 +11,13 @@ from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.augmented import AugmentedWheel
 from bevameter.identification.effects.drive import order_of
-from bevameter.identification.mismatch.fitting import Problem, fit
+from bevameter.identification.mismatch.fitting import Problem, fit, scaled_inverse
 from bevameter.identification.mismatch.held_out import hold_out
+from bevameter.identification.mismatch.locate import _Whitened, locate
 from bevameter.identification.mismatch.samples import MOST_ROWS, Samples, gather
 from bevameter.identification.mismatch.soil_variation import whiten
 from bevameter.identification.mismatch.textbook import fit_textbook
+from bevameter.identification.mismatch.variables import variables
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)
 
@@ -117,3 +119,29 @@ def test_long_recordings_are_thinned_in_stretches_and_say_so():
     assert any("20000 rows thinned" in note for note in samples.notes)
     steps = np.diff(samples.drive.time_s)
     assert np.mean(np.isclose(steps, 0.02)) > 0.95
+
+
+@pytest.mark.parametrize("protocol", ["steady", "field"])
+def test_hardly_any_place_stands_out_where_nothing_is_missing(protocol):
+    """One false statement in a hundred made is allowed; here all that are made are false."""
+    found = []
+    for seed in range(7300, 7306):
+        problem, textbook = fit_textbook(samples_of(seed, protocol))
+        found += [(region.channel, region.variable, region.p_value) for region in locate(problem, textbook)]
+    assert len({(channel, variable) for channel, variable, _ in found}) <= 1, found
+
+
+def test_what_a_question_gains_is_never_negative():
+    """Units of megapascals and micrometres must not cost digits."""
+    problem, textbook = fit_textbook(samples_of(7310, "bench", ("slip_sinkage",)))
+    whites = _Whitened(problem, textbook, textbook.noise, scaled_inverse(textbook.covariance))
+    for variable in variables(problem.samples, textbook.response.channels[:, 2]):
+        for position, channel in enumerate(problem.answers):
+            assert whites.steps(variable, position, channel).gain >= -1e-6
+
+
+def test_a_soil_that_carries_nothing_predicts_nothing_and_pays_for_it():
+    problem, textbook = fit_textbook(samples_of(7311, "steady"))
+    residuals = textbook.residuals.copy()
+    residuals[:3] = np.nan
+    assert (problem.loss(residuals, textbook)[:3] > problem.loss(textbook.residuals, textbook)[:3] + 50.0).all()
