@@ -115,8 +115,8 @@ def _missing(problem: Problem, found: Search, naming: Naming, remaining: SmoothC
                     other = next(each for each in trial.effects if each.slug == slug)
                     others = (effect.slug, *(each for each in alike if each != slug))
                     answer.append(_named(trial, other, share, others, tell))
-    # What may be nothing at all is not a finding.
-    if remaining.terms and naming.unknown > 0.5:
+    # What may be nothing at all is not a finding; beside an effect it is a rival.
+    if remaining.terms and naming.unknown > (MENTIONED if answer else 0.5):
         answer.append(_unknown(naming, remaining))
     answer.sort(key=lambda each: -each.probability)
     return tuple(answer)

@@ -16,11 +16,12 @@ import numpy as np
 from scipy.optimize import minimize
 
 from ...framework.core.soil import PARAMETERS, PLAUSIBLE, SoilKnowledge
-from ..augmented import SOIL_COUNT, AugmentedWheel, Response
+from ..augmented import AugmentedWheel, Response
 from ..effects.effect import LOAD, SLIP
 from ..forward import slope_of_internal, to_internal
 from .samples import Samples
-from .soil_variation import huber_loss, huber_weight, whiten
+from .soil_variation import huber_loss, whiten
+from .steps import Prior, covariance_of, normal_equations, step_of
 
 _SPREAD_PRIOR = 0.15
 """Soil varies along a track by some per cent, seldom more (standard deviation of ln stiffness and ln strength)."""
@@ -87,20 +88,6 @@ class Fitted:
     jacobian: np.ndarray
     theta_1: np.ndarray
     response: Response
-
-
-@dataclass(frozen=True)
-class Prior:
-    """Mean and precision of a normal prior, and bounds, each (p,)."""
-
-    mean: np.ndarray
-    precision: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-
-    def loss(self, vector: np.ndarray) -> float:
-        """Minus the log-density [nats], up to a constant."""
-        return 0.5 * float(np.sum(self.precision * (vector - self.mean) ** 2))
 
 
 @dataclass(frozen=True)
@@ -384,7 +371,7 @@ def fit(
     innovations, jacobian, loss = problem.whitened(response, noise)
     total = float(loss.sum()) + prior.loss(vector)
     for iteration in range(iterations):
-        step, promised = _step(innovations, jacobian, prior, vector, damping)
+        step, promised = step_of(innovations, jacobian, prior, vector, damping)
         if promised < ENOUGH:
             if not settle:
                 break
@@ -409,45 +396,7 @@ def fit(
             damping = max(damping, 1e-4) * 10.0
             if damping > 1e6:
                 break
-    covariance = _covariance(innovations, jacobian, prior)
+    covariance = covariance_of(innovations, jacobian, prior)
     residuals = np.where(problem.seen, problem.residuals(response), np.nan)
     score = -total - problem.noise_loss(noise)
     return Fitted(model, vector, noise, score, covariance, residuals, innovations, jacobian, response.theta_1, response)
-
-
-def normal_equations(innovations: np.ndarray, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Gradient (p,) and information (p, p) of the log-likelihood of some rows."""
-    weight = huber_weight(innovations)
-    flat = jacobian.reshape(-1, jacobian.shape[-1])
-    return flat.T @ (weight * innovations).ravel(), (flat * weight.ravel()[:, None]).T @ flat
-
-
-def _step(
-    innovations: np.ndarray, jacobian: np.ndarray, prior: Prior, vector: np.ndarray, damping: float
-) -> tuple[np.ndarray, float]:
-    """Damped step (p,) that stays off the bounds it leans on, and the gain that it promises [nats]."""
-    gradient, information = normal_equations(innovations, jacobian)
-    gradient = gradient - prior.precision * (vector - prior.mean)
-    information = information + np.diag(prior.precision)
-    free = ~((vector <= prior.lower) & (gradient < 0.0)) & ~((vector >= prior.upper) & (gradient > 0.0))
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-12))
-    scaled = information * np.outer(scale, scale) + damping * np.eye(len(vector))
-    step = np.zeros(len(vector))
-    inside = np.ix_(free, free)
-    step[free] = scale[free] * np.linalg.solve(
-        scaled[inside] + 1e-10 * np.eye(int(free.sum())), (scale * gradient)[free]
-    )
-    longest = np.concatenate([[np.inf, 0.5, 1.0, 1.0, 0.5], np.full(len(vector) - SOIL_COUNT, np.inf)])
-    step *= min(1.0, 1.0 / max(float(np.max(np.abs(step) / longest)), 1e-12))
-    return step, float(step @ gradient - 0.5 * step @ information @ step)
-
-
-def _covariance(innovations: np.ndarray, jacobian: np.ndarray, prior: Prior) -> np.ndarray:
-    _, information = normal_equations(innovations, jacobian)
-    return scaled_inverse(information + np.diag(prior.precision))
-
-
-def scaled_inverse(matrix: np.ndarray) -> np.ndarray:
-    """Inverse of a symmetric matrix (p, p) without negative eigenvalues, its units put aside; pseudo where singular."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    return np.linalg.pinv(matrix * np.outer(scale, scale), rcond=1e-12, hermitian=True) * np.outer(scale, scale)

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..effects.drive import select_rows
-from .fitting import Fitted, Problem, normal_equations
+from .fitting import Fitted, Problem
+from .steps import normal_equations
 
 _LEAST_LEVERAGE = 1e-9
 

@@ -17,8 +17,9 @@ from ..augmented import SOIL_COUNT, AugmentedWheel
 from ..effects.drive import rate_of_change
 from ..forward import CHANNELS
 from .explanation import Region
-from .fitting import Fitted, NoiseModel, Problem, fit, scaled_inverse
+from .fitting import Fitted, NoiseModel, Problem, fit
 from .soil_variation import huber_weight
+from .steps import scaled_inverse
 from .variables import Variable, cycles, variables
 
 FALSE_DISCOVERIES = 0.01

@@ -11,9 +11,10 @@ import numpy as np
 from ...framework.core.soil import SoilKnowledge
 from ..augmented import SOIL_COUNT, AugmentedWheel
 from ..effects.effect import Effect, Situation
-from .fitting import Fitted, Problem, fit, normal_equations, scaled_inverse
+from .fitting import Fitted, Problem, fit
 from .held_out import HeldOut, hold_out
 from .samples import Samples
+from .steps import normal_equations, scaled_inverse
 from .textbook import best_fit, fit_textbook
 
 ASKED_FOR = 12.0

@@ -11,11 +11,12 @@ from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.augmented import AugmentedWheel
 from bevameter.identification.effects.drive import order_of
-from bevameter.identification.mismatch.fitting import Problem, fit, scaled_inverse
+from bevameter.identification.mismatch.fitting import Problem, fit
 from bevameter.identification.mismatch.held_out import hold_out
 from bevameter.identification.mismatch.locate import _Whitened, locate
 from bevameter.identification.mismatch.samples import MOST_ROWS, Samples, gather
 from bevameter.identification.mismatch.soil_variation import whiten
+from bevameter.identification.mismatch.steps import scaled_inverse
 from bevameter.identification.mismatch.textbook import fit_textbook
 from bevameter.identification.mismatch.variables import variables
 

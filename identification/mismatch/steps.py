@@ -1,0 +1,63 @@
+"""Normal equations of whitened residuals: steps towards the best fit, its covariance, and the prior on the way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..augmented import SOIL_COUNT
+from .soil_variation import huber_weight
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Mean and precision of a normal prior, and bounds, each (p,)."""
+
+    mean: np.ndarray
+    precision: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+
+    def loss(self, vector: np.ndarray) -> float:
+        """Minus the log-density [nats], up to a constant."""
+        return 0.5 * float(np.sum(self.precision * (vector - self.mean) ** 2))
+
+
+def normal_equations(innovations: np.ndarray, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Gradient (p,) and information (p, p) of the log-likelihood of some rows."""
+    weight = huber_weight(innovations)
+    flat = jacobian.reshape(-1, jacobian.shape[-1])
+    return flat.T @ (weight * innovations).ravel(), (flat * weight.ravel()[:, None]).T @ flat
+
+
+def step_of(
+    innovations: np.ndarray, jacobian: np.ndarray, prior: Prior, vector: np.ndarray, damping: float
+) -> tuple[np.ndarray, float]:
+    """Damped step (p,) that stays off the bounds it leans on, and the gain that it promises [nats]."""
+    gradient, information = normal_equations(innovations, jacobian)
+    gradient = gradient - prior.precision * (vector - prior.mean)
+    information = information + np.diag(prior.precision)
+    free = ~((vector <= prior.lower) & (gradient < 0.0)) & ~((vector >= prior.upper) & (gradient > 0.0))
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-12))
+    scaled = information * np.outer(scale, scale) + damping * np.eye(len(vector))
+    step = np.zeros(len(vector))
+    inside = np.ix_(free, free)
+    step[free] = scale[free] * np.linalg.solve(
+        scaled[inside] + 1e-10 * np.eye(int(free.sum())), (scale * gradient)[free]
+    )
+    longest = np.concatenate([[np.inf, 0.5, 1.0, 1.0, 0.5], np.full(len(vector) - SOIL_COUNT, np.inf)])
+    step *= min(1.0, 1.0 / max(float(np.max(np.abs(step) / longest)), 1e-12))
+    return step, float(step @ gradient - 0.5 * step @ information @ step)
+
+
+def covariance_of(innovations: np.ndarray, jacobian: np.ndarray, prior: Prior) -> np.ndarray:
+    """Covariance (p, p) of the parameters at a fit."""
+    _, information = normal_equations(innovations, jacobian)
+    return scaled_inverse(information + np.diag(prior.precision))
+
+
+def scaled_inverse(matrix: np.ndarray) -> np.ndarray:
+    """Inverse of a symmetric matrix (p, p) without negative eigenvalues, its units put aside; pseudo where singular."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    return np.linalg.pinv(matrix * np.outer(scale, scale), rcond=1e-12, hermitian=True) * np.outer(scale, scale)
