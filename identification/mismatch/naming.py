@@ -27,8 +27,8 @@ _TOLERATED = 0.06
 """Share of an effect's gain that a smooth correction may add to it before the effect is doubted: published forms of one
 effect differ by about as much."""
 
-_REMAINS = 15.0
-"""Nats that a smooth correction has to add at least before something unknown is spoken of."""
+_REMAINS, _REMAINS_ALONE = 15.0, 25.0
+"""Nats that a smooth correction has to add, beside effects and alone, before something unknown is spoken of."""
 
 
 _BESIDE_UNKNOWN = 0.4
@@ -73,7 +73,8 @@ def name(search: Search, remaining: float, alone: float = np.inf) -> Naming:
     score = np.array([trial.gain - PENALTY * len(trial.effects) for trial in search.trials])
     # No more effects than held-out data ask for: larger sets that were tried and turned down have no say.
     admitted = np.array([len(trial.effects) <= max(len(chosen.effects), 1) for trial in search.trials])
-    doubt = remaining - max(_REMAINS, _TOLERATED * chosen.gain)
+    least = _REMAINS if chosen.effects else _REMAINS_ALONE
+    doubt = remaining - max(least, _TOLERATED * chosen.gain)
     top = max(0.0, float(np.max(score[admitted], initial=0.0)))
     weights = np.where(admitted, np.exp((score - top) / TEMPERATURE), 0.0)
     nothing = np.exp((0.0 - top) / TEMPERATURE)

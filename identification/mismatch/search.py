@@ -21,8 +21,8 @@ ASKED_FOR = 12.0
 """An effect is added where it gains more than this many nats on held-out blocks."""
 
 MOST_EFFECTS = 3
-SHARE_ASKED_FOR = 0.08
-"""A further effect has to gain at least this share of what is gained already [-]."""
+SHARE_ASKED_FOR, MOST_ASKED_FOR = 0.08, 40.0
+"""A further effect has to gain at least this share of what is gained already [-], up to so many nats."""
 
 _LEAST_PROMISE = 2.5
 """Effects that promise less [nats] are not fitted."""
@@ -250,7 +250,7 @@ def _anchored(problem: Problem, textbook: Trial, singles: Sequence[Trial]) -> Tr
 
 def _asked_of(trial: Trial) -> float:
     """Nats that a further effect has to gain: published forms of one effect differ, and the difference is no effect."""
-    return max(ASKED_FOR, SHARE_ASKED_FOR * trial.gain)
+    return max(ASKED_FOR, min(SHARE_ASKED_FOR * trial.gain, MOST_ASKED_FOR))
 
 
 def _pruned(problem: Problem, textbook: Trial, best: Trial, trials: list[Trial]) -> Trial:
