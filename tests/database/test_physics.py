@@ -76,7 +76,7 @@ def test_databases_merge_their_physics_as_sets(tmp_path, traverse):
 
 
 def test_the_newest_physics_of_the_site_counts(tmp_path, traverse):
-    later = physics(effect("exit_angle", c2=0.3))
+    later = physics(effect("exit_angle", "peak kept", c2=0.3))
     with TerrainDatabase(tmp_path / "terrain.db") as database:
         database.add_drive(traverse)
         assert dict(database.snapshot().physics) == {}
