@@ -49,7 +49,7 @@ def assemble(
     unsure: list[str] = []
     if verdict in ("physics", "instrument"):
         # What is asserted only; look-alikes of the rest are among the candidates.
-        unsure = [each.effect for each in missing if each.probability < 0.5]
+        unsure = [each.effect for each in missing if each.probability < 0.5 and each.kind != UNKNOWN]
         missing = tuple(each for each in missing if each.probability >= 0.5)
     if verdict == "none":
         after, regions = textbook.held_out.residuals, ()

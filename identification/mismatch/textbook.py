@@ -64,7 +64,7 @@ def best_fit(problem: Problem, starts: list[tuple[np.ndarray, np.ndarray]]) -> F
 def repeats(samples: Samples) -> np.ndarray:
     """Number of the trial that each row repeats, (n,), -1 for rows that repeat none, and in recordings with time.
 
-    Repeats have all conditions in common: those known, to within a hundredth of their range or a few noises.
+    Repeats have all conditions in common: those known, to within a fortieth of their range or a few noises.
     """
     drive = samples.drive
     if np.isfinite(drive.time_s).any():

@@ -1,0 +1,44 @@
+"""The answer put together: what is asserted, what is only possible, and what is not spoken of."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bevameter.framework.scenario.concealed.conceal import conceal
+from bevameter.identification.effects.catalogue import effects_for
+from bevameter.identification.identify import felt_rows, open_recording
+from bevameter.identification.mismatch.answer import assemble
+from bevameter.identification.mismatch.naming import Naming
+from bevameter.identification.mismatch.samples import gather
+from bevameter.identification.mismatch.search import Search, situation, textbook_trial, try_adding
+from bevameter.identification.mismatch.smooth_correction import SmoothCorrection, Term
+
+
+@pytest.fixture(scope="module")
+def searched(tmp_path_factory):
+    folder = conceal(7110, ("slip_sinkage",), "plain", protocol="steady").write(
+        tmp_path_factory.mktemp("made") / "sinks"
+    )
+    rows = felt_rows(open_recording(folder, None))
+    problem, textbook = textbook_trial(gather(rows.table, rows.wheel, rows.vehicle))
+    effect = next(iter(effects_for(situation(problem, textbook.fitted), ["slip_sinkage"])))
+    trial = try_adding(problem, textbook, textbook, effect)
+    return problem, Search(textbook, (trial,), (), trial)
+
+
+@pytest.mark.parametrize(
+    ("sure", "verdict", "listed"),
+    [(0.85, "physics", {"slip_sinkage"}), (0.7, "cannot_tell", {"slip_sinkage", "unknown"}),
+     (0.1, "unknown", {"slip_sinkage", "unknown"})],
+)  # fmt: skip
+def test_something_unknown_is_a_rival_only_where_the_effect_is_not_sure(searched, sure, verdict, listed):
+    problem, found = searched
+    slip = problem.samples.drive.slip
+    remaining = SmoothCorrection(
+        (Term("torque_Nm", "slip", slip, 0.1 * slip, 12.0),), 12.0, np.zeros_like(problem.measured)
+    )
+    naming = Naming({"slip_sinkage": sure}, 1.0 - sure, {"slip_sinkage": ()}, np.array([sure]))
+    answer = assemble(problem, found, naming, remaining, (), source="made", seed=0, began=0.0)
+    assert answer.verdict == verdict
+    assert {missing.effect for missing in answer.missing} == listed
+    assert not any("something more" in note for note in answer.notes)
