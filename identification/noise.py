@@ -8,7 +8,9 @@ from ..framework.core.recording.types import WheelTable
 from ..framework.core.vehicle import Vehicle
 from .forward import CHANNELS
 
-_NORMAL_MAD = 1.4826
+NORMAL_MAD = 1.4826
+"""Standard deviation of a normal variable, in median absolute deviations [-]."""
+
 LEAST_SHARE = 2e-3
 """No sensor is taken to be better than this share of the channel's largest value [-]."""
 
@@ -48,7 +50,7 @@ def noise_from_neighbours(table: WheelTable, values: np.ndarray) -> float:
         return float(np.median(measured)) if measured else 0.0
     second = np.diff(values, 2)[same]
     second = second[np.isfinite(second)]
-    return _NORMAL_MAD * float(np.median(np.abs(second))) / np.sqrt(6.0) if second.size else 0.0
+    return NORMAL_MAD * float(np.median(np.abs(second))) / np.sqrt(6.0) if second.size else 0.0
 
 
 def _from_repeats(table: WheelTable, values: np.ndarray, name: str) -> float:
@@ -69,4 +71,4 @@ def _from_repeats(table: WheelTable, values: np.ndarray, name: str) -> float:
     close = np.min(apart, axis=1) < 0.1
     difference = (values - values[nearest])[close]
     difference = difference[np.isfinite(difference)]
-    return _NORMAL_MAD * float(np.median(np.abs(difference))) / np.sqrt(2.0) if difference.size else 0.0
+    return NORMAL_MAD * float(np.median(np.abs(difference))) / np.sqrt(2.0) if difference.size else 0.0

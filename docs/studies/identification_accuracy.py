@@ -82,7 +82,7 @@ def one(task: tuple[int, float, bool, float, float]) -> tuple[list[float], list[
         each.low_Pa <= SOIL.c_Pa + each.normal_stress_Pa * np.tan(SOIL.phi_rad) <= each.high_Pa
         for each in estimate.shear_strength
     ]
-    said = [all(strong), estimate.separable["c_Pa"] or estimate.separable["phi_rad"]]
+    said = [*strong, estimate.separable["c_Pa"] or estimate.separable["phi_rad"]]
     return [q.value for q in quantities], held, [linear.c_Pa, linear.phi_rad], seconds, said
 
 
@@ -101,7 +101,7 @@ def study(seeds: int, share: float, pull: bool, outliers: float, swing_N: float,
         f"{rms[0]:.0f} ({least[0]:.0f}, {rms[0] / least[0]:.2f})",
         f"{np.degrees(rms[1]):.2f} ({np.degrees(least[1]):.2f}, {rms[1] / least[1]:.2f})",
         " / ".join(f"{100 * each:.1f}" for each in held.mean(axis=0)),
-        f"{said[0]:.0f} / {said[1]:.0f}",
+        f"{said[0]:.0f}, {said[1]:.0f}, {said[2]:.0f} / {said[3]:.0f}",
         f"{linear[0]:.0f}, {np.degrees(linear[1]):.1f}",
         f"{np.median([row[3] for row in rows]):.2f}",
     ]  # fmt: skip
@@ -116,7 +116,8 @@ def main() -> None:
     arguments = parser.parse_args()
     print(
         "| noise | channels | gross errors | rms error of c [Pa] (bound, ratio) | of phi [deg] (bound, ratio) "
-        "| 95 % interval holds c / phi / k / stiffness / n [%] | strength held / c or phi called separable [%] "
+        "| 95 % interval holds c / phi / k / stiffness / n [%] "
+        "| strength at low, middle, high stress held / c or phi called separable [%] "
         "| linear method, median c [Pa], phi [deg] | s |"
     )
     print("|" + "---|" * 9)

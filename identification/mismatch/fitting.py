@@ -20,7 +20,7 @@ from ..augmented import AugmentedWheel, Response
 from ..effects.effect import LOAD, SLIP
 from ..forward import slope_of_internal, to_internal
 from .samples import Samples
-from .soil_variation import huber_loss, whiten
+from .soil_variation import huber_loss, neighbours, stretches, whiten
 from .steps import Prior, covariance_of, normal_equations, step_of
 
 _SPREAD_PRIOR = 0.15
@@ -126,7 +126,8 @@ class Problem:
         else:
             self.imposed, self.latent_covariance = _calibrated(imposed, noise)
             self._deviation = np.zeros_like(imposed)
-        self.order, self.gap = _neighbours(samples)
+        self.order, self.gap = neighbours(samples.position, samples.lane)
+        self.group = stretches(self.order, self.gap)
         self.seen = np.ascontiguousarray(samples.seen)
         self.measured = samples.measured[:, self.answers]
         self.first_noise = self._first_noise()
@@ -324,18 +325,6 @@ def _calibrated(measured: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, np
     return mean + share * (measured - mean), np.diag(share * variance)
 
 
-def _neighbours(samples: Samples) -> tuple[np.ndarray, np.ndarray]:
-    """Order (n,) in which the soil's variation is followed, and the distance from the row before, (n,)."""
-    count = len(samples)
-    position = samples.position
-    if not np.isfinite(position).all():
-        return np.arange(count), np.full(count, np.inf)
-    order = np.lexsort((position, samples.lane))
-    gap = np.diff(position[order])
-    gap[np.diff(samples.lane[order]) != 0] = np.inf
-    return order, np.concatenate([[np.inf], gap])
-
-
 def fit(
     problem: Problem,
     model: AugmentedWheel,
@@ -396,7 +385,7 @@ def fit(
             damping = max(damping, 1e-4) * 10.0
             if damping > 1e6:
                 break
-    covariance = covariance_of(innovations, jacobian, prior)
+    covariance = covariance_of(innovations, jacobian, prior, problem.group)
     residuals = np.where(problem.seen, problem.residuals(response), np.nan)
     score = -total - problem.noise_loss(noise)
     return Fitted(model, vector, noise, score, covariance, residuals, innovations, jacobian, response.theta_1, response)

@@ -15,6 +15,34 @@ from numba import njit
 HUBER = 4.0
 """Innovations beyond this count linearly, not squared: a gross error does not rule the fit."""
 
+_STRETCHES = 24
+"""Stretches of a track that are taken to err independently: many enough to show it, long enough to be so."""
+
+
+def neighbours(position: np.ndarray, lane: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Order (n,) in which the soil's variation is followed, and the distance from the row before, (n,).
+
+    Parameters
+    ----------
+    position, lane : (n,)
+        Place [m] or time [s], NaN where rows are trials on soil of their own, and the number of the track.
+    """
+    count = len(position)
+    if not np.isfinite(position).all():
+        return np.arange(count), np.full(count, np.inf)
+    order = np.lexsort((position, lane))
+    gap = np.diff(position[order])
+    gap[np.diff(lane[order]) != 0] = np.inf
+    return order, np.concatenate([[np.inf], gap])
+
+
+def stretches(order: np.ndarray, gap: np.ndarray) -> np.ndarray:
+    """Number of the stretch of ground that each row lies on, (n,); trials on soil of their own stand alone."""
+    number = np.arange(len(order))
+    if np.isfinite(gap).any():
+        number[order] = np.arange(len(order)) * _STRETCHES // len(order)
+    return number
+
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def whiten(columns, seen, by_variation, by_latent, latent_covariance, variance, spread, length, gap, log_scale):
