@@ -3,11 +3,12 @@
 Each question adds a step function of one variable to one channel of the textbook wheel and asks how much better it then
 fits, the soil no more certain than it is; residuals are white by then (`soil_variation`), so twice the gain is
 chi-square. The share of false answers is controlled over all questions (Y. Benjamini, Y. Hochberg, J. R. Stat. Soc. B
-57 (1995)).
+57 (1995)). Of the questions answered with yes the best of each channel is told, then what others add to it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +21,7 @@ from .explanation import Region
 from .fitting import Fitted, NoiseModel, Problem, fit
 from .soil_variation import huber_weight
 from .steps import scaled_inverse
-from .variables import Variable, cycles, variables
+from .variables import CONSTANT, LAG, Variable, cycles, rank, variables
 
 FALSE_DISCOVERIES = 0.01
 """Expected share of false statements among those made [-]."""
@@ -28,17 +29,28 @@ FALSE_DISCOVERIES = 0.01
 _STANDS_OUT = 2.5
 """A cell whose mean residual is this many standard errors from zero belongs to a region [-]."""
 
-_WORTH_SAYING = 0.3
-"""A variable is named where it explains at least this share of what the best variable of its channel does [-]."""
+_WORTH_SAYING = 0.1
+"""A further variable is named where it adds at least this share of what the first one explains [-]."""
+
+_AS_GOOD = (0.05, 5.0)
+"""Variables explain a misfit equally well when their gains differ by less than this share and so many nats."""
+
+_Spans = tuple[tuple[float, float, float, float], ...]
+"""Start, end, share and mean residual [noise] of each interval."""
 
 
 @dataclass(frozen=True)
 class _Question:
-    channel: int
+    """Columns (n, k) that may be missing from a channel, and what their coefficients and standard errors (k,) say.
+
+    `chance` is what searching for the question gains on average [nats].
+    """
+
+    position: int
     variable: str
-    gain: float
-    freedom: int
-    regions: tuple[tuple[float, float, float, float], ...]
+    columns: np.ndarray
+    read: Callable[[np.ndarray, np.ndarray], _Spans]
+    chance: float = 0.0
 
 
 def locate(problem: Problem, best: Fitted) -> tuple[Region, ...]:
@@ -52,40 +64,55 @@ def locate(problem: Problem, best: Fitted) -> tuple[Region, ...]:
         The best model that was found. The textbook wheel is asked on its soil and with its noise: its own soil has
         carried the mismatch of one channel over to the others, and its own noise takes mismatch for noise.
     """
-    questions = []
     noise = best.noise
     textbook = fit(
         problem, AugmentedWheel(problem.samples.wheel), best.vector[:SOIL_COUNT], noise, best.theta_1, iterations=0
     )
-    soil = scaled_inverse(best.covariance[:SOIL_COUNT, :SOIL_COUNT])
-    whites = _Whitened(problem, textbook, noise, soil)
-    for variable in variables(problem.samples, textbook.response.channels[:, 2]):
-        for position, channel in enumerate(problem.answers):
-            questions.append(whites.steps(variable, position, channel))
-    angle = problem.samples.drive.wheel_angle_rad
-    if np.isfinite(angle).any() and np.nanmax(angle) - np.nanmin(angle) > 2.0 * np.pi:
-        questions += [whites.periodic(angle, position, channel) for position, channel in enumerate(problem.answers)]
-    if problem.samples.drive.has("time_s"):
-        questions += [whites.lag(position, channel) for position, channel in enumerate(problem.answers)]
-    questions = [question for question in questions if question.freedom > 0]
+    whites = _Whitened(problem, textbook, noise, scaled_inverse(best.covariance[:SOIL_COUNT, :SOIL_COUNT]))
+    questions = [each for position in range(len(problem.answers)) for each in whites.questions(position)]
     if not questions:
         return ()
-    p_values = np.array([float(chi2.sf(2.0 * each.gain, each.freedom)) for each in questions])
+    gains = [whites.gain(each) for each in questions]
+    p_values = [chi2.sf(2.0 * gain, each.columns.shape[1]) for gain, each in zip(gains, questions, strict=True)]
     corrected = false_discovery_control(np.maximum(p_values, 1e-300))
-    sure = [(each, p) for each, p in zip(questions, corrected, strict=True) if p <= FALSE_DISCOVERIES]
-    strongest = {each.channel: 0.0 for each in questions}
-    for each, _ in sure:
-        strongest[each.channel] = max(strongest[each.channel], each.gain)
-    most = max(strongest.values())
+    sure = [
+        (each, gain, p)
+        for each, gain, p in zip(questions, gains, corrected.tolist(), strict=True)
+        if p <= FALSE_DISCOVERIES
+    ]
+    through = {name for effect in best.model.effects for name in effect.needs}
+    found = [
+        (channel, *each)
+        for position, channel in enumerate(problem.answers)
+        for each in _told(whites, [each for each in sure if each[0].position == position], through)
+    ]
+    most = max((sum(gain for other, _, gain, _, _ in found if other == channel) for channel, *_ in found), default=1.0)
     answer = [
-        Region(
-            CHANNELS[each.channel], each.variable, start, end, share * each.gain / most, float(p_value), mean,
-        )
-        for each, p_value in sure
-        if each.gain >= _WORTH_SAYING * strongest[each.channel]
-        for start, end, share, mean in each.regions
-    ]  # fmt: skip
+        Region(CHANNELS[channel], variable, start, end, share * gain / most, p, mean)
+        for channel, variable, gain, p, spans in found
+        for start, end, share, mean in spans
+    ]
     return tuple(sorted(answer, key=lambda region: -region.share))
+
+
+def _told(
+    whites: _Whitened, sure: list[tuple[_Question, float, float]], through: set[str]
+) -> list[tuple[str, float, float, _Spans]]:
+    """Variables of one channel that are told, each with what it adds to those before [nats], its p and intervals."""
+    answer: list[tuple[str, float, float, _Spans]] = []
+    given = np.empty((len(whites), 0))
+    while sure:
+        top = max(gain for _, gain, _ in sure)
+        if answer and (top < _WORTH_SAYING * answer[0][1] or top < min(_AS_GOOD[1], answer[0][1])):
+            break
+        good = [each for each in sure if each[1] >= (1.0 - _AS_GOOD[0]) * top - _AS_GOOD[1]]
+        question, gain, p = min(good, key=lambda each: (rank(each[0].variable, through), -each[1]))
+        answer.append((question.variable, gain, p, whites.spans(question, given)))
+        given = np.concatenate([given, question.columns], axis=1)
+        left = [each for each in sure if each[0].variable != question.variable]
+        sure = [(each, whites.gain(each, given), p) for each, _, p in left]
+        sure = [each for each in sure if chi2.sf(2.0 * each[1], each[0].columns.shape[1]) <= FALSE_DISCOVERIES]
+    return answer
 
 
 class _Whitened:
@@ -94,8 +121,44 @@ class _Whitened:
     def __init__(self, problem: Problem, textbook: Fitted, noise: NoiseModel, precision: np.ndarray) -> None:
         self._problem, self._textbook, self._noise, self._precision = problem, textbook, noise, precision
 
-    def _gain(self, columns: np.ndarray, position: int) -> tuple[float, np.ndarray, np.ndarray]:
-        """Gain of adding columns (n, k) to a channel [nats], their coefficients and standard errors, soil refitted."""
+    def __len__(self) -> int:
+        return len(self._problem.samples)
+
+    def questions(self, position: int) -> list[_Question]:
+        """Give all that is asked of one channel."""
+        samples, sinkage_m = self._problem.samples, self._textbook.response.channels[:, 2]
+        asked = [self._constant(position), *(self._steps(each, position) for each in variables(samples, sinkage_m))]
+        angle = samples.drive.wheel_angle_rad
+        if np.isfinite(angle).any() and np.nanmax(angle) - np.nanmin(angle) > 2.0 * np.pi:
+            asked.append(self._periodic(angle, position))
+        if samples.drive.has("time_s"):
+            asked.append(self._lag(position))
+        return [each for each in asked if each is not None]
+
+    def gain(self, question: _Question, given: np.ndarray | None = None) -> float:
+        """What a question's columns add to those given (n, g) in explaining its channel [nats], soil refitted."""
+        count = 0 if given is None else given.shape[1]
+        columns = question.columns if given is None else np.concatenate([given, question.columns], axis=1)
+        gradient, information = self._equations(columns, question.position)
+        base = len(self._precision) + count
+        alone = 0.5 * gradient[:base] @ scaled_inverse(information[:base, :base]) @ gradient[:base]
+        together = 0.5 * gradient @ scaled_inverse(information) @ gradient
+        return max(float(together - alone) - question.chance, 0.0)
+
+    def spans(self, question: _Question, given: np.ndarray) -> _Spans:
+        """Where a question's columns differ from zero, beside those given (n, g) and on the soil that was found."""
+        columns = np.concatenate([given, question.columns], axis=1)
+        gradient, information = self._equations(columns, question.position)
+        gradient, information = gradient[len(self._precision) :], information[len(self._precision) :]
+        information = information[:, len(self._precision) :]
+        count = given.shape[1]
+        beside = scaled_inverse(information[:count, :count]) @ gradient[:count] if count else np.empty(0)
+        size = np.maximum(np.diag(information)[count:], 1e-12)
+        mean = (gradient[count:] - information[count:, :count] @ beside) / size
+        return question.read(mean, 1.0 / np.sqrt(size))
+
+    def _equations(self, columns: np.ndarray, position: int) -> tuple[np.ndarray, np.ndarray]:
+        """Gradient and information of the soil's parameters and of columns (n, k) added to a channel."""
         problem = self._problem
         extra = np.zeros((len(columns), len(problem.answers), columns.shape[1]))
         extra[:, position] = columns
@@ -105,59 +168,74 @@ class _Whitened:
         full = np.concatenate([soil, added], axis=-1).reshape(len(weight), -1)
         information = (full * weight[:, None]).T @ full
         information[:count, :count] += self._precision
-        gradient = full.T @ (weight * innovations.ravel())
-        alone = 0.5 * gradient[:count] @ scaled_inverse(information[:count, :count]) @ gradient[:count]
-        together = scaled_inverse(information) @ gradient
-        held = gradient[count:] / np.maximum(np.diag(information)[count:], 1e-12)
-        error = 1.0 / np.sqrt(np.maximum(np.diag(information)[count:], 1e-12))
-        return float(0.5 * gradient @ together - alone), held, error
+        return full.T @ (weight * innovations.ravel()), information
 
-    def steps(self, variable: Variable, position: int, channel: int) -> _Question:
+    def _constant(self, position: int) -> _Question:
+        """Ask of one channel whether it is off by the same everywhere."""
+        unit = self._noise.answers[position]
+
+        def read(mean: np.ndarray, error: np.ndarray) -> _Spans:
+            size, spread = float(mean[0]), 2.0 * float(error[0])
+            return ((size - spread, size + spread, 1.0, size / unit),)
+
+        return _Question(position, CONSTANT, self._problem.seen[:, position].astype(float)[:, None], read)
+
+    def _steps(self, variable: Variable, position: int) -> _Question | None:
         """Ask of one channel whether it leaves the simulation somewhere along a variable."""
-        seen = self._problem.seen[:, position]
-        columns = variable.indicators() * seen[:, None]
+        columns = variable.indicators() * self._problem.seen[:, position][:, None]
         filled = columns.sum(axis=0) >= 1.0
         if filled.sum() < 2:
-            return _Question(channel, variable.name, 0.0, 0, ())
+            return None
         columns = columns[:, filled]
-        gain, mean, error = self._gain(columns, position)
+        rows = columns.sum(axis=0)
         edges = np.column_stack([variable.edges[:-1], variable.edges[1:]])[filled]
-        weight = np.maximum(mean**2 - error**2, 0.0) * columns.sum(axis=0)
-        total = max(float(weight.sum()), 1e-300)
         unit = self._noise.answers[position]
-        regions = []
-        stands = np.where(np.abs(mean) > _STANDS_OUT * error, np.sign(mean), 0.0)
-        borders = np.flatnonzero(np.diff(stands)) + 1
-        for cells in np.split(np.arange(len(stands)), borders):
-            if stands[cells[0]] != 0.0:
-                share = float(weight[cells].sum()) / total
-                level = float(np.average(mean[cells], weights=columns.sum(axis=0)[cells])) / unit
-                regions.append((float(edges[cells[0], 0]), float(edges[cells[-1], 1]), share, level))
-        regions = [region for region in regions if region[2] >= 0.1]
-        return _Question(channel, variable.name, gain, int(filled.sum()), tuple(regions))
 
-    def periodic(self, angle: np.ndarray, position: int, channel: int) -> _Question:
+        def read(mean: np.ndarray, error: np.ndarray) -> _Spans:
+            weight = np.maximum(mean**2 - error**2, 0.0) * rows
+            total = max(float(weight.sum()), 1e-300)
+            stands = np.where(np.abs(mean) > _STANDS_OUT * error, np.sign(mean), 0.0)
+            borders = np.flatnonzero(np.diff(stands)) + 1
+            spans = []
+            for cells in np.split(np.arange(len(stands)), borders):
+                if stands[cells[0]] != 0.0:
+                    level = float(np.average(mean[cells], weights=rows[cells])) / unit
+                    share = float(weight[cells].sum()) / total
+                    spans.append((float(edges[cells[0], 0]), float(edges[cells[-1], 1]), share, level))
+            return tuple(span for span in spans if span[2] >= 0.1)
+
+        return _Question(position, variable.name, columns, read)
+
+    def _periodic(self, angle: np.ndarray, position: int) -> _Question:
         """Ask of one channel whether it repeats with the wheel's rotation; the number of cycles is searched for."""
         waves = cycles(angle)
         seen = self._problem.seen[:, position]
         residual = np.where(seen, self._textbook.residuals[:, position], 0.0)
         power = np.sum(np.einsum("nkc,n->kc", waves, residual) ** 2, axis=1)
         strongest = int(np.argmax(power[1:])) + 1
-        gain, mean, _ = self._gain(waves[:, strongest] * seen[:, None], position)
-        # The strongest of many was picked: each had its chance.
-        gain = max(gain - np.log(len(power)), 0.0)
-        size = float(np.hypot(*mean)) / self._noise.answers[position]
-        return _Question(channel, "wheel_angle_rad", gain, 2, ((0.0, 2.0 * np.pi / (strongest + 1), 1.0, size),))
+        unit = self._noise.answers[position]
 
-    def lag(self, position: int, channel: int) -> _Question:
+        def read(mean: np.ndarray, _: np.ndarray) -> _Spans:
+            return ((0.0, 2.0 * np.pi / (strongest + 1), 1.0, float(np.hypot(*mean)) / unit),)
+
+        # The strongest of many was picked: each had its chance.
+        chance = float(np.log(len(power)))
+        return _Question(position, "wheel_angle_rad", waves[:, strongest] * seen[:, None], read, chance)
+
+    def _lag(self, position: int) -> _Question | None:
         """Ask of one channel whether it comes late: whether what is left follows its own rate of change."""
-        samples, predicted = self._problem.samples, self._textbook.response.channels[:, channel]
+        samples, channel = self._problem.samples, self._problem.answers[position]
+        predicted = self._textbook.response.channels[:, channel]
         rate = rate_of_change(predicted, samples.drive.time_s, samples.drive.stretch)
         column = np.where(np.isfinite(rate) & self._problem.seen[:, position], rate, 0.0)[:, None]
         if np.ptp(column) == 0.0:
-            return _Question(channel, "lag_s", 0.0, 0, ())
-        gain, mean, error = self._gain(column, position)
-        # Late by tau, a channel falls short of the simulation by tau times its rate.
-        tau, spread = -float(mean[0]), 2.0 * float(error[0])
-        size = float(np.sqrt(np.mean((tau * column) ** 2))) / self._noise.answers[position]
-        return _Question(channel, "lag_s", gain, 1, ((tau - spread, tau + spread, 1.0, size),))
+            return None
+        unit = self._noise.answers[position]
+
+        def read(mean: np.ndarray, error: np.ndarray) -> _Spans:
+            # Late by tau, a channel falls short of the simulation by tau times its rate.
+            tau, spread = -float(mean[0]), 2.0 * float(error[0])
+            size = float(np.sqrt(np.mean((tau * column) ** 2))) / unit
+            return ((tau - spread, tau + spread, 1.0, size),)
+
+        return _Question(position, LAG, column, read)

@@ -76,7 +76,7 @@ def name(search: Search, remaining: float, alone: float = np.inf) -> Naming:
     least = _REMAINS if chosen.effects else _REMAINS_ALONE
     doubt = remaining - max(least, _TOLERATED * chosen.gain)
     top = max(0.0, float(np.max(score[admitted], initial=0.0)))
-    weights = np.where(admitted, np.exp((score - top) / TEMPERATURE), 0.0)
+    weights = _by_best_form(search, np.where(admitted, np.exp((score - top) / TEMPERATURE), 0.0))
     nothing = np.exp((0.0 - top) / TEMPERATURE)
     known = weights.sum() + nothing
     # What a smooth correction adds speaks against every set alike.
@@ -93,6 +93,18 @@ def name(search: Search, remaining: float, alone: float = np.inf) -> Naming:
     effects = dict(sorted(effects.items(), key=lambda pair: -pair[1]))
     look_alikes = {slug: _stand_ins(search, slug) for slug in sorted(chosen.slugs)}
     return Naming(effects, unknown, look_alikes, weights)
+
+
+def _by_best_form(search: Search, weights: np.ndarray) -> np.ndarray:
+    """Share among the forms of one set of effects what the best of them weighs, (t,).
+
+    That an effect has been published in many forms, or that forms hold one another, does not make it more probable.
+    """
+    slugs = [trial.slugs for trial in search.trials]
+    best, total = dict.fromkeys(slugs, 0.0), dict.fromkeys(slugs, 0.0)
+    for each, weight in zip(slugs, weights.tolist(), strict=True):
+        best[each], total[each] = max(best[each], weight), total[each] + weight
+    return weights * np.array([best[each] / total[each] if total[each] > 0.0 else 0.0 for each in slugs])
 
 
 def _stand_ins(search: Search, slug: str) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from .explanation import Estimate, Explanation, Region
 from .naming import ASSERTED
+from .variables import CONSTANT
 
 _DEGREES = 180.0 / math.pi
 
@@ -43,6 +44,7 @@ _QUANTITIES = {
     "x_m": Shown("place along the track", "m"),
     "time_s": Shown("time", "s"),
     "lag_s": Shown("delay", "s"),
+    "constant": Shown("nothing: the same everywhere"),
     "c_Pa": Shown("cohesion c", "kPa", 1e-3),
     "phi_rad": Shown("friction angle phi", "deg", _DEGREES),
     "k_m": Shown("shear modulus k", "mm", 1e3),
@@ -172,8 +174,8 @@ def effects(names: tuple[str, ...]) -> str:
 
 
 def interval(region: Region) -> str:
-    """Say where along its variable a region lies, in the unit that is shown."""
-    how = shown(region.variable)
+    """Say where along its variable a region lies, or by how much the channel is off, in the unit that is shown."""
+    how = shown(region.channel if region.variable == CONSTANT else region.variable)
     ends = f"{number(region.start, how.scale)} to {number(region.end, how.scale)}{' ' + how.unit if how.unit else ''}"
     if region.variable == "wheel_angle_rad" and region.start == 0.0 and region.end > 0.0:
         return f"{round(2.0 * math.pi / region.end)} cycles a turn of the wheel"

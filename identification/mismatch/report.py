@@ -81,11 +81,12 @@ def _located(explanation: Explanation) -> str:
     if explanation.located:
         body += table(located_headers(), located_rows(explanation), text_columns=(0, 1, 2))
         body += (
-            "<p class=note>A residual is measured less simulated, in units of the channel's noise. The share is "
-            "that of the largest misfit that one variable accounts for which lies in the interval; p is the "
-            "question's, corrected for the number of questions asked. The simulation here has the soil that was found "
-            "with what was left out, without that. Variables that go together in this recording (slip and speed, say) "
-            "are each named.</p>"
+            "<p class=note>A residual is measured less simulated, in units of the channel's noise. The share is of "
+            "the misfit of the channel that is off the most: what the variable adds in that interval to those of "
+            "larger share. p is the question's, corrected for the number of questions asked. The simulation here has "
+            "the soil that was found with what was left out, without that. Of variables that go together in this "
+            "recording (slip and speed, say) one is named: that through which the effect found acts, else the "
+            "usual one.</p>"
         )
     else:
         body += "<p>No place is listed: held-out rows ask for nothing, or a variation of the ground explains it.</p>"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -24,6 +25,18 @@ _NAMES = {
     "time_s": "time_s",
 }
 """Public name of a variable, and the attribute of `Drive` that holds it."""
+
+CONSTANT = "constant"
+"""Public name of what is the same everywhere."""
+
+LAG = "lag_s"
+"""Public name of a delay: what depends on it follows a channel's rate of change."""
+
+_USUAL = (
+    CONSTANT, "slip", "load_N", "sinkage_m", "pitch_rad", "wheel_angle_rad", "pass", LAG, "rim_speed_m_s",
+    "travel_speed_m_s", "x_m", "acceleration_m_s2", "angular_acceleration_rad_s2", "time_s",
+)  # fmt: skip
+"""What wheels usually depend on, the most usual first."""
 
 _BINS = 10
 _LEAST_IN_BIN = 4
@@ -83,6 +96,21 @@ def variables(samples: Samples, sinkage_m: np.ndarray) -> list[Variable]:
     if carried.size and np.ptp(carried) > 0.0:
         answer.append(Variable("sinkage_m", sinkage_m, _edges(sinkage_m)))
     return answer
+
+
+def rank(name: str, through: Collection[str]) -> int:
+    """Rank a variable among those that explain a misfit equally well: those that a found effect acts through, first.
+
+    Parameters
+    ----------
+    name
+        Public name.
+    through
+        Attributes of `Drive` that the found effects need.
+    """
+    usual = _USUAL.index(name)
+    of_effect = _NAMES.get(name, name) in through or (name == LAG and "time_s" in through)
+    return usual - len(_USUAL) if of_effect else usual
 
 
 def _edges(values: np.ndarray) -> np.ndarray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from . import readable
 from .explanation import Explanation, Missing
 from .naming import ASSERTED
+from .variables import CONSTANT, LAG
 
 _AT_NOISE = 1.3
 """A channel whose held-out error is within this factor of its noise is predicted as well as can be [-]."""
@@ -60,6 +61,10 @@ def _where(explanation: Explanation) -> str:
     where = f"for {readable.shown(first.variable).name} from {readable.interval(first)}"
     if first.variable == "wheel_angle_rad":
         where = f"with {readable.interval(first)}"
+    elif first.variable == CONSTANT:
+        where = f"by {readable.interval(first)} everywhere"
+    elif first.variable == LAG:
+        where = f"as if it came {readable.interval(first)} late"
     return f"{channels[0].upper()}{channels[1:]} {verb} the simulation, {most} {where}."
 
 

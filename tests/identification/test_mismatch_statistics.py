@@ -10,15 +10,17 @@ from bevameter import Vehicle, Wheel
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.augmented import AugmentedWheel
+from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.drive import order_of
 from bevameter.identification.mismatch.fitting import Problem, fit
 from bevameter.identification.mismatch.held_out import hold_out
 from bevameter.identification.mismatch.locate import _Whitened, locate
+from bevameter.identification.mismatch.naming import name
 from bevameter.identification.mismatch.samples import MOST_ROWS, Samples, gather
+from bevameter.identification.mismatch.search import search, situation, textbook_trial
 from bevameter.identification.mismatch.soil_variation import whiten
 from bevameter.identification.mismatch.steps import scaled_inverse
 from bevameter.identification.mismatch.textbook import fit_textbook
-from bevameter.identification.mismatch.variables import variables
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)
 
@@ -136,9 +138,39 @@ def test_what_a_question_gains_is_never_negative():
     """Units of megapascals and micrometres must not cost digits."""
     problem, textbook = fit_textbook(samples_of(7310, "bench", ("slip_sinkage",)))
     whites = _Whitened(problem, textbook, textbook.noise, scaled_inverse(textbook.covariance))
-    for variable in variables(problem.samples, textbook.response.channels[:, 2]):
-        for position, channel in enumerate(problem.answers):
-            assert whites.steps(variable, position, channel).gain >= -1e-6
+    for position in range(len(problem.answers)):
+        questions = whites.questions(position)
+        assert len(questions) > 5
+        # What is asked twice over has nothing to add.
+        for question in questions:
+            alone = whites.gain(question)
+            assert alone >= 0.0
+            assert whites.gain(question, question.columns) <= 1e-6 * max(alone, 1.0)
+
+
+def explained(seed: int, slug: str):
+    samples = samples_of(seed, "bench", (slug,))
+    problem, textbook = textbook_trial(samples)
+    effects = effects_for(situation(problem, textbook.fitted), [slug])
+    return locate(problem, search(problem, textbook, effects).chosen.fitted)
+
+
+def test_a_channel_that_is_off_by_the_same_everywhere_depends_on_nothing():
+    first = explained(7320, "sinkage_offset")[0]
+    offset_m = conceal(7320, ("sinkage_offset",), "plain", protocol="bench").truth["effects"][0]["parameters"][
+        "offset_m"
+    ]
+    assert (first.channel, first.variable) == ("sinkage_m", "constant")
+    assert first.start == pytest.approx(offset_m, rel=0.2)
+    assert first.end == pytest.approx(offset_m, rel=0.2)
+
+
+def test_variables_that_go_together_are_not_each_named():
+    regions = explained(7321, "slip_sinkage")
+    of_sinkage = [region for region in regions if region.channel == "sinkage_m"]
+    assert of_sinkage[0].variable == "slip"
+    assert sum(region.share for region in of_sinkage) <= 1.0 + 1e-9
+    assert sum(region.share for region in of_sinkage if region.variable == "rim_speed_m_s") < 0.2
 
 
 def test_a_soil_that_carries_nothing_predicts_nothing_and_pays_for_it():
@@ -146,3 +178,13 @@ def test_a_soil_that_carries_nothing_predicts_nothing_and_pays_for_it():
     residuals = textbook.residuals.copy()
     residuals[:3] = np.nan
     assert (problem.loss(residuals, textbook)[:3] > problem.loss(textbook.residuals, textbook)[:3] + 50.0).all()
+
+
+def test_an_effect_is_not_more_probable_for_having_many_forms():
+    """On a wheel that turns one way, Coulomb friction, of several forms, and a torque sensor's zero are one number."""
+    problem, textbook = textbook_trial(samples_of(7325, "bench", ("torque_offset",)))
+    effects = effects_for(situation(problem, textbook.fitted), ["torque_offset", "drivetrain_friction"])
+    assert sum(effect.slug == "drivetrain_friction" for effect in effects) > 2
+    believed = name(search(problem, textbook, effects), 0.0).effects
+    assert believed["torque_offset"] + believed["drivetrain_friction"] == pytest.approx(1.0, abs=0.02)
+    assert believed["torque_offset"] == pytest.approx(0.5, abs=0.25)
