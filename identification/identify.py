@@ -170,12 +170,28 @@ class FeltRows:
 
 
 def felt_rows(recording: Recording) -> FeltRows:
-    """Gather the wheel rows to identify from; raises `InputError` without wheel channels or geometry."""
+    """Gather the wheel rows to identify from: of one wheel geometry, that with most rows to use, which it says.
+
+    Raises
+    ------
+    InputError
+        There are no wheel channels or no geometry.
+    """
     if recording.wheel is None or len(recording.wheel) == 0:
         raise InputError(recording.source, "no wheel channels", expected="wheel.csv or wheel.parquet")
-    recording, *others = by_geometry(recording)
-    if others:
-        raise InputError(recording.source, f"rows of {1 + len(others)} wheels", expected="rows of one wheel")
+    of_wheel = [_of_vehicle(part) for part in by_geometry(recording)]
+    best = max(of_wheel, key=lambda rows: int((rows.reasons == "").sum()))
+    if len(of_wheel) == 1:
+        return best
+    note = (
+        f"rows of {len(of_wheel)} wheels: only the {len(best.table)} of the {best.vehicle.name} were used, for their "
+        "soils may differ; give the others in a file of their own"
+    )
+    return replace(best, problems=(*best.problems, note))
+
+
+def _of_vehicle(recording: Recording) -> FeltRows:
+    """Gather the rows of a vehicle's wheels of one geometry, that with most rows to use."""
     if recording.vehicle is None:
         raise InputError(
             recording.source,

@@ -94,7 +94,12 @@ def as_differences(samples: Samples) -> tuple[Samples, np.ndarray]:
     imitation = model.predict(samples.drive, problem.imposed, fitted.vector, fitted.theta_1).channels
     residuals = samples.measured - samples.simulated
     measured = np.where(_answers(samples), residuals + imitation, samples.measured)
-    return replace(samples, measured=measured), residuals
+    left_out = [
+        f"{CHANNELS[channel]} is recorded but not simulated: it is left out"
+        for channel in samples.answers
+        if not np.isfinite(samples.simulated[:, channel]).any()
+    ]
+    return replace(samples, measured=measured, notes=(*samples.notes, *left_out)), residuals
 
 
 def _answers(samples: Samples) -> np.ndarray:

@@ -1,7 +1,7 @@
 """Which measurement would tell two explanations apart: the drive, channel or prior expected to inform most.
 
 If one explanation is right, how much worse would the other fit once refitted? Computed for the recording with a channel
-added, for a soil known from elsewhere, and for other drives.
+added, for a soil known from elsewhere, for other drives, and for a check of the instrument that one of them suspects.
 """
 
 from __future__ import annotations
@@ -18,6 +18,18 @@ _NAMES = {TORQUE: "wheel torque", SINKAGE: "sinkage", PULL: "drawbar pull"}
 _NEW_SENSOR = 0.01
 """Noise of a channel that is not there yet, as a share of its root mean square [-]."""
 
+_CHECKS = {
+    "torque_offset": (TORQUE, "read the torque with the wheel lifted and at rest"),
+    "sinkage_offset": (SINKAGE, "read the sinkage with the wheel on a hard, flat floor"),
+    "torque_gain": (None, "hang a known weight on a lever at the wheel and read the torque"),
+    "load_gain": (None, "stand the wheel on a scale and read the load"),
+    "rolling_radius": (None, "count the wheel's turns over a measured distance on a hard floor"),
+}
+"""How an instrument is checked by itself: a zero against its channel's noise, a gain against `_CHECKED_TO`."""
+
+_CHECKED_TO = 0.01
+"""Relative accuracy of such a check [-]."""
+
 _ROWS = 240
 ENOUGH = 5.0
 """Expected nats from which on a measurement is worth proposing."""
@@ -25,10 +37,16 @@ ENOUGH = 5.0
 
 def would_tell(problem: Problem, right: Trial, other: Trial) -> str:
     """Propose the measurement that would tell two sets of effects apart best, with its expected nats."""
-    proposals = [*_channels(problem, right, other), *_known_soil(right, other), *_drives(problem, right, other)]
+    proposals = [
+        *_channels(problem, right, other), *_known_soil(right, other), *_drives(problem, right, other),
+        *_checks(problem, right, other),
+    ]  # fmt: skip
     nats, text = max(proposals)
     if nats < ENOUGH:
-        return "none of the measurements considered (further channels, known soil, other loads, slips and speeds)"
+        return (
+            "none of the measurements considered (further channels, known soil, other loads, slips and speeds, "
+            "checks of instruments)"
+        )
     return f"{text} (expected {nats:.0f} nats)"
 
 
@@ -55,6 +73,19 @@ def _known_soil(right: Trial, other: Trial) -> list[tuple[float, str]]:
     away = (a.vector[:2] - b.vector[:2]) ** 2
     spread = scale**2 + np.diag(b.covariance)[:2] + np.diag(a.covariance)[:2]
     return [(0.5 * float(np.sum(away / spread)), "give cohesion and friction from a shear test (--soil)")]
+
+
+def _checks(problem: Problem, right: Trial, other: Trial) -> list[tuple[float, str]]:
+    """A look at the instrument that one explanation takes to be at fault and the other does not."""
+    answer = []
+    for trial, without in ((right, other), (other, right)):
+        for effect, where in trial.fitted.model.slices():
+            if effect.slug not in _CHECKS or effect.slug in without.slugs:
+                continue
+            channel, text = _CHECKS[effect.slug]
+            spread = _CHECKED_TO if channel is None else trial.fitted.noise.answers[problem.answers.index(channel)]
+            answer.append((0.5 * (float(trial.fitted.vector[where][0]) / spread) ** 2, text))
+    return answer
 
 
 def _drives(problem: Problem, right: Trial, other: Trial) -> list[tuple[float, str]]:
