@@ -33,6 +33,9 @@ _BLOCKS = 12
 _ISOLATED = 7.0
 """A value this many sensor noises from the median of its neighbours in time is a gross error [-]."""
 
+_STANDS_STILL = 0.1
+"""Share of rows in which a clock may stand still before it is no clock [-]."""
+
 _REACH = 4
 """Neighbours on each side over which load and slip are averaged."""
 
@@ -115,8 +118,16 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
         raise InputError(table.source, "nothing to compare", expected="torque_Nm, sinkage_m or drawbar_pull_N")
     order, stretch = order_of(table)
     table = table.select(order)
+    still = int((np.diff(table["time_s"]) == 0.0).sum()) if "time_s" in table else 0
+    if still > _STANDS_STILL * len(table):
+        raise InputError(
+            table.source, f"time_s stands still in {still} of {len(table)} rows",
+            expected="a clock that runs, or column run in a file of steady-state trials",
+        )  # fmt: skip
     noise = sensor_noise(table, vehicle)
     usable, notes = _usable(table)
+    if still:
+        notes.append(f"{still} rows have the time of the row before: what remembers or accelerates starts anew there")
     if usable.sum() < LEAST_ROWS:
         raise InputError(
             table.source, f"{int(usable.sum())} rows with load, slip and an answer", expected=f"at least {LEAST_ROWS}"

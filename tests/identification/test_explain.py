@@ -160,8 +160,9 @@ def test_twenty_rows_get_an_answer(copy):
         (lambda columns: {k: v[:4] for k, v in columns.items()}, "at least 5"),
         (lambda columns: {k: columns[k] for k in ("time_s", "load_N", "slip")}, "nothing to compare"),
         (lambda columns: columns | {"sinkage_m": 1e3 * columns["sinkage_m"]}, "the wheel's diameter"),
+        (lambda columns: columns | {"time_s": np.floor(columns["time_s"])}, "time_s stands still in"),
     ],
-    ids=["no load", "four rows", "no answer", "sinkage in millimetres"],
+    ids=["no load", "four rows", "no answer", "sinkage in millimetres", "whole seconds"],
 )
 def test_what_cannot_be_compared_is_refused_in_one_line(copy, change, said):
     with pytest.raises(InputError, match=said):
