@@ -44,6 +44,10 @@ _MODULES = (
 )  # fmt: skip
 
 
+FROM_RESIDUALS = ("grousers", "soil_patch")
+"""Effects whose forms are laid out where residuals show something: anew once other effects are found."""
+
+
 def effects_for(situation: Situation, slugs: Iterable[str] = SLUGS) -> list[Effect]:
     """Give all forms of the effects named that a recording can show.
 

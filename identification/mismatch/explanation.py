@@ -28,9 +28,8 @@ class Region:
     """Where a channel leaves the simulation: an interval of a variable.
 
     Where the variable is ``"constant"`` the interval is that of the channel's offset, where it is ``"lag_s"`` of its
-    delay. `share` is what this variable adds there to those of larger share, of all that the channel's variables
-    account for together, relative to the channel that is off the most; `p_value` is corrected for the number of
-    questions asked; `mean` is the residual there in units of the channel's noise.
+    delay. `share` is what this variable adds there to those told before, of all that is told; `p_value` is corrected
+    for the number of questions asked; `mean` is the residual there in units of the channel's noise.
     """
 
     channel: str

@@ -3,13 +3,14 @@
 Each question adds a step function of one variable to one channel of the textbook wheel and asks how much better it then
 fits, the soil no more certain than it is; residuals are white by then (`soil_variation`), so twice the gain is
 chi-square. The share of false answers is controlled over all questions (Y. Benjamini, Y. Hochberg, J. R. Stat. Soc. B
-57 (1995)). Of the questions answered with yes the best of each channel is told, then what others add to it.
+57 (1995)). Of the questions answered with yes the best is told, then what others add to it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.stats import chi2, false_discovery_control
@@ -68,63 +69,108 @@ def locate(problem: Problem, best: Fitted) -> tuple[Region, ...]:
     textbook = fit(
         problem, AugmentedWheel(problem.samples.wheel), best.vector[:SOIL_COUNT], noise, best.theta_1, iterations=0
     )
-    whites = _Whitened(problem, textbook, noise, scaled_inverse(best.covariance[:SOIL_COUNT, :SOIL_COUNT]))
-    questions = [each for position in range(len(problem.answers)) for each in whites.questions(position)]
-    if not questions:
+    whites = Whitened(problem, textbook, noise, scaled_inverse(best.covariance[:SOIL_COUNT, :SOIL_COUNT]))
+    if not whites.questions:
         return ()
-    gains = [whites.gain(each) for each in questions]
-    p_values = [chi2.sf(2.0 * gain, each.columns.shape[1]) for gain, each in zip(gains, questions, strict=True)]
+    everything = range(len(whites.questions))
+    gains = [whites.gain(each) for each in everything]
+    p_values = chi2.sf(2.0 * np.array(gains), [whites.freedom(each) for each in everything])
     corrected = false_discovery_control(np.maximum(p_values, 1e-300))
-    sure = [
-        (each, gain, p)
-        for each, gain, p in zip(questions, gains, corrected.tolist(), strict=True)
-        if p <= FALSE_DISCOVERIES
-    ]
-    through = {name for effect in best.model.effects for name in effect.needs}
-    found = [
-        (channel, *each)
-        for position, channel in enumerate(problem.answers)
-        for each in _told(whites, [each for each in sure if each[0].position == position], through)
-    ]
-    most = max((sum(gain for other, _, gain, _, _ in found if other == channel) for channel, *_ in found), default=1.0)
+    sure = {each: gains[each] for each in everything if corrected[each] <= FALSE_DISCOVERIES}
+    told = _told(whites, sure, {name for effect in best.model.effects for name in effect.needs})
+    total = sum(gain for _, gain, _ in told)
     answer = [
-        Region(CHANNELS[channel], variable, start, end, share * gain / most, p, mean)
-        for channel, variable, gain, p, spans in found
+        Region(
+            CHANNELS[problem.answers[whites.questions[each].position]], whites.questions[each].variable, start, end,
+            share * gain / total, float(corrected[each]), mean,
+        )
+        for each, gain, spans in told
         for start, end, share, mean in spans
-    ]
+    ]  # fmt: skip
     return tuple(sorted(answer, key=lambda region: -region.share))
 
 
-def _told(
-    whites: _Whitened, sure: list[tuple[_Question, float, float]], through: set[str]
-) -> list[tuple[str, float, float, _Spans]]:
-    """Variables of one channel that are told, each with what it adds to those before [nats], its p and intervals."""
-    answer: list[tuple[str, float, float, _Spans]] = []
-    given = np.empty((len(whites), 0))
+def _told(whites: Whitened, sure: dict[int, float], through: set[str]) -> list[tuple[int, float, _Spans]]:
+    """Questions that are told, by number, each with what it adds to those before [nats], and its intervals.
+
+    Channels are asked together: soil that varies ties them, and what is off in one looks like ground in the others.
+    """
+    answer: list[tuple[int, float, _Spans]] = []
     while sure:
-        top = max(gain for _, gain, _ in sure)
-        if answer and (top < _WORTH_SAYING * answer[0][1] or top < min(_AS_GOOD[1], answer[0][1])):
+        top = max(sure.values())
+        if answer and top < _WORTH_SAYING * answer[0][1]:
             break
-        good = [each for each in sure if each[1] >= (1.0 - _AS_GOOD[0]) * top - _AS_GOOD[1]]
-        question, gain, p = min(good, key=lambda each: (rank(each[0].variable, through), -each[1]))
-        answer.append((question.variable, gain, p, whites.spans(question, given)))
-        given = np.concatenate([given, question.columns], axis=1)
-        left = [each for each in sure if each[0].variable != question.variable]
-        sure = [(each, whites.gain(each, given), p) for each, _, p in left]
-        sure = [each for each in sure if chi2.sf(2.0 * each[1], each[0].columns.shape[1]) <= FALSE_DISCOVERIES]
+        channel = whites.questions[max(sure, key=lambda each: sure[each])].position
+        good = [
+            each for each, gain in sure.items()
+            if gain >= (1.0 - _AS_GOOD[0]) * top - _AS_GOOD[1] and whites.questions[each].position == channel
+        ]  # fmt: skip
+        chosen = min(good, key=lambda each: (rank(whites.questions[each].variable, through), -sure[each]))
+        given = [each for each, *_ in answer]
+        answer.append((chosen, sure[chosen], whites.spans(chosen, given)))
+        added = {each: whites.gain(each, [*given, chosen]) for each in sure if each != chosen}
+        sure = {
+            each: gain for each, gain in added.items() if chi2.sf(2.0 * gain, whites.freedom(each)) <= FALSE_DISCOVERIES
+        }
     return answer
 
 
-class _Whitened:
-    """The textbook wheel's residuals and soil derivatives, ready for questions."""
+class Whitened:
+    """The textbook wheel's residuals, soil derivatives and all questions' columns, made white together.
+
+    Parameters
+    ----------
+    problem, textbook
+        The samples, and the textbook wheel on the soil that was found.
+    noise
+        Noise and the soil's variation.
+    precision : (5, 5)
+        Of the soil: how far it may move to make up for what is asked.
+    """
 
     def __init__(self, problem: Problem, textbook: Fitted, noise: NoiseModel, precision: np.ndarray) -> None:
-        self._problem, self._textbook, self._noise, self._precision = problem, textbook, noise, precision
+        self._problem, self._textbook, self._noise = problem, textbook, noise
+        asked = [question for position in range(len(problem.answers)) for question in self._asked(position)]
+        self.questions = asked
+        self._soil = len(precision)
+        ends = self._soil + np.cumsum([0] + [each.columns.shape[1] for each in asked])
+        self._places = [np.arange(low, high) for low, high in pairwise(ends)]
+        extra = np.zeros((len(problem.samples), len(problem.answers), int(ends[-1]) - self._soil))
+        for question, place in zip(asked, self._places, strict=True):
+            extra[:, question.position, place - self._soil] = question.columns
+        innovations, soil, added = problem.whitened_columns(textbook, noise, extra)
+        weight = huber_weight(innovations).ravel()
+        full = np.concatenate([soil, added], axis=-1).reshape(len(weight), -1)
+        self._gradient = full.T @ (weight * innovations.ravel())
+        self._information = (full * weight[:, None]).T @ full
+        self._information[: self._soil, : self._soil] += precision
 
-    def __len__(self) -> int:
-        return len(self._problem.samples)
+    def freedom(self, number: int) -> int:
+        """Count the columns of a question."""
+        return len(self._places[number])
 
-    def questions(self, position: int) -> list[_Question]:
+    def gain(self, number: int, given: Sequence[int] = ()) -> float:
+        """What a question adds to those given, all by number, in explaining the residuals [nats], the soil refitted."""
+        base = np.concatenate([np.arange(self._soil), *(self._places[each] for each in given)])
+        together = np.concatenate([base, self._places[number]])
+        more = self._explained(together) - self._explained(base)
+        return max(more - self.questions[number].chance, 0.0)
+
+    def spans(self, number: int, given: Sequence[int]) -> _Spans:
+        """Where a question's columns differ from zero, beside those given and on the soil that was found."""
+        own, rest = self._places[number], np.concatenate([np.empty(0, int), *(self._places[each] for each in given)])
+        gradient = self._gradient[own]
+        if len(rest):
+            beside = scaled_inverse(self._information[np.ix_(rest, rest)]) @ self._gradient[rest]
+            gradient = gradient - self._information[np.ix_(own, rest)] @ beside
+        size = np.maximum(np.diag(self._information)[own], 1e-12)
+        return self.questions[number].read(gradient / size, 1.0 / np.sqrt(size))
+
+    def _explained(self, columns: np.ndarray) -> float:
+        gradient = self._gradient[columns]
+        return 0.5 * float(gradient @ scaled_inverse(self._information[np.ix_(columns, columns)]) @ gradient)
+
+    def _asked(self, position: int) -> list[_Question]:
         """Give all that is asked of one channel."""
         samples, sinkage_m = self._problem.samples, self._textbook.response.channels[:, 2]
         asked = [self._constant(position), *(self._steps(each, position) for each in variables(samples, sinkage_m))]
@@ -134,41 +180,6 @@ class _Whitened:
         if samples.drive.has("time_s"):
             asked.append(self._lag(position))
         return [each for each in asked if each is not None]
-
-    def gain(self, question: _Question, given: np.ndarray | None = None) -> float:
-        """What a question's columns add to those given (n, g) in explaining its channel [nats], soil refitted."""
-        count = 0 if given is None else given.shape[1]
-        columns = question.columns if given is None else np.concatenate([given, question.columns], axis=1)
-        gradient, information = self._equations(columns, question.position)
-        base = len(self._precision) + count
-        alone = 0.5 * gradient[:base] @ scaled_inverse(information[:base, :base]) @ gradient[:base]
-        together = 0.5 * gradient @ scaled_inverse(information) @ gradient
-        return max(float(together - alone) - question.chance, 0.0)
-
-    def spans(self, question: _Question, given: np.ndarray) -> _Spans:
-        """Where a question's columns differ from zero, beside those given (n, g) and on the soil that was found."""
-        columns = np.concatenate([given, question.columns], axis=1)
-        gradient, information = self._equations(columns, question.position)
-        gradient, information = gradient[len(self._precision) :], information[len(self._precision) :]
-        information = information[:, len(self._precision) :]
-        count = given.shape[1]
-        beside = scaled_inverse(information[:count, :count]) @ gradient[:count] if count else np.empty(0)
-        size = np.maximum(np.diag(information)[count:], 1e-12)
-        mean = (gradient[count:] - information[count:, :count] @ beside) / size
-        return question.read(mean, 1.0 / np.sqrt(size))
-
-    def _equations(self, columns: np.ndarray, position: int) -> tuple[np.ndarray, np.ndarray]:
-        """Gradient and information of the soil's parameters and of columns (n, k) added to a channel."""
-        problem = self._problem
-        extra = np.zeros((len(columns), len(problem.answers), columns.shape[1]))
-        extra[:, position] = columns
-        innovations, soil, added = problem.whitened_columns(self._textbook, self._noise, extra)
-        weight = huber_weight(innovations).ravel()
-        count = soil.shape[-1]
-        full = np.concatenate([soil, added], axis=-1).reshape(len(weight), -1)
-        information = (full * weight[:, None]).T @ full
-        information[:count, :count] += self._precision
-        return full.T @ (weight * innovations.ravel()), information
 
     def _constant(self, position: int) -> _Question:
         """Ask of one channel whether it is off by the same everywhere."""

@@ -81,11 +81,11 @@ def _located(explanation: Explanation) -> str:
     if explanation.located:
         body += table(located_headers(), located_rows(explanation), text_columns=(0, 1, 2))
         body += (
-            "<p class=note>A residual is measured less simulated, in units of the channel's noise. The share is of "
-            "the misfit of the channel that is off the most: what the variable adds in that interval to those of "
-            "larger share. p is the question's, corrected for the number of questions asked. The simulation here has "
-            "the soil that was found with what was left out, without that. Of variables that go together in this "
-            "recording (slip and speed, say) one is named: that through which the effect found acts, else the "
+            "<p class=note>A residual is measured less simulated, in units of the channel's noise. The first line is "
+            "what accounts for most of the misfit, each further one what adds to it; the share is of all that they "
+            "account for together. p is the question's, corrected for the number of questions asked. The simulation "
+            "here has the soil that was found with what was left out, without that. Of variables that go together in "
+            "this recording (slip and speed, say) one is named: that through which the effect found acts, else the "
             "usual one.</p>"
         )
     else:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...framework.core.soil import SoilKnowledge
 from ..augmented import SOIL_COUNT, AugmentedWheel
+from ..effects.catalogue import FROM_RESIDUALS, effects_for
 from ..effects.effect import Effect, Situation
 from .fitting import Fitted, Problem, fit
 from .held_out import HeldOut, hold_out
@@ -36,7 +37,8 @@ _FAR_LESS = 0.1
 _THREADS = 2
 """Effects fitted at once: the heavy parts let go of Python's lock."""
 
-_SHORT = 5
+_SHORT, _STILL_MOVING = 5, 3.0
+"""Iterations by which starts are compared, and how far behind the best [nats] one has not come to rest by then."""
 
 _ANCHORS = 3
 """Effects from whose soils the textbook wheel is fitted once more."""
@@ -115,9 +117,15 @@ def try_adding(problem: Problem, textbook: Trial, base: Trial, effect: Effect) -
         for start in starts
         for noise in noises
     ]
-    best = max(fits, key=lambda fitted: fitted.score)
+    fits.sort(key=lambda fitted: -fitted.score)
+    best = fits[0]
     if several:
         best = fit(problem, model, best.vector, best.noise, best.theta_1)
+        if best.score < base.fitted.score + ASKED_FOR:
+            # The first ones came to rest where the effect is nothing: those that have not are followed to their end.
+            slow = [each for each in fits[1:] if fits[0].score - each.score > _STILL_MOVING]
+            ended = [fit(problem, model, each.vector, each.noise, each.theta_1) for each in slow]
+            best = max([best, *ended], key=lambda fitted: fitted.score)
     held = hold_out(problem, best)
     return _trial(textbook, effects, best, held)
 
@@ -186,6 +194,8 @@ def search(
         with ThreadPoolExecutor(_THREADS) as pool:
             nats = pool.map(lambda effect: promise(problem, base, effect) if effect.nested else np.inf, effects)
             promised = sorted(zip(nats, effects, strict=True), key=lambda pair: -pair[0])
+            # What cannot be weighed from nothing takes no other's place.
+            most += sum(not effect.nested for effect in effects)
             while promised:
                 gained = max((trial.gain - base.gain for trial in answer), default=0.0)
                 worth = [pair for pair in promised[: most - len(answer)] if pair[0] >= max(least, _FAR_LESS * gained)]
@@ -210,16 +220,13 @@ def search(
     best = max(singles, key=lambda trial: trial.gain, default=textbook)
     if best.gain < ASKED_FOR:
         return Search(textbook, tuple(trials), tuple(passed), textbook)
-    alone = {trial.effects[0]: trial.gain for trial in singles}
-
-    def others(slugs: frozenset[str]) -> list[Effect]:
-        return [
-            effect for effect in catalogue
-            if effect.slug not in slugs and (effect.nested or alone.get(effect, -np.inf) >= ASKED_FOR)
-        ]  # fmt: skip
+    # What cannot be weighed from nothing is tried beside others where it was worth something alone.
+    failed = {trial.effects[0] for trial in singles if trial.gain < ASKED_FOR}
+    worth = [effect for effect in catalogue if effect.nested or effect not in failed]
+    allowed = frozenset(effect.slug for effect in catalogue)
 
     while len(best.effects) < MOST_EFFECTS:
-        larger = attempt(best, others(best.slugs), ASKED_FOR, _TRIED_IN_SETS)
+        larger = attempt(best, _others(problem, best, worth, allowed, best.slugs), ASKED_FOR, _TRIED_IN_SETS)
         challenger = max(larger, key=lambda trial: trial.gain, default=best)
         if challenger.gain - best.gain < _asked_of(best):
             break
@@ -227,11 +234,20 @@ def search(
         # What was found first may have stood in for two: exchange it for others.
         for effect in best.effects[:-1]:
             rest = without(problem, textbook, best, effect)
-            for trial in attempt(rest, others(best.slugs), ASKED_FOR, _TRIED_IN_SETS):
+            instead = _others(problem, rest, worth, allowed, best.slugs)
+            for trial in attempt(rest, instead, ASKED_FOR, _TRIED_IN_SETS):
                 if trial.gain > best.gain:
                     best = trial
     best = _pruned(problem, textbook, best, trials)
     return Search(textbook, tuple(trials), tuple(passed), best)
+
+
+def _others(
+    problem: Problem, base: Trial, catalogue: Sequence[Effect], allowed: frozenset[str], taken: frozenset[str]
+) -> list[Effect]:
+    """Give the forms that are not taken, those that residuals lay out as a set's residuals do."""
+    laid_out = effects_for(situation(problem, base.fitted), allowed.intersection(FROM_RESIDUALS) - taken)
+    return [e for e in catalogue if e.slug not in taken and e.slug not in FROM_RESIDUALS] + laid_out
 
 
 def _anchored(problem: Problem, textbook: Trial, singles: Sequence[Trial]) -> Trial:

@@ -6,6 +6,8 @@ added, for a soil known from elsewhere, for other drives, and for a check of the
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ..effects.effect import PULL, SINKAGE, TORQUE, Drive
@@ -27,8 +29,8 @@ _CHECKS = {
 }
 """How an instrument is checked by itself: a zero against its channel's noise, a gain against `_CHECKED_TO`."""
 
-_CHECKED_TO = 0.01
-"""Relative accuracy of such a check [-]."""
+_CHECKED_TO, _READINGS = 0.01, 100
+"""Relative accuracy of such a check of a gain [-], and readings over which one of a zero is averaged."""
 
 _ROWS = 240
 ENOUGH = 5.0
@@ -83,7 +85,9 @@ def _checks(problem: Problem, right: Trial, other: Trial) -> list[tuple[float, s
             if effect.slug not in _CHECKS or effect.slug in without.slugs:
                 continue
             channel, text = _CHECKS[effect.slug]
-            spread = _CHECKED_TO if channel is None else trial.fitted.noise.answers[problem.answers.index(channel)]
+            spread = _CHECKED_TO
+            if channel is not None:
+                spread = trial.fitted.noise.answers[problem.answers.index(channel)] / math.sqrt(_READINGS)
             answer.append((0.5 * (float(trial.fitted.vector[where][0]) / spread) ** 2, text))
     return answer
 

@@ -14,10 +14,10 @@ from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.drive import order_of
 from bevameter.identification.mismatch.fitting import Problem, fit
 from bevameter.identification.mismatch.held_out import hold_out
-from bevameter.identification.mismatch.locate import _Whitened, locate
+from bevameter.identification.mismatch.locate import Whitened, locate
 from bevameter.identification.mismatch.naming import name
 from bevameter.identification.mismatch.samples import MOST_ROWS, Samples, gather
-from bevameter.identification.mismatch.search import search, situation, textbook_trial
+from bevameter.identification.mismatch.search import search, situation, textbook_trial, try_adding
 from bevameter.identification.mismatch.soil_variation import whiten
 from bevameter.identification.mismatch.steps import scaled_inverse
 from bevameter.identification.mismatch.textbook import fit_textbook
@@ -137,15 +137,13 @@ def test_hardly_any_place_stands_out_where_nothing_is_missing(protocol):
 def test_what_a_question_gains_is_never_negative():
     """Units of megapascals and micrometres must not cost digits."""
     problem, textbook = fit_textbook(samples_of(7310, "bench", ("slip_sinkage",)))
-    whites = _Whitened(problem, textbook, textbook.noise, scaled_inverse(textbook.covariance))
-    for position in range(len(problem.answers)):
-        questions = whites.questions(position)
-        assert len(questions) > 5
+    whites = Whitened(problem, textbook, textbook.noise, scaled_inverse(textbook.covariance))
+    assert len(whites.questions) > 5 * len(problem.answers)
+    for number in range(len(whites.questions)):
+        alone = whites.gain(number)
+        assert alone >= 0.0
         # What is asked twice over has nothing to add.
-        for question in questions:
-            alone = whites.gain(question)
-            assert alone >= 0.0
-            assert whites.gain(question, question.columns) <= 1e-6 * max(alone, 1.0)
+        assert whites.gain(number, [number]) <= 1e-6 * max(alone, 1.0)
 
 
 def explained(seed: int, slug: str):
@@ -188,3 +186,17 @@ def test_an_effect_is_not_more_probable_for_having_many_forms():
     believed = name(search(problem, textbook, effects), 0.0).effects
     assert believed["torque_offset"] + believed["drivetrain_friction"] == pytest.approx(1.0, abs=0.02)
     assert believed["torque_offset"] == pytest.approx(0.5, abs=0.25)
+
+
+def test_a_patch_is_looked_for_where_other_effects_leave_one():
+    """Beside a gain the residuals' levels are those of the gain; once it is found they are those of the patch."""
+    made = samples_of(50103, "bench", ("soil_patch", "torque_gain"))
+    problem, textbook = textbook_trial(made)
+    effects = effects_for(situation(problem, textbook.fitted), ["soil_patch", "torque_gain"])
+    assert search(problem, textbook, effects).chosen.slugs == {"soil_patch", "torque_gain"}
+
+
+def test_a_start_that_first_leads_downhill_is_followed_to_its_end():
+    problem, textbook = textbook_trial(samples_of(50201, "field", ("hard_layer",)))
+    layer = effects_for(situation(problem, textbook.fitted), ["hard_layer"])[0]
+    assert try_adding(problem, textbook, textbook, layer).gain > 100.0
