@@ -14,7 +14,7 @@ from ..forward import CHANNELS, from_internal, slope_of_internal
 from . import readable
 from .explanation import Candidate, ChannelFit, Estimate, Explanation, Missing, Region, Rows, Screened, Verdict
 from .fitting import Fitted, Problem
-from .naming import ASSERTED, MENTIONED, UNKNOWN, Naming, why_not
+from .naming import ASSERTED, MANY, MENTIONED, UNKNOWN, Naming, why_not
 from .search import Search, Trial
 from .shape import shape_of
 from .smooth_correction import SmoothCorrection
@@ -73,7 +73,13 @@ def assemble(
         fits=fits,
         split=problem.samples.split,
         heldout_nats=Estimate(*gained),
-        notes=(*problems, *problem.samples.notes, *_not_predicted(problem, before, after), *_beside(unsure)),
+        notes=(
+            *problems,
+            *problem.samples.notes,
+            *_not_predicted(problem, before, after),
+            *_beside(unsure),
+            *_many(chosen),
+        ),
         rows=_rows(problem, before, after, chosen.fitted),
         simulator=best.fitted.model,
         vector=best.fitted.vector,
@@ -241,6 +247,16 @@ def _beside(unsure: list[str]) -> list[str]:
         return []
     names = ", ".join(readable.effect(slug) for slug in unsure)
     return [f"held-out data ask for something more, and do not tell whether it is {names}"]
+
+
+def _many(chosen: Trial) -> list[str]:
+    """Say why effects that are needed together are not each asserted."""
+    if len(chosen.effects) < MANY:
+        return []
+    return [
+        f"{len(chosen.effects)} effects together fit best; so many often stand in for one that the catalogue lacks, "
+        "and none of them is asserted"
+    ]
 
 
 def _floor(problem: Problem, fitted: Fitted, position: int) -> float:

@@ -35,6 +35,11 @@ _BESIDE_UNKNOWN = 0.4
 """Most that an effect is believed in beside something that the catalogue lacks: it may stand in for that [-]."""
 
 
+MANY, _OF_MANY = 3, 0.7
+"""From so many effects together each is believed in no more than this [-]: of the study's recordings one in 150 needed
+three, with their catalogue complete, of those whose effect had been taken out of it one in five."""
+
+
 @dataclass(frozen=True)
 class Naming:
     """Probabilities: of each effect being among what was left out, and of something that the catalogue lacks.
@@ -90,6 +95,8 @@ def name(search: Search, remaining: float, alone: float = np.inf) -> Naming:
             effects[slug] = effects.get(slug, 0.0) + float(weight)
     for slug in chosen.slugs:
         effects[slug] += unknown * beside
+    if len(chosen.effects) >= MANY:
+        effects = {slug: min(share, _OF_MANY) for slug, share in effects.items()}
     effects = dict(sorted(effects.items(), key=lambda pair: -pair[1]))
     look_alikes = {slug: _stand_ins(search, slug) for slug in sorted(chosen.slugs)}
     return Naming(effects, unknown, look_alikes, weights)

@@ -8,9 +8,9 @@ from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.identify import felt_rows, open_recording
 from bevameter.identification.mismatch.answer import assemble
-from bevameter.identification.mismatch.naming import Naming
+from bevameter.identification.mismatch.naming import ASSERTED, Naming, name
 from bevameter.identification.mismatch.samples import gather
-from bevameter.identification.mismatch.search import Search, situation, textbook_trial, try_adding
+from bevameter.identification.mismatch.search import Search, Trial, situation, textbook_trial, try_adding
 from bevameter.identification.mismatch.smooth_correction import SmoothCorrection, Term
 
 
@@ -42,3 +42,15 @@ def test_something_unknown_is_a_rival_only_where_the_effect_is_not_sure(searched
     assert answer.verdict == verdict
     assert {missing.effect for missing in answer.missing} == listed
     assert not any("something more" in note for note in answer.notes)
+
+
+def test_effects_that_only_three_together_explain_it_are_not_each_asserted(searched):
+    """Of recordings whose effect had been taken out of the catalogue one in five got three others in its place."""
+    problem, found = searched
+    effects = effects_for(situation(problem, found.textbook.fitted), ["load_gain", "torque_gain", "sinkage_offset"])
+    together = Trial(tuple(effects), found.chosen.fitted, found.chosen.held_out, 1e5)
+    naming = name(Search(found.textbook, (*found.trials, together), (), together), 0.0)
+    assert all(naming.effects[slug] < ASSERTED for slug in together.slugs)
+    pair = Trial(tuple(effects[:2]), found.chosen.fitted, found.chosen.held_out, 1e5)
+    naming = name(Search(found.textbook, (*found.trials, pair), (), pair), 0.0)
+    assert all(naming.effects[slug] > ASSERTED for slug in pair.slugs)
