@@ -83,10 +83,10 @@ def _located(explanation: Explanation) -> str:
         body += (
             "<p class=note>A residual is measured less simulated, in units of the channel's noise. The first line is "
             "what accounts for most of the misfit, each further one what adds to it; the share is of all that they "
-            "account for together. p is the question's, corrected for the number of questions asked. The simulation "
-            "here has the soil that was found with what was left out, without that. Of variables that go together in "
-            "this recording (slip and speed, say) one is named: that through which the effect found acts, else the "
-            "usual one.</p>"
+            "account for together. p is the question's, corrected for the number of questions asked. The table asks of "
+            "the simulation on the soil that was found with what was left out, without that. Of variables that go "
+            "together in this recording (slip and speed, say) one is named: that through which the effect found "
+            "acts, else the usual one.</p>"
         )
     else:
         body += "<p>No place is listed: held-out rows ask for nothing, or a variation of the ground explains it.</p>"
@@ -94,8 +94,9 @@ def _located(explanation: Explanation) -> str:
     if maps:
         body += (
             "<p class=note>In the pictures, black lines are means of bins with 95 % intervals, rows taken as "
-            "independent; grey is one noise to either side; yellow is where the difference was located; triangles are "
-            "points beyond the edge.</p>"
+            "independent; grey is one noise to either side; triangles are points beyond the edge. Yellow is where the "
+            "table locates the difference; the simulation on the left has a soil refitted without what was left out, "
+            "which hides part of it in one place and shows it in others.</p>"
         )
     for channel, variable, png in maps:
         caption = f"Residuals of {shown(channel).name} on held-out rows against {shown(variable).name}."
