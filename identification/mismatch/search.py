@@ -234,7 +234,8 @@ def search(
         # What was found first may have stood in for two: exchange it for others.
         for effect in best.effects[:-1]:
             rest = without(problem, textbook, best, effect)
-            instead = _others(problem, rest, worth, allowed, best.slugs)
+            # What residuals lay out was tried beside all that was found: it does not stand in for two.
+            instead = _others(problem, rest, worth, frozenset(), best.slugs)
             for trial in attempt(rest, instead, ASKED_FOR, _TRIED_IN_SETS):
                 if trial.gain > best.gain:
                     best = trial
