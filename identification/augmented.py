@@ -79,8 +79,9 @@ class AugmentedWheel:
         """
         true = self._true(drive, imposed, vector)
         start = np.full(len(imposed), 0.4) if theta_1 is None else theta_1
-        angle, _ = self._solve(drive, true, vector, start)
-        return Response(self._channels(drive, imposed, true, vector, angle), angle)
+        angle, forces = self._solve(drive, true, vector, start)
+        contact = self._contact(drive, true, vector, angle)
+        return Response(self._channels(drive, imposed, contact, vector, forces), angle)
 
     def linearise(
         self, drive: Drive, imposed: np.ndarray, vector: np.ndarray, theta_1: np.ndarray | None, *, latent: bool = True
@@ -92,25 +93,29 @@ class AugmentedWheel:
         contact = self._contact(drive, true, vector, angle)
         slopes = np.empty((len(true), 3, kernel.SOIL_FIELDS))
         kernel.rim_forces_and_slopes(contact.array, self.wheel.width_m, kernel.NODES, kernel.WEIGHTS, forces, slopes)
-        base = self._channels(drive, imposed, true, vector, angle, forces)
+        base = self._channels(drive, imposed, contact, vector, forces)
         carried = forces[:, 0]
         turned = angle * (1.0 + _STEP)
-        moved = self._forces(drive, true, vector, turned)
+        turned_contact = self._contact(drive, true, vector, turned)
+        moved = self._forces(turned_contact)
         growth = np.maximum((moved[:, 0] - carried) / (turned - angle), 1e-300)
-        along = (self._channels(drive, imposed, true, vector, turned, moved) - base) / (turned - angle)[:, None]
+        along = (self._channels(drive, imposed, turned_contact, vector, moved) - base) / (turned - angle)[:, None]
 
-        def derivative(
-            imposed_there: np.ndarray,
-            vector_there: np.ndarray,
-            step: float | np.ndarray,
-            forces_there: np.ndarray | None,
-        ) -> np.ndarray:
-            true_there = self._true(drive, imposed_there, vector_there)
-            if forces_there is None:
-                forces_there = self._forces(drive, true_there, vector_there, angle)
+        def difference(
+            imposed_there: np.ndarray, true_there: np.ndarray, vector_there: np.ndarray, there: Contact,
+            forces_there: np.ndarray, step: float | np.ndarray,
+        ) -> np.ndarray:  # fmt: skip
             lifted = (true_there[:, 0] - true[:, 0]) - (forces_there[:, 0] - carried)
-            channels = self._channels(drive, imposed_there, true_there, vector_there, angle, forces_there)
+            channels = self._channels(drive, imposed_there, there, vector_there, forces_there)
             return (channels - base + along * (lifted / growth)[:, None]) / np.reshape(step, (-1, 1))
+
+        def derivative(imposed_there: np.ndarray, vector_there: np.ndarray, step: float | np.ndarray) -> np.ndarray:
+            true_there = self._true(drive, imposed_there, vector_there)
+            there = self._contact(drive, true_there, vector_there, angle)
+            # An effect that is somewhere moves nothing elsewhere.
+            changed = (there.array != contact.array).any(axis=1)
+            forces_there = self._forces(there, changed, forces)
+            return difference(imposed_there, true_there, vector_there, there, forces_there, step)
 
         additive = [True] * SOIL_COUNT + [
             not effect.moves_contact() for effect in self.effects for _ in effect.parameters
@@ -119,26 +124,28 @@ class AugmentedWheel:
         fields = slice(first, first + kernel.SOIL_FIELDS)
         by_parameter = np.empty((*base.shape, self.size))
         for index, step in enumerate(self.steps(vector)):
-            there = vector.copy()
-            there[index] += step
-            known = None
+            stepped = vector.copy()
+            stepped[index] += step
             if index < SOIL_COUNT:
                 # The soil enters through five fields, whatever the effects make of it: their slopes are known.
-                change = self._contact(drive, true, there, angle).array[:, fields] - contact.array[:, fields]
+                there = self._contact(drive, true, stepped, angle)
+                change = there.array[:, fields] - contact.array[:, fields]
                 known = forces + np.einsum("nfm,nm->nf", slopes, change)
+                by_parameter[:, :, index] = difference(imposed, true, stepped, there, known, step)
             elif additive[index]:
-                known = forces
-            by_parameter[:, :, index] = derivative(imposed, there, step, known)
+                by_parameter[:, :, index] = difference(imposed, true, stepped, contact, forces, step)
+            else:
+                by_parameter[:, :, index] = derivative(imposed, stepped, step)
         by_ground = np.stack([by_parameter[..., 3], by_parameter[..., :2] @ vector[:2]], axis=-1)
         if not latent:
             return Response(base, angle, by_parameter, by_ground=by_ground)
         by_latent = np.empty((*base.shape, 2))
         nothing = np.zeros(len(imposed))
         step_N = 1e-5 * np.abs(imposed[:, 0])
-        by_latent[:, :, 0] = derivative(imposed + np.column_stack([step_N, nothing]), vector, step_N, None)
+        by_latent[:, :, 0] = derivative(imposed + np.column_stack([step_N, nothing]), vector, step_N)
         # Stepping towards zero slip never reaches the locked or the spinning wheel.
         step_slip = np.where(imposed[:, 1] > 0.0, -1e-5, 1e-5)
-        by_latent[:, :, 1] = derivative(imposed + np.column_stack([nothing, step_slip]), vector, step_slip, None)
+        by_latent[:, :, 1] = derivative(imposed + np.column_stack([nothing, step_slip]), vector, step_slip)
         return Response(base, angle, by_parameter, by_latent, by_ground)
 
     def steps(self, vector: np.ndarray) -> np.ndarray:
@@ -172,19 +179,19 @@ class AugmentedWheel:
             effect.contact(contact, drive, vector[where])
         return contact
 
-    def _forces(self, drive: Drive, true: np.ndarray, vector: np.ndarray, theta_1: np.ndarray) -> np.ndarray:
-        contact = self._contact(drive, true, vector, theta_1)
-        forces = np.empty((len(true), 3))
-        kernel.rim_forces(contact.array, self.wheel.width_m, kernel.NODES, kernel.WEIGHTS, forces)
+    def _forces(
+        self, contact: Contact, wanted: np.ndarray | None = None, known: np.ndarray | None = None
+    ) -> np.ndarray:
+        """W [N], T [N m] and DP [N] of a contact (n, 3); rows that are not `wanted` (n,) have those that are known."""
+        rows = len(contact.array)
+        forces = np.empty((rows, 3)) if known is None else known.copy()
+        wanted = np.ones(rows, dtype=bool) if wanted is None else wanted
+        kernel.rim_forces(contact.array, self.wheel.width_m, kernel.NODES, kernel.WEIGHTS, wanted, forces)
         return forces
 
     def _channels(
-        self, drive: Drive, imposed: np.ndarray, true: np.ndarray, vector: np.ndarray, theta_1: np.ndarray,
-        forces: np.ndarray | None = None,
-    ) -> np.ndarray:  # fmt: skip
-        contact = self._contact(drive, true, vector, theta_1)
-        if forces is None:
-            forces = self._forces(drive, true, vector, theta_1)
+        self, drive: Drive, imposed: np.ndarray, contact: Contact, vector: np.ndarray, forces: np.ndarray
+    ) -> np.ndarray:
         channels = np.column_stack([imposed[:, 0], forces[:, 1], contact.sinkage_m, imposed[:, 1], forces[:, 2]])
         for effect, where in self.slices():
             effect.act(channels, contact, drive, vector[where])
@@ -206,7 +213,7 @@ class AugmentedWheel:
         angle = np.clip(np.where(np.isfinite(start), start, 0.4), 2.0 * _SMALLEST_ANGLE, 0.99 * LARGEST_ENTRY_ANGLE)
         growth = np.full(rows, 2.0 * float(np.exp(vector[4])) + 1.0)
         before_angle, before_load = angle, np.full(rows, np.nan)
-        forces = self._forces(drive, true, vector, angle)
+        forces = self._forces(self._contact(drive, true, vector, angle))
         with np.errstate(invalid="ignore", divide="ignore"):
             for _ in range(_ITERATIONS):
                 carried = forces[:, 0]
@@ -221,7 +228,7 @@ class AugmentedWheel:
                 trial = np.where((trial > low) & (trial < high), trial, 0.5 * (low + high))
                 before_angle, before_load = angle, carried
                 angle = np.where(off, trial, angle)
-                forces = self._forces(drive, true, vector, angle)
+                forces = self._forces(self._contact(drive, true, vector, angle), off, forces)
             lost = ~(np.abs(forces[:, 0] - load) <= 10.0 * _LOAD_TOLERANCE * load)
         angle = np.where(lost, np.nan, angle)
         forces = np.where(lost[:, None], np.nan, forces)

@@ -36,47 +36,62 @@ SOIL_FIELDS = 5
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def rim_forces(contact, width, nodes, weights, forces):
-    """Integrate the stresses of each row of `contact` (n, f) into `forces` (n, 3): W [N], T [N m], DP [N]."""
-    no_slopes = np.empty((1, 3, 0))
+def rim_forces(contact, width, nodes, weights, wanted, forces):
+    """Integrate the stresses of each row of `contact` (n, f) into `forces` (n, 3): W [N], T [N m], DP [N].
+
+    Rows that are not `wanted` (n,) keep the forces that they have.
+    """
+    no_slopes, scratch = np.empty((3, 0)), np.empty((2, SOIL_FIELDS))
     for row in range(contact.shape[0]):
-        _one_rim(contact[row], width, nodes, weights, forces[row], no_slopes[0])
+        if wanted[row]:
+            _one_rim(contact[row], width, nodes, weights, scratch, forces[row], no_slopes)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def rim_forces_and_slopes(contact, width, nodes, weights, forces, slopes):
     """As `rim_forces`, and `slopes` (n, 3, 5): derivatives of W, T, DP by c, tan phi, k, stiffness and n."""
+    scratch = np.empty((2, SOIL_FIELDS))
     for row in range(contact.shape[0]):
-        _one_rim(contact[row], width, nodes, weights, forces[row], slopes[row])
+        _one_rim(contact[row], width, nodes, weights, scratch, forces[row], slopes[row])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _one_rim(field, width, nodes, weights, forces, slopes):
+def _one_rim(field, width, nodes, weights, scratch, forces, slopes):
     theta_1, theta_2, theta_m, advance = field[0], field[1], field[2], field[3]
     radius, shear_radius = field[9], field[10]
     sin_1, cos_1 = math.sin(theta_1), math.cos(theta_1)
     forces[:] = 0.0
     slopes[:, :] = 0.0
-    normal_slopes, shear_slopes = np.empty(SOIL_FIELDS), np.empty(SOIL_FIELDS)
-    for zone in range(2):
-        start, length = (theta_1, theta_m - theta_1) if zone == 0 else (theta_2, theta_m - theta_2)
-        # By Eq. 9 both zones have the same normal stress at the same node: that of the front.
-        for node in range(nodes.size):
-            theta = start + length * nodes[node]
-            ahead = theta_1 + (theta_m - theta_1) * nodes[node]
-            weight = weights[node] * abs(length)
-            sine, cosine = math.sin(theta), math.cos(theta)
-            depth = max(radius * (math.cos(ahead) - cos_1), 1e-300)
-            share = math.exp(field[8] * math.log(depth / width))
-            normal = field[7] * share
-            below = depth - field[15]
-            layer = 0.0
+    normal_slopes, shear_slopes = scratch
+    for node in range(nodes.size):
+        ahead = theta_1 + (theta_m - theta_1) * nodes[node]
+        sin_ahead, cos_ahead = math.sin(ahead), math.cos(ahead)
+        depth = max(radius * (cos_ahead - cos_1), 1e-300)
+        relative = math.log(depth / width)
+        share = math.exp(field[8] * relative)
+        normal = field[7] * share
+        below = depth - field[15]
+        layer = 0.0
+        if below > 0.0:
+            layer = field[16] * (below / width) ** field[8]
+            normal += layer
+        flat = normal > field[17]
+        if flat:
+            normal = field[17]
+        normal_slopes[:] = 0.0
+        if slopes.shape[1] > 0 and not flat:
+            normal_slopes[3] = share
+            normal_slopes[4] = field[7] * share * relative
             if below > 0.0:
-                layer = field[16] * (below / width) ** field[8]
-                normal += layer
-            flat = normal > field[17]
-            if flat:
-                normal = field[17]
+                normal_slopes[4] += layer * math.log(below / width)
+        # By Eq. 9 both zones have the same normal stress at the same node: that of the front.
+        for zone in range(2):
+            theta, sine, cosine = ahead, sin_ahead, cos_ahead
+            weight = weights[node] * abs(theta_m - theta_1)
+            if zone == 1:
+                theta = theta_2 + (theta_m - theta_2) * nodes[node]
+                sine, cosine = math.sin(theta), math.cos(theta)
+                weight = weights[node] * abs(theta_m - theta_2)
             friction, strength = field[5], field[4] + normal * field[5]
             displacement = shear_radius * (theta_1 - theta) - advance * (sin_1 - sine)
             mobilised, slope = _mobilised(displacement, field[6], field[12])
@@ -94,12 +109,6 @@ def _one_rim(field, width, nodes, weights, forces, slopes):
             forces[2] += weight * (shear_radius * shear * cosine - radius * normal * sine)
             if slopes.shape[1] == 0:
                 continue
-            normal_slopes[:] = 0.0
-            if not flat:
-                normal_slopes[3] = share
-                normal_slopes[4] = field[7] * share * math.log(depth / width)
-                if below > 0.0:
-                    normal_slopes[4] += layer * math.log(below / width)
             for m in range(SOIL_FIELDS):
                 shear_slopes[m] = mobilised * friction * normal_slopes[m]
             if not capped:

@@ -30,7 +30,7 @@ def textbook_contact(theta_1: np.ndarray, slip: np.ndarray) -> np.ndarray:
 def forces_of(contact: np.ndarray, count: int = 0) -> np.ndarray:
     nodes, weights = stress_kernel.quadrature(count) if count else (contact_kernel.NODES, contact_kernel.WEIGHTS)
     forces = np.empty((len(contact), 3))
-    contact_kernel.rim_forces(contact, WHEEL.width_m, nodes, weights, forces)
+    contact_kernel.rim_forces(contact, WHEEL.width_m, nodes, weights, np.ones(len(contact), dtype=bool), forces)
     return forces
 
 
