@@ -1,8 +1,8 @@
 """Maximum likelihood with errors in every channel: the true load and slip of each sample are unknown too.
 
 Least squares on noisy regressors is biased (attenuation). Here the true load and slip of a sample are latent, drawn
-from a population whose mean and covariance are estimated with the soil (the structural model of W. A. Fuller,
-"Measurement Error Models" (1987), Sec. 1.2 and 4.2). Where the model cannot explain a channel, its standard deviation
+from a `population` that is estimated with the soil (the structural model of W. A. Fuller, "Measurement Error Models"
+(1987), Sec. 1.2 and 4.2). Where the model cannot explain a channel, its standard deviation
 is estimated too, never below the sensor's. The likelihood itself is in `marginal_likelihood`.
 """
 
@@ -22,7 +22,9 @@ from .marginal_likelihood import (
     evaluate,
     mean_score,
     recentre,
+    with_population,
 )
+from .population import Population
 
 ENOUGH = 0.003
 """The iteration ends when a step gains less than this [nats]."""
@@ -79,13 +81,8 @@ def start(problem: Problem, vector: np.ndarray, theta_1: np.ndarray) -> Point:
     scale = problem.load_scale
     load = np.maximum(load, 0.02 * scale)
     imposed = np.column_stack([load, slip])
-    population = np.empty(POPULATION)
-    population[:2] = load.mean(), slip.mean()
-    noise = np.where(np.isfinite(problem.noise), problem.noise, 0.0)
-    for axis, channel, unit in ((0, 0, scale), (1, 3, 1.0)):
-        variance = max(float(np.var(imposed[:, axis])) - noise[channel] ** 2, (0.1 * noise[channel]) ** 2, 1e-10)
-        population[2 + axis] = 0.5 * np.log(variance) - np.log(unit)
-    population[4] = 0.0
+    load_noise = float(np.nan_to_num(problem.noise[0]))
+    population = Population.beginning(problem.grid, load, load_noise, problem.least_deviation)
     # Wide at first, so that a start far from the truth sees a slope, not a field of gross errors.
     wide = 0.5 * np.array(
         [np.std(column[np.isfinite(column)]) if np.isfinite(column).any() else 0.0 for column in measured.T]
@@ -113,19 +110,25 @@ def fit(problem: Problem, point: Point, *, iterations: int = 60, enough: float =
 
 def _climb(problem: Problem, point: Point, iterations: int, *, enough: float) -> tuple[Point, State, bool]:
     """Step uphill until a step gains less than `enough` nats."""
-    damping, converged = 1e-3, False
+    damping, converged, fresh = 1e-3, False, False
     state = evaluate(problem, point)
     for _ in range(iterations):
         trial = _move(problem, point, state, damping)
-        moved = evaluate(problem, trial) if trial is not None else None
+        # The quadrature follows every step: one that stayed behind would call a wider population a worse one.
+        trial = None if trial is None else recentre(problem, recentre(problem, trial))
+        moved = None if trial is None else evaluate(problem, trial)
         if trial is not None and moved is not None and moved.value >= state.value - 1e-9 * abs(state.value):
             gain = moved.value - state.value
-            point = recentre(problem, replace(trial, theta_1=moved.theta_1))
-            state = evaluate(problem, point)
+            point, state, fresh = replace(trial, theta_1=moved.theta_1), moved, False
             damping = max(damping / 8.0, 1e-9)
             if gain < enough:
                 converged = True
                 break
+        elif not fresh:
+            # Nor may the point be judged by a better quadrature, or a worse one, than the steps from it.
+            point, fresh = recentre(problem, recentre(problem, replace(point, theta_1=state.theta_1))), True
+            state = evaluate(problem, point)
+            damping *= 10.0
         else:
             damping *= 10.0
             if damping > 1e8:
@@ -136,17 +139,17 @@ def _climb(problem: Problem, point: Point, iterations: int, *, enough: float) ->
 def _move(problem: Problem, point: Point, state: State, damping: float) -> Point | None:
     """One damped step of everything that is estimated; None where it cannot be taken."""
     p = len(problem.held)
-    gradient = np.einsum("n,nd->d", state.weights, mean_score(state))
-    gradient[:p] -= problem.precision * (point.vector - problem.prior_mean)
+    uphill = np.einsum("n,nd->d", state.weights, mean_score(state))
+    uphill[:p] -= problem.precision * (point.vector - problem.prior_mean)
     information = state.information
     answers = np.flatnonzero(problem.answers)
     floor = np.log(problem.noise[answers])
-    moving = np.concatenate([problem.free, np.ones(POPULATION + len(answers), dtype=bool)])
-    moving[:p] &= ~((point.vector <= problem.lower) & (gradient[:p] < 0.0))
-    moving[:p] &= ~((point.vector >= problem.upper) & (gradient[:p] > 0.0))
-    moving[p + POPULATION :] &= ~((point.log_sd[answers] <= floor) & (gradient[p + POPULATION :] < 0.0))
-    smallest = _smallest_spread(problem)
-    moving[p + 2 : p + 4] &= ~((point.population[2:4] <= smallest) & (gradient[p + 2 : p + 4] < 0.0))
+    # Where slips spread wider than their noise, the shares of the population say best where they are.
+    narrow = point.population.moments[1][1, 1] <= problem.noise[3] ** 2
+    moving = np.concatenate([problem.free, [True, narrow, False, False, False], np.ones(len(answers), dtype=bool)])
+    moving[:p] &= ~((point.vector <= problem.lower) & (uphill[:p] < 0.0))
+    moving[:p] &= ~((point.vector >= problem.upper) & (uphill[:p] > 0.0))
+    moving[p + POPULATION :] &= ~((point.log_sd[answers] <= floor) & (uphill[p + POPULATION :] < 0.0))
 
     block = information[np.ix_(moving, moving)]
     scale = 1.0 / np.sqrt(np.maximum(np.diag(block), 1e-12))
@@ -154,27 +157,20 @@ def _move(problem: Problem, point: Point, state: State, damping: float) -> Point
     values, vectors = np.linalg.eigh(scaled)
     values = np.maximum(values, 0.0) + damping
     step = np.zeros(len(moving))
-    step[moving] = scale * (vectors @ ((vectors.T @ (scale * gradient[moving])) / values))
+    step[moving] = scale * (vectors @ ((vectors.T @ (scale * uphill[moving])) / values))
     if not np.isfinite(step).all():
         return None
     log_part = slice(2, None)
     change = step[:p].copy()
     change[log_part] = np.clip(change[log_part], -1.0, 1.0)
     vector = np.where(problem.free, np.clip(point.vector + change, problem.lower, problem.upper), point.vector)
-    population = point.population + np.clip(step[p : p + POPULATION], [-np.inf] * 4 + [-0.3], [np.inf] * 4 + [0.3])
-    population[2:4] = np.clip(
-        population[2:4], np.maximum(point.population[2:4] - 1.0, smallest), point.population[2:4] + 1
-    )
     log_sd = point.log_sd.copy()
-    log_sd[answers] = np.maximum(log_sd[answers] + np.clip(step[p + POPULATION :], -1.0, 1.0), floor)
+    # Down from where it was put at first in strides, up with care: there every other residual seems small.
+    log_sd[answers] = np.maximum(log_sd[answers] + np.clip(step[p + POPULATION :], -1.0, 0.2), floor)
     outliers = point.outliers
     if outliers != NO_OUTLIERS:
         # Far from the optimum every sample would seem a gross error: none is looked for there.
         outliers = float(np.clip(np.mean(1.0 - state.weights), 1e-3, 0.2))
+    point = with_population(problem, point, state)
+    population = point.population.moved(float(step[p]), float(step[p + 1]))
     return replace(point, vector=vector, population=population, log_sd=log_sd, outliers=outliers, theta_1=state.theta_1)
-
-
-def _smallest_spread(problem: Problem) -> np.ndarray:
-    """Logarithm of the least standard deviation of the population (scaled load, slip): a tenth of the noise."""
-    noise = problem.noise[[0, 3]] / np.array([problem.load_scale, 1.0])
-    return np.log(np.maximum(0.1 * np.nan_to_num(noise), 1e-4))

@@ -174,6 +174,12 @@ def usable(measured: Measured) -> Measured:
     for channel, remedy in ((3, "slip, or both speeds"), (0, "load_N: the wheel's share of the weight, if not sensed")):
         if not seen[:, channel].any():
             raise InputError("wheel channels", f"no {CHANNELS[channel]} was observed", expected=remedy)
+    for channel in np.flatnonzero(seen.any(axis=0)):
+        noise = float(measured.noise[channel])
+        if not 0.0 < noise < math.inf:
+            raise InputError(
+                "noise", f"that of {CHANNELS[channel]} is {noise}", expected="a standard deviation above 0"
+            )
     rows = seen[:, 3] & (seen[:, 0] | seen[:, 2]) & (seen.sum(axis=1) >= 3)
     if rows.sum() < LEAST_ROWS:
         raise InputError(
@@ -248,9 +254,14 @@ def physical(solution: Solution) -> Solution:
     lower = solution.problem.lower.copy()
     lower[0] = 0.0
     problem = replace(solution.problem, lower=lower)
-    if solution.fit.vector[0] >= 0.0:
+    cohesion = float(solution.fit.vector[0])
+    if cohesion >= 0.0:
         return replace(solution, problem=problem)
-    return replace(solution, problem=problem, fit=fit(problem, solution.fit.point))
+    # Friction and all else go with cohesion: from anywhere else than along that ridge the way back is long.
+    covariance = solution.fit.covariance(problem.free)
+    ridge = covariance[:, 0] / max(covariance[0, 0], 1e-300)
+    vector = np.clip(solution.fit.vector - ridge * cohesion, problem.lower, problem.upper)
+    return replace(solution, problem=problem, fit=fit(problem, replace(solution.fit.point, vector=vector)))
 
 
 def build_problem(measured: Measured, wheel: Wheel, known: SoilKnowledge) -> Problem:

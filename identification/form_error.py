@@ -138,6 +138,7 @@ def _moving(problem: Problem, point: Point, state: State) -> np.ndarray:
     answers = np.flatnonzero(problem.answers)
     inside = (point.vector > problem.lower) & (point.vector < problem.upper)
     above = point.log_sd[answers] > np.log(problem.noise[answers]) + 1e-9
+    # The population counts as the normal one of its moments, which is nearly at its best too.
     moving = np.concatenate([problem.free & inside, np.ones(POPULATION, dtype=bool), above])
     return moving & (np.diag(state.information) > 0.0)
 

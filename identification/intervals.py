@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 _TOLERANCE = 0.15
 """An end is taken where the profile has fallen to within this share of the critical value."""
 
+_CLIFF = 10.0
+"""A fall beyond this many times the critical value is no slope of a parabola."""
+
 
 @dataclass(frozen=True)
 class _Walk:
@@ -31,7 +34,7 @@ class _Walk:
     growth: float
 
 
-_STRAIGHT = _Walk(8, 20, 0.05, 1.0, 4.0)
+_STRAIGHT = _Walk(12, 20, 0.05, 1.0, 4.0)
 _WINDING = _Walk(10, 40, 0.01, 0.25, 2.0)
 """Where the form is free, valleys are long and bend: short steps, each from where the last one ended."""
 
@@ -140,7 +143,7 @@ def _end(solution: Solution, index: int, sd: float, ridge: np.ndarray, direction
         return best.vector
     critical = solution.quantile**2 * solution.widened(index)
     point = best.point
-    inner, outer, found = 0.0, math.inf, best.vector
+    inner, outer, fall, found, carried = 0.0, math.inf, 0.0, best.vector, best.vector
     walk = _STRAIGHT
     if solution.widening is not None:
         walk = _WINDING_FAR if len(problem.measured) <= _FEW else _WINDING
@@ -158,18 +161,23 @@ def _end(solution: Solution, index: int, sd: float, ridge: np.ndarray, direction
         # The profile is nearly a parabola about the optimum; brackets catch it where it is not.
         aim = at * math.sqrt(critical / fall)
         if fall < critical:
-            inner, point = at, profiled.point
+            inner, point, carried = at, profiled.point, found
             at = min(aim, walk.growth * at, reach) if math.isinf(outer) else min(aim, 0.5 * (inner + outer))
         else:
             outer = at
-            at = max(aim, inner + 0.15 * (outer - inner))
+            # Over a cliff a parabola says nothing: where a bound stops another parameter, the profile breaks off.
+            share = 0.5 if inner > 0.0 and fall > _CLIFF * critical else 0.15
+            at = max(aim, inner + share * (outer - inner))
         if outer - inner < 0.03 * outer:
             break
     else:
-        fall = critical
-    answer = found.copy()
+        fall = fall if fall > _CLIFF * critical else critical
     reached = (found[index] - centre) * direction
     if fall > critical * (1.0 - _TOLERANCE):
         reached = min(reached * math.sqrt(critical / fall), reach)
+    if reached < inner and math.isfinite(outer):
+        # The profile breaks off in between; what goes with its edge is what went with the last foothold.
+        found, reached = carried, 0.5 * (inner + outer)
+    answer = found.copy()
     answer[index] = centre + direction * reached
     return answer

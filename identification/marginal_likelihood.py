@@ -1,9 +1,9 @@
 """Likelihood of wheel samples whose true load and slip are unknown: value, score and information at a point.
 
-The latents of a sample, load and slip, come from a normal population and are integrated out by adaptive quadrature
-(Q. Liu, D. A. Pierce, Biometrika 81 (1994), Sec. 2). The score is the mean of the complete-data score over the latents
+The latents of a sample, load and slip, come from a `population` and are integrated out by adaptive quadrature (Q. Liu,
+D. A. Pierce, Biometrika 81 (1994), Sec. 2). The score is the mean of the complete-data score over the latents
 (Fisher's identity; T. A. Louis, J. R. Stat. Soc. B 44 (1982), Eq. 3.1), the information that of the linearised marginal
-model. A share of the samples may be gross errors.
+model, its population taken to be normal. A share of the samples may be gross errors.
 """
 
 from __future__ import annotations
@@ -14,16 +14,20 @@ from functools import cached_property
 import numpy as np
 
 from .forward import ForwardModel
+from .population import LEAST_SPREAD, Grid, Population
 
 POPULATION = 5
-"""Numbers that describe the population of (load, slip): two means, and the Cholesky factor of the covariance."""
+"""Numbers of a normal population of (load, slip): two means, and the Cholesky factor of the covariance."""
 
 NO_OUTLIERS = 1e-300
 
-_ROOT = np.sqrt(3.0)
-_NODES = _ROOT * np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
-_WEIGHTS = np.array([2.0, 1.0, 1.0, 1.0, 1.0]) / 6.0
-"""Five nodes in a cross, exact for cubics (A. H. Stroud, "Approximate Calculation of Multiple Integrals", 1971)."""
+_SLIP_NODES, _SLIP_WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
+_MIDDLE_FIRST = np.argsort(np.abs(_SLIP_NODES), kind="stable")
+_SLIP_NODES, _SLIP_WEIGHTS = _SLIP_NODES[_MIDDLE_FIRST], _SLIP_WEIGHTS[_MIDDLE_FIRST] / _SLIP_WEIGHTS.sum()
+_LOAD_NODE = np.sqrt(3.0)
+_NODES = np.array([*([0.0, at] for at in _SLIP_NODES), [_LOAD_NODE, 0.0], [-_LOAD_NODE, 0.0]])
+_WEIGHTS = np.concatenate([_SLIP_WEIGHTS - np.array([1.0, 0.0, 0.0, 0.0, 0.0]) / 3.0, np.full(2, 1.0 / 6.0)])
+"""A cross, its middle first: Gauss-Hermite with five nodes in slip, where shear saturates, with three in load."""
 
 NODE_COUNT = len(_WEIGHTS)
 
@@ -89,6 +93,16 @@ class Problem:
         return float(np.nanmean(np.abs(self.measured[:, 0])))
 
     @cached_property
+    def grid(self) -> Grid:
+        """Where slips may lie, from the measured ones."""
+        return Grid.over(self.measured[:, 3], float(self.noise[3]))
+
+    @cached_property
+    def least_deviation(self) -> float:
+        """Least standard deviation of the population of loads [N]."""
+        return max(LEAST_SPREAD * float(np.nan_to_num(self.noise[0])), 1e-4 * self.load_scale)
+
+    @cached_property
     def log_gross(self) -> np.ndarray:
         """Log-density of a gross error, (n,): uniform over twice the range that each observed channel shows."""
         ranges = np.ones(5)
@@ -107,13 +121,12 @@ class Problem:
 class Point:
     """A state of the iteration.
 
-    vector (p,); population (5,): mean load [N], mean slip, ln of the first and second diagonal of the Cholesky factor
-    of their covariance, its off-diagonal (load in units of `load_scale`); log_sd (5,) of the channels; imposed (n, 2)
-    and spread (n, 2, 2), the centre and Cholesky factor of each sample's quadrature; theta_1 (n, q) warm start [rad].
+    vector (p,); population of load and slip; log_sd (5,) of the channels; imposed (n, 2) and spread (n, 2, 2), the
+    centre and Cholesky factor of each sample's quadrature; theta_1 (n, q) warm start [rad].
     """
 
     vector: np.ndarray
-    population: np.ndarray
+    population: Population
     log_sd: np.ndarray
     imposed: np.ndarray
     spread: np.ndarray
@@ -154,13 +167,9 @@ def evaluate(problem: Problem, point: Point) -> State:
     measured = problem.filled[:, None, :]
     residuals = np.where(carried[..., None], (measured - channels) * inverse_sd, 0.0)
     log_noise = np.sum(seen * (point.log_sd + 0.5 * _LOG_2PI), axis=1)
-    v, chol = _standardised(problem, point.population, nodes)
     log_density = (
-        -0.5 * np.einsum("nqm,nqm->nq", residuals, residuals)
-        - log_noise[:, None]
-        - 0.5 * np.einsum("nqa,nqa->nq", v, v)
-        - point.population[2] - point.population[3] - np.log(problem.load_scale) - _LOG_2PI
-    )  # fmt: skip
+        -0.5 * np.einsum("nqm,nqm->nq", residuals, residuals) - log_noise[:, None] + point.population.log_density(nodes)
+    )
     determinant = np.abs(point.spread[:, 0, 0] * point.spread[:, 1, 1])
     log_rule = np.log(_WEIGHTS) + 0.5 * np.sum(_NODES**2, axis=1) + _LOG_2PI
     log_terms = np.where(carried, log_density + log_rule + np.log(determinant)[:, None], -np.inf)
@@ -171,9 +180,10 @@ def evaluate(problem: Problem, point: Point) -> State:
     log_sample = peak + np.log(total)
     mixed = np.logaddexp(np.log1p(-point.outliers) + log_sample, np.log(point.outliers) + problem.log_gross)
     weights = np.exp(np.log1p(-point.outliers) + log_sample - mixed)
-    value = float(mixed.sum()) + _log_prior(problem, point.vector)
+    value = float(mixed.sum()) + _log_prior(problem, point)
 
     by_parameter = np.nan_to_num(prediction.by_parameter.reshape(rows, count, 5, -1)) * inverse_sd[..., None]
+    v, chol = _standardised(problem, point.population, nodes)
     score = _score(problem, residuals, by_parameter, v, chol)
     centre = np.nan_to_num(prediction.by_latent.reshape(rows, count, 5, 2)[:, 0]) * inverse_sd[:, 0, :, None]
     information = _information(problem, centre, by_parameter[:, 0], chol, weights)
@@ -181,23 +191,26 @@ def evaluate(problem: Problem, point: Point) -> State:
     return State(value, nodes, residuals, terms / total[:, None], weights, score, information, theta_1)
 
 
-def _standardised(problem: Problem, population: np.ndarray, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _standardised(problem: Problem, population: Population, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Latents in units of the population, (n, q, 2), and the Cholesky factor (2, 2) with the load in scaled units."""
-    chol = np.array([[np.exp(population[2]), 0.0], [population[4], np.exp(population[3])]])
-    away = nodes - population[:2]
-    first = away[..., 0] / problem.load_scale / chol[0, 0]
+    mean, covariance = population.moments
+    unit = np.array([problem.load_scale, 1.0])
+    chol = np.linalg.cholesky(covariance / np.outer(unit, unit))
+    away = (nodes - mean) / unit
+    first = away[..., 0] / chol[0, 0]
     second = (away[..., 1] - chol[1, 0] * first) / chol[1, 1]
     return np.stack([first, second], axis=-1), chol
 
 
-def _log_prior(problem: Problem, vector: np.ndarray) -> float:
-    return -0.5 * float(np.sum(problem.precision * (vector - problem.prior_mean) ** 2))
+def _log_prior(problem: Problem, point: Point) -> float:
+    vector = -0.5 * float(np.sum(problem.precision * (point.vector - problem.prior_mean) ** 2))
+    return vector + point.population.log_prior()
 
 
 def _score(
     problem: Problem, residuals: np.ndarray, by_parameter: np.ndarray, v: np.ndarray, chol: np.ndarray
 ) -> np.ndarray:
-    """Complete-data score at each node, (n, q, d)."""
+    """Complete-data score at each node, (n, q, d), that of the population taken to be normal."""
     p = by_parameter.shape[-1]
     answers = np.flatnonzero(problem.answers)
     score = np.empty((*v.shape[:2], p + POPULATION + len(answers)))
@@ -261,6 +274,12 @@ def _inverse_2x2(matrices: np.ndarray) -> np.ndarray:
 def mean_score(state: State) -> np.ndarray:
     """Score of each sample, (n, d), its latents averaged out."""
     return np.einsum("nq,nqd->nd", state.responsibility, state.score)
+
+
+def with_population(problem: Problem, point: Point, state: State) -> Point:
+    """Move the population to where the samples' latents now say."""
+    population = point.population.improved(state.nodes, state.responsibility, state.weights, problem.least_deviation)
+    return replace(point, population=population)
 
 
 def recentre(problem: Problem, point: Point) -> Point:

@@ -64,7 +64,6 @@ class OnlineIdentifier:
         self._noise = np.array([noise.get(name, math.nan) for name in CHANNELS])
         self._rows = np.empty((0, len(CHANNELS)))
         self._fit: Fit | None = None
-        self._load_scale = math.nan
         self._since_search = 0
 
     def update(
@@ -92,9 +91,8 @@ class OnlineIdentifier:
             self._fit = converge(problem, self._wheel, self._known)
             self._since_search = 0
         else:
-            point = extended(self._fit.point, problem, self._load_scale, dropped)
+            point = extended(self._fit.point, problem, dropped)
             self._fit = fit(problem, point, iterations=TRIALS, enough=math.inf)
-        self._load_scale = problem.load_scale
         return self.estimate()
 
     def _lost(self) -> bool:
@@ -122,15 +120,13 @@ class OnlineIdentifier:
         return OnlineEstimate(quantities, float(covariance[0, 1] / spread) if spread > 0.0 else 0.0, len(self._rows))
 
 
-def extended(point: Point, problem: Problem, load_scale: float, dropped: int) -> Point:
-    """Let the `dropped` oldest samples go, begin the newest at what was measured; `load_scale` is the point's [N]."""
+def extended(point: Point, problem: Problem, dropped: int) -> Point:
+    """Let the `dropped` oldest samples go, begin the newest at what was measured."""
     newest = np.clip(problem.measured[-1:, [0, 3]], [0.02 * problem.load_scale, -0.98], [np.inf, 0.999])
-    population = point.population.copy()
-    population[2] += math.log(load_scale / problem.load_scale)
     angles = np.full((1, point.theta_1.shape[1]), float(np.median(point.theta_1)))
     return replace(
         point,
-        population=population,
+        population=point.population.carried(problem.grid),
         imposed=np.vstack([point.imposed[dropped:], newest]),
         spread=np.concatenate([point.spread[dropped:], np.zeros((1, 2, 2))]),
         theta_1=np.vstack([point.theta_1[dropped:], angles]),

@@ -10,7 +10,7 @@ from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.soil import SoilKnowledge
 from bevameter.framework.core.vehicle import Wheel
 from bevameter.identification.estimation import Measured, estimate_soil, physical, solve
-from bevameter.identification.forward import TextbookWheel
+from bevameter.identification.forward import CHANNELS, TextbookWheel
 from bevameter.identification.wheel_soil import Soil, equilibrium
 
 WHEEL = Wheel(radius_m=0.5, width_m=0.3)
@@ -43,7 +43,10 @@ def test_noise_free_data_give_the_soil_back(rng):
 
 
 def test_estimates_reach_the_cramer_rao_bound_and_cover_at_ten_per_cent_noise():
-    """40 seeds: root-mean-square error within 1.35 of the bound (its own scatter is 11 %), intervals that cover."""
+    """40 seeds: root-mean-square error within 1.35 of the bound (its own scatter is 11 %), intervals that cover.
+
+    The shear modulus is the one that suffers where the slips, which swing, are taken to be normal.
+    """
     rng = np.random.default_rng(3)
     quiet = paper_case(rng, 1e-9)
     noisy = paper_case(rng, 0.10)
@@ -61,24 +64,52 @@ def test_estimates_reach_the_cramer_rao_bound_and_cover_at_ten_per_cent_noise():
     errors, covered = [], []
     for _ in range(40):
         solution = physical(solve(paper_case(rng, 0.10), WHEEL, SoilKnowledge()))
-        error = (solution.fit.vector - vector)[:2]
+        error = (solution.fit.vector - vector)[:3]
         errors.append(error)
-        covered.append(np.abs(error) <= 1.96 * np.sqrt(np.diag(solution.covariance())[:2]))
-    rms = np.sqrt(np.mean(np.square(errors), axis=0))
+        covered.append(np.abs(error) <= 1.96 * np.sqrt(np.diag(solution.covariance())[:3]))
+    rms = np.sqrt(np.mean(np.square(errors), axis=0))[:2]
     assert (rms <= 1.35 * np.sqrt(np.diag(bound)[:2])).all()
     assert (np.mean(covered, axis=0) >= 0.87).all()
+    assert abs(np.mean(errors, axis=0)[2]) < 0.08
 
 
-def test_at_constant_load_cohesion_and_friction_are_not_told_apart_but_strength_is(rng):
-    estimate = estimate_soil(paper_case(rng, 0.02, swing_N=0.0), WHEEL)
-    assert not estimate.separable["c_Pa"]
-    assert not estimate.separable["phi_rad"]
-    assert "vary the load" in estimate.advice
-    for strength in estimate.shear_strength:
-        truth = SOIL.c_Pa + strength.normal_stress_Pa * np.tan(SOIL.phi_rad)
-        assert strength.low_Pa <= truth <= strength.high_Pa
-        assert strength.high_Pa - strength.low_Pa < 0.3 * truth
-    assert estimate.parameters["c_Pa"].low <= SOIL.c_Pa <= estimate.parameters["c_Pa"].high
+def test_at_constant_load_cohesion_and_friction_are_not_told_apart_but_strength_is():
+    held = []
+    for seed in range(3):
+        estimate = estimate_soil(paper_case(np.random.default_rng(seed), 0.02, swing_N=0.0), WHEEL)
+        assert not estimate.separable["c_Pa"]
+        assert not estimate.separable["phi_rad"]
+        assert "vary the load" in estimate.advice
+        for name in ("phi_rad", "stiffness_Pa", "n"):
+            assert estimate.parameters[name].low <= getattr(SOIL, name) <= estimate.parameters[name].high
+        for strength in estimate.shear_strength:
+            truth = SOIL.c_Pa + strength.normal_stress_Pa * np.tan(SOIL.phi_rad)
+            assert strength.value_Pa == pytest.approx(truth, rel=0.03)
+            assert strength.high_Pa - strength.low_Pa < 0.1 * truth
+            held.append(strength.low_Pa <= truth <= strength.high_Pa)
+    # One drive in twenty or so may miss it, at all its stresses.
+    assert sum(held) >= 6
+
+
+@pytest.mark.parametrize(("channel", "noise"), [(0, 0.0), (3, np.nan), (1, -1.0)])
+def test_a_channel_without_a_noise_is_refused(rng, channel, noise):
+    measured = paper_case(rng, 0.05)
+    noises = measured.noise.copy()
+    noises[channel] = noise
+    with pytest.raises(InputError, match=CHANNELS[channel]):
+        estimate_soil(replace(measured, noise=noises), WHEEL)
+
+
+def test_slips_that_are_gross_errors_do_not_move_the_shear_modulus(rng):
+    measured = paper_case(rng, 0.05)
+    spoilt = measured.channels.copy()
+    spoilt[[40, 200], 3] = -0.98
+    clean, robust = (
+        solve(replace(measured, channels=each), WHEEL, SoilKnowledge()) for each in (measured.channels, spoilt)
+    )
+    sd = np.sqrt(clean.covariance()[2, 2])
+    assert abs(robust.fit.vector[2] - clean.fit.vector[2]) < 0.7 * sd
+    assert robust.fit.converged
 
 
 def test_gross_errors_cost_little(rng):

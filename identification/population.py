@@ -1,0 +1,196 @@
+"""The population that the true load and slip of the samples of a drive come from, estimated with the soil.
+
+Slip is measured with error, so the population decides where a sample's true slip is sought. A driver who swings between
+two slips, or holds one and then another, leaves no normal distribution, and an estimator that takes it for one is
+biased. Here slip is a mixture of normal kernels at fixed places whose shares are estimated (N. Laird, J. Am. Stat.
+Assoc. 73 (1978), Sec. 3; smooth kernels and a penalty after B. Efron, Biometrika 103 (2016), Sec. 2), and load is
+normal about a straight line in slip.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+_MOST_KERNELS = 40
+
+_FINE = 10.0
+"""Kernels in one standard deviation of slip, as far as there are kernels enough."""
+
+_FINEST = 0.3
+"""Least width of a kernel [noise]: finer detail does not show."""
+
+_LEAST_NOISE = 1e-3
+"""Slip is never known better than this [-]."""
+
+_CENTRAL = (0.03, 0.97)
+"""Quantiles of the measured slips between which, and a little beyond, the narrow kernels lie."""
+
+_ANYWHERE = 0.01
+"""Share of samples whose slip is anywhere in the range measured, before the samples are asked [-]."""
+
+_WORTH = 10.0
+"""Samples that the normal distribution is worth as a prior: a few samples say no more than mean and spread."""
+
+_LEVEL = 2.0
+"""Samples, as far apart in slip as its noise, without a slope of load that are put beside the measured ones: where slip
+hardly varies, the load's slope by it is not what the load's variation is due to."""
+
+_ROUNDS = 5
+
+_KNOTS, _REACH = 6, 4.0
+"""Knots in the width of a kernel (the spline is right to 2e-4 nats), and how far out they go [widths]."""
+
+LEAST_SPREAD = 0.1
+"""Least standard deviation of the population [noise]."""
+
+_LOG_2PI = float(np.log(2.0 * np.pi))
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Places and widths (m,) of the kernels of slip [-], narrow ones of one width and last a wide one for slips that
+    are anywhere; the shares (m,) that make up a nearly normal distribution; and the prior of the load's slope: a sum of
+    squares of slip, of samples without one.
+    """
+
+    places: np.ndarray
+    widths: np.ndarray
+    normal: np.ndarray
+    level: float
+
+    @classmethod
+    def over(cls, slip: np.ndarray, noise: float) -> Grid:
+        """Lay kernels over measured slips (n,) with white noise of a standard deviation `noise`; NaN is left out."""
+        slip, noise = slip[np.isfinite(slip)], max(noise, _LEAST_NOISE)
+        least, middle, most = float(slip.min()), float(np.median(slip)), float(slip.max())
+        # Quartiles and not extremes, for gross errors have a hand in those.
+        spread = min(0.7413 * float(np.subtract(*np.quantile(slip, [0.75, 0.25]))), float(np.std(slip)))
+        variance = max(spread**2 - noise**2, (LEAST_SPREAD * noise) ** 2)
+        low, high = np.quantile(slip, _CENTRAL) + 2.0 * noise * np.array([-1.0, 1.0])
+        low, high = max(float(low), least), min(float(high), most)
+        width = max(float(np.sqrt(variance)) / _FINE, _FINEST * noise, (high - low) / (_MOST_KERNELS - 1))
+        count = int(np.ceil((high - low) / width)) + 1
+        places = 0.5 * (low + high) + width * (np.arange(count) - 0.5 * (count - 1))
+        shares = np.exp(-0.5 * (places - middle) ** 2 / max(variance - width**2, 0.25 * width**2))
+        # None is so unlikely that it could not be learnt.
+        normal = np.append(shares / shares.sum() + 0.1 * _ANYWHERE / count, _ANYWHERE)
+        return cls(
+            np.append(places, 0.5 * (least + most)),
+            np.append(np.full(count, width), max(0.5 * (most - least), width)),
+            normal / normal.sum(),
+            _LEVEL * noise**2,
+        )
+
+
+@dataclass(frozen=True)
+class Population:
+    """Shares (m,) of the kernels of slip and how far they are shifted [-]; mean load [N], its slope by slip [N] and its
+    deviation from that [N].
+    """
+
+    grid: Grid
+    shares: np.ndarray
+    shift: float
+    level: float
+    slope: float
+    deviation: float
+
+    @classmethod
+    def beginning(cls, grid: Grid, load: np.ndarray, noise: float, least_deviation: float) -> Population:
+        """Take slip to be normal and load not to go with it; measured loads (n,) and their noise [N]."""
+        variance = max(float(np.var(load)) - noise**2, least_deviation**2)
+        return cls(grid, grid.normal, 0.0, float(np.mean(load)), 0.0, float(np.sqrt(variance)))
+
+    @cached_property
+    def middle(self) -> float:
+        """Mean slip, not shifted."""
+        return float(self.shares @ self.grid.places)
+
+    def log_density(self, nodes: np.ndarray) -> np.ndarray:
+        """Logarithm of the density at loads and slips (..., 2): (...)."""
+        load, slip = nodes[..., 0], nodes[..., 1] - self.shift
+        away = (load - self.level - self.slope * (slip - self.middle)) / self.deviation
+        return self._log_slip(slip) - 0.5 * away**2 - np.log(self.deviation) - _LOG_2PI
+
+    def _log_slip(self, slip: np.ndarray) -> np.ndarray:
+        """Log-density of slip times the root of 2 pi, by a spline near the narrow kernels: there are many slips."""
+        places, width = self.grid.places[:-1], self.grid.widths[0]
+        knots = np.arange(places[0] - _REACH * width, places[-1] + _REACH * width, width / _KNOTS)
+        answer = CubicSpline(knots, self._log_mixture(knots))(slip)
+        far = (slip < knots[0]) | (slip > knots[-1])
+        answer[far] = self._log_mixture(slip[far])
+        return answer
+
+    def _log_mixture(self, slip: np.ndarray) -> np.ndarray:
+        away = (slip[:, None] - self.grid.places) / self.grid.widths
+        exponent = -0.5 * away**2 + np.log(self.shares / self.grid.widths)
+        peak = exponent.max(axis=-1)
+        return peak + np.log(np.exp(exponent - peak[:, None]).sum(axis=-1))
+
+    def log_prior(self) -> float:
+        """Log-density of the population itself, zero for a normal one whose load does not go with slip [nats]."""
+        normal = self.grid.normal
+        shape = float(_WORTH * np.sum(normal * np.log(self.shares / normal)))
+        return shape - 0.5 * self.grid.level * (self.slope / self.deviation) ** 2
+
+    @cached_property
+    def moments(self) -> tuple[np.ndarray, np.ndarray]:
+        """Mean (2,) and covariance (2, 2) of load and slip."""
+        variance = float(self.shares @ ((self.grid.places - self.middle) ** 2 + self.grid.widths**2))
+        shared = self.slope * variance
+        mean = np.array([self.level, self.middle + self.shift])
+        return mean, np.array([[self.deviation**2 + self.slope * shared, shared], [shared, variance]])
+
+    def carried(self, grid: Grid) -> Population:
+        """Give the population on another grid."""
+        old, new = self.grid.places[:-1], grid.places[:-1]
+        shares = np.interp(new, old, self.shares[:-1], left=0.0, right=0.0)
+        wide = min(float(self.shares[-1]), 0.5)
+        shares = (1.0 - wide) * shares / shares.sum() if shares.sum() > 0.0 else grid.normal[:-1]
+        shares = np.append(shares, wide) + _ANYWHERE * grid.normal
+        return self._with_shares(grid, shares / shares.sum())
+
+    def _with_shares(self, grid: Grid, shares: np.ndarray) -> Population:
+        """Change the shares and leave the line of load by slip where it is."""
+        other = replace(self, grid=grid, shares=shares)
+        return replace(other, level=self.level + self.slope * (other.middle - self.middle))
+
+    def moved(self, level: float, shift: float) -> Population:
+        """Give the population with its mean load [N] and its slips moved."""
+        return replace(self, level=self.level + level, shift=self.shift + shift)
+
+    def improved(
+        self, nodes: np.ndarray, responsibility: np.ndarray, weights: np.ndarray, least_deviation: float
+    ) -> Population:
+        """Give the population after some rounds of expectation and maximisation of the shares, slope and deviation.
+
+        Parameters
+        ----------
+        nodes, responsibility : (n, q, 2), (n, q)
+            Latents of each sample and their posterior weights under the present population.
+        weights : (n,)
+            Probability that a sample is no gross error.
+        least_deviation
+            Least standard deviation of the load [N].
+        """
+        load, slip = nodes[..., 0], nodes[..., 1] - self.shift
+        mass = responsibility * weights[:, None]
+        above, along = load - self.level, slip - self.middle
+        slope = float(np.sum(mass * above * along)) / (float(np.sum(mass * along**2)) + self.grid.level)
+        squares = float(np.sum(mass * (above - slope * along) ** 2)) + self.grid.level * slope**2
+        deviation = max(float(np.sqrt(squares / max(float(mass.sum()), 1e-9))), least_deviation)
+
+        kernels = np.exp(-0.5 * ((slip[..., None] - self.grid.places) / self.grid.widths) ** 2) / self.grid.widths
+        shares, worth = self.shares, _WORTH * self.grid.normal
+        base = responsibility / np.maximum(kernels @ shares, 1e-200)
+        for _ in range(_ROUNDS):
+            density = np.maximum(kernels @ shares, 1e-200)
+            posterior = base * density
+            posterior *= (weights / np.maximum(posterior.sum(axis=1), 1e-300))[:, None]
+            counts = shares * np.einsum("nq,nqm->m", posterior / density, kernels)
+            shares = (counts + worth) / (counts.sum() + _WORTH)
+        return replace(self, slope=slope, deviation=deviation)._with_shares(self.grid, shares)
