@@ -2,8 +2,8 @@
 
 Least squares on noisy regressors is biased (attenuation). Here the true load and slip of a sample are latent, drawn
 from a `population` that is estimated with the soil (the structural model of W. A. Fuller, "Measurement Error Models"
-(1987), Sec. 1.2 and 4.2). Where the model cannot explain a channel, its standard deviation
-is estimated too, never below the sensor's. The likelihood itself is in `marginal_likelihood`.
+(1987), Sec. 1.2 and 4.2). Where the model cannot explain a channel, its standard deviation is estimated too, never
+below the sensor's. The likelihood itself is in `marginal_likelihood`.
 """
 
 from __future__ import annotations
@@ -81,8 +81,7 @@ def start(problem: Problem, vector: np.ndarray, theta_1: np.ndarray) -> Point:
     scale = problem.load_scale
     load = np.maximum(load, 0.02 * scale)
     imposed = np.column_stack([load, slip])
-    load_noise = float(np.nan_to_num(problem.noise[0]))
-    population = Population.beginning(problem.grid, load, load_noise, problem.least_deviation)
+    population = Population.beginning(problem.grid, load, float(problem.noise[0]), problem.least_deviation)
     # Wide at first, so that a start far from the truth sees a slope, not a field of gross errors.
     wide = 0.5 * np.array(
         [np.std(column[np.isfinite(column)]) if np.isfinite(column).any() else 0.0 for column in measured.T]

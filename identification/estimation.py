@@ -174,12 +174,6 @@ def usable(measured: Measured) -> Measured:
     for channel, remedy in ((3, "slip, or both speeds"), (0, "load_N: the wheel's share of the weight, if not sensed")):
         if not seen[:, channel].any():
             raise InputError("wheel channels", f"no {CHANNELS[channel]} was observed", expected=remedy)
-    for channel in np.flatnonzero(seen.any(axis=0)):
-        noise = float(measured.noise[channel])
-        if not 0.0 < noise < math.inf:
-            raise InputError(
-                "noise", f"that of {CHANNELS[channel]} is {noise}", expected="a standard deviation above 0"
-            )
     rows = seen[:, 3] & (seen[:, 0] | seen[:, 2]) & (seen.sum(axis=1) >= 3)
     if rows.sum() < LEAST_ROWS:
         raise InputError(
@@ -265,7 +259,19 @@ def physical(solution: Solution) -> Solution:
 
 
 def build_problem(measured: Measured, wheel: Wheel, known: SoilKnowledge) -> Problem:
-    """Lay out what is measured and what is known as a problem in the textbook wheel's parameters."""
+    """Lay out what is measured and what is known as a problem in the textbook wheel's parameters.
+
+    Raises
+    ------
+    InputError
+        A channel that was observed has no standard deviation above zero.
+    """
+    for channel in np.flatnonzero(np.isfinite(measured.channels).any(axis=0)):
+        noise = float(measured.noise[channel])
+        if not 0.0 < noise < math.inf:
+            raise InputError(
+                "noise", f"that of {CHANNELS[channel]} is {noise}", expected="a standard deviation above 0"
+            )
     mean, sd = np.zeros(len(PARAMETERS)), np.full(len(PARAMETERS), np.inf)
     held = np.full(len(PARAMETERS), np.nan)
     for index, name in enumerate(PARAMETERS):

@@ -171,7 +171,8 @@ def _end(solution: Solution, index: int, sd: float, ridge: np.ndarray, direction
         if outer - inner < 0.03 * outer:
             break
     else:
-        fall = fall if fall > _CLIFF * critical else critical
+        if fall <= _CLIFF * critical:
+            fall = critical
     reached = (found[index] - centre) * direction
     if fall > critical * (1.0 - _TOLERANCE):
         reached = min(reached * math.sqrt(critical / fall), reach)

@@ -100,7 +100,7 @@ class Problem:
     @cached_property
     def least_deviation(self) -> float:
         """Least standard deviation of the population of loads [N]."""
-        return max(LEAST_SPREAD * float(np.nan_to_num(self.noise[0])), 1e-4 * self.load_scale)
+        return max(LEAST_SPREAD * float(self.noise[0]), 1e-4 * self.load_scale)
 
     @cached_property
     def log_gross(self) -> np.ndarray:
