@@ -132,7 +132,7 @@ def _running_median(values: np.ndarray, window: int) -> np.ndarray:
         return values
     index = np.arange(len(values))
     filled = np.interp(index, index[known], values[known])
-    return median_filter(filled, size=min(window, len(values)), mode="nearest")
+    return median_filter(filled, size=min(window, len(values)), mode="mirror")
 
 
 def _rate(time_s: np.ndarray, speed: np.ndarray) -> np.ndarray:

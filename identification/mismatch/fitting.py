@@ -44,6 +44,9 @@ _STEEPEST = 1e12
 ENOUGH = 0.02
 """The iteration ends when a step promises less than this [nats]."""
 
+_HOPELESS = 0.02
+"""It ends, too, when a step promises less than this share of what the fit is behind another one [-]."""
+
 
 @dataclass(frozen=True)
 class NoiseModel:
@@ -333,6 +336,7 @@ def fit(
     theta_1: np.ndarray | None = None,
     iterations: int = 25,
     settle: bool = True,
+    rival: float = -math.inf,
 ) -> Fitted:
     """Fit a model from a start.
 
@@ -350,6 +354,8 @@ def fit(
         At most this many steps.
     settle
         Fit the noise as well.
+    rival
+        Score of another fit of the same samples: how exactly one far behind it fails is of no interest.
     """
     prior = problem.prior(model)
     vector = np.clip(vector, prior.lower, prior.upper)
@@ -361,14 +367,15 @@ def fit(
     total = float(loss.sum()) + prior.loss(vector)
     for iteration in range(iterations):
         step, promised = step_of(innovations, jacobian, prior, vector, damping)
-        if promised < ENOUGH:
+        enough = max(ENOUGH, _HOPELESS * (rival + total + problem.noise_loss(noise)))
+        if promised < enough:
             if not settle:
                 break
             noise = problem.best_noise(response, vector, noise, prior)
             innovations, jacobian, loss = problem.whitened(response, noise)
             before, total = total, float(loss.sum()) + prior.loss(vector)
             settled += 1
-            if settled > 3 or abs(before - total) < 5.0 * ENOUGH:
+            if settled > 3 or abs(before - total) < 5.0 * enough:
                 break
             continue
         trial = np.clip(vector + step, prior.lower, prior.upper)

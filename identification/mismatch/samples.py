@@ -39,6 +39,9 @@ _STANDS_STILL = 0.1
 _REACH = 4
 """Neighbours on each side over which load and slip are averaged."""
 
+_JUMP = 4.0
+"""A sample so far from its own average is that of a jump, not of noise [noise]."""
+
 
 @dataclass(frozen=True)
 class Samples:
@@ -217,7 +220,7 @@ def _without_gross_errors(
             if len(seen) < 7:
                 continue
             values = measured[seen, channel]
-            away = np.abs(values - median_filter(values, 5, mode="nearest")) > _ISOLATED * noise[channel]
+            away = np.abs(values - median_filter(values, 5, mode="mirror")) > _ISOLATED * noise[channel]
             # Where many stand apart the channel is quick, not faulty.
             if 0 < away.sum() <= 0.05 * len(seen):
                 measured[seen[away], channel] = math.nan
@@ -241,7 +244,9 @@ def _averaged(values: np.ndarray, noise: float, stretch: np.ndarray) -> np.ndarr
 
     Pairs keep ramps unbiased, the limit keeps steps sharp (after J.-S. Lee, Comput. Vision Graph. Image Process. 24
     (1983), sigma filter). A sample counts in its own average as it does in its neighbours', or a signal that is delayed
-    by a sample would be less noisy.
+    by a sample would be less noisy. Where it jumps further than noise goes, the sample is taken as it stands: the model
+    is no straight line over a jump. What varies by less than its noise is one value: its ups and downs would be errors,
+    and those of slip and speeds are the same.
     """
     answer = values.copy()
     for rows in np.split(np.arange(len(values)), np.flatnonzero(np.diff(stretch)) + 1):
@@ -260,7 +265,11 @@ def _averaged(values: np.ndarray, noise: float, stretch: np.ndarray) -> np.ndarr
             alike = (apart < 3.0 * noise) | (away == 1)
             total += np.where(alike, pair, 0.0)
             weight += 2.0 * alike
-        answer[rows] = np.where(np.isfinite(values[rows]), total / weight, math.nan)
+        average = total / weight
+        jumps = np.abs(whole - average) > _JUMP * noise
+        answer[rows] = np.where(np.isfinite(values[rows]), np.where(jumps, whole, average), math.nan)
+    if np.nanstd(answer) < noise:
+        answer[np.isfinite(answer)] = np.nanmean(answer)
     return answer
 
 

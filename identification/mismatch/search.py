@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -104,8 +106,11 @@ def textbook_trial(samples: Samples, known: SoilKnowledge | None = None) -> tupl
     return problem, Trial((), fitted, hold_out(problem, fitted), 0.0)
 
 
-def try_adding(problem: Problem, textbook: Trial, base: Trial, effect: Effect) -> Trial:
-    """Fit a set with one more effect, from each of its starts, and hold its blocks out."""
+def try_adding(problem: Problem, textbook: Trial, base: Trial, effect: Effect, rival: float = -math.inf) -> Trial:
+    """Fit a set with one more effect, from each of its starts, and hold its blocks out.
+
+    The further it stays behind the score of a `rival`, the less exactly it is fitted.
+    """
     effects = (*base.effects, effect)
     model = AugmentedWheel(problem.samples.wheel, effects)
     starts = [np.concatenate([base.fitted.vector, start]) for start in effect.starts()]
@@ -113,18 +118,18 @@ def try_adding(problem: Problem, textbook: Trial, base: Trial, effect: Effect) -
     noises = [base.fitted.noise, problem.first_noise] if effect.local else [base.fitted.noise]
     several = len(starts) * len(noises) > 1
     fits = [
-        fit(problem, model, start, noise, base.fitted.theta_1, iterations=_SHORT if several else 25)
+        fit(problem, model, start, noise, base.fitted.theta_1, iterations=_SHORT if several else 25, rival=rival)
         for start in starts
         for noise in noises
     ]
     fits.sort(key=lambda fitted: -fitted.score)
     best = fits[0]
     if several:
-        best = fit(problem, model, best.vector, best.noise, best.theta_1)
+        best = fit(problem, model, best.vector, best.noise, best.theta_1, rival=rival)
         if best.score < base.fitted.score + ASKED_FOR:
             # The first ones came to rest where the effect is nothing: those that have not are followed to their end.
             slow = [each for each in fits[1:] if fits[0].score - each.score > _STILL_MOVING]
-            ended = [fit(problem, model, each.vector, each.noise, each.theta_1) for each in slow]
+            ended = [fit(problem, model, each.vector, each.noise, each.theta_1, rival=rival) for each in slow]
             best = max([best, *ended], key=lambda fitted: fitted.score)
     held = hold_out(problem, best)
     return _trial(textbook, effects, best, held)
@@ -203,7 +208,9 @@ def search(
                     break
                 now, promised = worth[:_THREADS], promised[len(worth[:_THREADS]) :]
                 tell(", ".join(named(base, effect) for _, effect in now))
-                answer += pool.map(lambda pair: try_adding(problem, textbook, base, pair[1]), now)
+                ahead = max((trial.fitted.score for trial in answer), default=-math.inf)
+                each = partial(try_adding, problem, textbook, base, rival=ahead)
+                answer += pool.map(each, [effect for _, effect in now])
         passed.extend((named(base, effect), nats) for nats, effect in promised)
         trials.extend(answer)
         return answer

@@ -86,6 +86,14 @@ def test_the_gate_closes_and_says_why(rng, columns, reason):
     assert reason in result.segments[0].reason
 
 
+@pytest.mark.parametrize("row", [0, 150, -1])
+def test_one_gross_error_closes_no_gate_wherever_it_stands(rng, row):
+    table = drive(rng)
+    sinkage = table["sinkage_m"].copy()
+    sinkage[row] = 0.3
+    assert (quasi_static(with_columns(table, sinkage_m=sinkage), WHEEL) == "").all()
+
+
 def test_acceleration_closes_the_gate_only_while_it_lasts(rng):
     table = drive(rng)
     speed = 0.05 + 0.35 * np.clip((table["time_s"] - 14.0) / 0.5, 0.0, 1.0)

@@ -54,3 +54,15 @@ def test_effects_that_only_three_together_explain_it_are_not_each_asserted(searc
     pair = Trial(tuple(effects[:2]), found.chosen.fitted, found.chosen.held_out, 1e5)
     naming = name(Search(found.textbook, (*found.trials, pair), (), pair), 0.0)
     assert all(naming.effects[slug] > ASSERTED for slug in pair.slugs)
+
+
+def test_an_effect_that_leaves_much_is_doubted_however_much_it_gains(searched):
+    """Wrong models may fail wildly on held-out blocks: what is gained over them excuses nothing."""
+    problem, found = searched
+    alone = Trial(found.chosen.effects, found.chosen.fitted, found.chosen.held_out, 1e4)
+    only = Search(found.textbook, (alone,), (), alone)
+    assert name(only, 60.0).unknown < 0.05
+    assert name(only, 130.0).unknown > 0.95
+    effects = effects_for(situation(problem, found.textbook.fitted), ["load_gain", "torque_gain"])
+    pair = Trial(tuple(effects), found.chosen.fitted, found.chosen.held_out, 1e4)
+    assert name(Search(found.textbook, (pair,), (), pair), 70.0).unknown > 0.95
