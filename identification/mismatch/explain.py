@@ -6,6 +6,8 @@ import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from ...framework.core.recording.types import Recording
 from ...framework.core.soil import SoilKnowledge, load_soil
 from ...framework.core.vehicle import Vehicle
@@ -67,20 +69,22 @@ def explain(
     rows = felt_rows(opened)
     table = rows.table if simulated is None else attach(rows.table, simulated)
     samples, own = gather(table, rows.wheel, rows.vehicle), None
-    if simulated is not None:
-        tell("fitting the textbook wheel to the other simulator")
-        samples, own = as_differences(samples)
-    tell("refitting the soil")
-    problem, textbook = textbook_trial(samples, known)
-    effects = effects_for(situation(problem, textbook.fitted), SLUGS if catalogue is None else catalogue)
-    found = search(problem, textbook, effects, lambda what: tell(f"trying {what}"))
-    tell("looking for what nothing explains")
-    remaining = smooth_correction(problem, found.chosen.fitted)
-    naming = name(found, remaining.gain)
-    if naming.unknown > 0.5 and found.chosen.effects:
-        naming = name(found, remaining.gain, smooth_correction(problem, found.textbook.fitted).gain)
-    tell("locating the mismatch")
-    regions = locate(problem, found.chosen.fitted)
+    # The search fills the cores by itself: more of BLAS's own threads beside it only wait for each other.
+    with threadpool_limits(1):
+        if simulated is not None:
+            tell("fitting the textbook wheel to the other simulator")
+            samples, own = as_differences(samples)
+        tell("refitting the soil")
+        problem, textbook = textbook_trial(samples, known)
+        effects = effects_for(situation(problem, textbook.fitted), SLUGS if catalogue is None else catalogue)
+        found = search(problem, textbook, effects, lambda what: tell(f"trying {what}"))
+        tell("looking for what nothing explains")
+        remaining = smooth_correction(problem, found.chosen.fitted)
+        naming = name(found, remaining.gain)
+        if naming.unknown > 0.5 and found.chosen.effects:
+            naming = name(found, remaining.gain, smooth_correction(problem, found.textbook.fitted).gain)
+        tell("locating the mismatch")
+        regions = locate(problem, found.chosen.fitted)
     return assemble(
         problem, found, naming, remaining, regions, source=str(opened.source), seed=seed, began=began,
         problems=rows.problems, simulated=own,
