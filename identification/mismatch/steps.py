@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
+from scipy.stats import norm as normal
+from scipy.stats import t as student
 
 from ..augmented import SOIL_COUNT
 from .soil_variation import huber_weight
+
+_LEAST_LEFT = 0.05
+"""A group that leaves less than this share of its pull in the residuals is one without which nothing is known [-]."""
 
 
 @dataclass(frozen=True)
@@ -52,22 +58,39 @@ def step_of(
 
 
 def covariance_of(innovations: np.ndarray, jacobian: np.ndarray, prior: Prior, group: np.ndarray) -> np.ndarray:
-    """Covariance (p, p) of the parameters at a fit.
+    """Covariance (p, p) of the parameters at a fit; 1.96 of its standard deviations hold 95 %.
 
     Rows of one group (n,) may err together, as where the ground varies otherwise than the fit takes it to: a parameter
     whose estimate the groups pull about more than independent rows would is as uncertain as they show (K.-Y. Liang and
-    S. L. Zeger, Biometrika 73 (1986), 13-22), never less than independent rows make it.
+    S. L. Zeger, Biometrika 73 (1986), 13-22), never less than independent rows make it. A group that weighs much in a
+    fit leaves little of its own pull in the residuals: what is missing is put back (R. M. Bell and D. F. McCaffrey,
+    Survey Methodology 28 (2002), 169-181).
     """
     _, information = normal_equations(innovations, jacobian)
     covariance = scaled_inverse(information + np.diag(prior.precision))
-    each = np.einsum("nm,nmp->np", huber_weight(innovations) * innovations, jacobian)
-    pulls = np.zeros((int(group.max()) + 1, each.shape[1]))
-    np.add.at(pulls, group, each)
-    pulls = (pulls - pulls.mean(axis=0)) @ covariance
-    shown = len(pulls) / max(len(pulls) - 1, 1) * np.sum(pulls**2, axis=0)
-    shown += np.sum(covariance**2 * prior.precision, axis=1)
-    wider = np.sqrt(np.maximum(shown / np.maximum(np.diag(covariance), 1e-300), 1.0))
+    # In units of what independent rows would tell.
+    sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    weight, jacobian = huber_weight(innovations), jacobian * sd
+    count = int(group.max()) + 1
+    pulls, own = np.zeros((count, len(sd))), np.zeros((count, len(sd), len(sd)))
+    np.add.at(pulls, group, np.einsum("nm,nmp->np", weight * innovations, jacobian))
+    np.add.at(own, group, np.einsum("nm,nmp,nmq->npq", weight, jacobian, jacobian, optimize=True))
+    values, axes = np.linalg.eigh(covariance / np.outer(sd, sd))
+    root = (axes * np.sqrt(np.maximum(values, 0.0))) @ axes.T
+    share, axes = np.linalg.eigh(root @ own @ root)
+    along = np.einsum("gpi,gp->gi", axes, (pulls - pulls.mean(axis=0)) @ root)
+    along /= np.sqrt(np.maximum(1.0 - share, _LEAST_LEFT))
+    pulls = np.einsum("gpi,gi->gp", axes, along) @ root
+    shown = count / max(count - 1, 1) * np.sum(pulls**2, axis=0) * _of_few(count - 1) ** 2
+    shown += np.sum((covariance / sd[:, None]) ** 2 * prior.precision, axis=1)
+    wider = np.sqrt(np.maximum(shown, 1.0))
     return covariance * np.outer(wider, wider)
+
+
+@cache
+def _of_few(degrees: int) -> float:
+    """How much wider than a normal's is the 95 % interval of Student's distribution, by its degrees of freedom."""
+    return float(student.ppf(0.975, max(degrees, 1)) / normal.ppf(0.975))
 
 
 def scaled_inverse(matrix: np.ndarray) -> np.ndarray:
