@@ -147,11 +147,11 @@ class Problem:
         length = math.sqrt(self.shortest * self.longest)
         return NoiseModel(self.samples.noise[self.answers], np.array([0.02, 0.02]), length)
 
-    def prior(self, model: AugmentedWheel) -> Prior:
-        """Priors and bounds of a model's parameter vector."""
+    def prior(self, model: AugmentedWheel, told: bool = True) -> Prior:
+        """Priors and bounds of a model's parameter vector, with what is known of the soil where it is `told`."""
         mean, sd, lower, upper = [], [], [], []
         for name in PARAMETERS:
-            if name in self.known.values:
+            if told and name in self.known.values:
                 at = to_internal(name, self.known.values[name])
                 slope = slope_of_internal(name, self.known.values[name])
                 mean.append(at)

@@ -6,16 +6,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...framework.core.soil import PARAMETERS
 from ..effects.drive import select_rows
 from .fitting import Fitted, Problem
-from .steps import normal_equations
+from .steps import normal_equations, scaled_inverse
 
 _LEAST_LEVERAGE = 1e-9
+
+_VAGUE = 0.1
+"""Precision where there is no prior, that is of ln stiffness: it is known to three or so."""
 
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Predictive log-likelihood of each block [nats], and the residuals (n, m), SI, of rows while held out."""
+    """Predictive log-likelihood of each block [nats], what is known of the soil being one more where anything is, and
+    the residuals (n, m), SI, of rows while held out.
+    """
 
     nats: np.ndarray
     residuals: np.ndarray
@@ -59,7 +65,27 @@ def hold_out(problem: Problem, fitted: Fitted) -> HeldOut:
         there = at_fit - slopes @ (vector - fitted.vector)
         there[rows] = residuals[rows]
         nats[number] = -problem.loss(there, fitted)[rows].sum()
+    if problem.known.values:
+        nats = np.append(nats, _soil_nats(problem, fitted))
     return HeldOut(nats, np.where(problem.seen, residuals, np.nan))
+
+
+def _soil_nats(problem: Problem, fitted: Fitted) -> float:
+    """Predictive log-density of what is known of the soil, by a fit that is not told it [nats].
+
+    A model that explains the recording with another soil than the one that was measured explains the two less well than
+    one that needs no other.
+    """
+    where = [PARAMETERS.index(name) for name in problem.known.values]
+    told, untold = problem.prior(fitted.model), problem.prior(fitted.model, told=False)
+    gradient, information = normal_equations(fitted.innovations, fitted.jacobian)
+    gradient = gradient + untold.precision * (untold.mean - fitted.vector)
+    vague = np.where(untold.precision > 0.0, untold.precision, _VAGUE)
+    spread = scaled_inverse(information + np.diag(vague))
+    predicted = np.clip(fitted.vector + spread @ gradient, untold.lower, untold.upper)[where]
+    covariance = spread[np.ix_(where, where)] + np.diag(1.0 / told.precision[where])
+    away = told.mean[where] - predicted
+    return -0.5 * float(away @ np.linalg.solve(covariance, away) + np.linalg.slogdet(2.0 * np.pi * covariance)[1])
 
 
 def _predicted(problem: Problem, fitted: Fitted, vector: np.ndarray, rows: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from bevameter import Vehicle, Wheel
 from bevameter.framework.core.recording.types import WheelTable
+from bevameter.framework.core.soil import SoilKnowledge
 from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.augmented import AugmentedWheel
 from bevameter.identification.effects.catalogue import effects_for
@@ -17,7 +18,7 @@ from bevameter.identification.mismatch.held_out import hold_out
 from bevameter.identification.mismatch.locate import Whitened, locate
 from bevameter.identification.mismatch.naming import name
 from bevameter.identification.mismatch.samples import MOST_ROWS, Samples, gather
-from bevameter.identification.mismatch.search import search, situation, textbook_trial, try_adding
+from bevameter.identification.mismatch.search import Trial, search, situation, textbook_trial, try_adding
 from bevameter.identification.mismatch.soil_variation import whiten
 from bevameter.identification.mismatch.steps import scaled_inverse
 from bevameter.identification.mismatch.textbook import fit_textbook
@@ -259,3 +260,28 @@ def test_a_fit_far_behind_another_ends_early_and_one_that_leads_does_not(monkeyp
     assert fewer < many
     assert near == pytest.approx(exact, abs=0.1 * (sinking.fitted.score - exact))
     assert tried(sinking.effects[0], sinking.fitted.score - 5.0)[0] == pytest.approx(sinking.fitted.score, abs=0.1)
+
+
+def told(seed: int, slugs: tuple[str, ...]) -> tuple[Problem, Trial]:
+    """A recording whose soil was measured elsewhere: c to 10 %, phi to half a degree."""
+    truth = conceal(seed, slugs, "buried", protocol="bench").truth["soil"]
+    known = SoilKnowledge(
+        {name: truth[name] for name in ("c_Pa", "phi_rad")}, {"c_Pa": 0.1 * truth["c_Pa"], "phi_rad": 0.009}
+    )
+    return textbook_trial(samples_of(seed, "bench", slugs, level="buried"), known)
+
+
+def test_a_soil_measured_elsewhere_is_held_out_like_a_block():
+    """Seed 90147: a rim smoother than the soil is a weaker soil, but for what is known of the soil."""
+    problem, textbook = told(90147, ("rim_adhesion",))
+    effects = effects_for(situation(problem, textbook.fitted), ["rim_adhesion", "torque_offset", "hard_layer"])
+    found = search(problem, textbook, effects)
+    assert found.chosen.slugs == {"rim_adhesion"}
+    assert found.chosen.gain > 30.0
+    assert len(found.chosen.held_out.nats) == len(np.unique(problem.samples.block)) + 1
+
+
+def test_a_soil_measured_elsewhere_that_agrees_asks_for_nothing():
+    problem, textbook = told(7340, ())
+    effects = effects_for(situation(problem, textbook.fitted), ["rim_adhesion", "torque_offset", "stress_peak_shift"])
+    assert search(problem, textbook, effects).chosen.effects == ()
