@@ -58,7 +58,7 @@ def step_of(
 
 
 def covariance_of(innovations: np.ndarray, jacobian: np.ndarray, prior: Prior, group: np.ndarray) -> np.ndarray:
-    """Covariance (p, p) of the parameters at a fit; 1.96 of its standard deviations hold 95 %.
+    """Covariance (p, p) of the parameters at a fit, made so that 1.96 of its standard deviations hold 95 %.
 
     Rows of one group (n,) may err together, as where the ground varies otherwise than the fit takes it to: a parameter
     whose estimate the groups pull about more than independent rows would is as uncertain as they show (K.-Y. Liang and
