@@ -26,7 +26,7 @@ them by its public name, as often as `--effect` is given, in that order:
 
 - `--effect SLUG:NAME=VALUE,NAME=VALUE`. Numbers are SI, quantities carry their unit (`"torque_offset:T_0=0.5 N m"`).
 - Where several forms have the same parameters, `form=` chooses: `slip_sinkage:form=ratio,p=0.8`; the beginning of a
-  form's name is enough.
+  form's name is enough. Without it the form without a name is taken, where there is one.
 - A parameter that is not named stays at the value at which it does nothing, except those marked *required*.
 - *Bounds of the drive* follow from the size of the wheel and from what it would sense without the effect; a value
   outside is refused with the bounds in the message.

@@ -7,24 +7,68 @@ import numpy as np
 from ..wheel_soil import PEAK_SHARE
 from .effect import Contact, Drive, Effect, Parameter, Situation
 
+_BRAKED = 0.02
+"""Share of samples with negative slip from which on it matters what braked wheels do [-]."""
+
+_A0 = Parameter("a0", "", 0.05, 0.95, 0.45, 0.12, PEAK_SHARE)
+_A1 = Parameter("a1", "", -0.8, 0.9, 0.15, 0.3)
+
 
 class StressPeakShift(Effect):
-    """Angle of the peak stress as a share of the entry angle, linear in slip."""
+    """Angle of the peak stress as a share of the entry angle, linear in the slip of a driven wheel."""
 
     slug = "stress_peak_shift"
     equation = "theta_m = (a0 + a1 i) theta_1"
     source = "J.-Y. Wong, A. R. Reece, J. Terramechanics 4(1) (1967), 81-98, driven wheels"
-
-    def __init__(self, slip_varies: bool) -> None:
-        a0 = Parameter("a0", "", 0.05, 0.95, 0.45, 0.12, PEAK_SHARE)
-        a1 = Parameter("a1", "", -0.8, 0.9, 0.15, 0.3)
-        self.parameters = (a0, a1) if slip_varies else (a0,)
+    parameters = (_A0, _A1)
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
-        share = values[0] + (values[1] * np.maximum(drive.slip, 0.0) if len(values) > 1 else 0.0)
+        share = values[0] + (values[1] * self.moving(drive.slip) if len(values) > 1 else 0.0)
         contact.theta_m = np.clip(share, 0.02, 0.98) * contact.theta_1
+
+    def moving(self, slip: np.ndarray) -> np.ndarray:
+        """Give the slip (n,) that moves the peak."""
+        return np.maximum(slip, 0.0)
+
+
+class PeakMovesBack(StressPeakShift):
+    """The same line goes on below zero slip: the peak of a braked wheel moves back."""
+
+    form = "braked wheels back"
+    equation = "theta_m = (a0 + a1 i) theta_1, i < 0 too"
+    source = "G. Ishigami et al., J. Field Robotics 24(3) (2007), 233-250, for slips from -1 to 1"
+
+    def moving(self, slip: np.ndarray) -> np.ndarray:
+        return slip
+
+
+class PeakMovesForward(StressPeakShift):
+    """A braked wheel moves the peak as a driven one does."""
+
+    form = "braked wheels alike"
+    equation = "theta_m = (a0 + a1 |i|) theta_1"
+    source = "after J.-Y. Wong, A. R. Reece, J. Terramechanics 4(2) (1967), 7-25, towed wheels: linear in skid"
+
+    def moving(self, slip: np.ndarray) -> np.ndarray:
+        return np.abs(slip)
+
+
+class PeakElsewhere(StressPeakShift):
+    """Angle of the peak stress as a share of the entry angle: where slip does not vary."""
+
+    equation = "theta_m = a0 theta_1"
+    parameters = (_A0,)
 
 
 def forms(situation: Situation) -> tuple[Effect, ...]:
-    """Give the form that these data can show."""
-    return (StressPeakShift(situation.drive.has("slip")),)
+    """Give the forms that these data can show."""
+    if not situation.drive.has("slip"):
+        return (PeakElsewhere(),)
+    with np.errstate(invalid="ignore"):
+        braked = float(np.mean(situation.drive.slip < 0.0))
+    return named(situation) if braked > _BRAKED else (StressPeakShift(),)
+
+
+def named(situation: Situation) -> tuple[Effect, ...]:
+    """Give the forms that a simulation may ask for, whatever its slips."""
+    return StressPeakShift(), PeakMovesBack(), PeakMovesForward()

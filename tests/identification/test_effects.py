@@ -167,6 +167,26 @@ def test_the_stress_peak_moves_forward_with_slip_and_costs_pull():
     np.testing.assert_allclose(predict("stress_peak_shift:a1=0.4", braked), predict("stress_peak_shift:a1=0", braked))
 
 
+def test_what_braked_wheels_do_to_the_stress_peak_has_a_form_each_where_wheels_are_braked():
+    halved = replace(DRIVE, slip=np.where(np.arange(len(DRIVE)) % 2 == 0, DRIVE.slip, -DRIVE.slip))
+    braked = halved.slip < 0.0
+    drive, usual = (
+        replace(SITUATION, drive=halved),
+        predict("stress_peak_shift:a1=0.2", replace(SITUATION, drive=halved)),
+    )
+    found = effects_for(drive, ["stress_peak_shift"])
+    assert [effect.form for effect in found] == ["", "braked wheels back", "braked wheels alike"]
+    assert [effect.form for effect in effects_for(SITUATION, ["stress_peak_shift"])] == [""]
+    for form, as_if in (("braked wheels back", -1.0), ("braked wheels alike", 1.0)):
+        away = predict(f"stress_peak_shift:form={form},a1=0.2", drive)
+        # A braked wheel's peak is where that of a wheel without a1 would be, at another a0.
+        there = 0.5 + as_if * 0.2 * np.abs(halved.slip)
+        for row in np.flatnonzero(braked)[:3]:
+            same = predict(f"stress_peak_shift:a0={there[row]:.12f}", drive)
+            np.testing.assert_allclose(away[row], same[row], rtol=1e-9)
+        np.testing.assert_allclose(away[~braked], usual[~braked])
+
+
 def test_a_contact_behind_the_wheel_carries_part_of_the_load():
     away = change("exit_angle:c2=0.4")
     assert (away[:, SINKAGE] < 0.0).all()
