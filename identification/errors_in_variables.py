@@ -109,10 +109,10 @@ def fit(problem: Problem, point: Point, *, iterations: int = 60, enough: float =
 
 def _climb(problem: Problem, point: Point, iterations: int, *, enough: float) -> tuple[Point, State, bool]:
     """Step uphill until a step gains less than `enough` nats."""
-    damping, converged, fresh = 1e-3, False, False
+    damping, converged, fresh, striding = 1e-3, False, False, True
     state = evaluate(problem, point)
     for _ in range(iterations):
-        trial = _move(problem, point, state, damping)
+        trial = _move(problem, point, state, damping, striding=striding)
         # The quadrature follows every step: one that stayed behind would call a wider population a worse one.
         trial = None if trial is None else recentre(problem, recentre(problem, trial))
         moved = None if trial is None else evaluate(problem, trial)
@@ -123,6 +123,8 @@ def _climb(problem: Problem, point: Point, iterations: int, *, enough: float) ->
             if gain < enough:
                 converged = True
                 break
+        elif striding:
+            striding = False
         elif not fresh:
             # Nor may the point be judged by a better quadrature, or a worse one, than the steps from it.
             point, fresh = recentre(problem, recentre(problem, replace(point, theta_1=state.theta_1))), True
@@ -135,7 +137,7 @@ def _climb(problem: Problem, point: Point, iterations: int, *, enough: float) ->
     return point, state, converged
 
 
-def _move(problem: Problem, point: Point, state: State, damping: float) -> Point | None:
+def _move(problem: Problem, point: Point, state: State, damping: float, *, striding: bool) -> Point | None:
     """One damped step of everything that is estimated; None where it cannot be taken."""
     p = len(problem.held)
     uphill = np.einsum("n,nd->d", state.weights, mean_score(state))
@@ -170,6 +172,6 @@ def _move(problem: Problem, point: Point, state: State, damping: float) -> Point
     if outliers != NO_OUTLIERS:
         # Far from the optimum every sample would seem a gross error: none is looked for there.
         outliers = float(np.clip(np.mean(1.0 - state.weights), 1e-3, 0.2))
-    point = with_population(problem, point, state)
+    point = with_population(problem, point, state, striding=striding)
     population = point.population.moved(float(step[p]), float(step[p + 1]))
     return replace(point, vector=vector, population=population, log_sd=log_sd, outliers=outliers, theta_1=state.theta_1)

@@ -276,10 +276,22 @@ def mean_score(state: State) -> np.ndarray:
     return np.einsum("nq,nqd->nd", state.responsibility, state.score)
 
 
-def with_population(problem: Problem, point: Point, state: State) -> Point:
-    """Move the population to where the samples' latents now say."""
-    population = point.population.improved(state.nodes, state.responsibility, state.weights, problem.least_deviation)
+def with_population(problem: Problem, point: Point, state: State, *, striding: bool) -> Point:
+    """Move the population to where the samples' latents now say, its deviation of load by a damped step of scoring."""
+    stride = 1.0 / (_load_known(point, state) ** 2 + 1e-3) if striding else 1.0
+    population = point.population.improved(
+        state.nodes, state.responsibility, state.weights, problem.least_deviation, stride
+    )
     return replace(point, population=population)
+
+
+def _load_known(point: Point, state: State) -> float:
+    """Share of the variance of load that the samples' channels tell, on average, from 0 to 1.
+
+    Its square is the information of the deviation that is left of what known loads would give.
+    """
+    p = len(point.vector)
+    return float(point.population.deviation**2 * state.information[p, p] / max(float(state.weights.sum()), 1e-9))
 
 
 def recentre(problem: Problem, point: Point) -> Point:

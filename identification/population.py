@@ -164,7 +164,7 @@ class Population:
         return replace(self, level=self.level + level, shift=self.shift + shift)
 
     def improved(
-        self, nodes: np.ndarray, responsibility: np.ndarray, weights: np.ndarray, least_deviation: float
+        self, nodes: np.ndarray, responsibility: np.ndarray, weights: np.ndarray, least_deviation: float, stride: float
     ) -> Population:
         """Give the population after some rounds of expectation and maximisation of the shares, slope and deviation.
 
@@ -176,13 +176,19 @@ class Population:
             Probability that a sample is no gross error.
         least_deviation
             Least standard deviation of the load [N].
+        stride
+            How far the deviation of the load goes, in steps of expectation and maximisation, which are far too short
+            where the load hardly varies.
         """
         load, slip = nodes[..., 0], nodes[..., 1] - self.shift
         mass = responsibility * weights[:, None]
         above, along = load - self.level, slip - self.middle
         slope = float(np.sum(mass * above * along)) / (float(np.sum(mass * along**2)) + self.grid.level)
         squares = float(np.sum(mass * (above - slope * along) ** 2)) + self.grid.level * slope**2
-        deviation = max(float(np.sqrt(squares / max(float(mass.sum()), 1e-9))), least_deviation)
+        step = squares / max(float(mass.sum()), 1e-9) / self.deviation**2
+        # However long the stride, it goes no further than to a tenth or tenfold, if the step itself does not.
+        strode = float(np.clip(1.0 + stride * (step - 1.0), min(step, 0.1), max(step, 10.0)))
+        deviation = max(self.deviation * float(np.sqrt(strode)), least_deviation)
 
         kernels = np.exp(-0.5 * ((slip[..., None] - self.grid.places) / self.grid.widths) ** 2) / self.grid.widths
         shares, worth = self.shares, _WORTH * self.grid.normal

@@ -77,7 +77,7 @@ def test_it_learns_that_slips_come_in_two(two_habits):
     for _ in range(20):
         density = np.exp(population.log_density(nodes) - 0.5 * offsets**2)
         responsibility = density / density.sum(axis=1, keepdims=True)
-        population = population.improved(nodes, responsibility, np.ones(400), 2.0)
+        population = population.improved(nodes, responsibility, np.ones(400), 2.0, 1.0)
     at = np.exp(population.log_density(np.array([[800.0, 0.1], [800.0, 0.3], [800.0, 0.5]])))
     assert at[0] > 3.0 * at[1]
     assert at[2] > 3.0 * at[1]
@@ -88,7 +88,7 @@ def test_a_few_samples_leave_it_nearly_normal(two_habits):
     grid = Grid.over(two_habits, 0.05)
     normal = Population.beginning(grid, np.full(400, 800.0), 20.0, 2.0)
     nodes = np.array([[[800.0, 0.1]], [[800.0, 0.5]], [[800.0, 0.5]]])
-    learnt = normal.improved(nodes, np.ones((3, 1)), np.ones(3), 2.0)
+    learnt = normal.improved(nodes, np.ones((3, 1)), np.ones(3), 2.0, 1.0)
     assert np.abs(learnt.shares - normal.shares).max() < 0.15
 
 
@@ -98,9 +98,9 @@ def test_load_goes_with_slip_where_slip_varies_and_not_where_it_does_not(rng):
     grid = Grid.over(slip, 0.01)
     beginning = Population.beginning(grid, load, 5.0, 1.0)
     nodes = np.stack([load, slip], axis=-1)[:, None]
-    fitted = beginning.improved(nodes, np.ones((300, 1)), np.ones(300), 1.0)
+    fitted = beginning.improved(nodes, np.ones((300, 1)), np.ones(300), 1.0, 1.0)
     assert fitted.slope == pytest.approx(900.0, rel=0.05)
     assert fitted.deviation == pytest.approx(10.0, rel=0.5)
     held = np.stack([load, 0.3 + 1e-6 * slip], axis=-1)[:, None]
     # Taken at its word, the load would rise by 9e8 N a unit of slip.
-    assert abs(beginning.improved(held, np.ones((300, 1)), np.ones(300), 1.0).slope) < 100.0
+    assert abs(beginning.improved(held, np.ones((300, 1)), np.ones(300), 1.0, 1.0).slope) < 100.0
