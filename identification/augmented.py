@@ -21,7 +21,9 @@ SOIL_COUNT = 5
 """Leading entries of a parameter vector: c [Pa], tan phi, ln k [m], ln stiffness [Pa], ln n; the effects' follow."""
 
 _LOAD_TOLERANCE = 1e-6
-_ITERATIONS = 40
+_ITERATIONS, _PATIENCE = 40, 8
+"""Steps towards an entry angle at most, and those after which a bracket has to shrink."""
+
 _SMALLEST_ANGLE = 1e-4
 _STEP = 1e-5
 
@@ -205,7 +207,7 @@ class AugmentedWheel:
         """Entry angle (n,) and forces (n, 3) there, all rows at once.
 
         W grows like a power of theta_1, whose exponent is measured as the search goes: secant steps in logarithms,
-        kept within a bracket.
+        kept within a bracket, which is halved where they come to a kink and hardly move it.
         """
         load = true[:, 0]
         rows = len(load)
@@ -215,7 +217,8 @@ class AugmentedWheel:
         before_angle, before_load = angle, np.full(rows, np.nan)
         forces = self._forces(self._contact(drive, true, vector, angle))
         with np.errstate(invalid="ignore", divide="ignore"):
-            for _ in range(_ITERATIONS):
+            widths = [high - low] * 2
+            for iteration in range(_ITERATIONS):
                 carried = forces[:, 0]
                 off = np.abs(carried - load) > _LOAD_TOLERANCE * load
                 if not (off & (high - low > 1e-9)).any():
@@ -225,7 +228,9 @@ class AugmentedWheel:
                 measured = np.log(carried / before_load) / np.log(angle / before_angle)
                 growth = np.where(np.isfinite(measured), np.clip(measured, 0.2, 20.0), growth)
                 trial = np.where(carried > 0.0, angle * (load / carried) ** (1.0 / growth), np.nan)
-                trial = np.where((trial > low) & (trial < high), trial, 0.5 * (low + high))
+                stuck = (high - low > 0.5 * widths[-2]) & (iteration >= _PATIENCE)
+                trial = np.where((trial > low) & (trial < high) & ~stuck, trial, 0.5 * (low + high))
+                widths.append(high - low)
                 before_angle, before_load = angle, carried
                 angle = np.where(off, trial, angle)
                 forces = self._forces(self._contact(drive, true, vector, angle), off, forces)

@@ -63,62 +63,73 @@ def _one_rim(field, width, nodes, weights, scratch, forces, slopes):
     forces[:] = 0.0
     slopes[:, :] = 0.0
     normal_slopes, shear_slopes = scratch
-    for node in range(nodes.size):
-        ahead = theta_1 + (theta_m - theta_1) * nodes[node]
-        sin_ahead, cos_ahead = math.sin(ahead), math.cos(ahead)
-        depth = max(radius * (cos_ahead - cos_1), 1e-300)
-        relative = math.log(depth / width)
-        share = math.exp(field[8] * relative)
-        normal = field[7] * share
-        below = depth - field[15]
-        layer = 0.0
-        if below > 0.0:
-            layer = field[16] * (below / width) ** field[8]
-            normal += layer
-        flat = normal > field[17]
-        if flat:
-            normal = field[17]
-        normal_slopes[:] = 0.0
-        if slopes.shape[1] > 0 and not flat:
-            normal_slopes[3] = share
-            normal_slopes[4] = field[7] * share * relative
+    # Where the pressure has a kink the rule is applied on either side of it.
+    layer_at = _share_of_front(field[15], radius, cos_1, theta_1, theta_m)
+    flat_at = _share_of_front(_flat_from(field, width), radius, cos_1, theta_1, theta_m)
+    ends = (0.0, min(layer_at, flat_at), max(layer_at, flat_at), 1.0)
+    for piece in range(3):
+        reach = ends[piece + 1] - ends[piece]
+        for node in range(nodes.size if reach > 0.0 else 0):
+            along, share_of_rule = ends[piece] + reach * nodes[node], reach * weights[node]
+            ahead = theta_1 + (theta_m - theta_1) * along
+            sin_ahead, cos_ahead = math.sin(ahead), math.cos(ahead)
+            depth = max(radius * (cos_ahead - cos_1), 1e-300)
+            relative = math.log(depth / width)
+            share = math.exp(field[8] * relative)
+            normal = field[7] * share
+            below = depth - field[15]
+            layer = 0.0
             if below > 0.0:
-                normal_slopes[4] += layer * math.log(below / width)
-        # By Eq. 9 both zones have the same normal stress at the same node: that of the front.
-        for zone in range(2):
-            theta, sine, cosine = ahead, sin_ahead, cos_ahead
-            weight = weights[node] * abs(theta_m - theta_1)
-            if zone == 1:
-                theta = theta_2 + (theta_m - theta_2) * nodes[node]
-                sine, cosine = math.sin(theta), math.cos(theta)
-                weight = weights[node] * abs(theta_m - theta_2)
-            friction, strength = field[5], field[4] + normal * field[5]
-            displacement = shear_radius * (theta_1 - theta) - advance * (sin_1 - sine)
-            mobilised, slope = _mobilised(displacement, field[6], field[12])
-            capped = False
-            if field[14] < math.inf:
-                rim, cuts_off = field[13] + normal * field[14], field[18] > 0.5
-                capped = rim < (strength * abs(mobilised) if cuts_off else strength)
-                if capped:
-                    friction, strength = field[14], rim
-                    if cuts_off:
-                        mobilised, slope = math.copysign(1.0, mobilised), 0.0
-            shear = strength * mobilised
-            forces[0] += weight * (radius * normal * cosine + shear_radius * shear * sine)
-            forces[1] += weight * shear
-            forces[2] += weight * (shear_radius * shear * cosine - radius * normal * sine)
-            if slopes.shape[1] == 0:
-                continue
-            for m in range(SOIL_FIELDS):
-                shear_slopes[m] = mobilised * friction * normal_slopes[m]
-            if not capped:
-                shear_slopes[0] += mobilised
-                shear_slopes[1] += mobilised * normal
-            shear_slopes[2] += strength * slope
-            for m in range(SOIL_FIELDS):
-                slopes[0, m] += weight * (radius * normal_slopes[m] * cosine + shear_radius * shear_slopes[m] * sine)
-                slopes[1, m] += weight * shear_slopes[m]
-                slopes[2, m] += weight * (shear_radius * shear_slopes[m] * cosine - radius * normal_slopes[m] * sine)
+                layer = field[16] * (below / width) ** field[8]
+                normal += layer
+            flat = normal > field[17]
+            if flat:
+                normal = field[17]
+            normal_slopes[:] = 0.0
+            if slopes.shape[1] > 0 and not flat:
+                normal_slopes[3] = share
+                normal_slopes[4] = field[7] * share * relative
+                if below > 0.0:
+                    normal_slopes[4] += layer * math.log(below / width)
+            # By Eq. 9 both zones have the same normal stress at the same node: that of the front.
+            for zone in range(2):
+                theta, sine, cosine = ahead, sin_ahead, cos_ahead
+                weight = share_of_rule * abs(theta_m - theta_1)
+                if zone == 1:
+                    theta = theta_2 + (theta_m - theta_2) * along
+                    sine, cosine = math.sin(theta), math.cos(theta)
+                    weight = share_of_rule * abs(theta_m - theta_2)
+                friction, strength = field[5], field[4] + normal * field[5]
+                displacement = shear_radius * (theta_1 - theta) - advance * (sin_1 - sine)
+                mobilised, slope = _mobilised(displacement, field[6], field[12])
+                capped = False
+                if field[14] < math.inf:
+                    rim, cuts_off = field[13] + normal * field[14], field[18] > 0.5
+                    capped = rim < (strength * abs(mobilised) if cuts_off else strength)
+                    if capped:
+                        friction, strength = field[14], rim
+                        if cuts_off:
+                            mobilised, slope = math.copysign(1.0, mobilised), 0.0
+                shear = strength * mobilised
+                forces[0] += weight * (radius * normal * cosine + shear_radius * shear * sine)
+                forces[1] += weight * shear
+                forces[2] += weight * (shear_radius * shear * cosine - radius * normal * sine)
+                if slopes.shape[1] == 0:
+                    continue
+                for m in range(SOIL_FIELDS):
+                    shear_slopes[m] = mobilised * friction * normal_slopes[m]
+                if not capped:
+                    shear_slopes[0] += mobilised
+                    shear_slopes[1] += mobilised * normal
+                shear_slopes[2] += strength * slope
+                for m in range(SOIL_FIELDS):
+                    slopes[0, m] += weight * (
+                        radius * normal_slopes[m] * cosine + shear_radius * shear_slopes[m] * sine
+                    )
+                    slopes[1, m] += weight * shear_slopes[m]
+                    slopes[2, m] += weight * (
+                        shear_radius * shear_slopes[m] * cosine - radius * normal_slopes[m] * sine
+                    )
     lever = shear_radius * field[11]
     forces[0] *= width
     forces[1] *= width * lever
@@ -127,6 +138,23 @@ def _one_rim(field, width, nodes, weights, scratch, forces, slopes):
         slopes[0, m] *= width
         slopes[1, m] *= width * lever
         slopes[2, m] *= width
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _share_of_front(depth, radius, cos_1, theta_1, theta_m):
+    """Share of the front zone, from its edge, at which the rim is so deep; 1 where it never is."""
+    cosine = cos_1 + depth / radius
+    if not cosine < 1.0:
+        return 1.0
+    return min(max((theta_1 - math.acos(cosine)) / (theta_1 - theta_m), 0.0), 1.0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _flat_from(field, width):
+    """Depth [m] from which on the wheel transmits no more pressure, infinite where it always does; layers apart."""
+    if not field[17] < math.inf:
+        return math.inf
+    return width * (field[17] / field[7]) ** (1.0 / field[8])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

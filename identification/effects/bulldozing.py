@@ -45,6 +45,23 @@ class PassivePressure(Effect):
         channels[:, PULL] -= values[0] * UNIT_WEIGHT_N_M3 * contact.wheel.width_m * contact.sinkage_m**2
 
 
+class RankinePressure(Effect):
+    """Passive earth pressure of soil with cohesion on the front, over the wheel's width."""
+
+    slug = "bulldozing"
+    form = "Rankine"
+    equation = "R_b = share b [2 c z sqrt(K_p) + K_p gamma z^2 / 2], K_p = tan^2(45 deg + phi / 2)"
+    source = "W. J. M. Rankine, Phil. Trans. R. Soc. 147 (1857), 9-27; with cohesion J.-Y. Wong (2010), Sec. 2.2"
+    parameters = (Parameter("share", "", 0.0, 20.0, 0.5, 2.0),)
+
+    def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        phi = np.arctan(np.maximum(contact.tan_phi, 0.0))
+        root = np.tan(np.pi / 4.0 + phi / 2.0)
+        depth = contact.sinkage_m
+        pressure = 2.0 * np.maximum(contact.c_Pa, 0.0) * depth * root + root**2 * UNIT_WEIGHT_N_M3 * depth**2 / 2.0
+        channels[:, PULL] -= values[0] * contact.wheel.width_m * pressure
+
+
 def forms(situation: Situation) -> tuple[Effect, ...]:
     """Give the forms that these data can show: drawbar pull has to be measured."""
-    return (PassiveWedge(), PassivePressure()) if situation.seen(PULL) else ()
+    return (PassiveWedge(), PassivePressure(), RankinePressure()) if situation.seen(PULL) else ()

@@ -31,9 +31,9 @@ COLUMNS = {
 _JUMP = 20.0
 """Usual steps [-] by which a place that is reached from one sample to the next cannot have been driven to."""
 
-_WINDOW, _DEGREE = 9, 4
-"""Samples over which speeds are fitted for their derivative, and by a polynomial of which degree: a parabola over as
-many flattens what a wheel does within a second by some per cent, and masses come out too large by as much."""
+_WINDOWS, _DEGREE = (9, 13, 19, 27, 39, 55), 4
+"""Samples over which speeds are fitted for their derivative, and by a polynomial of which degree: a parabola over
+nine flattens what a wheel does within a second by some per cent, and masses come out too large by as much."""
 
 
 class PresentDrive(Drive):
@@ -121,20 +121,37 @@ def select_rows(drive: Drive, rows: np.ndarray) -> Drive:
 def rate_of_change(values: np.ndarray, time_s: np.ndarray, stretch: np.ndarray) -> np.ndarray:
     """Rate of change [1/s], (n,), from a local polynomial within each stretch; NaN in stretches too short for one.
 
-    It is shrunk by the share of its variance that noise does not make: what is regressed on it is then not attenuated
-    (regression calibration; R. J. Carroll et al., "Measurement Error in Nonlinear Models" (2006), Ch. 4).
+    The polynomial's window is as wide as makes the expected error least, noise and flattening together (after
+    C. M. Stein, Ann. Statist. 9 (1981), 1135-1151: an unbiased estimate of the risk). The rate is shrunk by the share
+    of its variance that noise does not make: what is regressed on it is then not attenuated (regression calibration;
+    R. J. Carroll et al., "Measurement Error in Nonlinear Models" (2006), Ch. 4).
     """
-    answer, noise = np.full(len(values), math.nan), np.full(len(values), math.nan)
-    smooth, slope = savgol_coeffs(_WINDOW, _DEGREE), savgol_coeffs(_WINDOW, _DEGREE, deriv=1)
-    for rows in np.split(np.arange(len(values)), np.flatnonzero(np.diff(stretch)) + 1):
-        if len(rows) < _WINDOW or not np.isfinite(values[rows]).all() or not np.isfinite(time_s[rows]).all():
-            continue
-        step = float(np.median(np.diff(time_s[rows])))
-        answer[rows] = savgol_filter(values[rows], _WINDOW, _DEGREE, deriv=1, delta=step)
-        left = values[rows] - savgol_filter(values[rows], _WINDOW, _DEGREE)
-        noise[rows] = left / math.sqrt(1.0 - smooth[_WINDOW // 2]) * np.linalg.norm(slope) / step
-    if np.isfinite(answer).any():
-        variance = float(np.nanvar(answer))
-        of_noise = (NORMAL_MAD * float(median_abs_deviation(noise, nan_policy="omit"))) ** 2
-        answer *= max(1.0 - of_noise / variance, 0.0) if variance > 0.0 else 1.0
-    return answer
+    usable = [
+        rows
+        for rows in np.split(np.arange(len(values)), np.flatnonzero(np.diff(stretch)) + 1)
+        if len(rows) >= _WINDOWS[0] and np.isfinite(values[rows]).all() and np.isfinite(time_s[rows]).all()
+    ]
+    narrow = np.full(len(values), math.nan)
+    if not usable:
+        return narrow
+    step = float(np.median(np.concatenate([np.diff(time_s[rows]) for rows in usable])))
+    left = np.concatenate([values[rows] - savgol_filter(values[rows], _WINDOWS[0], _DEGREE) for rows in usable])
+    kept = 1.0 - savgol_coeffs(_WINDOWS[0], _DEGREE)[_WINDOWS[0] // 2]
+    noise = (NORMAL_MAD * float(median_abs_deviation(left))) ** 2 / kept
+    best: tuple[float, float, np.ndarray] | None = None
+    for window in _WINDOWS:
+        rate = np.full(len(values), math.nan)
+        for rows in usable:
+            fits = min(window, len(rows) - 1 + len(rows) % 2)
+            rate[rows] = savgol_filter(values[rows], fits, _DEGREE, deriv=1, delta=step)
+        narrow = rate if best is None else narrow
+        slope = savgol_coeffs(window, _DEGREE, deriv=1) / step
+        beside = slope - np.pad(savgol_coeffs(_WINDOWS[0], _DEGREE, deriv=1) / step, (window - _WINDOWS[0]) // 2)
+        of_noise = noise * float(slope @ slope)
+        risk = float(np.nanmean((rate - narrow) ** 2)) - noise * float(beside @ beside) + of_noise
+        if best is None or risk < best[0]:
+            best = risk, of_noise, rate
+    assert best is not None
+    _, of_noise, rate = best
+    variance = float(np.nanvar(rate))
+    return rate * (max(1.0 - of_noise / variance, 0.0) if variance > 0.0 else 1.0)

@@ -16,10 +16,10 @@ class SideWallFriction(Effect):
     def __init__(self, form: str) -> None:
         self.form = form
         if form == "stress":
-            self.equation = "T += 2 tau_s A r, DP -= 2 tau_s A; A the buried area of a flank"
+            self.equation = "T += 2 tau_s A r, DP -= 2 tau_s A; A the buried area of a flank ahead of the axle"
             self.parameters = (Parameter("tau_s", "Pa", 0.0, 1e5, 500.0, 3e3),)
         else:
-            self.equation = "T += 2 g_s z A r, DP -= 2 g_s z A; A the buried area of a flank"
+            self.equation = "T += 2 g_s z A r, DP -= 2 g_s z A; A the buried area of a flank ahead of the axle"
             self.parameters = (Parameter("g_s", "Pa/m", 0.0, 1e7, 1e4, 1e5),)
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
