@@ -24,6 +24,7 @@ from .forward import CHANNELS, TextbookWheel, from_internal, slope_of_internal, 
 from .identifiability import advise, separable, strengths
 from .intervals import consistent, hull, parameter_intervals
 from .marginal_likelihood import Problem
+from .noise import autocorrelations
 from .wheel_soil import Soil, contact_array, entry_angle, rim_forces
 
 ANSWERS = np.array([False, True, True, False, True])
@@ -317,9 +318,7 @@ def _correlation_time(residuals: np.ndarray) -> float:
         values = column[np.isfinite(column)]
         if len(values) < 8 or float(values @ values) == 0.0:
             continue
-        spectrum = np.fft.rfft(values, 2 * len(values))
-        correlation = np.fft.irfft(np.abs(spectrum) ** 2)[: len(values) // 2]
-        correlation = correlation / correlation[0]
+        correlation = autocorrelations(values)
         pairs = correlation[1:-1:2] + correlation[2::2]
         positive = int(np.argmax(pairs <= 0.0)) if (pairs <= 0.0).any() else len(pairs)
         longest = max(longest, 1.0 + 2.0 * float(pairs[:positive].sum()))

@@ -72,3 +72,10 @@ def _from_repeats(table: WheelTable, values: np.ndarray, name: str) -> float:
     difference = (values - values[nearest])[close]
     difference = difference[np.isfinite(difference)]
     return NORMAL_MAD * float(np.median(np.abs(difference))) / np.sqrt(2.0) if difference.size else 0.0
+
+
+def autocorrelations(values: np.ndarray) -> np.ndarray:
+    """Autocorrelation of a series (n,) that is not all zero, at lags from 0 to n // 2 - 1."""
+    spectrum = np.fft.rfft(values, 2 * len(values))
+    covariance = np.fft.irfft(np.abs(spectrum) ** 2)[: len(values) // 2]
+    return covariance / covariance[0]

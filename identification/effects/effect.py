@@ -190,6 +190,14 @@ class Effect:
         """Parameter vectors (k,) at which a search may start."""
         return [np.array([parameter.start for parameter in self.parameters])]
 
+    def delay(self, values: np.ndarray) -> tuple[int, float] | None:
+        """Give the channel, of `forward.CHANNELS`, that arrives late and by how many samples; None where none does."""
+        return None
+
+    def variants(self) -> list[Effect]:
+        """Give the same effect with other constants, which are tried once it is found."""
+        return []
+
     def impose(self, imposed: np.ndarray, drive: Drive, values: np.ndarray) -> None:
         """Correct the load [N] and slip that the wheel truly had, (n, 2), in place, from those reported."""
 

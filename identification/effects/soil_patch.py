@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+from copy import copy
 
 import numpy as np
 
 from .effect import Contact, Drive, Effect, Parameter, Situation
 
 _GRID = 40
-_SOFT_EDGE = 0.01
-"""Width of a patch's edges as a share of the track: sharp, yet with a derivative [-]."""
+_SOFT_EDGE, _OTHER_EDGES = 0.01, (0.001, 0.003, 0.03)
+"""Width of a patch's edges as a share of the track: sharp, yet with a derivative; and others, once it is found [-]."""
 
 
 class SoilPatch(Effect):
@@ -31,6 +32,7 @@ class SoilPatch(Effect):
         low, high = float(np.nanmin(values)), float(np.nanmax(values))
         unit = "m" if along == "place" else "s"
         # A standing wheel has no track: its one place is inside or outside, sharply.
+        self._long = high - low
         edge = max(_SOFT_EDGE * (high - low), 1e-9)
         self.constants = {"edge": edge}
         self.needs = (self._along,)
@@ -45,6 +47,14 @@ class SoilPatch(Effect):
 
     def starts(self) -> list[np.ndarray]:
         return [np.array([0.0, 0.0, start, end]) for start, end in self._candidates]
+
+    def variants(self) -> list[Effect]:
+        answer: list[Effect] = []
+        for share in _OTHER_EDGES:
+            other = copy(self)
+            other.constants = {"edge": max(share * self._long, 1e-9)}
+            answer.append(other)
+        return answer
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         where, edge = getattr(drive, self._along), self.constants["edge"]

@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 from ..forward import CHANNELS
 from .effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Drive, Effect, Parameter, Situation
 
-_LONGEST_LAG = 25
+_LONGEST_LAG = 40
 """Longest delay that is looked for, in samples."""
 
 
@@ -32,16 +32,22 @@ def delayed(values: np.ndarray, time_s: np.ndarray, stretch: np.ndarray, lag_s: 
 
 
 def filtered(values: np.ndarray, time_s: np.ndarray, stretch: np.ndarray, constant_s: float) -> np.ndarray:
-    """Values (n,) behind a first-order low-pass of time constant [s], within each run of the clock."""
+    """Values (n,) behind a first-order low-pass of time constant [s], within each run of the clock.
+
+    Exact for values that go straight from one sample to the next.
+    """
     answer = values.copy()
     for rows in _runs(time_s, stretch):
         good = rows[np.isfinite(values[rows]) & np.isfinite(time_s[rows])]
         if len(good) < 2:
             continue
         step = float(np.median(np.diff(time_s[good])))
-        keep = math.exp(-step / max(constant_s, 1e-3 * step))
+        constant = max(constant_s, 1e-9 * step)
+        keep = math.exp(-step / constant)
+        reached = (1.0 - keep) * constant / step
+        now, before = 1.0 - reached, reached - keep
         # The run starts settled.
-        answer[good], _ = lfilter([1.0 - keep], [1.0, -keep], values[good], zi=[keep * values[good[0]]])
+        answer[good], _ = lfilter([now, before], [1.0, -keep], values[good], zi=[(before + keep) * values[good[0]]])
     return answer
 
 
@@ -84,7 +90,10 @@ class TimeLag(Effect):
         self.parameters = (Parameter("tau", "s", -longest, longest, step_s, 4.0 * step_s, step=0.2 * step_s),)
 
     def starts(self) -> list[np.ndarray]:
-        return [np.array([samples * self._step]) for samples in (1.5, 6.0, -2.0)]
+        return [np.array([samples * self._step]) for samples in (1.5, 6.0, 20.0, -2.0)]
+
+    def delay(self, values: np.ndarray) -> tuple[int, float]:
+        return self._channel, float(values[0]) / self._step
 
     def impose(self, imposed: np.ndarray, drive: Drive, values: np.ndarray) -> None:
         if self._channel in (LOAD, SLIP):

@@ -22,12 +22,19 @@ from .wording import summarise, trust
 from .would_tell import would_tell
 
 _RESAMPLES = 400
+_VARIES = 0.02
+"""Variation of the ground that is worth a word [-]."""
+
+_REPEATS = 1.5
+"""Rows that say the same from which on it is worth a word."""
+
 _SOIL_UNITS = {"c_Pa": "Pa", "phi_rad": "rad", "k_m": "m", "stiffness_Pa": "Pa", "n": ""}
 
 
 def assemble(
     problem: Problem, found: Search, naming: Naming, remaining: SmoothCorrection, regions: tuple[Region, ...], *,
     source: str, seed: int, began: float, problems: tuple[str, ...] = (), simulated: np.ndarray | None = None,
+    repeated: float = 1.0,
 ) -> Explanation:  # fmt: skip
     """Put the answer together.
 
@@ -39,6 +46,8 @@ def assemble(
         The recording, the seed of resampling, when work began [s], and what the reader noticed.
     simulated : (n, 5)
         Residuals of another simulator, which then stand for "before".
+    repeated
+        Number of neighbouring rows that say the same.
     """
     chosen, textbook = found.chosen, found.textbook
     unknown_wins = naming.unknown > 0.5
@@ -79,6 +88,9 @@ def assemble(
             *_not_predicted(problem, before, after),
             *_beside(unsure),
             *_many(chosen),
+            *_ground(problem, best.fitted),
+            *_repeated(repeated),
+            *_crossed_once(best),
         ),
         rows=_rows(problem, before, after, chosen.fitted),
         simulator=best.fitted.model,
@@ -257,6 +269,37 @@ def _many(chosen: Trial) -> list[str]:
         f"{len(chosen.effects)} effects together fit best; so many often stand in for one that the catalogue lacks, "
         "and none of them is asserted"
     ]
+
+
+def _ground(problem: Problem, fitted: Fitted) -> list[str]:
+    """Say how much the ground is taken to vary, where that is more than a little."""
+    stiffness, strength = fitted.noise.spread
+    if max(stiffness, strength) < _VARIES:
+        return []
+    where = "from trial to trial"
+    if np.isfinite(problem.samples.position).all():
+        unit = "m" if np.array_equal(problem.samples.position, problem.samples.drive.place_m) else "s"
+        where = f"along the track, over {fitted.noise.length:.2g} {unit}"
+    return [
+        f"the ground is taken to vary {where}: stiffness by {100.0 * stiffness:.1f} %, "
+        f"strength by {100.0 * strength:.1f} % (standard deviation)"
+    ]
+
+
+def _repeated(repeated: float) -> list[str]:
+    """Say that evidence counts less than it seems."""
+    if repeated < _REPEATS:
+        return []
+    return [
+        f"what is left repeats itself from row to row, as behind a slow amplifier: {repeated:.1f} rows count as one"
+    ]
+
+
+def _crossed_once(trial: Trial) -> list[str]:
+    """Say what rows held out cannot test."""
+    if not trial.held_out.untested:
+        return []
+    return ["the place was crossed once: how its ground differs, and from where to where, was fitted and not predicted"]
 
 
 def _floor(problem: Problem, fitted: Fitted, position: int) -> float:

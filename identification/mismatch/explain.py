@@ -14,6 +14,7 @@ from ...framework.core.vehicle import Vehicle
 from ..effects.catalogue import SLUGS, effects_for
 from ..identify import felt_rows, open_recording
 from .answer import assemble
+from .evidence import repetition, warranted
 from .explanation import Explanation
 from .locate import locate
 from .naming import name
@@ -80,12 +81,18 @@ def explain(
         found = search(problem, textbook, effects, lambda what: tell(f"trying {what}"))
         tell("looking for what nothing explains")
         remaining = smooth_correction(problem, found.chosen.fitted)
-        naming = name(found, remaining.gain)
+        repeated = repetition(problem, remaining.innovations)
+        warranted_by_rows = warranted(found, repeated)
+        if warranted_by_rows is not found:
+            found = warranted_by_rows
+            remaining = smooth_correction(problem, found.chosen.fitted)
+        naming = name(found, remaining.gain, repeated=repeated)
         if naming.unknown > 0.5 and found.chosen.effects:
-            naming = name(found, remaining.gain, smooth_correction(problem, found.textbook.fitted).gain)
+            alone = smooth_correction(problem, found.textbook.fitted).gain
+            naming = name(found, remaining.gain, alone, repeated=repeated)
         tell("locating the mismatch")
         regions = locate(problem, found.chosen.fitted)
     return assemble(
         problem, found, naming, remaining, regions, source=str(opened.source), seed=seed, began=began,
-        problems=rows.problems, simulated=own,
+        problems=rows.problems, simulated=own, repeated=repeated,
     )  # fmt: skip

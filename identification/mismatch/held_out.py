@@ -13,6 +13,9 @@ from .steps import normal_equations, scaled_inverse
 
 _LEAST_LEVERAGE = 1e-9
 
+_ALONE = 0.5
+"""A block with more than this share of what is known of a parameter does not test it: nothing else tells it [-]."""
+
 _VAGUE = 0.1
 """Precision where there is no prior, that is of ln stiffness: it is known to three or so."""
 
@@ -20,11 +23,12 @@ _VAGUE = 0.1
 @dataclass(frozen=True)
 class HeldOut:
     """Predictive log-likelihood of each block [nats], what is known of the soil being one more where anything is, and
-    the residuals (n, m), SI, of rows while held out.
+    the residuals (n, m), SI, of rows while held out; `untested` where a block alone tells what a place is like.
     """
 
     nats: np.ndarray
     residuals: np.ndarray
+    untested: bool = False
 
     def gain(self, other: HeldOut) -> tuple[float, float]:
         """Nats gained over another model, and their standard deviation from the scatter between blocks."""
@@ -37,25 +41,28 @@ def hold_out(problem: Problem, fitted: Fitted) -> HeldOut:
 
     The fit without a block is one Newton step away from the fit with it: its rows are taken out of the normal
     equations. The prediction at the parameters found is then the full model's, not a linear one.
+
+    A place that is crossed once tells alone what its ground is like, and where it ends. The block that holds it is
+    predicted with these parameters as they are, and charged with what they take from it: as many nats as it has
+    parameters of its own (H. Akaike, IEEE Trans. Autom. Control 19 (1974), 716-723).
     """
     samples = problem.samples
     blocks = np.unique(samples.block)
     prior = problem.prior(fitted.model)
     _, information = normal_equations(fitted.innovations, fitted.jacobian)
+    known, local = np.diag(information).copy(), of_places(fitted)
     information = information + np.diag(prior.precision)
     residuals = np.full_like(problem.measured, np.nan)
-    nats = np.empty(len(blocks))
+    nats, untested = np.empty(len(blocks)), False
     response = fitted.response
     at_fit = problem.residuals(response)
     slopes = response.by_parameter[:, problem.answers]
     for number, block in enumerate(blocks):
         rows = samples.block == block
         gradient, own = normal_equations(fitted.innovations[rows], fitted.jacobian[rows])
-        rest = information - own
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(rest), 1e-300))
-        scaled = rest * np.outer(scale, scale)
-        scaled[np.diag_indices_from(scaled)] += _LEAST_LEVERAGE
-        step = -scale * np.linalg.solve(scaled, scale * gradient)
+        alone = told_alone(local, np.diag(own), known)
+        untested |= bool(alone.any())
+        step = _step_without(information - own, gradient, ~alone)
         vector = np.clip(fitted.vector + step, prior.lower, prior.upper)
         # Load and slip are corrected as at the fit.
         channels = _predicted(problem, fitted, vector, rows)
@@ -64,10 +71,42 @@ def hold_out(problem: Problem, fitted: Fitted) -> HeldOut:
         # The soil's variation is followed from the neighbours as they look at these parameters.
         there = at_fit - slopes @ (vector - fitted.vector)
         there[rows] = residuals[rows]
-        nats[number] = -problem.loss(there, fitted)[rows].sum()
+        nats[number] = -problem.loss(there, fitted)[rows].sum() - _taken(information, own, alone)
     if problem.known.values:
         nats = np.append(nats, _soil_nats(problem, fitted))
-    return HeldOut(nats, np.where(problem.seen, residuals, np.nan))
+    return HeldOut(nats, np.where(problem.seen, residuals, np.nan), untested)
+
+
+def of_places(fitted: Fitted) -> np.ndarray:
+    """(p,) True for parameters of a place along the track."""
+    answer = np.zeros(len(fitted.vector), dtype=bool)
+    for effect, where in fitted.model.slices():
+        answer[where] = effect.local
+    return answer
+
+
+def told_alone(local: np.ndarray, own: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """(p,) True for parameters of a place that a block, with the information `own` (p,) of all that is `known` (p,),
+    tells alone.
+    """
+    return local & (own > _ALONE * known)
+
+
+def _step_without(information: np.ndarray, gradient: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """Newton step (p,) that takes a block's gradient out of a fit, by those parameters that are `free` to move."""
+    inside = np.ix_(free, free)
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(information)[free], 1e-300))
+    scaled = information[inside] * np.outer(scale, scale)
+    scaled[np.diag_indices_from(scaled)] += _LEAST_LEVERAGE
+    step = np.zeros(len(gradient))
+    step[free] = -scale * np.linalg.solve(scaled, scale * gradient[free])
+    return step
+
+
+def _taken(information: np.ndarray, own: np.ndarray, alone: np.ndarray) -> float:
+    """Parameters that a block tells alone [nats]: how much of them comes from it, and not from the prior."""
+    inside = np.ix_(alone, alone)
+    return float(np.trace(scaled_inverse(information[inside]) @ own[inside])) if alone.any() else 0.0
 
 
 def _soil_nats(problem: Problem, fitted: Fitted) -> float:

@@ -273,6 +273,18 @@ def _averaged(values: np.ndarray, noise: float, stretch: np.ndarray) -> np.ndarr
     return answer
 
 
+def quietness(lag: float) -> float:
+    """Variance of errors of load and slip behind a delay of so many samples, over that without one [-].
+
+    Residuals are taken at the load and slip measured: e - a(t) + a(t + lag) is left of an error e and its average a.
+    Just outside of its window the average has lost the error, and shares others with the one that is taken away.
+    """
+    size = 2 * _REACH + 1
+    away = np.arange(size + 1)
+    ratio = 1.0 + 2.0 * away / size**2 - np.where(away > _REACH, 2.0 / size, 0.0)
+    return float(np.interp(abs(lag), away, ratio))
+
+
 def _thinned(rows: np.ndarray) -> tuple[np.ndarray, bool]:
     if len(rows) <= MOST_ROWS:
         return rows, False

@@ -13,10 +13,10 @@ import numpy as np
 from ...framework.core.soil import SoilKnowledge
 from ..augmented import SOIL_COUNT, AugmentedWheel
 from ..effects.catalogue import FROM_RESIDUALS, effects_for
-from ..effects.effect import Effect, Situation
+from ..effects.effect import LOAD, SLIP, Effect, Situation
 from .fitting import Fitted, Problem, fit
 from .held_out import HeldOut, hold_out
-from .samples import Samples
+from .samples import Samples, quietness
 from .steps import normal_equations, scaled_inverse
 from .textbook import best_fit, fit_textbook
 
@@ -41,6 +41,9 @@ _THREADS = 2
 
 _SHORT, _STILL_MOVING = 5, 3.0
 """Iterations by which starts are compared, and how far behind the best [nats] one has not come to rest by then."""
+
+_LAID_OUT = 15
+"""Iterations by which a place along the track is laid out."""
 
 _ANCHORS = 3
 """Effects from whose soils the textbook wheel is fitted once more."""
@@ -114,13 +117,13 @@ def try_adding(problem: Problem, textbook: Trial, base: Trial, effect: Effect, r
     effects = (*base.effects, effect)
     model = AugmentedWheel(problem.samples.wheel, effects)
     starts = [np.concatenate([base.fitted.vector, start]) for start in effect.starts()]
-    # Where the ground's variation has explained a place already, its patch is seen once that varies less.
-    noises = [base.fitted.noise, problem.first_noise] if effect.local else [base.fitted.noise]
-    several = len(starts) * len(noises) > 1
+    points = [(start, base.fitted.noise) for start in starts]
+    if effect.local:
+        points += [(_laid_out(problem, model, base, start), problem.first_noise) for start in starts]
+    several = len(points) > 1
     fits = [
         fit(problem, model, start, noise, base.fitted.theta_1, iterations=_SHORT if several else 25, rival=rival)
-        for start in starts
-        for noise in noises
+        for start, noise in points
     ]
     fits.sort(key=lambda fitted: -fitted.score)
     best = fits[0]
@@ -131,13 +134,47 @@ def try_adding(problem: Problem, textbook: Trial, base: Trial, effect: Effect, r
             slow = [each for each in fits[1:] if fits[0].score - each.score > _STILL_MOVING]
             ended = [fit(problem, model, each.vector, each.noise, each.theta_1, rival=rival) for each in slow]
             best = max([best, *ended], key=lambda fitted: fitted.score)
-    held = hold_out(problem, best)
-    return _trial(textbook, effects, best, held)
+    if best.score >= base.fitted.score + ASKED_FOR:
+        for variant in effect.variants():
+            model = AugmentedWheel(problem.samples.wheel, (*base.effects, variant))
+            fitted = fit(problem, model, best.vector, best.noise, best.theta_1, rival=max(rival, best.score))
+            best = max(best, fitted, key=lambda each: each.score)
+    return _trial(problem, textbook, best.model.effects, best, hold_out(problem, best))
 
 
-def _trial(textbook: Trial, effects: tuple[Effect, ...], fitted: Fitted, held: HeldOut) -> Trial:
+def _laid_out(problem: Problem, model: AugmentedWheel, base: Trial, start: np.ndarray) -> np.ndarray:
+    """Fit a place while the ground elsewhere is held to vary little: else its variation has explained it already."""
+    noise = problem.first_noise
+    return fit(problem, model, start, noise, base.fitted.theta_1, iterations=_LAID_OUT, settle=False).vector
+
+
+def _of_quiet(problem: Problem, fitted: Fitted) -> float:
+    """Nats that a delay gains because errors of averaged load and slip are quieter there, and not for being right."""
+    weights = problem.weights or fitted.response
+    by_latent = np.nan_to_num(weights.by_latent[:, problem.answers])
+    answer = 0.0
+    for effect, where in fitted.model.slices():
+        late = effect.delay(fitted.vector[where])
+        if late is None:
+            continue
+        channel, lag = late
+        own = by_latent
+        if channel in (LOAD, SLIP):
+            own = by_latent * (np.array([LOAD, SLIP]) == channel)
+        spread = np.einsum("nca,ab,ncb->nc", own, problem.latent_covariance, own)
+        everything = np.einsum("nca,ab,ncb->nc", by_latent, problem.latent_covariance, by_latent)
+        share = problem.seen * spread / (everything + fitted.noise.answers**2)
+        if channel not in (LOAD, SLIP):
+            share = share[:, problem.answers.index(channel)]
+        answer += 0.5 * max(1.0 - quietness(lag), 0.0) * float(share.sum())
+    return answer
+
+
+def _trial(
+    problem: Problem, textbook: Trial, effects: tuple[Effect, ...], fitted: Fitted, held: HeldOut
+) -> Trial:  # fmt: skip
     gain = min(held.gain(textbook.held_out)[0], fitted.score - textbook.fitted.score)
-    gain -= sum(effect.sought for effect in effects)
+    gain -= sum(effect.sought for effect in effects) + _of_quiet(problem, fitted)
     return Trial(effects, fitted, held, gain)
 
 
@@ -150,25 +187,38 @@ def without(problem: Problem, textbook: Trial, trial: Trial, dropped: Effect) ->
     vector = np.concatenate([trial.fitted.vector[:SOIL_COUNT], *[trial.fitted.vector[where] for _, where in kept]])
     fitted = fit(problem, model, vector, trial.fitted.noise, trial.fitted.theta_1)
     held = hold_out(problem, fitted)
-    return _trial(textbook, model.effects, fitted, held)
+    return _trial(problem, textbook, model.effects, fitted, held)
 
 
 def promise(problem: Problem, base: Trial, effect: Effect) -> float:
-    """Nats that an effect's first step from nothing promises on top of a fitted set, everything else following."""
-    null = np.array([parameter.null for parameter in effect.parameters])
+    """Nats that an effect's first step promises on top of a fitted set, everything else following.
+
+    The step is from nothing and, where the effect has several starts, from each of those: a channel that is late by
+    more than what it follows takes to change is no better for being a little less late.
+    """
     model = AugmentedWheel(problem.samples.wheel, (*base.effects, effect))
-    vector = np.concatenate([base.fitted.vector, null])
-    answer = problem.linearise(model, vector, base.fitted.theta_1)
-    innovations, jacobian, _ = problem.whitened(answer, base.fitted.noise)
     prior = problem.prior(model)
-    size = len(base.fitted.vector)
-    gradient, information = normal_equations(innovations, jacobian)
-    gradient[:size] = 0.0
-    information[np.diag_indices_from(information)] += prior.precision + 1e-12
-    free = ~((vector <= prior.lower) & (gradient < 0.0)) & ~((vector >= prior.upper) & (gradient > 0.0))
-    free[:size] = True
-    inside = np.ix_(free, free)
-    return 0.5 * float(gradient[free] @ scaled_inverse(information[inside]) @ gradient[free])
+    starts = effect.starts()
+    null = np.array([parameter.null for parameter in effect.parameters])
+    nowhere, promised = 0.0, []
+    for number, start in enumerate([null, *(starts if len(starts) > 1 else [])]):
+        vector = np.concatenate([base.fitted.vector, start])
+        answer = problem.linearise(model, vector, base.fitted.theta_1)
+        innovations, jacobian, loss = problem.whitened(answer, base.fitted.noise)
+        total = float(loss.sum()) + prior.loss(vector)
+        gradient, information = normal_equations(innovations, jacobian)
+        if number == 0:
+            # The set itself is at its best.
+            nowhere, gradient[: len(base.fitted.vector)] = total, 0.0
+        else:
+            gradient += prior.precision * (prior.mean - vector)
+        information[np.diag_indices_from(information)] += prior.precision + 1e-12
+        free = ~((vector <= prior.lower) & (gradient < 0.0)) & ~((vector >= prior.upper) & (gradient > 0.0))
+        if number == 0:
+            free[: len(base.fitted.vector)] = True
+        step = 0.5 * float(gradient[free] @ scaled_inverse(information[np.ix_(free, free)]) @ gradient[free])
+        promised.append(nowhere - total + step)
+    return max(promised)
 
 
 def search(

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..forward import CHANNELS
 from .fitting import Fitted, Problem
+from .held_out import of_places, told_alone
 from .soil_variation import huber_loss, huber_weight
 from .variables import MOST_CYCLES, cycles, variables
 
@@ -23,6 +24,9 @@ _WORTH = 10.0
 """A group of splines is added where it gains more than this many nats on held-out blocks."""
 
 _MOST_GROUPS = 6
+
+_NO_WORSE = 1.05
+"""A correction may not raise the mean square of what is left of its channel beyond this share [-]."""
 
 
 @dataclass(frozen=True)
@@ -38,11 +42,14 @@ class Term:
 
 @dataclass(frozen=True)
 class SmoothCorrection:
-    """Terms, what they gain in all on held-out blocks [nats], and what they add while held out (n, m), SI."""
+    """Terms, what they gain in all on held-out blocks [nats], what they add while held out (n, m), SI, and the whitened
+    residuals (n, m) that they leave.
+    """
 
     terms: tuple[Term, ...]
     gain: float
     held_out: np.ndarray
+    innovations: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -64,9 +71,10 @@ def smooth_correction(problem: Problem, fitted: Fitted) -> SmoothCorrection:
     solver = _Solver(problem, fitted, groups)
     chosen: list[int] = []
     gains: list[float] = []
+    useless: set[int] = set()
     best = solver.predictive([])
     while len(chosen) < _MOST_GROUPS:
-        others = [index for index in range(len(groups)) if index not in chosen]
+        others = [index for index in range(len(groups)) if index not in useless.union(chosen)]
         if not others:
             break
         # The best of many is good by chance too.
@@ -75,6 +83,9 @@ def smooth_correction(problem: Problem, fitted: Fitted) -> SmoothCorrection:
         gain = reached[winner] - best - math.log(len(others))
         if gain < _WORTH:
             break
+        if _worsens(fitted, solver.added([*chosen, others[winner]])[1], groups[others[winner]].position):
+            useless.add(others[winner])
+            continue
         gains.append(gain)
         best = reached[winner] + groups[others[winner]].sought
         chosen.append(others[winner])
@@ -83,7 +94,13 @@ def smooth_correction(problem: Problem, fitted: Fitted) -> SmoothCorrection:
         Term(CHANNELS[problem.answers[groups[index].position]], groups[index].variable, groups[index].at, values, gain)
         for index, values, gain in zip(chosen, added, gains, strict=True)
     )
-    return SmoothCorrection(terms, sum(gains), held_out)
+    return SmoothCorrection(terms, sum(gains), held_out, solver.left(chosen))
+
+
+def _worsens(fitted: Fitted, held_out: np.ndarray, position: int) -> bool:
+    """Say whether a correction, while held out, adds to a channel's error: it calms its steps and leaves its level."""
+    before, after = fitted.residuals[:, position], (fitted.residuals - held_out)[:, position]
+    return float(np.nanmean(after**2)) > _NO_WORSE * float(np.nanmean(before**2))
 
 
 def _groups(problem: Problem, fitted: Fitted) -> list[_Group]:
@@ -143,6 +160,10 @@ class _Solver:
             self._information.append((part * weight[rows][:, None]).T @ part)
         self._all_gradient = np.sum(self._gradient, axis=0)
         self._all_information = np.sum(self._information, axis=0)
+        known, local = np.diag(self._all_information), np.zeros(len(self._prior), dtype=bool)
+        local[: self._size] = of_places(fitted)
+        # No other block tells these: they stay as they were found.
+        self._alone = [told_alone(local, np.diag(own), known) for own in self._information]
 
     def _chosen(self, groups: list[int]) -> np.ndarray:
         return np.concatenate([np.arange(self._size), *[self._where[index] for index in groups]])
@@ -154,7 +175,10 @@ class _Solver:
             information = information - self._information[without][np.ix_(which, which)]
         gradient = gradient + np.concatenate([self._pull, np.zeros(len(which) - self._size)])
         information = information + np.diag(self._prior[which] + 1e-9)
-        return np.linalg.solve(information, gradient)
+        free = np.ones(len(which), dtype=bool) if without is None else ~self._alone[without][which]
+        answer = np.zeros(len(which))
+        answer[free] = np.linalg.solve(information[np.ix_(free, free)], gradient[free])
+        return answer
 
     def predictive(self, groups: list[int]) -> float:
         """Predictive log-likelihood over all blocks, each held out [nats], up to a constant."""
@@ -164,6 +188,11 @@ class _Solver:
             left = self._innovations[rows] - self._columns[np.ix_(rows, which)] @ self._solve(which, block)
             total -= float(huber_loss(left).sum())
         return total
+
+    def left(self, groups: list[int]) -> np.ndarray:
+        """Whitened residuals (n, m) of a fit with these groups."""
+        which = self._chosen(groups)
+        return (self._innovations - self._columns[:, which] @ self._solve(which, None)).reshape(self._shape)
 
     def added(self, groups: list[int]) -> tuple[list[np.ndarray], np.ndarray]:
         """What each group adds (n,), and what all add while held out (n, m), SI."""

@@ -41,8 +41,11 @@ def _nothing(explanation: Explanation) -> str:
             f"The other simulator's {', '.join(other)} differ from the recording; the textbook wheel on another soil "
             f"differs less. Over {explanation.n} samples its physics is not what is missing, its soil is another."
         )
-    agree = f"is not within noise in {', '.join(far)}" if far else "agrees within noise"
-    return f"The simulation {agree} over {explanation.n} samples: nothing was found that held-out data ask for."
+    nothing = "nothing was found that held-out data ask for"
+    if not far:
+        return f"The simulation agrees within noise over {explanation.n} samples: {nothing}."
+    misses = f"misses {', '.join(far)} by more than noise, as where the ground varies from place to place"
+    return f"Over {explanation.n} samples the simulation {misses}; {nothing} beside that."
 
 
 def _far(explanation: Explanation) -> list[str]:
@@ -92,7 +95,7 @@ def _errors(explanation: Explanation) -> str:
         elif fit.rmse_after > 1.03 * fit.rmse_before:
             rises.append(change)
     fallen = f"With it the held-out error falls: {'; '.join(falls)}." if falls else ""
-    risen = f"It rises: {'; '.join(rises)}." if rises else ""
+    risen = f"It speaks against it that the held-out error rises: {'; '.join(rises)}." if rises else ""
     return " ".join(each for each in (fallen, risen) if each)
 
 

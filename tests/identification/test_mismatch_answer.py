@@ -35,7 +35,10 @@ def test_something_unknown_is_a_rival_only_where_the_effect_is_not_sure(searched
     problem, found = searched
     slip = problem.samples.drive.slip
     remaining = SmoothCorrection(
-        (Term("torque_Nm", "slip", slip, 0.1 * slip, 12.0),), 12.0, np.zeros_like(problem.measured)
+        (Term("torque_Nm", "slip", slip, 0.1 * slip, 12.0),),
+        12.0,
+        np.zeros_like(problem.measured),
+        np.zeros_like(problem.measured),
     )
     naming = Naming({"slip_sinkage": sure}, 1.0 - sure, {"slip_sinkage": ()}, np.array([sure]))
     answer = assemble(problem, found, naming, remaining, (), source="made", seed=0, began=0.0)

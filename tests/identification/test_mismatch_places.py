@@ -1,0 +1,161 @@
+"""Places crossed once, channels that are very late, noise with a memory: what an independent generator showed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bevameter import Vehicle, Wheel
+from bevameter.framework.core.recording.types import WheelTable
+from bevameter.identification.effects.catalogue import effects_for
+from bevameter.identification.effects.drive import rate_of_change
+from bevameter.identification.effects.time_faults import filtered
+from bevameter.identification.mismatch.evidence import repetition, warranted
+from bevameter.identification.mismatch.held_out import hold_out
+from bevameter.identification.mismatch.naming import name
+from bevameter.identification.mismatch.samples import gather
+from bevameter.identification.mismatch.search import Search, promise, situation, textbook_trial, try_adding
+from bevameter.identification.mismatch.smooth_correction import smooth_correction
+from bevameter.identification.wheel_soil import Soil, equilibrium
+from scipy.signal import lfilter
+
+WHEEL = Wheel(radius_m=0.15, width_m=0.1)
+SOIL = Soil(c_Pa=800.0, phi_rad=math.radians(31.0), k_m=0.012, stiffness_Pa=2.5e5, n=0.95)
+ROWS, STEP_S = 700, 0.1
+
+
+def driven(
+    seed: int = 0, stiffer: float = 0.0, inside: tuple[float, float] = (28.0, 41.0), late_s: float = 0.0,
+    memory: float = 0.0,
+):  # fmt: skip
+    """Problem and textbook trial of a drive: a stiffer stretch in time, slip that arrives late, noise of an AR(1)."""
+    rng = np.random.default_rng(seed)
+    time_s = STEP_S * np.arange(ROWS)
+    load = 90.0 + 40.0 * np.sin(time_s / 3.1) + 15.0 * np.sin(time_s / 1.3)
+
+    def slip(at: np.ndarray) -> np.ndarray:
+        return 0.3 + 0.18 * np.sin(at / 2.3) + 0.08 * np.sin(at / 0.7)
+
+    there = (time_s > inside[0]) & (time_s < inside[1])
+    channels = np.empty((ROWS, 3))
+    for rows, soil in ((~there, SOIL), (there, replace(SOIL, stiffness_Pa=SOIL.stiffness_Pa * math.exp(stiffer)))):
+        state = equilibrium(WHEEL, soil, load[rows], slip(time_s[rows]))
+        channels[rows] = np.column_stack([state.torque_Nm, state.sinkage_m, state.drawbar_pull_N])
+    noise = np.array([0.02, 0.02, 0.02]) * np.ptp(channels, axis=0)
+    error = rng.normal(size=(ROWS, 3))
+    error = math.sqrt(1.0 - memory**2) * lfilter([1.0], [1.0, -memory], error, axis=0)
+    channels = channels + noise * error
+    table = WheelTable(
+        {
+            "time_s": time_s, "load_N": load + 0.5 * rng.normal(size=ROWS),
+            "slip": slip(time_s - late_s) + 0.002 * rng.normal(size=ROWS), "torque_Nm": channels[:, 0],
+            "sinkage_m": channels[:, 1], "drawbar_pull_N": channels[:, 2],
+        },
+        None, None, "made",
+    )  # fmt: skip
+    return textbook_trial(gather(table, WHEEL, Vehicle(name="made", wheels=(WHEEL,))))
+
+
+@pytest.fixture(scope="module")
+def crossed_once():
+    problem, textbook = driven(stiffer=0.25)
+    (patch,) = effects_for(situation(problem, textbook.fitted), ["soil_patch"])
+    return problem, textbook, try_adding(problem, textbook, textbook, patch)
+
+
+def test_a_place_that_was_crossed_once_is_found_though_no_other_rows_tell_it(crossed_once):
+    _, textbook, trial = crossed_once
+    stiffer, stronger, start, end = trial.fitted.vector[5:]
+    assert stiffer == pytest.approx(0.25, abs=0.03)
+    assert stronger == pytest.approx(0.0, abs=0.03)
+    assert start == pytest.approx(28.0, abs=0.5)
+    assert end == pytest.approx(41.0, abs=0.5)
+    assert trial.gain > 20.0
+    assert trial.held_out.untested
+    assert not textbook.held_out.untested
+
+
+def test_what_a_place_is_like_is_paid_for_where_nothing_tests_it(crossed_once):
+    problem, _, trial = crossed_once
+    blocks = problem.samples.block
+    inside = np.unique(blocks[(problem.samples.drive.time_s > 28.0) & (problem.samples.drive.time_s < 41.0)])
+    own = np.isin(np.unique(blocks), inside)
+    fitted = np.array(
+        [-problem.loss(trial.fitted.residuals, trial.fitted)[blocks == b].sum() for b in np.unique(blocks)]
+    )
+    # Four parameters, each told by one block or by two.
+    assert 2.0 < (fitted - trial.held_out.nats)[own].sum() < 12.0
+
+
+def test_ground_without_a_place_of_its_own_has_none():
+    problem, textbook = driven(seed=3)
+    (patch,) = effects_for(situation(problem, textbook.fitted), ["soil_patch"])
+    assert try_adding(problem, textbook, textbook, patch).gain < 12.0
+
+
+def test_what_is_left_beside_a_place_that_was_crossed_once_is_not_unknown(crossed_once):
+    problem, _, trial = crossed_once
+    assert smooth_correction(problem, trial.fitted).gain < 15.0
+
+
+def test_a_channel_later_than_it_takes_to_change_is_promised_something():
+    problem, textbook = driven(late_s=0.9)
+    lags = {effect.form: effect for effect in effects_for(situation(problem, textbook.fitted), ["time_lag"])}
+    assert promise(problem, textbook, lags["slip"]) > 12.0
+    trial = try_adding(problem, textbook, textbook, lags["slip"])
+    assert trial.fitted.vector[5] == pytest.approx(0.9, abs=0.02)
+    assert trial.gain > 100.0
+
+
+def test_rows_that_repeat_each_other_are_counted_as_fewer():
+    problem, textbook = driven(seed=1)
+    assert repetition(problem, textbook.fitted.innovations) < 1.1
+    # 1 + 2 sum of 0.7^k is 5.7; the ground's variation takes some of it up.
+    problem, textbook = driven(seed=1, memory=0.7)
+    assert repetition(problem, textbook.fitted.innovations) > 2.0
+
+
+def test_a_set_goes_down_to_what_fewer_rows_still_ask_for(crossed_once):
+    _, textbook, trial = crossed_once
+    found = Search(textbook, (trial,), (), trial)
+    assert warranted(found, 1.0) is found
+    assert warranted(found, trial.gain / 12.0 + 0.1).chosen is textbook
+    # Evidence that is divided is believed in less.
+    assert name(found, 0.0, repeated=trial.gain / 14.0).effects["soil_patch"] < name(found, 0.0).effects["soil_patch"]
+
+
+def test_what_makes_held_out_errors_larger_is_not_asserted(crossed_once):
+    _, textbook, trial = crossed_once
+    worse = replace(trial, held_out=replace(trial.held_out, residuals=1.1 * textbook.held_out.residuals))
+    assert name(Search(textbook, (trial,), (), trial), 0.0).effects["soil_patch"] > 0.9
+    assert name(Search(textbook, (worse,), (), worse), 0.0).effects["soil_patch"] == pytest.approx(0.5)
+
+
+def test_holding_out_leaves_alone_what_every_block_tells():
+    problem, textbook = driven(seed=2)
+    assert not hold_out(problem, textbook.fitted).untested
+
+
+@pytest.mark.parametrize(("noise", "better"), [(0.0, 1.01), (0.01, 0.7), (0.03, 0.5)])
+def test_noisy_speeds_are_differentiated_over_a_wider_window(noise, better):
+    rng = np.random.default_rng(4)
+    time_s = np.arange(1500) / 20.0
+    speed = 0.3 + 0.1 * np.sin(2.0 * np.pi * time_s / 7.0) + 0.05 * np.sin(2.0 * np.pi * time_s / 2.3)
+    true = np.gradient(speed, time_s)
+    measured = speed + 0.3 * noise * rng.normal(size=len(speed))
+    one = np.zeros(len(speed), dtype=int)
+    wide = rate_of_change(measured, time_s, one)
+    # A file cut into stretches of nine rows has no room for a wider one.
+    narrow = rate_of_change(measured, time_s, np.arange(len(speed)) // 9)
+    assert np.nanstd(wide - true) < better * np.nanstd(narrow - true) + 1e-3
+    assert wide @ true / (wide @ wide) == pytest.approx(1.0, abs=0.06)
+
+
+@pytest.mark.parametrize("constant_s", [0.05, 0.4, 2.0])
+def test_a_low_pass_is_behind_a_ramp_by_its_time_constant(constant_s):
+    time_s = 0.1 * np.arange(400)
+    behind = filtered(3.0 * time_s, time_s, np.zeros(400, dtype=int), constant_s)
+    assert behind[-1] == pytest.approx(3.0 * (time_s[-1] - constant_s), rel=1e-6)
+    np.testing.assert_allclose(filtered(time_s, time_s, np.zeros(400, dtype=int), 0.0), time_s, atol=1e-8)
