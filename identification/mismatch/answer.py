@@ -12,6 +12,7 @@ from ...framework.core.soil import PARAMETERS
 from ..effects.effect import Effect
 from ..forward import CHANNELS, from_internal, slope_of_internal
 from . import readable
+from .evidence import at_odds, noise_floor
 from .explanation import Candidate, ChannelFit, Estimate, Explanation, Missing, Region, Rows, Screened, Verdict
 from .fitting import Fitted, Problem
 from .naming import ASSERTED, MANY, MENTIONED, UNKNOWN, Naming, why_not
@@ -91,6 +92,7 @@ def assemble(
             *_ground(problem, best.fitted),
             *_repeated(repeated),
             *_crossed_once(best),
+            *_doubted(problem, found),
         ),
         rows=_rows(problem, before, after, chosen.fitted),
         simulator=best.fitted.model,
@@ -235,7 +237,7 @@ def _fits(
         answer[CHANNELS[channel]] = ChannelFit(
             values[0][0],
             values[1][0],
-            _floor(problem, chosen, position),
+            noise_floor(problem, chosen, position),
             int(problem.seen[:, position].sum()),
             values[0][1],
             values[1][1],
@@ -302,14 +304,14 @@ def _crossed_once(trial: Trial) -> list[str]:
     return ["the place was crossed once: how its ground differs, and from where to where, was fitted and not predicted"]
 
 
-def _floor(problem: Problem, fitted: Fitted, position: int) -> float:
-    """Least error to be had: the sensor's noise, what uncertain load and slip do, and ground that varies unforeseen."""
-    weights = problem.weights or fitted.response
-    channel = problem.answers[position]
-    by_latent, by_ground = np.nan_to_num(weights.by_latent[:, channel]), np.nan_to_num(weights.by_ground[:, channel])
-    uncertain = np.einsum("na,ab,nb->n", by_latent, problem.latent_covariance, by_latent)
-    varying = by_ground**2 @ fitted.noise.spread**2
-    return math.sqrt(float(fitted.noise.answers[position]) ** 2 + float(np.mean(uncertain + varying)))
+def _doubted(problem: Problem, found: Search) -> list[str]:
+    """Say why what gains most is not asserted."""
+    if not at_odds(problem, found):
+        return []
+    return [
+        "with what fits best errors on held-out rows still grow or stay far above the noise: it is believed in no more "
+        "than half"
+    ]
 
 
 def _rows(problem: Problem, before: np.ndarray, after: np.ndarray, chosen: Fitted) -> Rows:

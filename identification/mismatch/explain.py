@@ -14,14 +14,15 @@ from ...framework.core.vehicle import Vehicle
 from ..effects.catalogue import SLUGS, effects_for
 from ..identify import felt_rows, open_recording
 from .answer import assemble
-from .evidence import repetition, warranted
+from .evidence import at_odds, repetition, warranted
 from .explanation import Explanation
+from .fitting import Problem
 from .locate import locate
 from .naming import name
 from .samples import gather
-from .search import search, situation, textbook_trial
+from .search import Trial, search, situation, textbook_trial
 from .simulated import as_differences, attach
-from .smooth_correction import smooth_correction
+from .smooth_correction import SmoothCorrection, smooth_correction
 
 
 def explain(
@@ -80,19 +81,25 @@ def explain(
         effects = effects_for(situation(problem, textbook.fitted), SLUGS if catalogue is None else catalogue)
         found = search(problem, textbook, effects, lambda what: tell(f"trying {what}"))
         tell("looking for what nothing explains")
-        remaining = smooth_correction(problem, found.chosen.fitted)
+        remaining = _left_over(problem, found.chosen)
         repeated = repetition(problem, remaining.innovations)
-        warranted_by_rows = warranted(found, repeated)
-        if warranted_by_rows is not found:
-            found = warranted_by_rows
-            remaining = smooth_correction(problem, found.chosen.fitted)
-        naming = name(found, remaining.gain, repeated=repeated)
+        fewer = warranted(found, repeated)
+        if fewer is not found:
+            found = fewer
+            remaining = _left_over(problem, found.chosen)
+        doubted = at_odds(problem, found)
+        naming = name(found, remaining.gain, repeated=repeated, doubted=doubted)
         if naming.unknown > 0.5 and found.chosen.effects:
-            alone = smooth_correction(problem, found.textbook.fitted).gain
-            naming = name(found, remaining.gain, alone, repeated=repeated)
+            alone = _left_over(problem, found.textbook).gain
+            naming = name(found, remaining.gain, alone, repeated=repeated, doubted=doubted)
         tell("locating the mismatch")
         regions = locate(problem, found.chosen.fitted)
     return assemble(
         problem, found, naming, remaining, regions, source=str(opened.source), seed=seed, began=began,
         problems=rows.problems, simulated=own, repeated=repeated,
     )  # fmt: skip
+
+
+def _left_over(problem: Problem, trial: Trial) -> SmoothCorrection:
+    """Find what a set of effects leaves that depends smoothly on something."""
+    return smooth_correction(problem, trial.fitted, trial.held_out)

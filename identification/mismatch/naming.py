@@ -39,10 +39,8 @@ _BESIDE_UNKNOWN = 0.4
 """Most that an effect is believed in beside something that the catalogue lacks: it may stand in for that [-]."""
 
 
-_WORSE, _AT_ODDS = 0.05, 0.5
-"""Effects with which the errors on held-out rows grow by more than this share, geometric mean of the channels, are
-believed in no more than that [-]: they make errors likelier, not smaller. Of 290 answers of the study's recordings
-with effects, none that was right let them grow by more than 4 %, and all three that did were wrong."""
+_AT_ODDS = 0.5
+"""Effects that the errors on held-out rows speak against (`evidence.at_odds`) are believed in no more than that [-]."""
 
 MANY, _OF_MANY = 3, 0.7
 """From so many effects together each is believed in no more than this [-]: of the study's recordings one in 150 needed
@@ -71,7 +69,9 @@ class Naming:
     weights: np.ndarray
 
 
-def name(search: Search, remaining: float, alone: float = np.inf, repeated: float = 1.0) -> Naming:
+def name(
+    search: Search, remaining: float, alone: float = np.inf, *, repeated: float = 1.0, doubted: bool = False
+) -> Naming:
     """Weigh the trials of a search.
 
     Parameters
@@ -84,6 +84,8 @@ def name(search: Search, remaining: float, alone: float = np.inf, repeated: floa
         Nats that one gains on the textbook wheel without any effect.
     repeated
         Number of neighbouring rows that say the same: all nats are divided by it.
+    doubted
+        Errors on held-out rows speak against the chosen set.
     """
     chosen = search.chosen
     remaining, alone, gained = remaining / repeated, alone / repeated, chosen.gain / repeated
@@ -108,20 +110,13 @@ def name(search: Search, remaining: float, alone: float = np.inf, repeated: floa
             effects[slug] = effects.get(slug, 0.0) + float(weight)
     for slug in chosen.slugs:
         effects[slug] += unknown * beside
-    if _growth(search) > _WORSE:
+    if doubted:
         effects = {slug: min(share, _AT_ODDS) for slug, share in effects.items()}
     if len(chosen.effects) >= MANY:
         effects = {slug: min(share, _OF_MANY) for slug, share in effects.items()}
     effects = dict(sorted(effects.items(), key=lambda pair: -pair[1]))
     look_alikes = {slug: _stand_ins(search, slug) for slug in sorted(chosen.slugs)}
     return Naming(effects, unknown, look_alikes, weights)
-
-
-def _growth(search: Search) -> float:
-    """Mean over the channels of ln(error on held-out rows with the chosen set, over that without)."""
-    before, after = (np.nanmean(trial.held_out.residuals**2, axis=0) for trial in (search.textbook, search.chosen))
-    good = (before > 0.0) & (after > 0.0)
-    return float(np.mean(0.5 * np.log(after[good] / before[good]))) if good.any() else 0.0
 
 
 def _by_best_form(search: Search, weights: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..forward import CHANNELS
 from .fitting import Fitted, Problem
-from .held_out import of_places, told_alone
+from .held_out import HeldOut, of_places, told_alone
 from .soil_variation import huber_loss, huber_weight
 from .variables import MOST_CYCLES, cycles, variables
 
@@ -65,8 +65,8 @@ class _Group:
         return math.log(MOST_CYCLES) if "cycles a turn" in self.variable else 0.0
 
 
-def smooth_correction(problem: Problem, fitted: Fitted) -> SmoothCorrection:
-    """Find what a fit leaves that depends smoothly on something."""
+def smooth_correction(problem: Problem, fitted: Fitted, alone: HeldOut) -> SmoothCorrection:
+    """Find what a fit leaves that depends smoothly on something; `alone` is how the fit predicts by itself."""
     groups = _groups(problem, fitted)
     solver = _Solver(problem, fitted, groups)
     chosen: list[int] = []
@@ -83,7 +83,9 @@ def smooth_correction(problem: Problem, fitted: Fitted) -> SmoothCorrection:
         gain = reached[winner] - best - math.log(len(others))
         if gain < _WORTH:
             break
-        if _worsens(fitted, solver.added([*chosen, others[winner]])[1], groups[others[winner]].position):
+        held_out = solver.added([*chosen, others[winner]])[1]
+        position = groups[others[winner]].position
+        if _worsens(alone.residuals[:, position], solver.added(chosen)[1][:, position], held_out[:, position]):
             useless.add(others[winner])
             continue
         gains.append(gain)
@@ -97,10 +99,12 @@ def smooth_correction(problem: Problem, fitted: Fitted) -> SmoothCorrection:
     return SmoothCorrection(terms, sum(gains), held_out, solver.left(chosen))
 
 
-def _worsens(fitted: Fitted, held_out: np.ndarray, position: int) -> bool:
-    """Say whether a correction, while held out, adds to a channel's error: it calms its steps and leaves its level."""
-    before, after = fitted.residuals[:, position], (fitted.residuals - held_out)[:, position]
-    return float(np.nanmean(after**2)) > _NO_WORSE * float(np.nanmean(before**2))
+def _worsens(residuals: np.ndarray, before: np.ndarray, after: np.ndarray) -> bool:
+    """Say whether a further correction of a channel, while held out, adds to its error: it calms the steps from row to
+    row and leaves the level wrong. `residuals` (n,) without any; `before`, `after` (n,) what corrections add.
+    """
+    error, other = float(np.nanmean((residuals - before) ** 2)), float(np.nanmean((residuals - after) ** 2))
+    return other > _NO_WORSE * error
 
 
 def _groups(problem: Problem, fitted: Fitted) -> list[_Group]:
