@@ -122,9 +122,10 @@ def rate_of_change(values: np.ndarray, time_s: np.ndarray, stretch: np.ndarray) 
     """Rate of change [1/s], (n,), from a local polynomial within each stretch; NaN in stretches too short for one.
 
     The polynomial's window is as wide as makes the expected error least, noise and flattening together (after
-    C. M. Stein, Ann. Statist. 9 (1981), 1135-1151: an unbiased estimate of the risk). The rate is shrunk by the share
-    of its variance that noise does not make: what is regressed on it is then not attenuated (regression calibration;
-    R. J. Carroll et al., "Measurement Error in Nonlinear Models" (2006), Ch. 4).
+    C. M. Stein, Ann. Statist. 9 (1981), 1135-1151: an unbiased estimate of the risk). The rate is shrunk to its mean by
+    the share of its variance that noise does not make: what is regressed on it is then not attenuated (regression
+    calibration; R. J. Carroll et al., "Measurement Error in Nonlinear Models" (2006), Ch. 4), but for rows near the
+    ends of stretches, whose noise is larger: stretches of tens of rows and less are attenuated still.
     """
     usable = [
         rows
@@ -134,24 +135,27 @@ def rate_of_change(values: np.ndarray, time_s: np.ndarray, stretch: np.ndarray) 
     narrow = np.full(len(values), math.nan)
     if not usable:
         return narrow
-    step = float(np.median(np.concatenate([np.diff(time_s[rows]) for rows in usable])))
+    steps = [float(np.median(np.diff(time_s[rows]))) for rows in usable]
+    # Rows weigh by how fast they were sampled: a rate's noise goes with that.
+    per_s2 = float(np.average([step**-2 for step in steps], weights=[len(rows) for rows in usable]))
     left = np.concatenate([values[rows] - savgol_filter(values[rows], _WINDOWS[0], _DEGREE) for rows in usable])
     kept = 1.0 - savgol_coeffs(_WINDOWS[0], _DEGREE)[_WINDOWS[0] // 2]
     noise = (NORMAL_MAD * float(median_abs_deviation(left))) ** 2 / kept
     best: tuple[float, float, np.ndarray] | None = None
-    for window in _WINDOWS:
+    longest = max(len(rows) for rows in usable)
+    for window in [each for each in _WINDOWS if each <= longest]:
         rate = np.full(len(values), math.nan)
-        for rows in usable:
+        for rows, step in zip(usable, steps, strict=True):
             fits = min(window, len(rows) - 1 + len(rows) % 2)
             rate[rows] = savgol_filter(values[rows], fits, _DEGREE, deriv=1, delta=step)
         narrow = rate if best is None else narrow
-        slope = savgol_coeffs(window, _DEGREE, deriv=1) / step
-        beside = slope - np.pad(savgol_coeffs(_WINDOWS[0], _DEGREE, deriv=1) / step, (window - _WINDOWS[0]) // 2)
-        of_noise = noise * float(slope @ slope)
-        risk = float(np.nanmean((rate - narrow) ** 2)) - noise * float(beside @ beside) + of_noise
+        slope = savgol_coeffs(window, _DEGREE, deriv=1)
+        beside = slope - np.pad(savgol_coeffs(_WINDOWS[0], _DEGREE, deriv=1), (window - _WINDOWS[0]) // 2)
+        of_noise = noise * per_s2 * float(slope @ slope)
+        risk = float(np.nanmean((rate - narrow) ** 2)) - noise * per_s2 * float(beside @ beside) + of_noise
         if best is None or risk < best[0]:
             best = risk, of_noise, rate
     assert best is not None
     _, of_noise, rate = best
-    variance = float(np.nanvar(rate))
-    return rate * (max(1.0 - of_noise / variance, 0.0) if variance > 0.0 else 1.0)
+    mean, variance = float(np.nanmean(rate)), float(np.nanvar(rate))
+    return mean + (rate - mean) * (max(1.0 - of_noise / variance, 0.0) if variance > 0.0 else 1.0)

@@ -249,7 +249,7 @@ def build(named: NamedEffect, situation: Situation, source: str) -> tuple[Effect
             column = COLUMNS[need]
             expected = f"{column}, which the effect {named.slug} needs"
             if need.endswith(("acceleration_m_s2", "acceleration_rad_s2")):
-                expected += ", and time_s, in stretches of seven samples at least"
+                expected += ", and time_s, in stretches of nine samples at least"
             raise InputError(source, f"no column {column}", expected=expected)
     for effect in forms_by_name(named.slug, situation):
         if (effect.form, _names(effect)) == (wanted.form, _names(wanted)):

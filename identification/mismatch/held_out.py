@@ -13,8 +13,9 @@ from .steps import normal_equations, scaled_inverse
 
 _LEAST_LEVERAGE = 1e-9
 
-_ALONE = 0.5
-"""A block with more than this share of what is known of a parameter does not test it: nothing else tells it [-]."""
+_ALONE = 0.9
+"""A block with more than this share of what is known of a parameter does not test it: nothing else tells it [-]. Of two
+crossings neither has so much."""
 
 _VAGUE = 0.1
 """Precision where there is no prior, that is of ln stiffness: it is known to three or so."""
