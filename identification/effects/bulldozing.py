@@ -9,6 +9,9 @@ from .effect import PULL, Contact, Drive, Effect, Parameter, Situation
 UNIT_WEIGHT_N_M3 = 15.7e3
 """Of dry sand, 1600 kg/m3: the scale of the resistance, whose share is estimated."""
 
+_PUBLISHED = (0.0, 4.0)
+"""Share of what the theory gives: some theories give twice what others do [-]."""
+
 
 class PassiveWedge(Effect):
     """A wedge of soil fails passively before the wheel's front, its strength that of the soil."""
@@ -19,7 +22,7 @@ class PassiveWedge(Effect):
     source = (
         "E. Hegedus, Land Locomotion Laboratory report 61 (1960), as in G. Ishigami et al., J. Field Robotics 24 (2007)"
     )
-    parameters = (Parameter("s", "", 0.0, 20.0, 0.5, 2.0),)
+    parameters = (Parameter("s", "", 0.0, 20.0, 0.5, 2.0, published=_PUBLISHED),)
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         phi = np.arctan(np.maximum(contact.tan_phi, 0.0))
@@ -52,7 +55,7 @@ class RankinePressure(Effect):
     form = "Rankine"
     equation = "R_b = share b [2 c z sqrt(K_p) + K_p gamma z^2 / 2], K_p = tan^2(45 deg + phi / 2)"
     source = "W. J. M. Rankine, Phil. Trans. R. Soc. 147 (1857), 9-27; with cohesion J.-Y. Wong (2010), Sec. 2.2"
-    parameters = (Parameter("share", "", 0.0, 20.0, 0.5, 2.0),)
+    parameters = (Parameter("share", "", 0.0, 20.0, 0.5, 2.0, published=_PUBLISHED),)
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         phi = np.arctan(np.maximum(contact.tan_phi, 0.0))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -36,6 +37,8 @@ class Parameter:
         The value at which the effect vanishes.
     step
         Step of the difference that derivatives are taken by, where a minute one would not do.
+    published
+        Range that published values fill, with room: an effect that needs one beyond it stands in for something else.
     """
 
     name: str
@@ -46,6 +49,7 @@ class Parameter:
     scale: float
     null: float = 0.0
     step: float = 0.0
+    published: tuple[float, float] = (-math.inf, math.inf)
 
 
 @dataclass(frozen=True)
@@ -189,6 +193,10 @@ class Effect:
     def starts(self) -> list[np.ndarray]:
         """Parameter vectors (k,) at which a search may start."""
         return [np.array([parameter.start for parameter in self.parameters])]
+
+    def beside(self, soil: np.ndarray) -> np.ndarray:
+        """Give the soil (5,), in internal coordinates, to start from with the effect, from the one without it."""
+        return soil
 
     def delay(self, values: np.ndarray) -> tuple[int, float] | None:
         """Give the channel, of `forward.CHANNELS`, that arrives late and by how many samples; None where none does."""

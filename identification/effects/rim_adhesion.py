@@ -6,6 +6,9 @@ import numpy as np
 
 from .effect import Contact, Drive, Effect, Parameter, Situation
 
+_STARTS = 0.95, 0.7
+"""Shares of the soil's own strength to start from [-]."""
+
 
 class RimAdhesion(Effect):
     """The rim's own adhesion and friction cap the shear strength, or cut the soil's shear stress off."""
@@ -33,9 +36,11 @@ class RimAdhesion(Effect):
         self._within = c_Pa, tan_phi
 
     def starts(self) -> list[np.ndarray]:
-        # Just below the soil's own strength: a cap far below would hide the soil from the search.
+        # Below the soil's own strength, where the rim is felt: a cap far below would hide the soil from the search.
         c_Pa, tan_phi = self._within
-        return [np.array([0.9 * c_Pa, 0.95 * tan_phi]), np.array([1.5 * c_Pa + 200.0, 0.8 * tan_phi])]
+        return [np.array([share * c_Pa, share * tan_phi]) for share in _STARTS] + [
+            np.array([1.5 * c_Pa + 200.0, 0.8 * tan_phi])
+        ]
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         contact.adhesion_Pa, contact.tan_delta = values[0], values[1]

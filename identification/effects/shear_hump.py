@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from ...framework.core.soil import PARAMETERS
 from .effect import Contact, Drive, Effect, Parameter, Situation
+
+_LATER = math.log(3.0)
+"""ln of the share by which k is larger than that of the law without a peak that rises as fast: e / (1 - 1/e) - (e - 1)
+K_r, for K_r = 0.75 [-]."""
 
 
 class ShearHump(Effect):
@@ -26,6 +33,11 @@ class ShearHump(Effect):
 
     def starts(self) -> list[np.ndarray]:
         return [np.array([0.75]), np.array([0.4])]
+
+    def beside(self, soil: np.ndarray) -> np.ndarray:
+        answer = soil.copy()
+        answer[PARAMETERS.index("k_m")] += _LATER
+        return answer
 
 
 def forms(situation: Situation) -> tuple[Effect, ...]:

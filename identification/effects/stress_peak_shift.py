@@ -10,7 +10,10 @@ from .effect import Contact, Drive, Effect, Parameter, Situation
 _BRAKED = 0.02
 """Share of samples with negative slip from which on it matters what braked wheels do [-]."""
 
-_A0 = Parameter("a0", "", 0.05, 0.95, 0.45, 0.12, PEAK_SHARE)
+_PUBLISHED = (0.1, 0.7)
+"""Wong & Reece (1967) have 0.18 on loose and 0.43 on compact sand, others up to midway [-]."""
+
+_A0 = Parameter("a0", "", 0.05, 0.95, 0.45, 0.12, PEAK_SHARE, published=_PUBLISHED)
 _A1 = Parameter("a1", "", -0.8, 0.9, 0.15, 0.3)
 
 

@@ -12,7 +12,7 @@ from ...framework.core.soil import PARAMETERS
 from ..effects.effect import Effect
 from ..forward import CHANNELS, from_internal, slope_of_internal
 from . import readable
-from .evidence import at_odds, noise_floor
+from .evidence import at_odds, noise_floor, unheard_of
 from .explanation import Candidate, ChannelFit, Estimate, Explanation, Missing, Region, Rows, Screened, Verdict
 from .fitting import Fitted, Problem
 from .naming import ASSERTED, MANY, MENTIONED, UNKNOWN, Naming, why_not
@@ -306,12 +306,12 @@ def _crossed_once(trial: Trial) -> list[str]:
 
 def _doubted(problem: Problem, found: Search) -> list[str]:
     """Say why what gains most is not asserted."""
-    if not at_odds(problem, found):
-        return []
-    return [
-        "with what fits best errors on held-out rows still grow or stay far above the noise: it is believed in no more "
-        "than half"
-    ]
+    reasons = []
+    if at_odds(problem, found):
+        reasons.append("with what fits best errors on held-out rows still grow or stay far above the noise")
+    if beyond := unheard_of(found.chosen):
+        reasons.append(f"what fits best is {' and '.join(beyond)}, beyond what has been published")
+    return [f"{reason}: it is believed in no more than half" for reason in reasons]
 
 
 def _rows(problem: Problem, before: np.ndarray, after: np.ndarray, chosen: Fitted) -> Rows:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..noise import autocorrelations
 from .fitting import Fitted, Problem
-from .search import ASKED_FOR, Search
+from .search import ASKED_FOR, Search, Trial
 from .soil_variation import HUBER
 
 _SHOWN = 3.0
@@ -42,6 +42,16 @@ def at_odds(problem: Problem, search: Search) -> bool:
         return False
     growth, distance = (float(np.mean(np.log(after[good] / other[good]))) for other in (before, floor))
     return growth > _WORSE or distance > _FAR
+
+
+def unheard_of(chosen: Trial) -> tuple[str, ...]:
+    """Parameters of a set, in words, that are beyond what has been published of their effects."""
+    return tuple(
+        f"{effect.slug} with {parameter.name} = {value:.3g}"
+        for effect, where in chosen.fitted.model.slices()
+        for parameter, value in zip(effect.parameters, chosen.fitted.vector[where], strict=True)
+        if not parameter.published[0] <= value <= parameter.published[1]
+    )
 
 
 def noise_floor(problem: Problem, fitted: Fitted, position: int) -> float:

@@ -40,7 +40,8 @@ _BESIDE_UNKNOWN = 0.4
 
 
 _AT_ODDS = 0.5
-"""Effects that the errors on held-out rows speak against (`evidence.at_odds`) are believed in no more than that [-]."""
+"""Effects that the errors on held-out rows (`evidence.at_odds`) or their own parameters (`evidence.unheard_of`) speak
+against are believed in no more than that [-]."""
 
 MANY, _OF_MANY = 3, 0.7
 """From so many effects together each is believed in no more than this [-]: of the study's recordings one in 150 needed
@@ -85,7 +86,7 @@ def name(
     repeated
         Number of neighbouring rows that say the same: all nats are divided by it.
     doubted
-        Errors on held-out rows speak against the chosen set.
+        Errors on held-out rows, or parameters unheard of, speak against the chosen set.
     """
     chosen = search.chosen
     remaining, alone, gained = remaining / repeated, alone / repeated, chosen.gain / repeated

@@ -30,6 +30,9 @@ SHARE_ASKED_FOR, MOST_ASKED_FOR = 0.08, 40.0
 _LEAST_PROMISE = 2.5
 """Effects that promise less [nats] are not fitted."""
 
+_GLIMPSE = 8
+"""Iterations that show whether an effect that cannot be weighed from nothing is worth fitting beside others."""
+
 _TRIED_IN_SETS = 6
 """Effects tried beside those already found: the most promising ones."""
 
@@ -116,7 +119,7 @@ def try_adding(problem: Problem, textbook: Trial, base: Trial, effect: Effect, r
     """
     effects = (*base.effects, effect)
     model = AugmentedWheel(problem.samples.wheel, effects)
-    starts = [np.concatenate([base.fitted.vector, start]) for start in effect.starts()]
+    starts = _starts(base, effect)
     points = [(start, base.fitted.noise) for start in starts]
     if effect.local:
         points += [(_laid_out(problem, model, base, start), problem.first_noise) for start in starts]
@@ -140,6 +143,12 @@ def try_adding(problem: Problem, textbook: Trial, base: Trial, effect: Effect, r
             fitted = fit(problem, model, best.vector, best.noise, best.theta_1, rival=max(rival, best.score))
             best = max(best, fitted, key=lambda each: each.score)
     return _trial(problem, textbook, best.model.effects, best, hold_out(problem, best))
+
+
+def _starts(base: Trial, effect: Effect) -> list[np.ndarray]:
+    """Vectors from which a set with one more effect may be fitted."""
+    soil, others = np.split(base.fitted.vector, [SOIL_COUNT])
+    return [np.concatenate([effect.beside(soil), others, start]) for start in effect.starts()]
 
 
 def _laid_out(problem: Problem, model: AugmentedWheel, base: Trial, start: np.ndarray) -> np.ndarray:
@@ -221,6 +230,18 @@ def promise(problem: Problem, base: Trial, effect: Effect) -> float:
     return max(promised)
 
 
+def _glimpse(problem: Problem, base: Trial, effect: Effect) -> float:
+    """Nats that an effect which cannot be weighed from nothing gains beside others in a few steps, noise as it is."""
+    model = AugmentedWheel(problem.samples.wheel, (*base.effects, effect))
+    seen = [
+        fit(
+            problem, model, start, base.fitted.noise, base.fitted.theta_1, iterations=_GLIMPSE, settle=False
+        ).score
+        for start in _starts(base, effect)
+    ]  # fmt: skip
+    return max(seen) - base.fitted.score
+
+
 def search(
     problem: Problem, textbook: Trial, catalogue: Sequence[Effect], tell: Callable[[str], None] = lambda _: None
 ) -> Search:
@@ -243,14 +264,20 @@ def search(
     def named(base: Trial, effect: Effect) -> str:
         return " + ".join(each.name for each in (*base.effects, effect))
 
+    def promised_by(base: Trial, effect: Effect) -> float:
+        if effect.nested:
+            return promise(problem, base, effect)
+        # Alone, and where the ground's variation would explain a place first, only a fit tells.
+        return _glimpse(problem, base, effect) if base.effects and not effect.local else np.inf
+
     def attempt(base: Trial, effects: Sequence[Effect], least: float, most: int) -> list[Trial]:
         """Fit those effects beside a set that promise enough, at most so many."""
         answer: list[Trial] = []
         with ThreadPoolExecutor(_THREADS) as pool:
-            nats = pool.map(lambda effect: promise(problem, base, effect) if effect.nested else np.inf, effects)
+            nats = list(pool.map(partial(promised_by, base), effects))
             promised = sorted(zip(nats, effects, strict=True), key=lambda pair: -pair[0])
-            # What cannot be weighed from nothing takes no other's place.
-            most += sum(not effect.nested for effect in effects)
+            # What cannot be weighed first takes no other's place.
+            most += nats.count(np.inf)
             while promised:
                 gained = max((trial.gain - base.gain for trial in answer), default=0.0)
                 worth = [pair for pair in promised[: most - len(answer)] if pair[0] >= max(least, _FAR_LESS * gained)]
@@ -277,13 +304,10 @@ def search(
     best = max(singles, key=lambda trial: trial.gain, default=textbook)
     if best.gain < ASKED_FOR:
         return Search(textbook, tuple(trials), tuple(passed), textbook)
-    # What cannot be weighed from nothing is tried beside others where it was worth something alone.
-    failed = {trial.effects[0] for trial in singles if trial.gain < ASKED_FOR}
-    worth = [effect for effect in catalogue if effect.nested or effect not in failed]
     allowed = frozenset(effect.slug for effect in catalogue)
 
     while len(best.effects) < MOST_EFFECTS:
-        larger = attempt(best, _others(problem, best, worth, allowed, best.slugs), ASKED_FOR, _TRIED_IN_SETS)
+        larger = attempt(best, _others(problem, best, catalogue, allowed, best.slugs), ASKED_FOR, _TRIED_IN_SETS)
         challenger = max(larger, key=lambda trial: trial.gain, default=best)
         if challenger.gain - best.gain < _asked_of(best):
             break
@@ -292,7 +316,7 @@ def search(
         for effect in best.effects[:-1]:
             rest = without(problem, textbook, best, effect)
             # What residuals lay out was tried beside all that was found: it does not stand in for two.
-            instead = _others(problem, rest, worth, frozenset(), best.slugs)
+            instead = _others(problem, rest, catalogue, frozenset(), best.slugs)
             for trial in attempt(rest, instead, ASKED_FOR, _TRIED_IN_SETS):
                 if trial.gain > best.gain:
                     best = trial

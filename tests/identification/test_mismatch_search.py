@@ -1,0 +1,74 @@
+"""Effects that are nothing where the search starts: caps that do not bind, laws that need another soil beside them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bevameter.framework.scenario.concealed.conceal import conceal
+from bevameter.identification.augmented import SOIL_COUNT
+from bevameter.identification.effects.catalogue import effects_for
+from bevameter.identification.effects.shear_hump import ShearHump
+from bevameter.identification.identify import felt_rows, open_recording
+from bevameter.identification.mismatch.evidence import unheard_of
+from bevameter.identification.mismatch.samples import gather
+from bevameter.identification.mismatch.search import search, situation, textbook_trial, try_adding
+
+
+@pytest.fixture
+def trials(tmp_path):
+    """What a concealed recording gives to search: its problem, the textbook's trial, and forms of effects by name."""
+
+    def make(seed: int, hidden: tuple[str, ...], level: str, protocol: str):
+        opened = open_recording(conceal(seed, hidden, level, protocol).write(tmp_path), None)
+        rows = felt_rows(opened)
+        problem, textbook = textbook_trial(gather(rows.table, rows.wheel, rows.vehicle))
+
+        def forms(*slugs: str):
+            return {effect.name: effect for effect in effects_for(situation(problem, textbook.fitted), slugs)}
+
+        return problem, textbook, forms
+
+    return make
+
+
+def test_a_cap_on_the_rim_is_found_however_far_another_effect_is_ahead(trials):
+    problem, textbook, forms = trials(130031, ("rim_adhesion",), "hidden", "bench")
+    cut_off = forms("rim_adhesion")["rim_adhesion[cut off]"]
+    trial = try_adding(problem, textbook, textbook, cut_off, rival=textbook.fitted.score + 60.0)
+    assert trial.gain > 150.0
+
+
+@pytest.mark.parametrize(
+    ("seed", "hidden", "level", "protocol"),
+    [
+        (130000, ("tyre_deflection", "hard_layer"), "hidden", "steady"),
+        (110069, ("stress_peak_shift", "hard_layer"), "buried", "bench"),
+    ],
+)
+def test_what_is_nothing_alone_is_tried_beside_what_is_found(trials, seed, hidden, level, protocol):
+    problem, textbook, forms = trials(seed, hidden, level, protocol)
+    (layer,) = forms("hard_layer").values()
+    assert try_adding(problem, textbook, textbook, layer).gain < 60.0
+    assert search(problem, textbook, list(forms(*hidden).values())).chosen.slugs == set(hidden)
+
+
+def test_a_hump_starts_from_the_soil_whose_stress_rises_as_fast():
+    soil = np.array([1000.0, 0.5, np.log(0.01), 12.0, 0.0])
+    beside = ShearHump().beside(soil)
+    share, k_m, step = 0.75, float(np.exp(beside[2])), 1e-9
+    peak = 1.0 + (1.0 / (share * (1.0 - np.exp(-1.0))) - 1.0) * np.exp(1.0 - step / k_m)
+    assert share * peak * -np.expm1(-step / k_m) == pytest.approx(-np.expm1(-step / 0.01), rel=0.01)
+    assert np.array_equal(np.delete(beside, 2), np.delete(soil, 2))
+    assert soil[2] == np.log(0.01)
+
+
+@pytest.mark.parametrize(("a0", "beyond"), [(0.3, False), (0.5, False), (0.9, True)])
+def test_a_peak_where_nobody_has_seen_one_is_told(trials, a0, beyond):
+    problem, textbook, forms = trials(3, ("stress_peak_shift",), "hidden", "steady")
+    trial = try_adding(problem, textbook, textbook, forms("stress_peak_shift")["stress_peak_shift"])
+    vector = trial.fitted.vector.copy()
+    vector[SOIL_COUNT] = a0
+    told = unheard_of(replace(trial, fitted=replace(trial.fitted, vector=vector)))
+    assert told == (("stress_peak_shift with a0 = 0.9",) if beyond else ())
