@@ -15,19 +15,23 @@ _STANDS_OUT = 12.0
 
 
 class LugRadius(Effect):
-    """Soil shears beyond the rim, at a share of the lugs' height."""
+    """Soil shears beyond the rim, at a share of the lugs' height; the slip reported may be that of this radius."""
 
     slug = "grousers"
-    form = "radius"
-    equation = "r_s = r + s h: shear displacement, thrust and torque at r_s"
     source = "L. Ding et al., J. Terramechanics 48 (2011), 27-45, equivalent shear radius"
     parameters = (Parameter("s", "", 0.0, 2.0, 0.4, 0.6),)
 
-    def __init__(self, height_m: float) -> None:
-        self._height = height_m
+    def __init__(self, height_m: float, *, its_slip: bool = False) -> None:
+        self._height, self._its_slip = height_m, its_slip
+        self.form = "radius with its slip" if its_slip else "radius"
+        self.equation = "r_s = r + s h: shear displacement, thrust and torque at r_s" + (
+            ", slip i = 1 - V / (r_s omega)" if its_slip else ""
+        )
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         radius = contact.shear_radius_m + values[0] * self._height
+        if self._its_slip:
+            contact.advance_m = contact.advance_m * radius / contact.shear_radius_m
         contact.shear_radius_m, contact.lever_m = radius, radius
 
 
@@ -74,15 +78,24 @@ class Lugs(LugRipple):
 
     source = f"{LugRadius.source}; {LugRipple.source}"
 
-    def __init__(self, count: int, typical: np.ndarray, wheel: Wheel, *, overtone: bool = False) -> None:
+    def __init__(
+        self, count: int, typical: np.ndarray, wheel: Wheel, *, overtone: bool = False, its_slip: bool = False
+    ) -> None:
         super().__init__(count, typical, overtone=overtone)
-        self._lugs, self._radius_m = LugRadius(wheel.grouser_height_m), wheel.radius_m
+        self._lugs, self._radius_m = LugRadius(wheel.grouser_height_m, its_slip=its_slip), wheel.radius_m
         self._height = wheel.grouser_height_m
-        self.form = f"radius and {self.form}"
+        self._otherwise = None if its_slip else (count, typical, wheel, overtone)
+        self.form = f"{self._lugs.form} and {self.form}"
         waves = self.equation.split(" += ")[1]
         self.equation = f"{self._lugs.equation}; T += |T| w, DP += |T| / r w, z += h w, each w = {waves}"
         ripple = tuple(Parameter(each.name, "", -1.0, 1.0, 0.0, 0.1) for each in self.parameters)
         self.parameters = (*self._lugs.parameters, *ripple)
+
+    def variants(self) -> list[Effect]:
+        if self._otherwise is None:
+            return []
+        count, typical, wheel, overtone = self._otherwise
+        return [Lugs(count, typical, wheel, overtone=overtone, its_slip=True)]
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         self._lugs.contact(contact, drive, values[:1])
@@ -100,7 +113,7 @@ def forms(situation: Situation) -> tuple[Effect, ...]:
     wheel, drive = situation.wheel, situation.drive
     answer: list[Effect] = []
     if wheel.grouser_height_m > 0.0 and situation.seen(TORQUE, PULL):
-        answer.append(LugRadius(wheel.grouser_height_m))
+        answer += [LugRadius(wheel.grouser_height_m, its_slip=its_slip) for its_slip in (False, True)]
     if drive.has("wheel_angle_rad") and np.nanmax(drive.wheel_angle_rad) - np.nanmin(drive.wheel_angle_rad) > np.pi:
         for count in _counts(wheel, drive, situation.residuals):
             answer += _ripples(wheel, count, situation)
@@ -110,7 +123,9 @@ def forms(situation: Situation) -> tuple[Effect, ...]:
 def named(situation: Situation) -> tuple[Effect, ...]:
     """Give the forms that a simulation may ask for: the vehicle's lugs, however far the wheel turns."""
     wheel = situation.wheel
-    answer: list[Effect] = [LugRadius(wheel.grouser_height_m)] if wheel.grouser_height_m > 0.0 else []
+    answer: list[Effect] = []
+    if wheel.grouser_height_m > 0.0:
+        answer += [LugRadius(wheel.grouser_height_m, its_slip=its_slip) for its_slip in (False, True)]
     if wheel.grouser_count and situation.drive.has("wheel_angle_rad"):
         answer += _ripples(wheel, wheel.grouser_count, situation)
     return tuple(answer)

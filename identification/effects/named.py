@@ -172,8 +172,10 @@ def choose(named: NamedEffect, effects: Sequence[Effect]) -> Effect:
         raise InputError(source, f"{stated} given", expected=known)
     fewest = min(len(effect.parameters) for effect in fitting)
     best = [effect for effect in fitting if len(effect.parameters) == fewest]
-    # Among forms of the same parameters one without a name is the usual one.
-    best = [effect for effect in best if not effect.form] or best
+    # Among forms of the same parameters the usual one is that whose name, or none, begins the others'.
+    usual = min(best, key=lambda effect: len(effect.form))
+    if all(effect.form.startswith(usual.form) for effect in best):
+        return usual
     if len(best) > 1:
         choices = " or ".join(f"form={effect.form}" for effect in best)
         raise InputError(source, f"{', '.join(sorted(given))} given, which leaves its form open", expected=choices)

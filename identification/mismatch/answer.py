@@ -12,13 +12,14 @@ from ...framework.core.soil import PARAMETERS
 from ..effects.effect import Effect
 from ..forward import CHANNELS, from_internal, slope_of_internal
 from . import readable
-from .evidence import at_odds, noise_floor, unheard_of
+from .evidence import at_odds, noise_floor
 from .explanation import Candidate, ChannelFit, Estimate, Explanation, Missing, Region, Rows, Screened, Verdict
 from .fitting import Fitted, Problem
 from .naming import ASSERTED, MANY, MENTIONED, UNKNOWN, Naming, why_not
-from .search import Search, Trial
+from .search import Search
 from .shape import shape_of
 from .smooth_correction import SmoothCorrection
+from .trial import Trial
 from .wording import summarise, trust
 from .would_tell import would_tell
 
@@ -59,8 +60,10 @@ def assemble(
     unsure: list[str] = []
     if verdict in ("physics", "instrument"):
         # What is asserted only; look-alikes of the rest are among the candidates.
-        unsure = [each.effect for each in missing if each.probability < 0.5 and each.kind != UNKNOWN]
-        missing = tuple(each for each in missing if each.probability >= 0.5)
+        asserted = _asserted(missing, naming)
+        told = {slug for each in asserted for slug in (each.effect, *each.indistinguishable_from)}
+        unsure = [each.effect for each in missing if each.effect not in told and each.kind != UNKNOWN]
+        missing = asserted
     if verdict == "none":
         after, regions = textbook.held_out.residuals, ()
     before = textbook.held_out.residuals if simulated is None else simulated[:, problem.answers]
@@ -166,6 +169,17 @@ def _unknown(naming: Naming, remaining: SmoothCorrection) -> Missing:
         "fitted to the data", (), "a drive that varies " + " and ".join(names) + " by themselves, all else held",
         f"{shapes} ({remaining.gain:.0f} nats)",
     )  # fmt: skip
+
+
+def _asserted(missing: tuple[Missing, ...], naming: Naming) -> tuple[Missing, ...]:
+    """What is more likely than not, and one of each group that is sure together and in which none is."""
+    answer = [each for each in missing if each.probability >= 0.5]
+    for each in missing:
+        group = {each.effect, *each.indistinguishable_from}
+        together = sum(naming.effects.get(slug, 0.0) for slug in group)
+        if together >= ASSERTED and each.kind != UNKNOWN and not group & {other.effect for other in answer}:
+            answer.append(each)
+    return tuple(answer)
 
 
 def _verdict(missing: tuple[Missing, ...]) -> Verdict:
@@ -309,7 +323,7 @@ def _doubted(problem: Problem, found: Search) -> list[str]:
     reasons = []
     if at_odds(problem, found):
         reasons.append("with what fits best errors on held-out rows still grow or stay far above the noise")
-    if beyond := unheard_of(found.chosen):
+    if beyond := found.chosen.unheard_of:
         reasons.append(f"what fits best is {' and '.join(beyond)}, beyond what has been published")
     return [f"{reason}: it is believed in no more than half" for reason in reasons]
 

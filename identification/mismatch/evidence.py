@@ -13,14 +13,24 @@ import numpy as np
 
 from ..noise import autocorrelations
 from .fitting import Fitted, Problem
-from .search import ASKED_FOR, Search, Trial
+from .search import Search
 from .soil_variation import HUBER
+from .trial import ASKED_FOR
 
 _SHOWN = 3.0
 """An autocorrelation counts from so many of its standard deviations on, as white noise has them [-]."""
 
-_FEWEST = 50
+_FEWEST = 25
 """Rows below which a channel does not tell."""
+
+_SCATTER = 1.45
+"""Standard deviation of the rho that differences show of white noise, times the root of the number of rows [-]."""
+
+_MOST_ALIKE = 0.95
+"""Neighbours are taken to be no more alike than so [-]."""
+
+_GROSS = 5.0
+"""Differences are cut off at so many of their medians [-]."""
 
 
 _WORSE, _FAR = 0.05, 0.7
@@ -44,16 +54,6 @@ def at_odds(problem: Problem, search: Search) -> bool:
     return growth > _WORSE or distance > _FAR
 
 
-def unheard_of(chosen: Trial) -> tuple[str, ...]:
-    """Parameters of a set, in words, that are beyond what has been published of their effects."""
-    return tuple(
-        f"{effect.slug} with {parameter.name} = {value:.3g}"
-        for effect, where in chosen.fitted.model.slices()
-        for parameter, value in zip(effect.parameters, chosen.fitted.vector[where], strict=True)
-        if not parameter.published[0] <= value <= parameter.published[1]
-    )
-
-
 def noise_floor(problem: Problem, fitted: Fitted, position: int) -> float:
     """Least error to be had: the sensor's noise, what uncertain load and slip do, and ground that varies unforeseen."""
     weights = problem.weights or fitted.response
@@ -64,33 +64,73 @@ def noise_floor(problem: Problem, fitted: Fitted, position: int) -> float:
     return math.sqrt(float(fitted.noise.answers[position]) ** 2 + float(np.mean(uncertain + varying)))
 
 
-def repetition(problem: Problem, innovations: np.ndarray) -> float:
-    """Number of neighbouring rows that say the same, 1 where they are independent: geometric mean of the channels.
+def repetition(problem: Problem, search: Search, innovations: np.ndarray) -> float:
+    """Number of neighbouring rows that say the same, 1 where they are independent. Trials have no neighbours.
 
-    A channel's is 1 + 2 sum of autocorrelations (M. S. Bartlett, J. R. Stat. Soc. Suppl. 8 (1946), 27-41), as far as
-    they stand out from the first lag on. Trials have no neighbours.
+    Each channel's is 1 + 2 sum of autocorrelations (M. S. Bartlett, J. R. Stat. Soc. Suppl. 8 (1946), 27-41), as far as
+    they stand out from the first lag on, or (1 + rho) / (1 - rho) with the rho that differences of neighbours show,
+    whichever is more: the former misses what a model has followed by chance, the latter a memory of another form.
+    Channels count by what the chosen set gains in them, and alike where nothing is gained.
 
     Parameters
     ----------
     problem
         The samples.
+    search
+        The chosen set and the textbook wheel.
     innovations : (n, m)
         What is left of them, whitened.
     """
     if not np.isfinite(problem.samples.drive.time_s).all():
         return 1.0
-    times = []
-    for column, seen in zip(innovations.T, problem.seen.T, strict=True):
-        values = np.clip(column[seen], -HUBER, HUBER)
-        values = values - values.mean() if len(values) else values
-        if len(values) < _FEWEST or not values.any():
-            times.append(1.0)
-            continue
-        correlation = autocorrelations(values)[1:]
-        hidden = correlation < _SHOWN / np.sqrt(len(values))
-        first = int(np.argmax(hidden)) if hidden.any() else len(correlation)
-        times.append(1.0 + 2.0 * float(correlation[:first].sum()))
-    return float(np.exp(np.mean(np.log(times))))
+    left = search.chosen.fitted.residuals
+    times = np.array([
+        max(_by_autocorrelation(column[seen]), _by_differences(_stretches(residual, problem.samples.drive.stretch)))
+        for column, seen, residual in zip(innovations.T, problem.seen.T, left.T, strict=True)
+    ])  # fmt: skip
+    before, after = (np.nanmean(trial.held_out.residuals**2, axis=0) for trial in (search.textbook, search.chosen))
+    gained = problem.seen.sum(axis=0) * np.maximum(np.log(np.maximum(before, 1e-300) / np.maximum(after, 1e-300)), 0.0)
+    share = gained / gained.sum() if gained.any() else np.full(len(times), 1.0 / len(times))
+    return float(1.0 / np.sum(share / times))
+
+
+def _by_autocorrelation(innovations: np.ndarray) -> float:
+    """1 + 2 sum of the autocorrelations of a series (n,) that stand out."""
+    values = np.clip(innovations, -HUBER, HUBER)
+    values = values - values.mean() if len(values) else values
+    if len(values) < _FEWEST or not values.any():
+        return 1.0
+    correlation = autocorrelations(values)[1:]
+    hidden = correlation < _SHOWN / np.sqrt(len(values))
+    first = int(np.argmax(hidden)) if hidden.any() else len(correlation)
+    return 1.0 + 2.0 * float(correlation[:first].sum())
+
+
+def _by_differences(series: list[np.ndarray]) -> float:
+    """(1 + rho) / (1 - rho) of a first-order autoregression, from how much more two steps differ than one: 1 + rho
+    times, however slowly a misfit goes by beneath it.
+    """
+    one, two = (
+        np.concatenate([np.abs(values[step:] - values[:-step]) for values in series] or [np.empty(0)])
+        for step in (1, 2)
+    )
+    one, two = one[np.isfinite(one)], two[np.isfinite(two)]
+    if len(one) < _FEWEST or not np.median(one) > 0.0:
+        return 1.0
+    # A gross error is cut off, or it would be most of either.
+    squares = [float(np.mean(np.minimum(each, _GROSS * np.median(each)) ** 2)) for each in (one, two)]
+    rho, scatter = squares[1] / squares[0] - 1.0, _SCATTER / np.sqrt(len(one))
+    if rho < _SHOWN * scatter:
+        return 1.0
+    # Rather too little than too much: near one a small error of it is a large one of what it makes.
+    rho = min(rho - scatter, _MOST_ALIKE)
+    return (1.0 + rho) / (1.0 - rho)
+
+
+def _stretches(values: np.ndarray, stretch: np.ndarray) -> list[np.ndarray]:
+    """Series of neighbours in time."""
+    ends = np.flatnonzero(np.diff(stretch)) + 1
+    return [each for each in np.split(values, ends) if len(each) > 2]
 
 
 def warranted(search: Search, repeated: float) -> Search:

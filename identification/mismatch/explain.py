@@ -14,15 +14,16 @@ from ...framework.core.vehicle import Vehicle
 from ..effects.catalogue import SLUGS, effects_for
 from ..identify import felt_rows, open_recording
 from .answer import assemble
-from .evidence import at_odds, repetition, unheard_of, warranted
+from .evidence import at_odds, repetition, warranted
 from .explanation import Explanation
 from .fitting import Problem
 from .locate import locate
 from .naming import name
 from .samples import gather
-from .search import Trial, search, situation, textbook_trial
+from .search import search
 from .simulated import as_differences, attach
 from .smooth_correction import SmoothCorrection, smooth_correction
+from .trial import Trial, situation, textbook_trial
 
 
 def explain(
@@ -82,12 +83,12 @@ def explain(
         found = search(problem, textbook, effects, lambda what: tell(f"trying {what}"))
         tell("looking for what nothing explains")
         remaining = _left_over(problem, found.chosen)
-        repeated = repetition(problem, remaining.innovations)
+        repeated = repetition(problem, found, remaining.innovations)
         fewer = warranted(found, repeated)
         if fewer is not found:
             found = fewer
             remaining = _left_over(problem, found.chosen)
-        doubted = at_odds(problem, found) or bool(unheard_of(found.chosen))
+        doubted = at_odds(problem, found) or bool(found.chosen.unheard_of)
         naming = name(found, remaining.gain, repeated=repeated, doubted=doubted)
         if naming.unknown > 0.5 and found.chosen.effects:
             alone = _left_over(problem, found.textbook).gain

@@ -375,7 +375,7 @@ def fit(
             innovations, jacobian, loss = problem.whitened(response, noise)
             before, total = total, float(loss.sum()) + prior.loss(vector)
             settled += 1
-            if settled > 3 or abs(before - total) < 5.0 * enough:
+            if settled > 3 or abs(before - total) < 15.0 * enough:
                 break
             continue
         trial = np.clip(vector + step, prior.lower, prior.upper)

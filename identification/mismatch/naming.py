@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .search import ASKED_FOR, Search, Trial
+from .search import Search
+from .trial import ASKED_FOR, Trial
 
 UNKNOWN = "unknown"
 
@@ -40,7 +41,7 @@ _BESIDE_UNKNOWN = 0.4
 
 
 _AT_ODDS = 0.5
-"""Effects that the errors on held-out rows (`evidence.at_odds`) or their own parameters (`evidence.unheard_of`) speak
+"""Effects that the errors on held-out rows (`evidence.at_odds`) or their own parameters (`Trial.unheard_of`) speak
 against are believed in no more than that [-]."""
 
 MANY, _OF_MANY = 3, 0.7

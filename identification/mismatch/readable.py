@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from .explanation import Estimate, Explanation, Region
+from .explanation import Estimate, Explanation, Missing, Region
 from .naming import ASSERTED
 from .variables import CONSTANT
 
@@ -187,6 +188,14 @@ def p_value(value: float) -> str:
     return "< 1e-12" if value < 1e-12 else f"{value:.1g}" if value < 0.001 else f"{value:.3f}"
 
 
+def one_of(each: Missing, listed: Sequence[Missing]) -> str:
+    """Name an effect with those that it cannot be told from and that are not listed themselves."""
+    slugs = {other.effect for other in listed}
+    return " or ".join(
+        [effect(each.effect), *(effect(slug) for slug in each.indistinguishable_from if slug not in slugs)]
+    )
+
+
 def verdict(explanation: Explanation) -> str:
     """Put the verdict in one sentence."""
     missing = explanation.missing
@@ -212,9 +221,10 @@ def verdict(explanation: Explanation) -> str:
         named = [f"{effect(each.effect)} ({likelihood(each.probability)})" for each in sure if each.kind == kind]
         if named:
             parts.append(opening + _and(named))
-    doubtful = [f"{effect(each.effect)} ({likelihood(each.probability)})" for each in missing if each not in sure]
+    doubtful = [each for each in missing if each not in sure]
     if doubtful:
-        parts.append(f"considered, but not asserted: {_and(doubtful)}")
+        named = [f"{one_of(each, missing)} ({likelihood(each.probability)})" for each in doubtful]
+        parts.append(f"considered, but not asserted: {_and(named)}")
     sentence = "; ".join(parts) or "something was left out"
     return f"{sentence[0].upper()}{sentence[1:]}."
 

@@ -5,23 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
-from ...framework.core.soil import SoilKnowledge
 from ..augmented import SOIL_COUNT, AugmentedWheel
 from ..effects.catalogue import FROM_RESIDUALS, effects_for
-from ..effects.effect import LOAD, SLIP, Effect, Situation
-from .fitting import Fitted, Problem, fit
-from .held_out import HeldOut, hold_out
-from .samples import Samples, quietness
+from ..effects.effect import Effect
+from .fitting import Problem, fit
+from .held_out import hold_out
 from .steps import normal_equations, scaled_inverse
-from .textbook import best_fit, fit_textbook
-
-ASKED_FOR = 12.0
-"""An effect is added where it gains more than this many nats on held-out blocks."""
+from .textbook import best_fit
+from .trial import ASKED_FOR, Trial, situation, starts_of, try_adding, without
 
 MOST_EFFECTS = 3
 SHARE_ASKED_FOR, MOST_ASKED_FOR = 0.08, 40.0
@@ -30,7 +26,7 @@ SHARE_ASKED_FOR, MOST_ASKED_FOR = 0.08, 40.0
 _LEAST_PROMISE = 2.5
 """Effects that promise less [nats] are not fitted."""
 
-_GLIMPSE = 8
+_GLIMPSE = 6
 """Iterations that show whether an effect that cannot be weighed from nothing is worth fitting beside others."""
 
 _TRIED_IN_SETS = 6
@@ -42,33 +38,14 @@ _FAR_LESS = 0.1
 _THREADS = 2
 """Effects fitted at once: the heavy parts let go of Python's lock."""
 
-_SHORT, _STILL_MOVING = 5, 3.0
-"""Iterations by which starts are compared, and how far behind the best [nats] one has not come to rest by then."""
+_QUIET = 0.01
+"""How much quiet ground varies [-]."""
 
-_LAID_OUT = 15
-"""Iterations by which a place along the track is laid out."""
+_NOT_FAR = 0.5
+"""A second effect is sought beside the runner-up too, where it gained at least this share of what the best did [-]."""
 
 _ANCHORS = 3
 """Effects from whose soils the textbook wheel is fitted once more."""
-
-
-@dataclass(frozen=True)
-class Trial:
-    """A set of effects, its fit and how it predicts.
-
-    `gain` over the textbook wheel [nats] is the lesser of that on held-out blocks and that in the fit: a wrong model
-    may fail wildly on a block that the others do not foresee, and what merely calms that failure explains nothing.
-    """
-
-    effects: tuple[Effect, ...]
-    fitted: Fitted
-    held_out: HeldOut
-    gain: float
-
-    @property
-    def slugs(self) -> frozenset[str]:
-        """Public names of the effects."""
-        return frozenset(effect.slug for effect in self.effects)
 
 
 @dataclass(frozen=True)
@@ -84,149 +61,40 @@ class Search:
     chosen: Trial
 
 
-def situation(problem: Problem, textbook: Fitted) -> Situation:
-    """Describe the recording to the catalogue."""
-    samples = problem.samples
-    measured = samples.measured
-    residuals = np.full_like(measured, np.nan)
-    residuals[:, problem.answers] = textbook.residuals / textbook.noise.answers
-    with np.errstate(invalid="ignore"):
-        seen = np.isfinite(measured).any(axis=0)
-        typical = np.where(seen, np.sqrt(np.nanmean(np.where(seen, measured, 0.0) ** 2, axis=0)), np.nan)
-    absent = [channel for channel in (1, 2, 4) if channel not in samples.answers]
-    typical[absent] = np.nan
-    return Situation(
-        samples.wheel,
-        samples.drive,
-        typical,
-        measured[:, 2],
-        residuals,
-        float(textbook.vector[0]),
-        float(textbook.vector[1]),
-    )
-
-
-def textbook_trial(samples: Samples, known: SoilKnowledge | None = None) -> tuple[Problem, Trial]:
-    """Fit the textbook wheel and hold its blocks out."""
-    problem, fitted = fit_textbook(samples, known)
-    return problem, Trial((), fitted, hold_out(problem, fitted), 0.0)
-
-
-def try_adding(problem: Problem, textbook: Trial, base: Trial, effect: Effect, rival: float = -math.inf) -> Trial:
-    """Fit a set with one more effect, from each of its starts, and hold its blocks out.
-
-    The further it stays behind the score of a `rival`, the less exactly it is fitted.
-    """
-    effects = (*base.effects, effect)
-    model = AugmentedWheel(problem.samples.wheel, effects)
-    starts = _starts(base, effect)
-    points = [(start, base.fitted.noise) for start in starts]
-    if effect.local:
-        points += [(_laid_out(problem, model, base, start), problem.first_noise) for start in starts]
-    several = len(points) > 1
-    fits = [
-        fit(problem, model, start, noise, base.fitted.theta_1, iterations=_SHORT if several else 25, rival=rival)
-        for start, noise in points
-    ]
-    fits.sort(key=lambda fitted: -fitted.score)
-    best = fits[0]
-    if several:
-        best = fit(problem, model, best.vector, best.noise, best.theta_1, rival=rival)
-        if best.score < base.fitted.score + ASKED_FOR:
-            # The first ones came to rest where the effect is nothing: those that have not are followed to their end.
-            slow = [each for each in fits[1:] if fits[0].score - each.score > _STILL_MOVING]
-            ended = [fit(problem, model, each.vector, each.noise, each.theta_1, rival=rival) for each in slow]
-            best = max([best, *ended], key=lambda fitted: fitted.score)
-    if best.score >= base.fitted.score + ASKED_FOR:
-        for variant in effect.variants():
-            model = AugmentedWheel(problem.samples.wheel, (*base.effects, variant))
-            fitted = fit(problem, model, best.vector, best.noise, best.theta_1, rival=max(rival, best.score))
-            best = max(best, fitted, key=lambda each: each.score)
-    return _trial(problem, textbook, best.model.effects, best, hold_out(problem, best))
-
-
-def _starts(base: Trial, effect: Effect) -> list[np.ndarray]:
-    """Vectors from which a set with one more effect may be fitted."""
-    soil, others = np.split(base.fitted.vector, [SOIL_COUNT])
-    return [np.concatenate([effect.beside(soil), others, start]) for start in effect.starts()]
-
-
-def _laid_out(problem: Problem, model: AugmentedWheel, base: Trial, start: np.ndarray) -> np.ndarray:
-    """Fit a place while the ground elsewhere is held to vary little: else its variation has explained it already."""
-    noise = problem.first_noise
-    return fit(problem, model, start, noise, base.fitted.theta_1, iterations=_LAID_OUT, settle=False).vector
-
-
-def _of_quiet(problem: Problem, fitted: Fitted) -> float:
-    """Nats that a delay gains because errors of averaged load and slip are quieter there, and not for being right."""
-    weights = problem.weights or fitted.response
-    by_latent = np.nan_to_num(weights.by_latent[:, problem.answers])
-    answer = 0.0
-    for effect, where in fitted.model.slices():
-        late = effect.delay(fitted.vector[where])
-        if late is None:
-            continue
-        channel, lag = late
-        own = by_latent
-        if channel in (LOAD, SLIP):
-            own = by_latent * (np.array([LOAD, SLIP]) == channel)
-        spread = np.einsum("nca,ab,ncb->nc", own, problem.latent_covariance, own)
-        everything = np.einsum("nca,ab,ncb->nc", by_latent, problem.latent_covariance, by_latent)
-        share = problem.seen * spread / (everything + fitted.noise.answers**2)
-        if channel not in (LOAD, SLIP):
-            share = share[:, problem.answers.index(channel)]
-        answer += 0.5 * max(1.0 - quietness(lag), 0.0) * float(share.sum())
-    return answer
-
-
-def _trial(
-    problem: Problem, textbook: Trial, effects: tuple[Effect, ...], fitted: Fitted, held: HeldOut
-) -> Trial:  # fmt: skip
-    gain = min(held.gain(textbook.held_out)[0], fitted.score - textbook.fitted.score)
-    gain -= sum(effect.sought for effect in effects) + _of_quiet(problem, fitted)
-    return Trial(effects, fitted, held, gain)
-
-
-def without(problem: Problem, textbook: Trial, trial: Trial, dropped: Effect) -> Trial:
-    """Fit a set less one of its effects."""
-    kept = [(effect, where) for effect, where in trial.fitted.model.slices() if effect is not dropped]
-    if not kept:
-        return textbook
-    model = AugmentedWheel(problem.samples.wheel, tuple(effect for effect, _ in kept))
-    vector = np.concatenate([trial.fitted.vector[:SOIL_COUNT], *[trial.fitted.vector[where] for _, where in kept]])
-    fitted = fit(problem, model, vector, trial.fitted.noise, trial.fitted.theta_1)
-    held = hold_out(problem, fitted)
-    return _trial(problem, textbook, model.effects, fitted, held)
-
-
 def promise(problem: Problem, base: Trial, effect: Effect) -> float:
     """Nats that an effect's first step promises on top of a fitted set, everything else following.
 
     The step is from nothing and, where the effect has several starts, from each of those: a channel that is late by
-    more than what it follows takes to change is no better for being a little less late.
+    more than what it follows takes to change is no better for being a little less late. Beside others it is tried in
+    quiet ground too, whose variation may have stood in for the effect.
     """
     model = AugmentedWheel(problem.samples.wheel, (*base.effects, effect))
     prior = problem.prior(model)
     starts = effect.starts()
     null = np.array([parameter.null for parameter in effect.parameters])
+    noises = [base.fitted.noise]
+    if base.effects and base.fitted.noise.spread.max() > 2.0 * _QUIET:
+        noises.append(replace(base.fitted.noise, spread=np.full(2, _QUIET)))
     nowhere, promised = 0.0, []
     for number, start in enumerate([null, *(starts if len(starts) > 1 else [])]):
         vector = np.concatenate([base.fitted.vector, start])
         answer = problem.linearise(model, vector, base.fitted.theta_1)
-        innovations, jacobian, loss = problem.whitened(answer, base.fitted.noise)
-        total = float(loss.sum()) + prior.loss(vector)
-        gradient, information = normal_equations(innovations, jacobian)
-        if number == 0:
-            # The set itself is at its best.
-            nowhere, gradient[: len(base.fitted.vector)] = total, 0.0
-        else:
-            gradient += prior.precision * (prior.mean - vector)
-        information[np.diag_indices_from(information)] += prior.precision + 1e-12
-        free = ~((vector <= prior.lower) & (gradient < 0.0)) & ~((vector >= prior.upper) & (gradient > 0.0))
-        if number == 0:
-            free[: len(base.fitted.vector)] = True
-        step = 0.5 * float(gradient[free] @ scaled_inverse(information[np.ix_(free, free)]) @ gradient[free])
-        promised.append(nowhere - total + step)
+        for noise in noises:
+            innovations, jacobian, loss = problem.whitened(answer, noise)
+            total = float(loss.sum()) + prior.loss(vector) + problem.noise_loss(noise)
+            gradient, information = normal_equations(innovations, jacobian)
+            at_best = number == 0 and noise is base.fitted.noise
+            if at_best:
+                # The set itself is at its best.
+                nowhere, gradient[: len(base.fitted.vector)] = total, 0.0
+            else:
+                gradient += prior.precision * (prior.mean - vector)
+            information[np.diag_indices_from(information)] += prior.precision + 1e-12
+            free = ~((vector <= prior.lower) & (gradient < 0.0)) & ~((vector >= prior.upper) & (gradient > 0.0))
+            if at_best:
+                free[: len(base.fitted.vector)] = True
+            step = 0.5 * float(gradient[free] @ scaled_inverse(information[np.ix_(free, free)]) @ gradient[free])
+            promised.append(nowhere - total + step)
     return max(promised)
 
 
@@ -237,7 +105,7 @@ def _glimpse(problem: Problem, base: Trial, effect: Effect) -> float:
         fit(
             problem, model, start, base.fitted.noise, base.fitted.theta_1, iterations=_GLIMPSE, settle=False
         ).score
-        for start in _starts(base, effect)
+        for start in starts_of(base, effect)
     ]  # fmt: skip
     return max(seen) - base.fitted.score
 
@@ -267,11 +135,17 @@ def search(
     def promised_by(base: Trial, effect: Effect) -> float:
         if effect.nested:
             return promise(problem, base, effect)
+        # Three together are not asserted: what only fits tell is not worth them there.
+        if len(base.effects) > 1:
+            return -np.inf
         # Alone, and where the ground's variation would explain a place first, only a fit tells.
         return _glimpse(problem, base, effect) if base.effects and not effect.local else np.inf
 
-    def attempt(base: Trial, effects: Sequence[Effect], least: float, most: int) -> list[Trial]:
+    def attempt(
+        base: Trial, effects: Sequence[Effect], least: float, most: int, formerly: Sequence[Trial] = ()
+    ) -> list[Trial]:
         """Fit those effects beside a set that promise enough, at most so many."""
+        former = {trial.effects[-1].name: trial for trial in formerly}
         answer: list[Trial] = []
         with ThreadPoolExecutor(_THREADS) as pool:
             nats = list(pool.map(partial(promised_by, base), effects))
@@ -286,8 +160,9 @@ def search(
                 now, promised = worth[:_THREADS], promised[len(worth[:_THREADS]) :]
                 tell(", ".join(named(base, effect) for _, effect in now))
                 ahead = max((trial.fitted.score for trial in answer), default=-math.inf)
-                each = partial(try_adding, problem, textbook, base, rival=ahead)
-                answer += pool.map(each, [effect for _, effect in now])
+                each = partial(try_adding, problem, textbook, base)
+                forms = [effect for _, effect in now]
+                answer += pool.map(each, forms, [ahead] * len(now), [former.get(effect.name) for effect in forms])
         passed.extend((named(base, effect), nats) for nats, effect in promised)
         trials.extend(answer)
         return answer
@@ -300,7 +175,7 @@ def search(
         textbook = anchored
         trials.clear()
         passed.clear()
-        singles = attempt(textbook, catalogue, _LEAST_PROMISE, len(catalogue))
+        singles = attempt(textbook, catalogue, _LEAST_PROMISE, len(catalogue), singles)
     best = max(singles, key=lambda trial: trial.gain, default=textbook)
     if best.gain < ASKED_FOR:
         return Search(textbook, tuple(trials), tuple(passed), textbook)
@@ -308,6 +183,9 @@ def search(
 
     while len(best.effects) < MOST_EFFECTS:
         larger = attempt(best, _others(problem, best, catalogue, allowed, best.slugs), ASKED_FOR, _TRIED_IN_SETS)
+        if second := _runner_up(singles, best):
+            others = _others(problem, second, catalogue, frozenset(), best.slugs | second.slugs)
+            larger += attempt(second, [each for each in others if each.nested], ASKED_FOR, _TRIED_IN_SETS)
         challenger = max(larger, key=lambda trial: trial.gain, default=best)
         if challenger.gain - best.gain < _asked_of(best):
             break
@@ -322,6 +200,15 @@ def search(
                     best = trial
     best = _pruned(problem, textbook, best, trials)
     return Search(textbook, tuple(trials), tuple(passed), best)
+
+
+def _runner_up(singles: Sequence[Trial], best: Trial) -> Trial | None:
+    """Single effect that is not far behind the best one, which may stand in for two."""
+    others = [trial for trial in singles if trial.slugs != best.slugs]
+    second = max(others, key=lambda trial: trial.gain, default=None)
+    if len(best.effects) > 1 or second is None or second.gain < max(ASKED_FOR, _NOT_FAR * best.gain):
+        return None
+    return second
 
 
 def _others(
@@ -348,7 +235,7 @@ def _anchored(problem: Problem, textbook: Trial, singles: Sequence[Trial]) -> Tr
 
 def _asked_of(trial: Trial) -> float:
     """Nats that a further effect has to gain: published forms of one effect differ, and the difference is no effect."""
-    return max(ASKED_FOR, min(SHARE_ASKED_FOR * trial.gain, MOST_ASKED_FOR))
+    return ASKED_FOR if trial.unheard_of else max(ASKED_FOR, min(SHARE_ASKED_FOR * trial.gain, MOST_ASKED_FOR))
 
 
 def _pruned(problem: Problem, textbook: Trial, best: Trial, trials: list[Trial]) -> Trial:

@@ -23,7 +23,9 @@ def summarise(explanation: Explanation) -> str:
         parts.append(f"Nothing in the catalogue explains it; what is left: {shape.description}.")
     parts += [_statement(each) for each in sure if each.kind != "unknown"]
     if unsure and explanation.verdict != "unknown":
-        listed = ", ".join(f"{readable.effect(each.effect)} ({readable.percent(each.probability)})" for each in unsure)
+        listed = ", ".join(
+            f"{readable.one_of(each, explanation.missing)} ({readable.percent(each.probability)})" for each in unsure
+        )
         parts.append(f"These data do not tell for sure: {listed}.")
         tell = next((each.would_tell for each in unsure if each.would_tell), "")
         if tell:

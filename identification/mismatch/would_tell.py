@@ -13,8 +13,8 @@ import numpy as np
 from ..effects.effect import PULL, SINKAGE, TORQUE, Drive
 from ..forward import CHANNELS
 from .fitting import Fitted, Problem
-from .search import Trial
 from .steps import scaled_inverse
+from .trial import Trial
 
 _NAMES = {TORQUE: "wheel torque", SINKAGE: "sinkage", PULL: "drawbar pull"}
 _NEW_SENSOR = 0.01

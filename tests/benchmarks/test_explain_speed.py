@@ -14,7 +14,7 @@ from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.identify import felt_rows, open_recording
 from bevameter.identification.mismatch.fitting import fit
 from bevameter.identification.mismatch.samples import gather
-from bevameter.identification.mismatch.search import situation, textbook_trial
+from bevameter.identification.mismatch.trial import situation, textbook_trial
 from scipy.optimize import least_squares
 
 SEED = 7200

@@ -294,6 +294,12 @@ def test_lugs_shear_farther_out_and_ripple_once_a_lug():
     away = change("grousers:s=0.8")
     assert (away[:, TORQUE] > 0.0).all()
     assert (away[:, PULL] > 0.0).all()
+    # What shears farther out with the slip that was reported shears sooner, as with a smaller k, on a longer lever.
+    ratio = 1.0 + 0.8 * WHEEL.grouser_height_m / WHEEL.radius_m
+    hard = replace(SOIL, stiffness_Pa=1e9)
+    there = predict("grousers:form=radius with its slip,s=0.8", soil=hard)
+    sooner = predict("grousers:s=0", soil=replace(hard, k_m=SOIL.k_m / ratio))
+    np.testing.assert_allclose(there[:, TORQUE], ratio**2 * sooner[:, TORQUE], rtol=0.02)
     ripple = change("grousers:a_T=0.5,b_T=0.2")
     assert untouched(ripple, LOAD, SINKAGE, SLIP, PULL)
     phase = WHEEL.grouser_count * DRIVE.wheel_angle_rad

@@ -11,8 +11,8 @@ from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.identify import felt_rows, open_recording
 from bevameter.identification.mismatch.samples import gather
-from bevameter.identification.mismatch.search import situation, textbook_trial, try_adding
 from bevameter.identification.mismatch.simulated import as_differences, attach
+from bevameter.identification.mismatch.trial import situation, textbook_trial, try_adding
 from bevameter.identification.mismatch.would_tell import would_tell
 
 

@@ -9,9 +9,11 @@ from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.identify import felt_rows, open_recording
 from bevameter.identification.mismatch.answer import assemble
 from bevameter.identification.mismatch.naming import ASSERTED, Naming, name
+from bevameter.identification.mismatch.readable import effect as effect_name
 from bevameter.identification.mismatch.samples import gather
-from bevameter.identification.mismatch.search import Search, Trial, situation, textbook_trial, try_adding
+from bevameter.identification.mismatch.search import Search
 from bevameter.identification.mismatch.smooth_correction import SmoothCorrection, Term
+from bevameter.identification.mismatch.trial import Trial, situation, textbook_trial, try_adding
 
 
 @pytest.fixture(scope="module")
@@ -69,3 +71,28 @@ def test_an_effect_that_leaves_much_is_doubted_however_much_it_gains(searched):
     effects = effects_for(situation(problem, found.textbook.fitted), ["load_gain", "torque_gain"])
     pair = Trial(tuple(effects), found.chosen.fitted, found.chosen.held_out, 1e4)
     assert name(Search(found.textbook, (pair,), (), pair), 70.0).unknown > 0.95
+
+
+def test_one_of_two_that_are_alike_is_told_beside_what_is_sure(searched):
+    problem, found = searched
+    kinds = effects_for(situation(problem, found.textbook.fitted), ["torque_offset", "drivetrain_friction"])
+    pairs = [try_adding(problem, found.textbook, found.chosen, effect) for effect in kinds]
+    together = Search(found.textbook, (*found.trials, *pairs), (), pairs[0])
+    first, other = kinds[0].slug, next(effect.slug for effect in kinds if effect.slug != kinds[0].slug)
+    nothing = np.zeros_like(problem.measured)
+
+    def told(share: float):
+        shares = {"slip_sinkage": 0.95, first: share, other: share - 0.01}
+        naming = Naming(shares, 0.0, {"slip_sinkage": (), first: (other,)}, np.zeros(len(together.trials)))
+        remaining = SmoothCorrection((), 0.0, nothing, nothing)
+        return assemble(problem, together, naming, remaining, (), source="made", seed=0, began=0.0)
+
+    answer = told(0.47)
+    assert answer.verdict == "physics"
+    assert [missing.effect for missing in answer.missing] == ["slip_sinkage", first]
+    assert answer.missing[1].indistinguishable_from == (other,)
+    assert f"{effect_name(first)} or {effect_name(other)} (47 %)" in answer.summary
+    # Where neither is likely the rows ask for something, and that is a note.
+    answer = told(0.3)
+    assert [missing.effect for missing in answer.missing] == ["slip_sinkage"]
+    assert any("something more" in note for note in answer.notes)

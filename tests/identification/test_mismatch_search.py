@@ -11,9 +11,9 @@ from bevameter.identification.augmented import SOIL_COUNT
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.shear_hump import ShearHump
 from bevameter.identification.identify import felt_rows, open_recording
-from bevameter.identification.mismatch.evidence import unheard_of
 from bevameter.identification.mismatch.samples import gather
-from bevameter.identification.mismatch.search import search, situation, textbook_trial, try_adding
+from bevameter.identification.mismatch.search import search
+from bevameter.identification.mismatch.trial import situation, textbook_trial, try_adding
 
 
 @pytest.fixture
@@ -70,5 +70,5 @@ def test_a_peak_where_nobody_has_seen_one_is_told(trials, a0, beyond):
     trial = try_adding(problem, textbook, textbook, forms("stress_peak_shift")["stress_peak_shift"])
     vector = trial.fitted.vector.copy()
     vector[SOIL_COUNT] = a0
-    told = unheard_of(replace(trial, fitted=replace(trial.fitted, vector=vector)))
+    told = replace(trial, fitted=replace(trial.fitted, vector=vector)).unheard_of
     assert told == (("stress_peak_shift with a0 = 0.9",) if beyond else ())

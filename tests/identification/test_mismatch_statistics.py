@@ -18,10 +18,11 @@ from bevameter.identification.mismatch.held_out import hold_out
 from bevameter.identification.mismatch.locate import Whitened, locate
 from bevameter.identification.mismatch.naming import name
 from bevameter.identification.mismatch.samples import MOST_ROWS, Samples, gather
-from bevameter.identification.mismatch.search import Trial, search, situation, textbook_trial, try_adding
+from bevameter.identification.mismatch.search import search
 from bevameter.identification.mismatch.soil_variation import whiten
 from bevameter.identification.mismatch.steps import scaled_inverse
 from bevameter.identification.mismatch.textbook import fit_textbook
+from bevameter.identification.mismatch.trial import Trial, situation, textbook_trial, try_adding
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)
 

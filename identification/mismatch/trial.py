@@ -1,0 +1,177 @@
+"""A set of effects fitted together with the soil, and how it predicts blocks that it was not fitted to."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...framework.core.soil import SoilKnowledge
+from ..augmented import SOIL_COUNT, AugmentedWheel
+from ..effects.effect import LOAD, SLIP, Effect, Situation
+from .fitting import Fitted, Problem, fit
+from .held_out import HeldOut, hold_out
+from .samples import Samples, quietness
+from .textbook import fit_textbook
+
+ASKED_FOR = 12.0
+"""An effect is added where it gains more than this many nats on held-out blocks."""
+
+_SHORT, _STILL_MOVING = 5, 3.0
+"""Iterations by which starts are compared, and how far behind the best [nats] one has not come to rest by then."""
+
+_LAID_OUT = 15
+"""Iterations by which a place along the track is laid out."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A set of effects, its fit and how it predicts.
+
+    `gain` over the textbook wheel [nats] is the lesser of that on held-out blocks and that in the fit: a wrong model
+    may fail wildly on a block that the others do not foresee, and what merely calms that failure explains nothing.
+    """
+
+    effects: tuple[Effect, ...]
+    fitted: Fitted
+    held_out: HeldOut
+    gain: float
+
+    @property
+    def slugs(self) -> frozenset[str]:
+        """Public names of the effects."""
+        return frozenset(effect.slug for effect in self.effects)
+
+    @property
+    def unheard_of(self) -> tuple[str, ...]:
+        """Parameters, in words, that are beyond what has been published of their effects."""
+        return tuple(
+            f"{effect.slug} with {parameter.name} = {value:.3g}"
+            for effect, where in self.fitted.model.slices()
+            for parameter, value in zip(effect.parameters, self.fitted.vector[where], strict=True)
+            if not parameter.published[0] <= value <= parameter.published[1]
+        )
+
+
+def situation(problem: Problem, textbook: Fitted) -> Situation:
+    """Describe the recording to the catalogue."""
+    samples = problem.samples
+    measured = samples.measured
+    residuals = np.full_like(measured, np.nan)
+    residuals[:, problem.answers] = textbook.residuals / textbook.noise.answers
+    with np.errstate(invalid="ignore"):
+        seen = np.isfinite(measured).any(axis=0)
+        typical = np.where(seen, np.sqrt(np.nanmean(np.where(seen, measured, 0.0) ** 2, axis=0)), np.nan)
+    absent = [channel for channel in (1, 2, 4) if channel not in samples.answers]
+    typical[absent] = np.nan
+    return Situation(
+        samples.wheel,
+        samples.drive,
+        typical,
+        measured[:, 2],
+        residuals,
+        float(textbook.vector[0]),
+        float(textbook.vector[1]),
+    )
+
+
+def textbook_trial(samples: Samples, known: SoilKnowledge | None = None) -> tuple[Problem, Trial]:
+    """Fit the textbook wheel and hold its blocks out."""
+    problem, fitted = fit_textbook(samples, known)
+    return problem, Trial((), fitted, hold_out(problem, fitted), 0.0)
+
+
+def try_adding(
+    problem: Problem, textbook: Trial, base: Trial, effect: Effect, rival: float = -math.inf,
+    former: Trial | None = None,
+) -> Trial:  # fmt: skip
+    """Fit a set with one more effect, from each of its starts, and hold its blocks out.
+
+    The further it stays behind the score of a `rival`, the less exactly it is fitted. A `former` trial of the same set
+    takes the starts' place.
+    """
+    effects = (*base.effects, effect)
+    model = AugmentedWheel(problem.samples.wheel, effects)
+    starts = starts_of(base, effect, former)
+    points = [(start, base.fitted.noise) for start in starts]
+    if effect.local and former is None:
+        points += [(_laid_out(problem, model, base, start), problem.first_noise) for start in starts]
+    several = len(points) > 1
+    fits = [
+        fit(problem, model, start, noise, base.fitted.theta_1, iterations=_SHORT if several else 25, rival=rival)
+        for start, noise in points
+    ]
+    fits.sort(key=lambda fitted: -fitted.score)
+    best = fits[0]
+    if several:
+        best = fit(problem, model, best.vector, best.noise, best.theta_1, rival=rival)
+        if best.score < base.fitted.score + ASKED_FOR:
+            # The first ones came to rest where the effect is nothing: those that have not are followed to their end.
+            slow = [each for each in fits[1:] if fits[0].score - each.score > _STILL_MOVING]
+            ended = [fit(problem, model, each.vector, each.noise, each.theta_1, rival=rival) for each in slow]
+            best = max([best, *ended], key=lambda fitted: fitted.score)
+    if best.score >= base.fitted.score + ASKED_FOR:
+        for variant in effect.variants():
+            model = AugmentedWheel(problem.samples.wheel, (*base.effects, variant))
+            fitted = fit(problem, model, best.vector, best.noise, best.theta_1, rival=max(rival, best.score))
+            best = max(best, fitted, key=lambda each: each.score)
+    return _trial(problem, textbook, best.model.effects, best, hold_out(problem, best))
+
+
+def starts_of(base: Trial, effect: Effect, former: Trial | None = None) -> list[np.ndarray]:
+    """Vectors from which a set with one more effect may be fitted: its own, or where a former trial ended."""
+    soil, others = np.split(base.fitted.vector, [SOIL_COUNT])
+    if former is not None:
+        own = former.fitted.vector[len(base.fitted.vector) :]
+        again = np.concatenate([base.fitted.vector, own])
+        return [former.fitted.vector, again] if effect.local or len(effect.starts()) > 1 else [again]
+    return [np.concatenate([effect.beside(soil), others, start]) for start in effect.starts()]
+
+
+def _laid_out(problem: Problem, model: AugmentedWheel, base: Trial, start: np.ndarray) -> np.ndarray:
+    """Fit a place while the ground elsewhere is held to vary little: else its variation has explained it already."""
+    noise = problem.first_noise
+    return fit(problem, model, start, noise, base.fitted.theta_1, iterations=_LAID_OUT, settle=False).vector
+
+
+def _of_quiet(problem: Problem, fitted: Fitted) -> float:
+    """Nats that a delay gains because errors of averaged load and slip are quieter there, and not for being right."""
+    weights = problem.weights or fitted.response
+    by_latent = np.nan_to_num(weights.by_latent[:, problem.answers])
+    answer = 0.0
+    for effect, where in fitted.model.slices():
+        late = effect.delay(fitted.vector[where])
+        if late is None:
+            continue
+        channel, lag = late
+        own = by_latent
+        if channel in (LOAD, SLIP):
+            own = by_latent * (np.array([LOAD, SLIP]) == channel)
+        spread = np.einsum("nca,ab,ncb->nc", own, problem.latent_covariance, own)
+        everything = np.einsum("nca,ab,ncb->nc", by_latent, problem.latent_covariance, by_latent)
+        share = problem.seen * spread / (everything + fitted.noise.answers**2)
+        if channel not in (LOAD, SLIP):
+            share = share[:, problem.answers.index(channel)]
+        answer += 0.5 * max(1.0 - quietness(lag), 0.0) * float(share.sum())
+    return answer
+
+
+def _trial(
+    problem: Problem, textbook: Trial, effects: tuple[Effect, ...], fitted: Fitted, held: HeldOut
+) -> Trial:  # fmt: skip
+    gain = min(held.gain(textbook.held_out)[0], fitted.score - textbook.fitted.score)
+    gain -= sum(effect.sought for effect in effects) + _of_quiet(problem, fitted)
+    return Trial(effects, fitted, held, gain)
+
+
+def without(problem: Problem, textbook: Trial, trial: Trial, dropped: Effect) -> Trial:
+    """Fit a set less one of its effects."""
+    kept = [(effect, where) for effect, where in trial.fitted.model.slices() if effect is not dropped]
+    if not kept:
+        return textbook
+    model = AugmentedWheel(problem.samples.wheel, tuple(effect for effect, _ in kept))
+    vector = np.concatenate([trial.fitted.vector[:SOIL_COUNT], *[trial.fitted.vector[where] for _, where in kept]])
+    fitted = fit(problem, model, vector, trial.fitted.noise, trial.fitted.theta_1)
+    held = hold_out(problem, fitted)
+    return _trial(problem, textbook, model.effects, fitted, held)
