@@ -109,6 +109,16 @@ def test_a_wrong_name_is_wrong_alone_and_beside_the_right_one():
     assert score(truth(OFFSET), beside)["kind_right"]
 
 
+@pytest.mark.parametrize(("share", "first"), [(0.6, True), (0.3, False)])
+def test_an_undecided_answer_tells_the_kind_by_its_most_probable_name_only(share, first):
+    undecided = answer(
+        "cannot_tell", said("drivetrain_friction", 0.9 - share), said("torque_offset", share, "instrument")
+    )
+    found = score(truth(OFFSET), undecided)
+    assert found["kind_right"] is False
+    assert found["first_kind_right"] is first
+
+
 def test_what_was_not_found_is_not_named_and_tells_no_kind():
     found = score(truth(OFFSET), answer("none"))
     assert found["named"] is False

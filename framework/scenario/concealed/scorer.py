@@ -62,9 +62,10 @@ def score(
     -------
     dict
         For JSON. A measure that does not apply to this recording is None: `named`, `named_count`, `indistinguishable`,
-        `falsely_named`, `false_alarm`, `kind_right`, `both_named`, `located_channel`, `located_variable`, `intervals`
-        (a list of whether each comparable parameter's 95 % interval holds the truth), `error_ratio` (held-out error
-        after, over the oracle's, by channel), `statements` (probability and whether it is right), `seconds`.
+        `falsely_named`, `false_alarm`, `kind_right`, `first_kind_right`, `both_named`, `located_channel`,
+        `located_variable`, `intervals` (a list of whether each comparable parameter's 95 % interval holds the truth),
+        `error_ratio` (held-out error after, over the oracle's, by channel), `statements` (probability and whether it is
+        right), `seconds`.
     """
     hidden = [effect["effect"] for effect in truth["effects"]]
     result: dict[str, Any] = {
@@ -76,7 +77,7 @@ def score(
     asserted = [item["effect"] for item in answer["missing"]]
     result["asserted"] = asserted
     result |= _naming(hidden, answer)
-    result["kind_right"] = _kind(truth, answer)
+    result["kind_right"], result["first_kind_right"] = _kind(truth, answer)
     result |= _location(truth, answer)
     result["intervals"] = _intervals(truth, answer, same or {})
     result["error_ratio"] = _error_ratio(truth, answer)
@@ -119,15 +120,17 @@ def _naming(hidden: Sequence[str], answer: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _kind(truth: Mapping[str, Any], answer: Mapping[str, Any]) -> bool | None:
-    """Was physics told from instruments? None where nothing of either kind was asserted, or both are hidden.
+def _kind(truth: Mapping[str, Any], answer: Mapping[str, Any]) -> tuple[bool | None, bool | None]:
+    """Was physics told from instruments, by all that is listed and by the most probable name of it?
 
-    Where nothing was found, nothing was told; an undecided answer is right only if all that it lists is of one kind.
+    None where nothing of either kind was asserted, or both are hidden: where nothing was found, nothing was told. By
+    all, an undecided answer is right only if all that it lists is of one kind.
     """
     kinds = {effect["kind"] for effect in truth["effects"]}
     if len(kinds) != 1 or not answer["missing"]:
-        return None
-    return {item["kind"] for item in answer["missing"]} == kinds
+        return None, None
+    first = max(answer["missing"], key=lambda item: float(item.get("probability") or 0.0))
+    return {item["kind"] for item in answer["missing"]} == kinds, first["kind"] in kinds
 
 
 def _location(truth: Mapping[str, Any], answer: Mapping[str, Any]) -> dict[str, bool | None]:
