@@ -44,6 +44,9 @@ _AT_ODDS = 0.5
 """Effects that the errors on held-out rows (`evidence.at_odds`) or their own parameters (`Trial.unheard_of`) speak
 against are believed in no more than that [-]."""
 
+_UNASKED = 0.5
+"""Where held-out data ask for nothing, all that was tried is together believed in no more than that [-]."""
+
 MANY, _OF_MANY = 3, 0.7
 """From so many effects together each is believed in no more than this [-]: of the study's recordings one in 150 needed
 three, with their catalogue complete, of those whose effect had been taken out of it one in five."""
@@ -104,6 +107,8 @@ def name(
     # What a smooth correction adds speaks against every set alike.
     unknown = float(1.0 / (1.0 + np.exp(-np.clip(doubt / (2.0 * TEMPERATURE), -50.0, 50.0))))
     weights = weights / known * (1.0 - unknown)
+    if not chosen.effects:
+        weights = weights * min(1.0, _UNASKED / max(float(weights.sum()), _UNASKED))
     # Beside something unknown an effect can be right all the same, where no correction does without it.
     beside = _BESIDE_UNKNOWN if gained + remaining - alone > ASKED_FOR else 0.0
     effects: dict[str, float] = {}

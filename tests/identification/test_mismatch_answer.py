@@ -13,7 +13,7 @@ from bevameter.identification.mismatch.readable import effect as effect_name
 from bevameter.identification.mismatch.samples import gather
 from bevameter.identification.mismatch.search import Search
 from bevameter.identification.mismatch.smooth_correction import SmoothCorrection, Term
-from bevameter.identification.mismatch.trial import Trial, situation, textbook_trial, try_adding
+from bevameter.identification.mismatch.trial import ASKED_FOR, Trial, situation, textbook_trial, try_adding
 
 
 @pytest.fixture(scope="module")
@@ -96,3 +96,13 @@ def test_one_of_two_that_are_alike_is_told_beside_what_is_sure(searched):
     answer = told(0.3)
     assert [missing.effect for missing in answer.missing] == ["slip_sinkage"]
     assert any("something more" in note for note in answer.notes)
+
+
+def test_where_nothing_is_asked_for_no_candidate_is_likely(searched):
+    _, found = searched
+    nearly = Trial(found.chosen.effects, found.chosen.fitted, found.chosen.held_out, ASKED_FOR - 0.1)
+    naming = name(Search(found.textbook, (nearly,), (), found.textbook), 0.0)
+    assert naming.effects["slip_sinkage"] == pytest.approx(0.5)
+    assert naming.weights.sum() == pytest.approx(0.5)
+    asked = Trial(found.chosen.effects, found.chosen.fitted, found.chosen.held_out, ASKED_FOR + 0.1)
+    assert name(Search(found.textbook, (asked,), (), asked), 0.0).effects["slip_sinkage"] > ASSERTED
