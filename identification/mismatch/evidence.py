@@ -108,22 +108,22 @@ def _by_autocorrelation(innovations: np.ndarray) -> float:
 
 def _by_differences(series: list[np.ndarray]) -> float:
     """(1 + rho) / (1 - rho) of a first-order autoregression, from how much more two steps differ than one: 1 + rho
-    times, however slowly a misfit goes by beneath it.
+    times. Three differ 1 + rho + rho^2 times; ground that varies and misfit are smooth, and theirs differ more.
     """
-    one, two = (
-        np.concatenate([np.abs(values[step:] - values[:-step]) for values in series] or [np.empty(0)])
-        for step in (1, 2)
-    )
-    one, two = one[np.isfinite(one)], two[np.isfinite(two)]
-    if len(one) < _FEWEST or not np.median(one) > 0.0:
-        return 1.0
-    # A gross error is cut off, or it would be most of either.
-    squares = [float(np.mean(np.minimum(each, _GROSS * np.median(each)) ** 2)) for each in (one, two)]
-    rho, scatter = squares[1] / squares[0] - 1.0, _SCATTER / np.sqrt(len(one))
-    if rho < _SHOWN * scatter:
+    squares = []
+    for step in (1, 2, 3):
+        apart = np.concatenate([np.abs(values[step:] - values[:-step]) for values in series] or [np.empty(0)])
+        apart = apart[np.isfinite(apart)]
+        if len(apart) < _FEWEST or not np.median(apart) > 0.0:
+            return 1.0
+        # A gross error is cut off, or it would be most of it.
+        squares.append(float(np.mean(np.minimum(apart, _GROSS * np.median(apart)) ** 2)))
+    two, three = squares[1] / squares[0] - 1.0, squares[2] / squares[0] - 1.0
+    scatter = _SCATTER / np.sqrt(len(apart))
+    if not _SHOWN * scatter < two < 1.0 or three > two * (1.0 + two) + 2.0 * _SHOWN * scatter:
         return 1.0
     # Rather too little than too much: near one a small error of it is a large one of what it makes.
-    rho = min(rho - scatter, _MOST_ALIKE)
+    rho = min(two - scatter, _MOST_ALIKE)
     return (1.0 + rho) / (1.0 - rho)
 
 
