@@ -170,6 +170,8 @@ class Effect:
     parameters: tuple[Parameter, ...]
     form: str = ""
     """Which published form, or which channel, where an effect has several."""
+    usual: bool = True
+    """Whether it is meant where several forms have the parameters that are named."""
     needs: tuple[str, ...] = ()
     """Attributes of `Drive` without which the formula says nothing of a sample."""
     required: tuple[str, ...] = ()

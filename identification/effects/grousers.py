@@ -15,7 +15,7 @@ _STANDS_OUT = 12.0
 
 
 class LugRadius(Effect):
-    """Soil shears beyond the rim, at a share of the lugs' height; the slip reported may be that of this radius."""
+    """Soil shears beyond the rim, at a share of the lugs' height."""
 
     slug = "grousers"
     source = "L. Ding et al., J. Terramechanics 48 (2011), 27-45, equivalent shear radius"
@@ -24,6 +24,7 @@ class LugRadius(Effect):
     def __init__(self, height_m: float, *, its_slip: bool = False) -> None:
         self._height, self._its_slip = height_m, its_slip
         self.form = "radius with its slip" if its_slip else "radius"
+        self.usual = not its_slip
         self.equation = "r_s = r + s h: shear displacement, thrust and torque at r_s" + (
             ", slip i = 1 - V / (r_s omega)" if its_slip else ""
         )
@@ -86,6 +87,7 @@ class Lugs(LugRipple):
         self._height = wheel.grouser_height_m
         self._otherwise = None if its_slip else (count, typical, wheel, overtone)
         self.form = f"{self._lugs.form} and {self.form}"
+        self.usual = self._lugs.usual
         waves = self.equation.split(" += ")[1]
         self.equation = f"{self._lugs.equation}; T += |T| w, DP += |T| / r w, z += h w, each w = {waves}"
         ripple = tuple(Parameter(each.name, "", -1.0, 1.0, 0.0, 0.1) for each in self.parameters)
@@ -127,7 +129,8 @@ def named(situation: Situation) -> tuple[Effect, ...]:
     if wheel.grouser_height_m > 0.0:
         answer += [LugRadius(wheel.grouser_height_m, its_slip=its_slip) for its_slip in (False, True)]
     if wheel.grouser_count and situation.drive.has("wheel_angle_rad"):
-        answer += _ripples(wheel, wheel.grouser_count, situation)
+        for each in _ripples(wheel, wheel.grouser_count, situation):
+            answer += [each, *each.variants()]
     return tuple(answer)
 
 

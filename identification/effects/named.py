@@ -137,7 +137,7 @@ def follows_drive(effect: Effect) -> set[str]:
 
 def lugs_of(form: str) -> int:
     """Give the number of lugs that the name of a form says; the usual where it says none."""
-    found = re.fullmatch(r"ripple, (\d{1,4}) lugs", form)
+    found = re.search(r"ripple, (\d{1,4}) lugs", form)
     return int(found.group(1)) if found else _USUAL_LUGS
 
 
@@ -172,10 +172,9 @@ def choose(named: NamedEffect, effects: Sequence[Effect]) -> Effect:
         raise InputError(source, f"{stated} given", expected=known)
     fewest = min(len(effect.parameters) for effect in fitting)
     best = [effect for effect in fitting if len(effect.parameters) == fewest]
-    # Among forms of the same parameters the usual one is that whose name, or none, begins the others'.
-    usual = min(best, key=lambda effect: len(effect.form))
-    if all(effect.form.startswith(usual.form) for effect in best):
-        return usual
+    # Among forms of the same parameters one without a name is the usual one.
+    best = [effect for effect in best if effect.usual] or best
+    best = [effect for effect in best if not effect.form] or best
     if len(best) > 1:
         choices = " or ".join(f"form={effect.form}" for effect in best)
         raise InputError(source, f"{', '.join(sorted(given))} given, which leaves its form open", expected=choices)

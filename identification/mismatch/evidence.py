@@ -120,7 +120,7 @@ def _by_differences(series: list[np.ndarray]) -> float:
         squares.append(float(np.mean(np.minimum(apart, _GROSS * np.median(apart)) ** 2)))
     two, three = squares[1] / squares[0] - 1.0, squares[2] / squares[0] - 1.0
     scatter = _SCATTER / np.sqrt(len(apart))
-    if not _SHOWN * scatter < two < 1.0 or three > two * (1.0 + two) + 2.0 * _SHOWN * scatter:
+    if not _SHOWN * scatter < two < 1.0 + _SHOWN * scatter or three > two * (1.0 + two) + 2.0 * _SHOWN * scatter:
         return 1.0
     # Rather too little than too much: near one a small error of it is a large one of what it makes.
     rho = min(two - scatter, _MOST_ALIKE)

@@ -375,6 +375,7 @@ def fit(
             innovations, jacobian, loss = problem.whitened(response, noise)
             before, total = total, float(loss.sum()) + prior.loss(vector)
             settled += 1
+            # A third of a nat decides nothing: effects are asked for twelve.
             if settled > 3 or abs(before - total) < 15.0 * enough:
                 break
             continue

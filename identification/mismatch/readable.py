@@ -188,12 +188,11 @@ def p_value(value: float) -> str:
     return "< 1e-12" if value < 1e-12 else f"{value:.1g}" if value < 0.001 else f"{value:.3f}"
 
 
-def one_of(each: Missing, listed: Sequence[Missing]) -> str:
-    """Name an effect with those that it cannot be told from and that are not listed themselves."""
+def one_of(each: Missing, listed: Sequence[Missing], share: str) -> str:
+    """Name an effect with its share, and those that it cannot be told from and that are not listed themselves."""
     slugs = {other.effect for other in listed}
-    return " or ".join(
-        [effect(each.effect), *(effect(slug) for slug in each.indistinguishable_from if slug not in slugs)]
-    )
+    alike = [effect(slug) for slug in each.indistinguishable_from if slug not in slugs]
+    return " or ".join([f"{effect(each.effect)} ({share})", *alike])
 
 
 def verdict(explanation: Explanation) -> str:
@@ -223,7 +222,7 @@ def verdict(explanation: Explanation) -> str:
             parts.append(opening + _and(named))
     doubtful = [each for each in missing if each not in sure]
     if doubtful:
-        named = [f"{one_of(each, missing)} ({likelihood(each.probability)})" for each in doubtful]
+        named = [one_of(each, missing, likelihood(each.probability)) for each in doubtful]
         parts.append(f"considered, but not asserted: {_and(named)}")
     sentence = "; ".join(parts) or "something was left out"
     return f"{sentence[0].upper()}{sentence[1:]}."

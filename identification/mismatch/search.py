@@ -145,7 +145,7 @@ def search(
         base: Trial, effects: Sequence[Effect], least: float, most: int, formerly: Sequence[Trial] = ()
     ) -> list[Trial]:
         """Fit those effects beside a set that promise enough, at most so many."""
-        former = {trial.effects[-1].name: trial for trial in formerly}
+        former = {trial.effects[-1].name: trial for trial in formerly if trial.gain >= ASKED_FOR}
         answer: list[Trial] = []
         with ThreadPoolExecutor(_THREADS) as pool:
             nats = list(pool.map(partial(promised_by, base), effects))
@@ -163,7 +163,7 @@ def search(
                 each = partial(try_adding, problem, textbook, base)
                 forms = [effect for _, effect in now]
                 answer += pool.map(each, forms, [ahead] * len(now), [former.get(effect.name) for effect in forms])
-        passed.extend((named(base, effect), nats) for nats, effect in promised)
+        passed.extend((named(base, effect), nats) for nats, effect in promised if nats > -np.inf)
         trials.extend(answer)
         return answer
 

@@ -24,7 +24,7 @@ def summarise(explanation: Explanation) -> str:
     parts += [_statement(each) for each in sure if each.kind != "unknown"]
     if unsure and explanation.verdict != "unknown":
         listed = ", ".join(
-            f"{readable.one_of(each, explanation.missing)} ({readable.percent(each.probability)})" for each in unsure
+            readable.one_of(each, explanation.missing, readable.percent(each.probability)) for each in unsure
         )
         parts.append(f"These data do not tell for sure: {listed}.")
         tell = next((each.would_tell for each in unsure if each.would_tell), "")

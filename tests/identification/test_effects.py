@@ -11,7 +11,15 @@ from bevameter import InputError
 from bevameter.identification.augmented import AugmentedWheel
 from bevameter.identification.effects.catalogue import INSTRUMENTS, SLUGS, effects_for, forms_by_name
 from bevameter.identification.effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Effect, Situation
-from bevameter.identification.effects.named import NamedEffect, choose, parse_effect, pinned, specimen, values_of
+from bevameter.identification.effects.named import (
+    NamedEffect,
+    choose,
+    lugs_of,
+    parse_effect,
+    pinned,
+    specimen,
+    values_of,
+)
 from bevameter.identification.simulate import soil_vector
 from bevameter.identification.wheel_soil import Soil, equilibrium
 from hypothesis import given, settings
@@ -304,6 +312,22 @@ def test_lugs_shear_farther_out_and_ripple_once_a_lug():
     assert untouched(ripple, LOAD, SINKAGE, SLIP, PULL)
     phase = WHEEL.grouser_count * DRIVE.wheel_angle_rad
     np.testing.assert_allclose(ripple[:, TORQUE], 0.5 * np.cos(phase) + 0.2 * np.sin(phase), atol=1e-9)
+
+
+def test_every_form_of_lugs_is_found_again_by_its_name():
+    here = specimen(24)
+    found = [each for form in effects_for(here, ["grousers"]) for each in (form, *form.variants())]
+    assert {effect.form for effect in found} >= {
+        "radius with its slip", "ripple, 24 lugs, overtone", "radius with its slip and ripple, 24 lugs",
+        "radius with its slip and ripple, 24 lugs, overtone",
+    }  # fmt: skip
+    for effect in found:
+        again = forms_by_name("grousers", specimen(lugs_of(effect.form)))
+        names = [parameter.name for parameter in effect.parameters]
+        assert [each.form for each in again].count(effect.form) == 1
+        assert names in [
+            [parameter.name for parameter in each.parameters] for each in again if each.form == effect.form
+        ]
 
 
 def test_a_flattened_wheel_sinks_less():

@@ -91,7 +91,7 @@ def test_one_of_two_that_are_alike_is_told_beside_what_is_sure(searched):
     assert answer.verdict == "physics"
     assert [missing.effect for missing in answer.missing] == ["slip_sinkage", first]
     assert answer.missing[1].indistinguishable_from == (other,)
-    assert f"{effect_name(first)} or {effect_name(other)} (47 %)" in answer.summary
+    assert f"{effect_name(first)} (47 %) or {effect_name(other)}" in answer.summary
     # Where neither is likely the rows ask for something, and that is a note.
     answer = told(0.3)
     assert [missing.effect for missing in answer.missing] == ["slip_sinkage"]

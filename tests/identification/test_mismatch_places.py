@@ -134,6 +134,12 @@ def test_memory_counts_in_the_channel_where_something_is_gained():
 
     assert counted(0) > 6.0
     assert counted(1) < 1.1
+    # The longest memories as well, whose differences scatter beyond those of any.
+    times = []
+    for seed in range(8):
+        left[:, 0] = lfilter([1.0], [1.0, -0.98], np.random.default_rng(seed).normal(size=len(left)))
+        times.append(counted(0))
+    assert np.median(times) > 10.0
     # Smooth misfit under white noise is no memory of the noise.
     left[:, 0] = 3.0 * np.sin(np.arange(len(left)) / 4.0) + np.random.default_rng(1).normal(size=len(left))
     assert counted(0) < 1.1

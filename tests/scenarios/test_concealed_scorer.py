@@ -155,6 +155,7 @@ def test_a_patch_is_found_where_it_lies():
     assert score(truth(PATCH), right)["located_interval"]
     assert not score(truth(PATCH), wrong)["located_interval"]
     assert score(truth(SLIP_SINKAGE), right)["located_interval"] is None
+    assert score(truth(PATCH), answer("none"))["located_interval"] is False
 
 
 def test_a_failure_is_nothing_right():

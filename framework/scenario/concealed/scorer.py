@@ -144,7 +144,7 @@ def _location(truth: Mapping[str, Any], answer: Mapping[str, Any]) -> dict[str, 
     variables = set().union(*(effect["variables"] for effect in truth["effects"]))
     located = sorted(answer["located"], key=lambda item: -float(item.get("share") or 0.0))
     if not located:
-        return {"located_channel": False, "located_variable": False, "located_interval": None}
+        return {"located_channel": False, "located_variable": False, "located_interval": _place(truth, located)}
     return {
         "located_channel": located[0]["channel"] in channels,
         "located_variable": located[0]["variable"] in variables,

@@ -92,7 +92,7 @@ def table(scores: Sequence[Mapping[str, Any]]) -> str:
         (f"not named, and another effect fits as well (within {CANNOT_TELL:g} nats)", _share(single, _hopeless)),
         ("false alarm on nulls", _share(nulls, lambda s: s["false_alarm"])),
         ("physics told from instrument, by all that is listed", _share(single, lambda s: s["kind_right"])),
-        ("physics told from instrument, by the most probable name", _share(single, lambda s: s["first_kind_right"])),
+        ("physics told from instrument, by the most probable name", _share(single, _first_kind)),
         ("both of a pair named", _share(pairs, lambda s: s["both_named"] if s["reached"] else None)),
         ("one of a pair at least named", _share(pairs, lambda s: s["named"] if s["reached"] else None)),
         ("channel located", _share(single, lambda s: s["located_channel"])),
@@ -104,6 +104,11 @@ def table(scores: Sequence[Mapping[str, Any]]) -> str:
     ]  # fmt: skip
     lines = ["| measure | result (95 % interval) |", "|---|---|", *(f"| {name} | {value} |" for name, value in rows)]
     return "\n".join(lines)
+
+
+def _first_kind(row: Mapping[str, Any]) -> bool | None:
+    # Older results do not have it.
+    return row.get("first_kind_right")
 
 
 def _grouped(row: Mapping[str, Any]) -> bool | None:
