@@ -108,7 +108,8 @@ def trust(explanation: Explanation) -> str:
         prediction = f"Held-out error of {', '.join(far)} stays above the noise: the form of the model is not complete"
     else:
         prediction = "Held-out rows are predicted to within noise"
-    certain = explanation.verdict in ("none", "physics", "instrument") and not far
+    sure = all(each.probability >= ASSERTED for each in explanation.missing)
+    certain = explanation.verdict in ("none", "physics", "instrument") and sure and not far
     if certain:
         return f"{prediction}, and the parameters can be used with their standard deviations."
     return (

@@ -18,6 +18,7 @@ from bevameter.identification.mismatch.explanation import Estimate, Missing, Reg
 from bevameter.identification.mismatch.naming import ASSERTED
 from bevameter.identification.mismatch.report import report_html, write_report
 from bevameter.identification.mismatch.tables import fit_rows, located_rows, soil_table
+from bevameter.identification.mismatch.wording import trust
 from explanations import SOUND, cannot_tell, explanation, nothing
 
 VOID = {"meta", "img", "br"}
@@ -123,6 +124,14 @@ def test_an_instrument_and_a_physics_are_told_apart_and_doubt_is_not_asserted():
     )
     doubtful = explanation(missing=(replace(physics, probability=0.97), replace(fault, probability=0.3)))
     assert readable.verdict(doubtful).endswith("considered, but not asserted: torque gain (unlikely, 30 %).")
+
+
+def test_parameters_are_vouched_for_only_where_nothing_beside_them_is_doubtful():
+    physics, fault = cannot_tell().missing
+    sure = explanation(missing=(replace(physics, probability=0.97),))
+    assert trust(sure).endswith("the parameters can be used with their standard deviations.")
+    doubtful = explanation(missing=(replace(physics, probability=0.97), replace(fault, probability=0.6)))
+    assert "not measurements of the ground" in trust(doubtful)
 
 
 def test_the_unknown_is_described():
