@@ -21,7 +21,7 @@ from . import linearised
 from .changes import split_soils
 from .estimation import Measured, estimate_soil, solve, summarise, usable
 from .forward import CHANNELS
-from .gate import LIMITS, Stretch, find_stretches, quasi_static
+from .gate import LIMITS, Stretch, check_signs, find_stretches, quasi_static
 from .geometry import by_geometry
 from .noise import sensor_noise
 
@@ -124,6 +124,8 @@ def _one_wheel(recording: Recording, known: SoilKnowledge, method: Method) -> Id
     chosen = [stretch.rows for stretch in stretches if not stretch.reason]
     found = [segment.estimate for segment in segments if segment.used]
     overall, problems = None, rows.problems
+    if found and any(len(each) > MOST_ROWS for each in chosen):
+        problems = (*problems, f"stretches of more than {MOST_ROWS} rows are thinned evenly to so many")
     if len(found) == 1:
         overall = found[0]
     elif found:
@@ -214,6 +216,8 @@ def _of_vehicle(recording: Recording) -> FeltRows:
     ):
         if not any(name in rows.table for rows in gathered):
             raise InputError(table.source, f"no column {name}", expected=remedy)
+    for rows in gathered:
+        check_signs(rows.table, rows.wheel)
     best = max(gathered, key=lambda rows: int((rows.reasons == "").sum()))
     if len(gathered) == 1:
         return best

@@ -17,6 +17,7 @@ from .augmented import AugmentedWheel
 from .effects.drive import PresentDrive, drive_of, order_of, select_rows
 from .effects.effect import PULL, SINKAGE, TORQUE
 from .effects.named import NamedEffect, build, parse_effect, situation_of
+from .gate import check_signs
 from .wheel_soil import Soil, equilibrium
 
 ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
@@ -71,6 +72,7 @@ def simulate(
         for column in ("load_N", "slip"):
             if column not in part:
                 raise InputError(table.source, f"no column {column}", expected="load_N, and slip or both speeds")
+        check_signs(part, wheel)
         slips[rows] = part["slip"]
         channels = _augmented(wheel, soil, part, named) if named else _textbook(wheel, soil, part)
         for column, values in zip(ANSWERS, channels, strict=True):

@@ -160,7 +160,7 @@ class Effect:
     """
 
     slug: ClassVar[str]
-    kind: ClassVar[Kind] = "physics"
+    kind: Kind = "physics"
     nested: ClassVar[bool] = True
     """Whether the effect vanishes smoothly at its null values: its first step from there tells what it is worth."""
     sought: float = 0.0
@@ -180,6 +180,8 @@ class Effect:
     """Whether it says what the ground's variation along the track could say too."""
     remembers: ClassVar[bool] = False
     """Whether what is reported of a sample follows from samples before it."""
+    remark: str = ""
+    """What there is to say of it where it is found."""
     constants: Mapping[str, float] = MappingProxyType({})
     """What the formula holds besides its parameters, taken from the drive that it was found on, by name [SI]."""
 

@@ -43,15 +43,18 @@ class LugRipple(Effect):
     source = "after R. A. Irani et al., J. Terramechanics 48 (2011), periodic term at the lugs' passing"
     needs = ("wheel_angle_rad",)
 
-    def __init__(self, count: int, typical: np.ndarray, *, overtone: bool = False, searched: bool = False) -> None:
+    def __init__(self, count: int, typical: np.ndarray, stated: int, *, overtone: bool = False) -> None:
         self.form = f"ripple, {count} lugs" + (", overtone" if overtone else "")
         self.count = count
         self.equation = f"T, DP, z += a cos({count} theta_w) + b sin({count} theta_w)"
         if overtone:
             self.equation += f" + a2 cos({2 * count} theta_w) + b2 sin({2 * count} theta_w)"
         self._orders = (1, 2) if overtone else (1,)
-        # The vehicle's own number was not searched for.
-        self.sought = math.log(_MOST_LUGS - 2) if searched else 0.0
+        # The vehicle's own number was not searched for; multiples of it are its lugs' overtones.
+        self.sought = math.log(_MOST_LUGS - 2) if count != stated else 0.0
+        if stated and count % stated:
+            self.kind = "instrument"
+            self.remark = f"the channels ripple {count} times a turn, and the vehicle is said to have {stated} lugs"
         self._channels = [channel for channel in (TORQUE, PULL, SINKAGE) if np.isfinite(typical[channel])]
         names = {TORQUE: ("T", "N m"), PULL: ("DP", "N"), SINKAGE: ("z", "m")}
         self.parameters = tuple(
@@ -82,7 +85,7 @@ class Lugs(LugRipple):
     def __init__(
         self, count: int, typical: np.ndarray, wheel: Wheel, *, overtone: bool = False, its_slip: bool = False
     ) -> None:
-        super().__init__(count, typical, overtone=overtone)
+        super().__init__(count, typical, wheel.grouser_count, overtone=overtone)
         self._lugs, self._radius_m = LugRadius(wheel.grouser_height_m, its_slip=its_slip), wheel.radius_m
         self._height = wheel.grouser_height_m
         self._otherwise = None if its_slip else (count, typical, wheel, overtone)
@@ -136,11 +139,8 @@ def named(situation: Situation) -> tuple[Effect, ...]:
 
 def _ripples(wheel: Wheel, count: int, situation: Situation) -> list[Effect]:
     """Ripples of so many lugs; with the shear radius where the wheel has lugs."""
-    typical = situation.typical
-    searched = count != wheel.grouser_count
-    answer: list[Effect] = [
-        LugRipple(count, typical, overtone=overtone, searched=searched) for overtone in (False, True)
-    ]
+    typical, stated = situation.typical, wheel.grouser_count
+    answer: list[Effect] = [LugRipple(count, typical, stated, overtone=overtone) for overtone in (False, True)]
     if wheel.grouser_height_m > 0.0 and situation.seen(TORQUE, PULL):
         answer += [Lugs(count, typical, wheel, overtone=overtone) for overtone in (False, True)]
     return answer

@@ -95,6 +95,7 @@ def assemble(
             *_ground(problem, best.fitted),
             *_repeated(repeated),
             *_crossed_once(best),
+            *(effect.remark for effect in best.effects if effect.remark),
             *_doubted(problem, found),
         ),
         rows=_rows(problem, before, after, chosen.fitted),
@@ -166,7 +167,7 @@ def _unknown(naming: Naming, remaining: SmoothCorrection) -> Missing:
     equation = "; ".join(f"{channel} += {shape.formula or 'a spline'}" for channel, shape in found)
     return Missing(
         UNKNOWN, UNKNOWN, "smooth correction", naming.unknown, {}, equation,
-        "fitted to the data", (), "a drive that varies " + " and ".join(names) + " by themselves, all else held",
+        "fitted to the data", (), "a drive that varies " + ", then ".join(names) + " with all else held",
         f"{shapes} ({remaining.gain:.0f} nats)",
     )  # fmt: skip
 

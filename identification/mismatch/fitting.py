@@ -375,8 +375,8 @@ def fit(
             innovations, jacobian, loss = problem.whitened(response, noise)
             before, total = total, float(loss.sum()) + prior.loss(vector)
             settled += 1
-            # A third of a nat decides nothing: effects are asked for twelve.
-            if settled > 3 or abs(before - total) < 15.0 * enough:
+            # A third of a nat decides nothing, for effects are asked for twelve; nor do more, far behind a rival.
+            if settled > 3 or abs(before - total) < 15.0 * max(ENOUGH, enough - 1.0):
                 break
             continue
         trial = np.clip(vector + step, prior.lower, prior.upper)

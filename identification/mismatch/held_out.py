@@ -7,15 +7,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...framework.core.soil import PARAMETERS
+from ..augmented import SOIL_COUNT, Response
 from ..effects.drive import select_rows
 from .fitting import Fitted, Problem
-from .steps import normal_equations, scaled_inverse
+from .steps import LONGEST, Prior, normal_equations, scaled_inverse, step_of
 
 _LEAST_LEVERAGE = 1e-9
 
 _ALONE = 0.9
 """A block with more than this share of what is known of a parameter does not test it: nothing else tells it [-]. Of two
 crossings neither has so much."""
+
+_FAR, _LONG = 2.0, 0.2
+"""Nats that the other rows gain by a step, and share of the longest ones [-], beyond which it is not taken at its word:
+along a ridge on which parameters trade off, a long one gains little and leads astray."""
+
+_STEPS, _ENOUGH = 12, 0.2
+"""Steps in which the other rows are fitted again, and what one promises [nats] before which it is not taken."""
 
 _VAGUE = 0.1
 """Precision where there is no prior, that is of ln stiffness: it is known to three or so."""
@@ -37,11 +45,12 @@ class HeldOut:
         return float(each.sum()), float(np.std(each, ddof=1) * np.sqrt(len(each)))
 
 
-def hold_out(problem: Problem, fitted: Fitted) -> HeldOut:
+def hold_out(problem: Problem, fitted: Fitted, *, again: bool = True) -> HeldOut:
     """Predict each block from a fit to all others.
 
-    The fit without a block is one Newton step away from the fit with it: its rows are taken out of the normal
-    equations. The prediction at the parameters found is then the full model's, not a linear one.
+    The fit without a block is one Newton step away from the fit with it, its rows taken out of the normal equations;
+    where that step is long or crosses a bound, the other rows are fitted `again`. The prediction at the parameters
+    found is then the full model's, not a linear one.
 
     A place that is crossed once tells alone what its ground is like, and where it ends. The block that holds it is
     predicted with these parameters as they are, and charged with what they take from it: as many nats as it has
@@ -64,14 +73,24 @@ def hold_out(problem: Problem, fitted: Fitted) -> HeldOut:
         alone = told_alone(local, np.diag(own), known)
         untested |= bool(alone.any())
         step = _step_without(information - own, gradient, ~alone)
+        # What leans on a bound stays there, and the others do not make up for its leaving.
+        leans = ((fitted.vector <= prior.lower) & (step < 0.0)) | ((fitted.vector >= prior.upper) & (step > 0.0))
+        if leans.any():
+            step = _step_without(information - own, gradient, ~alone & ~leans)
         vector = np.clip(fitted.vector + step, prior.lower, prior.upper)
-        # Load and slip are corrected as at the fit.
-        channels = _predicted(problem, fitted, vector, rows)
-        moved = channels[:, problem.answers] - response.channels[rows][:, problem.answers]
-        residuals[rows] = at_fit[rows] - moved
-        # The soil's variation is followed from the neighbours as they look at these parameters.
-        there = at_fit - slopes @ (vector - fitted.vector)
-        there[rows] = residuals[rows]
+        # Load and slip are corrected as at the fit; the soil's variation is followed from the neighbours as they look
+        # at these parameters.
+        long = np.any(vector != fitted.vector + step) or np.any(np.abs(step[:SOIL_COUNT]) > _LONG * LONGEST)
+        if again and (long or 0.5 * float(step @ (information - own) @ step) > _FAR):
+            # Where a place ends is for its own rows to say: without them it would end anywhere.
+            start = np.where(local, vector, fitted.vector)
+            channels = _fitted_to(problem, fitted, start, ~rows, prior.holding(start, local)).channels
+            there = at_fit - (channels - response.channels)[:, problem.answers]
+        else:
+            channels = _predicted(problem, fitted, vector, rows)
+            there = at_fit - slopes @ (vector - fitted.vector)
+            there[rows] = at_fit[rows] - (channels - response.channels[rows])[:, problem.answers]
+        residuals[rows] = there[rows]
         nats[number] = -problem.loss(there, fitted)[rows].sum() - _taken(information, own, alone)
     if problem.known.values:
         nats = np.append(nats, _soil_nats(problem, fitted))
@@ -102,6 +121,29 @@ def _step_without(information: np.ndarray, gradient: np.ndarray, free: np.ndarra
     step = np.zeros(len(gradient))
     step[free] = -scale * np.linalg.solve(scaled, scale * gradient[free])
     return step
+
+
+def _fitted_to(problem: Problem, fitted: Fitted, vector: np.ndarray, kept: np.ndarray, prior: Prior) -> Response:
+    """Answers of a model fitted again, from a vector (p,), to the rows that are `kept` (n,), noise as it is."""
+    response, damping = fitted.response, 1e-3
+    if not np.array_equal(vector, fitted.vector):
+        response = problem.linearise(fitted.model, vector, fitted.theta_1)
+    innovations, jacobian, loss = problem.whitened(response, fitted.noise)
+    total = float(loss[kept].sum()) + prior.loss(vector)
+    for _ in range(_STEPS):
+        step, promised = step_of(innovations[kept], jacobian[kept], prior, vector, damping)
+        if promised < _ENOUGH:
+            break
+        trial = np.clip(vector + step, prior.lower, prior.upper)
+        answer = problem.linearise(fitted.model, trial, response.theta_1)
+        looks = problem.whitened(answer, fitted.noise, fitted.response)
+        reached = float(looks[2][kept].sum()) + prior.loss(trial)
+        if reached < total:
+            vector, response, total, damping = trial, answer, reached, max(damping / 6.0, 1e-6)
+            innovations, jacobian, _ = looks
+        else:
+            damping *= 10.0
+    return response
 
 
 def _taken(information: np.ndarray, own: np.ndarray, alone: np.ndarray) -> float:

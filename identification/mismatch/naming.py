@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import expit
 
-from .search import Search
+from .search import MOST_ASKED_FOR, Search
 from .trial import ASKED_FOR, Trial
 
 UNKNOWN = "unknown"
@@ -36,19 +37,22 @@ _REMAINS = 25.0
 """Nats that a smooth correction has to add before something unknown is spoken of: of 377 of the study's recordings in
 which one effect was found one left more, of 23 that left anything once the true effect was taken out 22 did."""
 
+_UNTHOUGHT_OF = 0.035
+"""Least probability of something that the catalogue lacks [-]: of what was stated of the study's recordings three in a
+hundred were wrong, however strong the evidence."""
+
 _BESIDE_UNKNOWN = 0.4
 """Most that an effect is believed in beside something that the catalogue lacks: it may stand in for that [-]."""
 
-
 _AT_ODDS = 0.5
-"""Effects that the errors on held-out rows (`evidence.at_odds`) or their own parameters (`Trial.unheard_of`) speak
-against are believed in no more than that [-]."""
+"""Where the errors on held-out rows (`evidence.at_odds`) or their own parameters (`Trial.unheard_of`) speak against
+what fits best, all that was tried is together believed in no more than that [-]."""
 
 _UNASKED = 0.5
-"""Where held-out data ask for nothing, all that was tried is together believed in no more than that [-]."""
+"""As much where held-out data ask for nothing [-]."""
 
 MANY, _OF_MANY = 3, 0.7
-"""From so many effects together each is believed in no more than this [-]: of the study's recordings one in 150 needed
+"""As much where so many effects are needed together [-]: of the study's recordings one in 150 needed
 three, with their catalogue complete, of those whose effect had been taken out of it one in five."""
 
 
@@ -104,10 +108,9 @@ def name(
     nothing = np.exp((0.0 - top) / TEMPERATURE)
     known = weights.sum() + nothing
     # What a smooth correction adds speaks against every set alike.
-    unknown = float(1.0 / (1.0 + np.exp(-np.clip(doubt / (2.0 * TEMPERATURE), -50.0, 50.0))))
-    weights = weights / known * (1.0 - unknown)
-    if not chosen.effects:
-        weights = weights * min(1.0, _UNASKED / max(float(weights.sum()), _UNASKED))
+    unknown = max(float(expit(doubt / (2.0 * TEMPERATURE))), _UNTHOUGHT_OF)
+    share = float(weights.sum() / known)
+    weights = weights / known * (1.0 - unknown) * min(1.0, _believed(chosen, doubted=doubted) / max(share, 1e-300))
     # Beside something unknown an effect can be right all the same, where no correction does without it.
     beside = _BESIDE_UNKNOWN if gained + remaining - alone > ASKED_FOR else 0.0
     effects: dict[str, float] = {}
@@ -116,13 +119,18 @@ def name(
             effects[slug] = effects.get(slug, 0.0) + float(weight)
     for slug in chosen.slugs:
         effects[slug] += unknown * beside
-    if doubted:
-        effects = {slug: min(share, _AT_ODDS) for slug, share in effects.items()}
-    if len(chosen.effects) >= MANY:
-        effects = {slug: min(share, _OF_MANY) for slug, share in effects.items()}
     effects = dict(sorted(effects.items(), key=lambda pair: -pair[1]))
     look_alikes = {slug: _stand_ins(search, slug) for slug in sorted(chosen.slugs)}
     return Naming(effects, unknown, look_alikes, weights)
+
+
+def _believed(chosen: Trial, *, doubted: bool) -> float:
+    """Most that all that was tried is together believed in, something unknown aside [-]."""
+    if not chosen.effects:
+        return _UNASKED
+    if doubted:
+        return _AT_ODDS
+    return _OF_MANY if len(chosen.effects) >= MANY else 1.0
 
 
 def _by_best_form(search: Search, weights: np.ndarray) -> np.ndarray:
@@ -160,6 +168,8 @@ def why_not(trial: Trial, search: Search) -> str:
     if trial.gain < ASKED_FOR:
         return f"held-out data do not ask for it ({trial.gain:+.1f} nats)"
     behind = chosen.gain - trial.gain
+    if behind < -MOST_ASKED_FOR:
+        return f"gains {-behind:.0f} nats more, but neighbouring rows repeat each other: not so many count"
     if chosen.slugs < trial.slugs:
         return f"adds too little to what is chosen ({-behind:+.1f} nats)"
     if behind < TEMPERATURE * np.log(1.0 / MENTIONED):

@@ -15,7 +15,7 @@ from ..effects.drive import drive_of, order_of, select_rows
 from ..effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Drive
 from ..forward import CHANNELS
 from ..gate import LIMITS
-from ..noise import noise_from_neighbours, sensor_noise
+from ..noise import LEAST_SHARE, noise_from_neighbours, sensor_noise
 
 ANSWERS = (TORQUE, SINKAGE, PULL)
 """Channels that the simulator answers with; load and slip are what the drive imposes."""
@@ -32,6 +32,13 @@ _THINNED_STRETCH = 50
 _BLOCKS = 12
 _ISOLATED = 7.0
 """A value this many sensor noises from the median of its neighbours in time is a gross error [-]."""
+
+_AT_END, _MORE_OFTEN = 0.02, 3.0
+"""Share of rows that are exactly a channel's largest or least value from which on its sensor is at its end [-], where
+no value near there is as frequent by so many times [-]."""
+
+_LEVELS_NEAR, _FEWEST_LEVELS = 5, 20
+"""Values near a channel's end that are looked at, and how many values it has at least: a coarse one has no end."""
 
 _STANDS_STILL = 0.1
 """Share of rows in which a clock may stand still before it is no clock [-]."""
@@ -129,6 +136,8 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
         )  # fmt: skip
     noise = sensor_noise(table, vehicle)
     usable, notes = _usable(table)
+    if table.wheel is not None and len(set(table.wheel)) > 1:
+        notes.append(f"rows of {len(set(table.wheel))} wheels are taken together: as if all ran on the same ground")
     if still:
         notes.append(f"{still} rows have the time of the row before: what remembers or accelerates starts anew there")
     if usable.sum() < LEAST_ROWS:
@@ -149,6 +158,9 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
         )  # fmt: skip
     if not np.isfinite(measured[usable][:, ANSWERS]).any():
         raise InputError(table.source, "nothing to compare", expected="torque, sinkage or drawbar pull that change")
+    if "time_s" in table:
+        measured, at_end = _without_ends(measured, noise)
+        notes += at_end
     measured, gross = _without_gross_errors(measured, noise, stretch, "time_s" in table)
     if gross:
         notes.append(f"{gross} values stand alone far from their neighbours in time: taken for gross errors")
@@ -226,6 +238,27 @@ def _without_gross_errors(
                 measured[seen[away], channel] = math.nan
                 count += int(away.sum())
     return measured, count
+
+
+def _without_ends(measured: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """Blank the values of answers whose sensor is at its end: many rows are exactly the largest value, or the least."""
+    measured, notes = measured.copy(), []
+    for channel in ANSWERS:
+        column = measured[:, channel]
+        values, counts = np.unique(column[np.isfinite(column)], return_counts=True)
+        # Without noise a plateau is the wheel's, not the sensor's.
+        if len(values) < _FEWEST_LEVELS or noise[channel] <= LEAST_SHARE * np.abs(values).max():
+            continue
+        for end, which in ((0, "least"), (-1, "largest")):
+            near = counts[1:][:_LEVELS_NEAR] if end == 0 else counts[:-1][-_LEVELS_NEAR:]
+            often = max(_AT_END * counts.sum(), _MORE_OFTEN * near.max(), _LEVELS_NEAR)
+            if counts[end] > often:
+                measured[column == values[end], channel] = math.nan
+                notes.append(
+                    f"{CHANNELS[channel]} is exactly {values[end]:.6g}, its {which} value, in {counts[end]} rows: "
+                    "taken for a sensor at its end and left out"
+                )
+    return measured, notes
 
 
 def _smoothed(drive: Drive, table: WheelTable, noise: np.ndarray) -> Drive:

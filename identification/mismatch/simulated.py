@@ -86,7 +86,7 @@ def as_differences(samples: Samples) -> tuple[Samples, np.ndarray]:
     seen = np.isfinite(imitated.measured[:, ANSWERS]).any(axis=1)
     if seen.sum() < 0.5 * len(samples):
         raise InputError(
-            "the other simulator's file", f"answers for {int(seen.sum())} of {len(samples)} rows",
+            "the other simulator's answers", f"values for {int(seen.sum())} of {len(samples)} rows",
             expected="the whole drive",
         )  # fmt: skip
     problem, fitted = fit_textbook(imitated)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -11,6 +11,9 @@ from scipy.stats import t as student
 
 from ..augmented import SOIL_COUNT
 from .soil_variation import huber_weight
+
+LONGEST = np.array([np.inf, 0.5, 1.0, 1.0, 0.5])
+"""Steps of c, tan phi, ln k, ln stiffness and ln n beyond which the model is no straight line."""
 
 _LEAST_LEFT = 0.05
 """A group that leaves less than this share of its pull in the residuals is one without which nothing is known [-]."""
@@ -28,6 +31,11 @@ class Prior:
     def loss(self, vector: np.ndarray) -> float:
         """Minus the log-density [nats], up to a constant."""
         return 0.5 * float(np.sum(self.precision * (vector - self.mean) ** 2))
+
+    def holding(self, vector: np.ndarray, held: np.ndarray) -> Prior:
+        """Give the prior with those parameters of a vector (p,) that are `held` (p,) bound to where they are."""
+        lower, upper = np.where(held, vector, self.lower), np.where(held, vector, self.upper)
+        return replace(self, lower=lower, upper=upper)
 
 
 def normal_equations(innovations: np.ndarray, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -52,8 +60,7 @@ def step_of(
     step[free] = scale[free] * np.linalg.solve(
         scaled[inside] + 1e-10 * np.eye(int(free.sum())), (scale * gradient)[free]
     )
-    longest = np.concatenate([[np.inf, 0.5, 1.0, 1.0, 0.5], np.full(len(vector) - SOIL_COUNT, np.inf)])
-    step *= min(1.0, 1.0 / max(float(np.max(np.abs(step) / longest)), 1e-12))
+    step *= min(1.0, 1.0 / max(float(np.max(np.abs(step[:SOIL_COUNT]) / LONGEST)), 1e-12))
     return step, float(step @ gradient - 0.5 * step @ information @ step)
 
 

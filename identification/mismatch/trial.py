@@ -21,6 +21,9 @@ ASKED_FOR = 12.0
 _SHORT, _STILL_MOVING = 5, 3.0
 """Iterations by which starts are compared, and how far behind the best [nats] one has not come to rest by then."""
 
+_OUT_OF_REACH, _FAR_BEHIND = 40.0, 0.1
+"""Nats behind a rival, and share of what that one gained, from which on it is of no interest how far exactly [-]."""
+
 _LAID_OUT = 15
 """Iterations by which a place along the track is laid out."""
 
@@ -88,8 +91,8 @@ def try_adding(
 ) -> Trial:  # fmt: skip
     """Fit a set with one more effect, from each of its starts, and hold its blocks out.
 
-    The further it stays behind the score of a `rival`, the less exactly it is fitted. A `former` trial of the same set
-    takes the starts' place.
+    The further it stays behind the score of a `rival`, the less exactly it is fitted and held out. A `former` trial of
+    the same set takes the starts' place.
     """
     effects = (*base.effects, effect)
     model = AugmentedWheel(problem.samples.wheel, effects)
@@ -116,7 +119,8 @@ def try_adding(
             model = AugmentedWheel(problem.samples.wheel, (*base.effects, variant))
             fitted = fit(problem, model, best.vector, best.noise, best.theta_1, rival=max(rival, best.score))
             best = max(best, fitted, key=lambda each: each.score)
-    return _trial(problem, textbook, best.model.effects, best, hold_out(problem, best))
+    behind = rival - best.score > max(_OUT_OF_REACH, _FAR_BEHIND * (rival - textbook.fitted.score))
+    return _trial(problem, textbook, best.model.effects, best, hold_out(problem, best, again=not behind))
 
 
 def starts_of(base: Trial, effect: Effect, former: Trial | None = None) -> list[np.ndarray]:

@@ -80,7 +80,7 @@ def _bare(channel: str) -> str:
 
 def _statement(each: Missing) -> str:
     values = ", ".join(readable.estimate(name, estimate) for name, estimate in each.parameters.items())
-    fault = "an instrument's fault: " if each.kind == "instrument" else ""
+    fault = "a fault of an instrument or of what is configured: " if each.kind == "instrument" else ""
     return (
         f"What was left out is {fault}{readable.effect(each.effect)} ({readable.percent(each.probability)}), {values}."
     )
@@ -111,7 +111,10 @@ def trust(explanation: Explanation) -> str:
     sure = all(each.probability >= ASSERTED for each in explanation.missing)
     certain = explanation.verdict in ("none", "physics", "instrument") and sure and not far
     if certain:
-        return f"{prediction}, and the parameters can be used with their standard deviations."
+        return (
+            f"{prediction}, and the parameters can be used with their standard deviations, as far as zeros and gains "
+            "of the instruments are right: some errors of them look wholly like another soil."
+        )
     return (
         f"{prediction}. The prediction can be used where rows like these were driven; soil and effect parameters are "
         "those of the model that fits best, not measurements of the ground: another form could fit as well with others."

@@ -224,7 +224,7 @@ def test_each_wheel_is_derived_with_its_own_radius(tmp_path):
     np.testing.assert_allclose(derive_all(table, vehicle)["slip"], [0.75, 0.5])
     with pytest.raises(InputError, match="no column wheel"):
         derive_all(WheelTable(columns, None, None, tmp_path), vehicle)
-    with pytest.raises(InputError, match=r"'c'.*one of the vehicle's wheels, a, b"):
+    with pytest.raises(InputError, match=r"column wheel: 'c' .*one of the vehicle's wheels, a, b"):
         derive_all(WheelTable(columns, np.array(["a", "c"], object), None, tmp_path), vehicle)
 
 

@@ -156,6 +156,25 @@ def test_a_column_that_is_not_there_is_one_clear_error(rng, missing):
         identify(recording(WheelTable(columns, None, None, table.source)))
 
 
+@pytest.mark.parametrize(("name", "expected"), [("load_N", "positive"), ("sinkage_m", "positive downwards")])
+def test_a_channel_that_is_measured_the_other_way_round_is_refused(rng, name, expected):
+    table = drive(rng)
+    with pytest.raises(InputError, match=rf"column {name}: -.*100 % of the rows below 0 \(expected .*{expected}"):
+        identify(recording(with_columns(table, **{name: -table[name]})))
+
+
+def test_a_sinkage_whose_zero_is_a_little_off_is_not_refused(rng):
+    table = drive(rng)
+    identify(recording(with_columns(table, sinkage_m=table["sinkage_m"] - np.median(table["sinkage_m"]) - 1e-3)))
+
+
+def test_thinning_is_said(rng, monkeypatch):
+    monkeypatch.setattr("bevameter.identification.identify.MOST_ROWS", 120)
+    result = identify(recording(drive(rng)))
+    assert result.segments[0].estimate.n == 120
+    assert any("more than 120 rows are thinned" in problem for problem in result.problems)
+
+
 def test_rows_of_another_wheel_are_refused(rng):
     table = with_columns(drive(rng), radius_m=np.full(300, 0.157))
     with pytest.raises(InputError, match=r"column radius_m: 0.157 \(expected 0.15"):

@@ -129,7 +129,7 @@ def test_an_instrument_and_a_physics_are_told_apart_and_doubt_is_not_asserted():
 def test_parameters_are_vouched_for_only_where_nothing_beside_them_is_doubtful():
     physics, fault = cannot_tell().missing
     sure = explanation(missing=(replace(physics, probability=0.97),))
-    assert trust(sure).endswith("the parameters can be used with their standard deviations.")
+    assert trust(sure).endswith("some errors of them look wholly like another soil.")
     doubtful = explanation(missing=(replace(physics, probability=0.97), replace(fault, probability=0.6)))
     assert "not measurements of the ground" in trust(doubtful)
 

@@ -58,6 +58,10 @@ def test_bad_input_is_named(tmp_path, drive_file):
         simulate(VEHICLE, SoilKnowledge({"c_Pa": 1.0, "phi_rad": 0.5}), drive_file)
     with pytest.raises(InputError, match="no_such_effect"):
         simulate(VEHICLE, SOIL, drive_file, effects=["no_such_effect"])
+    lifted = tmp_path / "lifted.csv"
+    lifted.write_text("time_s,load_N,slip\n0,-100,0.1\n0.1,-120,0.2\n")
+    with pytest.raises(InputError, match=r"lifted\.csv, column load_N: -110"):
+        simulate(VEHICLE, SOIL, lifted)
     blind = tmp_path / "blind.csv"
     blind.write_text("time_s,load_N\n0,100\n")
     with pytest.raises(InputError, match="no column slip"):

@@ -119,7 +119,7 @@ def derive_all(table: WheelTable, vehicle: Vehicle) -> WheelTable:
     names, rows, inverse = np.unique(table.wheel.astype(str), return_index=True, return_inverse=True)
     for name, row in zip(names, rows, strict=True):
         if name not in radius:
-            raise InputError(table.source, f"{name!r}", expected=known, place=f"sample {row + 1}, column wheel")
+            raise InputError(table.source, repr(str(name)), expected=known, place=f"sample {row + 1}, column wheel")
     return _with_slip(table, np.array([radius[name] for name in names])[inverse])
 
 
