@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -135,10 +135,10 @@ def follows_drive(effect: Effect) -> set[str]:
     return set(_names(effect))
 
 
-def lugs_of(form: str) -> int:
-    """Give the number of lugs that the name of a form says; the usual where it says none."""
+def lugs_of(form: str, otherwise: int = _USUAL_LUGS) -> int:
+    """Give the number of lugs that the name of a form says, another where it says none."""
     found = re.search(r"ripple, (\d{1,4}) lugs", form)
-    return int(found.group(1)) if found else _USUAL_LUGS
+    return int(found.group(1)) if found else otherwise
 
 
 def choose(named: NamedEffect, effects: Sequence[Effect]) -> Effect:
@@ -243,8 +243,10 @@ def build(named: NamedEffect, situation: Situation, source: str) -> tuple[Effect
     InputError
         Unknown effect or parameter, a value out of bounds, or a column that the drive lacks.
     """
-    wheel = situation.wheel
-    wanted = choose(named, forms_by_name(named.slug, specimen(wheel.grouser_count or _USUAL_LUGS)))
+    # What was found may be the ripple of other lugs than those that the vehicle is said to have.
+    lugs = lugs_of(named.form, situation.wheel.grouser_count)
+    situation = replace(situation, wheel=situation.wheel.model_copy(update={"grouser_count": lugs}))
+    wanted = choose(named, forms_by_name(named.slug, specimen(lugs or _USUAL_LUGS)))
     for need in wanted.needs:
         if not situation.drive.has(need):
             column = COLUMNS[need]

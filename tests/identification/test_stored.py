@@ -175,3 +175,18 @@ def test_lugs_are_those_of_the_wheel_that_comes():
     smooth = drawbar_pull(ground, Wheel(radius_m=0.15, width_m=0.12), soils, uniform, 90.0, SLIPS)
     lugged = drawbar_pull(ground, SITUATION.wheel, soils, uniform, 90.0, SLIPS)
     assert (lugged > smooth).all()
+
+
+def test_a_ripple_of_other_lugs_than_the_vehicle_s_can_be_simulated():
+    """What was found may be that the vehicle's file has the wrong number of lugs."""
+    time_s = np.arange(200) / 20.0
+    drive = WheelTable(
+        {"time_s": time_s, "load_N": np.full(200, 90.0), "slip": np.full(200, 0.3), "wheel_angle_rad": 2.0 * time_s},
+        None, None, Path("drive.csv"),
+    )  # fmt: skip
+    vehicle = Vehicle(wheels=(SITUATION.wheel.model_copy(update={"grouser_count": 10}),))
+    soil = Soil(c_Pa=300.0, phi_rad=0.54, k_m=0.012, stiffness_Pa=9e4, n=0.9)
+    found = StoredEffect("grousers", "ripple, 12 lugs", {"a_T": Estimated(0.5, 0.1)}, {})
+    rippled = simulate(vehicle, soil, drive, [found.named])
+    plain = simulate(vehicle, soil, drive)
+    np.testing.assert_allclose(rippled["torque_Nm"] - plain["torque_Nm"], 0.5 * np.cos(24.0 * time_s), atol=1e-3)
