@@ -7,6 +7,9 @@ from .explanation import Explanation, Missing
 from .naming import ASSERTED
 from .variables import CONSTANT, LAG
 
+_WORTH_A_WORD = 0.2
+"""A candidate that nothing asks for is spoken of from this probability on [-]."""
+
 _AT_NOISE = 1.3
 """A channel whose held-out error is within this factor of its noise is predicted as well as can be [-]."""
 
@@ -47,7 +50,16 @@ def _nothing(explanation: Explanation) -> str:
     if not far:
         return f"The simulation agrees within noise over {explanation.n} samples: {nothing}."
     misses = f"misses {', '.join(far)} by more than noise, as where the ground varies from place to place"
-    return f"Over {explanation.n} samples the simulation {misses}; {nothing} beside that."
+    return f"Over {explanation.n} samples the simulation {misses}; {nothing} beside that.{_nearest(explanation)}"
+
+
+def _nearest(explanation: Explanation) -> str:
+    """Say what comes nearest to being asked for."""
+    best = max(explanation.candidates, key=lambda each: each.probability, default=None)
+    if best is None or best.kind == "unknown" or best.probability < _WORTH_A_WORD:
+        return ""
+    named = readable.effect(best.effect)
+    return f" {named[0].upper()}{named[1:]} comes nearest ({readable.percent(best.probability)}): more rows would tell."
 
 
 def _far(explanation: Explanation) -> list[str]:

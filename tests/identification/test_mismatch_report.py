@@ -14,11 +14,11 @@ import pytest
 from bevameter import InputError
 from bevameter.identification.effects.catalogue import PHYSICS, SLUGS
 from bevameter.identification.mismatch import pictures, readable
-from bevameter.identification.mismatch.explanation import Estimate, Missing, Region, to_json
+from bevameter.identification.mismatch.explanation import Candidate, Estimate, Missing, Region, to_json
 from bevameter.identification.mismatch.naming import ASSERTED
 from bevameter.identification.mismatch.report import report_html, write_report
 from bevameter.identification.mismatch.tables import fit_rows, located_rows, soil_table
-from bevameter.identification.mismatch.wording import trust
+from bevameter.identification.mismatch.wording import summarise, trust
 from explanations import SOUND, cannot_tell, explanation, nothing
 
 VOID = {"meta", "img", "br"}
@@ -104,6 +104,18 @@ def test_nothing_found_is_said_so_and_nothing_is_shown_as_added():
     assert "What was left out" not in text
     assert "with what was left out" not in text
     assert "Nothing was added" in text
+
+
+def test_what_comes_nearest_is_told_where_channels_are_missed_and_too_little_asks_for_it():
+    missed = {
+        name: replace(fit, rmse_before=3.0 * fit.noise, rmse_after=3.0 * fit.noise)
+        for name, fit in nothing().fits.items()
+    }
+    likely = Candidate("slip_sinkage[exponent]", "physics", 0.47, 8.0, {}, "held-out data do not ask for it")
+    said = summarise(replace(nothing(), fits=missed, candidates=(likely,)))
+    assert said.endswith("Slip-sinkage (exponent) comes nearest (47 %): more rows would tell.")
+    unlikely = replace(likely, probability=0.05)
+    assert summarise(replace(nothing(), fits=missed, candidates=(unlikely,))).endswith("ask for beside that.")
 
 
 def test_a_tie_names_both_with_their_shares_and_what_would_tell():
