@@ -12,7 +12,7 @@ from ...framework.core.soil import PARAMETERS
 from ..effects.effect import Effect
 from ..forward import CHANNELS, from_internal, slope_of_internal
 from . import readable
-from .evidence import at_odds, noise_floor
+from .evidence import asks_for_more, at_odds, noise_floor
 from .explanation import Candidate, ChannelFit, Estimate, Explanation, Missing, Region, Rows, Screened, Verdict
 from .fitting import Fitted, Problem
 from .naming import ASSERTED, MANY, MENTIONED, UNKNOWN, Naming, why_not
@@ -96,7 +96,7 @@ def assemble(
             *_repeated(repeated),
             *_crossed_once(best),
             *(effect.remark for effect in best.effects if effect.remark),
-            *_doubted(problem, found),
+            *_doubted(problem, found, repeated),
         ),
         rows=_rows(problem, before, after, chosen.fitted),
         simulator=best.fitted.model,
@@ -319,11 +319,13 @@ def _crossed_once(trial: Trial) -> list[str]:
     return ["the place was crossed once: how its ground differs, and from where to where, was fitted and not predicted"]
 
 
-def _doubted(problem: Problem, found: Search) -> list[str]:
+def _doubted(problem: Problem, found: Search, repeated: float) -> list[str]:
     """Say why what gains most is not asserted."""
     reasons = []
     if at_odds(problem, found):
         reasons.append("with what fits best errors on held-out rows still grow or stay far above the noise")
+    if asks_for_more(found, repeated):
+        reasons.append("beside what fits best one more effect would still gain more than beside a complete set")
     if beyond := found.chosen.unheard_of:
         reasons.append(f"what fits best is {' and '.join(beyond)}, beyond what has been published")
     return [f"{reason}: it is believed in no more than half" for reason in reasons]

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..noise import autocorrelations
 from .fitting import Fitted, Problem
-from .search import Search
+from .search import FURTHER_ASKED_FOR, Search
 from .soil_variation import HUBER
 from .trial import ASKED_FOR
 
@@ -58,6 +58,21 @@ def at_odds(problem: Problem, search: Search) -> bool:
         return False
     growth, distance = (float(np.mean(np.log(after[good] / other[good]))) for other in (before, floor))
     return growth > _WORSE or distance > _FAR
+
+
+def asks_for_more(search: Search, repeated: float) -> bool:
+    """Say whether one more effect gains, beside the chosen set, what it hardly does beside a complete one.
+
+    It is not taken for so little, beside so much; but what was found may then stand in for what the catalogue lacks. Of
+    195 sets that were right on recordings of the study four are doubted for it, of 18 that were wrong with their effect
+    taken out of the catalogue seven. `repeated` rows count as one.
+    """
+    chosen = search.chosen
+    if not chosen.effects:
+        return False
+    least = FURTHER_ASKED_FOR if len(chosen.effects) == 1 else ASKED_FOR
+    larger = [trial.gain for trial in search.trials if len(trial.effects) == len(chosen.effects) + 1]
+    return max(larger, default=-math.inf) - chosen.gain >= least * repeated
 
 
 def noise_floor(problem: Problem, fitted: Fitted, position: int) -> float:

@@ -14,7 +14,7 @@ from ...framework.core.vehicle import Vehicle
 from ..effects.catalogue import SLUGS, effects_for
 from ..identify import felt_rows, open_recording
 from .answer import assemble
-from .evidence import at_odds, repetition, warranted
+from .evidence import asks_for_more, at_odds, repetition, warranted
 from .explanation import Explanation
 from .fitting import Problem
 from .locate import locate
@@ -88,7 +88,7 @@ def explain(
         if fewer is not found:
             found = fewer
             remaining = _left_over(problem, found.chosen)
-        doubted = at_odds(problem, found) or bool(found.chosen.unheard_of)
+        doubted = at_odds(problem, found) or asks_for_more(found, repeated) or bool(found.chosen.unheard_of)
         naming = name(found, remaining.gain, repeated=repeated, doubted=doubted)
         if naming.unknown > 0.5 and found.chosen.effects:
             alone = _left_over(problem, found.textbook).gain

@@ -125,7 +125,9 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
         if name not in table or not np.isfinite(table[name]).any():
             raise InputError(table.source, f"no column {name}", expected=remedy)
     if not any(CHANNELS[channel] in table for channel in ANSWERS):
-        raise InputError(table.source, "nothing to compare", expected="values of torque_Nm, sinkage_m or drawbar_pull_N")
+        raise InputError(
+            table.source, "nothing to compare", expected="values of torque_Nm, sinkage_m or drawbar_pull_N"
+        )
     order, stretch = order_of(table)
     table = table.select(order)
     still = int((np.diff(table["time_s"]) == 0.0).sum()) if "time_s" in table else 0

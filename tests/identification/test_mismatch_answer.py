@@ -8,6 +8,7 @@ from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.identify import felt_rows, open_recording
 from bevameter.identification.mismatch.answer import assemble
+from bevameter.identification.mismatch.evidence import asks_for_more
 from bevameter.identification.mismatch.naming import ASSERTED, Naming, name
 from bevameter.identification.mismatch.readable import effect as effect_name
 from bevameter.identification.mismatch.samples import gather
@@ -96,6 +97,22 @@ def test_one_of_two_that_are_alike_is_told_beside_what_is_sure(searched):
     answer = told(0.3)
     assert [missing.effect for missing in answer.missing] == ["slip_sinkage"]
     assert any("something more" in note for note in answer.notes)
+
+
+@pytest.mark.parametrize(
+    ("effects", "more", "repeated", "asks"),
+    [(1, 20.0, 1.0, False), (1, 25.0, 1.0, True), (1, 25.0, 2.0, False), (2, 10.0, 1.0, False), (2, 13.0, 1.0, True)],
+)
+def test_a_set_beside_which_another_effect_still_gains_is_doubted(searched, effects, more, repeated, asks):
+    problem, found = searched
+    kinds = effects_for(situation(problem, found.textbook.fitted), ["slip_sinkage", "torque_gain", "load_gain"])
+    sets = [tuple(kinds[:count]) for count in (effects, effects + 1)]
+    chosen, larger = (
+        Trial(each, found.chosen.fitted, found.chosen.held_out, gain)
+        for each, gain in zip(sets, (900.0, 900.0 + more), strict=True)
+    )
+    assert asks_for_more(Search(found.textbook, (chosen, larger), (), chosen), repeated) == asks
+    assert not asks_for_more(Search(found.textbook, (chosen, larger), (), found.textbook), repeated)
 
 
 def test_where_nothing_is_asked_for_no_candidate_is_likely(searched):
