@@ -6,6 +6,9 @@ import numpy as np
 
 from .effect import SINKAGE, Contact, Drive, Effect, Parameter, Situation
 
+_MOST_SLIP = 0.9
+"""A wheel that spins where it is digs on for as long as it does: the formula ends there [-]."""
+
 
 class SinkageExponent(Effect):
     """The sinkage exponent grows with slip."""
@@ -33,6 +36,20 @@ class SinkageRatio(Effect):
         contact.stiffness_Pa = contact.stiffness_Pa * _ratio(drive.slip) ** (-values[0] * contact.n)
 
 
+class DigOut(Effect):
+    """Each turn carries a layer of soil back that the wheel does not pass over again; only the static sinkage bears."""
+
+    slug = "slip_sinkage"
+    form = "dig-out"
+    equation = "z = z0 [1 + h |i| / (1 - |i|)]"
+    source = "after A. R. Reece, Proc. Inst. Mech. Eng. 180 (1965), 45-66: the layer dug out, over i / (1 - i)"
+    parameters = (Parameter("h", "", 0.0, 5.0, 0.2, 0.5),)
+
+    def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        away = np.minimum(np.abs(drive.slip), _MOST_SLIP)
+        contact.stiffness_Pa = contact.stiffness_Pa * (1.0 + values[0] * away / (1.0 - away)) ** -contact.n
+
+
 class SoilTransport(Effect):
     """The wheel's rut is deepened by the soil carried out behind it; the contact ahead is the static one's."""
 
@@ -55,4 +72,4 @@ def forms(situation: Situation) -> tuple[Effect, ...]:
     """Give the forms that these data can show: slip has to vary."""
     if not situation.drive.has("slip"):
         return ()
-    return SinkageExponent(), SinkageRatio(), SoilTransport()
+    return SinkageExponent(), SinkageRatio(), DigOut(), SoilTransport()

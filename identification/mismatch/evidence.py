@@ -13,7 +13,7 @@ import numpy as np
 
 from ..noise import autocorrelations
 from .fitting import Fitted, Problem
-from .search import FURTHER_ASKED_FOR, Search
+from .search import Search, of_no_effect
 from .soil_variation import HUBER
 from .trial import ASKED_FOR
 
@@ -38,6 +38,9 @@ _REMEMBERED = 1.5
 _SWALLOWED = 1.6
 """A sensor without a memory is no noisier than so many times what neighbours in time show of it [-]: a fit that takes
 what it misses for noise would say more. Of 36 channels of nulls of the study none came out above 1.4."""
+
+_INCOMPLETE = 23.0
+"""Nats that one more effect gains beside a single one that stands in for something else; `ASKED_FOR` beside two."""
 
 _WORSE, _FAR = 0.05, 0.7
 """Growth of the errors on held-out rows with a set, and their distance from the noise with it, from which on the set is
@@ -70,9 +73,9 @@ def asks_for_more(search: Search, repeated: float) -> bool:
     chosen = search.chosen
     if not chosen.effects:
         return False
-    least = FURTHER_ASKED_FOR if len(chosen.effects) == 1 else ASKED_FOR
-    larger = [trial.gain for trial in search.trials if len(trial.effects) == len(chosen.effects) + 1]
-    return max(larger, default=-math.inf) - chosen.gain >= least * repeated
+    least = _INCOMPLETE if len(chosen.effects) == 1 else ASKED_FOR
+    larger = [trial for trial in search.trials if len(trial.effects) == len(chosen.effects) + 1]
+    return any(each.gain - chosen.gain >= repeated * max(least, of_no_effect(chosen, each)) for each in larger)
 
 
 def noise_floor(problem: Problem, fitted: Fitted, position: int) -> float:

@@ -5,33 +5,34 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
-from ..augmented import SOIL_COUNT, AugmentedWheel
+from ..augmented import SOIL_COUNT
 from ..effects.catalogue import FROM_RESIDUALS, effects_for
 from ..effects.effect import Effect
 from .fitting import Problem, fit
 from .held_out import hold_out
-from .steps import normal_equations, scaled_inverse
+from .promise import promised_by
 from .textbook import best_fit
-from .trial import ASKED_FOR, Trial, situation, starts_of, try_adding, without
+from .trial import ASKED_FOR, Trial, less, situation, try_adding, without
 
 MOST_EFFECTS = 3
-FURTHER_ASKED_FOR = 23.0
-"""Nats that a further effect has to gain on held-out blocks: of 111 right pairs of the study's recordings one gained
-less, of six second effects that were not there four did."""
 
-SHARE_ASKED_FOR, MOST_ASKED_FOR = 0.08, 40.0
-"""A further effect has to gain at least this share of what is gained already [-], up to so many nats."""
+_FURTHER_ASKED_FOR = 15.0
+"""Nats that a further effect has to gain on held-out blocks."""
+
+_SHARE_ASKED_FOR, MOST_ASKED_FOR, _LEAST_SHARE = 0.08, 40.0, 0.015
+"""It has to gain the first share of what is gained already, up to so many nats, and the last one however much that is
+[-]. Of 114 of the study's recordings with one effect, looked at since, other second ones gained 0.012 at most."""
+
+_PLACE_ASKED_FOR, _PLACE_SHARE = 23.0, 0.05
+"""As much for a place along the track, whose ground may vary by itself: five gained up to 0.044 where none was."""
 
 _LEAST_PROMISE = 2.5
 """Effects that promise less [nats] are not fitted."""
-
-_GLIMPSE = 6
-"""Iterations that show whether an effect that cannot be weighed from nothing is worth fitting beside others."""
 
 _TRIED_IN_SETS = 6
 """Effects tried beside those already found: the most promising ones."""
@@ -42,11 +43,15 @@ _FAR_LESS = 0.1
 _THREADS = 2
 """Effects fitted at once: the heavy parts let go of Python's lock."""
 
-_QUIET = 0.01
-"""How much quiet ground varies [-]."""
-
 _NOT_FAR = 0.5
-"""A second effect is sought beside the runner-up too, where it gained at least this share of what the best did [-]."""
+"""A second effect is sought beside the runner-up and other forms too, where they gained this share of the best [-]."""
+
+_FORMS, _WORTH_ANOTHER = 3, 5.0
+"""Other forms of an effect beside which a second one is sought, and what one has to promise more there [nats]."""
+
+_PARTNERS, _CLOSE = 2, 0.02
+"""Effects that did nearly as well beside the best one, beside which others are sought in turn, and what share of a gain
+is near [-]."""
 
 _ANCHORS = 3
 """Effects from whose soils the textbook wheel is fitted once more."""
@@ -65,53 +70,56 @@ class Search:
     chosen: Trial
 
 
-def promise(problem: Problem, base: Trial, effect: Effect) -> float:
-    """Nats that an effect's first step promises on top of a fitted set, everything else following.
+@dataclass(frozen=True)
+class _Tries:
+    """What was tried so far, and what was passed over."""
 
-    The step is from nothing and, where the effect has several starts, from each of those: a channel that is late by
-    more than what it follows takes to change is no better for being a little less late. Beside others it is tried in
-    quiet ground too, whose variation may have stood in for the effect.
-    """
-    model = AugmentedWheel(problem.samples.wheel, (*base.effects, effect))
-    prior = problem.prior(model)
-    starts = effect.starts()
-    null = np.array([parameter.null for parameter in effect.parameters])
-    noises = [base.fitted.noise]
-    if base.effects and base.fitted.noise.spread.max() > 2.0 * _QUIET:
-        noises.append(replace(base.fitted.noise, spread=np.full(2, _QUIET)))
-    nowhere, promised = 0.0, []
-    for number, start in enumerate([null, *(starts if len(starts) > 1 else [])]):
-        vector = np.concatenate([base.fitted.vector, start])
-        answer = problem.linearise(model, vector, base.fitted.theta_1)
-        for noise in noises:
-            innovations, jacobian, loss = problem.whitened(answer, noise)
-            total = float(loss.sum()) + prior.loss(vector) + problem.noise_loss(noise)
-            gradient, information = normal_equations(innovations, jacobian)
-            at_best = number == 0 and noise is base.fitted.noise
-            if at_best:
-                # The set itself is at its best.
-                nowhere, gradient[: len(base.fitted.vector)] = total, 0.0
-            else:
-                gradient += prior.precision * (prior.mean - vector)
-            information[np.diag_indices_from(information)] += prior.precision + 1e-12
-            free = ~((vector <= prior.lower) & (gradient < 0.0)) & ~((vector >= prior.upper) & (gradient > 0.0))
-            if at_best:
-                free[: len(base.fitted.vector)] = True
-            step = 0.5 * float(gradient[free] @ scaled_inverse(information[np.ix_(free, free)]) @ gradient[free])
-            promised.append(nowhere - total + step)
-    return max(promised)
+    problem: Problem
+    textbook: Trial
+    catalogue: Sequence[Effect]
+    tell: Callable[[str], None]
+    trials: list[Trial] = field(default_factory=list)
+    passed: list[tuple[str, float]] = field(default_factory=list)
 
+    def weigh(self, base: Trial, effects: Sequence[Effect]) -> list[tuple[float, Effect]]:
+        """Give effects with what they promise beside a set [nats], the most promising ones first."""
+        with ThreadPoolExecutor(_THREADS) as pool:
+            nats = pool.map(partial(promised_by, self.problem, base), effects)
+            return sorted(zip(nats, effects, strict=True), key=lambda pair: -pair[0])
 
-def _glimpse(problem: Problem, base: Trial, effect: Effect) -> float:
-    """Nats that an effect which cannot be weighed from nothing gains beside others in a few steps, noise as it is."""
-    model = AugmentedWheel(problem.samples.wheel, (*base.effects, effect))
-    seen = [
-        fit(
-            problem, model, start, base.fitted.noise, base.fitted.theta_1, iterations=_GLIMPSE, settle=False
-        ).score
-        for start in starts_of(base, effect)
-    ]  # fmt: skip
-    return max(seen) - base.fitted.score
+    def attempt(
+        self, base: Trial, promised: Sequence[tuple[float, Effect]], least: float = ASKED_FOR,
+        most: int = _TRIED_IN_SETS, formerly: Sequence[Trial] = (),
+    ) -> list[Trial]:  # fmt: skip
+        """Fit those effects beside a set that promise enough, at most so many; sorted by what they promise."""
+        former = {trial.effects[-1].name: trial for trial in formerly if trial.gain >= ASKED_FOR}
+        answer: list[Trial] = []
+        with ThreadPoolExecutor(_THREADS) as pool:
+            # What cannot be weighed first takes no other's place.
+            most += sum(nats == np.inf for nats, _ in promised)
+            while promised:
+                gained = max((trial.gain - base.gain for trial in answer), default=0.0)
+                worth = [pair for pair in promised[: most - len(answer)] if pair[0] >= max(least, _FAR_LESS * gained)]
+                if not worth:
+                    break
+                now, promised = worth[:_THREADS], promised[len(worth[:_THREADS]) :]
+                self.tell(", ".join(_named(base, effect) for _, effect in now))
+                ahead = max((trial.fitted.score for trial in answer), default=-math.inf)
+                each = partial(try_adding, self.problem, self.textbook, base)
+                forms = [effect for _, effect in now]
+                answer += pool.map(each, forms, [ahead] * len(now), [former.get(effect.name) for effect in forms])
+        self.passed.extend((_named(base, effect), nats) for nats, effect in promised if nats > -np.inf)
+        self.trials.extend(answer)
+        return answer
+
+    def others(self, taken: frozenset[str]) -> list[Effect]:
+        """Give the forms of effects that are not taken, those aside that residuals lay out."""
+        return [e for e in self.catalogue if e.slug not in taken and e.slug not in FROM_RESIDUALS]
+
+    def laid_out(self, base: Trial) -> list[Effect]:
+        """Give the forms that a set's residuals lay out."""
+        wanted = {effect.slug for effect in self.catalogue}.intersection(FROM_RESIDUALS) - base.slugs
+        return effects_for(situation(self.problem, base.fitted), wanted)
 
 
 def search(
@@ -130,97 +138,106 @@ def search(
     tell
         Told what is being tried.
     """
-    trials: list[Trial] = []
-    passed: list[tuple[str, float]] = []
-
-    def named(base: Trial, effect: Effect) -> str:
-        return " + ".join(each.name for each in (*base.effects, effect))
-
-    def promised_by(base: Trial, effect: Effect) -> float:
-        if effect.nested:
-            return promise(problem, base, effect)
-        # Three together are not asserted: what only fits tell is not worth them there.
-        if len(base.effects) > 1:
-            return -np.inf
-        # Alone, and where the ground's variation would explain a place first, only a fit tells.
-        return _glimpse(problem, base, effect) if base.effects and not effect.local else np.inf
-
-    def attempt(
-        base: Trial, effects: Sequence[Effect], least: float, most: int, formerly: Sequence[Trial] = ()
-    ) -> list[Trial]:
-        """Fit those effects beside a set that promise enough, at most so many."""
-        former = {trial.effects[-1].name: trial for trial in formerly if trial.gain >= ASKED_FOR}
-        answer: list[Trial] = []
-        with ThreadPoolExecutor(_THREADS) as pool:
-            nats = list(pool.map(partial(promised_by, base), effects))
-            promised = sorted(zip(nats, effects, strict=True), key=lambda pair: -pair[0])
-            # What cannot be weighed first takes no other's place.
-            most += nats.count(np.inf)
-            while promised:
-                gained = max((trial.gain - base.gain for trial in answer), default=0.0)
-                worth = [pair for pair in promised[: most - len(answer)] if pair[0] >= max(least, _FAR_LESS * gained)]
-                if not worth:
-                    break
-                now, promised = worth[:_THREADS], promised[len(worth[:_THREADS]) :]
-                tell(", ".join(named(base, effect) for _, effect in now))
-                ahead = max((trial.fitted.score for trial in answer), default=-math.inf)
-                each = partial(try_adding, problem, textbook, base)
-                forms = [effect for _, effect in now]
-                answer += pool.map(each, forms, [ahead] * len(now), [former.get(effect.name) for effect in forms])
-        passed.extend((named(base, effect), nats) for nats, effect in promised if nats > -np.inf)
-        trials.extend(answer)
-        return answer
-
+    tries = _Tries(problem, textbook, catalogue, tell)
     tell("every effect alone")
-    singles = attempt(textbook, catalogue, _LEAST_PROMISE, len(catalogue))
+    singles = tries.attempt(textbook, tries.weigh(textbook, catalogue), _LEAST_PROMISE, len(catalogue))
     anchored = _anchored(problem, textbook, singles)
     if anchored is not textbook:
         tell("every effect alone, from a better soil")
-        textbook = anchored
-        trials.clear()
-        passed.clear()
-        singles = attempt(textbook, catalogue, _LEAST_PROMISE, len(catalogue), singles)
-    best = max(singles, key=lambda trial: trial.gain, default=textbook)
+        tries = _Tries(problem, anchored, catalogue, tell)
+        singles = tries.attempt(anchored, tries.weigh(anchored, catalogue), _LEAST_PROMISE, len(catalogue), singles)
+    best = max(singles, key=lambda trial: trial.gain, default=anchored)
     if best.gain < ASKED_FOR:
-        return Search(textbook, tuple(trials), tuple(passed), textbook)
-    allowed = frozenset(effect.slug for effect in catalogue)
-
+        return Search(anchored, tuple(tries.trials), tuple(tries.passed), anchored)
     while len(best.effects) < MOST_EFFECTS:
-        larger = attempt(best, _others(problem, best, catalogue, allowed, best.slugs), ASKED_FOR, _TRIED_IN_SETS)
-        if second := _runner_up(singles, best):
-            others = _others(problem, second, catalogue, frozenset(), best.slugs | second.slugs)
-            larger += attempt(second, [each for each in others if each.nested], ASKED_FOR, _TRIED_IN_SETS)
-        challenger = max(larger, key=lambda trial: trial.gain, default=best)
-        if challenger.gain - best.gain < _asked_of(best):
+        beyond = partial(surplus, best)
+        larger = _larger(tries, singles, best)
+        if len(best.effects) == 1:
+            larger += _beside_partners(tries, singles, best, larger)
+        challenger = max(larger, key=beyond, default=best)
+        if challenger is best or beyond(challenger) < 0.0:
             break
-        best = challenger
-        # What was found first may have stood in for two: exchange it for others.
-        for effect in best.effects[:-1]:
-            rest = without(problem, textbook, best, effect)
-            # What residuals lay out was tried beside all that was found: it does not stand in for two.
-            instead = _others(problem, rest, catalogue, frozenset(), best.slugs)
-            for trial in attempt(rest, instead, ASKED_FOR, _TRIED_IN_SETS):
-                if trial.gain > best.gain:
-                    best = trial
-    best = _pruned(problem, textbook, best, trials)
-    return Search(textbook, tuple(trials), tuple(passed), best)
+        best = _exchanged(tries, singles, challenger)
+    best = _pruned(tries, best)
+    return Search(anchored, tuple(tries.trials), tuple(tries.passed), best)
 
 
-def _runner_up(singles: Sequence[Trial], best: Trial) -> Trial | None:
-    """Single effect that is not far behind the best one, which may stand in for two."""
-    others = [trial for trial in singles if trial.slugs != best.slugs]
-    second = max(others, key=lambda trial: trial.gain, default=None)
-    if len(best.effects) > 1 or second is None or second.gain < max(ASKED_FOR, _NOT_FAR * best.gain):
-        return None
-    return second
+def _named(base: Trial, effect: Effect) -> str:
+    return " + ".join(each.name for each in (*base.effects, effect))
 
 
-def _others(
-    problem: Problem, base: Trial, catalogue: Sequence[Effect], allowed: frozenset[str], taken: frozenset[str]
-) -> list[Effect]:
-    """Give the forms that are not taken, those that residuals lay out as a set's residuals do."""
-    laid_out = effects_for(situation(problem, base.fitted), allowed.intersection(FROM_RESIDUALS) - taken)
-    return [e for e in catalogue if e.slug not in taken and e.slug not in FROM_RESIDUALS] + laid_out
+def _larger(tries: _Tries, singles: Sequence[Trial], best: Trial) -> list[Trial]:
+    """Try one more effect beside the best set; beside other forms of a single effect, and the runner-up, too."""
+    promised = tries.weigh(best, tries.others(best.slugs) + tries.laid_out(best))
+    answer = tries.attempt(best, promised)
+    if len(best.effects) != 1:
+        return answer
+    beside_best = {effect.name: nats for nats, effect in promised if effect.nested}
+    for form in _other_forms(singles, *best.effects):
+        again = tries.weigh(form, [effect for _, effect in promised if effect.nested])
+        # What the form is behind has to be made up.
+        behind = best.gain - form.gain + _WORTH_ANOTHER
+        better = [(nats, e) for nats, e in again if nats - behind > max(beside_best[e.name], ASKED_FOR)]
+        answer += tries.attempt(form, better)
+    second = max((trial for trial in singles if trial.slugs != best.slugs), key=lambda t: t.gain, default=None)
+    if second is not None and second.gain >= max(ASKED_FOR, _NOT_FAR * best.gain):
+        answer += _nested_beside(tries, second, best.slugs | second.slugs)
+    return answer
+
+
+def _nested_beside(tries: _Tries, base: Trial, taken: frozenset[str]) -> list[Trial]:
+    """Try those effects beside a set that can be weighed from nothing."""
+    return tries.attempt(base, tries.weigh(base, [effect for effect in tries.others(taken) if effect.nested]))
+
+
+def _beside_partners(
+    tries: _Tries, singles: Sequence[Trial], best: Trial, larger: Sequence[Trial]
+) -> list[Trial]:  # fmt: skip
+    """Try others beside effects that gain most beside the best single one, which may stand in for two."""
+    first = max(larger, key=lambda trial: trial.gain, default=best)
+    if first.gain - best.gain < ASKED_FOR:
+        return []
+    behind = max(MOST_ASKED_FOR, _CLOSE * first.gain)
+    added = [
+        trial.effects[-1].slug
+        for trial in sorted(larger, key=lambda trial: -trial.gain)
+        if first.gain - trial.gain < behind and trial.effects[-1].slug != first.effects[-1].slug
+    ]
+    answer: list[Trial] = []
+    alone = [[trial for trial in singles if slug in trial.slugs] for slug in dict.fromkeys(added)]
+    for forms in [forms for forms in alone if forms][:_PARTNERS]:
+        partner = max(forms, key=lambda trial: trial.gain)
+        answer += _nested_beside(tries, partner, best.slugs | partner.slugs)
+    return answer
+
+
+def _exchanged(tries: _Tries, singles: Sequence[Trial], best: Trial) -> Trial:
+    """Exchange what was found before the last effect for others, then for its other forms."""
+    problem, textbook = tries.problem, tries.textbook
+    for effect in best.effects[:-1]:
+        rest = without(problem, textbook, best, effect)
+        # What residuals lay out was tried beside all that was found: it does not stand in for two.
+        instead = tries.weigh(rest, tries.others(best.slugs))
+        best = max([best, *tries.attempt(rest, instead)], key=lambda trial: trial.gain)
+    found = best
+    for effect in found.effects[:-1]:
+        forms = [(math.inf, trial.effects[0]) for trial in _other_forms(singles, effect)]
+        best = max([best, *tries.attempt(_bare(problem, found, effect), forms)], key=lambda trial: trial.gain)
+    return best
+
+
+def _other_forms(singles: Sequence[Trial], effect: Effect) -> list[Trial]:
+    """Other forms of an effect, not far behind alone: which one is right may show only beside a second effect."""
+    forms = sorted((trial for trial in singles if effect.slug in trial.slugs), key=lambda trial: -trial.gain)
+    near = [trial for trial in forms if trial.gain >= max(ASKED_FOR, _NOT_FAR * forms[0].gain)]
+    return [trial for trial in near if trial.effects[0].name != effect.name][:_FORMS]
+
+
+def _bare(problem: Problem, trial: Trial, dropped: Effect) -> Trial:
+    """A set less one of its effects, all else as it is."""
+    model, vector = less(trial, dropped)
+    fitted = fit(problem, model, vector, trial.fitted.noise, trial.fitted.theta_1, iterations=0, settle=False)
+    return replace(trial, effects=model.effects, fitted=fitted)
 
 
 def _anchored(problem: Problem, textbook: Trial, singles: Sequence[Trial]) -> Trial:
@@ -237,20 +254,30 @@ def _anchored(problem: Problem, textbook: Trial, singles: Sequence[Trial]) -> Tr
     return Trial((), fitted, hold_out(problem, fitted), 0.0)
 
 
-def _asked_of(trial: Trial) -> float:
-    """Nats that a further effect has to gain: published forms of one effect differ, and the difference is no effect."""
-    if trial.unheard_of:
-        return ASKED_FOR
-    return max(FURTHER_ASKED_FOR, min(SHARE_ASKED_FOR * trial.gain, MOST_ASKED_FOR))
+def surplus(best: Trial, larger: Trial) -> float:
+    """Nats that a larger set gains on a set, less those that it has to."""
+    asked = max(_FURTHER_ASKED_FOR, min(_SHARE_ASKED_FOR * best.gain, MOST_ASKED_FOR))
+    if any(effect.local for effect in larger.effects if effect.slug not in best.slugs):
+        asked = max(asked, _PLACE_ASKED_FOR)
+    asked = max(asked, of_no_effect(best, larger))
+    return larger.gain - best.gain - (ASKED_FOR if best.unheard_of else asked)
 
 
-def _pruned(problem: Problem, textbook: Trial, best: Trial, trials: list[Trial]) -> Trial:
+def of_no_effect(best: Trial, larger: Trial) -> float:
+    """Nats that a larger set may gain though nothing more is there: forms that have been published of one effect
+    differ, and places that differ are found in any ground that does.
+    """
+    place = any(effect.local for effect in larger.effects if effect.slug not in best.slugs)
+    return (_PLACE_SHARE if place else _LEAST_SHARE) * best.gain
+
+
+def _pruned(tries: _Tries, best: Trial) -> Trial:
     """Drop effects that held-out blocks do not ask for once the others are there."""
     while len(best.effects) > 1:
-        smaller = [without(problem, textbook, best, effect) for effect in best.effects]
-        trials.extend(smaller)
-        challenger = max(smaller, key=lambda trial: trial.gain)
-        if best.gain - challenger.gain >= _asked_of(challenger):
+        smaller = [without(tries.problem, tries.textbook, best, effect) for effect in best.effects]
+        tries.trials.extend(smaller)
+        challenger = min(smaller, key=lambda trial: surplus(trial, best))
+        if surplus(challenger, best) >= 0.0:
             return best
         best = challenger
     return best

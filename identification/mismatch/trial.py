@@ -169,13 +169,17 @@ def _trial(
     return Trial(effects, fitted, held, gain)
 
 
+def less(trial: Trial, dropped: Effect) -> tuple[AugmentedWheel, np.ndarray]:
+    """Model of a set less one of its effects, and its vector as the set has it."""
+    kept = [(effect, where) for effect, where in trial.fitted.model.slices() if effect is not dropped]
+    vector = np.concatenate([trial.fitted.vector[:SOIL_COUNT], *[trial.fitted.vector[where] for _, where in kept]])
+    return AugmentedWheel(trial.fitted.model.wheel, tuple(effect for effect, _ in kept)), vector
+
+
 def without(problem: Problem, textbook: Trial, trial: Trial, dropped: Effect) -> Trial:
     """Fit a set less one of its effects."""
-    kept = [(effect, where) for effect, where in trial.fitted.model.slices() if effect is not dropped]
-    if not kept:
+    if len(trial.effects) == 1:
         return textbook
-    model = AugmentedWheel(problem.samples.wheel, tuple(effect for effect, _ in kept))
-    vector = np.concatenate([trial.fitted.vector[:SOIL_COUNT], *[trial.fitted.vector[where] for _, where in kept]])
+    model, vector = less(trial, dropped)
     fitted = fit(problem, model, vector, trial.fitted.noise, trial.fitted.theta_1)
-    held = hold_out(problem, fitted)
-    return _trial(problem, textbook, model.effects, fitted, held)
+    return _trial(problem, textbook, model.effects, fitted, hold_out(problem, fitted))

@@ -99,6 +99,16 @@ def test_effects_without_a_null_of_their_own_vanish_in_their_limits():
     np.testing.assert_allclose(channels / expected.max(axis=0), expected / expected.max(axis=0), atol=1e-5)
 
 
+def test_a_wheel_that_digs_sinks_as_on_ground_that_bears_as_much_less():
+    """At half slip a layer of h z0 is dug out: the load is borne at 1 + h times the depth."""
+    drive = replace(DRIVE, slip=np.full(len(DRIVE), 0.5))
+    dug = predict("slip_sinkage:form=dig-out,h=0.4", replace(SITUATION, drive=drive))
+    softer = replace(SOIL, stiffness_Pa=SOIL.stiffness_Pa * 1.4**-SOIL.n)
+    imposed = np.column_stack([drive.load_N, drive.slip])
+    expected = AugmentedWheel(WHEEL).predict(drive, imposed, soil_vector(softer)).channels
+    np.testing.assert_allclose(dug, expected, rtol=1e-6)
+
+
 @pytest.mark.parametrize("effect", FORMS, ids=identity)
 def test_derivatives_are_those_of_the_prediction(effect):
     model = AugmentedWheel(WHEEL, (effect,))
@@ -228,6 +238,25 @@ def test_later_passes_sink_less_and_by_less_and_less():
     assert (np.diff(steps[:3]) < 0.0).all()
     firm = equilibrium(WHEEL, replace(SOIL, stiffness_Pa=SOIL.stiffness_Pa * math.exp(0.6)), np.array([100.0]), [0.2])
     assert sinkage[-1] == pytest.approx(firm.sinkage_m[0], rel=1e-4)
+
+
+def test_ground_is_compacted_where_the_wheel_before_slipped():
+    """Out with slip 0.1 and then 0.6 over two metres, and the same way again with 0.2."""
+    place = np.tile(np.linspace(0.0, 2.0, 100), 2)
+    numbers = np.repeat([1.0, 2.0], 100)
+    slip = np.where(numbers > 1.0, 0.2, np.where(place < 1.0, 0.1, 0.6))
+    columns = {name: np.resize(getattr(DRIVE, name), 200) for name in DRIVE.__dataclass_fields__}
+    drive = replace(type(DRIVE)(**columns), pass_number=numbers, slip=slip, place_m=place, load_N=np.full(200, 100.0))
+    sinkage = predict("multipass_compaction:form=by slip,A=0.5,i0=0.2,q=0", replace(SITUATION, drive=drive))[:, SINKAGE]
+    for before, rows in ((0.1, (numbers > 1.0) & (place < 0.95)), (0.6, (numbers > 1.0) & (place > 1.05))):
+        firmer = replace(SOIL, stiffness_Pa=SOIL.stiffness_Pa * math.exp(-0.5 * math.expm1(-before / 0.2)))
+        expected = equilibrium(WHEEL, firmer, np.array([100.0]), [0.2]).sinkage_m[0]
+        np.testing.assert_allclose(sinkage[rows], expected, rtol=1e-5)
+    nowhere = replace(drive, place_m=np.full(200, np.nan))
+    again = predict("multipass_compaction:form=by slip,A=0.5,i0=0.2,q=0", replace(SITUATION, drive=nowhere))
+    mean = replace(SOIL, stiffness_Pa=SOIL.stiffness_Pa * math.exp(-0.5 * math.expm1(-0.35 / 0.2)))
+    expected = equilibrium(WHEEL, mean, np.array([100.0]), [0.2]).sinkage_m[0]
+    np.testing.assert_allclose(again[numbers > 1.0, SINKAGE], expected, rtol=1e-5)
 
 
 def test_a_hard_layer_holds_up_only_the_wheels_that_reach_it():

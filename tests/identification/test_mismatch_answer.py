@@ -100,19 +100,35 @@ def test_one_of_two_that_are_alike_is_told_beside_what_is_sure(searched):
 
 
 @pytest.mark.parametrize(
-    ("effects", "more", "repeated", "asks"),
-    [(1, 20.0, 1.0, False), (1, 25.0, 1.0, True), (1, 25.0, 2.0, False), (2, 10.0, 1.0, False), (2, 13.0, 1.0, True)],
-)
-def test_a_set_beside_which_another_effect_still_gains_is_doubted(searched, effects, more, repeated, asks):
+    ("effects", "more", "repeated", "gained", "asks"),
+    [(1, 20.0, 1.0, 900.0, False), (1, 25.0, 1.0, 900.0, True), (1, 25.0, 2.0, 900.0, False),
+     (2, 10.0, 1.0, 800.0, False), (2, 13.0, 1.0, 800.0, True), (1, 54.0, 1.0, 4600.0, False)],
+)  # fmt: skip
+def test_a_set_beside_which_another_effect_still_gains_is_doubted(searched, effects, more, repeated, gained, asks):
     problem, found = searched
     kinds = effects_for(situation(problem, found.textbook.fitted), ["slip_sinkage", "torque_gain", "load_gain"])
     sets = [tuple(kinds[:count]) for count in (effects, effects + 1)]
     chosen, larger = (
         Trial(each, found.chosen.fitted, found.chosen.held_out, gain)
-        for each, gain in zip(sets, (900.0, 900.0 + more), strict=True)
+        for each, gain in zip(sets, (gained, gained + more), strict=True)
     )
     assert asks_for_more(Search(found.textbook, (chosen, larger), (), chosen), repeated) == asks
     assert not asks_for_more(Search(found.textbook, (chosen, larger), (), found.textbook), repeated)
+
+
+@pytest.mark.parametrize(("gained", "sure"), [(100.0, True), (3000.0, False)])
+def test_look_alikes_are_told_apart_less_surely_the_more_is_gained(searched, gained, sure):
+    """Published forms of one effect differ: by some nats in thousands, and these are no evidence for another effect."""
+    problem, found = searched
+    rival = effects_for(situation(problem, found.textbook.fitted), ["stress_peak_shift"])[0]
+    best, other = (
+        Trial((effect,), found.chosen.fitted, found.chosen.held_out, gain)
+        for effect, gain in ((found.chosen.effects[0], gained), (rival, gained - 9.0))
+    )
+    naming = name(Search(found.textbook, (best, other), (), best), 0.0)
+    assert (naming.effects["slip_sinkage"] >= ASSERTED) == sure
+    assert naming.effects["slip_sinkage"] > naming.effects["stress_peak_shift"]
+    assert (naming.look_alikes["slip_sinkage"] == ("stress_peak_shift",)) != sure
 
 
 def test_where_nothing_is_asked_for_no_candidate_is_likely(searched):

@@ -14,8 +14,9 @@ from bevameter.identification.effects.drive import rate_of_change
 from bevameter.identification.effects.time_faults import filtered
 from bevameter.identification.mismatch.evidence import at_odds, repetition, warranted
 from bevameter.identification.mismatch.naming import name
+from bevameter.identification.mismatch.promise import promise
 from bevameter.identification.mismatch.samples import gather
-from bevameter.identification.mismatch.search import Search, promise
+from bevameter.identification.mismatch.search import Search
 from bevameter.identification.mismatch.smooth_correction import smooth_correction
 from bevameter.identification.mismatch.trial import situation, textbook_trial, try_adding
 from bevameter.identification.wheel_soil import Soil, equilibrium

@@ -12,7 +12,7 @@ from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.shear_hump import ShearHump
 from bevameter.identification.identify import felt_rows, open_recording
 from bevameter.identification.mismatch.samples import gather
-from bevameter.identification.mismatch.search import search
+from bevameter.identification.mismatch.search import search, surplus
 from bevameter.identification.mismatch.trial import ASKED_FOR, situation, textbook_trial, try_adding
 
 
@@ -52,6 +52,33 @@ def test_what_is_nothing_alone_is_tried_beside_what_is_found(trials, seed, hidde
     (layer,) = forms("hard_layer").values()
     assert try_adding(problem, textbook, textbook, layer).gain < ASKED_FOR
     assert search(problem, textbook, list(forms(*hidden).values())).chosen.slugs == set(hidden)
+
+
+def test_two_that_another_pair_stands_in_for_are_found_in_their_right_forms(trials):
+    """A load gain gains most alone, and bulldozing little beside it; the truth is 200 nats better than the two."""
+    hidden = ("torque_offset", "bulldozing")
+    problem, textbook, forms = trials(170289, hidden, "hidden", "field")
+    found = search(problem, textbook, list(forms(*hidden, "load_gain").values()))
+    first = max((trial for trial in found.trials if len(trial.effects) == 1), key=lambda trial: trial.gain)
+    assert first.slugs == {"load_gain"}
+    assert {effect.name for effect in found.chosen.effects} == {"torque_offset", "bulldozing[Rankine]"}
+    wedge = max(trial.gain for trial in found.trials if "bulldozing[wedge]" in {e.name for e in trial.effects})
+    assert found.chosen.gain > wedge + 20.0
+
+
+def test_a_further_effect_has_to_gain_more_the_more_is_gained_and_a_place_most(trials):
+    problem, textbook, forms = trials(7110, ("slip_sinkage",), "hidden", "bench")
+    (patch,), (gain,) = forms("soil_patch").values(), forms("torque_gain").values()
+    alone = try_adding(problem, textbook, textbook, gain)
+    assert not alone.unheard_of
+    load = forms("load_gain")["load_gain"]
+
+    def asked(further, gained: float) -> float:
+        best = replace(alone, gain=gained)
+        return -surplus(best, replace(best, effects=(*best.effects, further)))
+
+    assert [asked(load, gained) for gained in (100.0, 300.0, 1000.0, 4600.0)] == pytest.approx([15.0, 24.0, 40.0, 69.0])
+    assert [asked(patch, gained) for gained in (100.0, 300.0, 600.0, 1800.0)] == pytest.approx([23.0, 24.0, 40.0, 90.0])
 
 
 def test_a_hump_starts_from_the_soil_whose_stress_rises_as_fast():
