@@ -36,6 +36,9 @@ _WORTH_SAYING = 0.1
 _AS_GOOD = (0.05, 5.0)
 """Variables explain a misfit equally well when their gains differ by less than this share and so many nats."""
 
+_HELD = 1e8
+"""How much more certain the soil is taken to be where it is held [-]."""
+
 _Spans = tuple[tuple[float, float, float, float], ...]
 """Start, end, share and mean residual [noise] of each interval."""
 
@@ -69,14 +72,15 @@ def locate(problem: Problem, best: Fitted) -> tuple[Region, ...]:
     textbook = fit(
         problem, AugmentedWheel(problem.samples.wheel), best.vector[:SOIL_COUNT], noise, best.theta_1, iterations=0
     )
-    whites = Whitened(problem, textbook, noise, scaled_inverse(best.covariance[:SOIL_COUNT, :SOIL_COUNT]))
+    precision = scaled_inverse(best.covariance[:SOIL_COUNT, :SOIL_COUNT])
+    whites = Whitened(problem, textbook, noise, precision)
     if not whites.questions:
         return ()
-    everything = range(len(whites.questions))
-    gains = [whites.gain(each) for each in everything]
-    p_values = chi2.sf(2.0 * np.array(gains), [whites.freedom(each) for each in everything])
-    corrected = false_discovery_control(np.maximum(p_values, 1e-300))
-    sure = {each: gains[each] for each in everything if corrected[each] <= FALSE_DISCOVERIES}
+    sure, corrected = _sure(whites)
+    if not sure and best.model.effects:
+        # Another soil would make up for each channel by itself, and not for all: what was found is taken at its word.
+        whites = Whitened(problem, textbook, noise, _HELD * precision)
+        sure, corrected = _sure(whites)
     told = _told(whites, sure, {name for effect in best.model.effects for name in effect.needs})
     total = sum(gain for _, gain, _ in told)
     answer = [
@@ -88,6 +92,15 @@ def locate(problem: Problem, best: Fitted) -> tuple[Region, ...]:
         for start, end, share, mean in spans
     ]  # fmt: skip
     return tuple(sorted(answer, key=lambda region: -region.share))
+
+
+def _sure(whites: Whitened) -> tuple[dict[int, float], np.ndarray]:
+    """Questions answered with yes, by number, with their gains [nats], and the corrected p-values of all, (q,)."""
+    everything = range(len(whites.questions))
+    gains = [whites.gain(each) for each in everything]
+    p_values = chi2.sf(2.0 * np.array(gains), [whites.freedom(each) for each in everything])
+    corrected = false_discovery_control(np.maximum(p_values, 1e-300))
+    return {each: gains[each] for each in everything if corrected[each] <= FALSE_DISCOVERIES}, corrected
 
 
 def _told(whites: Whitened, sure: dict[int, float], through: set[str]) -> list[tuple[int, float, _Spans]]:

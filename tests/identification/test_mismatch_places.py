@@ -9,10 +9,14 @@ import numpy as np
 import pytest
 from bevameter import Vehicle, Wheel
 from bevameter.framework.core.recording.types import WheelTable
+from bevameter.framework.core.soil import load_soil
+from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.drive import rate_of_change
 from bevameter.identification.effects.time_faults import filtered
+from bevameter.identification.identify import felt_rows, open_recording
 from bevameter.identification.mismatch.evidence import at_odds, repetition, warranted
+from bevameter.identification.mismatch.locate import locate
 from bevameter.identification.mismatch.naming import name
 from bevameter.identification.mismatch.promise import promise
 from bevameter.identification.mismatch.samples import gather
@@ -206,3 +210,19 @@ def test_a_low_pass_is_behind_a_ramp_by_its_time_constant(constant_s):
     behind = filtered(3.0 * time_s, time_s, np.zeros(400, dtype=int), constant_s)
     assert behind[-1] == pytest.approx(3.0 * (time_s[-1] - constant_s), rel=1e-6)
     np.testing.assert_allclose(filtered(time_s, time_s, np.zeros(400, dtype=int), 0.0), time_s, atol=1e-8)
+
+
+def test_what_only_a_soil_that_is_known_tells_is_located(tmp_path):
+    """A rim smoother than the soil looks like a weaker soil in every channel: each alone another soil makes up for."""
+    folder = conceal(200055, ("rim_adhesion",), "buried", "steady").write(tmp_path)
+    rows = felt_rows(open_recording(folder, None))
+    samples = gather(rows.table, rows.wheel, rows.vehicle)
+    problem, textbook = textbook_trial(samples, load_soil(folder / "soil.toml"))
+    forms = effects_for(situation(problem, textbook.fitted), ["rim_adhesion"])
+    (strength,) = (form for form in forms if form.form == "strength")
+    found = try_adding(problem, textbook, textbook, strength)
+    assert found.gain > 40.0
+    regions = locate(problem, found.fitted)
+    assert {region.channel for region in regions} == {"torque_Nm", "drawbar_pull_N"}
+    assert all(region.mean < 0.0 for region in regions)
+    assert locate(problem, textbook.fitted) == ()
