@@ -37,6 +37,7 @@ class CompactionBySlip(Effect):
 
     slug = "multipass_compaction"
     form = "by slip"
+    remembers = True
     equation = "ln stiffness += A s, ln strength += B s, s = 1 - exp(-|i_before| / i0) + q (N - 1) for N > 1"
     source = "after C. Senatore, C. Sandu, J. Terramechanics 48 (2011): density by the slip of the pass before"
     needs = ("pass_number",)
@@ -46,50 +47,70 @@ class CompactionBySlip(Effect):
     )  # fmt: skip
 
     def __init__(self, drive: Drive) -> None:
-        self._earlier = {number: _slip_along(drive, drive.pass_number == number - 1.0) for number in _passes(drive)}
+        self._known = drive, slip_before(drive)
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
-        worked = np.zeros(len(drive))
-        for number, (place, slip) in self._earlier.items():
-            rows = drive.pass_number == number
-            if number <= 1.0 or not len(slip):
-                continue
-            here = drive.place_m[rows]
-            before = np.full(len(here), slip.mean())
-            if len(place) > 1:
-                before = np.where(np.isfinite(here), np.interp(here, place, slip), before)
-            worked[rows] = -np.expm1(-before / values[2]) + values[3] * (number - 1.0)
+        of, before = self._known
+        if of is not drive:
+            before = slip_before(drive)
+            self._known = drive, before
+        later = np.nan_to_num(drive.pass_number, nan=1.0) - 1.0
+        worked = np.where(later > 0.0, -np.expm1(-before / values[2]) + values[3] * later, 0.0)
         contact.stiffness_Pa = contact.stiffness_Pa * np.exp(values[0] * worked)
         factor = np.exp(values[1] * worked)
         contact.c_Pa, contact.tan_phi = contact.c_Pa * factor, contact.tan_phi * factor
 
 
-def _passes(drive: Drive) -> list[float]:
-    """Numbers of passes, each once, in order."""
-    return np.unique(drive.pass_number[np.isfinite(drive.pass_number)]).tolist()
+def slip_before(drive: Drive) -> np.ndarray:
+    """Size of the slip of the wheel that ran before at the same place (n,) [-]; on first passes it says nothing.
 
-
-def _slip_along(drive: Drive, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean size of the slip of some rows over equal stretches of the track: places and slips (k,).
-
-    Without a track it is one slip, nowhere, and none where there are no rows.
+    Of the stretches before one of a later pass those count that are of the last lower pass since the track was fresh;
+    where none is, or beyond their places, the mean slip stands in.
     """
-    slip = np.abs(drive.slip[rows])
-    place = drive.place_m[rows]
-    if len(slip) < 2 or not np.isfinite(place).all() or not np.ptp(place) > 0.0:
-        return np.empty(0), slip.mean(keepdims=True) if len(slip) else slip
+    slip = np.abs(drive.slip)
+    answer = np.full(len(drive), slip.mean())
+    ends = np.flatnonzero(np.diff(drive.stretch)) + 1
+    stretches = np.split(np.arange(len(drive)), ends)
+    numbers = np.nan_to_num(drive.pass_number[[rows[0] for rows in stretches]], nan=1.0)
+    for each, rows in enumerate(stretches):
+        earlier = _last_pass(numbers[: each + 1])
+        if len(earlier):
+            answer[rows] = _along(drive, np.concatenate([stretches[one] for one in earlier]), rows)
+    return answer
+
+
+def _last_pass(numbers: np.ndarray) -> np.ndarray:
+    """Which of the stretches before the last one are of the last lower pass on its track, by their passes' numbers."""
+    own = numbers[-1]
+    same = np.flatnonzero(numbers != own)
+    before = numbers[: same[-1] + 1] if len(same) else numbers[:0]
+    fresh = np.flatnonzero(before >= own)
+    start = fresh[-1] + 1 if len(fresh) else 0
+    lower = before[start:]
+    return start + np.flatnonzero(lower == lower.max()) if len(lower) else np.empty(0, dtype=int)
+
+
+def _along(drive: Drive, earlier: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Size of the slip of some rows, averaged over equal stretches of their track, at the places of others."""
+    slip, place = np.abs(drive.slip[earlier]), drive.place_m[earlier]
+    mean, here = slip.mean(), drive.place_m[rows]
+    if not np.isfinite(place).all() or not np.ptp(place) > 0.0:
+        return np.full(len(rows), mean)
     cell = np.minimum(((place - place.min()) / np.ptp(place) * _CELLS).astype(int), _CELLS - 1)
     count = np.bincount(cell, minlength=_CELLS)
     there = count > 0
-    means = np.array([np.bincount(cell, values, _CELLS)[there] for values in (place, slip)]) / count[there]
-    return means[0], means[1]
+    at, of = np.array([np.bincount(cell, values, _CELLS)[there] for values in (place, slip)]) / count[there]
+    half = 0.5 * np.ptp(place) / _CELLS
+    covered = (here >= place.min() - half) & (here <= place.max() + half)
+    return np.where(covered, np.interp(here, at, of), mean)
 
 
 def forms(situation: Situation) -> tuple[Effect, ...]:
     """Give the forms that these data can show: the number of passes has to vary."""
     if not situation.drive.has("pass_number"):
         return ()
-    alone = MultipassCompaction(len(_passes(situation.drive)))
+    numbers = situation.drive.pass_number
+    alone = MultipassCompaction(len(np.unique(numbers[np.isfinite(numbers)])))
     if not situation.drive.has("slip"):
         return (alone,)
     return alone, CompactionBySlip(situation.drive)

@@ -37,11 +37,11 @@ class SinkageRatio(Effect):
 
 
 class DigOut(Effect):
-    """Each turn carries a layer of soil back that the wheel does not pass over again; only the static sinkage bears."""
+    """Each turn carries a layer of soil back, here as a share of the static sinkage, which alone bears."""
 
     slug = "slip_sinkage"
     form = "dig-out"
-    equation = "z = z0 [1 + h |i| / (1 - |i|)]"
+    equation = "z = z0 [1 + h |i| / (1 - |i|)], |i| at most 0.9"
     source = "after A. R. Reece, Proc. Inst. Mech. Eng. 180 (1965), 45-66: the layer dug out, over i / (1 - i)"
     parameters = (Parameter("h", "", 0.0, 5.0, 0.2, 0.5),)
 

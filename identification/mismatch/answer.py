@@ -81,7 +81,7 @@ def assemble(
         trust="",
         located=regions,
         missing=missing,
-        candidates=_candidates(found, naming, remaining),
+        candidates=_candidates(found, naming, remaining, repeated),
         screened=tuple(Screened(name, nats) for name, nats in sorted(found.passed, key=lambda pair: -pair[1])),
         fits=fits,
         split=problem.samples.split,
@@ -194,7 +194,9 @@ def _verdict(missing: tuple[Missing, ...]) -> Verdict:
     return "physics" if any(each.kind == "physics" for each in sure) else "instrument"
 
 
-def _candidates(found: Search, naming: Naming, remaining: SmoothCorrection) -> tuple[Candidate, ...]:
+def _candidates(
+    found: Search, naming: Naming, remaining: SmoothCorrection, repeated: float
+) -> tuple[Candidate, ...]:  # fmt: skip
     answer = []
     for trial, weight in zip(found.trials, naming.weights, strict=True):
         kinds = {effect.kind for effect in trial.effects}
@@ -206,7 +208,7 @@ def _candidates(found: Search, naming: Naming, remaining: SmoothCorrection) -> t
         answer.append(
             Candidate(
                 " + ".join(effect.name for effect in trial.effects), "physics" if "physics" in kinds else "instrument",
-                float(weight), trial.gain, values, why_not(trial, found),
+                float(weight), trial.gain, values, why_not(trial, found, repeated),
             )
         )  # fmt: skip
     if remaining.terms:

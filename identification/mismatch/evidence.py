@@ -66,16 +66,15 @@ def at_odds(problem: Problem, search: Search) -> bool:
 def asks_for_more(search: Search, repeated: float) -> bool:
     """Say whether one more effect gains, beside the chosen set, what it hardly does beside a complete one.
 
-    It is not taken for so little, beside so much; but what was found may then stand in for what the catalogue lacks. On
-    the study's recordings, looked at before, two of 34 right pairs and no right single effect are doubted for it, and
-    seven of 15 wrong names where the effect had been taken out of the catalogue. `repeated` rows count as one.
+    It is not taken for so little, beside so much; but what was found may then stand in for what the catalogue lacks.
+    Differences between published forms (`search.of_no_effect`) do not count. `repeated` rows count as one.
     """
     chosen = search.chosen
     if not chosen.effects:
         return False
     least = _INCOMPLETE if len(chosen.effects) == 1 else ASKED_FOR
     larger = [trial for trial in search.trials if len(trial.effects) == len(chosen.effects) + 1]
-    return any(each.gain - chosen.gain >= repeated * max(least, of_no_effect(chosen, each)) for each in larger)
+    return any(each.gain - chosen.gain >= max(least * repeated, of_no_effect(chosen, each)) for each in larger)
 
 
 def noise_floor(problem: Problem, fitted: Fitted, position: int) -> float:

@@ -8,14 +8,9 @@ import numpy as np
 from scipy.special import expit
 
 from .search import MOST_ASKED_FOR, Search
-from .trial import ASKED_FOR, Trial
+from .trial import ASKED_FOR, TEMPERATURE, Trial, temperature
 
 UNKNOWN = "unknown"
-
-_TEMPERATURE, _FORMS_DIFFER, _MOST_DIFFER = 2.5, 0.003, 3.5
-"""Held-out nats that make one unit of log-odds: scores of look-alikes differ by chance, and the more is gained, by how
-published forms of one effect differ, here as a share of it [-] and at most [nats]. From the study's training recordings
-(docs/studies/concealed_physics.py): where more than 400 nats were gained, a wrong set led by 6 to 12 in 2 of 7."""
 
 PENALTY = 4.0
 """Log-odds in nats of held-out score against each further effect, before any data."""
@@ -101,7 +96,7 @@ def name(
     remaining, alone, gained = remaining / repeated, alone / repeated, chosen.gain / repeated
     score = np.array([trial.gain / repeated - PENALTY * len(trial.effects) for trial in search.trials])
     # No more effects than held-out data ask for: larger sets that were tried and turned down have no say.
-    admitted = np.array([len(trial.effects) <= max(len(chosen.effects), 1) for trial in search.trials])
+    admitted = np.array([len(trial.effects) <= max(len(chosen.effects), 1) for trial in search.trials], dtype=bool)
     tolerated = min(_TOLERATED * gained, _MOST_TOLERATED / max(len(chosen.effects), 1))
     doubt = remaining - max(_REMAINS, tolerated)
     top = max(0.0, float(np.max(score[admitted], initial=0.0)))
@@ -110,7 +105,7 @@ def name(
     nothing = np.exp((0.0 - top) / unit)
     known = weights.sum() + nothing
     # What a smooth correction adds speaks against every set alike.
-    unknown = max(float(expit(doubt / (2.0 * _TEMPERATURE))), _UNTHOUGHT_OF)
+    unknown = max(float(expit(doubt / (2.0 * TEMPERATURE))), _UNTHOUGHT_OF)
     share = float(weights.sum() / known)
     weights = weights / known * (1.0 - unknown) * min(1.0, _believed(chosen, doubted=doubted) / max(share, 1e-300))
     # Beside something unknown an effect can be right all the same, where no correction does without it.
@@ -122,13 +117,13 @@ def name(
     for slug in chosen.slugs:
         effects[slug] += unknown * beside
     effects = dict(sorted(effects.items(), key=lambda pair: -pair[1]))
-    look_alikes = {slug: _stand_ins(search, slug) for slug in sorted(chosen.slugs)}
+    look_alikes = {slug: _stand_ins(search, slug, repeated) for slug in sorted(chosen.slugs)}
     return Naming(effects, unknown, look_alikes, weights)
 
 
-def temperature(gained: float) -> float:
-    """Nats that make one unit of log-odds between sets that gain so many."""
-    return _TEMPERATURE + min(_FORMS_DIFFER * max(gained, 0.0), _MOST_DIFFER)
+def _nearly(chosen: Trial, repeated: float) -> float:
+    """Nats behind the chosen set up to which another one is mentioned; `repeated` rows count as one."""
+    return repeated * temperature(chosen.gain / repeated) * float(np.log(1.0 / MENTIONED))
 
 
 def _believed(chosen: Trial, *, doubted: bool) -> float:
@@ -152,11 +147,11 @@ def _by_best_form(search: Search, weights: np.ndarray) -> np.ndarray:
     return weights * np.array([best[each] / total[each] if total[each] > 0.0 else 0.0 for each in slugs])
 
 
-def _stand_ins(search: Search, slug: str) -> tuple[str, ...]:
+def _stand_ins(search: Search, slug: str, repeated: float) -> tuple[str, ...]:
     """Effects that could take one's place in the chosen set at nearly the same score."""
     chosen = search.chosen
     rest = chosen.slugs - {slug}
-    margin = temperature(chosen.gain) * np.log(1.0 / MENTIONED)
+    margin = _nearly(chosen, repeated)
     best: dict[str, float] = {}
     for trial in search.trials:
         extra = trial.slugs - rest
@@ -167,7 +162,7 @@ def _stand_ins(search: Search, slug: str) -> tuple[str, ...]:
     return tuple(sorted(best, key=lambda other: -best[other]))
 
 
-def why_not(trial: Trial, search: Search) -> str:
+def why_not(trial: Trial, search: Search, repeated: float) -> str:
     """Say why a set that was tried is not the answer."""
     chosen = search.chosen
     if trial.effects == chosen.effects:
@@ -177,8 +172,10 @@ def why_not(trial: Trial, search: Search) -> str:
     behind = chosen.gain - trial.gain
     if behind < -MOST_ASKED_FOR:
         return f"gains {-behind:.0f} nats more, but neighbouring rows repeat each other: not so many count"
-    if chosen.slugs < trial.slugs:
+    if len(trial.effects) > len(chosen.effects):
         return f"adds too little to what is chosen ({-behind:+.1f} nats)"
-    if behind < temperature(chosen.gain) * np.log(1.0 / MENTIONED):
+    if behind < 0.0:
+        return f"as good: {-behind:.1f} nats more, but larger errors on held-out rows"
+    if behind < _nearly(chosen, repeated):
         return f"nearly as good: {behind:.1f} nats behind"
     return f"explains less: {behind:.0f} nats behind"

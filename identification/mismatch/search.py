@@ -17,7 +17,7 @@ from .fitting import Problem, fit
 from .held_out import hold_out
 from .promise import promised_by
 from .textbook import best_fit
-from .trial import ASKED_FOR, Trial, less, situation, try_adding, without
+from .trial import ASKED_FOR, Trial, less, situation, temperature, try_adding, without
 
 MOST_EFFECTS = 3
 
@@ -53,8 +53,14 @@ _PARTNERS, _CLOSE = 2, 0.02
 """Effects that did nearly as well beside the best one, beside which others are sought in turn, and what share of a gain
 is near [-]."""
 
+_PLUS = " + "
+"""Between the names of effects in a set."""
+
 _ANCHORS = 3
 """Effects from whose soils the textbook wheel is fitted once more."""
+
+_BETTER = 2.0
+"""Nats by which it has to fit better for all effects to be weighed against it anew."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +97,10 @@ class _Tries:
         self, base: Trial, promised: Sequence[tuple[float, Effect]], least: float = ASKED_FOR,
         most: int = _TRIED_IN_SETS, formerly: Sequence[Trial] = (),
     ) -> list[Trial]:  # fmt: skip
-        """Fit those effects beside a set that promise enough, at most so many; sorted by what they promise."""
+        """Fit those effects beside a set that promise enough, at most so many; sorted by what they promise.
+
+        A set that was reached in another order is fitted again: from another start it may end elsewhere.
+        """
         former = {trial.effects[-1].name: trial for trial in formerly if trial.gain >= ASKED_FOR}
         answer: list[Trial] = []
         with ThreadPoolExecutor(_THREADS) as pool:
@@ -111,6 +120,28 @@ class _Tries:
         self.passed.extend((_named(base, effect), nats) for nats, effect in promised if nats > -np.inf)
         self.trials.extend(answer)
         return answer
+
+    def ended(self, best: Trial) -> Search:
+        """Give the search with each set once, as it was fitted best.
+
+        Of sets as large as the best one that are within a unit of log-odds of it the one is chosen that errs least:
+        nats forgive a gross failure on a few rows, and whoever predicts with it does not.
+        """
+        unique: dict[frozenset[str], Trial] = {}
+        for trial in self.trials:
+            unique[trial.names] = max(unique.get(trial.names, trial), trial, key=lambda each: each.gain)
+        passed = {frozenset(name.split(_PLUS)): (name, nats) for name, nats in self.passed}
+        left = tuple(each for names, each in passed.items() if names not in unique)
+        best = unique.get(best.names, best)
+        alike = [trial for trial in unique.values() if len(trial.effects) == len(best.effects)]
+        near = [trial for trial in alike if best.gain - trial.gain < temperature(best.gain)]
+        return Search(self.textbook, tuple(unique.values()), left, min(near, key=self._error, default=best))
+
+    def _error(self, trial: Trial) -> float:
+        """Mean logarithm of the channels' errors on held-out rows; what was not predicted is off by all of it."""
+        left = np.where(np.isfinite(trial.held_out.residuals), trial.held_out.residuals, self.problem.measured)
+        squares = np.nanmean(np.where(self.problem.seen, left, np.nan) ** 2, axis=0)
+        return float(np.mean(np.log(np.maximum(squares, 1e-300))))
 
     def others(self, taken: frozenset[str]) -> list[Effect]:
         """Give the forms of effects that are not taken, those aside that residuals lay out."""
@@ -148,7 +179,7 @@ def search(
         singles = tries.attempt(anchored, tries.weigh(anchored, catalogue), _LEAST_PROMISE, len(catalogue), singles)
     best = max(singles, key=lambda trial: trial.gain, default=anchored)
     if best.gain < ASKED_FOR:
-        return Search(anchored, tuple(tries.trials), tuple(tries.passed), anchored)
+        return tries.ended(anchored)
     while len(best.effects) < MOST_EFFECTS:
         beyond = partial(surplus, best)
         larger = _larger(tries, singles, best)
@@ -159,11 +190,11 @@ def search(
             break
         best = _exchanged(tries, singles, challenger)
     best = _pruned(tries, best)
-    return Search(anchored, tuple(tries.trials), tuple(tries.passed), best)
+    return tries.ended(best)
 
 
 def _named(base: Trial, effect: Effect) -> str:
-    return " + ".join(each.name for each in (*base.effects, effect))
+    return _PLUS.join(each.name for each in (*base.effects, effect))
 
 
 def _larger(tries: _Tries, singles: Sequence[Trial], best: Trial) -> list[Trial]:
@@ -179,10 +210,15 @@ def _larger(tries: _Tries, singles: Sequence[Trial], best: Trial) -> list[Trial]
         behind = best.gain - form.gain + _WORTH_ANOTHER
         better = [(nats, e) for nats, e in again if nats - behind > max(beside_best[e.name], ASKED_FOR)]
         answer += tries.attempt(form, better)
-    second = max((trial for trial in singles if trial.slugs != best.slugs), key=lambda t: t.gain, default=None)
-    if second is not None and second.gain >= max(ASKED_FOR, _NOT_FAR * best.gain):
+    if second := _runner_up(singles, best):
         answer += _nested_beside(tries, second, best.slugs | second.slugs)
     return answer
+
+
+def _runner_up(singles: Sequence[Trial], best: Trial) -> Trial | None:
+    """Other single effect that is not far behind the best one, which may stand in for two."""
+    second = max((trial for trial in singles if trial.slugs != best.slugs), key=lambda each: each.gain, default=None)
+    return None if second is None or second.gain < max(ASKED_FOR, _NOT_FAR * best.gain) else second
 
 
 def _nested_beside(tries: _Tries, base: Trial, taken: frozenset[str]) -> list[Trial]:
@@ -198,10 +234,12 @@ def _beside_partners(
     if first.gain - best.gain < ASKED_FOR:
         return []
     behind = max(MOST_ASKED_FOR, _CLOSE * first.gain)
+    second = _runner_up(singles, best)
+    known = first.effects[-1].slug, *(second.slugs if second else ())
     added = [
         trial.effects[-1].slug
         for trial in sorted(larger, key=lambda trial: -trial.gain)
-        if first.gain - trial.gain < behind and trial.effects[-1].slug != first.effects[-1].slug
+        if first.gain - trial.gain < behind and trial.effects[-1].slug not in known
     ]
     answer: list[Trial] = []
     alone = [[trial for trial in singles if slug in trial.slugs] for slug in dict.fromkeys(added)]
@@ -221,8 +259,9 @@ def _exchanged(tries: _Tries, singles: Sequence[Trial], best: Trial) -> Trial:
         best = max([best, *tries.attempt(rest, instead)], key=lambda trial: trial.gain)
     found = best
     for effect in found.effects[:-1]:
-        forms = [(math.inf, trial.effects[0]) for trial in _other_forms(singles, effect)]
-        best = max([best, *tries.attempt(_bare(problem, found, effect), forms)], key=lambda trial: trial.gain)
+        if forms := [(math.inf, trial.effects[0]) for trial in _other_forms(singles, effect)]:
+            changed = tries.attempt(_bare(problem, found, effect), forms)
+            best = max([best, *changed], key=lambda trial: trial.gain)
     return best
 
 
@@ -234,7 +273,7 @@ def _other_forms(singles: Sequence[Trial], effect: Effect) -> list[Trial]:
 
 
 def _bare(problem: Problem, trial: Trial, dropped: Effect) -> Trial:
-    """A set less one of its effects, all else as it is."""
+    """A set less one of its effects, all else as it is, what the whole set gained too."""
     model, vector = less(trial, dropped)
     fitted = fit(problem, model, vector, trial.fitted.noise, trial.fitted.theta_1, iterations=0, settle=False)
     return replace(trial, effects=model.effects, fitted=fitted)
@@ -248,27 +287,34 @@ def _anchored(problem: Problem, textbook: Trial, singles: Sequence[Trial]) -> Tr
         return textbook
     before = problem.most, problem.weights
     fitted = best_fit(problem, starts)
-    if fitted.score < textbook.fitted.score + 1.0:
+    if fitted.score < textbook.fitted.score + _BETTER:
         problem.most, problem.weights = before
         return textbook
     return Trial((), fitted, hold_out(problem, fitted), 0.0)
 
 
 def surplus(best: Trial, larger: Trial) -> float:
-    """Nats that a larger set gains on a set, less those that it has to."""
-    asked = max(_FURTHER_ASKED_FOR, min(_SHARE_ASKED_FOR * best.gain, MOST_ASKED_FOR))
-    if any(effect.local for effect in larger.effects if effect.slug not in best.slugs):
-        asked = max(asked, _PLACE_ASKED_FOR)
-    asked = max(asked, of_no_effect(best, larger))
-    return larger.gain - best.gain - (ASKED_FOR if best.unheard_of else asked)
+    """Nats that a larger set gains on a set, less those that it has to.
+
+    What is beyond anything published (`Trial.unheard_of`) is asked no share: it stands in for more than one effect.
+    """
+    asked = ASKED_FOR if best.unheard_of else _FURTHER_ASKED_FOR
+    if _further_place(best, larger):
+        asked = _PLACE_ASKED_FOR
+    if not best.unheard_of:
+        asked = max(asked, min(_SHARE_ASKED_FOR * best.gain, MOST_ASKED_FOR), of_no_effect(best, larger))
+    return larger.gain - best.gain - asked
 
 
 def of_no_effect(best: Trial, larger: Trial) -> float:
     """Nats that a larger set may gain though nothing more is there: forms that have been published of one effect
     differ, and places that differ are found in any ground that does.
     """
-    place = any(effect.local for effect in larger.effects if effect.slug not in best.slugs)
-    return (_PLACE_SHARE if place else _LEAST_SHARE) * best.gain
+    return (_PLACE_SHARE if _further_place(best, larger) else _LEAST_SHARE) * best.gain
+
+
+def _further_place(best: Trial, larger: Trial) -> bool:
+    return any(effect.local for effect in larger.effects if effect.slug not in best.slugs)
 
 
 def _pruned(tries: _Tries, best: Trial) -> Trial:
@@ -276,8 +322,7 @@ def _pruned(tries: _Tries, best: Trial) -> Trial:
     while len(best.effects) > 1:
         smaller = [without(tries.problem, tries.textbook, best, effect) for effect in best.effects]
         tries.trials.extend(smaller)
-        challenger = min(smaller, key=lambda trial: surplus(trial, best))
-        if surplus(challenger, best) >= 0.0:
+        if min(surplus(trial, best) for trial in smaller) >= 0.0:
             return best
-        best = challenger
+        best = max(smaller, key=lambda trial: trial.gain)
     return best

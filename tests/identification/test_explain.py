@@ -100,6 +100,15 @@ def test_an_unknown_effect_in_the_catalogue_is_refused(tmp_path):
         explain(folder, catalogue=["slip_sinkage", "phlogiston"])
 
 
+@pytest.mark.parametrize("catalogue", [[], ["slope_gravity"]])
+def test_where_nothing_can_be_tried_there_is_an_answer_all_the_same(tmp_path, catalogue):
+    folder = conceal(7110, ("slip_sinkage",), "hidden", "steady").write(tmp_path)
+    answer = explain(folder, catalogue=catalogue)
+    assert answer.verdict == "unknown"
+    assert [missing.effect for missing in answer.missing] == ["unknown"]
+    assert [candidate.effect for candidate in answer.candidates] == ["unknown"]
+
+
 @pytest.fixture(scope="module")
 def null(tmp_path_factory) -> Path:
     return recorded(tmp_path_factory.mktemp("null"), SEED + 1, (), "plain", "bench")[1]

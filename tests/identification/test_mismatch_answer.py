@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bevameter.framework.scenario.concealed.conceal import conceal
@@ -9,10 +11,10 @@ from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.identify import felt_rows, open_recording
 from bevameter.identification.mismatch.answer import assemble
 from bevameter.identification.mismatch.evidence import asks_for_more
-from bevameter.identification.mismatch.naming import ASSERTED, Naming, name
+from bevameter.identification.mismatch.naming import ASSERTED, Naming, name, why_not
 from bevameter.identification.mismatch.readable import effect as effect_name
 from bevameter.identification.mismatch.samples import gather
-from bevameter.identification.mismatch.search import Search
+from bevameter.identification.mismatch.search import Search, _Tries
 from bevameter.identification.mismatch.smooth_correction import SmoothCorrection, Term
 from bevameter.identification.mismatch.trial import ASKED_FOR, Trial, situation, textbook_trial, try_adding
 
@@ -102,7 +104,8 @@ def test_one_of_two_that_are_alike_is_told_beside_what_is_sure(searched):
 @pytest.mark.parametrize(
     ("effects", "more", "repeated", "gained", "asks"),
     [(1, 20.0, 1.0, 900.0, False), (1, 25.0, 1.0, 900.0, True), (1, 25.0, 2.0, 900.0, False),
-     (2, 10.0, 1.0, 800.0, False), (2, 13.0, 1.0, 800.0, True), (1, 54.0, 1.0, 4600.0, False)],
+     (2, 10.0, 1.0, 800.0, False), (2, 13.0, 1.0, 800.0, True), (1, 54.0, 1.0, 4600.0, False),
+     (1, 100.0, 2.0, 4600.0, True)],
 )  # fmt: skip
 def test_a_set_beside_which_another_effect_still_gains_is_doubted(searched, effects, more, repeated, gained, asks):
     problem, found = searched
@@ -131,6 +134,28 @@ def test_look_alikes_are_told_apart_less_surely_the_more_is_gained(searched, gai
     assert (naming.look_alikes["slip_sinkage"] == ("stress_peak_shift",)) != sure
 
 
+def test_rows_that_repeat_each_other_set_look_alikes_less_far_apart(searched):
+    """Thirty nats of which three say the same are ten."""
+    problem, found = searched
+    rival = effects_for(situation(problem, found.textbook.fitted), ["stress_peak_shift"])[0]
+    best, other = (
+        Trial((effect,), found.chosen.fitted, found.chosen.held_out, gain)
+        for effect, gain in ((found.chosen.effects[0], 300.0), (rival, 285.0))
+    )
+    together = Search(found.textbook, (best, other), (), best)
+    assert name(together, 0.0).look_alikes["slip_sinkage"] == ()
+    assert name(together, 0.0, repeated=3.0).look_alikes["slip_sinkage"] == ("stress_peak_shift",)
+    assert why_not(other, together, 1.0).startswith("explains less")
+    assert why_not(other, together, 3.0).startswith("nearly as good")
+
+
+def test_a_search_that_tried_nothing_has_an_answer(searched):
+    _, found = searched
+    naming = name(Search(found.textbook, (), (), found.textbook), 0.0)
+    assert naming.effects == {}
+    assert naming.weights.shape == (0,)
+
+
 def test_where_nothing_is_asked_for_no_candidate_is_likely(searched):
     _, found = searched
     nearly = Trial(found.chosen.effects, found.chosen.fitted, found.chosen.held_out, ASKED_FOR - 0.1)
@@ -139,3 +164,24 @@ def test_where_nothing_is_asked_for_no_candidate_is_likely(searched):
     assert naming.weights.sum() == pytest.approx(0.5 * (1.0 - naming.unknown))
     asked = Trial(found.chosen.effects, found.chosen.fitted, found.chosen.held_out, ASKED_FOR + 0.1)
     assert name(Search(found.textbook, (asked,), (), asked), 0.0).effects["slip_sinkage"] > ASSERTED
+
+
+def test_of_sets_that_gain_alike_the_one_that_errs_less_is_chosen(searched):
+    problem, found = searched
+    effects = effects_for(situation(problem, found.textbook.fitted), ["slip_sinkage", "stress_peak_shift"])[:2]
+    residuals = found.chosen.held_out.residuals
+
+    def tried(effect, gain: float, times: float) -> Trial:
+        return Trial((effect,), found.chosen.fitted, replace(found.chosen.held_out, residuals=times * residuals), gain)
+
+    def chosen(lead: float) -> Trial:
+        tries = _Tries(problem, found.textbook, (), print, [tried(effects[0], 300.0 + lead, 3.0), other])
+        return tries.ended(tries.trials[0]).chosen
+
+    other = tried(effects[1], 300.0, 1.0)
+    assert chosen(3.0) is other
+    assert chosen(5.0).effects == (effects[0],)
+    ahead, behind = (tried(effects[0], gain, 3.0) for gain in (303.0, 297.0))
+    together = Search(found.textbook, (ahead, behind, other), (), other)
+    assert why_not(ahead, together, 1.0) == "as good: 3.0 nats more, but larger errors on held-out rows"
+    assert why_not(behind, together, 1.0) == "nearly as good: 3.0 nats behind"

@@ -11,6 +11,7 @@ from bevameter.identification.augmented import SOIL_COUNT
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.shear_hump import ShearHump
 from bevameter.identification.identify import felt_rows, open_recording
+from bevameter.identification.mismatch import search as module
 from bevameter.identification.mismatch.samples import gather
 from bevameter.identification.mismatch.search import search, surplus
 from bevameter.identification.mismatch.trial import ASKED_FOR, situation, textbook_trial, try_adding
@@ -62,6 +63,11 @@ def test_two_that_another_pair_stands_in_for_are_found_in_their_right_forms(tria
     first = max((trial for trial in found.trials if len(trial.effects) == 1), key=lambda trial: trial.gain)
     assert first.slugs == {"load_gain"}
     assert {effect.name for effect in found.chosen.effects} == {"torque_offset", "bulldozing[Rankine]"}
+    names = [trial.names for trial in found.trials]
+    assert len(set(names)) == len(names)
+    assert not {" + ".join(sorted(each)) for each in names} & {
+        " + ".join(sorted(name.split(" + "))) for name, _ in found.passed
+    }
     wedge = max(trial.gain for trial in found.trials if "bulldozing[wedge]" in {e.name for e in trial.effects})
     assert found.chosen.gain > wedge + 20.0
 
@@ -79,6 +85,22 @@ def test_a_further_effect_has_to_gain_more_the_more_is_gained_and_a_place_most(t
 
     assert [asked(load, gained) for gained in (100.0, 300.0, 1000.0, 4600.0)] == pytest.approx([15.0, 24.0, 40.0, 69.0])
     assert [asked(patch, gained) for gained in (100.0, 300.0, 600.0, 1800.0)] == pytest.approx([23.0, 24.0, 40.0, 90.0])
+
+
+def test_of_two_that_do_not_earn_their_places_the_better_one_is_left(trials, monkeypatch):
+    """A patch that gains more alone than an effect is not given up for it: a place is asked more only as a second."""
+    problem, textbook, forms = trials(7110, ("slip_sinkage",), "hidden", "bench")
+    (patch,), (gain,) = forms("soil_patch").values(), forms("torque_gain").values()
+    alone = {
+        each.slug: replace(textbook, effects=(each,), gain=nats) for each, nats in ((patch, 1300.0), (gain, 1280.0))
+    }
+    both = replace(textbook, effects=(patch, gain), gain=1341.0)
+    assert surplus(alone["soil_patch"], both) > 0.0 > surplus(alone["torque_gain"], both)
+    monkeypatch.setattr(
+        module, "without", lambda _problem, _textbook, _best, gone: alone[({*alone} - {gone.slug}).pop()]
+    )
+    tries = module._Tries(problem, textbook, (), print)
+    assert module._pruned(tries, both) is alone["soil_patch"]
 
 
 def test_a_hump_starts_from_the_soil_whose_stress_rises_as_fast():
