@@ -202,6 +202,14 @@ class Effect:
         """Give the soil (5,), in internal coordinates, to start from with the effect, from the one without it."""
         return soil
 
+    def unheard_of(self, values: np.ndarray, sd: np.ndarray) -> list[str]:
+        """Say, in words, which parameters (k,), known to their standard deviations, are beyond what was published."""
+        return [
+            f"{parameter.name} = {value:.3g}"
+            for parameter, value in zip(self.parameters, values, strict=True)
+            if not parameter.published[0] <= value <= parameter.published[1]
+        ]
+
     def delay(self, values: np.ndarray) -> tuple[int, float] | None:
         """Give the channel, of `forward.CHANNELS`, that arrives late and by how many samples; None where none does."""
         return None

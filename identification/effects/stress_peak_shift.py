@@ -13,6 +13,10 @@ _BRAKED = 0.02
 _PUBLISHED = (0.1, 0.7)
 """Wong & Reece (1967) have 0.18 on loose and 0.43 on compact sand, others up to midway [-]."""
 
+_MOVES = 0.25
+"""Least a1 that was published with an a0 so much below midway, as a share of that [-], with room: Wong & Reece (1967)
+have 0.32 with a0 = 0.18 on loose sand, a share of 1, and more on others."""
+
 _A0 = Parameter("a0", "", 0.05, 0.95, 0.45, 0.12, PEAK_SHARE, published=_PUBLISHED)
 _A1 = Parameter("a1", "", -0.8, 0.9, 0.15, 0.3)
 
@@ -28,6 +32,12 @@ class StressPeakShift(Effect):
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         share = values[0] + (values[1] * self.moving(drive.slip) if len(values) > 1 else 0.0)
         contact.theta_m = np.clip(share, 0.02, 0.98) * contact.theta_1
+
+    def unheard_of(self, values: np.ndarray, sd: np.ndarray) -> list[str]:
+        beyond = super().unheard_of(values, sd)
+        if len(values) > 1 and values[1] + 2.0 * sd[1] < _MOVES * max(PEAK_SHARE - values[0], 0.0):
+            beyond.append(f"a0 = {values[0]:.3g} beside a1 = {values[1]:.3g}")
+        return beyond
 
     def moving(self, slip: np.ndarray) -> np.ndarray:
         """Give the slip (n,) that moves the peak."""

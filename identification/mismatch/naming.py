@@ -15,6 +15,9 @@ UNKNOWN = "unknown"
 PENALTY = 4.0
 """Log-odds in nats of held-out score against each further effect, before any data."""
 
+_UNHEARD_OF = 8.0
+"""As much against a set with parameters beyond what was published (`Trial.unheard_of`)."""
+
 ASSERTED = 0.8
 """An effect is asserted where its probability is at least this; below, the answer is that the data cannot tell."""
 
@@ -94,7 +97,8 @@ def name(
     """
     chosen = search.chosen
     remaining, alone, gained = remaining / repeated, alone / repeated, chosen.gain / repeated
-    score = np.array([trial.gain / repeated - PENALTY * len(trial.effects) for trial in search.trials])
+    against = [PENALTY * len(trial.effects) + _UNHEARD_OF * bool(trial.unheard_of) for trial in search.trials]
+    score = np.array([trial.gain for trial in search.trials]) / repeated - np.array(against)
     # No more effects than held-out data ask for: larger sets that were tried and turned down have no say.
     admitted = np.array([len(trial.effects) <= max(len(chosen.effects), 1) for trial in search.trials], dtype=bool)
     tolerated = min(_TOLERATED * gained, _MOST_TOLERATED / max(len(chosen.effects), 1))

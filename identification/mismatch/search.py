@@ -125,7 +125,8 @@ class _Tries:
         """Give the search with each set once, as it was fitted best.
 
         Of sets as large as the best one that are within a unit of log-odds of it the one is chosen that errs least:
-        nats forgive a gross failure on a few rows, and whoever predicts with it does not.
+        nats forgive a gross failure on a few rows, and whoever predicts with it does not. What is beyond anything
+        published is chosen only where nothing else is that near.
         """
         unique: dict[frozenset[str], Trial] = {}
         for trial in self.trials:
@@ -135,7 +136,8 @@ class _Tries:
         best = unique.get(best.names, best)
         alike = [trial for trial in unique.values() if len(trial.effects) == len(best.effects)]
         near = [trial for trial in alike if best.gain - trial.gain < temperature(best.gain)]
-        return Search(self.textbook, tuple(unique.values()), left, min(near, key=self._error, default=best))
+        heard_of = [trial for trial in near if not trial.unheard_of]
+        return Search(self.textbook, tuple(unique.values()), left, min(heard_of or near, key=self._error, default=best))
 
     def _error(self, trial: Trial) -> float:
         """Mean logarithm of the channels' errors on held-out rows; what was not predicted is off by all of it."""

@@ -59,11 +59,11 @@ class Trial:
     @property
     def unheard_of(self) -> tuple[str, ...]:
         """Parameters, in words, that are beyond what has been published of their effects."""
+        sd = np.sqrt(np.maximum(np.diag(self.fitted.covariance), 0.0))
         return tuple(
-            f"{effect.slug} with {parameter.name} = {value:.3g}"
+            f"{effect.slug} with {beyond}"
             for effect, where in self.fitted.model.slices()
-            for parameter, value in zip(effect.parameters, self.fitted.vector[where], strict=True)
-            if not parameter.published[0] <= value <= parameter.published[1]
+            for beyond in effect.unheard_of(self.fitted.vector[where], sd[where])
         )
 
 

@@ -149,6 +149,23 @@ def test_rows_that_repeat_each_other_set_look_alikes_less_far_apart(searched):
     assert why_not(other, together, 3.0).startswith("nearly as good")
 
 
+def test_what_nobody_has_published_gives_way_to_what_gains_nearly_as_much(searched):
+    problem, found = searched
+    kinds = effects_for(situation(problem, found.textbook.fitted), ["slip_sinkage", "stress_peak_shift"])
+    shift = next(effect for effect in kinds if effect.slug == "stress_peak_shift")
+    trial = try_adding(problem, found.textbook, found.textbook, shift)
+    vector = trial.fitted.vector.copy()
+    vector[5] = 0.9  # a0
+    unheard_of = Trial((shift,), replace(trial.fitted, vector=vector), trial.held_out, 302.0)
+    other = Trial((kinds[0],), found.chosen.fitted, found.chosen.held_out, 300.0)
+    assert unheard_of.unheard_of
+    ended = _Tries(problem, found.textbook, (), print, [unheard_of, other]).ended(unheard_of)
+    assert ended.chosen is other
+    assert name(ended, 0.0).effects["slip_sinkage"] > ASSERTED
+    alone = _Tries(problem, found.textbook, (), print, [unheard_of]).ended(unheard_of)
+    assert alone.chosen is unheard_of
+
+
 def test_a_search_that_tried_nothing_has_an_answer(searched):
     _, found = searched
     naming = name(Search(found.textbook, (), (), found.textbook), 0.0)

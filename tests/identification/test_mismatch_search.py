@@ -113,11 +113,20 @@ def test_a_hump_starts_from_the_soil_whose_stress_rises_as_fast():
     assert soil[2] == np.log(0.01)
 
 
-@pytest.mark.parametrize(("a0", "beyond"), [(0.3, False), (0.5, False), (0.9, True)])
-def test_a_peak_where_nobody_has_seen_one_is_told(trials, a0, beyond):
+@pytest.mark.parametrize(
+    ("a0", "a1", "sd", "beyond"),
+    [
+        (0.3, 0.3, 0.01, ()), (0.5, 0.1, 0.01, ()), (0.9, 0.1, 0.01, ("a0 = 0.9",)),
+        (0.25, 0.0, 0.01, ("a0 = 0.25 beside a1 = 0",)), (0.25, 0.0, 0.05, ()),
+        (0.5, -0.1, 0.01, ("a0 = 0.5 beside a1 = -0.1",)),
+    ],
+)  # fmt: skip
+def test_a_peak_where_nobody_has_seen_one_is_told(trials, a0, a1, sd, beyond):
+    """Far behind midway and not moved by slip is as unheard of as beyond 0.7; unless slip hardly varies to tell it."""
     problem, textbook, forms = trials(3, ("stress_peak_shift",), "hidden", "steady")
     trial = try_adding(problem, textbook, textbook, forms("stress_peak_shift")["stress_peak_shift"])
-    vector = trial.fitted.vector.copy()
-    vector[SOIL_COUNT] = a0
-    told = replace(trial, fitted=replace(trial.fitted, vector=vector)).unheard_of
-    assert told == (("stress_peak_shift with a0 = 0.9",) if beyond else ())
+    vector, covariance = trial.fitted.vector.copy(), trial.fitted.covariance.copy()
+    vector[SOIL_COUNT:] = a0, a1
+    covariance[SOIL_COUNT + 1, SOIL_COUNT + 1] = sd**2
+    told = replace(trial, fitted=replace(trial.fitted, vector=vector, covariance=covariance)).unheard_of
+    assert told == tuple(f"stress_peak_shift with {each}" for each in beyond)
