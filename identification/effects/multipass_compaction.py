@@ -82,8 +82,8 @@ def slip_before(drive: Drive) -> np.ndarray:
 def _last_pass(numbers: np.ndarray) -> np.ndarray:
     """Which of the stretches before the last one are of the last lower pass on its track, by their passes' numbers."""
     own = numbers[-1]
-    same = np.flatnonzero(numbers != own)
-    before = numbers[: same[-1] + 1] if len(same) else numbers[:0]
+    others = np.flatnonzero(numbers != own)
+    before = numbers[: others[-1] + 1] if len(others) else numbers[:0]
     fresh = np.flatnonzero(before >= own)
     start = fresh[-1] + 1 if len(fresh) else 0
     lower = before[start:]
