@@ -25,6 +25,14 @@ PLAUSIBLE = {
 }
 """Bounds beyond which no natural soil lies (Wong 2010, Table 2.3, widened)."""
 
+PUBLISHED = {"phi_rad": (math.radians(5.0), math.radians(50.0)), "n": (0.105, 1.8)}
+"""Within these lie the soils that have been measured: phi from 6 (heavy clay) to 34 degrees and n from 0.11 (the same)
+to 1.6 (snow) in Wong 2010, Table 2.3; dense lunar soil has up to 50 degrees (G. Heiken et al., "Lunar Sourcebook"
+(1991), Ch. 9)."""
+
+UNDRAINED_C_PA = 5e3
+"""From this cohesion [Pa] on a soil may have no friction: saturated clay that does not drain."""
+
 
 @dataclass(frozen=True)
 class Quantity:

@@ -12,7 +12,7 @@ from ...framework.core.soil import PARAMETERS
 from ..effects.effect import Effect
 from ..forward import CHANNELS, from_internal, slope_of_internal
 from . import readable
-from .evidence import asks_for_more, at_odds, noise_floor
+from .evidence import noise_floor
 from .explanation import Candidate, ChannelFit, Estimate, Explanation, Missing, Region, Rows, Screened, Verdict
 from .fitting import Fitted, Problem
 from .naming import ASSERTED, MANY, MENTIONED, UNKNOWN, Naming, why_not
@@ -36,7 +36,7 @@ _SOIL_UNITS = {"c_Pa": "Pa", "phi_rad": "rad", "k_m": "m", "stiffness_Pa": "Pa",
 def assemble(
     problem: Problem, found: Search, naming: Naming, remaining: SmoothCorrection, regions: tuple[Region, ...], *,
     source: str, seed: int, began: float, problems: tuple[str, ...] = (), simulated: np.ndarray | None = None,
-    repeated: float = 1.0,
+    repeated: float = 1.0, doubted: tuple[str, ...] = (),
 ) -> Explanation:  # fmt: skip
     """Put the answer together.
 
@@ -50,6 +50,8 @@ def assemble(
         Residuals of another simulator, which then stand for "before".
     repeated
         Number of neighbouring rows that say the same.
+    doubted
+        What speaks against the chosen set, in words.
     """
     chosen, textbook = found.chosen, found.textbook
     unknown_wins = naming.unknown > 0.5
@@ -96,7 +98,7 @@ def assemble(
             *_repeated(repeated),
             *_crossed_once(best),
             *(effect.remark for effect in best.effects if effect.remark),
-            *_doubted(problem, found, repeated),
+            *(f"{reason}: it is believed in no more than half" for reason in doubted),
         ),
         rows=_rows(problem, before, after, chosen.fitted),
         simulator=best.fitted.model,
@@ -319,18 +321,6 @@ def _crossed_once(trial: Trial) -> list[str]:
     if not trial.held_out.untested:
         return []
     return ["the place was crossed once: how its ground differs, and from where to where, was fitted and not predicted"]
-
-
-def _doubted(problem: Problem, found: Search, repeated: float) -> list[str]:
-    """Say why what gains most is not asserted."""
-    reasons = []
-    if at_odds(problem, found):
-        reasons.append("with what fits best errors on held-out rows still grow or stay far above the noise")
-    if asks_for_more(found, repeated):
-        reasons.append("beside what fits best one more effect would still gain more than beside a complete set")
-    if beyond := found.chosen.unheard_of:
-        reasons.append(f"what fits best is {' and '.join(beyond)}, beyond what has been published")
-    return [f"{reason}: it is believed in no more than half" for reason in reasons]
 
 
 def _rows(problem: Problem, before: np.ndarray, after: np.ndarray, chosen: Fitted) -> Rows:

@@ -14,7 +14,7 @@ from ...framework.core.vehicle import Vehicle
 from ..effects.catalogue import SLUGS, effects_for
 from ..identify import felt_rows, open_recording
 from .answer import assemble
-from .evidence import asks_for_more, at_odds, repetition, warranted
+from .evidence import doubts, repetition, warranted
 from .explanation import Explanation
 from .fitting import Problem
 from .locate import locate
@@ -88,16 +88,16 @@ def explain(
         if fewer is not found:
             found = fewer
             remaining = _left_over(problem, found.chosen)
-        doubted = at_odds(problem, found) or asks_for_more(found, repeated) or bool(found.chosen.unheard_of)
-        naming = name(found, remaining.gain, repeated=repeated, doubted=doubted)
+        against = doubts(problem, found, remaining.gain, repeated)
+        naming = name(found, remaining.gain, repeated=repeated, doubted=bool(against))
         if naming.unknown > 0.5 and found.chosen.effects:
             alone = _left_over(problem, found.textbook).gain
-            naming = name(found, remaining.gain, alone, repeated=repeated, doubted=doubted)
+            naming = name(found, remaining.gain, alone, repeated=repeated, doubted=bool(against))
         tell("locating the mismatch")
         regions = locate(problem, found.chosen.fitted)
     return assemble(
         problem, found, naming, remaining, regions, source=str(opened.source), seed=seed, began=began,
-        problems=rows.problems, simulated=own, repeated=repeated,
+        problems=rows.problems, simulated=own, repeated=repeated, doubted=against,
     )  # fmt: skip
 
 

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...framework.core.soil import SoilKnowledge
+from ...framework.core.soil import PARAMETERS, PLAUSIBLE, PUBLISHED, UNDRAINED_C_PA, SoilKnowledge
 from ..augmented import SOIL_COUNT, AugmentedWheel
 from ..effects.effect import LOAD, SLIP, Effect, Situation
+from ..forward import from_internal, to_internal
 from .fitting import Fitted, Problem, fit
 from .held_out import HeldOut, hold_out
 from .samples import Samples, quietness
@@ -28,6 +29,12 @@ _SHORT, _STILL_MOVING = 5, 3.0
 
 _OUT_OF_REACH, _FAR_BEHIND = 40.0, 0.1
 """Nats behind a rival, and share of what that one gained, from which on it is of no interest how far exactly [-]."""
+
+_BEYOND = 1.64
+"""A soil is beyond what was published where its parameter is, by so many of its standard deviations [-]."""
+
+_TOLD = 0.125
+"""Standard deviation, as a share of what was published, up to which data tell a soil's parameter at all [-]."""
 
 _LAID_OUT = 15
 """Iterations by which a place along the track is laid out."""
@@ -58,13 +65,32 @@ class Trial:
 
     @property
     def unheard_of(self) -> tuple[str, ...]:
-        """Parameters, in words, that are beyond what has been published of their effects."""
+        """Parameters, in words, that are beyond what has been published of their effects, and of the soil with them."""
         sd = np.sqrt(np.maximum(np.diag(self.fitted.covariance), 0.0))
-        return tuple(
+        beyond = tuple(
             f"{effect.slug} with {beyond}"
             for effect, where in self.fitted.model.slices()
             for beyond in effect.unheard_of(self.fitted.vector[where], sd[where])
         )
+        soil = unheard_of_soil(self.fitted.vector[:SOIL_COUNT], sd[:SOIL_COUNT]) if self.effects else ()
+        return beyond + soil
+
+
+def unheard_of_soil(vector: np.ndarray, sd: np.ndarray) -> tuple[str, ...]:
+    """Say, in words, how a soil (5,), internal, known to its standard deviations, is unlike any that was measured."""
+    beyond = []
+    for name, (low, high) in PUBLISHED.items():
+        index = PARAMETERS.index(name)
+        at, least, most = vector[index], to_internal(name, low), to_internal(name, high)
+        away = max(least - at, at - most)
+        # Against its bound it would go on: how far is not known.
+        stopped = at in {to_internal(name, end) for end in PLAUSIBLE[name]} and sd[index] < _TOLD * (most - least)
+        undrained = name == "phi_rad" and at < least and vector[0] > UNDRAINED_C_PA
+        if away > 0.0 and (stopped or away > _BEYOND * sd[index]) and not undrained:
+            value = from_internal(name, float(at))
+            told = f"n = {value:.2g}" if name == "n" else f"phi = {math.degrees(value):.1f} deg"
+            beyond.append(f"a soil with {told}")
+    return tuple(beyond)
 
 
 def temperature(gained: float) -> float:

@@ -30,6 +30,7 @@ def summarise(explanation: Explanation) -> str:
             readable.one_of(each, explanation.missing, readable.percent(each.probability)) for each in unsure
         )
         parts.append(f"These data do not tell for sure: {listed}.")
+        parts.append(_kinds(unsure))
         tell = next((each.would_tell for each in unsure if each.would_tell), "")
         if tell:
             parts.append(f"What would tell: {tell}.")
@@ -96,6 +97,23 @@ def _statement(each: Missing) -> str:
     return (
         f"What was left out is {fault}{readable.effect(each.effect)} ({readable.percent(each.probability)}), {values}."
     )
+
+
+def _kinds(rivals: list[Missing]) -> str:
+    """Say whether rivals agree on its being physics or a fault, and else how likely each is."""
+    physics, fault = (
+        sum(each.probability for each in rivals if each.kind == kind) for kind in ("physics", "instrument")
+    )
+    if len(rivals) < 2 or physics + fault > 1.0:  # more than one effect is missing: these are no rivals
+        return ""
+    if physics and fault:
+        return (
+            f"That it is physics has {readable.percent(physics)}, that it is a fault of an instrument or of what is "
+            f"configured {readable.percent(fault)}."
+        )
+    if any(each.kind == "unknown" for each in rivals):
+        return ""
+    return f"Whichever it is, it is {'physics' if physics else 'a fault of an instrument or of what is configured'}."
 
 
 def _errors(explanation: Explanation) -> str:

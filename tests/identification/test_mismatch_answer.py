@@ -10,7 +10,7 @@ from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.identify import felt_rows, open_recording
 from bevameter.identification.mismatch.answer import assemble
-from bevameter.identification.mismatch.evidence import asks_for_more
+from bevameter.identification.mismatch.evidence import asks_for_more, doubts
 from bevameter.identification.mismatch.naming import ASSERTED, Naming, name, why_not
 from bevameter.identification.mismatch.readable import effect as effect_name
 from bevameter.identification.mismatch.samples import gather
@@ -74,6 +74,19 @@ def test_an_effect_that_leaves_much_is_doubted_however_much_it_gains(searched):
     effects = effects_for(situation(problem, found.textbook.fitted), ["load_gain", "torque_gain"])
     pair = Trial(tuple(effects), found.chosen.fitted, found.chosen.held_out, 1e4)
     assert name(Search(found.textbook, (pair,), (), pair), 70.0).unknown > 0.95
+
+
+@pytest.mark.parametrize(("remaining", "repeated", "sure"), [(20.0, 1.0, True), (40.0, 1.0, False), (40.0, 2.0, True)])
+def test_what_leaves_something_is_believed_in_no_more_than_half(searched, remaining, repeated, sure):
+    """Less than is tolerated of a form, but more than right effects leave: no effect is asserted."""
+    problem, found = searched
+    alone = Trial(found.chosen.effects, found.chosen.fitted, found.chosen.held_out, 1e4)
+    only = Search(found.textbook, (alone,), (), alone)
+    against = doubts(problem, only, remaining, repeated)
+    assert any("leaves more" in reason for reason in against) != sure
+    naming = name(only, remaining, repeated=repeated, doubted=bool(against))
+    assert (naming.effects["slip_sinkage"] > ASSERTED) == sure
+    assert doubts(problem, Search(found.textbook, (alone,), (), found.textbook), remaining, repeated) == ()
 
 
 def test_one_of_two_that_are_alike_is_told_beside_what_is_sure(searched):

@@ -15,7 +15,7 @@ from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.drive import rate_of_change
 from bevameter.identification.effects.time_faults import filtered
 from bevameter.identification.identify import felt_rows, open_recording
-from bevameter.identification.mismatch.evidence import at_odds, repetition, warranted
+from bevameter.identification.mismatch.evidence import at_odds, overfitted, repetition, warranted
 from bevameter.identification.mismatch.locate import locate
 from bevameter.identification.mismatch.naming import name
 from bevameter.identification.mismatch.promise import promise
@@ -171,6 +171,34 @@ def test_what_leaves_held_out_errors_large_is_not_asserted(crossed_once, times, 
     assert at_odds(problem, found) is doubted
     probability = name(found, 0.0, doubted=doubted).effects["soil_patch"]
     assert (probability <= 0.5) is doubted
+
+
+def test_a_set_that_foretells_one_channel_worse_is_at_odds_with_the_rows(crossed_once):
+    """However much better it foretells the others."""
+    problem, textbook, trial = crossed_once
+
+    def with_it(shares):
+        held = replace(trial.held_out, residuals=np.array(shares) * textbook.held_out.residuals)
+        return Search(textbook, (trial,), (), replace(trial, held_out=held))
+
+    assert textbook.held_out.residuals.shape[1] == 3
+    assert not at_odds(problem, with_it((0.9, 0.9, 1.1)))
+    assert at_odds(problem, with_it((0.8, 0.8, 1.4)))
+
+
+def test_a_set_that_errs_more_on_rows_held_out_than_on_rows_fitted_to_is_doubted(crossed_once):
+    """Unless the rows are so few that their parameters make it so."""
+    _, _, trial = crossed_once
+    assert not overfitted(trial)
+
+    def foretelling(errors, rows: int):
+        own = trial.fitted.residuals[:rows]
+        held = replace(trial.held_out, residuals=np.array(errors) * own)
+        return replace(trial, fitted=replace(trial.fitted, residuals=own), held_out=held)
+
+    assert not overfitted(foretelling((1.0, 1.2, 1.0), 400))
+    assert overfitted(foretelling((1.0, 1.4, 1.0), 400))
+    assert not overfitted(foretelling((1.0, 1.4, 1.0), 40))
 
 
 def test_a_place_that_was_crossed_twice_is_foretold_by_the_other_crossing():

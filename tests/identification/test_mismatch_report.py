@@ -118,6 +118,19 @@ def test_what_comes_nearest_is_told_where_channels_are_missed_and_too_little_ask
     assert summarise(replace(nothing(), fits=missed, candidates=(unlikely,))).endswith("ask for beside that.")
 
 
+def test_rivals_are_summed_up_as_physics_or_fault():
+    both = summarise(cannot_tell())
+    assert "physics has 55 %, that it is a fault of an instrument or of what is configured 42 %." in both
+    first, second = cannot_tell().missing
+    alike = replace(cannot_tell(), missing=(first, replace(second, effect="bulldozing", kind="physics")))
+    assert "Whichever it is, it is physics." in summarise(alike)
+    beside = replace(cannot_tell(), missing=(first, replace(second, kind="unknown", effect="unknown")))
+    assert "physics has" not in summarise(beside)
+    assert "Whichever" not in summarise(beside)
+    two = replace(cannot_tell(), missing=(first, replace(second, probability=0.7)))
+    assert "physics has" not in summarise(two), "both may be missing"
+
+
 def test_a_tie_names_both_with_their_shares_and_what_would_tell():
     text = Page(report_html(cannot_tell())).text
     assert "Something was left out, but these data do not tell what" in text

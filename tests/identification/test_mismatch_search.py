@@ -14,7 +14,7 @@ from bevameter.identification.identify import felt_rows, open_recording
 from bevameter.identification.mismatch import search as module
 from bevameter.identification.mismatch.samples import gather
 from bevameter.identification.mismatch.search import search, surplus
-from bevameter.identification.mismatch.trial import ASKED_FOR, situation, textbook_trial, try_adding
+from bevameter.identification.mismatch.trial import ASKED_FOR, situation, textbook_trial, try_adding, unheard_of_soil
 
 
 @pytest.fixture
@@ -130,3 +130,19 @@ def test_a_peak_where_nobody_has_seen_one_is_told(trials, a0, a1, sd, beyond):
     covariance[SOIL_COUNT + 1, SOIL_COUNT + 1] = sd**2
     told = replace(trial, fitted=replace(trial.fitted, vector=vector, covariance=covariance)).unheard_of
     assert told == tuple(f"stress_peak_shift with {each}" for each in beyond)
+
+
+@pytest.mark.parametrize(
+    ("c_kPa", "phi_deg", "sd_deg", "n", "sd_n", "beyond"),
+    [
+        (1.0, 30.0, 1.0, 1.1, 0.02, ()), (1.0, 2.0, 1.0, 1.1, 0.02, ("phi = 2.0 deg",)), (1.0, 2.0, 3.0, 1.1, 0.02, ()),
+        (20.0, 2.0, 1.0, 0.5, 0.02, ()), (20.0, 55.0, 1.0, 0.5, 0.02, ("phi = 55.0 deg",)),
+        (1.0, 30.0, 1.0, 2.2, 0.05, ("n = 2.2",)), (1.0, 30.0, 1.0, 2.2, 0.3, ()),
+        (1.0, 0.0, 1.0, 0.1, 0.2, ("phi = 0.0 deg", "n = 0.1")), (1.0, 0.0, 30.0, 0.1, 0.6, ()),
+    ],
+)  # fmt: skip
+def test_a_soil_unlike_any_that_was_measured_is_told(c_kPa, phi_deg, sd_deg, n, sd_n, beyond):
+    """Beyond by more than chance, or against the bound of what is plausible where data tell it; clay has none."""
+    vector = np.array([1e3 * c_kPa, np.tan(np.radians(phi_deg)), np.log(0.01), 12.0, np.log(n)])
+    told = unheard_of_soil(vector, np.array([100.0, np.radians(sd_deg), 0.1, 0.1, sd_n]))
+    assert told == tuple(f"a soil with {each}" for each in beyond)
