@@ -10,8 +10,8 @@ from .effect import Contact, Drive, Effect, Parameter, Situation
 _BRAKED = 0.02
 """Share of samples with negative slip from which on it matters what braked wheels do [-]."""
 
-_PUBLISHED = (0.1, 0.7)
-"""Wong & Reece (1967) have 0.18 on loose and 0.43 on compact sand, others up to midway [-]."""
+_PUBLISHED = (0.1, 0.6)
+"""Wong & Reece (1967) have 0.18 on loose and 0.43 on compact sand, others up to midway [-]; with room."""
 
 _MOVES = 0.25
 """Least a1 that was published with an a0 so much below midway, as a share of that [-], with room: Wong & Reece (1967)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ...framework.core.recording.types import Recording
@@ -19,11 +20,11 @@ from .explanation import Explanation
 from .fitting import Problem
 from .locate import locate
 from .naming import name
-from .samples import gather
-from .search import search
+from .samples import Samples, gather, passes_apart
+from .search import Search, search
 from .simulated import as_differences, attach
 from .smooth_correction import SmoothCorrection, smooth_correction
-from .trial import Trial, situation, textbook_trial
+from .trial import ASKED_FOR, Trial, situation, textbook_trial
 
 
 def explain(
@@ -79,10 +80,11 @@ def explain(
             samples, own = as_differences(samples)
         tell("refitting the soil")
         problem, textbook = textbook_trial(samples, known)
-        effects = effects_for(situation(problem, textbook.fitted), SLUGS if catalogue is None else catalogue)
-        found = search(problem, textbook, effects, lambda what: tell(f"trying {what}"))
-        tell("looking for what nothing explains")
-        remaining = _left_over(problem, found.chosen)
+        considered = SLUGS if catalogue is None else tuple(catalogue)
+        found, remaining = _sought(problem, textbook, considered, tell)
+        if other := _on_other_ground(samples, known, found, remaining):
+            problem, textbook = other
+            found, remaining = _sought(problem, textbook, considered, tell)
         repeated = repetition(problem, found, remaining.innovations)
         fewer = warranted(found, repeated)
         if fewer is not found:
@@ -99,6 +101,34 @@ def explain(
         problem, found, naming, remaining, regions, source=str(opened.source), seed=seed, began=began,
         problems=rows.problems, simulated=own, repeated=repeated, doubted=against,
     )  # fmt: skip
+
+
+def _sought(
+    problem: Problem, textbook: Trial, slugs: Sequence[str], tell: Callable[[str], None]
+) -> tuple[Search, SmoothCorrection]:
+    """Search the catalogue, and what it leaves for what nothing explains."""
+    effects = effects_for(situation(problem, textbook.fitted), slugs)
+    found = search(problem, textbook, effects, lambda what: tell(f"trying {what}"))
+    tell("looking for what nothing explains")
+    return found, _left_over(problem, found.chosen)
+
+
+def _on_other_ground(
+    samples: Samples, known: SoilKnowledge, found: Search, remaining: SmoothCorrection
+) -> tuple[Problem, Trial] | None:
+    """Fit the textbook wheel to passes each on ground of its own, if that gains about what was found.
+
+    What was found then only makes up for the ground being taken for the same in all passes.
+    """
+    explained = found.chosen.gain + remaining.gain
+    apart = passes_apart(samples)
+    if explained < ASKED_FOR or np.array_equal(apart.lane, samples.lane):
+        return None
+    problem, textbook = textbook_trial(apart, known)
+    gain = min(
+        textbook.held_out.gain(found.textbook.held_out)[0], textbook.fitted.score - found.textbook.fitted.score
+    )  # fmt: skip
+    return (problem, textbook) if gain > explained - ASKED_FOR else None
 
 
 def _left_over(problem: Problem, trial: Trial) -> SmoothCorrection:

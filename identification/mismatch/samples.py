@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.ndimage import median_filter
 
 from ...framework.core.errors import InputError
@@ -30,6 +31,9 @@ MOST_ROWS = 1500
 
 _THINNED_STRETCH = 50
 _BLOCKS = 12
+_WIDEST = 0.09
+"""Slips, or loads as a share of the largest, that are held out as one level lie within this range [-]."""
+
 _ISOLATED = 7.0
 """A value this many sensor noises from the median of its neighbours in time is a gross error [-]."""
 
@@ -221,6 +225,13 @@ def _lanes(drive: Drive) -> np.ndarray:
     return np.cumsum(starts & back & ~again)
 
 
+def passes_apart(samples: Samples) -> Samples:
+    """Give the samples with each pass on ground of its own, as where the pass before has stirred it."""
+    if not np.isfinite(samples.drive.place_m).all():
+        return samples
+    return replace(samples, lane=_lanes(replace(samples.drive, pass_number=np.ones(len(samples)))))
+
+
 def _without_gross_errors(
     measured: np.ndarray, noise: np.ndarray, stretch: np.ndarray, timed: bool
 ) -> tuple[np.ndarray, int]:
@@ -345,10 +356,10 @@ def _blocked(samples: Samples) -> Samples:
             block = block * _BLOCKS // number
             split = "groups of neighbouring runs"
         return replace(samples, block=block, split=f"{block.max() + 1} {split} held out in turn")
-    level = levels(drive.slip)
+    level = levels(drive.slip, widest=_WIDEST)
     what = "slips"
     if level.max() < 2:
-        level, what = levels(drive.load_N / float(np.max(drive.load_N))), "loads"
+        level, what = levels(drive.load_N / float(np.max(drive.load_N)), widest=_WIDEST), "loads"
     if level.max() < 2:
         level, what = np.arange(count) * min(_BLOCKS, count) // count, "groups of trials"
     elif level.max() >= _BLOCKS:
@@ -356,10 +367,18 @@ def _blocked(samples: Samples) -> Samples:
     return replace(samples, block=level, split=f"{level.max() + 1} {what} held out in turn, all their repeats together")
 
 
-def levels(values: np.ndarray, apart: float = 0.03) -> np.ndarray:
-    """Number the levels of a quantity, (n,): neighbours in size that are nearer than `apart` are one level."""
+def levels(values: np.ndarray, apart: float = 0.03, widest: float = math.inf) -> np.ndarray:
+    """Number the levels of a quantity, (n,): neighbours in size that are nearer than `apart` are one level.
+
+    Where scattered values make a chain of such neighbours, it is divided into levels that are at most `widest`.
+    """
     order = np.argsort(values)
-    number = np.concatenate([[0], np.cumsum(np.diff(values[order]) > apart)])
+    along = values[order]
+    ends = np.diff(along) > apart
+    for chain in np.split(np.arange(len(values)), np.flatnonzero(ends) + 1):
+        if len(chain) > 1 and np.ptp(along[chain]) > widest:
+            like = fcluster(linkage(along[chain, None], "complete"), widest, "distance")
+            ends[chain[:-1]] |= np.diff(like) != 0
     answer = np.empty(len(values), dtype=int)
-    answer[order] = number
+    answer[order] = np.concatenate([[0], np.cumsum(ends)])
     return answer

@@ -15,7 +15,7 @@ from bevameter.identification.effects.slip_sinkage import SinkageExponent, Sinka
 from bevameter.identification.mismatch.evidence import noise_floor, swallowed
 from bevameter.identification.mismatch.fitting import Fitted, Problem, fit
 from bevameter.identification.mismatch.held_out import hold_out
-from bevameter.identification.mismatch.samples import gather
+from bevameter.identification.mismatch.samples import gather, levels
 from bevameter.identification.mismatch.trial import situation, textbook_trial, try_adding
 from bevameter.identification.simulate import simulate
 from bevameter.identification.wheel_soil import Soil
@@ -150,3 +150,17 @@ def test_lugs_that_are_not_those_of_the_vehicle_are_a_fault_of_what_is_configure
         assert effect.kind == kind
         assert ("12 times a turn" in effect.remark) == (kind == "instrument")
         assert (effect.sought > 0.0) == (stated != 12)
+
+
+def test_levels_keep_repeats_together_and_chains_apart():
+    """Slips that scatter until each is near the next are no single level: nothing could be held out."""
+    rng = np.random.default_rng(0)
+    set_points = np.repeat(np.arange(-0.9, 0.91, 0.1), 3)
+    repeats = levels(set_points + 0.003 * rng.normal(size=len(set_points)), widest=0.09)
+    assert np.array_equal(repeats, np.repeat(np.arange(19), 3))
+    scattered = rng.uniform(0.0, 0.4, 80)
+    assert not levels(scattered).any()
+    level = levels(scattered, widest=0.09)
+    assert level.max() + 1 >= 5
+    assert all(np.ptp(scattered[level == each]) <= 0.09 for each in range(level.max() + 1))
+    assert np.all(np.diff(level[np.argsort(scattered)]) >= 0)

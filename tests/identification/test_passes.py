@@ -1,0 +1,62 @@
+"""Passes on the same ground, and passes on ground that the one before has stirred."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bevameter import Vehicle, Wheel, explain
+from bevameter.identification.wheel_soil import Soil, equilibrium
+
+WHEEL = Wheel(radius_m=0.15, width_m=0.15)
+SOIL = Soil(c_Pa=300.0, phi_rad=math.radians(30.0), k_m=0.011, stiffness_Pa=2.9e5, n=1.1)
+ROWS, PIECE, PASSES, VARIES = 250, 10, 2, 0.035
+
+
+def two_passes(folder, *, same_ground: bool, compaction: float, seed: int = 5):
+    """Write a drive twice along a track whose ground varies, the second time on the same ground or not."""
+    rng = np.random.default_rng(seed)
+    pieces = ROWS // PIECE
+    steps = rng.normal(size=(2, PASSES * pieces))
+    keep = math.exp(-1.0 / 4.0)
+    along = np.zeros_like(steps)
+    along[:, 0] = steps[:, 0]
+    for piece in range(1, PASSES * pieces):
+        along[:, piece] = keep * along[:, piece - 1] + math.sqrt(1.0 - keep**2) * steps[:, piece]
+    if same_ground:
+        along = np.tile(along[:, :pieces], PASSES)
+    time_s = 0.1 * np.arange(PASSES * ROWS)
+    load = 90.0 + 40.0 * np.sin(time_s / 3.1) + 15.0 * np.sin(time_s / 1.3)
+    slip = 0.3 + 0.2 * np.sin(time_s / 2.3)
+    number = 1 + np.arange(len(time_s)) // ROWS
+    answers = np.empty((len(time_s), 3))
+    for piece in range(PASSES * pieces):
+        rows = slice(piece * PIECE, (piece + 1) * PIECE)
+        stiffer = VARIES * along[0, piece] + compaction * (piece >= pieces)
+        stronger = math.exp(VARIES * along[1, piece])
+        soil = replace(
+            SOIL, stiffness_Pa=SOIL.stiffness_Pa * math.exp(stiffer), c_Pa=SOIL.c_Pa * stronger,
+            phi_rad=math.atan(math.tan(SOIL.phi_rad) * stronger),
+        )  # fmt: skip
+        state = equilibrium(WHEEL, soil, load[rows], slip[rows])
+        answers[rows] = np.column_stack([state.torque_Nm, state.sinkage_m, state.drawbar_pull_N])
+    answers += 0.01 * np.ptp(answers, axis=0) * rng.normal(size=answers.shape)
+    place = 0.02 * (np.arange(len(time_s)) % ROWS)
+    columns = [time_s, load + 0.2 * rng.normal(size=len(load)), slip + 0.002 * rng.normal(size=len(slip))]
+    table = np.column_stack([*columns, *answers.T, place, number])
+    path = folder / "wheel.csv"
+    head = "time_s,load_N,slip,torque_Nm,sinkage_m,drawbar_pull_N,x_m,pass"
+    np.savetxt(path, table, delimiter=",", header=head, comments="")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("same_ground", "compaction", "verdict"), [(False, 0.0, "none"), (True, 0.0, "none"), (True, 0.1, "physics")]
+)
+def test_ground_that_varies_anew_in_each_pass_is_no_compaction(tmp_path, same_ground, compaction, verdict):
+    path = two_passes(tmp_path, same_ground=same_ground, compaction=compaction)
+    vehicle = Vehicle(name="made", wheels=(WHEEL,))
+    answer = explain(path, vehicle=vehicle, catalogue=["multipass_compaction"])
+    assert answer.verdict == verdict
