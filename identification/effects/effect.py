@@ -180,6 +180,8 @@ class Effect:
     """Whether it says what the ground's variation along the track could say too."""
     remembers: ClassVar[bool] = False
     """Whether what is reported of a sample follows from samples before it."""
+    expected: bool = False
+    """Whether the vehicle's description says that it is there, so that the textbook wheel is known to lack it."""
     remark: str = ""
     """What there is to say of it where it is found."""
     constants: Mapping[str, float] = MappingProxyType({})

@@ -20,6 +20,7 @@ class LugRadius(Effect):
     slug = "grousers"
     source = "L. Ding et al., J. Terramechanics 48 (2011), 27-45, equivalent shear radius"
     parameters = (Parameter("s", "", 0.0, 2.0, 0.4, 0.6),)
+    expected = True
 
     def __init__(self, height_m: float, *, its_slip: bool = False) -> None:
         self._height, self._its_slip = height_m, its_slip

@@ -15,7 +15,7 @@ from . import readable
 from .evidence import noise_floor
 from .explanation import Candidate, ChannelFit, Estimate, Explanation, Missing, Region, Rows, Screened, Verdict
 from .fitting import Fitted, Problem
-from .naming import ASSERTED, MANY, MENTIONED, UNKNOWN, Naming, why_not
+from .naming import ASSERTED, MANY, MENTIONED, UNKNOWN, Naming, instead, why_not
 from .search import Search
 from .shape import shape_of
 from .smooth_correction import SmoothCorrection
@@ -130,17 +130,22 @@ def _missing(problem: Problem, found: Search, naming: Naming, remaining: SmoothC
     for effect in chosen.effects:
         probability = naming.effects.get(effect.slug, 0.0)
         alike = naming.look_alikes.get(effect.slug, ())
-        rival = _standing_in(found, effect.slug, alike[0]) if alike else None
+        rivals = instead(found, effect.slug)
+        rival = rivals[alike[0]] if alike else None
         tell = would_tell(problem, chosen, rival) if rival is not None else ""
         answer.append(_named(chosen, effect, probability, alike, tell))
         if probability < ASSERTED:
             for slug in alike:
                 share = naming.effects.get(slug, 0.0)
-                trial = _standing_in(found, effect.slug, slug)
-                if trial is not None and share >= MENTIONED and slug not in {each.effect for each in answer}:
-                    other = next(each for each in trial.effects if each.slug == slug)
-                    others = (effect.slug, *(each for each in alike if each != slug))
-                    answer.append(_named(trial, other, share, others, tell))
+                if share < MENTIONED or slug in {each.effect for each in answer}:
+                    continue
+                others = (effect.slug, *(each for each in alike if each != slug))
+                for other in rivals[slug].effects:
+                    if other.slug == slug:
+                        answer.append(_named(rivals[slug], other, share, others, tell))
+                    elif other.expected and other.slug not in {each.effect for each in answer}:
+                        beside = naming.effects.get(other.slug, 0.0)
+                        answer.append(_named(rivals[slug], other, beside, (), ""))
     # What may be nothing at all is not a finding; beside an effect it is a rival.
     if remaining.terms and naming.unknown > (MENTIONED if answer else 0.5):
         answer.append(_unknown(naming, remaining))
@@ -153,13 +158,6 @@ def _named(trial: Trial, effect: Effect, probability: float, alike: tuple[str, .
         effect.slug, effect.kind, effect.form, probability, parameters(trial.fitted, effect), effect.equation,
         effect.source, alike, tell,
     )  # fmt: skip
-
-
-def _standing_in(found: Search, slug: str, other: str) -> Trial | None:
-    """Best trial in which another effect stands in one's place."""
-    wanted = (found.chosen.slugs - {slug}) | {other}
-    trials = [trial for trial in found.trials if trial.slugs == wanted]
-    return max(trials, key=lambda trial: trial.gain, default=None)
 
 
 def _unknown(naming: Naming, remaining: SmoothCorrection) -> Missing:
@@ -284,7 +282,7 @@ def _beside(unsure: list[str]) -> list[str]:
 
 def _many(chosen: Trial) -> list[str]:
     """Say why effects that are needed together are not each asserted."""
-    if len(chosen.effects) < MANY:
+    if len(chosen.unexpected) < MANY:
         return []
     return [
         f"{len(chosen.effects)} effects together fit best; so many often stand in for one that the catalogue lacks, "

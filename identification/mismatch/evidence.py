@@ -16,7 +16,7 @@ from .fitting import Fitted, Problem
 from .naming import REMAINS
 from .search import Search, of_no_effect
 from .soil_variation import HUBER
-from .trial import ASKED_FOR, Trial
+from .trial import ASKED_FOR, EXPECTED_ASKED_FOR, Trial
 
 _SHOWN = 3.0
 """An autocorrelation counts from so many of its standard deviations on, as white noise has them [-]."""
@@ -220,7 +220,8 @@ def warranted(search: Search, repeated: float) -> Search:
     while chosen.effects:
         smaller = [search.textbook, *(trial for trial in search.trials if trial.slugs < chosen.slugs)]
         next_best = max(smaller, key=lambda trial: trial.gain)
-        if chosen.gain - next_best.gain >= ASKED_FOR * repeated:
+        asked = ASKED_FOR if len(next_best.unexpected) < len(chosen.unexpected) else EXPECTED_ASKED_FOR
+        if chosen.gain - next_best.gain >= asked * repeated:
             break
         chosen = next_best
     return search if chosen is search.chosen else replace(search, chosen=chosen)

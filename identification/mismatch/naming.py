@@ -8,15 +8,12 @@ import numpy as np
 from scipy.special import expit
 
 from .search import MOST_ASKED_FOR, Search
-from .trial import ASKED_FOR, TEMPERATURE, Trial, temperature
+from .trial import ASKED_FOR, TEMPERATURE, UNHEARD_OF, Trial, temperature
 
 UNKNOWN = "unknown"
 
 PENALTY = 4.0
 """Log-odds in nats of held-out score against each further effect, before any data."""
-
-_UNHEARD_OF = 8.0
-"""As much against a set with parameters beyond what was published (`Trial.unheard_of`)."""
 
 ASSERTED = 0.8
 """An effect is asserted where its probability is at least this; below, the answer is that the data cannot tell."""
@@ -99,10 +96,10 @@ def name(
     """
     chosen = search.chosen
     remaining, alone, gained = remaining / repeated, alone / repeated, chosen.gain / repeated
-    against = [PENALTY * len(trial.effects) + _UNHEARD_OF * bool(trial.unheard_of) for trial in search.trials]
+    against = [PENALTY * max(len(trial.unexpected), 1) + UNHEARD_OF * bool(trial.unheard_of) for trial in search.trials]
     score = np.array([trial.gain for trial in search.trials]) / repeated - np.array(against)
     # No more effects than held-out data ask for: larger sets that were tried and turned down have no say.
-    admitted = np.array([len(trial.effects) <= max(len(chosen.effects), 1) for trial in search.trials], dtype=bool)
+    admitted = np.array([_no_larger(trial, chosen) for trial in search.trials], dtype=bool)
     tolerated = min(_TOLERATED * gained, _MOST_TOLERATED / max(len(chosen.effects), 1))
     doubt = remaining - max(REMAINS, tolerated)
     top = max(0.0, float(np.max(score[admitted], initial=0.0)))
@@ -127,6 +124,11 @@ def name(
     return Naming(effects, unknown, look_alikes, weights)
 
 
+def _no_larger(trial: Trial, chosen: Trial) -> bool:
+    """Say whether a set has no more effects than what is chosen, those aside that the vehicle announces."""
+    return len(trial.effects) <= max(len(chosen.effects), 1) or len(trial.unexpected) <= len(chosen.unexpected)
+
+
 def _nearly(chosen: Trial, repeated: float) -> float:
     """Nats behind the chosen set up to which another one is mentioned; `repeated` rows count as one."""
     return repeated * temperature(chosen.gain / repeated) * float(np.log(1.0 / MENTIONED))
@@ -138,7 +140,7 @@ def _believed(chosen: Trial, *, doubted: bool) -> float:
         return _UNASKED
     if doubted:
         return _AT_ODDS
-    return _OF_MANY if len(chosen.effects) >= MANY else 1.0
+    return _OF_MANY if len(chosen.unexpected) >= MANY else 1.0
 
 
 def _by_best_form(search: Search, weights: np.ndarray) -> np.ndarray:
@@ -154,18 +156,24 @@ def _by_best_form(search: Search, weights: np.ndarray) -> np.ndarray:
 
 
 def _stand_ins(search: Search, slug: str, repeated: float) -> tuple[str, ...]:
-    """Effects that could take one's place in the chosen set at nearly the same score."""
-    chosen = search.chosen
-    rest = chosen.slugs - {slug}
-    margin = _nearly(chosen, repeated)
-    best: dict[str, float] = {}
-    for trial in search.trials:
-        extra = trial.slugs - rest
-        if len(trial.slugs) == len(chosen.slugs) and rest <= trial.slugs and len(extra) == 1:
-            other = next(iter(extra))
-            if other != slug and trial.gain > chosen.gain - margin:
-                best[other] = max(best.get(other, -np.inf), trial.gain)
+    """Effects that could take one's place in the chosen set at nearly the same score, the best ones first."""
+    least = search.chosen.gain - _nearly(search.chosen, repeated)
+    best = {other: trial.gain for other, trial in instead(search, slug).items() if trial.gain > least}
     return tuple(sorted(best, key=lambda other: -best[other]))
+
+
+def instead(search: Search, slug: str) -> dict[str, Trial]:
+    """Best set with each other effect in one's place in the chosen one: as many, or as many besides what the vehicle
+    announces.
+    """
+    chosen, best = search.chosen, dict[str, Trial]()
+    for trial in search.trials:
+        for own, ours in ((trial.slugs, chosen.slugs), (trial.unexpected, chosen.unexpected)):
+            other = own - (ours - {slug})
+            if slug in ours and len(own) == len(ours) and len(other) == 1 and slug not in own:
+                name = next(iter(other))
+                best[name] = max(best.get(name, trial), trial, key=lambda each: each.gain)
+    return best
 
 
 def why_not(trial: Trial, search: Search, repeated: float) -> str:

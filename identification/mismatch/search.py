@@ -17,7 +17,17 @@ from .fitting import Problem, fit
 from .held_out import hold_out
 from .promise import promised_by
 from .textbook import best_fit
-from .trial import ASKED_FOR, Trial, less, situation, temperature, try_adding, without
+from .trial import (
+    ASKED_FOR,
+    EXPECTED_ASKED_FOR,
+    UNHEARD_OF,
+    Trial,
+    less,
+    situation,
+    temperature,
+    try_adding,
+    without,
+)
 
 MOST_EFFECTS = 3
 
@@ -52,6 +62,10 @@ _FORMS, _WORTH_ANOTHER = 3, 5.0
 _PARTNERS, _CLOSE = 2, 0.02
 """Effects that did nearly as well beside the best one, beside which others are sought in turn, and what share of a gain
 is near [-]."""
+
+_BESIDE_EXPECTED, _FAR_BEHIND = 4, 0.25
+"""Single effects other than the best beside which what the vehicle's description announces is sought, and what share of
+its gain they have [-]."""
 
 _PLUS = " + "
 """Between the names of effects in a set."""
@@ -126,7 +140,7 @@ class _Tries:
 
         Of sets as large as the best one that are within a unit of log-odds of it the one is chosen that errs least:
         nats forgive a gross failure on a few rows, and whoever predicts with it does not. What is beyond anything
-        published is chosen only where nothing else is that near.
+        published gives way to what is not so far behind as that counts against it.
         """
         unique: dict[frozenset[str], Trial] = {}
         for trial in self.trials:
@@ -134,10 +148,15 @@ class _Tries:
         passed = {frozenset(name.split(_PLUS)): (name, nats) for name, nats in self.passed}
         left = tuple(each for names, each in passed.items() if names not in unique)
         best = unique.get(best.names, best)
-        alike = [trial for trial in unique.values() if len(trial.effects) == len(best.effects)]
+        alike = [trial for trial in unique.values() if _as_large(trial, best)]
+        if best.unheard_of:
+            unit = temperature(best.gain) + UNHEARD_OF
+            enough = max(ASKED_FOR, best.gain - unit)
+            heard_of = [trial for trial in alike if not trial.unheard_of and trial.gain > enough]
+            best = max(heard_of, key=lambda trial: trial.gain, default=best)
         near = [trial for trial in alike if best.gain - trial.gain < temperature(best.gain)]
-        heard_of = [trial for trial in near if not trial.unheard_of]
-        return Search(self.textbook, tuple(unique.values()), left, min(heard_of or near, key=self._error, default=best))
+        near = [trial for trial in near if best.unheard_of or not trial.unheard_of]
+        return Search(self.textbook, tuple(unique.values()), left, min(near, key=self._error, default=best))
 
     def _error(self, trial: Trial) -> float:
         """Mean logarithm of the channels' errors on held-out rows; what was not predicted is off by all of it."""
@@ -195,6 +214,12 @@ def search(
     return tries.ended(best)
 
 
+def _as_large(trial: Trial, best: Trial) -> bool:
+    """Say whether a set has as many effects as the best one, or as many besides what the vehicle announces."""
+    as_many = len(trial.unexpected) == len(best.unexpected)
+    return len(trial.effects) == len(best.effects) or (as_many and bool(best.unexpected))
+
+
 def _named(base: Trial, effect: Effect) -> str:
     return _PLUS.join(each.name for each in (*base.effects, effect))
 
@@ -203,6 +228,7 @@ def _larger(tries: _Tries, singles: Sequence[Trial], best: Trial) -> list[Trial]
     """Try one more effect beside the best set; beside other forms of a single effect, and the runner-up, too."""
     promised = tries.weigh(best, tries.others(best.slugs) + tries.laid_out(best))
     answer = tries.attempt(best, promised)
+    answer += _beside_expected(tries, singles, best)
     if len(best.effects) != 1:
         return answer
     beside_best = {effect.name: nats for nats, effect in promised if effect.nested}
@@ -214,6 +240,24 @@ def _larger(tries: _Tries, singles: Sequence[Trial], best: Trial) -> list[Trial]
         answer += tries.attempt(form, better)
     if second := _runner_up(singles, best):
         answer += _nested_beside(tries, second, best.slugs | second.slugs)
+    return answer
+
+
+def _beside_expected(tries: _Tries, singles: Sequence[Trial], best: Trial) -> list[Trial]:
+    """Try what the vehicle's description announces beside the best set, and other single effects beside it in turn."""
+    expected = [effect for effect in tries.catalogue if effect.expected and effect.slug not in best.slugs]
+    bases = [best]
+    if len(best.effects) == 1:
+        first = {trial.slugs: trial for trial in sorted(singles, key=lambda trial: trial.gain)}
+        near = [trial for trial in first.values() if trial.gain >= _FAR_BEHIND * best.gain]
+        others = [trial for trial in reversed(near) if trial.unexpected and trial.slugs != best.slugs]
+        bases += others[:_BESIDE_EXPECTED]
+    answer: list[Trial] = []
+    for base in bases if expected else ():
+        answer += tries.attempt(base, tries.weigh(base, expected), EXPECTED_ASKED_FOR)
+    alone = max((trial for trial in singles if not trial.unexpected), key=lambda trial: trial.gain, default=best)
+    if len(best.effects) == 1 and alone.slugs != best.slugs and alone.gain >= EXPECTED_ASKED_FOR:
+        answer += _nested_beside(tries, alone, best.slugs | alone.slugs)
     return answer
 
 
@@ -298,8 +342,11 @@ def _anchored(problem: Problem, textbook: Trial, singles: Sequence[Trial]) -> Tr
 def surplus(best: Trial, larger: Trial) -> float:
     """Nats that a larger set gains on a set, less those that it has to.
 
-    What is beyond anything published (`Trial.unheard_of`) is asked no share: it stands in for more than one effect.
+    What is beyond anything published (`Trial.unheard_of`) is asked no share: it stands in for more than one effect. Of
+    what the vehicle's description announces little is asked: one effect beside the vehicle's lugs is no more than one.
     """
+    if len(larger.unexpected) <= len(best.unexpected):
+        return larger.gain - best.gain - max(EXPECTED_ASKED_FOR, of_no_effect(best, larger))
     asked = ASKED_FOR if best.unheard_of else _FURTHER_ASKED_FOR
     if _further_place(best, larger):
         asked = _PLACE_ASKED_FOR

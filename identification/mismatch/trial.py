@@ -19,6 +19,12 @@ from .textbook import fit_textbook
 ASKED_FOR = 12.0
 """An effect is added where it gains more than this many nats on held-out blocks."""
 
+EXPECTED_ASKED_FOR = 5.0
+"""As much of an effect that the vehicle's description announces, beside others [nats]."""
+
+UNHEARD_OF = 8.0
+"""Nats against a set with parameters beyond what was published (`Trial.unheard_of`)."""
+
 TEMPERATURE, _FORMS_DIFFER, _MOST_DIFFER = 2.5, 0.003, 3.5
 """Held-out nats that make one unit of log-odds: scores of look-alikes differ by chance, and the more is gained, by how
 published forms of one effect differ, here as a share of it [-] and at most [nats]. From the study's training recordings
@@ -57,6 +63,11 @@ class Trial:
     def slugs(self) -> frozenset[str]:
         """Public names of the effects."""
         return frozenset(effect.slug for effect in self.effects)
+
+    @property
+    def unexpected(self) -> frozenset[str]:
+        """Public names of those that the vehicle's description does not announce."""
+        return frozenset(effect.slug for effect in self.effects if not effect.expected)
 
     @property
     def names(self) -> frozenset[str]:
