@@ -98,7 +98,7 @@ def assemble(
             *_repeated(repeated),
             *_crossed_once(best),
             *(effect.remark for effect in best.effects if effect.remark),
-            *(f"{reason}: it is believed in no more than half" for reason in doubted),
+            *([f"{'; '.join(doubted)}: it is believed in no more than half"] if doubted else []),
         ),
         rows=_rows(problem, before, after, chosen.fitted),
         simulator=best.fitted.model,

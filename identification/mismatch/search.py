@@ -150,8 +150,7 @@ class _Tries:
         best = unique.get(best.names, best)
         alike = [trial for trial in unique.values() if _as_large(trial, best)]
         if best.unheard_of:
-            unit = temperature(best.gain) + UNHEARD_OF
-            enough = max(ASKED_FOR, best.gain - unit)
+            enough = max(ASKED_FOR, best.gain - max(UNHEARD_OF, temperature(best.gain)))
             heard_of = [trial for trial in alike if not trial.unheard_of and trial.gain > enough]
             best = max(heard_of, key=lambda trial: trial.gain, default=best)
         near = [trial for trial in alike if best.gain - trial.gain < temperature(best.gain)]
