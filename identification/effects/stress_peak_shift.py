@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from ..wheel_soil import PEAK_SHARE
@@ -12,16 +10,15 @@ from .effect import Contact, Drive, Effect, Parameter, Situation
 _BRAKED = 0.02
 """Share of samples with negative slip from which on it matters what braked wheels do [-]."""
 
-_PUBLISHED, _PUBLISHED_MOVE = (0.1, 0.6), (-math.inf, 0.5)
-"""Wong & Reece (1967) have 0.18 on loose and 0.43 on compact sand, others up to midway [-], and 0.32 to 0.41 of slip
-[-], others less; with room."""
+_PUBLISHED = (0.1, 0.6)
+"""Wong & Reece (1967) have 0.18 on loose and 0.43 on compact sand, others up to midway [-]; with room."""
 
 _MOVES = 0.25
 """Least a1 that was published with an a0 so much below midway, as a share of that [-], with room: Wong & Reece (1967)
 have 0.32 with a0 = 0.18 on loose sand, a share of 1, and more on others."""
 
 _A0 = Parameter("a0", "", 0.05, 0.95, 0.45, 0.12, PEAK_SHARE, published=_PUBLISHED)
-_A1 = Parameter("a1", "", -0.8, 0.9, 0.15, 0.3, published=_PUBLISHED_MOVE)
+_A1 = Parameter("a1", "", -0.8, 0.9, 0.15, 0.3)
 
 
 class StressPeakShift(Effect):

@@ -145,7 +145,8 @@ def _missing(problem: Problem, found: Search, naming: Naming, remaining: SmoothC
                         answer.append(_named(rivals[slug], other, share, others, tell))
                     elif other.expected and other.slug not in {each.effect for each in answer}:
                         beside = naming.effects.get(other.slug, 0.0)
-                        answer.append(_named(rivals[slug], other, beside, (), ""))
+                        if beside >= MENTIONED:
+                            answer.append(_named(rivals[slug], other, beside, (), ""))
     # What may be nothing at all is not a finding; beside an effect it is a rival.
     if remaining.terms and naming.unknown > (MENTIONED if answer else 0.5):
         answer.append(_unknown(naming, remaining))

@@ -87,9 +87,9 @@ def at_odds(problem: Problem, search: Search) -> bool:
     """Say whether errors on held-out rows speak against the chosen set: it makes errors likelier, but not small."""
     if not search.chosen.effects:
         return False
-    before, after = (
-        np.sqrt(np.nanmean(trial.held_out.residuals**2, axis=0)) for trial in (search.textbook, search.chosen)
-    )
+    pair = [trial.held_out.residuals for trial in (search.textbook, search.chosen)]
+    both = np.isfinite(pair[0]) & np.isfinite(pair[1])
+    before, after = (np.sqrt(np.nanmean(np.where(both, each, np.nan) ** 2, axis=0)) for each in pair)
     floor = np.array([noise_floor(problem, search.chosen.fitted, each) for each in range(len(problem.answers))])
     good = (before > 0.0) & (after > 0.0)
     if not good.any():
@@ -117,7 +117,7 @@ def asks_for_more(search: Search, repeated: float) -> bool:
     chosen = search.chosen
     if not chosen.effects:
         return False
-    least = _INCOMPLETE if len(chosen.effects) == 1 else ASKED_FOR
+    least = _INCOMPLETE if sum(not effect.expected for effect in chosen.effects) < 2 else ASKED_FOR
     larger = [trial for trial in search.trials if len(trial.effects) == len(chosen.effects) + 1]
     return any(each.gain - chosen.gain >= max(least * repeated, of_no_effect(chosen, each)) for each in larger)
 
@@ -214,14 +214,18 @@ def _stretches(values: np.ndarray, stretch: np.ndarray) -> list[np.ndarray]:
     return [each for each in np.split(values, ends) if len(each) > 2]
 
 
+def _asked(smaller: Trial, larger: Trial) -> float:
+    """Nats that have to lie between two sets: little where they differ by what the vehicle announces."""
+    only_expected = smaller.effects and smaller.unexpected == larger.unexpected
+    return EXPECTED_ASKED_FOR if only_expected else ASKED_FOR
+
+
 def warranted(search: Search, repeated: float) -> Search:
     """Give the search with a chosen set that still has evidence enough once `repeated` rows count as one."""
     chosen = search.chosen
     while chosen.effects:
         smaller = [search.textbook, *(trial for trial in search.trials if trial.slugs < chosen.slugs)]
-        next_best = max(smaller, key=lambda trial: trial.gain)
-        asked = ASKED_FOR if len(next_best.unexpected) < len(chosen.unexpected) else EXPECTED_ASKED_FOR
-        if chosen.gain - next_best.gain >= asked * repeated:
+        if all(chosen.gain - trial.gain >= _asked(trial, chosen) * repeated for trial in smaller):
             break
-        chosen = next_best
+        chosen = max(smaller, key=lambda trial: trial.gain)
     return search if chosen is search.chosen else replace(search, chosen=chosen)

@@ -26,6 +26,11 @@ from .simulated import as_differences, attach
 from .smooth_correction import SmoothCorrection, smooth_correction
 from .trial import ASKED_FOR, Trial, situation, textbook_trial
 
+_GROUND_OF_ITS_OWN = (
+    "each pass is taken to be on ground of its own: what passes differ by is explained as well by that as by anything "
+    "that was found with the same ground in all"
+)
+
 
 def explain(
     recording: Recording | str | Path,
@@ -82,9 +87,11 @@ def explain(
         problem, textbook = textbook_trial(samples, known)
         considered = SLUGS if catalogue is None else tuple(catalogue)
         found, remaining = _sought(problem, textbook, considered, tell)
+        notes = rows.problems
         if other := _on_other_ground(samples, known, found, remaining):
             problem, textbook = other
             found, remaining = _sought(problem, textbook, considered, tell)
+            notes = (*notes, _GROUND_OF_ITS_OWN)
         repeated = repetition(problem, found, remaining.innovations)
         fewer = warranted(found, repeated)
         if fewer is not found:
@@ -99,7 +106,7 @@ def explain(
         regions = locate(problem, found.chosen.fitted)
     return assemble(
         problem, found, naming, remaining, regions, source=str(opened.source), seed=seed, began=began,
-        problems=rows.problems, simulated=own, repeated=repeated, doubted=against,
+        problems=notes, simulated=own, repeated=repeated, doubted=against,
     )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit
 
-from .search import MOST_ASKED_FOR, Search
+from .search import MOST_ASKED_FOR, Search, surplus
 from .trial import ASKED_FOR, TEMPERATURE, UNHEARD_OF, Trial, temperature
 
 UNKNOWN = "unknown"
@@ -99,8 +99,8 @@ def name(
     against = [PENALTY * max(len(trial.unexpected), 1) + UNHEARD_OF * bool(trial.unheard_of) for trial in search.trials]
     score = np.array([trial.gain for trial in search.trials]) / repeated - np.array(against)
     # No more effects than held-out data ask for: larger sets that were tried and turned down have no say.
-    admitted = np.array([_no_larger(trial, chosen) for trial in search.trials], dtype=bool)
-    tolerated = min(_TOLERATED * gained, _MOST_TOLERATED / max(len(chosen.effects), 1))
+    admitted = np.array([_no_larger(trial, search) for trial in search.trials], dtype=bool)
+    tolerated = min(_TOLERATED * gained, _MOST_TOLERATED / max(len(chosen.unexpected), 1))
     doubt = remaining - max(REMAINS, tolerated)
     top = max(0.0, float(np.max(score[admitted], initial=0.0)))
     unit = temperature(gained)
@@ -124,9 +124,16 @@ def name(
     return Naming(effects, unknown, look_alikes, weights)
 
 
-def _no_larger(trial: Trial, chosen: Trial) -> bool:
-    """Say whether a set has no more effects than what is chosen, those aside that the vehicle announces."""
-    return len(trial.effects) <= max(len(chosen.effects), 1) or len(trial.unexpected) <= len(chosen.unexpected)
+def _no_larger(trial: Trial, search: Search) -> bool:
+    """Say whether a set has no more effects than what is chosen, those aside that the vehicle announces and that gain
+    beside the others what is asked of them.
+    """
+    chosen = search.chosen
+    if len(trial.effects) <= max(len(chosen.effects), 1):
+        return True
+    bare = [each for each in search.trials if each.slugs == trial.unexpected]
+    earned = all(surplus(each, trial) >= 0.0 for each in bare)
+    return len(trial.unexpected) <= len(chosen.unexpected) and not trial.slugs > chosen.slugs and earned
 
 
 def _nearly(chosen: Trial, repeated: float) -> float:
@@ -172,8 +179,13 @@ def instead(search: Search, slug: str) -> dict[str, Trial]:
             other = own - (ours - {slug})
             if slug in ours and len(own) == len(ours) and len(other) == 1 and slug not in own:
                 name = next(iter(other))
-                best[name] = max(best.get(name, trial), trial, key=lambda each: each.gain)
+                best[name] = max(best.get(name, trial), trial, key=_counted)
     return best
+
+
+def _counted(trial: Trial) -> float:
+    """Nats that a set gains, less those against what nobody has published."""
+    return trial.gain - UNHEARD_OF * bool(trial.unheard_of)
 
 
 def why_not(trial: Trial, search: Search, repeated: float) -> str:
@@ -186,8 +198,12 @@ def why_not(trial: Trial, search: Search, repeated: float) -> str:
     behind = chosen.gain - trial.gain
     if behind < -MOST_ASKED_FOR:
         return f"gains {-behind:.0f} nats more, but neighbouring rows repeat each other: not so many count"
-    if len(trial.effects) > len(chosen.effects):
+    if trial.slugs > chosen.slugs:
         return f"adds too little to what is chosen ({-behind:+.1f} nats)"
+    if len(trial.unexpected) > len(chosen.unexpected):
+        return f"more effects for too little ({-behind:+.1f} nats)"
+    if behind < 0.0 and trial.unheard_of:
+        return f"{-behind:.1f} nats more, but with {' and '.join(trial.unheard_of)}, beyond what has been published"
     if behind < 0.0:
         return f"as good: {-behind:.1f} nats more, but larger errors on held-out rows"
     if behind < _nearly(chosen, repeated):

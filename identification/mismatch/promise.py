@@ -24,7 +24,7 @@ def promised_by(problem: Problem, base: Trial, effect: Effect) -> float:
     if effect.nested:
         return promise(problem, base, effect)
     # Three together are not asserted: what only fits tell is not worth them there.
-    if len(base.effects) > 1:
+    if len(base.unexpected) > 1:
         return -np.inf
     # Alone, and where the ground's variation would explain a place first, only a fit tells.
     return _glimpse(problem, base, effect) if base.effects and not effect.local else np.inf

@@ -227,9 +227,12 @@ def _lanes(drive: Drive) -> np.ndarray:
 
 def passes_apart(samples: Samples) -> Samples:
     """Give the samples with each pass on ground of its own, as where the pass before has stirred it."""
-    if not np.isfinite(samples.drive.place_m).all():
+    number = samples.drive.pass_number
+    if not (np.isfinite(samples.drive.place_m).all() and np.isfinite(number).all()):
         return samples
-    return replace(samples, lane=_lanes(replace(samples.drive, pass_number=np.ones(len(samples)))))
+    changes = np.concatenate([[0], np.cumsum(np.diff(number) != 0.0)])
+    lane = np.unique(np.stack([samples.lane, changes]), axis=1, return_inverse=True)[1]
+    return replace(samples, lane=lane.reshape(-1))
 
 
 def _without_gross_errors(
@@ -356,15 +359,17 @@ def _blocked(samples: Samples) -> Samples:
             block = block * _BLOCKS // number
             split = "groups of neighbouring runs"
         return replace(samples, block=block, split=f"{block.max() + 1} {split} held out in turn")
-    level = levels(drive.slip, widest=_WIDEST)
-    what = "slips"
-    if level.max() < 2:
-        level, what = levels(drive.load_N / float(np.max(drive.load_N)), widest=_WIDEST), "loads"
-    if level.max() < 2:
-        level, what = np.arange(count) * min(_BLOCKS, count) // count, "groups of trials"
-    elif level.max() >= _BLOCKS:
+    level, split = np.arange(count) * min(_BLOCKS, count) // count, "groups of trials held out in turn"
+    for name, values in (("slips", drive.slip), ("loads", drive.load_N / float(np.max(drive.load_N)))):
+        apart = levels(values)
+        if apart.max() >= 2:
+            level, split = levels(values, widest=_WIDEST), f"{name} held out in turn, all their repeats together"
+            if level.max() > apart.max():
+                split = f"groups of like {name} held out in turn"
+            break
+    if level.max() >= _BLOCKS:
         level = level * _BLOCKS // (level.max() + 1)
-    return replace(samples, block=level, split=f"{level.max() + 1} {what} held out in turn, all their repeats together")
+    return replace(samples, block=level, split=f"{level.max() + 1} {split}")
 
 
 def levels(values: np.ndarray, apart: float = 0.03, widest: float = math.inf) -> np.ndarray:

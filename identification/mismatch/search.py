@@ -150,7 +150,7 @@ class _Tries:
         best = unique.get(best.names, best)
         alike = [trial for trial in unique.values() if _as_large(trial, best)]
         if best.unheard_of:
-            enough = max(ASKED_FOR, best.gain - max(UNHEARD_OF, temperature(best.gain)))
+            enough = max(ASKED_FOR, best.gain - UNHEARD_OF)
             heard_of = [trial for trial in alike if not trial.unheard_of and trial.gain > enough]
             best = max(heard_of, key=lambda trial: trial.gain, default=best)
         near = [trial for trial in alike if best.gain - trial.gain < temperature(best.gain)]
@@ -225,7 +225,8 @@ def _named(base: Trial, effect: Effect) -> str:
 
 def _larger(tries: _Tries, singles: Sequence[Trial], best: Trial) -> list[Trial]:
     """Try one more effect beside the best set; beside other forms of a single effect, and the runner-up, too."""
-    promised = tries.weigh(best, tries.others(best.slugs) + tries.laid_out(best))
+    effects = tries.others(best.slugs) + tries.laid_out(best)
+    promised = tries.weigh(best, [effect for effect in effects if not effect.expected])
     answer = tries.attempt(best, promised)
     answer += _beside_expected(tries, singles, best)
     if len(best.effects) != 1:
@@ -249,8 +250,8 @@ def _beside_expected(tries: _Tries, singles: Sequence[Trial], best: Trial) -> li
     if len(best.effects) == 1:
         first = {trial.slugs: trial for trial in sorted(singles, key=lambda trial: trial.gain)}
         near = [trial for trial in first.values() if trial.gain >= _FAR_BEHIND * best.gain]
-        others = [trial for trial in reversed(near) if trial.unexpected and trial.slugs != best.slugs]
-        bases += others[:_BESIDE_EXPECTED]
+        others = [trial for trial in near if trial.unexpected and trial.slugs != best.slugs]
+        bases += sorted(others, key=lambda trial: -trial.gain)[:_BESIDE_EXPECTED]
     answer: list[Trial] = []
     for base in bases if expected else ():
         answer += tries.attempt(base, tries.weigh(base, expected), EXPECTED_ASKED_FOR)

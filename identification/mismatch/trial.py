@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,12 +53,14 @@ class Trial:
 
     `gain` over the textbook wheel [nats] is the lesser of that on held-out blocks and that in the fit: a wrong model
     may fail wildly on a block that the others do not foresee, and what merely calms that failure explains nothing.
+    `soil_unheard_of` says, in words, how the soil beside the effects is unlike any that was measured.
     """
 
     effects: tuple[Effect, ...]
     fitted: Fitted
     held_out: HeldOut
     gain: float
+    soil_unheard_of: tuple[str, ...] = ()
 
     @property
     def slugs(self) -> frozenset[str]:
@@ -83,14 +86,18 @@ class Trial:
             for effect, where in self.fitted.model.slices()
             for beyond in effect.unheard_of(self.fitted.vector[where], sd[where])
         )
-        soil = unheard_of_soil(self.fitted.vector[:SOIL_COUNT], sd[:SOIL_COUNT]) if self.effects else ()
-        return beyond + soil
+        return beyond + self.soil_unheard_of
 
 
-def unheard_of_soil(vector: np.ndarray, sd: np.ndarray) -> tuple[str, ...]:
-    """Say, in words, how a soil (5,), internal, known to its standard deviations, is unlike any that was measured."""
+def unheard_of_soil(vector: np.ndarray, sd: np.ndarray, known: Iterable[str] = ()) -> tuple[str, ...]:
+    """Say, in words, how a soil (5,), internal, known to its standard deviations, is unlike any that was measured.
+
+    What is `known` of it from elsewhere was.
+    """
     beyond = []
     for name, (low, high) in PUBLISHED.items():
+        if name in known:
+            continue
         index = PARAMETERS.index(name)
         at, least, most = vector[index], to_internal(name, low), to_internal(name, high)
         away = max(least - at, at - most)
@@ -218,7 +225,9 @@ def _trial(
 ) -> Trial:  # fmt: skip
     gain = min(held.gain(textbook.held_out)[0], fitted.score - textbook.fitted.score)
     gain -= sum(effect.sought for effect in effects) + _of_quiet(problem, fitted)
-    return Trial(effects, fitted, held, gain)
+    sd = np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))
+    unlike = unheard_of_soil(fitted.vector[:SOIL_COUNT], sd[:SOIL_COUNT], problem.known.values)
+    return Trial(effects, fitted, held, gain, unlike)
 
 
 def less(trial: Trial, dropped: Effect) -> tuple[AugmentedWheel, np.ndarray]:

@@ -101,17 +101,18 @@ def _statement(each: Missing) -> str:
 
 def _kinds(rivals: list[Missing]) -> str:
     """Say whether rivals agree on its being physics or a fault, and else how likely each is."""
+    listed = {each.effect for each in rivals}
+    if len(rivals) < 2 or any(listed - {each.effect, *each.indistinguishable_from} for each in rivals):
+        return ""  # more than one effect is missing, or something unknown
     physics, fault = (
         sum(each.probability for each in rivals if each.kind == kind) for kind in ("physics", "instrument")
     )
-    if len(rivals) < 2 or physics + fault > 1.0:  # more than one effect is missing: these are no rivals
-        return ""
     if physics and fault:
         return (
             f"That it is physics has {readable.percent(physics)}, that it is a fault of an instrument or of what is "
             f"configured {readable.percent(fault)}."
         )
-    if any(each.kind == "unknown" for each in rivals):
+    if physics + fault < ASSERTED:
         return ""
     return f"Whichever it is, it is {'physics' if physics else 'a fault of an instrument or of what is configured'}."
 

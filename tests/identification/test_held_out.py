@@ -164,3 +164,8 @@ def test_levels_keep_repeats_together_and_chains_apart():
     assert level.max() + 1 >= 5
     assert all(np.ptp(scattered[level == each]) <= 0.09 for each in range(level.max() + 1))
     assert np.all(np.diff(level[np.argsort(scattered)]) >= 0)
+    # Repeats within a chain stay together where the gaps between set points are the widest.
+    chain = np.repeat([0.0, 0.028, 0.056, 0.084, 0.112, 0.14], 4) + 0.0005 * rng.normal(size=24)
+    divided = levels(chain, widest=0.09).reshape(6, 4)
+    assert divided.max() >= 1
+    assert np.all(divided == divided[:, :1])

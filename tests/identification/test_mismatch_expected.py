@@ -10,9 +10,10 @@ from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.grousers import LugRadius
 from bevameter.identification.identify import felt_rows, open_recording
+from bevameter.identification.mismatch import search as module
 from bevameter.identification.mismatch.answer import assemble
 from bevameter.identification.mismatch.evidence import warranted
-from bevameter.identification.mismatch.naming import instead, name
+from bevameter.identification.mismatch.naming import instead, name, why_not
 from bevameter.identification.mismatch.samples import gather
 from bevameter.identification.mismatch.search import Search, _Tries, search, surplus
 from bevameter.identification.mismatch.smooth_correction import SmoothCorrection
@@ -67,12 +68,33 @@ def test_one_effect_beside_lugs_and_another_alone_are_rivals(made):
     assert {each.effect for each in answer.missing} == {"stress_peak_shift", "slip_sinkage", "grousers"}
 
 
+def test_lugs_that_were_turned_down_have_no_say(made):
+    _, textbook, alone, lugs, _ = made
+    sinks, lugs = gaining(alone["slip_sinkage"], 60.0), gaining(lugs, 64.5)
+    naming = name(Search(textbook, (sinks, lugs), (), sinks), 0.0)
+    assert "grousers" not in naming.effects or naming.effects["grousers"] == 0.0
+    assert naming.effects["slip_sinkage"] > 0.9
+    assert why_not(lugs, Search(textbook, (sinks, lugs), (), sinks), 1.0).startswith("adds too little")
+    # Beside another effect they count only where they earned their place there.
+    peak = gaining(alone["stress_peak_shift"], 62.0)
+    naming = name(Search(textbook, (peak, sinks, lugs), (), peak), 0.0)
+    assert naming.effects["grousers"] == 0.0
+    naming = name(Search(textbook, (peak, gaining(sinks, 50.0), lugs), (), peak), 0.0)
+    assert naming.effects["grousers"] > 0.3
+
+
 def test_lugs_that_gain_little_are_kept_beside_what_is_found(made):
     _, textbook, alone, lugs, sensor = made
     sinks = gaining(alone["slip_sinkage"], 60.0)
     assert warranted(Search(textbook, (sinks,), (), gaining(lugs, 67.0)), 1.0).chosen.slugs == lugs.slugs
     assert warranted(Search(textbook, (sinks,), (), gaining(lugs, 67.0)), 2.0).chosen is sinks
     assert warranted(Search(textbook, (sinks,), (), gaining(sensor, 67.0)), 1.0).chosen is sinks
+    # Each of the two has to earn its place, and lugs alone as much as any effect.
+    only_lugs = replace(lugs, effects=lugs.effects[1:], gain=50.0)
+    both = Search(textbook, (gaining(sinks, 59.0), only_lugs), (), gaining(lugs, 70.0))
+    assert warranted(both, 1.0).chosen is both.chosen
+    assert warranted(both, 2.0).chosen.slugs == {"slip_sinkage"}
+    assert warranted(Search(textbook, (), (), replace(only_lugs, gain=20.0)), 3.0).chosen is textbook
 
 
 def test_what_nobody_published_gives_way_to_an_effect_beside_lugs(made):
@@ -83,7 +105,10 @@ def test_what_nobody_published_gives_way_to_an_effect_beside_lugs(made):
     peak = replace(peak, fitted=replace(peak.fitted, vector=vector), gain=60.0)
     for nats, chosen in ((56.0, {"slip_sinkage", "grousers"}), (45.0, {"stress_peak_shift"})):
         tries = _Tries(problem, textbook, (), print, [peak, gaining(lugs, nats), gaining(sensor, nats)])
-        assert tries.ended(peak).chosen.slugs == chosen
+        ended = tries.ended(peak)
+        assert ended.chosen.slugs == chosen
+    tries = _Tries(problem, textbook, (), print, [peak, gaining(lugs, 56.0)])
+    assert "a0 = 0.75, beyond what has been published" in why_not(peak, tries.ended(peak), 1.0)
 
 
 def test_lugs_are_tried_beside_what_is_found(made):
@@ -91,5 +116,21 @@ def test_lugs_are_tried_beside_what_is_found(made):
     effects = [*effects_for(situation(problem, textbook.fitted), ["slip_sinkage"]), LugRadius(0.01, its_slip=True)]
     found = search(problem, textbook, effects)
     assert found.chosen.slugs == {"slip_sinkage"}
-    considered = {trial.slugs for trial in found.trials} | {frozenset(each[0].split(" + ")) for each in found.passed}
-    assert any("grousers" in str(sorted(each)) and len(each) > 1 for each in considered)
+    considered = [trial.names for trial in found.trials] + [frozenset(each.split(" + ")) for each, _ in found.passed]
+    beside = [names for names in considered if len(names) > 1 and any("grousers" in each for each in names)]
+    assert beside
+    assert len(set(beside)) == len(beside)
+
+
+def test_lugs_are_tried_beside_the_effects_that_gain_most_in_any_form(made, monkeypatch):
+    """An effect with a form that gains little comes as early as its best form is good."""
+    problem, textbook, alone, _, sensor = made
+    sinks, peak = alone["slip_sinkage"], alone["stress_peak_shift"]
+    lugs = LugRadius(0.01, its_slip=True)
+    tried = []
+    monkeypatch.setattr(module._Tries, "weigh", lambda _self, base, effects: tried.append(base) or [])
+    monkeypatch.setattr(module, "_BESIDE_EXPECTED", 1)
+    singles = [gaining(sinks, 30.0), gaining(peak, 70.0), gaining(sinks, 90.0)]
+    best = replace(sensor, effects=sensor.effects[1:], gain=100.0)
+    module._beside_expected(module._Tries(problem, textbook, (lugs,), print), singles, best)
+    assert [(base.slugs, base.gain) for base in tried] == [({"torque_gain"}, 100.0), ({"slip_sinkage"}, 90.0)]

@@ -122,12 +122,15 @@ def test_rivals_are_summed_up_as_physics_or_fault():
     both = summarise(cannot_tell())
     assert "physics has 55 %, that it is a fault of an instrument or of what is configured 42 %." in both
     first, second = cannot_tell().missing
-    alike = replace(cannot_tell(), missing=(first, replace(second, effect="bulldozing", kind="physics")))
+    one = replace(first, indistinguishable_from=("bulldozing",))
+    alike = replace(cannot_tell(), missing=(one, replace(second, effect="bulldozing", kind="physics")))
     assert "Whichever it is, it is physics." in summarise(alike)
+    doubted = tuple(replace(each, probability=0.24) for each in alike.missing)
+    assert "Whichever" not in summarise(replace(alike, missing=doubted)), "it may be neither"
     beside = replace(cannot_tell(), missing=(first, replace(second, kind="unknown", effect="unknown")))
     assert "physics has" not in summarise(beside)
     assert "Whichever" not in summarise(beside)
-    two = replace(cannot_tell(), missing=(first, replace(second, probability=0.7)))
+    two = replace(cannot_tell(), missing=(replace(first, indistinguishable_from=()), second))
     assert "physics has" not in summarise(two), "both may be missing"
 
 

@@ -117,12 +117,13 @@ def test_a_hump_starts_from_the_soil_whose_stress_rises_as_fast():
     ("a0", "a1", "sd", "beyond"),
     [
         (0.3, 0.3, 0.01, ()), (0.5, 0.1, 0.01, ()), (0.9, 0.1, 0.01, ("a0 = 0.9",)),
+        (0.59, 0.1, 0.01, ()), (0.62, 0.1, 0.01, ("a0 = 0.62",)), (0.5, 0.55, 0.01, ()),
         (0.25, 0.0, 0.01, ("a0 = 0.25 beside a1 = 0",)), (0.25, 0.0, 0.05, ()),
         (0.5, -0.1, 0.01, ("a0 = 0.5 beside a1 = -0.1",)),
     ],
 )  # fmt: skip
 def test_a_peak_where_nobody_has_seen_one_is_told(trials, a0, a1, sd, beyond):
-    """Far behind midway and not moved by slip is as unheard of as beyond 0.7; unless slip hardly varies to tell it."""
+    """Far behind midway and not moved by slip is as unheard of as beyond 0.6; unless slip hardly varies to tell it."""
     problem, textbook, forms = trials(3, ("stress_peak_shift",), "hidden", "steady")
     trial = try_adding(problem, textbook, textbook, forms("stress_peak_shift")["stress_peak_shift"])
     vector, covariance = trial.fitted.vector.copy(), trial.fitted.covariance.copy()
@@ -146,3 +147,4 @@ def test_a_soil_unlike_any_that_was_measured_is_told(c_kPa, phi_deg, sd_deg, n, 
     vector = np.array([1e3 * c_kPa, np.tan(np.radians(phi_deg)), np.log(0.01), 12.0, np.log(n)])
     told = unheard_of_soil(vector, np.array([100.0, np.radians(sd_deg), 0.1, 0.1, sd_n]))
     assert told == tuple(f"a soil with {each}" for each in beyond)
+    assert unheard_of_soil(vector, np.array([100.0, np.radians(sd_deg), 0.1, 0.1, sd_n]), ("phi_rad", "n")) == ()

@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bevameter import Vehicle, Wheel, explain
+from bevameter.identification.identify import felt_rows, open_recording
+from bevameter.identification.mismatch.samples import gather, passes_apart
 from bevameter.identification.wheel_soil import Soil, equilibrium
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.15)
@@ -60,3 +62,18 @@ def test_ground_that_varies_anew_in_each_pass_is_no_compaction(tmp_path, same_gr
     vehicle = Vehicle(name="made", wheels=(WHEEL,))
     answer = explain(path, vehicle=vehicle, catalogue=["multipass_compaction"])
     assert answer.verdict == verdict
+    assert any("ground of its own" in note for note in answer.notes) != same_ground
+
+
+def test_passes_lie_apart_whichever_way_they_are_driven(tmp_path):
+    opened = open_recording(
+        two_passes(tmp_path, same_ground=True, compaction=0.0), Vehicle(name="made", wheels=(WHEEL,))
+    )
+    rows = felt_rows(opened)
+    samples = gather(rows.table, rows.wheel, rows.vehicle)
+    second = samples.drive.pass_number == 2
+    assert not samples.lane.any()
+    there_and_back = np.where(second, samples.drive.place_m[::-1], samples.drive.place_m)
+    for place in (samples.drive.place_m, there_and_back):
+        apart = passes_apart(replace(samples, drive=replace(samples.drive, place_m=place)))
+        assert np.array_equal(apart.lane, second)
