@@ -32,8 +32,8 @@ _MOST_TOLERATED = 90.0
 REMAINS = 25.0
 """Nats that a smooth correction has to add before something unknown is spoken of: of 377 of the study's recordings in
 which one effect was found one left more, of 23 that left anything once the true effect was taken out 22 did. Up to
-what is tolerated a set is doubted and no more: of 348 right answers (seeds 170000 and 200000) two left so much, of 25
-wrong ones without the true effect three."""
+what is tolerated a set is doubted and no more (`evidence.doubts`): of 348 right answers (seeds 170000 and 200000) two
+left so much, both little of what they gained."""
 
 _UNTHOUGHT_OF = 0.035
 """Least probability of something that the catalogue lacks [-]: of what was stated of the study's recordings three in a

@@ -76,17 +76,19 @@ def test_an_effect_that_leaves_much_is_doubted_however_much_it_gains(searched):
     assert name(Search(found.textbook, (pair,), (), pair), 70.0).unknown > 0.95
 
 
-@pytest.mark.parametrize(("remaining", "repeated", "sure"), [(20.0, 1.0, True), (40.0, 1.0, False), (40.0, 2.0, True)])
+@pytest.mark.parametrize(("remaining", "repeated", "sure"), [(20.0, 1.0, True), (40.0, 1.0, False), (45.0, 3.0, True)])
 def test_what_leaves_something_is_believed_in_no_more_than_half(searched, remaining, repeated, sure):
     """Less than is tolerated of a form, but more than right effects leave: no effect is asserted."""
     problem, found = searched
-    alone = Trial(found.chosen.effects, found.chosen.fitted, found.chosen.held_out, 1e4)
+    alone = Trial(found.chosen.effects, found.chosen.fitted, found.chosen.held_out, 800.0)
     only = Search(found.textbook, (alone,), (), alone)
     against = doubts(problem, only, remaining, repeated)
     assert any("leaves more" in reason for reason in against) != sure
     naming = name(only, remaining, repeated=repeated, doubted=bool(against))
     assert (naming.effects["slip_sinkage"] > ASSERTED) == sure
     assert doubts(problem, Search(found.textbook, (alone,), (), found.textbook), remaining, repeated) == ()
+    much = replace(alone, gain=1200.0)
+    assert doubts(problem, Search(found.textbook, (much,), (), much), 40.0, 1.0) == (), "a share of what is gained"
 
 
 def test_one_of_two_that_are_alike_is_told_beside_what_is_sure(searched):
