@@ -111,6 +111,8 @@ class Situation:
         What the textbook wheel leaves of each channel, in units of its noise; NaN where not observed.
     c_Pa, tan_phi
         The soil that the textbook wheel fits.
+    places
+        Parameter vectors at which to look for another soil along the track, where somebody laid them out.
     """
 
     wheel: Wheel
@@ -120,6 +122,7 @@ class Situation:
     residuals: np.ndarray
     c_Pa: float
     tan_phi: float
+    places: tuple[np.ndarray, ...] = ()
 
     def seen(self, *channels: int) -> bool:
         """Say whether one of the channels, by number, was observed."""
@@ -217,7 +220,7 @@ class Effect:
         return None
 
     def variants(self) -> list[Effect]:
-        """Give the same effect with other constants, which are tried once it is found."""
+        """Give the same effect with other constants, which are tried once it is found, the likeliest first."""
         return []
 
     def impose(self, imposed: np.ndarray, drive: Drive, values: np.ndarray) -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from ..effects.effect import LOAD, SLIP, Effect, Situation
 from ..forward import from_internal, to_internal
 from .fitting import Fitted, Problem, fit
 from .held_out import HeldOut, hold_out
+from .places import stretches_apart
 from .samples import Samples, quietness
 from .textbook import fit_textbook
 
@@ -43,9 +45,6 @@ _BEYOND = 1.64
 _TOLD = 0.125
 """Standard deviation, as a share of what was published, up to which data tell a soil's parameter at all [-]."""
 
-_LAID_OUT = 15
-"""Iterations by which a place along the track is laid out."""
-
 
 @dataclass(frozen=True)
 class Trial:
@@ -53,7 +52,9 @@ class Trial:
 
     `gain` over the textbook wheel [nats] is the lesser of that on held-out blocks and that in the fit: a wrong model
     may fail wildly on a block that the others do not foresee, and what merely calms that failure explains nothing.
-    `soil_unheard_of` says, in words, how the soil beside the effects is unlike any that was measured.
+    `soil_unheard_of` says, in words, how the soil beside the effects is unlike any that was measured, and `sharp` how
+    many nats of what a place along the track gains are lost where its edges are wide: a model that is wrong otherwise
+    leaves nothing so sharp.
     """
 
     effects: tuple[Effect, ...]
@@ -61,6 +62,7 @@ class Trial:
     held_out: HeldOut
     gain: float
     soil_unheard_of: tuple[str, ...] = ()
+    sharp: float = 0.0
 
     @property
     def slugs(self) -> frozenset[str]:
@@ -135,6 +137,7 @@ def situation(problem: Problem, textbook: Fitted) -> Situation:
         residuals,
         float(textbook.vector[0]),
         float(textbook.vector[1]),
+        stretches_apart(problem, textbook),
     )
 
 
@@ -153,33 +156,53 @@ def try_adding(
     The further it stays behind the score of a `rival`, the less exactly it is fitted and held out. A `former` trial of
     the same set takes the starts' place.
     """
-    effects = (*base.effects, effect)
-    model = AugmentedWheel(problem.samples.wheel, effects)
-    starts = starts_of(base, effect, former)
-    points = [(start, base.fitted.noise) for start in starts]
-    if effect.local and former is None:
-        points += [(_laid_out(problem, model, base, start), problem.first_noise) for start in starts]
-    several = len(points) > 1
-    fits = [
-        fit(problem, model, start, noise, base.fitted.theta_1, iterations=_SHORT if several else 25, rival=rival)
-        for start, noise in points
-    ]
-    fits.sort(key=lambda fitted: -fitted.score)
-    best = fits[0]
-    if several:
-        best = fit(problem, model, best.vector, best.noise, best.theta_1, rival=rival)
-        if best.score < base.fitted.score + ASKED_FOR:
-            # The first ones came to rest where the effect is nothing: those that have not are followed to their end.
-            slow = [each for each in fits[1:] if fits[0].score - each.score > _STILL_MOVING]
-            ended = [fit(problem, model, each.vector, each.noise, each.theta_1, rival=rival) for each in slow]
-            best = max([best, *ended], key=lambda fitted: fitted.score)
+    best = _from_starts(problem, base, effect, rival, former)
+    sharp = base.sharp
     if best.score >= base.fitted.score + ASKED_FOR:
-        for variant in effect.variants():
-            model = AugmentedWheel(problem.samples.wheel, (*base.effects, variant))
-            fitted = fit(problem, model, best.vector, best.noise, best.theta_1, rival=max(rival, best.score))
-            best = max(best, fitted, key=lambda each: each.score)
+        tried = [best]
+        for variant in best.model.effects[-1].variants():
+            model, most = AugmentedWheel(best.model.wheel, (*base.effects, variant)), max(rival, best.score)
+            tried.append(fit(problem, model, best.vector, best.noise, best.theta_1, rival=most))
+            best = max(best, tried[-1], key=_score)
+        if effect.local:
+            sharp = best.score - tried[-1].score
     behind = rival - best.score > max(_OUT_OF_REACH, _FAR_BEHIND * (rival - textbook.fitted.score))
-    return _trial(problem, textbook, best.model.effects, best, hold_out(problem, best, again=not behind))
+    held_out = hold_out(problem, best, again=not behind)
+    return replace(_trial(problem, textbook, best.model.effects, best, held_out), sharp=sharp)
+
+
+def _from_starts(problem: Problem, base: Trial, effect: Effect, rival: float, former: Trial | None) -> Fitted:
+    """Fit a set with one more effect from each of its starts."""
+    model = AugmentedWheel(problem.samples.wheel, (*base.effects, effect))
+    starts = starts_of(base, effect, former)
+    ways = [(model, base.fitted.noise)]
+    if effect.local and former is None:
+        # With the ground held to vary little at first, whose variation may have explained the place already; and with
+        # other edges, for sharp ones stay where they start.
+        other = AugmentedWheel(model.wheel, (*base.effects, effect.variants()[0]))
+        ways += [(each, problem.first_noise) for each in (model, other)]
+    theta_1, several = base.fitted.theta_1, len(starts) * len(ways) > 1
+    first = partial(fit, problem, theta_1=theta_1, iterations=_SHORT if several else 25, rival=rival)
+    fits = [max((first(each, start, noise) for each, noise in ways), key=_score) for start in starts]
+    fits.sort(key=_score, reverse=True)
+    if not several:
+        return fits[0]
+    followed = 2 if effect.local else 1
+    ended = [_to_its_end(problem, each, rival) for each in fits[:followed]]
+    if max(map(_score, ended)) < base.fitted.score + ASKED_FOR:
+        # The first ones came to rest where the effect is nothing: those that have not are followed to their end.
+        slow = [each for each in fits[followed:] if fits[0].score - each.score > _STILL_MOVING]
+        ended += [_to_its_end(problem, each, rival) for each in slow]
+    return max(ended, key=_score)
+
+
+def _score(fitted: Fitted) -> float:
+    return fitted.score
+
+
+def _to_its_end(problem: Problem, fitted: Fitted, rival: float) -> Fitted:
+    """Go on with a fit that was ended early."""
+    return fit(problem, fitted.model, fitted.vector, fitted.noise, fitted.theta_1, rival=rival)
 
 
 def starts_of(base: Trial, effect: Effect, former: Trial | None = None) -> list[np.ndarray]:
@@ -190,12 +213,6 @@ def starts_of(base: Trial, effect: Effect, former: Trial | None = None) -> list[
         again = np.concatenate([base.fitted.vector, own])
         return [former.fitted.vector, again] if effect.local or len(effect.starts()) > 1 else [again]
     return [np.concatenate([effect.beside(soil), others, start]) for start in effect.starts()]
-
-
-def _laid_out(problem: Problem, model: AugmentedWheel, base: Trial, start: np.ndarray) -> np.ndarray:
-    """Fit a place while the ground elsewhere is held to vary little: else its variation has explained it already."""
-    noise = problem.first_noise
-    return fit(problem, model, start, noise, base.fitted.theta_1, iterations=_LAID_OUT, settle=False).vector
 
 
 def _of_quiet(problem: Problem, fitted: Fitted) -> float:
@@ -243,4 +260,5 @@ def without(problem: Problem, textbook: Trial, trial: Trial, dropped: Effect) ->
         return textbook
     model, vector = less(trial, dropped)
     fitted = fit(problem, model, vector, trial.fitted.noise, trial.fitted.theta_1)
-    return _trial(problem, textbook, model.effects, fitted, hold_out(problem, fitted))
+    left = _trial(problem, textbook, model.effects, fitted, hold_out(problem, fitted))
+    return replace(left, sharp=0.0 if dropped.local else trial.sharp)

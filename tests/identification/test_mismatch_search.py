@@ -79,12 +79,17 @@ def test_a_further_effect_has_to_gain_more_the_more_is_gained_and_a_place_most(t
     assert not alone.unheard_of
     load = forms("load_gain")["load_gain"]
 
-    def asked(further, gained: float) -> float:
+    def asked(further, gained: float, sharp: float = 0.0) -> float:
         best = replace(alone, gain=gained)
-        return -surplus(best, replace(best, effects=(*best.effects, further)))
+        return -surplus(best, replace(best, effects=(*best.effects, further), sharp=sharp))
 
     assert [asked(load, gained) for gained in (100.0, 300.0, 1000.0, 4600.0)] == pytest.approx([15.0, 24.0, 40.0, 69.0])
-    assert [asked(patch, gained) for gained in (100.0, 300.0, 600.0, 1800.0)] == pytest.approx([23.0, 24.0, 40.0, 90.0])
+    assert [asked(patch, gained) for gained in (100.0, 300.0, 1800.0)] == pytest.approx([23.0, 30.0, 180.0])
+    # A place with edges is no other effect's form, nor is one that the ground varied by.
+    assert [asked(patch, gained, 13.0) for gained in (100.0, 1000.0, 4600.0)] == pytest.approx([23.0, 23.0, 69.0])
+    calm = replace(alone.fitted, noise=replace(alone.fitted.noise, spread=0.4 * alone.fitted.noise.spread))
+    larger = replace(alone, effects=(*alone.effects, patch), fitted=calm, gain=1000.0)
+    assert surplus(replace(alone, gain=1000.0), larger) == pytest.approx(-23.0)
 
 
 def test_of_two_that_do_not_earn_their_places_the_better_one_is_left(trials, monkeypatch):

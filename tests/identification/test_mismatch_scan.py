@@ -1,0 +1,100 @@
+"""Where a patch of other soil is looked for: all pairs of edges weighed at once."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bevameter import Vehicle, Wheel
+from bevameter.framework.core.recording.types import WheelTable
+from bevameter.identification.effects.catalogue import effects_for
+from bevameter.identification.effects.soil_patch import CELLS, SoilPatch
+from bevameter.identification.mismatch.places import _gains, stretches_apart
+from bevameter.identification.mismatch.samples import gather
+from bevameter.identification.mismatch.trial import situation, textbook_trial, try_adding
+from bevameter.identification.wheel_soil import Soil, equilibrium
+
+WHEEL = Wheel(radius_m=0.15, width_m=0.1)
+SOIL = Soil(c_Pa=800.0, phi_rad=math.radians(31.0), k_m=0.012, stiffness_Pa=2.5e5, n=0.95)
+ROWS, LENGTH_M = 600, 12.0
+FROM_M, TO_M = 4.1, 7.3
+
+
+def crossed(stiffer: float, variation: float, seed: int = 1, memory_m: float = 1.5):
+    """Problem and textbook trial of a drive over ground that varies by itself, stiffer over one stretch."""
+    rng = np.random.default_rng(seed)
+    place_m = np.linspace(0.0, LENGTH_M, ROWS)
+    keep = math.exp(-LENGTH_M / ROWS / memory_m)
+    ground = np.zeros(ROWS)
+    for row in range(1, ROWS):
+        ground[row] = keep * ground[row - 1] + math.sqrt(1.0 - keep**2) * variation * rng.normal()
+    ground += stiffer * ((place_m > FROM_M) & (place_m < TO_M))
+    load = 90.0 + 40.0 * np.sin(1.7 * place_m) + 15.0 * np.sin(4.3 * place_m)
+    slip = 0.3 + 0.18 * np.sin(2.9 * place_m) + 0.08 * np.sin(6.1 * place_m)
+    states = [
+        equilibrium(WHEEL, replace(SOIL, stiffness_Pa=SOIL.stiffness_Pa * math.exp(each)), load[row], slip[row])
+        for row, each in enumerate(ground)
+    ]
+    answers = np.array([(state.torque_Nm, state.sinkage_m, state.drawbar_pull_N) for state in states]).reshape(ROWS, 3)
+    answers += 0.01 * np.ptp(answers, axis=0) * rng.normal(size=answers.shape)
+    columns = {
+        "time_s": 0.1 * np.arange(ROWS), "x_m": place_m, "load_N": load + 0.5 * rng.normal(size=ROWS),
+        "slip": slip + 0.002 * rng.normal(size=ROWS),
+        **dict(zip(("torque_Nm", "sinkage_m", "drawbar_pull_N"), answers.T, strict=True)),
+    }  # fmt: skip
+    table = WheelTable(columns, None, None, "made")
+    return textbook_trial(gather(table, WHEEL, Vehicle(name="made", wheels=(WHEEL,))))
+
+
+@pytest.fixture(scope="module")
+def small_patch():
+    """A stretch that differs by three times as much as the ground varies anyway."""
+    return crossed(stiffer=0.12, variation=0.04)
+
+
+def test_a_stretch_is_seen_in_ground_that_varies_anyway(small_patch):
+    problem, textbook = small_patch
+    starts = stretches_apart(problem, textbook.fitted)
+    away = [max(abs(start[2] - FROM_M), abs(start[3] - TO_M)) for start in starts]
+    assert min(away) < 2.0 * LENGTH_M / CELLS
+    assert starts[int(np.argmin(away))][0] > 0.0
+
+
+def test_and_is_found_where_it_is(small_patch):
+    problem, textbook = small_patch
+    (patch,) = effects_for(situation(problem, textbook.fitted), ["soil_patch"])
+    trial = try_adding(problem, textbook, textbook, patch)
+    stiffer, _, start, end = trial.fitted.vector[5:]
+    assert stiffer == pytest.approx(0.12, abs=0.05)
+    assert start == pytest.approx(FROM_M, abs=0.05)
+    assert end == pytest.approx(TO_M, abs=0.05)
+    assert trial.gain > 12.0
+    assert trial.sharp > 12.0
+
+
+@pytest.mark.parametrize("seed", [2, 3, 4])
+def test_ground_that_only_varies_has_no_place_of_its_own(seed):
+    problem, textbook = crossed(stiffer=0.0, variation=0.06, seed=seed)
+    (patch,) = effects_for(situation(problem, textbook.fitted), ["soil_patch"])
+    assert try_adding(problem, textbook, textbook, patch).gain < 12.0
+
+
+def test_each_stretch_is_weighed_as_a_regression_on_its_cells_would():
+    rng = np.random.default_rng(5)
+    by_cell = rng.normal(size=(40, 2, 12))
+    residual = rng.normal(size=40)
+    gradient = np.einsum("rak,r->ak", by_cell, residual)
+    information = np.einsum("rak,rbl->akbl", by_cell, by_cell)
+    gain, change = _gains(gradient, information)
+    precision = np.diag([1.0 / parameter.scale**2 for parameter in SoilPatch.change])
+    for first, last in ((0, 6), (3, 11), (5, 10)):
+        columns = by_cell[:, :, first:last].sum(axis=2)
+        best = np.linalg.solve(columns.T @ columns + precision, columns.T @ residual)
+        left = residual - columns @ best
+        gained = 0.5 * (residual @ residual - left @ left - best @ precision @ best)
+        assert gain[first, last] == pytest.approx(gained)
+        np.testing.assert_allclose(change[first, last], best)
+    assert gain[4, 7] == -np.inf
+    assert gain[7, 4] == -np.inf
