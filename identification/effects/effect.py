@@ -219,6 +219,10 @@ class Effect:
         """Give the channel, of `forward.CHANNELS`, that arrives late and by how many samples; None where none does."""
         return None
 
+    def extent(self, values: np.ndarray) -> tuple[str, float, float] | None:
+        """Give the attribute of `Drive` along which the effect is a stretch, and its ends; None where it is none."""
+        return None
+
     def variants(self) -> list[Effect]:
         """Give the same effect with other constants, which are tried once it is found, the likeliest first."""
         return []

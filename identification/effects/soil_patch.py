@@ -54,6 +54,9 @@ class SoilPatch(Effect):
     def starts(self) -> list[np.ndarray]:
         return list(self._starts)
 
+    def extent(self, values: np.ndarray) -> tuple[str, float, float]:
+        return self._along, float(values[2]), float(values[3])
+
     def variants(self) -> list[Effect]:
         answer: list[Effect] = []
         for edge in (max(share * self._long, 1e-9) for share in _EDGES):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from .fitting import Problem
 from .locate import locate
 from .naming import name
 from .samples import Samples, gather, passes_apart
-from .search import Search, search
+from .search import Search, asked_beside, search
 from .simulated import as_differences, attach
 from .smooth_correction import SmoothCorrection, smooth_correction
 from .trial import ASKED_FOR, Trial, situation, textbook_trial
@@ -89,8 +90,12 @@ def explain(
         found, remaining = _sought(problem, textbook, considered, tell)
         notes = rows.problems
         if other := _on_other_ground(samples, known, found, remaining):
-            problem, textbook = other
+            problem, textbook, gained = other
             found, remaining = _sought(problem, textbook, considered, tell)
+            # Other ground is a cause already.
+            if found.chosen.effects and found.chosen.gain < asked_beside(gained):
+                found = replace(found, chosen=found.textbook)
+                remaining = _left_over(problem, found.chosen)
             notes = (*notes, _GROUND_OF_ITS_OWN)
         repeated = repetition(problem, found, remaining.innovations)
         fewer = warranted(found, repeated)
@@ -122,8 +127,8 @@ def _sought(
 
 def _on_other_ground(
     samples: Samples, known: SoilKnowledge, found: Search, remaining: SmoothCorrection
-) -> tuple[Problem, Trial] | None:
-    """Fit the textbook wheel to passes each on ground of its own, if that gains about what was found.
+) -> tuple[Problem, Trial, float] | None:
+    """Fit the textbook wheel to passes each on ground of its own, if that gains about what was found [nats].
 
     What was found then only makes up for the ground being taken for the same in all passes.
     """
@@ -135,7 +140,7 @@ def _on_other_ground(
     gain = min(
         textbook.held_out.gain(found.textbook.held_out)[0], textbook.fitted.score - found.textbook.fitted.score
     )  # fmt: skip
-    return (problem, textbook) if gain > explained - ASKED_FOR else None
+    return (problem, textbook, gain) if gain > explained - ASKED_FOR else None
 
 
 def _left_over(problem: Problem, trial: Trial) -> SmoothCorrection:

@@ -22,7 +22,7 @@ from .explanation import Region
 from .fitting import Fitted, NoiseModel, Problem, fit
 from .soil_variation import huber_weight
 from .steps import scaled_inverse
-from .variables import CONSTANT, LAG, Variable, cycles, rank, variables
+from .variables import CONSTANT, LAG, Variable, cycles, public_name, rank, variables
 
 FALSE_DISCOVERIES = 0.01
 """Expected share of false statements among those made [-]."""
@@ -41,6 +41,18 @@ _HELD = 1e8
 
 _Spans = tuple[tuple[float, float, float, float], ...]
 """Start, end, share and mean residual [noise] of each interval."""
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    """Where an effect that was found acts: between two values of an attribute of `Drive`; searching for them in all
+    channels gains `chance` on average [nats].
+    """
+
+    attribute: str
+    low: float
+    high: float
+    chance: float
 
 
 @dataclass(frozen=True)
@@ -73,13 +85,14 @@ def locate(problem: Problem, best: Fitted) -> tuple[Region, ...]:
         problem, AugmentedWheel(problem.samples.wheel), best.vector[:SOIL_COUNT], noise, best.theta_1, iterations=0
     )
     precision = scaled_inverse(best.covariance[:SOIL_COUNT, :SOIL_COUNT])
-    whites = Whitened(problem, textbook, noise, precision)
+    stretches = _stretches(best)
+    whites = Whitened(problem, textbook, noise, precision, stretches)
     if not whites.questions:
         return ()
     sure, corrected = _sure(whites)
     if not sure and best.model.effects:
         # Another soil would make up for each channel by itself, and not for all: what was found is taken at its word.
-        whites = Whitened(problem, textbook, noise, _HELD * precision)
+        whites = Whitened(problem, textbook, noise, _HELD * precision, stretches)
         sure, corrected = _sure(whites)
     told = _told(whites, sure, {name for effect in best.model.effects for name in effect.needs})
     total = sum(gain for _, gain, _ in told)
@@ -92,6 +105,12 @@ def locate(problem: Problem, best: Fitted) -> tuple[Region, ...]:
         for start, end, share, mean in spans
     ]  # fmt: skip
     return tuple(sorted(answer, key=lambda region: -region.share))
+
+
+def _stretches(best: Fitted) -> list[_Stretch]:
+    """Stretches over which what was found acts."""
+    found = ((effect.extent(best.vector[where]), effect.sought) for effect, where in best.model.slices())
+    return [_Stretch(*extent, sought) for extent, sought in found if extent is not None]
 
 
 def _sure(whites: Whitened) -> tuple[dict[int, float], np.ndarray]:
@@ -139,10 +158,15 @@ class Whitened:
         Noise and the soil's variation.
     precision : (5, 5)
         Of the soil: how far it may move to make up for what is asked.
+    stretches
+        Stretches that are asked about besides.
     """
 
-    def __init__(self, problem: Problem, textbook: Fitted, noise: NoiseModel, precision: np.ndarray) -> None:
-        self._problem, self._textbook, self._noise = problem, textbook, noise
+    def __init__(
+        self, problem: Problem, textbook: Fitted, noise: NoiseModel, precision: np.ndarray,
+        stretches: Sequence[_Stretch] = (),
+    ) -> None:  # fmt: skip
+        self._problem, self._textbook, self._noise, self._stretches = problem, textbook, noise, stretches
         asked = [question for position in range(len(problem.answers)) for question in self._asked(position)]
         self.questions = asked
         self._soil = len(precision)
@@ -187,6 +211,7 @@ class Whitened:
         """Give all that is asked of one channel."""
         samples, sinkage_m = self._problem.samples, self._textbook.response.channels[:, 2]
         asked = [self._constant(position), *(self._steps(each, position) for each in variables(samples, sinkage_m))]
+        asked += [self._inside(each, position) for each in self._stretches]
         angle = samples.drive.wheel_angle_rad
         if np.isfinite(angle).any() and np.nanmax(angle) - np.nanmin(angle) > 2.0 * np.pi:
             asked.append(self._periodic(angle, position))
@@ -229,6 +254,21 @@ class Whitened:
             return tuple(span for span in spans if span[2] >= 0.1)
 
         return _Question(position, variable.name, columns, read)
+
+    def _inside(self, stretch: _Stretch, position: int) -> _Question | None:
+        """Ask of one channel whether it leaves the simulation over a stretch."""
+        where = getattr(self._problem.samples.drive, stretch.attribute)
+        column = (where >= stretch.low) & (where <= stretch.high) & self._problem.seen[:, position]
+        if not column.any():
+            return None
+        unit = self._noise.answers[position]
+
+        def read(mean: np.ndarray, _: np.ndarray) -> _Spans:
+            return ((stretch.low, stretch.high, 1.0, float(mean[0]) / unit),)
+
+        chance = stretch.chance / len(self._problem.answers)
+        name = public_name(stretch.attribute)
+        return _Question(position, name, column.astype(float)[:, None], read, chance)
 
     def _periodic(self, angle: np.ndarray, position: int) -> _Question:
         """Ask of one channel whether it repeats with the wheel's rotation; the number of cycles is searched for."""

@@ -358,10 +358,14 @@ def surplus(best: Trial, larger: Trial) -> float:
     if place:
         asked = _PLACE_ASKED_FOR
     if not best.unheard_of:
-        asked = max(asked, of_no_effect(best, larger))
-        if not (place and _shown(best, larger)):
-            asked = max(asked, min(_SHARE_ASKED_FOR * best.gain, MOST_ASKED_FOR))
+        least = of_no_effect(best, larger)
+        asked = max(asked, least) if place and _shown(best, larger) else max(asked, least, asked_beside(best.gain))
     return larger.gain - best.gain - asked
+
+
+def asked_beside(gained: float) -> float:
+    """Nats that are asked of a further cause where so many are gained already."""
+    return max(_FURTHER_ASKED_FOR, min(_SHARE_ASKED_FOR * gained, MOST_ASKED_FOR), _LEAST_SHARE * gained)
 
 
 def of_no_effect(best: Trial, larger: Trial) -> float:

@@ -98,6 +98,11 @@ def variables(samples: Samples, sinkage_m: np.ndarray) -> list[Variable]:
     return answer
 
 
+def public_name(attribute: str) -> str:
+    """Public name of the variable that an attribute of `Drive` holds."""
+    return next(name for name, held in _NAMES.items() if held == attribute)
+
+
 def rank(name: str, through: Collection[str]) -> int:
     """Rank a variable among those that explain a misfit equally well: those that a found effect acts through, first.
 

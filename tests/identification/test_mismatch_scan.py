@@ -11,6 +11,7 @@ from bevameter import Vehicle, Wheel
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.soil_patch import CELLS, SoilPatch
+from bevameter.identification.mismatch.locate import locate
 from bevameter.identification.mismatch.places import _gains, stretches_apart
 from bevameter.identification.mismatch.samples import gather
 from bevameter.identification.mismatch.trial import situation, textbook_trial, try_adding
@@ -72,6 +73,15 @@ def test_and_is_found_where_it_is(small_patch):
     assert end == pytest.approx(TO_M, abs=0.05)
     assert trial.gain > 12.0
     assert trial.sharp > 12.0
+
+
+def test_and_is_told_from_edge_to_edge(small_patch):
+    problem, textbook = small_patch
+    (patch,) = effects_for(situation(problem, textbook.fitted), ["soil_patch"])
+    region = locate(problem, try_adding(problem, textbook, textbook, patch).fitted)[0]
+    assert region.variable == "x_m"
+    assert region.start == pytest.approx(FROM_M, abs=0.05)
+    assert region.end == pytest.approx(TO_M, abs=0.05)
 
 
 @pytest.mark.parametrize("seed", [2, 3, 4])

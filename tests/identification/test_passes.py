@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import bevameter.identification.mismatch.explain as module
 import numpy as np
 import pytest
 from bevameter import Vehicle, Wheel, explain
@@ -63,6 +64,18 @@ def test_ground_that_varies_anew_in_each_pass_is_no_compaction(tmp_path, same_gr
     answer = explain(path, vehicle=vehicle, catalogue=["multipass_compaction"])
     assert answer.verdict == verdict
     assert any("ground of its own" in note for note in answer.notes) != same_ground
+
+
+@pytest.mark.parametrize(("gained", "enough"), [(0.0, True), (1e5, False)])
+def test_beside_other_ground_an_effect_has_to_gain_as_much_as_beside_another_effect(
+    tmp_path, monkeypatch, gained, enough
+):
+    path = two_passes(tmp_path, same_ground=True, compaction=0.1)
+    monkeypatch.setattr(
+        module, "_on_other_ground", lambda samples, known, *_: (*module.textbook_trial(samples, known), gained)
+    )
+    answer = explain(path, vehicle=Vehicle(name="made", wheels=(WHEEL,)), catalogue=["multipass_compaction"])
+    assert any(each.effect == "multipass_compaction" for each in answer.missing) == enough
 
 
 def test_passes_lie_apart_whichever_way_they_are_driven(tmp_path):
