@@ -45,13 +45,14 @@ _Spans = tuple[tuple[float, float, float, float], ...]
 
 @dataclass(frozen=True)
 class _Stretch:
-    """Where an effect that was found acts: between two values of an attribute of `Drive`; searching for them in all
-    channels gains `chance` on average [nats].
+    """Where an effect that was found acts: between two values of an attribute of `Drive`; what it adds to the channels
+    there (n, 5), SI. Searching for it in all channels gains `chance` on average [nats].
     """
 
     attribute: str
     low: float
     high: float
+    adds: np.ndarray
     chance: float
 
 
@@ -85,7 +86,7 @@ def locate(problem: Problem, best: Fitted) -> tuple[Region, ...]:
         problem, AugmentedWheel(problem.samples.wheel), best.vector[:SOIL_COUNT], noise, best.theta_1, iterations=0
     )
     precision = scaled_inverse(best.covariance[:SOIL_COUNT, :SOIL_COUNT])
-    stretches = _stretches(best)
+    stretches = _stretches(problem, best)
     whites = Whitened(problem, textbook, noise, precision, stretches)
     if not whites.questions:
         return ()
@@ -107,10 +108,17 @@ def locate(problem: Problem, best: Fitted) -> tuple[Region, ...]:
     return tuple(sorted(answer, key=lambda region: -region.share))
 
 
-def _stretches(best: Fitted) -> list[_Stretch]:
+def _stretches(problem: Problem, best: Fitted) -> list[_Stretch]:
     """Stretches over which what was found acts."""
-    found = ((effect.extent(best.vector[where]), effect.sought) for effect, where in best.model.slices())
-    return [_Stretch(*extent, sought) for extent, sought in found if extent is not None]
+    answer = []
+    for effect, where in best.model.slices():
+        extent = effect.extent(best.vector[where])
+        if extent is not None:
+            nothing = best.vector.copy()
+            nothing[where] = [parameter.null for parameter in effect.parameters]
+            without = best.model.predict(problem.samples.drive, problem.imposed, nothing).channels
+            answer.append(_Stretch(*extent, best.response.channels - without, effect.sought))
+    return answer
 
 
 def _sure(whites: Whitened) -> tuple[dict[int, float], np.ndarray]:
@@ -256,19 +264,20 @@ class Whitened:
         return _Question(position, variable.name, columns, read)
 
     def _inside(self, stretch: _Stretch, position: int) -> _Question | None:
-        """Ask of one channel whether it leaves the simulation over a stretch."""
+        """Ask of one channel whether it leaves the simulation as what acts over a stretch has it."""
+        adds = stretch.adds[:, self._problem.answers[position]]
+        column = np.where(self._problem.seen[:, position], np.nan_to_num(adds), 0.0)
         where = getattr(self._problem.samples.drive, stretch.attribute)
-        column = (where >= stretch.low) & (where <= stretch.high) & self._problem.seen[:, position]
-        if not column.any():
+        inside = (where >= stretch.low) & (where <= stretch.high)
+        if not column[inside].any():
             return None
-        unit = self._noise.answers[position]
+        unit = float(np.mean(column[inside])) / self._noise.answers[position]
 
         def read(mean: np.ndarray, _: np.ndarray) -> _Spans:
-            return ((stretch.low, stretch.high, 1.0, float(mean[0]) / unit),)
+            return ((stretch.low, stretch.high, 1.0, float(mean[0]) * unit),)
 
         chance = stretch.chance / len(self._problem.answers)
-        name = public_name(stretch.attribute)
-        return _Question(position, name, column.astype(float)[:, None], read, chance)
+        return _Question(position, public_name(stretch.attribute), column[:, None], read, chance)
 
     def _periodic(self, angle: np.ndarray, position: int) -> _Question:
         """Ask of one channel whether it repeats with the wheel's rotation; the number of cycles is searched for."""
