@@ -84,6 +84,11 @@ class Drive:
     def __len__(self) -> int:
         return len(self.load_N)
 
+    @property
+    def timed(self) -> bool:
+        """Whether rows follow from one another in time: steady trials do not, each a stretch of its own."""
+        return bool(np.isfinite(self.time_s).all() and (np.diff(self.stretch) == 0).any())
+
     def has(self, name: str) -> bool:
         """Say whether a channel was observed in most samples and is not constant."""
         values = getattr(self, name)

@@ -79,7 +79,8 @@ class SoilPatch(Effect):
 
 def track_of(drive: Drive) -> tuple[str, np.ndarray] | None:
     """What a patch lies along, and where on it each sample is (n,) [m or s]; None where neither is known."""
-    return next(((along, getattr(drive, name)) for along, name in _ALONG.items() if drive.has(name)), None)
+    present = [along for along, name in _ALONG.items() if drive.has(name) and (drive.timed or along == "place")]
+    return (present[0], getattr(drive, _ALONG[present[0]])) if present else None
 
 
 def forms(situation: Situation) -> tuple[Effect, ...]:

@@ -151,4 +151,5 @@ def forms(situation: Situation) -> tuple[Effect, ...]:
         for orders in (1, 6)
     ]
     low_passes = [LowPass(channel, step) for channel in answers]
-    return (*lags, *low_passes, *drifts)
+    # Where no row follows from another nothing comes late.
+    return (*lags, *low_passes, *drifts) if drive.timed else tuple(drifts)

@@ -141,7 +141,7 @@ def noise_floor(problem: Problem, fitted: Fitted, position: int) -> float:
 def swallowed(problem: Problem, fitted: Fitted, position: int) -> bool:
     """Say whether a fit takes for noise of a channel what neighbouring rows do not show and no memory makes."""
     drive = problem.samples.drive
-    if not np.isfinite(drive.time_s).all():
+    if not drive.timed:
         return False
     shown = float(problem.first_noise.answers[position])
     series = _stretches(fitted.residuals[:, position], drive.stretch)
@@ -165,7 +165,7 @@ def repetition(problem: Problem, search: Search, innovations: np.ndarray) -> flo
     innovations : (n, m)
         What is left of them, whitened.
     """
-    if not np.isfinite(problem.samples.drive.time_s).all():
+    if not problem.samples.drive.timed:
         return 1.0
     left = search.chosen.fitted.residuals
     times = np.array([

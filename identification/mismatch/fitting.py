@@ -123,7 +123,7 @@ class Problem:
         self.known = known or SoilKnowledge()
         self.answers = list(samples.answers)
         imposed, noise = samples.measured[:, [LOAD, SLIP]], samples.noise[[LOAD, SLIP]]
-        if np.isfinite(samples.drive.time_s).all():
+        if samples.drive.timed:
             self.imposed = np.column_stack([samples.drive.load_N, samples.drive.slip])
             self.latent_covariance, self._deviation = np.diag(noise**2), imposed - self.imposed
         else:

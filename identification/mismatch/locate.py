@@ -223,7 +223,7 @@ class Whitened:
         angle = samples.drive.wheel_angle_rad
         if np.isfinite(angle).any() and np.nanmax(angle) - np.nanmin(angle) > 2.0 * np.pi:
             asked.append(self._periodic(angle, position))
-        if samples.drive.has("time_s"):
+        if samples.drive.timed:
             asked.append(self._lag(position))
         return [each for each in asked if each is not None]
 

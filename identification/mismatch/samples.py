@@ -12,7 +12,7 @@ from scipy.ndimage import median_filter
 from ...framework.core.errors import InputError
 from ...framework.core.recording.types import WheelTable
 from ...framework.core.vehicle import Vehicle, Wheel
-from ..effects.drive import drive_of, order_of, select_rows
+from ..effects.drive import drive_of, is_of_trials, order_of, select_rows
 from ..effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Drive
 from ..forward import CHANNELS
 from ..gate import LIMITS
@@ -140,8 +140,11 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
             table.source, f"time_s stands still in {still} of {len(table)} rows",
             expected="a clock that runs, or column run in a file of steady-state trials",
         )  # fmt: skip
-    noise = sensor_noise(table, vehicle)
     usable, notes = _usable(table)
+    timed, noise = "time_s" in table, sensor_noise(table, vehicle)
+    if timed and is_of_trials(table):
+        timed, stretch, noise = False, np.arange(len(table)), sensor_noise(_without_time(table), vehicle)
+        notes.append("slip or load leap from each row to the next: each is taken for a steady trial, whatever its time")
     if table.wheel is not None and len(set(table.wheel)) > 1:
         notes.append(f"rows of {len(set(table.wheel))} wheels are taken together: as if all ran on the same ground")
     if still:
@@ -164,10 +167,10 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
         )  # fmt: skip
     if not np.isfinite(measured[usable][:, ANSWERS]).any():
         raise InputError(table.source, "nothing to compare", expected="torque, sinkage or drawbar pull that change")
-    if "time_s" in table:
+    if timed:
         measured, at_end = _without_ends(measured, noise)
         notes += at_end
-    measured, gross = _without_gross_errors(measured, noise, stretch, "time_s" in table)
+    measured, gross = _without_gross_errors(measured, noise, stretch, timed)
     if gross:
         notes.append(f"{gross} values stand alone far from their neighbours in time: taken for gross errors")
     usable &= np.isfinite(measured[:, [LOAD, SLIP]]).all(axis=1) & np.isfinite(measured[:, ANSWERS]).any(axis=1)
@@ -175,7 +178,7 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
         {**table.columns, "load_N": measured[:, LOAD], "slip": measured[:, SLIP]}, table.wheel, table.run, table.source
     )
     drive = drive_of(table, wheel, stretch)
-    if "time_s" in table:
+    if timed:
         drive = _smoothed(drive, table, noise)
     rows, thinned = _thinned(np.flatnonzero(usable))
     if thinned:
@@ -188,13 +191,18 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
     measured = measured[rows]
     stated = np.array([name in vehicle.noise for name in CHANNELS])
     placed = bool(np.isfinite(drive.place_m).all())
-    position = drive.place_m if placed else drive.time_s
+    position = drive.place_m if placed else np.where(drive.timed, drive.time_s, math.nan)
     lane = _lanes(drive) if placed else drive.stretch
     samples = Samples(
         wheel, drive, measured, noise, stated, position, lane,
         np.zeros(len(rows), dtype=int), "", tuple(notes), simulated,
     )  # fmt: skip
     return _blocked(samples)
+
+
+def _without_time(table: WheelTable) -> WheelTable:
+    columns = {name: values for name, values in table.columns.items() if name != "time_s"}
+    return WheelTable(columns, table.wheel, table.run, table.source)
 
 
 def _usable(table: WheelTable) -> tuple[np.ndarray, list[str]]:
@@ -346,7 +354,7 @@ def _thinned(rows: np.ndarray) -> tuple[np.ndarray, bool]:
 def _blocked(samples: Samples) -> Samples:
     """Number the blocks to hold out: conditions of trials, else stretches of time that no run or pass crosses."""
     drive, count = samples.drive, len(samples)
-    if np.isfinite(drive.time_s).all():
+    if drive.timed:
         usual = max(count // _BLOCKS, 1)
         block, number = np.empty(count, dtype=int), 0
         for rows in np.split(np.arange(count), np.flatnonzero(np.diff(drive.stretch)) + 1):

@@ -67,7 +67,7 @@ def repeats(samples: Samples) -> np.ndarray:
     Repeats have all conditions in common: those known, to within a fortieth of their range or a few noises.
     """
     drive = samples.drive
-    if np.isfinite(drive.time_s).any():
+    if drive.timed:
         return np.full(len(samples), -1)
     near = {"load_N": 4.0 * samples.noise[LOAD], "slip": 4.0 * samples.noise[SLIP]}
     label = np.zeros(len(samples), dtype=int)
