@@ -24,6 +24,7 @@ from .forward import CHANNELS
 from .gate import LIMITS, Stretch, check_signs, find_stretches, quasi_static
 from .geometry import by_geometry
 from .noise import sensor_noise
+from .trials import AS_TRIALS, is_of_trials, without_time
 
 Method = Literal["ml", "linear"]
 
@@ -119,6 +120,9 @@ def _several_wheels(parts: list[Recording], known: SoilKnowledge, method: Method
 
 def _one_wheel(recording: Recording, known: SoilKnowledge, method: Method) -> Identification:
     rows = felt_rows(recording)
+    if is_of_trials(rows.table):
+        table = without_time(rows.table)
+        rows = replace(rows, table=table, reasons=quasi_static(table, rows.wheel), problems=(*rows.problems, AS_TRIALS))
     stretches = rows.stretches()
     segments = tuple(segment for stretch in stretches for segment in _segments(rows, stretch, known, method))
     chosen = [stretch.rows for stretch in stretches if not stretch.reason]

@@ -31,10 +31,6 @@ COLUMNS = {
 _JUMP = 20.0
 """Usual steps [-] by which a place that is reached from one sample to the next cannot have been driven to."""
 
-_UNRELATED, _FAR_APART = 1.2, {"slip": 0.05, "load_N": 0.1}
-"""Mean square of the steps from row to row over the variance, 2 where the order is by chance, from which on rows do not
-follow from one another; and how large the usual step of slip, or of load as a share of it, then is at least [-]."""
-
 _WINDOWS, _DEGREE = (9, 13, 19, 27, 39, 55), 4
 """Samples over which speeds are fitted for their derivative, and by a polynomial of which degree: a parabola over
 nine flattens what a wheel does within a second by some per cent, and masses come out too large by as much."""
@@ -74,24 +70,6 @@ def order_of(table: WheelTable) -> tuple[np.ndarray, np.ndarray]:
         moved = np.nan_to_num(np.abs(np.diff(place[order])))
         broken |= moved > _JUMP * np.median(moved[moved > 0.0]) if (moved > 0.0).any() else False
     return order, np.concatenate([[0], np.cumsum(broken)])[: len(order)]
-
-
-def is_of_trials(table: WheelTable) -> bool:
-    """Say whether rows with a time are steady trials all the same: slip or load leap from each row to the next.
-
-    The measure is that of J. von Neumann, Ann. Math. Stat. 12 (1941), 367-395.
-    """
-    for name, far in _FAR_APART.items():
-        values = table[name]
-        step = np.diff(values)
-        if not np.isfinite(step).any():
-            continue
-        usual = float(np.nanmedian(np.abs(step))) / (
-            1.0 if name == "slip" else float(np.nanmedian(np.abs(values))) or 1.0
-        )
-        if usual > far and float(np.nanmean(step**2)) > _UNRELATED * float(np.nanvar(values)):
-            return True
-    return False
 
 
 def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Drive] = Drive) -> Drive:

@@ -12,11 +12,12 @@ from scipy.ndimage import median_filter
 from ...framework.core.errors import InputError
 from ...framework.core.recording.types import WheelTable
 from ...framework.core.vehicle import Vehicle, Wheel
-from ..effects.drive import drive_of, is_of_trials, order_of, select_rows
+from ..effects.drive import drive_of, order_of, select_rows
 from ..effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Drive
 from ..forward import CHANNELS
 from ..gate import LIMITS
 from ..noise import LEAST_SHARE, noise_from_neighbours, sensor_noise
+from ..trials import AS_TRIALS, is_of_trials, without_time
 
 ANSWERS = (TORQUE, SINKAGE, PULL)
 """Channels that the simulator answers with; load and slip are what the drive imposes."""
@@ -142,9 +143,9 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
         )  # fmt: skip
     usable, notes = _usable(table)
     timed, noise = "time_s" in table, sensor_noise(table, vehicle)
-    if timed and is_of_trials(table):
-        timed, stretch, noise = False, np.arange(len(table)), sensor_noise(_without_time(table), vehicle)
-        notes.append("slip or load leap from each row to the next: each is taken for a steady trial, whatever its time")
+    if is_of_trials(table):
+        timed, stretch, noise = False, np.arange(len(table)), sensor_noise(without_time(table), vehicle)
+        notes.append(AS_TRIALS)
     if table.wheel is not None and len(set(table.wheel)) > 1:
         notes.append(f"rows of {len(set(table.wheel))} wheels are taken together: as if all ran on the same ground")
     if still:
@@ -198,11 +199,6 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
         np.zeros(len(rows), dtype=int), "", tuple(notes), simulated,
     )  # fmt: skip
     return _blocked(samples)
-
-
-def _without_time(table: WheelTable) -> WheelTable:
-    columns = {name: values for name, values in table.columns.items() if name != "time_s"}
-    return WheelTable(columns, table.wheel, table.run, table.source)
 
 
 def _usable(table: WheelTable) -> tuple[np.ndarray, list[str]]:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
-from bevameter import Vehicle, Wheel, explain
+from bevameter import Vehicle, Wheel, explain, identify
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.identification.effects.catalogue import effects_for
-from bevameter.identification.effects.drive import is_of_trials
 from bevameter.identification.mismatch.samples import gather
 from bevameter.identification.mismatch.trial import situation, textbook_trial
+from bevameter.identification.trials import is_of_trials
 from bevameter.identification.wheel_soil import Soil, equilibrium
 
 WHEEL = Wheel(radius_m=0.2, width_m=0.15)
@@ -33,6 +34,13 @@ def trials(order: np.ndarray | None = None, drift_Nm: float = 0.0) -> WheelTable
     names = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
     columns = {"time_s": time_s, "load_N": load, "slip": slip, **dict(zip(names, answers.T, strict=True))}
     return WheelTable(columns, None, None, "made")
+
+
+def written(table: WheelTable, folder: Path) -> Path:
+    path = folder / "wheel.csv"
+    columns = np.column_stack(list(table.columns.values()))
+    np.savetxt(path, columns, delimiter=",", header=",".join(table.columns), comments="")
+    return path
 
 
 def gathered(table: WheelTable):
@@ -60,14 +68,21 @@ def test_what_wanders_with_time_is_looked_for_and_what_comes_late_is_not():
 
 @pytest.mark.parametrize(("drift_Nm", "verdict"), [(0.0, "none"), (3.0, "instrument")])
 def test_a_drift_over_trials_is_told(tmp_path, drift_Nm, verdict):
-    table = trials(drift_Nm=drift_Nm)
-    path = tmp_path / "wheel.csv"
-    np.savetxt(
-        path, np.column_stack(list(table.columns.values())), delimiter=",", header=",".join(table.columns), comments=""
-    )
+    path = written(trials(drift_Nm=drift_Nm), tmp_path)
     answer = explain(path, vehicle=Vehicle(name="made", wheels=(WHEEL,)), catalogue=["drift", "torque_gain"])
     assert answer.verdict == verdict
     assert [each.effect for each in answer.missing] == (["drift"] if drift_Nm else [])
+
+
+def test_the_soil_of_such_trials_is_identified(tmp_path):
+    found = identify(written(trials(), tmp_path), vehicle=Vehicle(name="made", wheels=(WHEEL,)))
+    assert found.overall is not None
+    assert any("steady trial" in problem for problem in found.problems)
+    for name in ("c_Pa", "phi_rad"):
+        quantity = found.overall.parameters[name]
+        assert abs(quantity.value - getattr(SOIL, name)) < 3.0 * quantity.sd
+    phi = found.overall.parameters["phi_rad"]
+    assert phi.high - phi.low < math.radians(8.0)
 
 
 def test_rows_that_follow_from_one_another_are_no_trials():
@@ -76,8 +91,9 @@ def test_rows_that_follow_from_one_another_are_no_trials():
     noise = 0.01 * rng.normal(size=400)
     smooth = {"time_s": time_s, "load_N": 100.0 + 30.0 * np.sin(time_s), "slip": 0.3 + 0.2 * np.sin(time_s / 2) + noise}
     steps = {**smooth, "slip": np.repeat(rng.uniform(0.05, 0.6, 20), 20) + noise}
+    unsteady = {**smooth, "slip": rng.uniform(0.05, 0.6, 400)}
     still = {**smooth, "load_N": 100.0 + rng.normal(size=400), "slip": 0.2 + noise}
-    for columns in (smooth, steps, still):
+    for columns in (smooth, steps, still, unsteady):
         assert not is_of_trials(WheelTable(columns, None, None, "made"))
     assert is_of_trials(trials())
     # Slip by slip, load after load; were repeats to follow each other, they would tell the noise as they stand.
