@@ -24,6 +24,9 @@ _LOAD_TOLERANCE = 1e-6
 _ITERATIONS, _PATIENCE = 40, 8
 """Steps towards an entry angle at most, and those after which a bracket has to shrink."""
 
+_GROWTHS = 0.2, 20.0
+"""Powers of the entry angle between which the load is taken to grow."""
+
 _SMALLEST_ANGLE = 1e-4
 _STEP = 1e-5
 
@@ -34,6 +37,8 @@ class Response:
 
     With derivatives by the parameter vector (n, 5, p), by the true load [N] and slip (n, 5, 2), and by the logarithms
     of the ground's stiffness and strength (n, 5, 2), where they were asked for. Rows whose load is not carried are NaN.
+    Of the entry angle then, too: its derivatives by the parameters (n, p), and the power of it with which the load that
+    is carried grows (n,).
     """
 
     channels: np.ndarray
@@ -41,6 +46,20 @@ class Response:
     by_parameter: np.ndarray = field(default_factory=lambda: np.empty(0))
     by_latent: np.ndarray = field(default_factory=lambda: np.empty(0))
     by_ground: np.ndarray = field(default_factory=lambda: np.empty(0))
+    turned: np.ndarray = field(default_factory=lambda: np.empty(0))
+    growth: np.ndarray = field(default_factory=lambda: np.empty(0))
+
+    def entry(self, step: np.ndarray) -> Entry:
+        """Where the search for the entry angle starts a step (p,) of the parameters away."""
+        return Entry(self.theta_1 + self.turned @ step, self.growth) if self.turned.size else Entry(self.theta_1)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Where the search for the entry angle starts: the angle (n,) [rad], and the power of it with which load grows."""
+
+    theta_1: np.ndarray
+    growth: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -81,17 +100,16 @@ class AugmentedWheel:
         """
         true = self._true(drive, imposed, vector)
         start = np.full(len(imposed), 0.4) if theta_1 is None else theta_1
-        angle, forces = self._solve(drive, true, vector, start)
+        angle, forces = self._solve(drive, true, vector, Entry(start))
         contact = self._contact(drive, true, vector, angle)
         return Response(self._channels(drive, imposed, contact, vector, forces), angle)
 
     def linearise(
-        self, drive: Drive, imposed: np.ndarray, vector: np.ndarray, theta_1: np.ndarray | None, *, latent: bool = True
+        self, drive: Drive, imposed: np.ndarray, vector: np.ndarray, entry: Entry | None, *, latent: bool = True
     ) -> Response:
         """As `predict`, with derivatives; those by the true load and slip only where `latent`."""
         true = self._true(drive, imposed, vector)
-        start = np.full(len(imposed), 0.4) if theta_1 is None else theta_1
-        angle, forces = self._solve(drive, true, vector, start)
+        angle, forces = self._solve(drive, true, vector, entry or Entry(np.full(len(imposed), 0.4)))
         contact = self._contact(drive, true, vector, angle)
         slopes = np.empty((len(true), 3, kernel.SOIL_FIELDS))
         kernel.rim_forces_and_slopes(contact.array, self.wheel.width_m, kernel.NODES, kernel.WEIGHTS, forces, slopes)
@@ -106,12 +124,15 @@ class AugmentedWheel:
         def difference(
             imposed_there: np.ndarray, true_there: np.ndarray, vector_there: np.ndarray, there: Contact,
             forces_there: np.ndarray, step: float | np.ndarray,
-        ) -> np.ndarray:  # fmt: skip
-            lifted = (true_there[:, 0] - true[:, 0]) - (forces_there[:, 0] - carried)
+        ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+            """Derivatives of the channels (n, 5), and of the entry angle (n,)."""
+            turn = ((true_there[:, 0] - true[:, 0]) - (forces_there[:, 0] - carried)) / growth
             channels = self._channels(drive, imposed_there, there, vector_there, forces_there)
-            return (channels - base + along * (lifted / growth)[:, None]) / np.reshape(step, (-1, 1))
+            return (channels - base + along * turn[:, None]) / np.reshape(step, (-1, 1)), turn / step
 
-        def derivative(imposed_there: np.ndarray, vector_there: np.ndarray, step: float | np.ndarray) -> np.ndarray:
+        def derivative(
+            imposed_there: np.ndarray, vector_there: np.ndarray, step: float | np.ndarray
+        ) -> tuple[np.ndarray, np.ndarray]:
             true_there = self._true(drive, imposed_there, vector_there)
             there = self._contact(drive, true_there, vector_there, angle)
             # An effect that is somewhere moves nothing elsewhere.
@@ -124,7 +145,7 @@ class AugmentedWheel:
         ]
         first = kernel.COLUMN["c_Pa"]
         fields = slice(first, first + kernel.SOIL_FIELDS)
-        by_parameter = np.empty((*base.shape, self.size))
+        by_parameter, turned = np.empty((*base.shape, self.size)), np.empty((len(base), self.size))
         for index, step in enumerate(self.steps(vector)):
             stepped = vector.copy()
             stepped[index] += step
@@ -133,22 +154,23 @@ class AugmentedWheel:
                 there = self._contact(drive, true, stepped, angle)
                 change = there.array[:, fields] - contact.array[:, fields]
                 known = forces + np.einsum("nfm,nm->nf", slopes, change)
-                by_parameter[:, :, index] = difference(imposed, true, stepped, there, known, step)
+                by_parameter[:, :, index], turned[:, index] = difference(imposed, true, stepped, there, known, step)
             elif additive[index]:
-                by_parameter[:, :, index] = difference(imposed, true, stepped, contact, forces, step)
+                by_parameter[:, :, index], turned[:, index] = difference(imposed, true, stepped, contact, forces, step)
             else:
-                by_parameter[:, :, index] = derivative(imposed, stepped, step)
+                by_parameter[:, :, index], turned[:, index] = derivative(imposed, stepped, step)
         by_ground = np.stack([by_parameter[..., 3], by_parameter[..., :2] @ vector[:2]], axis=-1)
+        power = angle * growth / carried
         if not latent:
-            return Response(base, angle, by_parameter, by_ground=by_ground)
+            return Response(base, angle, by_parameter, by_ground=by_ground, turned=turned, growth=power)
         by_latent = np.empty((*base.shape, 2))
         nothing = np.zeros(len(imposed))
         step_N = 1e-5 * np.abs(imposed[:, 0])
-        by_latent[:, :, 0] = derivative(imposed + np.column_stack([step_N, nothing]), vector, step_N)
+        by_latent[:, :, 0], _ = derivative(imposed + np.column_stack([step_N, nothing]), vector, step_N)
         # Stepping towards zero slip never reaches the locked or the spinning wheel.
         step_slip = np.where(imposed[:, 1] > 0.0, -1e-5, 1e-5)
-        by_latent[:, :, 1] = derivative(imposed + np.column_stack([nothing, step_slip]), vector, step_slip)
-        return Response(base, angle, by_parameter, by_latent, by_ground)
+        by_latent[:, :, 1], _ = derivative(imposed + np.column_stack([nothing, step_slip]), vector, step_slip)
+        return Response(base, angle, by_parameter, by_latent, by_ground, turned, power)
 
     def steps(self, vector: np.ndarray) -> np.ndarray:
         """Steps (p,) of the differences, small against what each parameter usually is."""
@@ -169,13 +191,13 @@ class AugmentedWheel:
         contact = Contact(len(true), self.wheel)
         radius, slip = self.wheel.radius_m, true[:, 1]
         ratio = np.where(slip >= 0.0, 1.0 - slip, 1.0 / np.maximum(1.0 + slip, LOCKED))
-        contact.theta_1, contact.theta_2, contact.theta_m = theta_1, 0.0, PEAK_SHARE * theta_1
+        k_m, stiffness_Pa, n = np.exp(vector[2:5])
+        contact.array[:] = kernel.fields(
+            c_Pa=vector[0], tan_phi=vector[1], k_m=k_m, stiffness_Pa=stiffness_Pa, n=n, radius_m=radius,
+            shear_radius_m=radius, lever_m=radius,
+        )  # fmt: skip
+        contact.theta_1, contact.theta_m = theta_1, PEAK_SHARE * theta_1
         contact.advance_m = radius * ratio
-        contact.c_Pa, contact.tan_phi = vector[0], vector[1]
-        contact.k_m, contact.stiffness_Pa, contact.n = np.exp(vector[2:5])
-        contact.radius_m = contact.shear_radius_m = contact.lever_m = radius
-        contact.residual = contact.tan_delta = contact.layer_depth_m = contact.most_normal_Pa = np.inf
-        contact.adhesion_Pa = contact.layer_stiffness_Pa = contact.rim_cuts_off = 0.0
         contact.sinkage_m = radius * (1.0 - np.cos(theta_1))
         for effect, where in self.slices():
             effect.contact(contact, drive, vector[where])
@@ -201,9 +223,7 @@ class AugmentedWheel:
             effect.report(channels, drive, vector[where])
         return channels
 
-    def _solve(
-        self, drive: Drive, true: np.ndarray, vector: np.ndarray, start: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _solve(self, drive: Drive, true: np.ndarray, vector: np.ndarray, entry: Entry) -> tuple[np.ndarray, np.ndarray]:
         """Entry angle (n,) and forces (n, 3) there, all rows at once.
 
         W grows like a power of theta_1, whose exponent is measured as the search goes: secant steps in logarithms,
@@ -212,8 +232,11 @@ class AugmentedWheel:
         load = true[:, 0]
         rows = len(load)
         low, high = np.full(rows, _SMALLEST_ANGLE), np.full(rows, LARGEST_ENTRY_ANGLE)
-        angle = np.clip(np.where(np.isfinite(start), start, 0.4), 2.0 * _SMALLEST_ANGLE, 0.99 * LARGEST_ENTRY_ANGLE)
+        start = np.where(np.isfinite(entry.theta_1), entry.theta_1, 0.4)
+        angle = np.clip(start, 2.0 * _SMALLEST_ANGLE, 0.99 * LARGEST_ENTRY_ANGLE)
         growth = np.full(rows, 2.0 * float(np.exp(vector[4])) + 1.0)
+        if entry.growth is not None:
+            growth = np.where(np.isfinite(entry.growth), np.clip(entry.growth, *_GROWTHS), growth)
         before_angle, before_load = angle, np.full(rows, np.nan)
         forces = self._forces(self._contact(drive, true, vector, angle))
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -226,7 +249,7 @@ class AugmentedWheel:
                 short = carried < load
                 low, high = np.where(short, angle, low), np.where(short, high, angle)
                 measured = np.log(carried / before_load) / np.log(angle / before_angle)
-                growth = np.where(np.isfinite(measured), np.clip(measured, 0.2, 20.0), growth)
+                growth = np.where(np.isfinite(measured), np.clip(measured, *_GROWTHS), growth)
                 trial = np.where(carried > 0.0, angle * (load / carried) ** (1.0 / growth), np.nan)
                 stuck = (high - low > 0.5 * widths[-2]) & (iteration >= _PATIENCE)
                 trial = np.where((trial > low) & (trial < high) & ~stuck, trial, 0.5 * (low + high))

@@ -30,9 +30,19 @@ strength."""
 
 COLUMN = {name: index for index, name in enumerate(FIELDS)}
 
+_TEXTBOOK = {"residual": math.inf, "tan_delta": math.inf, "layer_depth_m": math.inf, "most_normal_Pa": math.inf}
+"""What is not zero where the textbook wheel has no such thing."""
 
 SOIL_FIELDS = 5
 """The fields from `c_Pa` to `n`, by which `rim_forces_and_slopes` gives derivatives."""
+
+
+def fields(**values: float) -> np.ndarray:
+    """Row (f,) of a contact with fields by name, the others as the textbook wheel has them."""
+    row = np.zeros(len(FIELDS))
+    for name, value in (_TEXTBOOK | values).items():
+        row[COLUMN[name]] = value
+    return row
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 from typing import ClassVar, Literal
 
@@ -88,6 +89,14 @@ class Drive:
     def timed(self) -> bool:
         """Whether rows follow from one another in time: steady trials do not, each a stretch of its own."""
         return bool(np.isfinite(self.time_s).all() and (np.diff(self.stretch) == 0).any())
+
+    @cached_property
+    def runs(self) -> tuple[np.ndarray, ...]:
+        """Rows of each uninterrupted run of the clock: instruments do not forget where a new pass begins at once."""
+        step = np.diff(self.time_s)
+        usual = np.median(step[step > 0.0]) if (step > 0.0).any() else math.inf
+        broken = (np.diff(self.stretch) != 0) & ~((step > 0.0) & (step < 2.0 * usual))
+        return tuple(np.split(np.arange(len(self)), np.flatnonzero(broken) + 1))
 
     def has(self, name: str) -> bool:
         """Say whether a channel was observed in most samples and is not constant."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.signal import lfilter
@@ -14,30 +15,22 @@ _LONGEST_LAG = 40
 """Longest delay that is looked for, in samples."""
 
 
-def _runs(time_s: np.ndarray, stretch: np.ndarray) -> list[np.ndarray]:
-    """Rows of each uninterrupted run of the clock: an instrument does not forget where a new pass begins at once."""
-    step = np.diff(time_s)
-    usual = np.median(step[step > 0.0]) if (step > 0.0).any() else math.inf
-    broken = (np.diff(stretch) != 0) & ~((step > 0.0) & (step < 2.0 * usual))
-    return np.split(np.arange(len(time_s)), np.flatnonzero(broken) + 1)
-
-
-def delayed(values: np.ndarray, time_s: np.ndarray, stretch: np.ndarray, lag_s: float) -> np.ndarray:
-    """Values (n,) as they were `lag_s` ago, interpolated within each run of the clock; its ends are held."""
+def delayed(values: np.ndarray, time_s: np.ndarray, runs: Sequence[np.ndarray], lag_s: float) -> np.ndarray:
+    """Values (n,) as they were `lag_s` ago, interpolated within each of the clock's runs; their ends are held."""
     answer = np.empty_like(values)
-    for rows in _runs(time_s, stretch):
+    for rows in runs:
         good = rows[np.isfinite(values[rows]) & np.isfinite(time_s[rows])]
         answer[rows] = np.interp(time_s[rows] - lag_s, time_s[good], values[good]) if good.size else np.nan
     return answer
 
 
-def filtered(values: np.ndarray, time_s: np.ndarray, stretch: np.ndarray, constant_s: float) -> np.ndarray:
-    """Values (n,) behind a first-order low-pass of time constant [s], within each run of the clock.
+def filtered(values: np.ndarray, time_s: np.ndarray, runs: Sequence[np.ndarray], constant_s: float) -> np.ndarray:
+    """Values (n,) behind a first-order low-pass of time constant [s], within each of the clock's runs.
 
     Exact for values that go straight from one sample to the next.
     """
     answer = values.copy()
-    for rows in _runs(time_s, stretch):
+    for rows in runs:
         good = rows[np.isfinite(values[rows]) & np.isfinite(time_s[rows])]
         if len(good) < 2:
             continue
@@ -70,7 +63,7 @@ class LowPass(Effect):
         return [np.array([samples * self._step]) for samples in (1.0, 5.0)]
 
     def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
-        channels[:, self._channel] = filtered(channels[:, self._channel], drive.time_s, drive.stretch, float(values[0]))
+        channels[:, self._channel] = filtered(channels[:, self._channel], drive.time_s, drive.runs, float(values[0]))
 
 
 class TimeLag(Effect):
@@ -98,11 +91,11 @@ class TimeLag(Effect):
     def impose(self, imposed: np.ndarray, drive: Drive, values: np.ndarray) -> None:
         if self._channel in (LOAD, SLIP):
             column = 0 if self._channel == LOAD else 1
-            imposed[:, column] = delayed(imposed[:, column], drive.time_s, drive.stretch, -values[0])
+            imposed[:, column] = delayed(imposed[:, column], drive.time_s, drive.runs, -values[0])
 
     def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
         if self._channel not in (LOAD, SLIP):
-            channels[:, self._channel] = delayed(channels[:, self._channel], drive.time_s, drive.stretch, values[0])
+            channels[:, self._channel] = delayed(channels[:, self._channel], drive.time_s, drive.runs, values[0])
 
 
 class ChannelDrift(Effect):

@@ -16,12 +16,12 @@ import numpy as np
 from scipy.optimize import minimize
 
 from ...framework.core.soil import PARAMETERS, PLAUSIBLE, SoilKnowledge
-from ..augmented import AugmentedWheel, Response
+from ..augmented import AugmentedWheel, Entry, Response
 from ..effects.effect import LOAD, SLIP
 from ..forward import slope_of_internal, to_internal
 from .samples import Samples
-from .soil_variation import huber_loss, neighbours, stretches, whiten
-from .steps import Prior, covariance_of, normal_equations, step_of
+from .soil_variation import NoiseModel, Ready, huber_loss, neighbours, stretches
+from .steps import Prior, covariance_of, step_of
 
 _SPREAD_PRIOR = 0.15
 """Soil varies along a track by some per cent, seldom more (standard deviation of ln stiffness and ln strength)."""
@@ -46,15 +46,6 @@ ENOUGH = 0.02
 
 _HOPELESS = 0.02
 """It ends, too, when a step promises less than this share of what the fit is behind another one [-]."""
-
-
-@dataclass(frozen=True)
-class NoiseModel:
-    """Standard deviations of the answers (m,), of ln stiffness and ln strength (2,), and the variation's length."""
-
-    answers: np.ndarray
-    spread: np.ndarray
-    length: float
 
 
 @dataclass(frozen=True)
@@ -91,28 +82,6 @@ class Fitted:
     jacobian: np.ndarray
     theta_1: np.ndarray
     response: Response
-
-
-@dataclass(frozen=True)
-class _Ready:
-    """Residuals and derivatives (n, m, 1 + p), what was seen, and how they answer the soil's variation and latents."""
-
-    columns: np.ndarray
-    seen: np.ndarray
-    by_variation: np.ndarray
-    by_latent: np.ndarray
-
-    def filter(
-        self, noise: NoiseModel, latent_covariance: np.ndarray, gap: np.ndarray, derivatives: bool
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Whitened columns, and the logarithm of each row's scale (n,)."""
-        columns = (self.columns if derivatives else self.columns[..., :1]).copy()
-        log_scale = np.empty(len(columns))
-        whiten(
-            columns, self.seen, self.by_variation, self.by_latent, latent_covariance, noise.answers**2, noise.spread,
-            noise.length, gap, log_scale,
-        )  # fmt: skip
-        return columns, log_scale
 
 
 class Problem:
@@ -172,9 +141,9 @@ class Problem:
         sd = np.array(sd)
         return Prior(np.array(mean), np.where(np.isfinite(sd), 1.0 / sd**2, 0.0), np.array(lower), np.array(upper))
 
-    def linearise(self, model: AugmentedWheel, vector: np.ndarray, theta_1: np.ndarray | None) -> Response:
+    def linearise(self, model: AugmentedWheel, vector: np.ndarray, entry: Entry | None) -> Response:
         """Answer of the model with derivatives, in the samples' order."""
-        return model.linearise(self.samples.drive, self.imposed, vector, theta_1, latent=self.weights is None)
+        return model.linearise(self.samples.drive, self.imposed, vector, entry, latent=self.weights is None)
 
     @property
     def unbounded(self) -> NoiseModel:
@@ -226,7 +195,7 @@ class Problem:
         size = len(fitted.vector)
         return innovations, columns[..., :size], columns[..., size:]
 
-    def _ready(self, response: Response, weights: Response | None = None) -> _Ready:
+    def _ready(self, response: Response, weights: Response | None = None) -> Ready:
         """Residuals and derivatives in the order in which the soil's variation is followed."""
         answers, order = self.answers, self.order
         weights = self.weights or weights or response
@@ -242,7 +211,7 @@ class Problem:
         vary = weights.by_ground[:, answers]
         columns = np.where(seen[..., None], np.concatenate([residual[..., None], by_parameter], axis=-1), 0.0)
         latent = np.nan_to_num(weights.by_latent[:, answers])
-        return _Ready(columns[order], seen[order], np.nan_to_num(vary)[order], latent[order])
+        return Ready(columns[order], seen[order], np.nan_to_num(vary)[order], latent[order])
 
     def noise_loss(self, noise: NoiseModel) -> float:
         """Minus the log-prior of the noise."""
@@ -260,12 +229,11 @@ class Problem:
         pull = prior.precision * (prior.mean - vector)
 
         def loss(noise: NoiseModel) -> float:
-            columns, log_scale = ready.filter(noise, self.latent_covariance, self.gap, derivatives=True)
-            gradient, information = normal_equations(columns[..., 0], columns[..., 1:])
-            gradient = gradient + pull
+            loss, gradient, information = ready.weighed(noise, self.latent_covariance, self.gap)
+            gradient += pull
             information[np.diag_indices_from(information)] += prior.precision + 1e-12
             gained = 0.5 * float(gradient @ np.linalg.solve(information, gradient))
-            return float(huber_loss(columns[..., 0]).sum() + log_scale.sum()) - gained + self.noise_loss(noise)
+            return loss - gained + self.noise_loss(noise)
 
         return self._least(loss, start)
 
@@ -288,7 +256,7 @@ class Problem:
         # Deviations from a mean of m repeats scatter less than repeats do.
         wider = np.sqrt(size / (size - 1.0))[trial, None]
         away = (ready.columns[rows, :, 0] - (mean / size[:, None])[trial]) * wider
-        apart = _Ready(away[..., None], ready.seen[rows], ready.by_variation[rows], ready.by_latent[rows])
+        apart = Ready(away[..., None], ready.seen[rows], ready.by_variation[rows], ready.by_latent[rows])
         share = float(np.sum(size - 1.0)) / len(trial)
         alone = np.full(len(trial), np.inf)
 
@@ -359,7 +327,7 @@ def fit(
     """
     prior = problem.prior(model)
     vector = np.clip(vector, prior.lower, prior.upper)
-    response = problem.linearise(model, vector, theta_1)
+    response = problem.linearise(model, vector, None if theta_1 is None else Entry(theta_1))
     damping, settled = 1e-3, 0
     if noise is None:
         noise = problem.best_noise(response, vector, problem.first_noise, prior)
@@ -380,14 +348,18 @@ def fit(
                 break
             continue
         trial = np.clip(vector + step, prior.lower, prior.upper)
-        answer = problem.linearise(model, trial, response.theta_1)
-        reached = float(problem.whitened(answer, noise, response)[2].sum()) + prior.loss(trial)
+        answer = problem.linearise(model, trial, response.entry(trial - vector))
+        looks = problem.whitened(answer, noise, response)
+        reached = float(looks[2].sum()) + prior.loss(trial)
         if reached < total:
             vector, response = trial, answer
             damping = max(damping / 6.0, 1e-6)
-            if settle and iteration == 2:
+            again = settle and iteration == 2
+            if again:
                 noise = problem.best_noise(response, vector, noise, prior)
-            innovations, jacobian, loss = problem.whitened(response, noise)
+            if again or problem.weights is None:
+                looks = problem.whitened(response, noise)
+            innovations, jacobian, loss = looks
             total = float(loss.sum()) + prior.loss(vector)
         else:
             damping = max(damping, 1e-4) * 10.0

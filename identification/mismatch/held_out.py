@@ -127,7 +127,7 @@ def _fitted_to(problem: Problem, fitted: Fitted, vector: np.ndarray, kept: np.nd
     """Answers of a model fitted again, from a vector (p,), to the rows that are `kept` (n,), noise as it is."""
     response, damping = fitted.response, 1e-3
     if not np.array_equal(vector, fitted.vector):
-        response = problem.linearise(fitted.model, vector, fitted.theta_1)
+        response = problem.linearise(fitted.model, vector, response.entry(vector - fitted.vector))
     innovations, jacobian, loss = problem.whitened(response, fitted.noise)
     total = float(loss[kept].sum()) + prior.loss(vector)
     for _ in range(_STEPS):
@@ -135,7 +135,7 @@ def _fitted_to(problem: Problem, fitted: Fitted, vector: np.ndarray, kept: np.nd
         if promised < _ENOUGH:
             break
         trial = np.clip(vector + step, prior.lower, prior.upper)
-        answer = problem.linearise(fitted.model, trial, response.theta_1)
+        answer = problem.linearise(fitted.model, trial, response.entry(trial - vector))
         looks = problem.whitened(answer, fitted.noise, fitted.response)
         reached = float(looks[2][kept].sum()) + prior.loss(trial)
         if reached < total:

@@ -19,8 +19,8 @@ from ..augmented import SOIL_COUNT, AugmentedWheel
 from ..effects.drive import rate_of_change
 from ..forward import CHANNELS
 from .explanation import Region
-from .fitting import Fitted, NoiseModel, Problem, fit
-from .soil_variation import huber_weight
+from .fitting import Fitted, Problem, fit
+from .soil_variation import NoiseModel, huber_weight
 from .steps import scaled_inverse
 from .variables import CONSTANT, LAG, Variable, cycles, public_name, rank, variables
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from ..effects.soil_patch import CELLS, SoilPatch, track_of
-from .fitting import Fitted, NoiseModel, Problem
+from .fitting import Fitted, Problem
+from .soil_variation import NoiseModel
 from .steps import normal_equations, scaled_inverse
 
 _EACH = 2

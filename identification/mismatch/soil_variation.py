@@ -8,6 +8,7 @@ their derivatives into innovations, which are independent with unit variance whe
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
@@ -17,6 +18,15 @@ HUBER = 4.0
 
 _STRETCHES = 24
 """Stretches of a track that are taken to err independently: many enough to show it, long enough to be so."""
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """Standard deviations of the answers (m,), of ln stiffness and ln strength (2,), and the variation's length."""
+
+    answers: np.ndarray
+    spread: np.ndarray
+    length: float
 
 
 def neighbours(position: np.ndarray, lane: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -45,6 +55,88 @@ def stretches(order: np.ndarray, gap: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _whiten_row(
+    columns, at, row, seen, by_variation, by_latent, latent_covariance, variance, spread, keep, state, p, covariance,
+    vary,
+):  # fmt: skip
+    """Whiten the next row, whose columns stand in `columns[at]`, in place; answers the logarithm of its scale.
+
+    The other arguments are those of `whiten`. `keep` is what is left of the variation since the row before; state
+    (2, q) and p (3,), its covariance, go along from row to row; covariance (m, m) and vary (m, 2) are room to work in.
+    """
+    _, channels, count = columns.shape
+    fresh = 1.0 - keep * keep
+    for column in range(count):
+        state[0, column] *= keep
+        state[1, column] *= keep
+    p[0] = keep * keep * p[0] + fresh * spread[0] ** 2
+    p[1] = keep * keep * p[1]
+    p[2] = keep * keep * p[2] + fresh * spread[1] ** 2
+    for i in range(channels):
+        for j in range(i + 1):
+            value = 0.0
+            if seen[row, i] and seen[row, j]:
+                for a in range(2):
+                    for b in range(2):
+                        value += by_latent[row, i, a] * latent_covariance[a, b] * by_latent[row, j, b]
+                if i == j:
+                    value += variance[i]
+            elif i == j:
+                value = 1.0
+            covariance[i, j] = value
+    scales = 1.0
+    for i in range(channels):
+        # Cholesky, forward substitution of the columns as it goes.
+        for j in range(i):
+            value = covariance[i, j]
+            for a in range(j):
+                value -= covariance[i, a] * covariance[j, a]
+            covariance[i, j] = value / covariance[j, j]
+        value = covariance[i, i]
+        for a in range(i):
+            value -= covariance[i, a] ** 2
+        root = math.sqrt(max(value, 1e-300))
+        covariance[i, i] = root
+        inverse = 1.0 / root if seen[row, i] else 0.0
+        for a in range(2):
+            value = by_variation[row, i, a]
+            for j in range(i):
+                value -= covariance[i, j] * vary[j, a]
+            vary[i, a] = value * inverse
+        for column in range(count):
+            value = columns[at, i, column]
+            for j in range(i):
+                value -= covariance[i, j] * columns[at, j, column]
+            columns[at, i, column] = value * inverse
+        if seen[row, i]:
+            scales *= root
+    log_scale = math.log(scales)
+    scales = 1.0
+    for i in range(channels):
+        if not seen[row, i]:
+            continue
+        h0, h1 = vary[i, 0], vary[i, 1]
+        g0, g1 = p[0] * h0 + p[1] * h1, p[1] * h0 + p[2] * h1
+        scale = h0 * g0 + h1 * g1 + 1.0
+        root = math.sqrt(scale)
+        away = columns[at, i, 0] - h0 * state[0, 0] - h1 * state[1, 0]
+        # A gross error must not be taken for soil.
+        trust = min(1.0, HUBER * root / max(abs(away), 1e-300))
+        k0, k1, inverse = g0 / scale * trust, g1 / scale * trust, 1.0 / root
+        for column in range(count):
+            innovation = columns[at, i, column] - h0 * state[0, column] - h1 * state[1, column]
+            state[0, column] += k0 * innovation
+            state[1, column] += k1 * innovation
+            columns[at, i, column] = innovation * inverse
+        p[0] -= g0 * g0 / scale
+        p[1] -= g0 * g1 / scale
+        p[2] -= g1 * g1 / scale
+        scales *= root
+    log_scale += math.log(scales)
+    return log_scale
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def whiten(columns, seen, by_variation, by_latent, latent_covariance, variance, spread, length, gap, log_scale):
     """Whiten columns in place: residuals first, their derivatives after.
 
@@ -54,75 +146,50 @@ def whiten(columns, seen, by_variation, by_latent, latent_covariance, variance, 
     where there is none. Fills log_scale (n,): sum of the logarithms of the innovations' standard deviations.
     """
     rows, channels, count = columns.shape
-    state = np.zeros((2, count))
-    p00, p01, p11 = spread[0] ** 2, 0.0, spread[1] ** 2
-    covariance = np.empty((channels, channels))
-    vary = np.empty((channels, 2))
+    state, p = np.zeros((2, count)), np.array([spread[0] ** 2, 0.0, spread[1] ** 2])
+    covariance, vary = np.empty((channels, channels)), np.empty((channels, 2))
     for row in range(rows):
-        keep = math.exp(-gap[row] / length)
-        fresh = 1.0 - keep * keep
-        for column in range(count):
-            state[0, column] *= keep
-            state[1, column] *= keep
-        p00 = keep * keep * p00 + fresh * spread[0] ** 2
-        p01 = keep * keep * p01
-        p11 = keep * keep * p11 + fresh * spread[1] ** 2
-        for i in range(channels):
-            for j in range(channels):
-                value = 0.0
-                if seen[row, i] and seen[row, j]:
-                    for a in range(2):
-                        for b in range(2):
-                            value += by_latent[row, i, a] * latent_covariance[a, b] * by_latent[row, j, b]
-                    if i == j:
-                        value += variance[i]
-                elif i == j:
-                    value = 1.0
-                covariance[i, j] = value
-        log_scale[row] = 0.0
-        for i in range(channels):
-            # Cholesky, forward substitution of the columns as it goes.
-            for j in range(i):
-                value = covariance[i, j]
-                for a in range(j):
-                    value -= covariance[i, a] * covariance[j, a]
-                covariance[i, j] = value / covariance[j, j]
-            value = covariance[i, i]
-            for a in range(i):
-                value -= covariance[i, a] ** 2
-            root = math.sqrt(max(value, 1e-300))
-            covariance[i, i] = root
-            for a in range(2):
-                value = by_variation[row, i, a] if seen[row, i] else 0.0
-                for j in range(i):
-                    value -= covariance[i, j] * vary[j, a]
-                vary[i, a] = value / root
-            for column in range(count):
-                value = columns[row, i, column] if seen[row, i] else 0.0
-                for j in range(i):
-                    value -= covariance[i, j] * columns[row, j, column]
-                columns[row, i, column] = value / root
-            if seen[row, i]:
-                log_scale[row] += math.log(root)
+        log_scale[row] = _whiten_row(
+            columns, row, row, seen, by_variation, by_latent, latent_covariance, variance, spread,
+            math.exp(-gap[row] / length), state, p, covariance, vary,
+        )  # fmt: skip
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def weigh_white(
+    columns, seen, by_variation, by_latent, latent_covariance, variance, spread, length, gap, gradient, information
+):  # fmt: skip
+    """Loss [nats] of columns once they are white, which are as in `whiten` and stay as they are.
+
+    Fills gradient (q - 1,) and information (q - 1, q - 1) of the log-likelihood by what the derivatives belong to.
+    """
+    rows, channels, count = columns.shape
+    state, p = np.zeros((2, count)), np.array([spread[0] ** 2, 0.0, spread[1] ** 2])
+    covariance, vary = np.empty((channels, channels)), np.empty((channels, 2))
+    white = np.empty((1, channels, count))
+    gradient[:], information[:] = 0.0, 0.0
+    loss = 0.0
+    for row in range(rows):
+        white[0] = columns[row]
+        loss += _whiten_row(
+            white, 0, row, seen, by_variation, by_latent, latent_covariance, variance, spread,
+            math.exp(-gap[row] / length), state, p, covariance, vary,
+        )  # fmt: skip
         for i in range(channels):
             if not seen[row, i]:
                 continue
-            h0, h1 = vary[i, 0], vary[i, 1]
-            g0, g1 = p00 * h0 + p01 * h1, p01 * h0 + p11 * h1
-            scale = h0 * g0 + h1 * g1 + 1.0
-            root = math.sqrt(scale)
-            away = columns[row, i, 0] - h0 * state[0, 0] - h1 * state[1, 0]
-            # A gross error must not be taken for soil.
-            trust = min(1.0, HUBER * root / max(abs(away), 1e-300))
-            for column in range(count):
-                innovation = columns[row, i, column] - h0 * state[0, column] - h1 * state[1, column]
-                state[0, column] += g0 / scale * innovation * trust
-                state[1, column] += g1 / scale * innovation * trust
-                columns[row, i, column] = innovation / root
-            p00 -= g0 * g0 / scale
-            p01 -= g0 * g1 / scale
-            p11 -= g1 * g1 / scale
-            log_scale[row] += math.log(root)
+            size = abs(white[0, i, 0])
+            weight = min(1.0, HUBER / max(size, 1e-12))
+            loss += 0.5 * size**2 if size <= HUBER else HUBER * (size - 0.5 * HUBER)
+            for a in range(1, count):
+                weighed = weight * white[0, i, a]
+                gradient[a - 1] += weighed * white[0, i, 0]
+                for b in range(a, count):
+                    information[a - 1, b - 1] += weighed * white[0, i, b]
+    for a in range(count - 1):
+        for b in range(a):
+            information[a, b] = information[b, a]
+    return loss
 
 
 def huber_loss(innovation: np.ndarray) -> np.ndarray:
@@ -134,3 +201,37 @@ def huber_loss(innovation: np.ndarray) -> np.ndarray:
 def huber_weight(innovation: np.ndarray) -> np.ndarray:
     """Share with which an innovation counts in the normal equations."""
     return np.minimum(1.0, HUBER / np.maximum(np.abs(innovation), 1e-12))
+
+
+@dataclass(frozen=True)
+class Ready:
+    """Residuals and derivatives (n, m, 1 + p), what was seen, and how they answer the soil's variation and latents."""
+
+    columns: np.ndarray
+    seen: np.ndarray
+    by_variation: np.ndarray
+    by_latent: np.ndarray
+
+    def filter(
+        self, noise: NoiseModel, latent_covariance: np.ndarray, gap: np.ndarray, derivatives: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Whitened columns, and the logarithm of each row's scale (n,)."""
+        columns = (self.columns if derivatives else self.columns[..., :1]).copy()
+        log_scale = np.empty(len(columns))
+        whiten(
+            columns, self.seen, self.by_variation, self.by_latent, latent_covariance, noise.answers**2, noise.spread,
+            noise.length, gap, log_scale,
+        )  # fmt: skip
+        return columns, log_scale
+
+    def weighed(
+        self, noise: NoiseModel, latent_covariance: np.ndarray, gap: np.ndarray
+    ) -> tuple[float, np.ndarray, np.ndarray]:
+        """Loss [nats] of the whitened residuals, with gradient (p,) and information (p, p) by what derives them."""
+        size = self.columns.shape[-1] - 1
+        gradient, information = np.empty(size), np.empty((size, size))
+        loss = weigh_white(
+            self.columns, self.seen, self.by_variation, self.by_latent, latent_covariance, noise.answers**2,
+            noise.spread, noise.length, gap, gradient, information,
+        )  # fmt: skip
+        return loss, gradient, information

@@ -10,8 +10,9 @@ import numpy as np
 from ...framework.core.soil import SoilKnowledge
 from ..augmented import AugmentedWheel
 from ..effects.effect import LOAD, SLIP
-from .fitting import Fitted, NoiseModel, Problem, fit
+from .fitting import Fitted, Problem, fit
 from .samples import Samples, levels
+from .soil_variation import NoiseModel
 
 _COARSE = 0.1
 """Share of a channel's scatter that the first search for a soil takes for noise [-]."""

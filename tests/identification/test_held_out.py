@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from bevameter import Vehicle, Wheel
 from bevameter.framework.core.recording.types import WheelTable
+from bevameter.identification.augmented import Entry
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.shear_hump import ShearHump
 from bevameter.identification.effects.slip_sinkage import SinkageExponent, SinkageRatio
@@ -63,7 +64,7 @@ def refitted(problem: Problem, fitted: Fitted) -> np.ndarray:
         lacking = Problem(replace(samples, measured=measured))
         lacking.weights, lacking.most, lacking.first_noise = problem.weights, problem.most, problem.first_noise
         found = fit(lacking, fitted.model, fitted.vector, fitted.noise, fitted.theta_1, iterations=60, settle=False)
-        channels = problem.linearise(fitted.model, found.vector, fitted.theta_1).channels
+        channels = problem.linearise(fitted.model, found.vector, Entry(fitted.theta_1)).channels
         there = at_fit - slopes @ (found.vector - fitted.vector)
         there[rows] = at_fit[rows] - (channels - fitted.response.channels)[rows][:, problem.answers]
         nats.append(-problem.loss(there, fitted)[rows].sum())

@@ -235,9 +235,9 @@ def test_noisy_speeds_are_differentiated_over_a_wider_window(noise, better):
 @pytest.mark.parametrize("constant_s", [0.05, 0.4, 2.0])
 def test_a_low_pass_is_behind_a_ramp_by_its_time_constant(constant_s):
     time_s = 0.1 * np.arange(400)
-    behind = filtered(3.0 * time_s, time_s, np.zeros(400, dtype=int), constant_s)
+    behind = filtered(3.0 * time_s, time_s, [np.arange(400)], constant_s)
     assert behind[-1] == pytest.approx(3.0 * (time_s[-1] - constant_s), rel=1e-6)
-    np.testing.assert_allclose(filtered(time_s, time_s, np.zeros(400, dtype=int), 0.0), time_s, atol=1e-8)
+    np.testing.assert_allclose(filtered(time_s, time_s, [np.arange(400)], 0.0), time_s, atol=1e-8)
 
 
 def test_what_only_a_soil_that_is_known_tells_is_located(tmp_path):
