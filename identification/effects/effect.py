@@ -123,7 +123,7 @@ class Situation:
         As measured, NaN where not observed.
     residuals : (n, 5)
         What the textbook wheel leaves of each channel, in units of its noise; NaN where not observed.
-    c_Pa, tan_phi
+    c_Pa, tan_phi, stiffness_Pa
         The soil that the textbook wheel fits.
     places
         Parameter vectors at which to look for another soil along the track, where somebody laid them out.
@@ -136,6 +136,7 @@ class Situation:
     residuals: np.ndarray
     c_Pa: float
     tan_phi: float
+    stiffness_Pa: float
     places: tuple[np.ndarray, ...] = ()
 
     def seen(self, *channels: int) -> bool:

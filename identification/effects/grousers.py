@@ -37,6 +37,46 @@ class LugRadius(Effect):
         contact.shear_radius_m, contact.lever_m = radius, radius
 
 
+class LugThrust(Effect):
+    """The faces of the lugs in the ground push soil that resists passively, and dig themselves in as they slip.
+
+    The surcharge is the mean stress on the contact; of the lugs that stand in the ground each resists by a share that
+    is mobilised as soil shears. Digging in is empirical, in proportion to slip.
+    """
+
+    slug = "grousers"
+    source = "M. G. Bekker, Off-the-Road Locomotion (1960), passive resistance to a spud under surcharge"
+    expected = True
+
+    def __init__(self, height_m: float, count: int, *, digs: bool = False) -> None:
+        self._height, self._count = height_m, count
+        self.form = "thrust of the lugs, digging in" if digs else "thrust of the lugs"
+        if digs:
+            self.source = f"{LugThrust.source}; digging in is empirical"
+        self.usual = False
+        self.equation = (
+            "F = s N theta_1 / (2 pi) b h (q K_p + 2 c sqrt(K_p)) [1 - exp(-j/K)], K_p = tan^2(pi/4 + phi/2), "
+            "q = W / (b r sin theta_1), j = r theta_1 - V/omega sin theta_1; T += F (r + h/2), "
+            "DP += F sin(theta_1) / theta_1"
+        ) + ("; z += d h |i|" if digs else "")
+        share = Parameter("s", "", 0.0, 3.0, 0.3, 0.5)
+        self.parameters = (share, Parameter("d", "", 0.0, 2.0, 0.2, 0.4)) if digs else (share,)
+
+    def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        theta_1, width = contact.theta_1, contact.wheel.width_m
+        passive = np.tan(0.25 * np.pi + 0.5 * np.arctan(contact.tan_phi))
+        surcharge = drive.load_N / (width * contact.radius_m * np.sin(theta_1))
+        slipped = contact.radius_m * theta_1 - contact.advance_m * np.sin(theta_1)
+        mobilised = np.sign(slipped) * -np.expm1(-np.abs(slipped) / contact.k_m)
+        lugs = self._count * theta_1 / (2.0 * np.pi)
+        face = width * self._height * (surcharge * passive**2 + 2.0 * contact.c_Pa * passive)
+        thrust = values[0] * lugs * face * mobilised
+        channels[:, TORQUE] += thrust * (contact.radius_m + 0.5 * self._height)
+        channels[:, PULL] += thrust * np.sin(theta_1) / theta_1
+        if len(values) > 1:
+            channels[:, SINKAGE] += values[1] * self._height * np.abs(drive.slip)
+
+
 class LugRipple(Effect):
     """Forces and sinkage ripple as lugs enter and leave, once a lug, by so much; sharper lugs with an overtone."""
 
@@ -119,7 +159,7 @@ def forms(situation: Situation) -> tuple[Effect, ...]:
     wheel, drive = situation.wheel, situation.drive
     answer: list[Effect] = []
     if wheel.grouser_height_m > 0.0 and situation.seen(TORQUE, PULL):
-        answer += [LugRadius(wheel.grouser_height_m, its_slip=its_slip) for its_slip in (False, True)]
+        answer += _steady(wheel)
     if drive.has("wheel_angle_rad") and np.nanmax(drive.wheel_angle_rad) - np.nanmin(drive.wheel_angle_rad) > np.pi:
         for count in _counts(wheel, drive, situation.residuals):
             answer += _ripples(wheel, count, situation)
@@ -131,11 +171,18 @@ def named(situation: Situation) -> tuple[Effect, ...]:
     wheel = situation.wheel
     answer: list[Effect] = []
     if wheel.grouser_height_m > 0.0:
-        answer += [LugRadius(wheel.grouser_height_m, its_slip=its_slip) for its_slip in (False, True)]
+        answer += _steady(wheel)
     if wheel.grouser_count and situation.drive.has("wheel_angle_rad"):
         for each in _ripples(wheel, wheel.grouser_count, situation):
             answer += [each, *each.variants()]
     return tuple(answer)
+
+
+def _steady(wheel: Wheel) -> list[Effect]:
+    """What the vehicle's lugs do at any angle of the wheel."""
+    height, count = wheel.grouser_height_m, wheel.grouser_count
+    answer: list[Effect] = [LugRadius(height, its_slip=its_slip) for its_slip in (False, True)]
+    return answer + [LugThrust(height, count, digs=digs) for digs in (False, True) if count]
 
 
 def _ripples(wheel: Wheel, count: int, situation: Situation) -> list[Effect]:

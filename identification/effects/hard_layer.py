@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from .effect import SINKAGE, Contact, Drive, Effect, Parameter, Situation
+
+_FELT = 0.75
+"""Depth of a layer, as a share of the sinkage from which on it is felt [-]."""
+
+_STIFFER = 5.0
+"""How many times as stiff as the soil above it a layer usually is [-]."""
 
 
 class HardLayer(Effect):
@@ -20,17 +28,18 @@ class HardLayer(Effect):
     source = "after M. G. Bekker, Introduction to Terrain-Vehicle Systems (1969), layered media"
     required = ("d", "ln_S_L")
 
-    def __init__(self, sinkages: np.ndarray) -> None:
+    def __init__(self, sinkages: np.ndarray, stiffness_Pa: float) -> None:
         deepest = float(np.nanmax(sinkages))
-        self._depths = np.nanpercentile(sinkages, [10.0, 40.0, 70.0])
+        self._depths = _FELT * np.nanpercentile(sinkages, [10.0, 40.0, 70.0])
+        self._stiff = math.log(_STIFFER * stiffness_Pa)
         # A layer that stiffens without limit is a floor: beyond this nothing changes any more.
         self.parameters = (
             Parameter("d", "m", 0.02 * deepest, 1.2 * deepest, float(self._depths[1]), 0.5 * deepest, deepest),
-            Parameter("ln_S_L", "ln Pa", 4.0, 20.0, 12.0, 2.0, 12.0),
+            Parameter("ln_S_L", "ln Pa", 4.0, 20.0, self._stiff, 2.0, self._stiff),
         )
 
     def starts(self) -> list[np.ndarray]:
-        return [np.array([depth, 13.0]) for depth in self._depths]
+        return [np.array([depth, self._stiff]) for depth in self._depths]
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         contact.layer_depth_m = values[0]
@@ -41,4 +50,4 @@ def forms(situation: Situation) -> tuple[Effect, ...]:
     """Give the form that these data can show: sinkage has to be measured."""
     if not situation.seen(SINKAGE):
         return ()
-    return (HardLayer(situation.sinkage_m),)
+    return (HardLayer(situation.sinkage_m, situation.stiffness_Pa),)

@@ -88,7 +88,8 @@ def situation_of(wheel: Wheel, soil: Soil, drive: Drive) -> Situation:
     # A wheel that is swallowed has no sinkage: as deep as its axle is as good a scale as any.
     sinkage = np.where(carried, state.sinkage_m, wheel.radius_m)
     return Situation(
-        wheel, drive, typical, sinkage, np.zeros_like(channels), soil.c_Pa, math.tan(soil.phi_rad)
+        wheel, drive, typical, sinkage, np.zeros_like(channels), soil.c_Pa, math.tan(soil.phi_rad),
+        soil.stiffness_Pa,
     )  # fmt: skip
 
 

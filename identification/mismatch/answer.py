@@ -35,8 +35,8 @@ _SOIL_UNITS = {"c_Pa": "Pa", "phi_rad": "rad", "k_m": "m", "stiffness_Pa": "Pa",
 
 def assemble(
     problem: Problem, found: Search, naming: Naming, remaining: SmoothCorrection, regions: tuple[Region, ...], *,
-    source: str, seed: int, began: float, problems: tuple[str, ...] = (), simulated: np.ndarray | None = None,
-    repeated: float = 1.0, doubted: tuple[str, ...] = (),
+    source: str, seed: int, began: float, before: np.ndarray, problems: tuple[str, ...] = (),
+    simulated: np.ndarray | None = None, repeated: float = 1.0, doubted: tuple[str, ...] = (),
 ) -> Explanation:  # fmt: skip
     """Put the answer together.
 
@@ -46,6 +46,8 @@ def assemble(
         From the steps before.
     source, seed, began, problems
         The recording, the seed of resampling, when work began [s], and what the reader noticed.
+    before : (n, m)
+        Residuals that the simulation leaves of rows held out.
     simulated : (n, 5)
         Residuals of another simulator, which then stand for "before".
     repeated
@@ -67,8 +69,8 @@ def assemble(
         unsure = [each.effect for each in missing if each.effect not in told and each.kind != UNKNOWN]
         missing = asserted
     if verdict == "none":
-        after, regions = textbook.held_out.residuals, ()
-    before = textbook.held_out.residuals if simulated is None else simulated[:, problem.answers]
+        after, regions = before, ()
+    before = before if simulated is None else simulated[:, problem.answers]
     fits = _fits(problem, before, after, chosen.fitted, np.random.default_rng(seed))
     gained = (chosen.gain, chosen.held_out.gain(textbook.held_out)[1]) if verdict != "none" else (0.0, 0.0)
     if unknown_wins:

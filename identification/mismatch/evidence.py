@@ -148,7 +148,9 @@ def swallowed(problem: Problem, fitted: Fitted, position: int) -> bool:
     return float(fitted.noise.answers[position]) > _SWALLOWED * shown and _by_differences(series) < _REMEMBERED
 
 
-def repetition(problem: Problem, search: Search, innovations: np.ndarray) -> float:
+def repetition(
+    problem: Problem, search: Search, innovations: np.ndarray, explained: np.ndarray | float = 0.0
+) -> float:  # fmt: skip
     """Number of neighbouring rows that say the same, 1 where they are independent. Trials have no neighbours.
 
     Each channel's is 1 + 2 sum of autocorrelations (M. S. Bartlett, J. R. Stat. Soc. Suppl. 8 (1946), 27-41), as far as
@@ -164,10 +166,12 @@ def repetition(problem: Problem, search: Search, innovations: np.ndarray) -> flo
         The chosen set and the textbook wheel.
     innovations : (n, m)
         What is left of them, whitened.
+    explained : (n, m)
+        What a smooth correction makes of the chosen set's residuals, SI: a misfit of its own, and no memory.
     """
     if not problem.samples.drive.timed:
         return 1.0
-    left = search.chosen.fitted.residuals
+    left = search.chosen.fitted.residuals - np.nan_to_num(explained)
     times = np.array([
         max(_by_autocorrelation(column[seen]), _by_differences(_stretches(residual, problem.samples.drive.stretch)))
         for column, seen, residual in zip(innovations.T, problem.seen.T, left.T, strict=True)

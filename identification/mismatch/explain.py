@@ -25,7 +25,7 @@ from .samples import Samples, gather, passes_apart
 from .search import Search, asked_beside, search
 from .simulated import as_differences, attach
 from .smooth_correction import SmoothCorrection, smooth_correction
-from .trial import ASKED_FOR, Trial, situation, textbook_trial
+from .trial import ASKED_FOR, Trial, least_errors, situation, textbook_trial
 
 _GROUND_OF_ITS_OWN = (
     "each pass is taken to be on ground of its own: what passes differ by is explained as well by that as by anything "
@@ -97,11 +97,14 @@ def explain(
                 found = replace(found, chosen=found.textbook)
                 remaining = _left_over(problem, found.chosen)
             notes = (*notes, _GROUND_OF_ITS_OWN)
-        repeated = repetition(problem, found, remaining.innovations)
+        repeated = repetition(problem, found, remaining.innovations, remaining.explained)
         fewer = warranted(found, repeated)
         if fewer is not found:
             found = fewer
             remaining = _left_over(problem, found.chosen)
+            if remaining.explained.any():
+                # What repeated itself was a misfit, which something else than time or place explains.
+                repeated = repetition(problem, found, remaining.innovations, remaining.explained)
         against = doubts(problem, found, remaining.gain, repeated)
         naming = name(found, remaining.gain, repeated=repeated, doubted=bool(against))
         if naming.unknown > 0.5 and found.chosen.effects:
@@ -109,9 +112,10 @@ def explain(
             naming = name(found, remaining.gain, alone, repeated=repeated, doubted=bool(against))
         tell("locating the mismatch")
         regions = locate(problem, found.chosen.fitted)
+        before = least_errors(problem, found.textbook)
     return assemble(
-        problem, found, naming, remaining, regions, source=str(opened.source), seed=seed, began=began,
-        problems=notes, simulated=own, repeated=repeated, doubted=against,
+        problem, found, naming, remaining, regions, source=str(opened.source), seed=seed, began=began, problems=notes,
+        before=before, simulated=own, repeated=repeated, doubted=against,
     )  # fmt: skip
 
 

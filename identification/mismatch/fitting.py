@@ -21,7 +21,7 @@ from ..effects.effect import LOAD, SLIP
 from ..forward import slope_of_internal, to_internal
 from .samples import Samples
 from .soil_variation import NoiseModel, Ready, huber_loss, neighbours, stretches
-from .steps import Prior, covariance_of, step_of
+from .steps import Prior, covariance_of, step_from, step_of
 
 _SPREAD_PRIOR = 0.15
 """Soil varies along a track by some per cent, seldom more (standard deviation of ln stiffness and ln strength)."""
@@ -223,16 +223,13 @@ class Problem:
         """Noise and variation of the soil that explain a response's residuals best, the parameters following along.
 
         Were the parameters held, what they leave unexplained would pass for variation of the soil, and they would not
-        move once it does.
+        move once it does. They follow as far as one step goes: beyond, no line foretells what they would explain.
         """
         ready = self._ready(response)
-        pull = prior.precision * (prior.mean - vector)
 
         def loss(noise: NoiseModel) -> float:
             loss, gradient, information = ready.weighed(noise, self.latent_covariance, self.gap)
-            gradient += pull
-            information[np.diag_indices_from(information)] += prior.precision + 1e-12
-            gained = 0.5 * float(gradient @ np.linalg.solve(information, gradient))
+            _, gained = step_from(gradient, information, prior, vector, 0.0)
             return loss - gained + self.noise_loss(noise)
 
         return self._least(loss, start)
@@ -352,8 +349,7 @@ def fit(
         looks = problem.whitened(answer, noise, response)
         reached = float(looks[2].sum()) + prior.loss(trial)
         if reached < total:
-            vector, response = trial, answer
-            damping = max(damping / 6.0, 1e-6)
+            vector, response, before = trial, answer, total
             again = settle and iteration == 2
             if again:
                 noise = problem.best_noise(response, vector, noise, prior)
@@ -361,6 +357,8 @@ def fit(
                 looks = problem.whitened(response, noise)
             innovations, jacobian, loss = looks
             total = float(loss.sum()) + prior.loss(vector)
+            # Weighed as it is itself it may be worse again: then by shorter steps, or two soils would take turns.
+            damping = max(damping / 6.0, 1e-6) if again or total <= before else max(damping, 1e-3) * 10.0
         else:
             damping = max(damping, 1e-4) * 10.0
             if damping > 1e6:

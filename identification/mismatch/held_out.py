@@ -39,6 +39,12 @@ class HeldOut:
     residuals: np.ndarray
     untested: bool = False
 
+    def error(self, problem: Problem) -> float:
+        """Mean logarithm of the channels' errors on held-out rows; what was not predicted is off by all of it."""
+        left = np.where(np.isfinite(self.residuals), self.residuals, problem.measured)
+        squares = np.nanmean(np.where(problem.seen, left, np.nan) ** 2, axis=0)
+        return float(np.mean(np.log(np.maximum(squares, 1e-300))))
+
     def gain(self, other: HeldOut) -> tuple[float, float]:
         """Nats gained over another model, and their standard deviation from the scatter between blocks."""
         each = self.nats - other.nats

@@ -221,7 +221,7 @@ class Whitened:
         asked = [self._constant(position), *(self._steps(each, position) for each in variables(samples, sinkage_m))]
         asked += [self._inside(each, position) for each in self._stretches]
         angle = samples.drive.wheel_angle_rad
-        if np.isfinite(angle).any() and np.nanmax(angle) - np.nanmin(angle) > 2.0 * np.pi:
+        if np.isfinite(angle).any() and np.ptp(np.unwrap(angle[np.isfinite(angle)])) > 2.0 * np.pi:
             asked.append(self._periodic(angle, position))
         if samples.drive.timed:
             asked.append(self._lag(position))

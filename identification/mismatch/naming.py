@@ -196,7 +196,7 @@ def why_not(trial: Trial, search: Search, repeated: float) -> str:
     if trial.gain < ASKED_FOR:
         return f"held-out data do not ask for it ({trial.gain:+.1f} nats)"
     behind = chosen.gain - trial.gain
-    if behind < -MOST_ASKED_FOR:
+    if behind < -MOST_ASKED_FOR and repeated > 1.0:
         return f"gains {-behind:.0f} nats more, but neighbouring rows repeat each other: not so many count"
     if trial.slugs > chosen.slugs:
         return f"adds too little to what is chosen ({-behind:+.1f} nats)"

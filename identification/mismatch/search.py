@@ -59,6 +59,9 @@ _FAR_LESS = 0.1
 _THREADS = 2
 """Effects fitted at once: the heavy parts let go of Python's lock."""
 
+_VARIES = 0.01
+"""Ground that varies by less cannot vary much less [-]."""
+
 _NOT_FAR = 0.5
 """A second effect is sought beside the runner-up and other forms too, where they gained this share of the best [-]."""
 
@@ -124,8 +127,12 @@ class _Tries:
         former = {trial.effects[-1].name: trial for trial in formerly if trial.gain >= ASKED_FOR}
         answer: list[Trial] = []
         with ThreadPoolExecutor(_THREADS) as pool:
-            # What cannot be weighed first takes no other's place.
-            most += sum(nats == np.inf for nats, _ in promised)
+            # What cannot be weighed takes no other's place, and follows the most promising: a rival ends fits early.
+            unweighed = [pair for pair in promised if pair[0] == np.inf]
+            weighed = [pair for pair in promised if pair[0] < np.inf]
+            most += len(unweighed)
+            first = [pair for pair in weighed[:_THREADS] if pair[0] >= least]
+            promised = [*first, *unweighed, *weighed[len(first) :]]
             while promised:
                 gained = max((trial.gain - base.gain for trial in answer), default=0.0)
                 worth = [pair for pair in promised[: most - len(answer)] if pair[0] >= max(least, _FAR_LESS * gained)]
@@ -161,13 +168,8 @@ class _Tries:
             best = max(heard_of, key=lambda trial: trial.gain, default=best)
         near = [trial for trial in alike if best.gain - trial.gain < temperature(best.gain)]
         near = [trial for trial in near if best.unheard_of or not trial.unheard_of]
-        return Search(self.textbook, tuple(unique.values()), left, min(near, key=self._error, default=best))
-
-    def _error(self, trial: Trial) -> float:
-        """Mean logarithm of the channels' errors on held-out rows; what was not predicted is off by all of it."""
-        left = np.where(np.isfinite(trial.held_out.residuals), trial.held_out.residuals, self.problem.measured)
-        squares = np.nanmean(np.where(self.problem.seen, left, np.nan) ** 2, axis=0)
-        return float(np.mean(np.log(np.maximum(squares, 1e-300))))
+        least = min(near, key=lambda trial: trial.held_out.error(self.problem), default=best)
+        return Search(self.textbook, tuple(unique.values()), left, least)
 
     def others(self, taken: frozenset[str]) -> list[Effect]:
         """Give the forms of effects that are not taken, those aside that residuals lay out."""
@@ -263,7 +265,8 @@ def _beside_expected(tries: _Tries, singles: Sequence[Trial], best: Trial) -> li
         answer += tries.attempt(base, tries.weigh(base, expected), EXPECTED_ASKED_FOR)
     alone = max((trial for trial in singles if not trial.unexpected), key=lambda trial: trial.gain, default=best)
     if len(best.effects) == 1 and alone.slugs != best.slugs and alone.gain >= EXPECTED_ASKED_FOR:
-        answer += _nested_beside(tries, alone, best.slugs | alone.slugs)
+        for form in (alone, *_other_forms(singles, *alone.effects)):
+            answer += _nested_beside(tries, form, best.slugs | alone.slugs)
     return answer
 
 
@@ -379,7 +382,7 @@ def of_no_effect(best: Trial, larger: Trial) -> float:
 def _shown(best: Trial, larger: Trial) -> bool:
     """Say whether a further place has edges, or the ground varies little without it: a wrong form does neither."""
     before, after = (float(np.linalg.norm(trial.fitted.noise.spread)) for trial in (best, larger))
-    return larger.sharp >= _SHARP or after < _CALMER * before
+    return larger.sharp >= _SHARP or (before > _VARIES and after < _CALMER * before)
 
 
 def _further_place(best: Trial, larger: Trial) -> bool:

@@ -15,6 +15,9 @@ from ..forward import CHANNELS
 from .samples import ANSWERS, SIMULATED, Samples
 from .textbook import fit_textbook
 
+_APART = 2.05
+"""Samples of the recording between two simulated ones at most."""
+
 
 def attach(table: WheelTable, path: str | Path) -> WheelTable:
     """Give a recording's table columns with the simulator's answers for each row, by run or by time.
@@ -59,10 +62,22 @@ def _by_time(table: WheelTable, simulated: WheelTable, name: str) -> np.ndarray:
         good = np.isfinite(time_s) & np.isfinite(values)
         if good.any():
             order = np.argsort(time_s[good])
-            answer[rows] = np.interp(
-                table["time_s"][rows], time_s[good][order], values[good][order], left=np.nan, right=np.nan
-            )
+            wanted, time_s = table["time_s"][rows], time_s[good][order]
+            interpolated = np.interp(wanted, time_s, values[good][order], left=np.nan, right=np.nan)
+            answer[rows] = np.where(_near(wanted, time_s), interpolated, np.nan)
     return answer
+
+
+def _near(wanted: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+    """(k,) True for times with a simulated one (m,), ascending, at them or close by on both sides.
+
+    What happens between two that lie further apart than two samples of the recording is not told by a straight line.
+    """
+    after = np.clip(np.searchsorted(time_s, wanted), 0, len(time_s) - 1)
+    before = np.maximum(after - 1, 0)
+    farthest = _APART * float(np.median(np.diff(np.unique(wanted)))) if len(np.unique(wanted)) > 1 else 0.0
+    away = np.minimum(np.abs(time_s[after] - wanted), np.abs(time_s[before] - wanted))
+    return (time_s[after] - time_s[before] <= farthest) | (away <= 1e-3 * farthest)
 
 
 def _labels(*tables: WheelTable) -> list[np.ndarray]:
@@ -87,14 +102,16 @@ def as_differences(samples: Samples) -> tuple[Samples, np.ndarray]:
     if seen.sum() < 0.5 * len(samples):
         raise InputError(
             "the other simulator's answers", f"values for {int(seen.sum())} of {len(samples)} rows",
-            expected="the whole drive",
+            expected="the whole drive, as often as it was recorded",
         )  # fmt: skip
     problem, fitted = fit_textbook(imitated)
     model = AugmentedWheel(samples.wheel)
     imitation = model.predict(samples.drive, problem.imposed, fitted.vector, fitted.theta_1).channels
     residuals = samples.measured - samples.simulated
     measured = np.where(_answers(samples), residuals + imitation, samples.measured)
-    left_out = [
+    short = int((~seen).sum())
+    left_out = [f"{short} of {len(samples)} rows have no simulated value: they are left out"] if short else []
+    left_out += [
         f"{CHANNELS[channel]} is recorded but not simulated: it is left out"
         for channel in samples.answers
         if not np.isfinite(samples.simulated[:, channel]).any()

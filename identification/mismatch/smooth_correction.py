@@ -25,6 +25,9 @@ _WORTH = 10.0
 
 _MOST_GROUPS = 6
 
+_WANDERED = ("time_s", "x_m")
+"""Variables along which errors with a memory wander by chance."""
+
 _NO_WORSE = 1.05
 """A correction may not raise the mean square of what is left of its channel beyond this share [-]."""
 
@@ -50,6 +53,12 @@ class SmoothCorrection:
     gain: float
     held_out: np.ndarray
     innovations: np.ndarray
+
+    @property
+    def explained(self) -> np.ndarray:
+        """What it makes of the residuals (n, m), SI; nothing where time or place is in it: a memory wanders so, too."""
+        wanders = any(term.variable in _WANDERED for term in self.terms)
+        return np.zeros_like(self.held_out) if wanders else self.held_out
 
 
 @dataclass(frozen=True)

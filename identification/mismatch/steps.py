@@ -49,7 +49,13 @@ def step_of(
     innovations: np.ndarray, jacobian: np.ndarray, prior: Prior, vector: np.ndarray, damping: float
 ) -> tuple[np.ndarray, float]:
     """Damped step (p,) that stays off the bounds it leans on, and the gain that it promises [nats]."""
-    gradient, information = normal_equations(innovations, jacobian)
+    return step_from(*normal_equations(innovations, jacobian), prior, vector, damping)
+
+
+def step_from(
+    gradient: np.ndarray, information: np.ndarray, prior: Prior, vector: np.ndarray, damping: float
+) -> tuple[np.ndarray, float]:
+    """As `step_of`, by the gradient (p,) and the information (p, p) of the log-likelihood."""
     gradient = gradient - prior.precision * (vector - prior.mean)
     information = information + np.diag(prior.precision)
     free = ~((vector <= prior.lower) & (gradient < 0.0)) & ~((vector >= prior.upper) & (gradient > 0.0))

@@ -49,11 +49,11 @@ def fit_rows(explanation: Explanation) -> list[list[str]]:
 
 
 def predicted_worse(explanation: Explanation) -> list[str]:
-    """Say of each channel whose held-out error grows by more than a few per cent that it does."""
+    """Say of each channel that its held-out error grows by more than a few per cent, where something was found."""
     return [
         f"{shown(name).name} is predicted worse than before"
         for name, fit in explanation.fits.items()
-        if fit.rmse_after > _WORSE * fit.rmse_before
+        if explanation.verdict != "none" and fit.rmse_after > _WORSE * fit.rmse_before
     ]
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...framework.core.errors import InputError
 from ...framework.core.soil import SoilKnowledge
 from ..augmented import AugmentedWheel
 from ..effects.effect import LOAD, SLIP
@@ -17,25 +18,56 @@ from .soil_variation import NoiseModel
 _COARSE = 0.1
 """Share of a channel's scatter that the first search for a soil takes for noise [-]."""
 
+_LEAST_CARRIED = 0.5
+"""Share of the rows whose load some soil has to carry [-]."""
+
+_SAME = 0.02
+"""Soils that differ by less in tan phi, ln k, ln stiffness and ln n are one to start from [-]."""
+
 _ALIKE = 0.025
 """Conditions of trials this share of their range apart are levels of their own [-]."""
 
 _ENOUGH_REPEATS = 8
 """Degrees of freedom among repeats from which on they say what noise is."""
 
+_QUIET = 0.01
+"""How much quiet ground varies [-]."""
+
 _LEAST_SPREAD = 0.01
 """Ground varies by at least so much [-]."""
 
 
 def fit_textbook(samples: Samples, known: SoilKnowledge | None = None) -> tuple[Problem, Fitted]:
-    """Fit the textbook wheel from the best of several starts."""
+    """Fit the textbook wheel from the best of several starts.
+
+    Raises
+    ------
+    InputError
+        No soil carries the load of most rows.
+    """
     problem = Problem(samples, known)
     # Soil first, by what it explains coarsely: variation along the track would explain any soil's residuals.
+    found = [coarse_fit(problem, start, None) for start in first_soil(problem)]
+    starts: list[Fitted] = []
+    for start in sorted(found, key=lambda fitted: -fitted.score):
+        if not any(np.allclose(start.vector[1:], other.vector[1:], atol=_SAME) for other in starts):
+            starts.append(start)
+    best = best_fit(problem, [(start.vector, start.theta_1) for start in starts])
+    carried = np.isfinite(best.theta_1)
+    if carried.mean() < _LEAST_CARRIED:
+        load_N = float(np.median(samples.drive.load_N[~carried]))
+        raise InputError(
+            "column load_N", f"no soil carries {load_N:.3g} N, the median of {int((~carried).sum())} of {len(carried)} "
+            "rows", expected=f"newtons on a wheel of {samples.wheel.radius_m:g} m radius",
+        )  # fmt: skip
+    return problem, best
+
+
+def coarse_fit(problem: Problem, soil: np.ndarray, theta_1: np.ndarray | None) -> Fitted:
+    """Fit the textbook wheel to ground that is the same everywhere, by what it leaves as a share of the scatter."""
     scatter = np.nanstd(problem.measured, axis=0)
     coarse = replace(problem.first_noise, answers=_COARSE * scatter, spread=np.full(2, 1e-3))
-    model = AugmentedWheel(samples.wheel)
-    starts = [fit(problem, model, start, coarse, iterations=15, settle=False) for start in first_soil(problem)]
-    return problem, best_fit(problem, [(start.vector, start.theta_1) for start in starts])
+    return fit(problem, AugmentedWheel(problem.samples.wheel), soil, coarse, theta_1, iterations=15, settle=False)
 
 
 def best_fit(problem: Problem, starts: list[tuple[np.ndarray, np.ndarray]]) -> Fitted:
@@ -47,7 +79,12 @@ def best_fit(problem: Problem, starts: list[tuple[np.ndarray, np.ndarray]]) -> F
     model = AugmentedWheel(problem.samples.wheel)
     problem.most, problem.weights = problem.unbounded, None
     found = [fit(problem, model, soil, None, theta_1) for soil, theta_1 in starts]
-    best = max(found, key=lambda fitted: fitted.score)
+    # In quiet ground first, too: a soil that is wrong makes up for it by ground that varies, and so goes on to a worse.
+    problem.most = replace(problem.unbounded, spread=np.full(2, _QUIET))
+    quiet = [fit(problem, model, soil, None, theta_1) for soil, theta_1 in starts]
+    problem.most = problem.unbounded
+    found += [fit(problem, model, each.vector, each.noise, each.theta_1) for each in quiet]
+    best = max([*found, *quiet], key=lambda fitted: fitted.score)
     repeat = repeats(problem.samples)
     freedom = int(np.sum(np.maximum(np.bincount(repeat[repeat >= 0]) - 1, 0)))
     if freedom >= _ENOUGH_REPEATS:

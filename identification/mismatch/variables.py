@@ -43,6 +43,9 @@ _LEAST_IN_BIN = 4
 MOST_CYCLES = 60
 _FEW_LEVELS = 8
 
+_OF_A_SIZE, _HELD = ("load_N", "rim_speed_m_s", "travel_speed_m_s"), 0.02
+"""Variables with a zero of their own, and the share of their size by which they vary where they are held [-]."""
+
 
 @dataclass(frozen=True)
 class Variable:
@@ -89,13 +92,19 @@ def variables(samples: Samples, sinkage_m: np.ndarray) -> list[Variable]:
     """
     answer = []
     for name, attribute in _NAMES.items():
-        if samples.drive.has(attribute):
-            values = getattr(samples.drive, attribute)
+        values = getattr(samples.drive, attribute)
+        if samples.drive.has(attribute) and not (name in _OF_A_SIZE and _is_held(values)):
             answer.append(Variable(name, values, _edges(values)))
     carried = sinkage_m[np.isfinite(sinkage_m)]
     if carried.size and np.ptp(carried) > 0.0:
         answer.append(Variable("sinkage_m", sinkage_m, _edges(sinkage_m)))
     return answer
+
+
+def _is_held(values: np.ndarray) -> bool:
+    """Say whether a size (n,) is held so constant that what is left of it explains nothing."""
+    low, middle, high = np.nanquantile(np.abs(values), [0.05, 0.5, 0.95])
+    return bool(high - low < _HELD * middle)
 
 
 def public_name(attribute: str) -> str:

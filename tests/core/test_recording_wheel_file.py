@@ -55,6 +55,7 @@ def wheel_csv(tmp_path):
         ("time_s,load_N\n0,1\n\n1,2\n", "row 3: 0 cells"),
         ("time_s,load_N\n0,1\n2,1\n1.5,1\n", "row 4, column time_s: time runs backwards, 2 s in row 3, then 1.5 s"),
         ("time_s,slip\n0,0.5\n1,1.5\n2,-3\n", "row 3, column slip: 1.5 and 1 more rows"),
+        ("time_s,load_N,pass\n0,1,1\n1,1,0\n", "row 3, column pass: 0 .expected 1 on fresh ground"),
         ("run,load_N\n,1\n", "row 2, column run: an empty cell"),
         ("time_s\n1\n", "no wheel channel has a value"),
         ("time_s,load_N\n0,\n", "no wheel channel has a value"),
@@ -179,6 +180,8 @@ def wheel_frames(draw):
     columns = draw(st.lists(st.sampled_from([c for c in WHEEL_COLUMNS if c not in ("time_s", "slip")]), unique=True))
     frame = {"time_s": sorted(draw(st.lists(st.floats(-1e9, 1e9), min_size=rows, max_size=rows)))}
     frame |= {column: draw(st.lists(number, min_size=rows, max_size=rows)) for column in columns}
+    if "pass" in frame:
+        frame["pass"] = np.maximum(frame["pass"], 1.0)
     frame["slip"] = draw(st.lists(st.floats(-1, 1), min_size=rows, max_size=rows))
     if draw(st.booleans()):
         frame["run"] = draw(st.lists(name, min_size=rows, max_size=rows))

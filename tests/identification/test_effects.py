@@ -10,57 +10,31 @@ import pytest
 from bevameter import InputError
 from bevameter.identification.augmented import AugmentedWheel
 from bevameter.identification.effects.catalogue import INSTRUMENTS, SLUGS, effects_for, forms_by_name
-from bevameter.identification.effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Drive, Effect, Situation
+from bevameter.identification.effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Drive, Effect
 from bevameter.identification.effects.named import (
     NamedEffect,
     choose,
-    lugs_of,
     parse_effect,
-    pinned,
-    specimen,
     values_of,
 )
 from bevameter.identification.simulate import soil_vector
-from bevameter.identification.wheel_soil import Soil, equilibrium
+from bevameter.identification.wheel_soil import equilibrium
+from effects_tried import (
+    DRIVE,
+    FORMS,
+    IMPOSED,
+    JANOSI,
+    SITUATION,
+    SOIL,
+    WHEEL,
+    change,
+    identity,
+    predict,
+    textbook,
+    untouched,
+)  # fmt: skip
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-SITUATION = specimen()
-WHEEL, DRIVE = SITUATION.wheel, SITUATION.drive
-SOIL = Soil(c_Pa=500.0, phi_rad=math.radians(32.0), k_m=0.012, stiffness_Pa=2e5, n=0.9)
-IMPOSED = np.column_stack([DRIVE.load_N, DRIVE.slip])
-FORMS = [effect for slug in SLUGS for effect in forms_by_name(slug, SITUATION)]
-JANOSI = 1.0 / (1.0 - math.exp(-1.0))
-"""K_r from which on the humped law has no hump."""
-
-
-def identity(effect: Effect) -> str:
-    return effect.name + "".join(f"-{parameter.name}" for parameter in effect.parameters)
-
-
-def textbook() -> np.ndarray:
-    state = equilibrium(WHEEL, SOIL, DRIVE.load_N, DRIVE.slip)
-    return np.column_stack([state.load_N, state.torque_Nm, state.sinkage_m, state.slip, state.drawbar_pull_N])
-
-
-def predict(named: str, situation: Situation = SITUATION, soil: Soil = SOIL) -> np.ndarray:
-    """Channels (n, 5) with one effect, asked for as on the command line."""
-    asked = parse_effect(named)
-    effect = choose(asked, forms_by_name(asked.slug, situation))
-    vector = np.concatenate([soil_vector(soil), values_of(effect, asked)])
-    model = AugmentedWheel(situation.wheel, (pinned(effect, asked),))
-    drive = situation.drive
-    return model.predict(drive, np.column_stack([drive.load_N, drive.slip]), vector).channels
-
-
-def change(named: str) -> np.ndarray:
-    """What an effect adds to the channels (n, 5) of the textbook wheel."""
-    return predict(named) - AugmentedWheel(WHEEL).predict(DRIVE, IMPOSED, soil_vector(SOIL)).channels
-
-
-def untouched(difference: np.ndarray, *channels: int) -> bool:
-    """Say whether nothing happened to these channels, the solver's tolerance apart."""
-    return bool(np.all(np.abs(difference[:, channels]) <= 1e-5 * np.abs(textbook()[:, channels]).max(axis=0)))
 
 
 def test_every_slug_has_a_form_and_every_form_says_what_it_is():
@@ -327,94 +301,6 @@ def test_rubbing_flanks_hold_back_or_push_as_their_points_move():
         away = predict(named, situation) - predict("side_wall_friction:form=rubbing,tau_s=0", situation)
         assert (sense * away[:, PULL] > 0.0).all()  # a spinning wheel's flanks sweep backwards, and thrust
         assert (sense * away[:, TORQUE] > 0.0).all()  # a rolling one's are dragged forwards, and help to turn it
-
-
-def test_lugs_shear_farther_out_and_ripple_once_a_lug():
-    away = change("grousers:s=0.8")
-    assert (away[:, TORQUE] > 0.0).all()
-    assert (away[:, PULL] > 0.0).all()
-    # What shears farther out with the slip that was reported shears sooner, as with a smaller k, on a longer lever.
-    ratio = 1.0 + 0.8 * WHEEL.grouser_height_m / WHEEL.radius_m
-    hard = replace(SOIL, stiffness_Pa=1e9)
-    there = predict("grousers:form=radius with its slip,s=0.8", soil=hard)
-    sooner = predict("grousers:s=0", soil=replace(hard, k_m=SOIL.k_m / ratio))
-    np.testing.assert_allclose(there[:, TORQUE], ratio**2 * sooner[:, TORQUE], rtol=0.02)
-    ripple = change("grousers:a_T=0.5,b_T=0.2")
-    assert untouched(ripple, LOAD, SINKAGE, SLIP, PULL)
-    phase = WHEEL.grouser_count * DRIVE.wheel_angle_rad
-    np.testing.assert_allclose(ripple[:, TORQUE], 0.5 * np.cos(phase) + 0.2 * np.sin(phase), atol=1e-9)
-
-
-def test_every_form_of_lugs_is_found_again_by_its_name():
-    here = specimen(24)
-    found = [each for form in effects_for(here, ["grousers"]) for each in (form, *form.variants())]
-    assert {effect.form for effect in found} >= {
-        "radius with its slip", "ripple, 24 lugs, overtone", "radius with its slip and ripple, 24 lugs",
-        "radius with its slip and ripple, 24 lugs, overtone",
-    }  # fmt: skip
-    for effect in found:
-        again = forms_by_name("grousers", specimen(lugs_of(effect.form)))
-        names = [parameter.name for parameter in effect.parameters]
-        assert [each.form for each in again].count(effect.form) == 1
-        assert names in [
-            [parameter.name for parameter in each.parameters] for each in again if each.form == effect.form
-        ]
-
-
-def test_a_flattened_wheel_sinks_less():
-    away = change("tyre_deflection:compliance=1e-4")
-    assert (away[:, SINKAGE] < 0.0).all()
-    assert untouched(change("tyre_deflection:compliance=0"), *range(5))
-
-
-def test_a_slope_takes_its_share_of_the_weight():
-    away = change("slope_gravity:s=1")
-    assert untouched(away, LOAD, TORQUE, SINKAGE, SLIP)
-    np.testing.assert_allclose(away[:, PULL], -DRIVE.load_N * np.tan(DRIVE.pitch_rad), atol=1e-9)
-
-
-def test_inertia_is_newtons():
-    away = change("inertia:J=0.2,m=12")
-    assert untouched(away, LOAD, SINKAGE, SLIP)
-    np.testing.assert_allclose(away[:, TORQUE], 0.2 * DRIVE.angular_acceleration_rad_s2, atol=1e-9)
-    np.testing.assert_allclose(away[:, PULL], -12.0 * DRIVE.acceleration_m_s2, atol=1e-9)
-
-
-def test_drivetrain_friction_costs_torque_alone():
-    load, rate = DRIVE.load_N, DRIVE.rim_speed_m_s / WHEEL.radius_m
-    for named, expected in (
-        ("T_c=0.3", np.full(len(DRIVE), 0.3)), ("b_v=0.1", 0.1 * rate), ("mu=0.004", 0.004 * load),
-        ("T_c=0.3,mu=0.004", 0.3 + 0.004 * load), ("T_c=0.3,b_v=0.1", 0.3 + 0.1 * rate),
-    ):  # fmt: skip
-        away = change(f"drivetrain_friction:{named}")
-        assert untouched(away, LOAD, SINKAGE, SLIP, PULL)
-        np.testing.assert_allclose(away[:, TORQUE], expected, atol=1e-9)
-    backwards = replace(SITUATION, drive=replace(DRIVE, rim_speed_m_s=-DRIVE.rim_speed_m_s))
-    less = predict("drivetrain_friction:T_c=0.3", backwards) - predict("drivetrain_friction:T_c=0", backwards)
-    np.testing.assert_allclose(less[:, TORQUE], -0.3, atol=1e-9)
-
-
-def test_constant_faults_change_what_is_reported_and_nothing_else():
-    assert np.allclose(change("torque_offset:T_0=0.4")[:, TORQUE], 0.4, atol=1e-9)
-    np.testing.assert_allclose(predict("torque_gain:g=0.1")[:, TORQUE], 1.1 * predict("torque_gain:g=0")[:, TORQUE])
-    assert np.allclose(change("sinkage_offset:z_0=-0.002")[:, SINKAGE], -0.002, atol=1e-9)
-    drift = change("drift:form=torque_Nm,d1=0.3")[:, TORQUE]
-    np.testing.assert_allclose(drift, np.linspace(0.0, 0.6, len(DRIVE)), atol=1e-9)
-    true = equilibrium(WHEEL, SOIL, DRIVE.load_N / 1.2, DRIVE.slip)
-    heavy = predict("load_gain:g=0.2")
-    np.testing.assert_allclose(heavy[:, SINKAGE], true.sinkage_m, rtol=1e-5)
-    np.testing.assert_allclose(heavy[:, LOAD], DRIVE.load_N)
-
-
-def test_a_wrong_radius_is_a_wrong_slip_and_leaves_the_angle_of_the_wheel():
-    wrong = predict("rolling_radius:e=0.05")
-    true = equilibrium(WHEEL, SOIL, DRIVE.load_N, 1.0 - (1.0 - DRIVE.slip) / 1.05)
-    np.testing.assert_allclose(wrong[:, TORQUE], true.torque_Nm, rtol=1e-5)
-    np.testing.assert_allclose(wrong[:, SLIP], DRIVE.slip)
-    asked = parse_effect("rolling_radius:e=0.05")
-    before = DRIVE.wheel_angle_rad.copy()
-    choose(asked, forms_by_name("rolling_radius", SITUATION)).impose(IMPOSED.copy(), DRIVE, np.array([0.05]))
-    np.testing.assert_array_equal(DRIVE.wheel_angle_rad, before)
 
 
 @settings(max_examples=60, deadline=None)

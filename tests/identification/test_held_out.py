@@ -16,6 +16,7 @@ from bevameter.identification.effects.slip_sinkage import SinkageExponent, Sinka
 from bevameter.identification.mismatch.evidence import noise_floor, swallowed
 from bevameter.identification.mismatch.fitting import Fitted, Problem, fit
 from bevameter.identification.mismatch.held_out import hold_out
+from bevameter.identification.mismatch.locate import locate
 from bevameter.identification.mismatch.samples import gather, levels
 from bevameter.identification.mismatch.trial import situation, textbook_trial, try_adding
 from bevameter.identification.simulate import simulate
@@ -151,6 +152,18 @@ def test_lugs_that_are_not_those_of_the_vehicle_are_a_fault_of_what_is_configure
         assert effect.kind == kind
         assert ("12 times a turn" in effect.remark) == (kind == "instrument")
         assert (effect.sought > 0.0) == (stated != 12)
+
+
+@pytest.mark.parametrize("wrapped", [False, True])
+def test_lugs_are_located_on_the_wheel_s_angle_however_it_is_counted(wrapped):
+    wheel, table = Wheel(radius_m=0.15, width_m=0.1), drive((), 7, load_varies=0.4)
+    angle = 2.0 * table["time_s"]
+    torque = table["torque_Nm"] + 0.05 * np.max(table["torque_Nm"]) * np.cos(12.0 * angle)
+    columns = {**table.columns, "wheel_angle_rad": angle % (2.0 * np.pi) if wrapped else angle, "torque_Nm": torque}
+    problem, textbook = trials(WheelTable(columns, None, None, "made"), wheel)
+    region = locate(problem, textbook.fitted)[0]
+    assert region.channel == "torque_Nm"
+    assert region.variable.startswith("wheel_angle_rad")
 
 
 def test_levels_keep_repeats_together_and_chains_apart():

@@ -46,7 +46,8 @@ def test_something_unknown_is_a_rival_only_where_the_effect_is_not_sure(searched
         np.zeros_like(problem.measured),
     )
     naming = Naming({"slip_sinkage": sure}, 1.0 - sure, {"slip_sinkage": ()}, np.array([sure]))
-    answer = assemble(problem, found, naming, remaining, (), source="made", seed=0, began=0.0)
+    before = found.textbook.held_out.residuals
+    answer = assemble(problem, found, naming, remaining, (), source="made", seed=0, began=0.0, before=before)
     assert answer.verdict == verdict
     assert {missing.effect for missing in answer.missing} == listed
     assert not any("something more" in note for note in answer.notes)
@@ -103,7 +104,8 @@ def test_one_of_two_that_are_alike_is_told_beside_what_is_sure(searched):
         shares = {"slip_sinkage": 0.95, first: share, other: share - 0.01}
         naming = Naming(shares, 0.0, {"slip_sinkage": (), first: (other,)}, np.zeros(len(together.trials)))
         remaining = SmoothCorrection((), 0.0, nothing, nothing)
-        return assemble(problem, together, naming, remaining, (), source="made", seed=0, began=0.0)
+        before = found.textbook.held_out.residuals
+        return assemble(problem, together, naming, remaining, (), source="made", seed=0, began=0.0, before=before)
 
     answer = told(0.47)
     assert answer.verdict == "physics"
@@ -162,6 +164,9 @@ def test_rows_that_repeat_each_other_set_look_alikes_less_far_apart(searched):
     assert name(together, 0.0, repeated=3.0).look_alikes["slip_sinkage"] == ("stress_peak_shift",)
     assert why_not(other, together, 1.0).startswith("explains less")
     assert why_not(other, together, 3.0).startswith("nearly as good")
+    more = Trial((*best.effects, rival), found.chosen.fitted, found.chosen.held_out, 360.0)
+    assert why_not(more, together, 1.0) == "adds too little to what is chosen (+60.0 nats)"
+    assert "neighbouring rows repeat each other" in why_not(more, together, 2.0)
 
 
 def test_what_nobody_has_published_gives_way_to_what_gains_nearly_as_much(searched):

@@ -63,7 +63,8 @@ def test_one_effect_beside_lugs_and_another_alone_are_rivals(made):
     assert instead(found, "stress_peak_shift") == {"slip_sinkage": lugs}
     nothing = np.zeros_like(problem.measured)
     remaining = SmoothCorrection((), 0.0, nothing, nothing)
-    answer = assemble(problem, found, naming, remaining, (), source="made", seed=0, began=0.0)
+    before = found.textbook.held_out.residuals
+    answer = assemble(problem, found, naming, remaining, (), source="made", seed=0, began=0.0, before=before)
     assert answer.verdict == "cannot_tell"
     assert {each.effect for each in answer.missing} == {"stress_peak_shift", "slip_sinkage", "grousers"}
 

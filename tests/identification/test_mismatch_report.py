@@ -175,6 +175,8 @@ def test_a_channel_that_is_predicted_worse_is_said_so():
     text = Page(report_html(replace(base, fits={**base.fits, "torque_Nm": worse}))).text
     assert "torque T is predicted worse than before." in text
     assert "predicted worse" not in Page(report_html(base)).text
+    nothing = replace(base, verdict="none", missing=(), fits={**base.fits, "torque_Nm": worse})
+    assert "predicted worse" not in Page(report_html(nothing)).text, "nothing was added that could be worse"
 
 
 def test_text_from_files_is_escaped():

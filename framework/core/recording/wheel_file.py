@@ -46,8 +46,8 @@ def read_wheel_file(path: str | Path) -> WheelTable:
     ------
     InputError
         The file is missing, empty or no table; a column is misspelt, stands twice, or is neither number nor empty; a
-        value is infinite or slip lies outside [-1, 1]; time runs backwards within a wheel and run; there is neither
-        `time_s` nor `run`.
+        value is infinite, slip lies outside [-1, 1] or a pass is below 1; time runs backwards within a wheel and run;
+        there is neither `time_s` nor `run`.
     """
     return read_wheel(path)[0]
 
@@ -73,6 +73,7 @@ def read_wheel(path: str | Path) -> tuple[WheelTable, tuple[str, ...]]:
             columns[name] = values
     wheel, run = (_names(table, name) for name in ("wheel", "run"))
     _check_slip(table, columns)
+    _check_pass(table, columns.get("pass"))
     _check_time(table, columns.get("time_s"), wheel, run)
     if not set(columns) - {"time_s"}:
         raise InputError(table.source, "no wheel channel has a value", expected="columns such as load_N and slip")
@@ -214,6 +215,15 @@ def _check_slip(table: Table, columns: dict[str, np.ndarray]) -> None:
             place=table.place(int(rows[0]), "slip"),
         )
     columns["slip"] = np.clip(slip, -1.0, 1.0)
+
+
+def _check_pass(table: Table, passes: np.ndarray | None) -> None:
+    if passes is not None and (passes < 1.0).any():  # False for NaN
+        row = int(np.flatnonzero(passes < 1.0)[0])
+        raise InputError(
+            table.source, f"{passes[row]:g}", expected="1 on fresh ground, 2 in the first wheel's rut, and so on",
+            place=table.place(row, "pass"),
+        )  # fmt: skip
 
 
 def _names(table: Table, name: str) -> np.ndarray | None:

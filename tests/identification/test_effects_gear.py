@@ -1,0 +1,125 @@
+"""Effects of running gear, vehicle and instruments: each has the sign and the limits that its source says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from bevameter.identification.effects.catalogue import effects_for, forms_by_name
+from bevameter.identification.effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE
+from bevameter.identification.effects.named import (
+    choose,
+    lugs_of,
+    parse_effect,
+    specimen,
+)
+from bevameter.identification.wheel_soil import equilibrium
+from effects_tried import DRIVE, IMPOSED, SITUATION, SOIL, WHEEL, change, predict, textbook, untouched
+
+
+def test_lugs_shear_farther_out_and_ripple_once_a_lug():
+    away = change("grousers:s=0.8")
+    assert (away[:, TORQUE] > 0.0).all()
+    assert (away[:, PULL] > 0.0).all()
+    # What shears farther out with the slip that was reported shears sooner, as with a smaller k, on a longer lever.
+    ratio = 1.0 + 0.8 * WHEEL.grouser_height_m / WHEEL.radius_m
+    hard = replace(SOIL, stiffness_Pa=1e9)
+    there = predict("grousers:form=radius with its slip,s=0.8", soil=hard)
+    sooner = predict("grousers:s=0", soil=replace(hard, k_m=SOIL.k_m / ratio))
+    np.testing.assert_allclose(there[:, TORQUE], ratio**2 * sooner[:, TORQUE], rtol=0.02)
+    ripple = change("grousers:a_T=0.5,b_T=0.2")
+    assert untouched(ripple, LOAD, SINKAGE, SLIP, PULL)
+    phase = WHEEL.grouser_count * DRIVE.wheel_angle_rad
+    np.testing.assert_allclose(ripple[:, TORQUE], 0.5 * np.cos(phase) + 0.2 * np.sin(phase), atol=1e-9)
+
+
+def test_the_faces_of_lugs_push_with_what_the_soil_resists_passively_and_dig_in():
+    away = change("grousers:form=thrust of the lugs,s=1")
+    assert untouched(away, LOAD, SINKAGE, SLIP)
+    slipping = DRIVE.slip > 0.05
+    assert (away[slipping][:, [TORQUE, PULL]] > 0.0).all()
+    theta_1 = np.arccos(1.0 - textbook()[:, SINKAGE] / WHEEL.radius_m)
+    # A thrust at half the lugs' height, whose share along the track is that of the arc's chord.
+    arm = (WHEEL.radius_m + 0.5 * WHEEL.grouser_height_m) * theta_1 / np.sin(theta_1)
+    np.testing.assert_allclose(away[:, TORQUE], arm * away[:, PULL], rtol=1e-3, atol=1e-6)
+    # Without mobilisation left to go, a lug of a wheel on clay pushes with 2 c a unit of its face, and its surcharge.
+    clay = replace(SOIL, phi_rad=0.0, c_Pa=2e4, k_m=1e-5)
+    bare, lugged = (predict(f"grousers:form=thrust of the lugs,s={share}", soil=clay) for share in (0, 1))
+    theta_1 = np.arccos(1.0 - bare[:, SINKAGE] / WHEEL.radius_m)
+    stress = 4e4 + DRIVE.load_N / (WHEEL.width_m * WHEEL.radius_m * np.sin(theta_1))
+    force = WHEEL.grouser_count * WHEEL.width_m * WHEEL.grouser_height_m * stress * np.sin(theta_1) / (2.0 * np.pi)
+    np.testing.assert_allclose((lugged - bare)[slipping, PULL], force[slipping], rtol=1e-3)
+    deeper = change("grousers:s=0,d=0.5,form=thrust of the lugs, digging in")
+    np.testing.assert_allclose(deeper[:, SINKAGE], 0.5 * WHEEL.grouser_height_m * np.abs(DRIVE.slip), atol=1e-9)
+
+
+def test_every_form_of_lugs_is_found_again_by_its_name():
+    here = specimen(24)
+    found = [each for form in effects_for(here, ["grousers"]) for each in (form, *form.variants())]
+    assert {effect.form for effect in found} >= {
+        "radius with its slip", "ripple, 24 lugs, overtone", "radius with its slip and ripple, 24 lugs",
+        "radius with its slip and ripple, 24 lugs, overtone",
+    }  # fmt: skip
+    for effect in found:
+        again = forms_by_name("grousers", specimen(lugs_of(effect.form)))
+        names = [parameter.name for parameter in effect.parameters]
+        assert [each.form for each in again].count(effect.form) == 1
+        assert names in [
+            [parameter.name for parameter in each.parameters] for each in again if each.form == effect.form
+        ]
+
+
+def test_a_flattened_wheel_sinks_less():
+    away = change("tyre_deflection:compliance=1e-4")
+    assert (away[:, SINKAGE] < 0.0).all()
+    assert untouched(change("tyre_deflection:compliance=0"), *range(5))
+
+
+def test_a_slope_takes_its_share_of_the_weight():
+    away = change("slope_gravity:s=1")
+    assert untouched(away, LOAD, TORQUE, SINKAGE, SLIP)
+    np.testing.assert_allclose(away[:, PULL], -DRIVE.load_N * np.tan(DRIVE.pitch_rad), atol=1e-9)
+
+
+def test_inertia_is_newtons():
+    away = change("inertia:J=0.2,m=12")
+    assert untouched(away, LOAD, SINKAGE, SLIP)
+    np.testing.assert_allclose(away[:, TORQUE], 0.2 * DRIVE.angular_acceleration_rad_s2, atol=1e-9)
+    np.testing.assert_allclose(away[:, PULL], -12.0 * DRIVE.acceleration_m_s2, atol=1e-9)
+
+
+def test_drivetrain_friction_costs_torque_alone():
+    load, rate = DRIVE.load_N, DRIVE.rim_speed_m_s / WHEEL.radius_m
+    for named, expected in (
+        ("T_c=0.3", np.full(len(DRIVE), 0.3)), ("b_v=0.1", 0.1 * rate), ("mu=0.004", 0.004 * load),
+        ("T_c=0.3,mu=0.004", 0.3 + 0.004 * load), ("T_c=0.3,b_v=0.1", 0.3 + 0.1 * rate),
+    ):  # fmt: skip
+        away = change(f"drivetrain_friction:{named}")
+        assert untouched(away, LOAD, SINKAGE, SLIP, PULL)
+        np.testing.assert_allclose(away[:, TORQUE], expected, atol=1e-9)
+    backwards = replace(SITUATION, drive=replace(DRIVE, rim_speed_m_s=-DRIVE.rim_speed_m_s))
+    less = predict("drivetrain_friction:T_c=0.3", backwards) - predict("drivetrain_friction:T_c=0", backwards)
+    np.testing.assert_allclose(less[:, TORQUE], -0.3, atol=1e-9)
+
+
+def test_constant_faults_change_what_is_reported_and_nothing_else():
+    assert np.allclose(change("torque_offset:T_0=0.4")[:, TORQUE], 0.4, atol=1e-9)
+    np.testing.assert_allclose(predict("torque_gain:g=0.1")[:, TORQUE], 1.1 * predict("torque_gain:g=0")[:, TORQUE])
+    assert np.allclose(change("sinkage_offset:z_0=-0.002")[:, SINKAGE], -0.002, atol=1e-9)
+    drift = change("drift:form=torque_Nm,d1=0.3")[:, TORQUE]
+    np.testing.assert_allclose(drift, np.linspace(0.0, 0.6, len(DRIVE)), atol=1e-9)
+    true = equilibrium(WHEEL, SOIL, DRIVE.load_N / 1.2, DRIVE.slip)
+    heavy = predict("load_gain:g=0.2")
+    np.testing.assert_allclose(heavy[:, SINKAGE], true.sinkage_m, rtol=1e-5)
+    np.testing.assert_allclose(heavy[:, LOAD], DRIVE.load_N)
+
+
+def test_a_wrong_radius_is_a_wrong_slip_and_leaves_the_angle_of_the_wheel():
+    wrong = predict("rolling_radius:e=0.05")
+    true = equilibrium(WHEEL, SOIL, DRIVE.load_N, 1.0 - (1.0 - DRIVE.slip) / 1.05)
+    np.testing.assert_allclose(wrong[:, TORQUE], true.torque_Nm, rtol=1e-5)
+    np.testing.assert_allclose(wrong[:, SLIP], DRIVE.slip)
+    asked = parse_effect("rolling_radius:e=0.05")
+    before = DRIVE.wheel_angle_rad.copy()
+    choose(asked, forms_by_name("rolling_radius", SITUATION)).impose(IMPOSED.copy(), DRIVE, np.array([0.05]))
+    np.testing.assert_array_equal(DRIVE.wheel_angle_rad, before)
