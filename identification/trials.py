@@ -13,6 +13,9 @@ _UNRELATED, _FAR_APART = 1.2, {"slip": 0.05, "load_N": 0.1}
 """Mean square of the steps from row to row over the variance, 2 where the order is by chance, from which on rows do not
 follow from one another; and how large the usual step of slip, or of load as a share of it, then is at least [-]."""
 
+_ROWS_OF_A_DRIVE = 50
+"""Rows to a run without a time from which on they look like a drive's."""
+
 _SHORTEST_S = 2.0
 """A trial takes longer [s]; a drive that is so unsteady is logged more often."""
 
@@ -34,6 +37,19 @@ def is_of_trials(table: WheelTable) -> bool:
         if leaps and float(np.nanmean(step**2)) > _UNRELATED * float(np.nanvar(values)):
             return True
     return False
+
+
+def without_clock(table: WheelTable) -> list[str]:
+    """Say, in words, that rows are taken for trials of their own though they may be those of a drive."""
+    if "time_s" in table or table.run is None:
+        return []
+    runs = len(set(table.run))
+    if len(table) < _ROWS_OF_A_DRIVE * runs:
+        return []
+    return [
+        f"{len(table)} rows of {runs} run{'s' if runs > 1 else ''} have no time_s: each is taken for a steady trial of "
+        "its own, not for the next one's neighbour as in a drive"
+    ]
 
 
 def without_time(table: WheelTable) -> WheelTable:

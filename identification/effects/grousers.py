@@ -10,6 +10,9 @@ from ...framework.core.vehicle import Wheel
 from .effect import PULL, SINKAGE, TORQUE, Contact, Drive, Effect, Parameter, Situation
 
 _MOST_LUGS = 60
+_UNSTATED = 0.1
+"""Height of lugs that the vehicle's description does not state, as a share of the radius [-]."""
+
 _STANDS_OUT = 12.0
 """A line of the residuals' order spectrum is looked into where its power is this many times the median's [-]."""
 
@@ -127,13 +130,15 @@ class Lugs(LugRipple):
         self, count: int, typical: np.ndarray, wheel: Wheel, *, overtone: bool = False, its_slip: bool = False
     ) -> None:
         super().__init__(count, typical, wheel.grouser_count, overtone=overtone)
-        self._lugs, self._radius_m = LugRadius(wheel.grouser_height_m, its_slip=its_slip), wheel.radius_m
-        self._height = wheel.grouser_height_m
+        self._height = wheel.grouser_height_m or _UNSTATED * wheel.radius_m
+        self._lugs, self._radius_m = LugRadius(self._height, its_slip=its_slip), wheel.radius_m
         self._otherwise = None if its_slip else (count, typical, wheel, overtone)
         self.form = f"{self._lugs.form} and {self.form}"
         self.usual = self._lugs.usual
         waves = self.equation.split(" += ")[1]
         self.equation = f"{self._lugs.equation}; T += |T| w, DP += |T| / r w, z += h w, each w = {waves}"
+        if not wheel.grouser_height_m:
+            self.equation += f"; h = {_UNSTATED:g} r, the vehicle's lugs not being stated"
         ripple = tuple(Parameter(each.name, "", -1.0, 1.0, 0.0, 0.1) for each in self.parameters)
         self.parameters = (*self._lugs.parameters, *ripple)
 
@@ -186,10 +191,10 @@ def _steady(wheel: Wheel) -> list[Effect]:
 
 
 def _ripples(wheel: Wheel, count: int, situation: Situation) -> list[Effect]:
-    """Ripples of so many lugs; with the shear radius where the wheel has lugs."""
+    """Ripples of so many lugs, by themselves and with the shear radius."""
     typical, stated = situation.typical, wheel.grouser_count
     answer: list[Effect] = [LugRipple(count, typical, stated, overtone=overtone) for overtone in (False, True)]
-    if wheel.grouser_height_m > 0.0 and situation.seen(TORQUE, PULL):
+    if situation.seen(TORQUE, PULL):
         answer += [Lugs(count, typical, wheel, overtone=overtone) for overtone in (False, True)]
     return answer
 

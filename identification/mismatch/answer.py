@@ -108,7 +108,7 @@ def assemble(
         covariance=best.fitted.covariance,
         seconds=time.perf_counter() - began,
         seed=seed,
-        n=len(problem.samples),
+        n=int(problem.seen.any(axis=1).sum()),
     )
     return replace(explained, summary=summarise(explained), trust=trust(explained))
 

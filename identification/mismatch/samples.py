@@ -17,7 +17,7 @@ from ..effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Drive
 from ..forward import CHANNELS
 from ..gate import LIMITS
 from ..noise import LEAST_SHARE, noise_from_neighbours, sensor_noise
-from ..trials import AS_TRIALS, is_of_trials, without_time
+from ..trials import AS_TRIALS, is_of_trials, without_clock, without_time
 
 ANSWERS = (TORQUE, SINKAGE, PULL)
 """Channels that the simulator answers with; load and slip are what the drive imposes."""
@@ -146,6 +146,7 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
     if is_of_trials(table):
         timed, stretch, noise = False, np.arange(len(table)), sensor_noise(without_time(table), vehicle)
         notes.append(AS_TRIALS)
+    notes += without_clock(table)
     if table.wheel is not None and len(set(table.wheel)) > 1:
         notes.append(f"rows of {len(set(table.wheel))} wheels are taken together: as if all ran on the same ground")
     if still:

@@ -12,6 +12,7 @@ from ...framework.core.soil import SoilKnowledge
 from ..augmented import AugmentedWheel
 from ..effects.effect import LOAD, SLIP
 from .fitting import Fitted, Problem, fit
+from .gross_errors import without_gross_errors
 from .samples import Samples, levels
 from .soil_variation import NoiseModel
 
@@ -48,6 +49,10 @@ def fit_textbook(samples: Samples, known: SoilKnowledge | None = None) -> tuple[
     problem = Problem(samples, known)
     # Soil first, by what it explains coarsely: variation along the track would explain any soil's residuals.
     found = [coarse_fit(problem, start, None) for start in first_soil(problem)]
+    cleared = without_gross_errors(samples, max(found, key=lambda fitted: fitted.score))
+    if cleared is not samples:
+        samples, problem = cleared, Problem(cleared, known)
+        found = [coarse_fit(problem, each.vector, each.theta_1) for each in found]
     starts: list[Fitted] = []
     for start in sorted(found, key=lambda fitted: -fitted.score):
         if not any(np.allclose(start.vector[1:], other.vector[1:], atol=_SAME) for other in starts):

@@ -53,6 +53,17 @@ def test_the_faces_of_lugs_push_with_what_the_soil_resists_passively_and_dig_in(
     np.testing.assert_allclose(deeper[:, SINKAGE], 0.5 * WHEEL.grouser_height_m * np.abs(DRIVE.slip), atol=1e-9)
 
 
+def test_lugs_that_nobody_stated_are_a_tenth_of_the_radius_high():
+    unstated, stated = (
+        replace(SITUATION, wheel=WHEEL.model_copy(update={"grouser_height_m": share * WHEEL.radius_m}))
+        for share in (0.0, 0.1)
+    )
+    named = "grousers:s=0.5,form=radius and ripple,a_T=0.1"
+    np.testing.assert_allclose(predict(named, unstated), predict(named, stated), rtol=1e-12)
+    (form,) = [e for e in forms_by_name("grousers", unstated) if e.form == "radius and ripple, 18 lugs"]
+    assert "h = 0.1 r" in form.equation
+
+
 def test_every_form_of_lugs_is_found_again_by_its_name():
     here = specimen(24)
     found = [each for form in effects_for(here, ["grousers"]) for each in (form, *form.variants())]

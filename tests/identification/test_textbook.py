@@ -22,7 +22,7 @@ from bevameter.identification.mismatch.trial import (
     try_adding,
 )
 from bevameter.identification.simulate import simulate
-from bevameter.identification.wheel_soil import Soil
+from bevameter.identification.wheel_soil import Soil, equilibrium
 
 
 def samples_of(seed: int, slugs: tuple[str, ...], level: str, protocol: str) -> Samples:
@@ -111,3 +111,30 @@ def test_nothing_is_gained_on_a_few_gross_errors(tmp_path):
     assert _of_gross_errors(after, before) == 0.0, "nor is anything lost"
     after[:, 1] = 7.0
     assert _of_gross_errors(np.full((100, 2), 13.0), after) == 0.0, "where most are gross the model is wrong"
+
+
+@pytest.mark.parametrize(("wrong", "repeats"), [(0, 3), (2, 3), (2, 2)])
+def test_a_repeat_that_is_grossly_wrong_is_no_ground_that_varies(wrong, repeats):
+    """Of three trials of one kind the one far off is wrong; of two nobody knows which."""
+    rng = np.random.default_rng(4)
+    wheel, soil = Wheel(radius_m=0.2, width_m=0.15), Soil(1000.0, 0.52, 0.015, 3e5, 1.0)
+    load, slip = (
+        each.ravel() for each in np.meshgrid(np.repeat([150.0, 300.0, 450.0], repeats), np.linspace(0.05, 0.6, 8))
+    )
+    state = equilibrium(wheel, soil, load, slip)
+    answers = np.column_stack([state.torque_Nm, state.sinkage_m, state.drawbar_pull_N])
+    answers *= 1.0 + 0.01 * rng.normal(size=answers.shape)
+    rows = rng.choice(len(load), wrong, replace=False)
+    answers[rows, 0] *= 3.0
+    columns = dict(zip(("torque_Nm", "sinkage_m", "drawbar_pull_N"), answers.T, strict=True))
+    run = np.array([f"trial {row}" for row in range(len(load))])
+    table = WheelTable({"load_N": load, "slip": slip, **columns}, None, run, "made")
+    samples = gather(table, wheel, Vehicle(name="made", wheels=(wheel,)))
+    problem, fitted = fit_textbook(samples)
+    blanked = np.flatnonzero(~np.isfinite(problem.samples.measured[:, 1]))
+    if repeats == 3:
+        np.testing.assert_array_equal(blanked, np.sort(rows))
+        assert any("stand alone far from trials" in note for note in problem.samples.notes) == bool(wrong)
+        assert fitted.noise.spread.max() < 0.05
+    else:
+        assert blanked.size == 0

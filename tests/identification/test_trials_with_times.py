@@ -99,3 +99,12 @@ def test_rows_that_follow_from_one_another_are_no_trials():
     # Slip by slip, load after load; were repeats to follow each other, they would tell the noise as they stand.
     one_by_one = np.arange(len(SLIPS) * len(LOADS) * REPEATS).reshape(len(SLIPS), -1).T.ravel()
     assert is_of_trials(trials(one_by_one))
+
+
+@pytest.mark.parametrize(("runs", "said"), [(1, True), (24, False)])
+def test_rows_of_a_run_without_a_clock_are_said_to_be_taken_for_trials(runs, said):
+    table = trials()
+    columns = {name: values for name, values in table.columns.items() if name != "time_s"}
+    run = np.array([f"run {row % runs}" for row in range(len(table))])
+    samples = gather(WheelTable(columns, None, run, "made"), WHEEL, Vehicle(name="made", wheels=(WHEEL,)))
+    assert any("have no time_s: each is taken for a steady trial" in note for note in samples.notes) == said
