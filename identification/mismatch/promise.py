@@ -10,13 +10,11 @@ from ..augmented import AugmentedWheel
 from ..effects.effect import Effect
 from .fitting import Problem, fit
 from .steps import normal_equations, scaled_inverse
+from .textbook import QUIET
 from .trial import Trial, starts_of
 
 _GLIMPSE = 6
 """Iterations that show whether an effect that cannot be weighed from nothing is worth fitting beside others."""
-
-_QUIET = 0.01
-"""How much quiet ground varies [-]."""
 
 
 def promised_by(problem: Problem, base: Trial, effect: Effect) -> float:
@@ -42,8 +40,8 @@ def promise(problem: Problem, base: Trial, effect: Effect) -> float:
     starts = effect.starts()
     null = np.array([parameter.null for parameter in effect.parameters])
     noises = [base.fitted.noise]
-    if base.effects and base.fitted.noise.spread.max() > 2.0 * _QUIET:
-        noises.append(replace(base.fitted.noise, spread=np.full(2, _QUIET)))
+    if base.effects and base.fitted.noise.spread.max() > 2.0 * QUIET:
+        noises.append(replace(base.fitted.noise, spread=np.full(2, QUIET)))
     nowhere, promised = 0.0, []
     for number, start in enumerate([null, *(starts if len(starts) > 1 else [])]):
         vector = np.concatenate([base.fitted.vector, start])

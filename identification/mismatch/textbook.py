@@ -31,7 +31,7 @@ _ALIKE = 0.025
 _ENOUGH_REPEATS = 8
 """Degrees of freedom among repeats from which on they say what noise is."""
 
-_QUIET = 0.01
+QUIET = 0.01
 """How much quiet ground varies [-]."""
 
 _LEAST_SPREAD = 0.01
@@ -85,7 +85,7 @@ def best_fit(problem: Problem, starts: list[tuple[np.ndarray, np.ndarray]]) -> F
     problem.most, problem.weights = problem.unbounded, None
     found = [fit(problem, model, soil, None, theta_1) for soil, theta_1 in starts]
     # In quiet ground first, too: a soil that is wrong makes up for it by ground that varies, and so goes on to a worse.
-    problem.most = replace(problem.unbounded, spread=np.full(2, _QUIET))
+    problem.most = replace(problem.unbounded, spread=np.full(2, QUIET))
     quiet = [fit(problem, model, soil, None, theta_1) for soil, theta_1 in starts]
     problem.most = problem.unbounded
     found += [fit(problem, model, each.vector, each.noise, each.theta_1) for each in quiet]
