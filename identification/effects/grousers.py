@@ -41,29 +41,26 @@ class LugRadius(Effect):
 
 
 class LugThrust(Effect):
-    """The faces of the lugs in the ground push soil that resists passively, and dig themselves in as they slip.
+    """The faces of the lugs in the ground push soil that resists passively.
 
     The surcharge is the mean stress on the contact; of the lugs that stand in the ground each resists by a share that
-    is mobilised as soil shears. Digging in is empirical, in proportion to slip.
+    is mobilised as soil shears. That lugs dig themselves in as they slip is slip-sinkage.
     """
 
     slug = "grousers"
     source = "M. G. Bekker, Off-the-Road Locomotion (1960), passive resistance to a spud under surcharge"
     expected = True
 
-    def __init__(self, height_m: float, count: int, *, digs: bool = False) -> None:
+    def __init__(self, height_m: float, count: int) -> None:
         self._height, self._count = height_m, count
-        self.form = "thrust of the lugs, digging in" if digs else "thrust of the lugs"
-        if digs:
-            self.source = f"{LugThrust.source}; digging in is empirical"
+        self.form = "thrust of the lugs"
         self.usual = False
         self.equation = (
             "F = s N theta_1 / (2 pi) b h (q K_p + 2 c sqrt(K_p)) [1 - exp(-j/K)], K_p = tan^2(pi/4 + phi/2), "
             "q = W / (b r sin theta_1), j = r theta_1 - V/omega sin theta_1; T += F (r + h/2), "
             "DP += F sin(theta_1) / theta_1"
-        ) + ("; z += d h |i|" if digs else "")
-        share = Parameter("s", "", 0.0, 3.0, 0.3, 0.5)
-        self.parameters = (share, Parameter("d", "", 0.0, 2.0, 0.2, 0.4)) if digs else (share,)
+        )
+        self.parameters = (Parameter("s", "", 0.0, 3.0, 0.3, 0.5),)
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         theta_1, width = contact.theta_1, contact.wheel.width_m
@@ -76,8 +73,6 @@ class LugThrust(Effect):
         thrust = values[0] * lugs * face * mobilised
         channels[:, TORQUE] += thrust * (contact.radius_m + 0.5 * self._height)
         channels[:, PULL] += thrust * np.sin(theta_1) / theta_1
-        if len(values) > 1:
-            channels[:, SINKAGE] += values[1] * self._height * np.abs(drive.slip)
 
 
 class LugRipple(Effect):
@@ -187,7 +182,7 @@ def _steady(wheel: Wheel) -> list[Effect]:
     """What the vehicle's lugs do at any angle of the wheel."""
     height, count = wheel.grouser_height_m, wheel.grouser_count
     answer: list[Effect] = [LugRadius(height, its_slip=its_slip) for its_slip in (False, True)]
-    return answer + [LugThrust(height, count, digs=digs) for digs in (False, True) if count]
+    return [*answer, LugThrust(height, count)] if count else answer
 
 
 def _ripples(wheel: Wheel, count: int, situation: Situation) -> list[Effect]:

@@ -149,11 +149,27 @@ def _missing(problem: Problem, found: Search, naming: Naming, remaining: SmoothC
                         beside = naming.effects.get(other.slug, 0.0)
                         if beside >= MENTIONED:
                             answer.append(_named(rivals[slug], other, beside, (), ""))
+    if any(each.probability < ASSERTED for each in answer):
+        answer += _elsewhere(problem, found, naming, {each.effect for each in answer})
     # What may be nothing at all is not a finding; beside an effect it is a rival.
     if remaining.terms and naming.unknown > (MENTIONED if answer else 0.5):
         answer.append(_unknown(naming, remaining))
     answer.sort(key=lambda each: -each.probability)
     return tuple(answer)
+
+
+def _elsewhere(problem: Problem, found: Search, naming: Naming, listed: set[str]) -> list[Missing]:
+    """Effects that are probable in sets which differ from the chosen one by more than one effect."""
+    answer = []
+    for slug, share in naming.effects.items():
+        if share >= MENTIONED and slug not in listed:
+            having = [index for index, trial in enumerate(found.trials) if slug in trial.slugs]
+            trial = found.trials[max(having, key=lambda index: naming.weights[index])]
+            effect = next(each for each in trial.effects if each.slug == slug)
+            instead_of = tuple(sorted(found.chosen.slugs - trial.slugs))
+            tell = would_tell(problem, found.chosen, trial)
+            answer.append(_named(trial, effect, share, instead_of, tell))
+    return answer
 
 
 def _named(trial: Trial, effect: Effect, probability: float, alike: tuple[str, ...], tell: str) -> Missing:

@@ -33,7 +33,7 @@ def test_lugs_shear_farther_out_and_ripple_once_a_lug():
     np.testing.assert_allclose(ripple[:, TORQUE], 0.5 * np.cos(phase) + 0.2 * np.sin(phase), atol=1e-9)
 
 
-def test_the_faces_of_lugs_push_with_what_the_soil_resists_passively_and_dig_in():
+def test_the_faces_of_lugs_push_with_what_the_soil_resists_passively():
     away = change("grousers:form=thrust of the lugs,s=1")
     assert untouched(away, LOAD, SINKAGE, SLIP)
     slipping = DRIVE.slip > 0.05
@@ -49,8 +49,6 @@ def test_the_faces_of_lugs_push_with_what_the_soil_resists_passively_and_dig_in(
     stress = 4e4 + DRIVE.load_N / (WHEEL.width_m * WHEEL.radius_m * np.sin(theta_1))
     force = WHEEL.grouser_count * WHEEL.width_m * WHEEL.grouser_height_m * stress * np.sin(theta_1) / (2.0 * np.pi)
     np.testing.assert_allclose((lugged - bare)[slipping, PULL], force[slipping], rtol=1e-3)
-    deeper = change("grousers:s=0,d=0.5,form=thrust of the lugs, digging in")
-    np.testing.assert_allclose(deeper[:, SINKAGE], 0.5 * WHEEL.grouser_height_m * np.abs(DRIVE.slip), atol=1e-9)
 
 
 def test_lugs_that_nobody_stated_are_a_tenth_of_the_radius_high():

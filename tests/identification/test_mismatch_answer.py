@@ -53,6 +53,29 @@ def test_something_unknown_is_a_rival_only_where_the_effect_is_not_sure(searched
     assert not any("something more" in note for note in answer.notes)
 
 
+def test_whatever_is_probable_is_listed_though_it_takes_more_than_one_effects_place(searched):
+    """A second effect of another recording was 27 % probable in sets that shared nothing with the chosen one."""
+    problem, found = searched
+    kinds = {e.slug: e for e in effects_for(situation(problem, found.textbook.fitted), ["load_gain", "torque_gain"])}
+    shift = effects_for(situation(problem, found.textbook.fitted), ["stress_peak_shift"])[0]
+    gains = try_adding(problem, found.textbook, found.textbook, kinds["load_gain"])
+    pairs = [
+        replace(try_adding(problem, found.textbook, base, effect), gain=gain)
+        for base, effect, gain in ((gains, kinds["torque_gain"], 300.0), (found.chosen, shift, 298.0))
+    ]
+    chosen = Search(found.textbook, tuple(pairs), (), pairs[0])
+    nothing = SmoothCorrection((), 0.0, np.zeros_like(problem.measured), np.zeros_like(problem.measured))
+    naming, before = name(chosen, 0.0), found.textbook.held_out.residuals
+    answer = assemble(problem, chosen, naming, nothing, (), source="made", seed=0, began=0.0, before=before)
+    assert answer.verdict == "cannot_tell"
+    listed = {missing.effect: missing for missing in answer.missing}
+    assert set(listed) == {"load_gain", "torque_gain", "slip_sinkage", "stress_peak_shift"}
+    for slug in ("slip_sinkage", "stress_peak_shift"):
+        assert listed[slug].indistinguishable_from == ("load_gain", "torque_gain")
+        assert listed[slug].probability == pytest.approx(naming.effects[slug])
+        assert listed[slug].parameters
+
+
 def test_effects_that_only_three_together_explain_it_are_not_each_asserted(searched):
     """Of recordings whose effect had been taken out of the catalogue one in five got three others in its place."""
     problem, found = searched
