@@ -19,14 +19,14 @@ NODES, WEIGHTS = quadrature(8)
 FIELDS = (
     "theta_1", "theta_2", "theta_m", "advance_m", "c_Pa", "tan_phi", "k_m", "stiffness_Pa", "n", "radius_m",
     "shear_radius_m", "lever_m", "residual", "adhesion_Pa", "tan_delta", "layer_depth_m", "layer_stiffness_Pa",
-    "most_normal_Pa", "rim_cuts_off",
+    "most_normal_Pa", "rim_cuts_off", "lift_N",
 )  # fmt: skip
 """Columns of a contact: the three angles [rad], V / omega [m], c [Pa], tan phi, Janosi k [m], stiffness [Pa], n, radius
 of the contact, radius at which soil shears and lever arm of the shear stress [m], share of the shear strength left
 after its peak (infinite for Janosi's law, which has no peak), adhesion [Pa] and friction of the rim (infinite where
 soil never slips on it), depth [m] and stiffness [Pa] of a layer beneath, the largest normal stress that the wheel
-transmits [Pa] (infinite for a rigid one), and one where the rim cuts the soil's shear stress off instead of its
-strength."""
+transmits [Pa] (infinite for a rigid one), one where the rim cuts the soil's shear stress off instead of its
+strength, and what carries load besides the stresses on the rim [N]."""
 
 COLUMN = {name: index for index, name in enumerate(FIELDS)}
 
@@ -141,7 +141,7 @@ def _one_rim(field, width, nodes, weights, scratch, forces, slopes):
                         shear_radius * shear_slopes[m] * cosine - radius * normal_slopes[m] * sine
                     )
     lever = shear_radius * field[11]
-    forces[0] *= width
+    forces[0] = forces[0] * width + field[19]
     forces[1] *= width * lever
     forces[2] *= width
     for m in range(slopes.shape[1]):

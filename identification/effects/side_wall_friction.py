@@ -33,6 +33,8 @@ class SideWallFriction(Effect):
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 _NODES, _WEIGHTS = (_NODES + 1.0) / 2.0, _WEIGHTS / 2.0
+_DOWN, _AHEAD = (each.ravel() for each in np.meshgrid(_NODES, _NODES))
+_SHARE = np.outer(_WEIGHTS, _WEIGHTS).ravel()
 
 
 class FlankRubbing(Effect):
@@ -45,26 +47,37 @@ class FlankRubbing(Effect):
     parameters = (Parameter("tau_s", "Pa", 0.0, 1e5, 500.0, 3e3),)
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
-        radius = contact.wheel.radius_m
-        surface = radius * np.cos(contact.theta_1)
-        advance = np.minimum(contact.advance_m, 1e6 * radius)
-        along, twist = np.zeros(len(surface)), np.zeros(len(surface))
-        for node, weight in zip(_NODES, _WEIGHTS, strict=True):
-            below = surface + (radius - surface) * node
-            reach = np.sqrt(np.maximum(radius**2 - below**2, 0.0))
-            for other, share in zip(_NODES, _WEIGHTS, strict=True):
-                ahead = reach * other
-                area = weight * share * (radius - surface) * reach
-                forward, down = advance - below, ahead
-                speed = np.hypot(forward, down)
-                along += area * forward / np.maximum(speed, 1e-12)
-                twist += area * (down * ahead - forward * below) / np.maximum(speed, 1e-12)
+        along, _, twist = _rubbed(contact)
         channels[:, TORQUE] += 2.0 * values[0] * twist
         channels[:, PULL] -= 2.0 * values[0] * along
+
+
+class CarryingFlanks(FlankRubbing):
+    """The same, and where a flank moves down, ahead of the axle, it carries load."""
+
+    form = "rubbing, carrying"
+    equation = f"{FlankRubbing.equation}, load carried on the way down too"
+
+    def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        contact.lift_N = contact.lift_N + 2.0 * values[0] * _rubbed(contact)[1]
+
+
+def _rubbed(contact: Contact) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Integrals over the buried part of a flank, (n,) each, of the direction in which its points move: along [m2] and
+    down [m2], and of its moment about the axle against rotation [m3].
+    """
+    radius = contact.wheel.radius_m
+    surface = radius * np.cos(contact.theta_1)[:, None]
+    below = surface + (radius - surface) * _DOWN
+    reach = np.sqrt(np.maximum(radius**2 - below**2, 0.0))
+    forward, down = np.minimum(contact.advance_m, 1e6 * radius)[:, None] - below, reach * _AHEAD
+    area = _SHARE * (radius - surface) * reach / np.maximum(np.hypot(forward, down), 1e-12)
+    twist = down**2 - forward * below
+    return (area * forward).sum(axis=1), (area * down).sum(axis=1), (area * twist).sum(axis=1)
 
 
 def forms(situation: Situation) -> tuple[Effect, ...]:
     """Give the forms that these data can show: torque or drawbar pull has to be measured."""
     if not situation.seen(TORQUE, PULL):
         return ()
-    return SideWallFriction("stress"), SideWallFriction("depth"), FlankRubbing()
+    return SideWallFriction("stress"), SideWallFriction("depth"), FlankRubbing(), CarryingFlanks()

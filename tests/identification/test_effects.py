@@ -10,7 +10,7 @@ import pytest
 from bevameter import InputError
 from bevameter.identification.augmented import AugmentedWheel
 from bevameter.identification.effects.catalogue import INSTRUMENTS, SLUGS, effects_for, forms_by_name
-from bevameter.identification.effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Drive, Effect
+from bevameter.identification.effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Contact, Drive, Effect
 from bevameter.identification.effects.named import (
     NamedEffect,
     choose,
@@ -301,6 +301,22 @@ def test_rubbing_flanks_hold_back_or_push_as_their_points_move():
         away = predict(named, situation) - predict("side_wall_friction:form=rubbing,tau_s=0", situation)
         assert (sense * away[:, PULL] > 0.0).all()  # a spinning wheel's flanks sweep backwards, and thrust
         assert (sense * away[:, TORQUE] > 0.0).all()  # a rolling one's are dragged forwards, and help to turn it
+
+
+def test_flanks_that_move_down_carry_load_and_the_wheel_sinks_less():
+    bare, rubbing, carrying = (
+        predict(f"side_wall_friction:form={form},tau_s={stress}")
+        for form, stress in (("rubbing", 0), ("rubbing", 3e3), ("rubbing, carrying", 3e3))
+    )
+    assert untouched(rubbing - bare, SINKAGE)
+    assert (carrying[:, SINKAGE] < bare[:, SINKAGE]).all()
+    # A wheel that spins in place has no point that moves up ahead of it: half a disc carries tau r^2 on its way down.
+    half = Contact(1, WHEEL)
+    half.theta_1, half.advance_m, half.lift_N = 0.5 * np.pi, 0.0, 0.0
+    effect = next(each for each in FORMS if each.form == "rubbing, carrying")
+    effect.contact(half, DRIVE, np.array([1e3]))
+    quarter = 2.0 * 1e3 * WHEEL.radius_m**2 / 2.0  # both flanks, of the integral of sin(theta) rho over a quarter disc
+    np.testing.assert_allclose(half.lift_N, quarter, rtol=2e-3)
 
 
 @settings(max_examples=60, deadline=None)
