@@ -134,6 +134,8 @@ def _missing(problem: Problem, found: Search, naming: Naming, remaining: SmoothC
         alike = naming.look_alikes.get(effect.slug, ())
         rivals = instead(found, effect.slug)
         rival = rivals[alike[0]] if alike else None
+        if rival is None and probability < ASSERTED:
+            rival = _next_best(found)
         tell = would_tell(problem, chosen, rival) if rival is not None else ""
         answer.append(_named(chosen, effect, probability, alike, tell))
         if probability < ASSERTED:
@@ -156,6 +158,13 @@ def _missing(problem: Problem, found: Search, naming: Naming, remaining: SmoothC
         answer.append(_unknown(naming, remaining))
     answer.sort(key=lambda each: -each.probability)
     return tuple(answer)
+
+
+def _next_best(found: Search) -> Trial | None:
+    """What gains most without all that was chosen: from it is told what is doubted without having a look-alike."""
+    chosen = found.chosen.slugs
+    others = [trial for trial in found.trials if not trial.slugs >= chosen and not trial.slugs < chosen]
+    return max(others, key=lambda trial: trial.gain, default=None)
 
 
 def _elsewhere(problem: Problem, found: Search, naming: Naming, listed: set[str]) -> list[Missing]:

@@ -76,6 +76,20 @@ def test_whatever_is_probable_is_listed_though_it_takes_more_than_one_effects_pl
         assert listed[slug].parameters
 
 
+@pytest.mark.parametrize(("sure", "advised"), [(0.48, True), (0.96, False)])
+def test_what_is_doubted_without_a_look_alike_is_told_how_to_tell_it_from_the_next_best(searched, sure, advised):
+    problem, found = searched
+    shift = effects_for(situation(problem, found.textbook.fitted), ["stress_peak_shift"])[0]
+    other = try_adding(problem, found.textbook, found.textbook, shift)
+    both = replace(found, trials=(*found.trials, other))
+    nothing = SmoothCorrection((), 0.0, np.zeros_like(problem.measured), np.zeros_like(problem.measured))
+    naming = Naming({"slip_sinkage": sure}, 0.035, {"slip_sinkage": ()}, np.array([sure, 0.0]))
+    before = found.textbook.held_out.residuals
+    answer = assemble(problem, both, naming, nothing, (), source="made", seed=0, began=0.0, before=before)
+    assert bool(answer.missing[0].would_tell) == advised
+    assert ("What would tell: " in answer.summary) == advised
+
+
 def test_effects_that_only_three_together_explain_it_are_not_each_asserted(searched):
     """Of recordings whose effect had been taken out of the catalogue one in five got three others in its place."""
     problem, found = searched
