@@ -23,6 +23,9 @@ from .trial import Trial
 from .wording import summarise, trust
 from .would_tell import would_tell
 
+_MOST_LISTED = 6
+"""Effects that are listed where the data cannot tell; all that were considered are among the candidates."""
+
 _RESAMPLES = 400
 _VARIES = 0.02
 """Variation of the ground that is worth a word [-]."""
@@ -68,6 +71,8 @@ def assemble(
         told = {slug for each in asserted for slug in (each.effect, *each.indistinguishable_from)}
         unsure = [each.effect for each in missing if each.effect not in told and each.kind != UNKNOWN]
         missing = asserted
+    if verdict == "cannot_tell":
+        missing = _most_probable(missing, naming)
     if verdict == "none":
         after, regions = before, ()
     before = before if simulated is None else simulated[:, problem.answers]
@@ -179,6 +184,17 @@ def _elsewhere(problem: Problem, found: Search, naming: Naming, listed: set[str]
             tell = would_tell(problem, found.chosen, trial)
             answer.append(_named(trial, effect, share, instead_of, tell))
     return answer
+
+
+def _most_probable(missing: tuple[Missing, ...], naming: Naming) -> tuple[Missing, ...]:
+    """Leave the most probable few of the effects that are listed, or that look like one that is: more tell nothing."""
+    listed = {slug for each in missing for slug in (each.effect, *each.indistinguishable_from)} - {UNKNOWN}
+    kept = {UNKNOWN, *sorted(listed, key=lambda slug: (-naming.effects.get(slug, 0.0), slug))[:_MOST_LISTED]}
+    return tuple(
+        replace(each, indistinguishable_from=tuple(slug for slug in each.indistinguishable_from if slug in kept))
+        for each in missing
+        if each.effect in kept
+    )
 
 
 def _named(trial: Trial, effect: Effect, probability: float, alike: tuple[str, ...], tell: str) -> Missing:

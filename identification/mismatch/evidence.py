@@ -12,9 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from ..noise import autocorrelations
+from .asked import of_no_effect, surplus
 from .fitting import Fitted, Problem
 from .naming import REMAINS
-from .search import Search, of_no_effect
+from .search import Search
 from .soil_variation import HUBER
 from .trial import ASKED_FOR, EXPECTED_ASKED_FOR, Trial
 
@@ -83,6 +84,8 @@ def doubts(problem: Problem, search: Search, remaining: float, repeated: float) 
         reasons.append("what fits best leaves more than published forms of one effect commonly differ by")
     if beyond := search.chosen.unheard_of:
         reasons.append(f"what fits best is {' and '.join(beyond)}, beyond what has been published")
+    elif beyond := instead_of(search):
+        reasons.append(f"one effect less does nearly as well, {' and '.join(beyond)}, beyond what has been published")
     return tuple(reasons)
 
 
@@ -123,6 +126,16 @@ def asks_for_more(search: Search, repeated: float) -> bool:
     least = _INCOMPLETE if sum(not effect.expected for effect in chosen.effects) < 2 else ASKED_FOR
     larger = [trial for trial in search.trials if len(trial.effects) == len(chosen.effects) + 1]
     return any(each.gain - chosen.gain >= max(least * repeated, of_no_effect(chosen, each)) for each in larger)
+
+
+def instead_of(search: Search) -> tuple[str, ...]:
+    """What is beyond anything published in a set of one effect less, in words, that gains nearly as much as the chosen
+    one (`search._published`); nothing where there is none.
+    """
+    chosen = search.chosen
+    smaller = [trial for trial in search.trials if len(trial.unexpected) == len(chosen.unexpected) - 1]
+    near = [trial for trial in smaller if trial.unheard_of and surplus(trial, chosen) < 0.0]
+    return max(near, key=lambda trial: trial.gain).unheard_of if near else ()
 
 
 def noise_floor(problem: Problem, fitted: Fitted, position: int) -> float:

@@ -16,16 +16,17 @@ from ...framework.core.vehicle import Vehicle
 from ..effects.catalogue import SLUGS, effects_for
 from ..identify import felt_rows, open_recording
 from .answer import assemble
+from .asked import asked_beside
 from .evidence import doubts, repetition, warranted
 from .explanation import Explanation
 from .fitting import Problem
 from .locate import locate
 from .naming import name
 from .samples import Samples, gather, passes_apart
-from .search import Search, asked_beside, search
+from .search import Search, search
 from .simulated import as_differences, attach
 from .smooth_correction import SmoothCorrection, smooth_correction
-from .trial import ASKED_FOR, Trial, least_errors, situation, textbook_trial
+from .trial import ASKED_FOR, Trial, again, least_errors, situation, textbook_trial, without
 
 _GROUND_OF_ITS_OWN = (
     "each pass is taken to be on ground of its own: what passes differ by is explained as well by that as by anything "
@@ -132,9 +133,10 @@ def _sought(
 def _on_other_ground(
     samples: Samples, known: SoilKnowledge, found: Search, remaining: SmoothCorrection
 ) -> tuple[Problem, Trial, float] | None:
-    """Fit the textbook wheel to passes each on ground of its own, if that gains about what was found [nats].
+    """Fit the textbook wheel to passes each on ground of its own, if that gains what one of the effects found does, or
+    more with all of them [nats].
 
-    What was found then only makes up for the ground being taken for the same in all passes.
+    That effect then only makes up for the ground being taken for the same in all passes.
     """
     explained = found.chosen.gain + remaining.gain
     apart = passes_apart(samples)
@@ -144,7 +146,12 @@ def _on_other_ground(
     gain = min(
         textbook.held_out.gain(found.textbook.held_out)[0], textbook.fitted.score - found.textbook.fitted.score
     )  # fmt: skip
-    return (problem, textbook, gain) if gain > explained - ASKED_FOR else None
+    chosen = found.chosen
+    less = [without(problem, found.textbook, chosen, effect) for effect in chosen.effects if len(chosen.effects) > 1]
+    if max(gain, *(trial.gain for trial in less), 0.0) > explained - ASKED_FOR:
+        return problem, textbook, gain
+    better = again(problem, found.textbook, chosen).gain > explained + ASKED_FOR
+    return (problem, textbook, gain) if better else None
 
 
 def _left_over(problem: Problem, trial: Trial) -> SmoothCorrection:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit
 
-from .search import MOST_ASKED_FOR, Search, surplus
+from .asked import MOST_ASKED_FOR, surplus
+from .search import Search
 from .trial import ASKED_FOR, TEMPERATURE, UNHEARD_OF, Trial, temperature
 
 UNKNOWN = "unknown"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -13,6 +13,7 @@ import numpy as np
 from ..augmented import SOIL_COUNT
 from ..effects.catalogue import FROM_RESIDUALS, effects_for
 from ..effects.effect import Effect
+from .asked import MOST_ASKED_FOR, surplus
 from .fitting import Problem, fit
 from .held_out import hold_out
 from .promise import promised_by
@@ -31,22 +32,6 @@ from .trial import (
 
 MOST_EFFECTS = 3
 
-_FURTHER_ASKED_FOR = 15.0
-"""Nats that a further effect has to gain on held-out blocks."""
-
-_SHARE_ASKED_FOR, MOST_ASKED_FOR, _LEAST_SHARE = 0.08, 40.0, 0.015
-"""It has to gain the first share of what is gained already, up to so many nats, and the last one however much that is
-[-]. Of 114 of the study's recordings with one effect, looked at since, other second ones gained 0.012 at most."""
-
-_PLACE_ASKED_FOR, _PLACE_SHARE = 23.0, 0.1
-"""As much for a place along the track, whose ground may vary by itself, that nothing shows to be one."""
-
-_SHARP, _CALMER = 12.0, 0.5
-"""Nats by which the edges of a place are told (`Trial.sharp`), or share of the ground's variation left beside it
-[-], which show it to be one. Of 128 recordings without a place, looked at since, two gained more than 23 nats, told by
-less than 10 and with 0.78 of the variation left (0.019 and 0.065 of what was gained); four with one were told by 17 to
-84, and where its edges were wide 0.36 of the variation were left."""
-
 _LEAST_PROMISE = 2.5
 """Effects that promise less [nats] are not fitted."""
 
@@ -58,9 +43,6 @@ _FAR_LESS = 0.1
 
 _THREADS = 2
 """Effects fitted at once: the heavy parts let go of Python's lock."""
-
-_VARIES = 0.01
-"""Ground that varies by less cannot vary much less [-]."""
 
 _NOT_FAR = 0.5
 """A second effect is sought beside the runner-up and other forms too, where they gained this share of the best [-]."""
@@ -152,8 +134,7 @@ class _Tries:
         """Give the search with each set once, as it was fitted best.
 
         Of sets as large as the best one that are within a unit of log-odds of it the one is chosen that errs least:
-        nats forgive a gross failure on a few rows, and whoever predicts with it does not. What is beyond anything
-        published gives way to what is not so far behind as that counts against it.
+        nats forgive a gross failure on a few rows, and whoever predicts with it does not.
         """
         unique: dict[frozenset[str], Trial] = {}
         for trial in self.trials:
@@ -161,11 +142,9 @@ class _Tries:
         passed = {frozenset(name.split(_PLUS)): (name, nats) for name, nats in self.passed}
         left = tuple(each for names, each in passed.items() if names not in unique)
         best = unique.get(best.names, best)
-        alike = [trial for trial in unique.values() if _as_large(trial, best)]
         if best.unheard_of:
-            enough = max(ASKED_FOR, best.gain - UNHEARD_OF)
-            heard_of = [trial for trial in alike if not trial.unheard_of and trial.gain > enough]
-            best = max(heard_of, key=lambda trial: trial.gain, default=best)
+            best = _published(unique.values(), best)
+        alike = [trial for trial in unique.values() if _as_large(trial, best)]
         near = [trial for trial in alike if best.gain - trial.gain < temperature(best.gain)]
         near = [trial for trial in near if best.unheard_of or not trial.unheard_of]
         least = min(near, key=lambda trial: trial.held_out.error(self.problem), default=best)
@@ -221,6 +200,17 @@ def search(
     return tries.ended(best)
 
 
+def _published(tried: Iterable[Trial], best: Trial) -> Trial:
+    """What takes the place of a set beyond anything published: one as large that is not so far behind as that counts
+    against it, else one of one effect more that gains as much. The set itself where there is neither.
+    """
+    known = [trial for trial in tried if not trial.unheard_of]
+    enough = max(ASKED_FOR, best.gain - UNHEARD_OF)
+    instead = [trial for trial in known if _as_large(trial, best) and trial.gain > enough]
+    larger = [trial for trial in known if len(trial.unexpected) == len(best.unexpected) + 1 and trial.gain >= best.gain]
+    return max(instead or larger, key=lambda trial: trial.gain, default=best)
+
+
 def _as_large(trial: Trial, best: Trial) -> bool:
     """Say whether a set has as many effects as the best one, or as many besides what the vehicle announces."""
     as_many = len(trial.unexpected) == len(best.unexpected)
@@ -247,7 +237,9 @@ def _larger(tries: _Tries, singles: Sequence[Trial], best: Trial) -> list[Trial]
         better = [(nats, e) for nats, e in again if nats - behind > max(beside_best[e.name], ASKED_FOR)]
         answer += tries.attempt(form, better)
     if second := _runner_up(singles, best):
-        answer += _nested_beside(tries, second, best.slugs | second.slugs)
+        # Other forms of the best one, too: one may have stood in for two.
+        own = frozenset(effect.name for effect in best.effects)
+        answer += _nested_beside(tries, second, second.slugs, own)
     return answer
 
 
@@ -276,9 +268,12 @@ def _runner_up(singles: Sequence[Trial], best: Trial) -> Trial | None:
     return None if second is None or second.gain < max(ASKED_FOR, _NOT_FAR * best.gain) else second
 
 
-def _nested_beside(tries: _Tries, base: Trial, taken: frozenset[str]) -> list[Trial]:
-    """Try those effects beside a set that can be weighed from nothing."""
-    return tries.attempt(base, tries.weigh(base, [effect for effect in tries.others(taken) if effect.nested]))
+def _nested_beside(
+    tries: _Tries, base: Trial, taken: frozenset[str], tried: frozenset[str] = frozenset()
+) -> list[Trial]:
+    """Try those effects beside a set that can be weighed from nothing, those aside whose form was `tried` before."""
+    others = [effect for effect in tries.others(taken) if effect.nested and effect.name not in tried]
+    return tries.attempt(base, tries.weigh(base, others))
 
 
 def _beside_partners(
@@ -346,47 +341,6 @@ def _anchored(problem: Problem, textbook: Trial, singles: Sequence[Trial]) -> Tr
         problem.most, problem.weights = before
         return textbook
     return Trial((), fitted, hold_out(problem, fitted), 0.0)
-
-
-def surplus(best: Trial, larger: Trial) -> float:
-    """Nats that a larger set gains on a set, less those that it has to.
-
-    What is beyond anything published (`Trial.unheard_of`) is asked no share: it stands in for more than one effect. Of
-    what the vehicle's description announces little is asked: one effect beside the vehicle's lugs is no more than one.
-    """
-    if len(larger.unexpected) <= len(best.unexpected):
-        return larger.gain - best.gain - max(EXPECTED_ASKED_FOR, of_no_effect(best, larger))
-    asked = ASKED_FOR if best.unheard_of else _FURTHER_ASKED_FOR
-    place = _further_place(best, larger)
-    if place:
-        asked = _PLACE_ASKED_FOR
-    if not best.unheard_of:
-        least = of_no_effect(best, larger)
-        asked = max(asked, least) if place and _shown(best, larger) else max(asked, least, asked_beside(best.gain))
-    return larger.gain - best.gain - asked
-
-
-def asked_beside(gained: float) -> float:
-    """Nats that are asked of a further cause where so many are gained already."""
-    return max(_FURTHER_ASKED_FOR, min(_SHARE_ASKED_FOR * gained, MOST_ASKED_FOR), _LEAST_SHARE * gained)
-
-
-def of_no_effect(best: Trial, larger: Trial) -> float:
-    """Nats that a larger set may gain though nothing more is there: forms that have been published of one effect
-    differ, and what nothing shows to be a place stands in for what differs otherwise.
-    """
-    instead = _further_place(best, larger) and not _shown(best, larger)
-    return (_PLACE_SHARE if instead else _LEAST_SHARE) * best.gain
-
-
-def _shown(best: Trial, larger: Trial) -> bool:
-    """Say whether a further place has edges, or the ground varies little without it: a wrong form does neither."""
-    before, after = (float(np.linalg.norm(trial.fitted.noise.spread)) for trial in (best, larger))
-    return larger.sharp >= _SHARP or (before > _VARIES and after < _CALMER * before)
-
-
-def _further_place(best: Trial, larger: Trial) -> bool:
-    return any(effect.local for effect in larger.effects if effect.slug not in best.slugs)
 
 
 def _pruned(tries: _Tries, best: Trial) -> Trial:

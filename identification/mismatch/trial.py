@@ -288,3 +288,10 @@ def without(problem: Problem, textbook: Trial, trial: Trial, dropped: Effect) ->
     fitted = fit(problem, model, vector, trial.fitted.noise, trial.fitted.theta_1)
     left = _trial(problem, textbook, model.effects, fitted, hold_out(problem, fitted))
     return replace(left, sharp=0.0 if dropped.local else trial.sharp)
+
+
+def again(problem: Problem, textbook: Trial, trial: Trial) -> Trial:
+    """Fit a set again, to samples that are laid out otherwise."""
+    there = trial.fitted
+    fitted = fit(problem, there.model, there.vector, there.noise, there.theta_1)
+    return _trial(problem, textbook, trial.effects, fitted, hold_out(problem, fitted))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from bevameter.identification.effects.catalogue import effects_for, forms_by_name
 from bevameter.identification.effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE
 from bevameter.identification.effects.named import (
@@ -49,6 +50,16 @@ def test_the_faces_of_lugs_push_with_what_the_soil_resists_passively():
     stress = 4e4 + DRIVE.load_N / (WHEEL.width_m * WHEEL.radius_m * np.sin(theta_1))
     force = WHEEL.grouser_count * WHEEL.width_m * WHEEL.grouser_height_m * stress * np.sin(theta_1) / (2.0 * np.pi)
     np.testing.assert_allclose((lugged - bare)[slipping, PULL], force[slipping], rtol=1e-3)
+
+
+@pytest.mark.parametrize("form", ["radius", "radius with its slip", "radius and ripple, 24 lugs"])
+def test_soil_that_shears_beyond_the_lugs_tips_is_told(form):
+    effect = next(each for each in forms_by_name("grousers", specimen(24)) if each.form == form)
+    values, sd = np.zeros(len(effect.parameters)), np.full(len(effect.parameters), 0.02)
+    for share, told in ((0.9, []), (1.09, []), (1.3, ["s = 1.3"])):
+        values[0] = share
+        assert effect.unheard_of(values, sd) == told
+    assert effect.unheard_of(values, 10.0 * sd) == []
 
 
 def test_lugs_that_nobody_stated_are_a_tenth_of_the_radius_high():

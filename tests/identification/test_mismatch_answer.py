@@ -76,6 +76,24 @@ def test_whatever_is_probable_is_listed_though_it_takes_more_than_one_effects_pl
         assert listed[slug].parameters
 
 
+def test_no_more_than_six_are_listed_where_the_data_cannot_tell(searched):
+    problem, found = searched
+    slugs = ["load_gain", "torque_gain", "stress_peak_shift", "exit_angle", "bulldozing", "side_wall_friction"]
+    forms = {e.slug: e for e in effects_for(situation(problem, found.textbook.fitted), slugs)}
+    trials = [found.chosen] + [
+        replace(try_adding(problem, found.textbook, found.textbook, forms[slug]), gain=found.chosen.gain - 0.1 * number)
+        for number, slug in enumerate(slugs, 1)
+    ]
+    together = Search(found.textbook, tuple(trials), (), found.chosen)
+    naming, before = name(together, 0.0), found.textbook.held_out.residuals
+    nothing = SmoothCorrection((), 0.0, np.zeros_like(problem.measured), np.zeros_like(problem.measured))
+    answer = assemble(problem, together, naming, nothing, (), source="made", seed=0, began=0.0, before=before)
+    assert answer.verdict == "cannot_tell"
+    assert {each.effect for each in answer.missing} == {"slip_sinkage", *slugs[:5]}
+    assert not any(slugs[5] in each.indistinguishable_from for each in answer.missing)
+    assert any(candidate.effect.startswith(slugs[5]) for candidate in answer.candidates)
+
+
 @pytest.mark.parametrize(("sure", "advised"), [(0.48, True), (0.96, False)])
 def test_what_is_doubted_without_a_look_alike_is_told_how_to_tell_it_from_the_next_best(searched, sure, advised):
     problem, found = searched
@@ -221,6 +239,25 @@ def test_what_nobody_has_published_gives_way_to_what_gains_nearly_as_much(search
     assert name(ended, 0.0).effects["slip_sinkage"] > ASSERTED
     alone = _Tries(problem, found.textbook, (), print, [unheard_of]).ended(unheard_of)
     assert alone.chosen is unheard_of
+
+
+@pytest.mark.parametrize(("gained", "gives_way"), [(303.0, True), (297.0, False)])
+def test_what_nobody_has_published_gives_way_to_two_that_gain_as_much(searched, gained, gives_way):
+    """Both of two that are there may gain no more than one effect that is bent beyond all bounds; it stays doubted."""
+    problem, found = searched
+    here = situation(problem, found.textbook.fitted)
+    shift, gain = (effects_for(here, [slug])[0] for slug in ("stress_peak_shift", "torque_gain"))
+    peak = try_adding(problem, found.textbook, found.textbook, shift)
+    vector = peak.fitted.vector.copy()
+    vector[5] = 0.9  # a0
+    bent = Trial((shift,), replace(peak.fitted, vector=vector), peak.held_out, 300.0)
+    two = replace(try_adding(problem, found.textbook, found.chosen, gain), gain=gained)
+    ended = _Tries(problem, found.textbook, (), print, [bent, two]).ended(bent)
+    assert (ended.chosen.slugs == {"slip_sinkage", "torque_gain"}) == gives_way
+    assert any("a0 = 0.9, beyond what has been published" in why for why in doubts(problem, ended, 0.0, 1.0))
+    sure = replace(two, gain=320.0)
+    ended = _Tries(problem, found.textbook, (), print, [bent, sure]).ended(sure)
+    assert not any("beyond" in why for why in doubts(problem, ended, 0.0, 1.0))
 
 
 def test_a_search_that_tried_nothing_has_an_answer(searched):

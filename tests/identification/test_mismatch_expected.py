@@ -12,10 +12,11 @@ from bevameter.identification.effects.grousers import LugRadius
 from bevameter.identification.identify import felt_rows, open_recording
 from bevameter.identification.mismatch import search as module
 from bevameter.identification.mismatch.answer import assemble
+from bevameter.identification.mismatch.asked import surplus
 from bevameter.identification.mismatch.evidence import warranted
 from bevameter.identification.mismatch.naming import instead, name, why_not
 from bevameter.identification.mismatch.samples import gather
-from bevameter.identification.mismatch.search import Search, _Tries, search, surplus
+from bevameter.identification.mismatch.search import Search, _Tries, search
 from bevameter.identification.mismatch.smooth_correction import SmoothCorrection
 from bevameter.identification.mismatch.trial import situation, textbook_trial, try_adding
 

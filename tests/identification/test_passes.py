@@ -18,7 +18,7 @@ SOIL = Soil(c_Pa=300.0, phi_rad=math.radians(30.0), k_m=0.011, stiffness_Pa=2.9e
 ROWS, PIECE, PASSES, VARIES = 250, 10, 2, 0.035
 
 
-def two_passes(folder, *, same_ground: bool, compaction: float, seed: int = 5):
+def two_passes(folder, *, same_ground: bool, compaction: float, torque: float = 1.0, seed: int = 5):
     """Write a drive twice along a track whose ground varies, the second time on the same ground or not."""
     rng = np.random.default_rng(seed)
     pieces = ROWS // PIECE
@@ -45,6 +45,7 @@ def two_passes(folder, *, same_ground: bool, compaction: float, seed: int = 5):
         )  # fmt: skip
         state = equilibrium(WHEEL, soil, load[rows], slip[rows])
         answers[rows] = np.column_stack([state.torque_Nm, state.sinkage_m, state.drawbar_pull_N])
+    answers[:, 0] *= torque
     answers += 0.01 * np.ptp(answers, axis=0) * rng.normal(size=answers.shape)
     place = 0.02 * (np.arange(len(time_s)) % ROWS)
     columns = [time_s, load + 0.2 * rng.normal(size=len(load)), slip + 0.002 * rng.normal(size=len(slip))]
@@ -64,6 +65,16 @@ def test_ground_that_varies_anew_in_each_pass_is_no_compaction(tmp_path, same_gr
     answer = explain(path, vehicle=vehicle, catalogue=["multipass_compaction"])
     assert answer.verdict == verdict
     assert any("ground of its own" in note for note in answer.notes) != same_ground
+
+
+@pytest.mark.parametrize("seed", [5, 6, 7])
+def test_ground_of_its_own_takes_the_place_of_one_of_two_effects(tmp_path, seed):
+    """Beside an effect, too, what passes differ by is no compaction and no drift where their ground is not the same."""
+    path = two_passes(tmp_path, same_ground=False, compaction=0.0, torque=1.1, seed=seed)
+    vehicle = Vehicle(name="made", wheels=(WHEEL,))
+    answer = explain(path, vehicle=vehicle, catalogue=["multipass_compaction", "torque_gain", "drift"])
+    assert {each.effect for each in answer.missing} == {"torque_gain"}
+    assert any("ground of its own" in note for note in answer.notes)
 
 
 @pytest.mark.parametrize(("gained", "enough"), [(0.0, True), (1e5, False)])
