@@ -58,8 +58,9 @@ def left_out(recording: Recording, answer: Explanation) -> dict[str, dict[str, t
     table: dict[str, dict[str, tuple[float, float]]] = {}
     for split, block in splits.items():
         problem, textbook = fit_textbook(replace(samples, block=block))
-        start = np.concatenate([textbook.vector, answer.vector[len(textbook.vector) :]])
-        chosen = fit(problem, answer.simulator, start, textbook.noise, textbook.theta_1)
+        starts = [np.concatenate([textbook.vector, answer.vector[len(textbook.vector) :]]), answer.vector]
+        fits = [fit(problem, answer.simulator, start, textbook.noise, textbook.theta_1) for start in starts]
+        chosen = max(fits, key=lambda fitted: fitted.score)
         errors = [np.sqrt(np.nanmean(hold_out(problem, each).residuals ** 2, axis=0)) for each in (textbook, chosen)]
         channels = [list(answer.fits)[position] for position in range(len(problem.answers))]
         table[split] = {channel: (float(a), float(b)) for channel, a, b in zip(channels, *errors, strict=True)}

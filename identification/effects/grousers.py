@@ -132,6 +132,7 @@ class Lugs(LugRipple):
         self, count: int, typical: np.ndarray, wheel: Wheel, *, overtone: bool = False, its_slip: bool = False
     ) -> None:
         super().__init__(count, typical, wheel.grouser_count, overtone=overtone)
+        self._stated = wheel.grouser_height_m > 0.0
         self._height = wheel.grouser_height_m or _UNSTATED * wheel.radius_m
         self._lugs, self._radius_m = LugRadius(self._height, its_slip=its_slip), wheel.radius_m
         self._otherwise = None if its_slip else (count, typical, wheel, overtone)
@@ -151,7 +152,8 @@ class Lugs(LugRipple):
         return [Lugs(count, typical, wheel, overtone=overtone, its_slip=True)]
 
     def unheard_of(self, values: np.ndarray, sd: np.ndarray) -> list[str]:
-        return self._lugs.unheard_of(values[:1], sd[:1])
+        # How far the tips of lugs stand out that nobody stated is not known.
+        return self._lugs.unheard_of(values[:1], sd[:1]) if self._stated else []
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         self._lugs.contact(contact, drive, values[:1])

@@ -56,7 +56,7 @@ class CarryingFlanks(FlankRubbing):
     """The same, and where a flank moves down, ahead of the axle, it carries load."""
 
     form = "rubbing, carrying"
-    equation = f"{FlankRubbing.equation}, load carried on the way down too"
+    equation = f"{FlankRubbing.equation}; W += 2 tau_s integral x/|v/omega| dA"
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         contact.lift_N = contact.lift_N + 2.0 * values[0] * _rubbed(contact)[1]

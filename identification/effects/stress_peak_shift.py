@@ -10,8 +10,8 @@ from .effect import Contact, Drive, Effect, Parameter, Situation
 _BRAKED = 0.02
 """Share of samples with negative slip from which on it matters what braked wheels do [-]."""
 
-_PUBLISHED = (0.1, np.inf)
-"""Wong & Reece (1967) have 0.18 on loose and 0.43 on compact sand [-]; with room."""
+_PUBLISHED = (0.1, 0.6)
+"""Wong & Reece (1967) have 0.18 on loose and 0.43 on compact sand, others up to midway [-]; with room."""
 
 _FORWARD, _TOLD = 0.02, 2.5
 """Nobody has published a peak that lies beyond midway without slip: so much room, or so many standard deviations [-].
@@ -39,7 +39,7 @@ class StressPeakShift(Effect):
 
     def unheard_of(self, values: np.ndarray, sd: np.ndarray) -> list[str]:
         beyond = super().unheard_of(values, sd)
-        if values[0] > PEAK_SHARE + max(_FORWARD, _TOLD * sd[0]):
+        if not beyond and values[0] > PEAK_SHARE + max(_FORWARD, _TOLD * sd[0]):
             beyond.append(f"a0 = {values[0]:.3g}")
         if len(values) > 1 and values[1] + 2.0 * sd[1] < _MOVES * max(PEAK_SHARE - values[0], 0.0):
             beyond.append(f"a0 = {values[0]:.3g} beside a1 = {values[1]:.3g}")

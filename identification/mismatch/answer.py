@@ -131,7 +131,7 @@ def parameters(fitted: Fitted, effect: Effect) -> dict[str, Estimate]:
 
 
 def _missing(problem: Problem, found: Search, naming: Naming, remaining: SmoothCorrection) -> tuple[Missing, ...]:
-    """What is asserted; where an effect is not certain, those that look like it too."""
+    """What was chosen; where an effect is not certain, what looks like it; where none is, all that is probable."""
     answer: list[Missing] = []
     chosen = found.chosen
     for effect in chosen.effects:
@@ -156,7 +156,7 @@ def _missing(problem: Problem, found: Search, naming: Naming, remaining: SmoothC
                         beside = naming.effects.get(other.slug, 0.0)
                         if beside >= MENTIONED:
                             answer.append(_named(rivals[slug], other, beside, (), ""))
-    if any(each.probability < ASSERTED for each in answer):
+    if answer and all(each.probability < ASSERTED for each in answer):
         answer += _elsewhere(problem, found, naming, {each.effect for each in answer})
     # What may be nothing at all is not a finding; beside an effect it is a rival.
     if remaining.terms and naming.unknown > (MENTIONED if answer else 0.5):
@@ -168,8 +168,12 @@ def _missing(problem: Problem, found: Search, naming: Naming, remaining: SmoothC
 def _next_best(found: Search) -> Trial | None:
     """What gains most without all that was chosen: from it is told what is doubted without having a look-alike."""
     chosen = found.chosen.slugs
-    others = [trial for trial in found.trials if not trial.slugs >= chosen and not trial.slugs < chosen]
+    others = [trial for trial in found.trials if _no_larger(trial, found.chosen) and not trial.slugs <= chosen]
     return max(others, key=lambda trial: trial.gain, default=None)
+
+
+def _no_larger(trial: Trial, chosen: Trial) -> bool:
+    return len(trial.unexpected) <= len(chosen.unexpected) and not trial.slugs >= chosen.slugs
 
 
 def _elsewhere(problem: Problem, found: Search, naming: Naming, listed: set[str]) -> list[Missing]:

@@ -118,7 +118,7 @@ def asks_for_more(search: Search, repeated: float) -> bool:
     """Say whether one more effect gains, beside the chosen set, what it hardly does beside a complete one.
 
     It is not taken for so little, beside so much; but what was found may then stand in for what the catalogue lacks.
-    Differences between published forms (`search.of_no_effect`) do not count. `repeated` rows count as one.
+    Differences between published forms (`asked.of_no_effect`) do not count. `repeated` rows count as one.
     """
     chosen = search.chosen
     if not chosen.effects:
@@ -134,6 +134,7 @@ def instead_of(search: Search) -> tuple[str, ...]:
     """
     chosen = search.chosen
     smaller = [trial for trial in search.trials if len(trial.unexpected) == len(chosen.unexpected) - 1]
+    smaller = [trial for trial in smaller if len(trial.effects) < len(chosen.effects)]
     near = [trial for trial in smaller if trial.unheard_of and surplus(trial, chosen) < 0.0]
     return max(near, key=lambda trial: trial.gain).unheard_of if near else ()
 

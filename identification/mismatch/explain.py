@@ -148,7 +148,10 @@ def _on_other_ground(
     )  # fmt: skip
     chosen = found.chosen
     less = [without(problem, found.textbook, chosen, effect) for effect in chosen.effects if len(chosen.effects) > 1]
-    if max(gain, *(trial.gain for trial in less), 0.0) > explained - ASKED_FOR:
+    same = [max((each.gain for each in found.trials if each.slugs == trial.slugs), default=0.0) for trial in less]
+    # An effect that earned little is no reason to give up ground that is the same in all passes.
+    own = [trial.gain for trial, there in zip(less, same, strict=True) if trial.gain > there + ASKED_FOR]
+    if max(gain, *own, 0.0) > explained - ASKED_FOR:
         return problem, textbook, gain
     better = again(problem, found.textbook, chosen).gain > explained + ASKED_FOR
     return (problem, textbook, gain) if better else None

@@ -207,6 +207,8 @@ def why_not(trial: Trial, search: Search, repeated: float) -> str:
         return f"{-behind:.1f} nats more, but with {' and '.join(trial.unheard_of)}, beyond what has been published"
     if behind < 0.0:
         return f"as good: {-behind:.1f} nats more, but larger errors on held-out rows"
+    if trial.unheard_of and not chosen.unheard_of:
+        return f"{behind:.1f} nats behind, and with {' and '.join(trial.unheard_of)}, beyond what has been published"
     if behind < _nearly(chosen, repeated):
         return f"nearly as good: {behind:.1f} nats behind"
     return f"explains less: {behind:.0f} nats behind"

@@ -285,7 +285,7 @@ def _beside_partners(
         return []
     behind = max(MOST_ASKED_FOR, _CLOSE * first.gain)
     second = _runner_up(singles, best)
-    known = first.effects[-1].slug, *(second.slugs if second else ())
+    known = first.effects[-1].slug, *best.slugs, *(second.slugs if second else ())
     added = [
         trial.effects[-1].slug
         for trial in sorted(larger, key=lambda trial: -trial.gain)

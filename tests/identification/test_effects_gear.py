@@ -62,6 +62,14 @@ def test_soil_that_shears_beyond_the_lugs_tips_is_told(form):
     assert effect.unheard_of(values, 10.0 * sd) == []
 
 
+def test_lugs_that_nobody_stated_may_stand_out_farther_than_is_assumed():
+    unstated = replace(SITUATION, wheel=WHEEL.model_copy(update={"grouser_height_m": 0.0}))
+    effect = next(each for each in forms_by_name("grousers", unstated) if each.form == "radius and ripple, 18 lugs")
+    values = np.zeros(len(effect.parameters))
+    values[0] = 1.8
+    assert effect.unheard_of(values, np.full(len(values), 0.01)) == []
+
+
 def test_lugs_that_nobody_stated_are_a_tenth_of_the_radius_high():
     unstated, stated = (
         replace(SITUATION, wheel=WHEEL.model_copy(update={"grouser_height_m": share * WHEEL.radius_m}))
