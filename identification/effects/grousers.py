@@ -14,8 +14,8 @@ _UNSTATED = 0.1
 """Height of lugs that the vehicle's description does not state, as a share of the radius [-]."""
 
 _BEYOND, _TOLD = 0.1, 2.5
-"""Soil shears no further out than the lugs' tips: so much room, or so many standard deviations [-]. Of 45 right answers
-none was beyond, of six wrong ones one."""
+"""Soil shears no further out than the lugs' tips: so much room, or so many standard deviations [-]. Of 45 answers
+with lugs that were there one was beyond, in place of a torque gain beside them; of six without there being any one."""
 
 _STANDS_OUT = 12.0
 """A line of the residuals' order spectrum is looked into where its power is this many times the median's [-]."""

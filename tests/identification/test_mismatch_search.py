@@ -84,7 +84,7 @@ def test_a_further_effect_has_to_gain_more_the_more_is_gained_and_a_place_most(t
         best = replace(alone, gain=gained)
         return -surplus(best, replace(best, effects=(*best.effects, further), sharp=sharp))
 
-    assert [asked(load, gained) for gained in (100.0, 300.0, 1000.0, 4600.0)] == pytest.approx([15.0, 24.0, 34.0, 69.0])
+    assert [asked(load, gained) for gained in (100.0, 300.0, 1000.0, 4600.0)] == pytest.approx([15.0, 24.0, 40.0, 69.0])
     assert [asked(patch, gained) for gained in (100.0, 300.0, 1800.0)] == pytest.approx([23.0, 30.0, 180.0])
     # A place with edges is no other effect's form, nor is one that the ground varied by.
     assert [asked(patch, gained, 13.0) for gained in (100.0, 1000.0, 4600.0)] == pytest.approx([23.0, 23.0, 69.0])
@@ -124,6 +124,7 @@ def test_a_hump_starts_from_the_soil_whose_stress_rises_as_fast():
     [
         (0.3, 0.3, 0.01, ()), (0.5, 0.1, 0.01, ()), (0.9, 0.1, 0.01, ("a0 = 0.9",)),
         (0.515, 0.1, 0.001, ()), (0.54, 0.1, 0.01, ("a0 = 0.54",)), (0.54, 0.1, 0.02, ()), (0.5, 0.55, 0.01, ()),
+        (0.62, 0.1, 0.01, ("a0 = 0.62",)), (0.62, 0.1, 0.1, ("a0 = 0.62",)), (0.59, 0.1, 0.1, ()),
         (0.25, 0.0, 0.01, ("a0 = 0.25 beside a1 = 0",)), (0.25, 0.0, 0.05, ()),
         (0.5, -0.1, 0.01, ("a0 = 0.5 beside a1 = -0.1",)),
     ],
