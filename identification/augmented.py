@@ -111,54 +111,33 @@ class AugmentedWheel:
         true = self._true(drive, imposed, vector)
         angle, forces = self._solve(drive, true, vector, entry or Entry(np.full(len(imposed), 0.4)))
         contact = self._contact(drive, true, vector, angle)
-        slopes = np.empty((len(true), 3, kernel.SOIL_FIELDS))
+        slopes = np.empty((len(true), 3, kernel.SLOPED))
         kernel.rim_forces_and_slopes(contact.array, self.wheel.width_m, kernel.NODES, kernel.WEIGHTS, forces, slopes)
         base = self._channels(drive, imposed, contact, vector, forces)
         carried = forces[:, 0]
-        turned = angle * (1.0 + _STEP)
-        turned_contact = self._contact(drive, true, vector, turned)
-        moved = self._forces(turned_contact)
-        growth = np.maximum((moved[:, 0] - carried) / (turned - angle), 1e-300)
-        along = (self._channels(drive, imposed, turned_contact, vector, moved) - base) / (turned - angle)[:, None]
+        further = angle * (1.0 + _STEP)
+        further_contact = self._contact(drive, true, vector, further)
+        moved = self._forces_near(further_contact, contact, forces, slopes)
+        growth = np.maximum((moved[:, 0] - carried) / (further - angle), 1e-300)
+        along = (self._channels(drive, imposed, further_contact, vector, moved) - base) / (further - angle)[:, None]
 
-        def difference(
-            imposed_there: np.ndarray, true_there: np.ndarray, vector_there: np.ndarray, there: Contact,
-            forces_there: np.ndarray, step: float | np.ndarray,
-        ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+        def derivative(
+            imposed_there: np.ndarray, vector_there: np.ndarray, step: float | np.ndarray, *, far: bool = False
+        ) -> tuple[np.ndarray, np.ndarray]:
             """Derivatives of the channels (n, 5), and of the entry angle (n,)."""
+            true_there = self._true(drive, imposed_there, vector_there)
+            there = self._contact(drive, true_there, vector_there, angle)
+            forces_there = self._forces_near(there, contact, forces, None if far else slopes)
             turn = ((true_there[:, 0] - true[:, 0]) - (forces_there[:, 0] - carried)) / growth
             channels = self._channels(drive, imposed_there, there, vector_there, forces_there)
             return (channels - base + along * turn[:, None]) / np.reshape(step, (-1, 1)), turn / step
 
-        def derivative(
-            imposed_there: np.ndarray, vector_there: np.ndarray, step: float | np.ndarray
-        ) -> tuple[np.ndarray, np.ndarray]:
-            true_there = self._true(drive, imposed_there, vector_there)
-            there = self._contact(drive, true_there, vector_there, angle)
-            # An effect that is somewhere moves nothing elsewhere.
-            changed = (there.array != contact.array).any(axis=1)
-            forces_there = self._forces(there, changed, forces)
-            return difference(imposed_there, true_there, vector_there, there, forces_there, step)
-
-        additive = [True] * SOIL_COUNT + [
-            not effect.moves_contact() for effect in self.effects for _ in effect.parameters
-        ]
-        first = kernel.COLUMN["c_Pa"]
-        fields = slice(first, first + kernel.SOIL_FIELDS)
+        far = [False] * SOIL_COUNT + [each.step > 0.0 for effect in self.effects for each in effect.parameters]
         by_parameter, turned = np.empty((*base.shape, self.size)), np.empty((len(base), self.size))
         for index, step in enumerate(self.steps(vector)):
             stepped = vector.copy()
             stepped[index] += step
-            if index < SOIL_COUNT:
-                # The soil enters through five fields, whatever the effects make of it: their slopes are known.
-                there = self._contact(drive, true, stepped, angle)
-                change = there.array[:, fields] - contact.array[:, fields]
-                known = forces + np.einsum("nfm,nm->nf", slopes, change)
-                by_parameter[:, :, index], turned[:, index] = difference(imposed, true, stepped, there, known, step)
-            elif additive[index]:
-                by_parameter[:, :, index], turned[:, index] = difference(imposed, true, stepped, contact, forces, step)
-            else:
-                by_parameter[:, :, index], turned[:, index] = derivative(imposed, stepped, step)
+            by_parameter[:, :, index], turned[:, index] = derivative(imposed, stepped, step, far=far[index])
         by_ground = np.stack([by_parameter[..., 3], by_parameter[..., :2] @ vector[:2]], axis=-1)
         power = angle * growth / carried
         if not latent:
@@ -212,6 +191,19 @@ class AugmentedWheel:
         wanted = np.ones(rows, dtype=bool) if wanted is None else wanted
         kernel.rim_forces(contact.array, self.wheel.width_m, kernel.NODES, kernel.WEIGHTS, wanted, forces)
         return forces
+
+    def _forces_near(self, there: Contact, here: Contact, forces: np.ndarray, slopes: np.ndarray | None) -> np.ndarray:
+        """Forces of a contact (n, 3) from those `here` and their slopes, where there are any, by what has changed.
+
+        Rows that differ in what forces have no slopes by are integrated: an effect that is somewhere moves nothing
+        elsewhere.
+        """
+        if slopes is None:
+            return self._forces(there, (there.array != here.array).any(axis=1), forces)
+        change = there.array[:, : kernel.SLOPED] - here.array[:, : kernel.SLOPED]
+        near = forces + np.einsum("nfm,nm->nf", slopes, change)
+        beyond = (there.array[:, kernel.SLOPED :] != here.array[:, kernel.SLOPED :]).any(axis=1)
+        return self._forces(there, beyond, near) if beyond.any() else near
 
     def _channels(
         self, drive: Drive, imposed: np.ndarray, contact: Contact, vector: np.ndarray, forces: np.ndarray

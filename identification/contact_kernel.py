@@ -18,23 +18,23 @@ NODES, WEIGHTS = quadrature(8)
 
 FIELDS = (
     "theta_1", "theta_2", "theta_m", "advance_m", "c_Pa", "tan_phi", "k_m", "stiffness_Pa", "n", "radius_m",
-    "shear_radius_m", "lever_m", "residual", "adhesion_Pa", "tan_delta", "layer_depth_m", "layer_stiffness_Pa",
-    "most_normal_Pa", "rim_cuts_off", "lift_N",
+    "shear_radius_m", "lever_m", "lift_N", "residual", "adhesion_Pa", "tan_delta", "layer_depth_m",
+    "layer_stiffness_Pa", "most_normal_Pa", "rim_cuts_off",
 )  # fmt: skip
 """Columns of a contact: the three angles [rad], V / omega [m], c [Pa], tan phi, Janosi k [m], stiffness [Pa], n, radius
-of the contact, radius at which soil shears and lever arm of the shear stress [m], share of the shear strength left
-after its peak (infinite for Janosi's law, which has no peak), adhesion [Pa] and friction of the rim (infinite where
-soil never slips on it), depth [m] and stiffness [Pa] of a layer beneath, the largest normal stress that the wheel
-transmits [Pa] (infinite for a rigid one), one where the rim cuts the soil's shear stress off instead of its
-strength, and what carries load besides the stresses on the rim [N]."""
+of the contact, radius at which soil shears and lever arm of the shear stress [m], what carries load besides the
+stresses on the rim [N], share of the shear strength left after its peak (infinite for Janosi's law, which has no
+peak), adhesion [Pa] and friction of the rim (infinite where soil never slips on it), depth [m] and stiffness [Pa] of a
+layer beneath, the largest normal stress that the wheel transmits [Pa] (infinite for a rigid one), and one where the rim
+cuts the soil's shear stress off instead of its strength."""
 
 COLUMN = {name: index for index, name in enumerate(FIELDS)}
 
 _TEXTBOOK = {"residual": math.inf, "tan_delta": math.inf, "layer_depth_m": math.inf, "most_normal_Pa": math.inf}
 """What is not zero where the textbook wheel has no such thing."""
 
-SOIL_FIELDS = 5
-"""The fields from `c_Pa` to `n`, by which `rim_forces_and_slopes` gives derivatives."""
+SLOPED = 13
+"""The fields from `theta_1` to `lift_N`, by which `rim_forces_and_slopes` gives derivatives."""
 
 
 def fields(**values: float) -> np.ndarray:
@@ -51,7 +51,7 @@ def rim_forces(contact, width, nodes, weights, wanted, forces):
 
     Rows that are not `wanted` (n,) keep the forces that they have.
     """
-    no_slopes, scratch = np.empty((3, 0)), np.empty((2, SOIL_FIELDS))
+    no_slopes, scratch = np.empty((3, 0)), np.empty((5, SLOPED))
     for row in range(contact.shape[0]):
         if wanted[row]:
             _one_rim(contact[row], width, nodes, weights, scratch, forces[row], no_slopes)
@@ -59,8 +59,8 @@ def rim_forces(contact, width, nodes, weights, wanted, forces):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def rim_forces_and_slopes(contact, width, nodes, weights, forces, slopes):
-    """As `rim_forces`, and `slopes` (n, 3, 5): derivatives of W, T, DP by c, tan phi, k, stiffness and n."""
-    scratch = np.empty((2, SOIL_FIELDS))
+    """As `rim_forces`, and `slopes` (n, 3, 13): derivatives of W, T, DP by the first thirteen fields."""
+    scratch = np.zeros((5, SLOPED))
     for row in range(contact.shape[0]):
         _one_rim(contact[row], width, nodes, weights, scratch, forces[row], slopes[row])
 
@@ -72,9 +72,12 @@ def _one_rim(field, width, nodes, weights, scratch, forces, slopes):
     sin_1, cos_1 = math.sin(theta_1), math.cos(theta_1)
     forces[:] = 0.0
     slopes[:, :] = 0.0
-    normal_slopes, shear_slopes = scratch
-    # Where the pressure has a kink the rule is applied on either side of it.
-    layer_at = _share_of_front(field[15], radius, cos_1, theta_1, theta_m)
+    sloped = slopes.shape[1] > 0
+    # Derivatives, by the fields, of normal stress, angle on the rim, its weight, displacement and shear stress.
+    by_normal, by_theta, by_weight, by_displacement, by_shear = scratch
+    # Where the pressure has a kink the rule is applied on either side of it: it is the same on both, so that where the
+    # kink lies has no slope.
+    layer_at = _share_of_front(field[16], radius, cos_1, theta_1, theta_m)
     flat_at = _share_of_front(_flat_from(field, width), radius, cos_1, theta_1, theta_m)
     ends = (0.0, min(layer_at, flat_at), max(layer_at, flat_at), 1.0)
     for piece in range(3):
@@ -87,67 +90,91 @@ def _one_rim(field, width, nodes, weights, scratch, forces, slopes):
             relative = math.log(depth / width)
             share = math.exp(field[8] * relative)
             normal = field[7] * share
-            below = depth - field[15]
+            below = depth - field[16]
             layer = 0.0
             if below > 0.0:
-                layer = field[16] * (below / width) ** field[8]
+                layer = field[17] * (below / width) ** field[8]
                 normal += layer
-            flat = normal > field[17]
+            flat = normal > field[18]
             if flat:
-                normal = field[17]
-            normal_slopes[:] = 0.0
-            if slopes.shape[1] > 0 and not flat:
-                normal_slopes[3] = share
-                normal_slopes[4] = field[7] * share * relative
-                if below > 0.0:
-                    normal_slopes[4] += layer * math.log(below / width)
+                normal = field[18]
+            if sloped:
+                deeper = 0.0 if flat else field[8] * field[7] * share / depth
+                by_normal[7] = 0.0 if flat else share
+                by_normal[8] = 0.0 if flat else field[7] * share * relative
+                if below > 0.0 and not flat:
+                    deeper += field[8] * layer / below
+                    by_normal[8] += layer * math.log(below / width)
+                by_normal[0] = deeper * radius * (sin_1 - sin_ahead * (1.0 - along))
+                by_normal[2] = -deeper * radius * sin_ahead * along
+                by_normal[9] = deeper * (cos_ahead - cos_1)
             # By Eq. 9 both zones have the same normal stress at the same node: that of the front.
             for zone in range(2):
-                theta, sine, cosine = ahead, sin_ahead, cos_ahead
-                weight = share_of_rule * abs(theta_m - theta_1)
+                theta, sine, cosine, end = ahead, sin_ahead, cos_ahead, theta_1
                 if zone == 1:
-                    theta = theta_2 + (theta_m - theta_2) * along
+                    theta, end = theta_2 + (theta_m - theta_2) * along, theta_2
                     sine, cosine = math.sin(theta), math.cos(theta)
-                    weight = share_of_rule * abs(theta_m - theta_2)
+                weight = share_of_rule * abs(theta_m - end)
                 friction, strength = field[5], field[4] + normal * field[5]
                 displacement = shear_radius * (theta_1 - theta) - advance * (sin_1 - sine)
-                mobilised, slope = _mobilised(displacement, field[6], field[12])
+                mobilised, slope = _mobilised(displacement, field[6], field[13])
                 capped = False
-                if field[14] < math.inf:
-                    rim, cuts_off = field[13] + normal * field[14], field[18] > 0.5
+                if field[15] < math.inf:
+                    rim, cuts_off = field[14] + normal * field[15], field[19] > 0.5
                     capped = rim < (strength * abs(mobilised) if cuts_off else strength)
                     if capped:
-                        friction, strength = field[14], rim
+                        friction, strength = field[15], rim
                         if cuts_off:
                             mobilised, slope = math.copysign(1.0, mobilised), 0.0
                 shear = strength * mobilised
-                forces[0] += weight * (radius * normal * cosine + shear_radius * shear * sine)
+                up = radius * normal * cosine + shear_radius * shear * sine
+                on = shear_radius * shear * cosine - radius * normal * sine
+                forces[0] += weight * up
                 forces[1] += weight * shear
-                forces[2] += weight * (shear_radius * shear * cosine - radius * normal * sine)
-                if slopes.shape[1] == 0:
+                forces[2] += weight * on
+                if not sloped:
                     continue
-                for m in range(SOIL_FIELDS):
-                    shear_slopes[m] = mobilised * friction * normal_slopes[m]
+                by_theta[2] = along
+                by_theta[0], by_theta[1] = (1.0 - along, 0.0) if zone == 0 else (0.0, 1.0 - along)
+                widened = math.copysign(share_of_rule, theta_m - end)
+                by_weight[2] = widened
+                by_weight[0], by_weight[1] = (-widened, 0.0) if zone == 0 else (0.0, -widened)
+                back = advance * cosine - shear_radius
+                for f in range(3):
+                    by_displacement[f] = back * by_theta[f]
+                by_displacement[0] += shear_radius - advance * cos_1
+                by_displacement[3] = sine - sin_1
+                by_displacement[10] = theta_1 - theta
+                for f in range(11):
+                    by_shear[f] = mobilised * friction * by_normal[f] + strength * slope * by_displacement[f]
                 if not capped:
-                    shear_slopes[0] += mobilised
-                    shear_slopes[1] += mobilised * normal
-                shear_slopes[2] += strength * slope
-                for m in range(SOIL_FIELDS):
-                    slopes[0, m] += weight * (
-                        radius * normal_slopes[m] * cosine + shear_radius * shear_slopes[m] * sine
+                    by_shear[4] += mobilised
+                    by_shear[5] += mobilised * normal
+                by_shear[6] -= strength * slope * displacement / field[6]
+                for f in range(11):
+                    slopes[0, f] += by_weight[f] * up + weight * (
+                        radius * by_normal[f] * cosine + shear_radius * by_shear[f] * sine + on * by_theta[f]
                     )
-                    slopes[1, m] += weight * shear_slopes[m]
-                    slopes[2, m] += weight * (
-                        shear_radius * shear_slopes[m] * cosine - radius * normal_slopes[m] * sine
+                    slopes[1, f] += by_weight[f] * shear + weight * by_shear[f]
+                    slopes[2, f] += by_weight[f] * on + weight * (
+                        shear_radius * by_shear[f] * cosine - radius * by_normal[f] * sine - up * by_theta[f]
                     )
+                slopes[0, 9] += weight * normal * cosine
+                slopes[2, 9] -= weight * normal * sine
+                slopes[0, 10] += weight * shear * sine
+                slopes[2, 10] += weight * shear * cosine
     lever = shear_radius * field[11]
-    forces[0] = forces[0] * width + field[19]
+    if sloped:
+        slopes[1, 10] += forces[1] / shear_radius
+        slopes[1, 11] = forces[1] / field[11]
+        for f in range(12):
+            slopes[0, f] *= width
+            slopes[1, f] *= width * lever
+            slopes[2, f] *= width
+        slopes[0, 12] = 1.0
+    forces[0] = forces[0] * width + field[12]
     forces[1] *= width * lever
     forces[2] *= width
-    for m in range(slopes.shape[1]):
-        slopes[0, m] *= width
-        slopes[1, m] *= width * lever
-        slopes[2, m] *= width
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -162,17 +189,18 @@ def _share_of_front(depth, radius, cos_1, theta_1, theta_m):
 @njit(cache=True, nogil=True, error_model="numpy")
 def _flat_from(field, width):
     """Depth [m] from which on the wheel transmits no more pressure, infinite where it always does; layers apart."""
-    if not field[17] < math.inf:
+    if not field[18] < math.inf:
         return math.inf
-    return width * (field[17] / field[7]) ** (1.0 / field[8])
+    return width * (field[18] / field[7]) ** (1.0 / field[8])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _mobilised(displacement, modulus, residual):
-    """Mobilised share of the shear strength, odd in the displacement [m], and its derivative by the modulus [1/m].
+    """Mobilised share of the shear strength, odd in the displacement [m], and its derivative by it [1/m].
 
     Janosi & Hanamoto (1961) where `residual` is infinite, else J. Y. Wong, J. Preston-Thomas, J. Terramechanics 19
-    (1983): a peak at the displacement `modulus`, then a fall to the residual share.
+    (1983): a peak at the displacement `modulus`, then a fall to the residual share. By the modulus [m] its derivative
+    is that by the displacement, times -displacement / modulus.
     """
     along = abs(displacement) / modulus
     decay = math.exp(-along)
@@ -181,5 +209,4 @@ def _mobilised(displacement, modulus, residual):
         excess = (1.0 / (1.0 - math.exp(-1.0)) - residual) * math.e * decay
         slope = decay * (residual + excess) - share * excess
         share *= residual + excess
-    sense = math.copysign(1.0, displacement)
-    return sense * share, -sense * slope * along / modulus
+    return math.copysign(share, displacement), slope / modulus

@@ -210,10 +210,6 @@ class Effect:
         """Slug, and form in brackets where there is one."""
         return f"{self.slug}[{self.form}]" if self.form else self.slug
 
-    def moves_contact(self) -> bool:
-        """Say whether the effect changes the contact or what is imposed on it, and not only what is reported of it."""
-        return type(self).contact is not Effect.contact or type(self).impose is not Effect.impose
-
     def starts(self) -> list[np.ndarray]:
         """Parameter vectors (k,) at which a search may start."""
         return [np.array([parameter.start for parameter in self.parameters])]

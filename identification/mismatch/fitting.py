@@ -9,25 +9,18 @@ they are shrunk towards the mean instead. The fit is maximum a posteriori by dam
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize
 
 from ...framework.core.soil import PARAMETERS, PLAUSIBLE, SoilKnowledge
 from ..augmented import AugmentedWheel, Entry, Response
 from ..effects.effect import LOAD, SLIP
 from ..forward import slope_of_internal, to_internal
+from .likeliest_noise import NoiseKnown, likeliest
 from .samples import Samples
 from .soil_variation import NoiseModel, Ready, huber_loss, neighbours, stretches
 from .steps import Prior, covariance_of, step_from, step_of
-
-_SPREAD_PRIOR = 0.15
-"""Soil varies along a track by some per cent, seldom more (standard deviation of ln stiffness and ln strength)."""
-
-_NOISE_UNIT, _SPREAD_UNIT, _LENGTH_UNIT = 0.03, 0.01, 0.5
-"""By how much the noise's description usually moves: the search is well scaled in these units."""
 
 _NOISE_PRIOR = (0.5, 0.1)
 """Standard deviation of ln(noise) about what neighbours show, and about what the vehicle states."""
@@ -102,19 +95,19 @@ class Problem:
         self.group = stretches(self.order, self.gap)
         self.seen = np.ascontiguousarray(samples.seen)
         self.measured = samples.measured[:, self.answers]
-        self.first_noise = self._first_noise()
+        self._noise_known = self._known_noise()
+        self.first_noise = self._noise_known.first
         self.most = self.unbounded
         self.weights: Response | None = None
-        self._log_first = np.log(self.first_noise.answers)
-        self._noise_sd = np.where(samples.stated[self.answers], _NOISE_PRIOR[1], _NOISE_PRIOR[0])
 
-    def _first_noise(self) -> NoiseModel:
+    def _known_noise(self) -> NoiseKnown:
         finite = self.gap[np.isfinite(self.gap)]
         track = float(finite.sum()) if finite.size else 1.0
-        self.shortest = float(np.median(finite[finite > 0.0])) if (finite > 0.0).any() else 1e-3
-        self.longest = max(0.3 * track, 2.0 * self.shortest)
-        length = math.sqrt(self.shortest * self.longest)
-        return NoiseModel(self.samples.noise[self.answers], np.array([0.02, 0.02]), length)
+        shortest = float(np.median(finite[finite > 0.0])) if (finite > 0.0).any() else 1e-3
+        longest = max(0.3 * track, 2.0 * shortest)
+        first = NoiseModel(self.samples.noise[self.answers], np.array([0.02, 0.02]), math.sqrt(shortest * longest))
+        sd = np.where(self.samples.stated[self.answers], _NOISE_PRIOR[1], _NOISE_PRIOR[0])
+        return NoiseKnown(first, sd, shortest, longest)
 
     def prior(self, model: AugmentedWheel, told: bool = True) -> Prior:
         """Priors and bounds of a model's parameter vector, with what is known of the soil where it is `told`."""
@@ -148,7 +141,7 @@ class Problem:
     @property
     def unbounded(self) -> NoiseModel:
         """The most that noise and the soil's variation may be where nothing says less."""
-        return NoiseModel(self.first_noise.answers * math.exp(4.0), np.ones(2), self.longest)
+        return NoiseModel(self.first_noise.answers * math.exp(4.0), np.ones(2), self._noise_known.longest)
 
     def residuals(self, response: Response, weights: Response | None = None) -> np.ndarray:
         """What a model leaves of the answers (n, m), SI, taken at the load and slip measured."""
@@ -170,7 +163,7 @@ class Problem:
         back[self.order] = np.arange(len(self.order))
         columns, seen, log_scale = columns[back], ready.seen[back], log_scale[back]
         innovations = np.where(seen, columns[..., 0], 0.0)
-        loss = huber_loss(innovations).sum(axis=1) + log_scale
+        loss = huber_loss(innovations).sum(axis=1) + log_scale.sum(axis=1)
         return innovations, np.where(seen[..., None], columns[..., 1:], 0.0), loss
 
     def loss(self, residuals: np.ndarray, fitted: Fitted) -> np.ndarray:
@@ -181,7 +174,7 @@ class Problem:
         ready = replace(ready, columns=columns)
         columns, log_scale = ready.filter(fitted.noise, self.latent_covariance, self.gap, derivatives=False)
         answer = np.empty(len(residuals))
-        answer[self.order] = huber_loss(np.where(ready.seen, columns[..., 0], 0.0)).sum(axis=1) + log_scale
+        answer[self.order] = huber_loss(np.where(ready.seen, columns[..., 0], 0.0)).sum(axis=1) + log_scale.sum(axis=1)
         return answer
 
     def whitened_columns(
@@ -215,9 +208,7 @@ class Problem:
 
     def noise_loss(self, noise: NoiseModel) -> float:
         """Minus the log-prior of the noise."""
-        away = (np.log(noise.answers) - self._log_first) / self._noise_sd
-        about = math.log(noise.length / math.sqrt(self.shortest * self.longest)) / 1.5
-        return 0.5 * float(away @ away) + 0.5 * float(np.sum((noise.spread / _SPREAD_PRIOR) ** 2)) + 0.5 * about**2
+        return self._noise_known.loss(noise)
 
     def best_noise(self, response: Response, vector: np.ndarray, start: NoiseModel, prior: Prior) -> NoiseModel:
         """Noise and variation of the soil that explain a response's residuals best, the parameters following along.
@@ -227,12 +218,13 @@ class Problem:
         """
         ready = self._ready(response)
 
-        def loss(noise: NoiseModel) -> float:
+        def weigh(noise: NoiseModel) -> tuple[float, Ready]:
             loss, gradient, information = ready.weighed(noise, self.latent_covariance, self.gap)
-            _, gained = step_from(gradient, information, prior, vector, 0.0)
-            return loss - gained + self.noise_loss(noise)
+            step, gained = step_from(gradient, information, prior, vector, 0.0)
+            left = ready.columns[..., :1] - (ready.columns[..., 1:] @ step)[..., None]
+            return loss - gained, replace(ready, columns=left)
 
-        return self._least(loss, start)
+        return likeliest(weigh, start, self._noise_known.prior(self.most), self.latent_covariance, self.gap)
 
     def repeated_noise(self, response: Response, repeat: np.ndarray) -> NoiseModel:
         """Noise and variation of the soil that explain how repeats of one trial differ, whatever the model.
@@ -257,31 +249,12 @@ class Problem:
         share = float(np.sum(size - 1.0)) / len(trial)
         alone = np.full(len(trial), np.inf)
 
-        def loss(noise: NoiseModel) -> float:
+        def weigh(noise: NoiseModel) -> tuple[float, Ready]:
             columns, log_scale = apart.filter(noise, self.latent_covariance, alone, derivatives=False)
-            return share * float(huber_loss(columns[..., 0]).sum() + log_scale.sum()) + self.noise_loss(noise)
+            return share * float(huber_loss(columns[..., 0]).sum() + log_scale.sum()), apart
 
-        return self._least(loss, self.first_noise)
-
-    def _least(self, loss: Callable[[NoiseModel], float], start: NoiseModel) -> NoiseModel:
-        """Noise of the least loss, within bounds."""
-        count = len(self.answers)
-        unit = np.concatenate([np.full(count, _NOISE_UNIT), np.full(2, _SPREAD_UNIT), [_LENGTH_UNIT]])
-
-        def unpack(x: np.ndarray) -> NoiseModel:
-            x = x * unit
-            return NoiseModel(np.exp(x[:count]), x[count : count + 2], math.exp(x[-1]))
-
-        first = np.concatenate([np.log(start.answers), start.spread, [math.log(start.length)]])
-        low = np.concatenate([self._log_first - 1.5, [1e-5] * 2, [math.log(self.shortest)]])
-        high = np.concatenate([np.log(self.most.answers), self.most.spread, [math.log(self.longest)]])
-        low = np.minimum(low, high)
-        found = minimize(
-            lambda x: loss(unpack(x)), np.clip(first, low, high) / unit, method="L-BFGS-B",
-            bounds=np.column_stack([low, high]) / unit[:, None],
-            options={"maxiter": 12, "ftol": 5e-6, "eps": 1e-4},
-        )  # fmt: skip
-        return unpack(np.asarray(found.x))
+        prior = self._noise_known.prior(self.most)
+        return likeliest(weigh, self.first_noise, prior, self.latent_covariance, alone, share)
 
 
 def _calibrated(measured: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

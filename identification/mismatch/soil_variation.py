@@ -57,9 +57,9 @@ def stretches(order: np.ndarray, gap: np.ndarray) -> np.ndarray:
 @njit(cache=True, nogil=True, error_model="numpy")
 def _whiten_row(
     columns, at, row, seen, by_variation, by_latent, latent_covariance, variance, spread, keep, state, p, covariance,
-    vary,
+    vary, scales,
 ):  # fmt: skip
-    """Whiten the next row, whose columns stand in `columns[at]`, in place; answers the logarithm of its scale.
+    """Whiten the next row, whose columns stand in `columns[at]`, in place, and fill its scales in `scales[at]`.
 
     The other arguments are those of `whiten`. `keep` is what is left of the variation since the row before; state
     (2, q) and p (3,), its covariance, go along from row to row; covariance (m, m) and vary (m, 2) are room to work in.
@@ -84,7 +84,6 @@ def _whiten_row(
             elif i == j:
                 value = 1.0
             covariance[i, j] = value
-    scales = 1.0
     for i in range(channels):
         # Cholesky, forward substitution of the columns as it goes.
         for j in range(i):
@@ -108,10 +107,7 @@ def _whiten_row(
             for j in range(i):
                 value -= covariance[i, j] * columns[at, j, column]
             columns[at, i, column] = value * inverse
-        if seen[row, i]:
-            scales *= root
-    log_scale = math.log(scales)
-    scales = 1.0
+        scales[at, i] = root if seen[row, i] else 1.0
     for i in range(channels):
         if not seen[row, i]:
             continue
@@ -131,27 +127,25 @@ def _whiten_row(
         p[0] -= g0 * g0 / scale
         p[1] -= g0 * g1 / scale
         p[2] -= g1 * g1 / scale
-        scales *= root
-    log_scale += math.log(scales)
-    return log_scale
+        scales[at, i] *= root
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def whiten(columns, seen, by_variation, by_latent, latent_covariance, variance, spread, length, gap, log_scale):
+def whiten(columns, seen, by_variation, by_latent, latent_covariance, variance, spread, length, gap, scales):
     """Whiten columns in place: residuals first, their derivatives after.
 
     columns (n, m, q); seen (n, m); by_variation (n, m, 2): derivatives of the channels by ln stiffness and ln strength;
     by_latent (n, m, 2): by load and slip; latent_covariance (2, 2); variance (m,) of the sensors; spread (2,) standard
     deviations of the variation; length [m or s] over which it forgets; gap (n,) distance from the row before, infinite
-    where there is none. Fills log_scale (n,): sum of the logarithms of the innovations' standard deviations.
+    where there is none. Fills scales (n, m): the innovations' standard deviations, one where nothing was seen.
     """
     rows, channels, count = columns.shape
     state, p = np.zeros((2, count)), np.array([spread[0] ** 2, 0.0, spread[1] ** 2])
     covariance, vary = np.empty((channels, channels)), np.empty((channels, 2))
     for row in range(rows):
-        log_scale[row] = _whiten_row(
+        _whiten_row(
             columns, row, row, seen, by_variation, by_latent, latent_covariance, variance, spread,
-            math.exp(-gap[row] / length), state, p, covariance, vary,
+            math.exp(-gap[row] / length), state, p, covariance, vary, scales,
         )  # fmt: skip
 
 
@@ -166,18 +160,20 @@ def weigh_white(
     rows, channels, count = columns.shape
     state, p = np.zeros((2, count)), np.array([spread[0] ** 2, 0.0, spread[1] ** 2])
     covariance, vary = np.empty((channels, channels)), np.empty((channels, 2))
-    white = np.empty((1, channels, count))
+    white, scales = np.empty((1, channels, count)), np.empty((1, channels))
     gradient[:], information[:] = 0.0, 0.0
     loss = 0.0
     for row in range(rows):
         white[0] = columns[row]
-        loss += _whiten_row(
+        _whiten_row(
             white, 0, row, seen, by_variation, by_latent, latent_covariance, variance, spread,
-            math.exp(-gap[row] / length), state, p, covariance, vary,
+            math.exp(-gap[row] / length), state, p, covariance, vary, scales,
         )  # fmt: skip
+        wide = 1.0
         for i in range(channels):
             if not seen[row, i]:
                 continue
+            wide *= scales[0, i]
             size = abs(white[0, i, 0])
             weight = min(1.0, HUBER / max(size, 1e-12))
             loss += 0.5 * size**2 if size <= HUBER else HUBER * (size - 0.5 * HUBER)
@@ -186,6 +182,7 @@ def weigh_white(
                 gradient[a - 1] += weighed * white[0, i, 0]
                 for b in range(a, count):
                     information[a - 1, b - 1] += weighed * white[0, i, b]
+        loss += math.log(wide)
     for a in range(count - 1):
         for b in range(a):
             information[a, b] = information[b, a]
@@ -215,14 +212,14 @@ class Ready:
     def filter(
         self, noise: NoiseModel, latent_covariance: np.ndarray, gap: np.ndarray, derivatives: bool
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Whitened columns, and the logarithm of each row's scale (n,)."""
+        """Whitened columns, and the logarithm of each innovation's scale (n, m)."""
         columns = (self.columns if derivatives else self.columns[..., :1]).copy()
-        log_scale = np.empty(len(columns))
+        scales = np.empty(columns.shape[:2])
         whiten(
             columns, self.seen, self.by_variation, self.by_latent, latent_covariance, noise.answers**2, noise.spread,
-            noise.length, gap, log_scale,
+            noise.length, gap, scales,
         )  # fmt: skip
-        return columns, log_scale
+        return columns, np.log(scales)
 
     def weighed(
         self, noise: NoiseModel, latent_covariance: np.ndarray, gap: np.ndarray

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.stats import norm as normal
 from scipy.stats import t as student
 
-from ..augmented import SOIL_COUNT
 from .soil_variation import huber_weight
 
 LONGEST = np.array([np.inf, 0.5, 1.0, 1.0, 0.5])
@@ -53,9 +52,13 @@ def step_of(
 
 
 def step_from(
-    gradient: np.ndarray, information: np.ndarray, prior: Prior, vector: np.ndarray, damping: float
-) -> tuple[np.ndarray, float]:
-    """As `step_of`, by the gradient (p,) and the information (p, p) of the log-likelihood."""
+    gradient: np.ndarray, information: np.ndarray, prior: Prior, vector: np.ndarray, damping: float,
+    longest: np.ndarray = LONGEST,
+) -> tuple[np.ndarray, float]:  # fmt: skip
+    """As `step_of`, by the gradient (p,) and the information (p, p) of the log-likelihood.
+
+    The leading entries take no longer steps than the `longest`.
+    """
     gradient = gradient - prior.precision * (vector - prior.mean)
     information = information + np.diag(prior.precision)
     free = ~((vector <= prior.lower) & (gradient < 0.0)) & ~((vector >= prior.upper) & (gradient > 0.0))
@@ -66,7 +69,7 @@ def step_from(
     step[free] = scale[free] * np.linalg.solve(
         scaled[inside] + 1e-10 * np.eye(int(free.sum())), (scale * gradient)[free]
     )
-    step *= min(1.0, 1.0 / max(float(np.max(np.abs(step[:SOIL_COUNT]) / LONGEST)), 1e-12))
+    step *= min(1.0, 1.0 / max(float(np.max(np.abs(step[: len(longest)]) / longest)), 1e-12))
     return step, float(step @ gradient - 0.5 * step @ information @ step)
 
 

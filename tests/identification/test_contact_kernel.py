@@ -118,3 +118,37 @@ def test_the_humped_law_peaks_and_falls_to_its_residual():
     assert large == pytest.approx(0.5, rel=1e-3)
     assert small < peak
     assert all(np.diff([mobilised(at, JANOSI) for at in np.linspace(0.0, 6.0, 50)]) > 0.0)
+
+
+LAWS = {
+    "textbook": {},
+    "hump": {"residual": 0.6},
+    "slips on the rim": {"adhesion_Pa": 300.0, "tan_delta": 0.3},
+    "cut off at the rim": {"adhesion_Pa": 300.0, "tan_delta": 0.3, "rim_cuts_off": 1.0},
+    "layer": {"layer_depth_m": 0.005, "layer_stiffness_Pa": 5e5},
+    "flat": {"most_normal_Pa": 2e4},
+}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_slopes_are_those_of_the_forces(law, rng):
+    """Each of the thirteen, against central differences of a fine quadrature."""
+    rows, column = 80, contact_kernel.COLUMN
+    contact = textbook_contact(rng.uniform(0.2, 1.1, rows), rng.uniform(-0.5, 0.9, rows))
+    contact[:, column["theta_m"]] = contact[:, column["theta_1"]] * rng.uniform(0.2, 0.8, rows)
+    contact[:, column["theta_2"]] = -rng.uniform(0.0, 0.3, rows)
+    contact[:, column["n"]] = rng.uniform(0.4, 1.4, rows)
+    for name, value in ({"shear_radius_m": 0.16, "lever_m": 0.155, "lift_N": 3.0} | LAWS[law]).items():
+        contact[:, column[name]] = value
+    nodes, weights = stress_kernel.quadrature(40)
+    forces, slopes = np.empty((rows, 3)), np.empty((rows, 3, contact_kernel.SLOPED))
+    contact_kernel.rim_forces_and_slopes(contact, WHEEL.width_m, nodes, weights, forces, slopes)
+    np.testing.assert_array_equal(forces, forces_of(contact, 40))
+    for field in range(contact_kernel.SLOPED):
+        step = 1e-6 * np.abs(contact[:, field]).max()
+        low, high = contact.copy(), contact.copy()
+        low[:, field] -= step
+        high[:, field] += step
+        expected = (forces_of(high, 40) - forces_of(low, 40)) / (2.0 * step)
+        scale = np.abs(expected).max(axis=0) + 1e-12
+        np.testing.assert_allclose(slopes[:, :, field] / scale, expected / scale, atol=2e-4)

@@ -1,0 +1,66 @@
+"""The noise that residuals ask for: found as exactly as a search that knows nothing of it finds it, and recovered."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bevameter.identification.mismatch.likeliest_noise import NoiseKnown, likeliest
+from bevameter.identification.mismatch.soil_variation import NoiseModel, Ready, huber_loss
+from scipy.optimize import minimize
+
+LATENT = np.diag([0.02, 0.03]) ** 2
+GUESS = NoiseModel(np.array([0.2, 0.2]), np.array([0.02, 0.02]), 0.3)
+KNOWN = NoiseKnown(GUESS, np.array([0.5, 0.5]), 0.05, 20.0)
+MOST = NoiseModel(np.array([10.0, 10.0]), np.ones(2), 20.0)
+
+
+def track(rng, noise: NoiseModel, rows: int = 1500) -> tuple[Ready, np.ndarray]:
+    """Residuals of two channels over ground that varies as told, and the gaps between rows."""
+    gap = np.concatenate([[np.inf], np.full(rows - 1, 0.05)])
+    by_variation, by_latent = rng.normal(size=(2, rows, 2, 2))
+    ground, keep = np.empty((rows, 2)), math.exp(-0.05 / noise.length)
+    ground[0] = rng.normal(size=2)
+    for row in range(1, rows):
+        ground[row] = keep * ground[row - 1] + math.sqrt(1.0 - keep**2) * rng.normal(size=2)
+    residual = np.einsum("nca,na->nc", by_variation, noise.spread * ground) + noise.answers * rng.normal(size=(rows, 2))
+    residual += np.einsum("nca,na->nc", by_latent, rng.normal(size=(rows, 2)) @ np.sqrt(LATENT))
+    seen = rng.random((rows, 2)) > 0.1
+    return Ready(np.where(seen, residual, 0.0)[..., None], seen, by_variation, by_latent), gap
+
+
+def weighing(ready: Ready, gap: np.ndarray):
+    def weigh(noise: NoiseModel) -> tuple[float, Ready]:
+        columns, log_scale = ready.filter(noise, LATENT, gap, derivatives=False)
+        return float(huber_loss(columns[..., 0]).sum() + log_scale.sum()), ready
+
+    return weigh
+
+
+@pytest.mark.parametrize("spread", [(0.0, 0.0), (0.05, 0.1), (0.4, 0.02)])
+def test_it_is_the_noise_of_the_least_loss(spread, rng):
+    made = NoiseModel(np.array([0.05, 0.3]), np.array(spread), 1.0)
+    ready, gap = track(rng, made)
+    weigh, prior = weighing(ready, gap), KNOWN.prior(MOST)
+    found = likeliest(weigh, GUESS, prior, LATENT, gap)
+
+    def loss(vector: np.ndarray) -> float:
+        noise = NoiseModel(np.exp(vector[:2]), vector[2:4], math.exp(vector[4]))
+        return weigh(noise)[0] + KNOWN.loss(noise)
+
+    start = np.concatenate([np.log(made.answers), np.maximum(made.spread, 1e-3), [0.0]])
+    bounds = np.column_stack([prior.lower, prior.upper])
+    best = minimize(loss, start, method="L-BFGS-B", bounds=bounds, options={"ftol": 1e-12, "eps": 1e-6})
+    assert weigh(found)[0] + KNOWN.loss(found) < best.fun + 0.1
+    np.testing.assert_allclose(found.answers, made.answers, rtol=0.1)
+    np.testing.assert_allclose(found.spread, made.spread, rtol=0.3, atol=0.02)
+
+
+def test_it_stays_within_what_repeats_show(rng):
+    ready, gap = track(rng, NoiseModel(np.array([0.3, 0.3]), np.array([0.2, 0.2]), 1.0))
+    most = replace(MOST, answers=np.array([0.25, 10.0]), spread=np.array([0.05, 1.0]))
+    found = likeliest(weighing(ready, gap), GUESS, KNOWN.prior(most), LATENT, gap)
+    assert found.answers[0] == pytest.approx(0.25)
+    assert found.spread[0] == pytest.approx(0.05)
