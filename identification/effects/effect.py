@@ -198,6 +198,8 @@ class Effect:
     """Whether it says what the ground's variation along the track could say too."""
     remembers: ClassVar[bool] = False
     """Whether what is reported of a sample follows from samples before it."""
+    any_course: tuple[str, str] | None = None
+    """Channel, and variable with which it changes in whatever course: what else changes so is the same effect."""
     expected: bool = False
     """Whether the vehicle's description says that it is there, so that the textbook wheel is known to lack it."""
     remark: str = ""
@@ -236,6 +238,10 @@ class Effect:
 
     def variants(self) -> list[Effect]:
         """Give the same effect with other constants, which are tried once it is found, the likeliest first."""
+        return []
+
+    def freer(self) -> list[Effect]:
+        """Give the same effect with further parameters behind its own, which are tried once it is found."""
         return []
 
     def impose(self, imposed: np.ndarray, drive: Drive, values: np.ndarray) -> None:

@@ -20,21 +20,30 @@ _EDGES = 0.003, 0.01, 0.001, 0.03
 """Widths of a patch's edges as a share of the track [-]: sharp, yet with a derivative; not so sharp; and others."""
 
 
+_APART = ", cohesion apart"
+
+
 class SoilPatch(Effect):
-    """Between two places stiffness and strength are others."""
+    """Between two places stiffness and strength are others, cohesion by as much as friction or apart from it."""
 
     slug = "soil_patch"
     nested = False
     local = True
     sought = 2.0 * math.log(CELLS)
-    equation = "from < x < to: ln stiffness += A, ln strength += B"
     source = "definition"
     required = ("from", "to")
     change = Parameter("A", "", -3.0, 3.0, 0.0, 0.5), Parameter("B", "", -2.0, 2.0, 0.0, 0.3)
     """What is another there."""
 
-    def __init__(self, along: str, values: np.ndarray, starts: Sequence[np.ndarray] = ()) -> None:
-        self.form = along
+    cohesion = Parameter("C", "", -3.0, 3.0, 0.0, 0.5)
+    """What else is another there of cohesion."""
+
+    def __init__(
+        self, along: str, values: np.ndarray, starts: Sequence[np.ndarray] = (), *, apart: bool = False
+    ) -> None:
+        self.form = along + _APART * apart
+        strength = "ln tan phi += B, ln c += B + C" if apart else "ln strength += B"
+        self.equation = f"from < x < to: ln stiffness += A, {strength}"
         self._along = _ALONG[along]
         low, high = float(np.nanmin(values)), float(np.nanmax(values))
         unit = "m" if along == "place" else "s"
@@ -49,7 +58,9 @@ class SoilPatch(Effect):
             *self.change,
             Parameter("from", unit, low - edge, high, low + 0.4 * wide, wide, low + 0.4 * wide),
             Parameter("to", unit, low, high + edge, low + 0.6 * wide, wide, low + 0.6 * wide),
+            *([self.cohesion] if apart else []),
         )
+        self._freer = None if apart else SoilPatch(along, values, apart=True)
 
     def starts(self) -> list[np.ndarray]:
         return list(self._starts)
@@ -66,6 +77,13 @@ class SoilPatch(Effect):
                 answer.append(other)
         return answer
 
+    def freer(self) -> list[Effect]:
+        if self._freer is None:
+            return []
+        other = copy(self._freer)
+        other.constants = self.constants
+        return [other]
+
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         where, edge = getattr(drive, self._along), self.constants["edge"]
         with np.errstate(over="ignore"):
@@ -73,8 +91,8 @@ class SoilPatch(Effect):
             inside = inside / (1.0 + np.exp((where - values[3]) / edge))
         inside = np.where(np.isfinite(where), inside, 0.0)
         contact.stiffness_Pa = contact.stiffness_Pa * np.exp(values[0] * inside)
-        factor = np.exp(values[1] * inside)
-        contact.c_Pa, contact.tan_phi = contact.c_Pa * factor, contact.tan_phi * factor
+        contact.tan_phi = contact.tan_phi * np.exp(values[1] * inside)
+        contact.c_Pa = contact.c_Pa * np.exp((values[1] + values[4:].sum()) * inside)
 
 
 def track_of(drive: Drive) -> tuple[str, np.ndarray] | None:
@@ -92,4 +110,5 @@ def forms(situation: Situation) -> tuple[Effect, ...]:
 def named(situation: Situation) -> tuple[Effect, ...]:
     """Give the forms that a simulation may ask for: along the track, or in time."""
     drive = situation.drive
-    return tuple(SoilPatch(along, getattr(drive, name)) for along, name in _ALONG.items() if drive.has(name))
+    known = [(along, getattr(drive, name)) for along, name in _ALONG.items() if drive.has(name)]
+    return tuple(SoilPatch(*each, apart=apart) for apart in (False, True) for each in known)

@@ -16,7 +16,7 @@ from ...framework.core.vehicle import Vehicle
 from ..effects.catalogue import SLUGS, effects_for
 from ..identify import felt_rows, open_recording
 from .answer import assemble
-from .asked import asked_beside
+from .asked import asked_beside, calmed
 from .evidence import doubts, repetition, warranted
 from .explanation import Explanation
 from .fitting import Problem
@@ -93,8 +93,9 @@ def explain(
         if other := _on_other_ground(samples, known, found, remaining):
             problem, textbook, gained = other
             found, remaining = _sought(problem, textbook, considered, tell)
-            # Other ground is a cause already.
-            if found.chosen.effects and found.chosen.gain < asked_beside(gained):
+            # Other ground is a cause already, unless it is the same once something else is there.
+            little = found.chosen.gain < asked_beside(gained) and not calmed(found.textbook, found.chosen)
+            if found.chosen.effects and little:
                 found = replace(found, chosen=found.textbook)
                 remaining = _left_over(problem, found.chosen)
             notes = (*notes, _GROUND_OF_ITS_OWN)

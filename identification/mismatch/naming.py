@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit
 
-from .asked import MOST_ASKED_FOR, surplus
+from .asked import MOST_ASKED_FOR, is_bump, surplus
 from .search import Search
 from .trial import ASKED_FOR, TEMPERATURE, UNHEARD_OF, Trial, temperature
 
@@ -196,6 +196,8 @@ def why_not(trial: Trial, search: Search, repeated: float) -> str:
         return "chosen"
     if trial.gain < ASKED_FOR:
         return f"held-out data do not ask for it ({trial.gain:+.1f} nats)"
+    if len(trial.effects) == 1 and is_bump(search.textbook, trial):
+        return f"{trial.gain:.1f} nats, but no edge tells it from ground that varies by itself"
     behind = chosen.gain - trial.gain
     if behind < -MOST_ASKED_FOR and repeated > 1.0:
         return f"gains {-behind:.0f} nats more, but neighbouring rows repeat each other: not so many count"

@@ -13,7 +13,7 @@ import numpy as np
 from ..augmented import SOIL_COUNT
 from ..effects.catalogue import FROM_RESIDUALS, effects_for
 from ..effects.effect import Effect
-from .asked import MOST_ASKED_FOR, surplus
+from .asked import MOST_ASKED_FOR, is_bump, surplus
 from .fitting import Problem, fit
 from .held_out import hold_out
 from .promise import promised_by
@@ -45,7 +45,10 @@ _THREADS = 2
 """Effects fitted at once: the heavy parts let go of Python's lock."""
 
 _NOT_FAR = 0.5
-"""A second effect is sought beside the runner-up and other forms too, where they gained this share of the best [-]."""
+"""A second effect is sought beside runners-up and other forms too, where they gained this share of the best [-]."""
+
+_RUNNERS_UP = 3
+"""Other effects beside which a second one is sought."""
 
 _FORMS, _WORTH_ANOTHER = 3, 5.0
 """Other forms of an effect beside which a second one is sought, and what one has to promise more there [nats]."""
@@ -184,7 +187,8 @@ def search(
         tell("every effect alone, from a better soil")
         tries = _Tries(problem, anchored, catalogue, tell)
         singles = tries.attempt(anchored, tries.weigh(anchored, catalogue), _LEAST_PROMISE, len(catalogue), singles)
-    best = max(singles, key=lambda trial: trial.gain, default=anchored)
+    causes = [trial for trial in singles if not is_bump(anchored, trial)]
+    best = max(causes, key=lambda trial: trial.gain, default=anchored)
     if best.gain < ASKED_FOR:
         return tries.ended(anchored)
     while len(best.effects) < MOST_EFFECTS:
@@ -236,9 +240,9 @@ def _larger(tries: _Tries, singles: Sequence[Trial], best: Trial) -> list[Trial]
         behind = best.gain - form.gain + _WORTH_ANOTHER
         better = [(nats, e) for nats, e in again if nats - behind > max(beside_best[e.name], ASKED_FOR)]
         answer += tries.attempt(form, better)
-    if second := _runner_up(singles, best):
-        # Other forms of the best one, too: one may have stood in for two.
-        own = frozenset(effect.name for effect in best.effects)
+    # Other forms of the best one, too: one may have stood in for two.
+    own = frozenset(effect.name for effect in best.effects)
+    for second in _runners_up(singles, best):
         answer += _nested_beside(tries, second, second.slugs, own)
     return answer
 
@@ -262,10 +266,13 @@ def _beside_expected(tries: _Tries, singles: Sequence[Trial], best: Trial) -> li
     return answer
 
 
-def _runner_up(singles: Sequence[Trial], best: Trial) -> Trial | None:
-    """Other single effect that is not far behind the best one, which may stand in for two."""
-    second = max((trial for trial in singles if trial.slugs != best.slugs), key=lambda each: each.gain, default=None)
-    return None if second is None or second.gain < max(ASKED_FOR, _NOT_FAR * best.gain) else second
+def _runners_up(singles: Sequence[Trial], best: Trial) -> list[Trial]:
+    """Other single effects that are not far behind the best one, each of which may be one of two that are there."""
+    first: dict[frozenset[str], Trial] = {}
+    for trial in sorted(singles, key=lambda trial: -trial.gain):
+        if trial.slugs != best.slugs and trial.gain >= max(ASKED_FOR, _NOT_FAR * best.gain):
+            first.setdefault(trial.slugs, trial)
+    return list(first.values())[:_RUNNERS_UP]
 
 
 def _nested_beside(
@@ -284,8 +291,7 @@ def _beside_partners(
     if first.gain - best.gain < ASKED_FOR:
         return []
     behind = max(MOST_ASKED_FOR, _CLOSE * first.gain)
-    second = _runner_up(singles, best)
-    known = first.effects[-1].slug, *best.slugs, *(second.slugs if second else ())
+    known = {first.effects[-1].slug, *best.slugs}.union(*(trial.slugs for trial in _runners_up(singles, best)))
     added = [
         trial.effects[-1].slug
         for trial in sorted(larger, key=lambda trial: -trial.gain)

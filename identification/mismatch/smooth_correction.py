@@ -46,7 +46,7 @@ class Term:
 @dataclass(frozen=True)
 class SmoothCorrection:
     """Terms, what they gain in all on held-out blocks [nats], what they add while held out (n, m), SI, and the whitened
-    residuals (n, m) that they leave.
+    residuals (n, m) that they leave. Nothing unknown gains what an effect in the model may be the cause of.
     """
 
     terms: tuple[Term, ...]
@@ -105,7 +105,9 @@ def smooth_correction(problem: Problem, fitted: Fitted, alone: HeldOut) -> Smoot
         Term(CHANNELS[problem.answers[groups[index].position]], groups[index].variable, groups[index].at, values, gain)
         for index, values, gain in zip(chosen, added, gains, strict=True)
     )
-    return SmoothCorrection(terms, sum(gains), held_out, solver.left(chosen))
+    courses = {effect.any_course for effect in fitted.model.effects}
+    unknown = sum(term.gain for term in terms if (term.channel, term.variable) not in courses)
+    return SmoothCorrection(terms, unknown, held_out, solver.left(chosen))
 
 
 def _worsens(residuals: np.ndarray, before: np.ndarray, after: np.ndarray) -> bool:

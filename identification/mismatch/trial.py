@@ -40,6 +40,9 @@ _GROSS, _FEW = 5.0, 0.02
 _SHORT, _STILL_MOVING = 5, 3.0
 """Iterations by which starts are compared, and how far behind the best [nats] one has not come to rest by then."""
 
+_WORTH_FURTHER = 6.0
+"""Nats that further parameters of an effect found have to gain."""
+
 _OUT_OF_REACH, _FAR_BEHIND = 40.0, 0.1
 """Nats behind a rival, and share of what that one gained, from which on it is of no interest how far exactly [-]."""
 
@@ -183,9 +186,20 @@ def try_adding(
             best = max(best, tried[-1], key=_score)
         if effect.local:
             sharp = best.score - tried[-1].score
+        best = max([best, *_freed(problem, base, best, max(rival, best.score))], key=_score)
     behind = rival - best.score > max(_OUT_OF_REACH, _FAR_BEHIND * (rival - textbook.fitted.score))
     held_out = hold_out(problem, best, again=not behind)
     return replace(_trial(problem, textbook, best.model.effects, best, held_out), sharp=sharp)
+
+
+def _freed(problem: Problem, base: Trial, best: Fitted, rival: float) -> list[Fitted]:
+    """Fits with further parameters of the last effect, those that are worth them."""
+    answer = []
+    for freer in best.model.effects[-1].freer():
+        further = [parameter.null for parameter in freer.parameters[len(best.model.effects[-1].parameters) :]]
+        model, start = AugmentedWheel(best.model.wheel, (*base.effects, freer)), np.concatenate([best.vector, further])
+        answer.append(fit(problem, model, start, best.noise, best.theta_1, rival=rival))
+    return [fitted for fitted in answer if fitted.score > best.score + _WORTH_FURTHER]
 
 
 def _from_starts(problem: Problem, base: Trial, effect: Effect, rival: float, former: Trial | None) -> Fitted:

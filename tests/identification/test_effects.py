@@ -92,7 +92,7 @@ def test_derivatives_are_those_of_the_prediction(effect):
     vector = np.concatenate([soil_vector(SOIL), values])
     scale = np.concatenate([[500.0, 0.5, 1.0, 1.0, 0.5], [parameter.scale for parameter in effect.parameters]])
     if effect.slug == "soil_patch":
-        scale[-2:] = 0.1 * effect.constants["edge"]
+        scale[7:9] = 0.1 * effect.constants["edge"]
     # A delayed answer is that of another row, whose angle moves a little otherwise: its derivative is less exact.
     share = 0.05 if effect.slug == "time_lag" else 1e-3
     here = model.linearise(DRIVE, IMPOSED, vector, None)

@@ -33,7 +33,7 @@ ROWS, STEP_S = 700, 0.1
 
 def driven(
     seed: int = 0, stiffer: float = 0.0, inside: tuple[float, float] = (28.0, 41.0), late_s: float = 0.0,
-    memory: float = 0.0, laps: int = 0,
+    memory: float = 0.0, laps: int = 0, wanders_N: float = 0.0,
 ):  # fmt: skip
     """Problem and textbook trial of a drive: a stiffer stretch in time, slip that arrives late, noise of an AR(1)."""
     rng = np.random.default_rng(seed)
@@ -54,6 +54,7 @@ def driven(
     error = rng.normal(size=(ROWS, 3))
     error = math.sqrt(1.0 - memory**2) * lfilter([1.0], [1.0, -memory], error, axis=0)
     channels = channels + noise * error
+    channels[:, 2] += wanders_N * np.sin(time_s / 5.2)
     table = WheelTable(
         {
             "time_s": time_s, "load_N": load + 0.5 * rng.normal(size=ROWS),
@@ -105,6 +106,20 @@ def test_ground_without_a_place_of_its_own_has_none():
 def test_what_is_left_beside_a_place_that_was_crossed_once_is_not_unknown(crossed_once):
     problem, _, trial = crossed_once
     assert smooth_correction(problem, trial.fitted, trial.held_out).gain < 15.0
+
+
+def test_a_channel_that_drifts_in_another_course_is_no_unknown():
+    """What polynomials do not follow of a channel's drift is drift."""
+    problem, textbook = driven(wanders_N=3.0)
+    drifts = effects_for(situation(problem, textbook.fitted), ["drift"])
+    drift = next(effect for effect in drifts if effect.form == "drawbar_pull_N, curved")
+    trial = try_adding(problem, textbook, textbook, drift)
+    left = smooth_correction(problem, trial.fitted, trial.held_out)
+    own = sum(term.gain for term in left.terms if (term.channel, term.variable) == ("drawbar_pull_N", "time_s"))
+    assert min(trial.gain, own) > 100.0
+    assert left.gain == pytest.approx(sum(term.gain for term in left.terms) - own)
+    without = smooth_correction(problem, textbook.fitted, textbook.held_out)
+    assert without.gain == pytest.approx(sum(term.gain for term in without.terms))
 
 
 def test_a_channel_later_than_it_takes_to_change_is_promised_something():

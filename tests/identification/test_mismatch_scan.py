@@ -11,10 +11,13 @@ from bevameter import Vehicle, Wheel
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.soil_patch import CELLS, SoilPatch
+from bevameter.identification.mismatch.asked import is_bump
 from bevameter.identification.mismatch.locate import locate
+from bevameter.identification.mismatch.naming import why_not
 from bevameter.identification.mismatch.places import _gains, stretches_apart
 from bevameter.identification.mismatch.samples import gather
-from bevameter.identification.mismatch.trial import situation, textbook_trial, try_adding
+from bevameter.identification.mismatch.search import search
+from bevameter.identification.mismatch.trial import ASKED_FOR, situation, textbook_trial, try_adding
 from bevameter.identification.wheel_soil import Soil, equilibrium
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)
@@ -23,23 +26,36 @@ ROWS, LENGTH_M = 600, 12.0
 FROM_M, TO_M = 4.1, 7.3
 
 
-def crossed(stiffer: float, variation: float, seed: int = 1, memory_m: float = 1.5):
-    """Problem and textbook trial of a drive over ground that varies by itself, stiffer over one stretch."""
+def smooth(rng, spread: float, length_m: float) -> np.ndarray:
+    """Ground that rises and falls smoothly along the track, (n,)."""
+    cell = LENGTH_M / ROWS
+    window = np.exp(-0.5 * (np.arange(-4.0 * length_m, 4.0 * length_m, cell) / length_m) ** 2)
+    ground = np.convolve(rng.normal(size=ROWS + len(window) - 1), window, mode="valid")
+    return spread * ground / float(np.linalg.norm(window))
+
+
+def crossed(
+    stiffer: float, variation: float, seed: int = 1, memory_m: float = 1.5, cohesive: float = 0.0,
+    smooth_m: float = 0.0, noise: float = 0.01,
+):  # fmt: skip
+    """Problem and textbook trial of a drive over ground that varies by itself, another over one stretch."""
     rng = np.random.default_rng(seed)
     place_m = np.linspace(0.0, LENGTH_M, ROWS)
     keep = math.exp(-LENGTH_M / ROWS / memory_m)
-    ground = np.zeros(ROWS)
-    for row in range(1, ROWS):
+    ground = smooth(rng, variation, smooth_m) if smooth_m else np.zeros(ROWS)
+    for row in range(1, 0 if smooth_m else ROWS):
         ground[row] = keep * ground[row - 1] + math.sqrt(1.0 - keep**2) * variation * rng.normal()
-    ground += stiffer * ((place_m > FROM_M) & (place_m < TO_M))
+    there = (place_m > FROM_M) & (place_m < TO_M)
+    ground += stiffer * there
+    cohesion_Pa = SOIL.c_Pa * np.exp(cohesive * there)
     load = 90.0 + 40.0 * np.sin(1.7 * place_m) + 15.0 * np.sin(4.3 * place_m)
     slip = 0.3 + 0.18 * np.sin(2.9 * place_m) + 0.08 * np.sin(6.1 * place_m)
     states = [
-        equilibrium(WHEEL, replace(SOIL, stiffness_Pa=SOIL.stiffness_Pa * math.exp(each)), load[row], slip[row])
-        for row, each in enumerate(ground)
+        equilibrium(WHEEL, replace(SOIL, c_Pa=c_Pa, stiffness_Pa=SOIL.stiffness_Pa * math.exp(each)), *imposed)
+        for each, c_Pa, *imposed in zip(ground, cohesion_Pa, load, slip, strict=True)
     ]
     answers = np.array([(state.torque_Nm, state.sinkage_m, state.drawbar_pull_N) for state in states]).reshape(ROWS, 3)
-    answers += 0.01 * np.ptp(answers, axis=0) * rng.normal(size=answers.shape)
+    answers += noise * np.ptp(answers, axis=0) * rng.normal(size=answers.shape)
     columns = {
         "time_s": 0.1 * np.arange(ROWS), "x_m": place_m, "load_N": load + 0.5 * rng.normal(size=ROWS),
         "slip": slip + 0.002 * rng.normal(size=ROWS),
@@ -75,6 +91,20 @@ def test_and_is_found_where_it_is(small_patch):
     assert trial.sharp > 12.0
 
 
+@pytest.mark.parametrize("cohesive", [0.0, 1.0])
+def test_cohesion_apart_from_friction_is_told(cohesive):
+    problem, textbook = crossed(stiffer=0.12, variation=0.02, cohesive=cohesive)
+    (patch,) = effects_for(situation(problem, textbook.fitted), ["soil_patch"])
+    trial = try_adding(problem, textbook, textbook, patch)
+    (found,) = trial.effects
+    assert ("cohesion apart" in found.form) == bool(cohesive)
+    if cohesive:
+        sd = np.sqrt(np.diag(trial.fitted.covariance))
+        stronger, more = trial.fitted.vector[[6, 9]]
+        assert stronger == pytest.approx(0.0, abs=3.0 * sd[6])
+        assert stronger + more == pytest.approx(cohesive, abs=3.0 * sd[9])
+
+
 def test_and_is_told_from_edge_to_edge(small_patch):
     problem, textbook = small_patch
     (patch,) = effects_for(situation(problem, textbook.fitted), ["soil_patch"])
@@ -89,6 +119,25 @@ def test_ground_that_only_varies_has_no_place_of_its_own(seed):
     problem, textbook = crossed(stiffer=0.0, variation=0.06, seed=seed)
     (patch,) = effects_for(situation(problem, textbook.fitted), ["soil_patch"])
     assert try_adding(problem, textbook, textbook, patch).gain < 12.0
+
+
+@pytest.mark.parametrize("seed", [4, 5])
+def test_a_smooth_rise_of_ground_that_varies_is_no_place(seed):
+    """It gains more than is asked of an effect, and no edge tells it."""
+    problem, textbook = crossed(stiffer=0.0, variation=0.06, seed=seed, smooth_m=0.7, noise=0.002)
+    effects = effects_for(situation(problem, textbook.fitted), ["soil_patch"])
+    trial = try_adding(problem, textbook, textbook, *effects)
+    assert trial.gain > ASKED_FOR
+    assert is_bump(textbook, trial)
+    found = search(problem, textbook, effects)
+    assert not found.chosen.effects
+    assert "no edge" in why_not(trial, found, 1.0)
+
+
+def test_a_patch_with_edges_is_no_such_rise(small_patch):
+    problem, textbook = small_patch
+    (patch,) = effects_for(situation(problem, textbook.fitted), ["soil_patch"])
+    assert not is_bump(textbook, try_adding(problem, textbook, textbook, patch))
 
 
 def test_each_stretch_is_weighed_as_a_regression_on_its_cells_would():

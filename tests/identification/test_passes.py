@@ -77,11 +77,11 @@ def test_ground_of_its_own_takes_the_place_of_one_of_two_effects(tmp_path, seed)
     assert any("ground of its own" in note for note in answer.notes)
 
 
-@pytest.mark.parametrize(("gained", "enough"), [(0.0, True), (1e5, False)])
-def test_beside_other_ground_an_effect_has_to_gain_as_much_as_beside_another_effect(
-    tmp_path, monkeypatch, gained, enough
+@pytest.mark.parametrize(("gained", "compaction", "enough"), [(0.0, 0.1, True), (1e5, 0.1, False), (1e5, 0.3, True)])
+def test_beside_other_ground_an_effect_has_to_gain_as_much_as_beside_another_effect_or_to_calm_it(
+    tmp_path, monkeypatch, gained, compaction, enough
 ):
-    path = two_passes(tmp_path, same_ground=True, compaction=0.1)
+    path = two_passes(tmp_path, same_ground=True, compaction=compaction)
     monkeypatch.setattr(
         module, "_on_other_ground", lambda samples, known, *_: (*module.textbook_trial(samples, known), gained)
     )
