@@ -1,8 +1,9 @@
 """The textbook wheel with any set of effects: the simulator that the mismatch tool fits, and that planners use.
 
 The contact of each sample is laid out as the textbook has it, each effect changes what it changes, the entry angle is
-found at which the load is carried, and what follows is reported as the effects say. Derivatives are differences at a
-fixed entry angle, the angle's answer following from the implicit function theorem: one quadrature a parameter.
+found at which the load is carried, and what follows is reported as the effects say. Derivatives are differences of the
+contact at a fixed entry angle, times the forces' slopes, which one quadrature gives by most of its fields; the angle's
+answer follows from the implicit function theorem.
 """
 
 from __future__ import annotations
@@ -156,7 +157,7 @@ class AugmentedWheel:
         steps = [10.0 * _STEP * max(abs(vector[0]), 500.0), *[_STEP] * 4]
         for effect, where in self.slices():
             for parameter, value in zip(effect.parameters, vector[where], strict=True):
-                step = parameter.step or _STEP * max(parameter.scale, abs(value))
+                step = parameter.step or _STEP * max(parameter.scale, abs(value - parameter.null))
                 steps.append(-step if value + step > parameter.high else step)
         return np.array(steps)
 

@@ -150,13 +150,15 @@ def choose(named: NamedEffect, effects: Sequence[Effect]) -> Effect:
     InputError
         No form has these parameters, or several have; what is known is listed.
     """
-    source = f"effect {named.slug}"
-    among = [effect for effect in effects if effect.form == named.form] if named.form else list(effects)
-    among = among or [effect for effect in effects if effect.form.startswith(named.form)]
+    source, given = f"effect {named.slug}", set(named.settings)
+    begun = [effect for effect in effects if _bare(effect.form).startswith(_bare(named.form))]
+    among = [effect for effect in begun if _bare(effect.form) == _bare(named.form)] if named.form else begun
+    # The first words of a form say enough where only it has the parameters that are named.
+    if not any(given <= {*_names(effect), *effect.constants} for effect in among):
+        among = begun
     if not among:
-        forms = ", ".join(dict.fromkeys(effect.form for effect in effects if effect.form))
-        raise InputError(source, f"form {named.form!r}", expected=f"one of {forms}" if forms else "no form")
-    given = set(named.settings)
+        forms = " or ".join(dict.fromkeys(f"{effect.form!r}" for effect in effects if effect.form))
+        raise InputError(source, f"form {named.form!r}", expected=forms or "no form")
     known = "; ".join(dict.fromkeys(_described(effect) for effect in among))
     strange = sorted(given - {name for effect in among for name in (*_names(effect), *effect.constants)})
     if strange:
@@ -180,6 +182,11 @@ def choose(named: NamedEffect, effects: Sequence[Effect]) -> Effect:
         choices = " or ".join(f"form={effect.form}" for effect in best)
         raise InputError(source, f"{', '.join(sorted(given))} given, which leaves its form open", expected=choices)
     return best[0]
+
+
+def _bare(form: str) -> str:
+    """Name of a form without blanks behind its commas."""
+    return form.replace(", ", ",")
 
 
 def smallest_holding(names: set[str], effects: Sequence[Effect]) -> Effect | None:

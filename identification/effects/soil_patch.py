@@ -24,7 +24,7 @@ _APART = ", cohesion apart"
 
 
 class SoilPatch(Effect):
-    """Between two places stiffness and strength are others, cohesion by as much as friction or apart from it."""
+    """Between two places stiffness and strength are others."""
 
     slug = "soil_patch"
     nested = False
@@ -92,7 +92,8 @@ class SoilPatch(Effect):
         inside = np.where(np.isfinite(where), inside, 0.0)
         contact.stiffness_Pa = contact.stiffness_Pa * np.exp(values[0] * inside)
         contact.tan_phi = contact.tan_phi * np.exp(values[1] * inside)
-        contact.c_Pa = contact.c_Pa * np.exp((values[1] + values[4:].sum()) * inside)
+        apart = values[4] if len(values) > 4 else 0.0
+        contact.c_Pa = contact.c_Pa * np.exp((values[1] + apart) * inside)
 
 
 def track_of(drive: Drive) -> tuple[str, np.ndarray] | None:

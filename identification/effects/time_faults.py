@@ -112,7 +112,6 @@ class ChannelDrift(Effect):
             f"d{order} (P{order}(t) - P{order}(0))" for order in range(1, orders + 1)
         )
         self._channel = channel
-        self.any_course = (self.form, "time_s")
         self.constants = {"t_first": float(np.nanmin(time_s)), "t_last": float(np.nanmax(time_s))}
         unit = self.form.rsplit("_", 1)[-1].replace("Nm", "N m")
         self.parameters = tuple(
@@ -120,6 +119,7 @@ class ChannelDrift(Effect):
             for order in range(1, orders + 1)
         )
         if orders > 1:
+            self.any_course = (self.form, "time_s")
             self.form += ", curved"
 
     def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from .trial import ASKED_FOR, EXPECTED_ASKED_FOR, Trial
@@ -13,8 +15,8 @@ _SHARE_ASKED_FOR, MOST_ASKED_FOR, _LEAST_SHARE = 0.08, 40.0, 0.015
 """It has to gain the first share of what is gained already, up to so many nats, and the last one however much that is
 [-]. Of 114 of the study's recordings with one effect, looked at since, other second ones gained 0.012 at most."""
 
-_PLACE_ASKED_FOR, _PLACE_SHARE = 23.0, 0.1
-"""As much for a place along the track, whose ground may vary by itself, that nothing shows to be one."""
+_PLACE_ASKED_FOR = 23.0
+"""As much for a place along the track, whose ground may vary by itself."""
 
 _SHARP, _CALMER = 12.0, 0.5
 """Nats by which the edges of a place are told (`Trial.sharp`), or share of the ground's variation left beside it
@@ -33,15 +35,13 @@ def surplus(best: Trial, larger: Trial) -> float:
     What is beyond anything published (`Trial.unheard_of`) is asked no share: it stands in for more than one effect. Of
     what the vehicle's description announces little is asked: one effect beside the vehicle's lugs is no more than one.
     """
+    least = of_no_effect(best, larger)
     if len(larger.unexpected) <= len(best.unexpected):
-        return larger.gain - best.gain - max(EXPECTED_ASKED_FOR, of_no_effect(best, larger))
-    asked = ASKED_FOR if best.unheard_of else _FURTHER_ASKED_FOR
-    place = _further_place(best, larger)
-    if place:
-        asked = _PLACE_ASKED_FOR
-    if not best.unheard_of:
-        least = of_no_effect(best, larger)
-        asked = max(asked, least) if place and _shown(best, larger) else max(asked, least, asked_beside(best.gain))
+        asked = max(EXPECTED_ASKED_FOR, least)
+    elif _further_place(best, larger):
+        asked = max(_PLACE_ASKED_FOR, least)
+    else:
+        asked = ASKED_FOR if best.unheard_of else asked_beside(best.gain)
     return larger.gain - best.gain - asked
 
 
@@ -52,10 +52,9 @@ def asked_beside(gained: float) -> float:
 
 def of_no_effect(best: Trial, larger: Trial) -> float:
     """Nats that a larger set may gain though nothing more is there: forms that have been published of one effect
-    differ, and what nothing shows to be a place stands in for what differs otherwise.
+    differ, and what nothing shows to be a place stands in for ground that varies, or for what differs otherwise.
     """
-    instead = _further_place(best, larger) and not _shown(best, larger)
-    return (_PLACE_SHARE if instead else _LEAST_SHARE) * best.gain
+    return math.inf if _further_place(best, larger) and not _shown(best, larger) else _LEAST_SHARE * best.gain
 
 
 def calmed(before: Trial, after: Trial) -> bool:

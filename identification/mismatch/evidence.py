@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..noise import autocorrelations
-from .asked import of_no_effect, surplus
+from .asked import is_bump, of_no_effect, surplus
 from .fitting import Fitted, Problem
 from .naming import REMAINS
 from .search import Search
@@ -245,7 +245,8 @@ def warranted(search: Search, repeated: float) -> Search:
     """Give the search with a chosen set that still has evidence enough once `repeated` rows count as one."""
     chosen = search.chosen
     while chosen.effects:
-        smaller = [search.textbook, *(trial for trial in search.trials if trial.slugs < chosen.slugs)]
+        causes = [trial for trial in search.trials if not is_bump(search.textbook, trial)]
+        smaller = [search.textbook, *(trial for trial in causes if trial.slugs < chosen.slugs)]
         if all(chosen.gain - trial.gain >= _asked(trial, chosen) * repeated for trial in smaller):
             break
         chosen = max(smaller, key=lambda trial: trial.gain)

@@ -93,9 +93,10 @@ def explain(
         if other := _on_other_ground(samples, known, found, remaining):
             problem, textbook, gained = other
             found, remaining = _sought(problem, textbook, considered, tell)
-            # Other ground is a cause already, unless it is the same once something else is there.
-            little = found.chosen.gain < asked_beside(gained) and not calmed(found.textbook, found.chosen)
-            if found.chosen.effects and little:
+            # Other ground is a cause already, unless it is the same once the passes tell from each other.
+            by_pass = any("pass_number" in effect.needs for effect in found.chosen.effects)
+            alike = by_pass and calmed(found.textbook, found.chosen)
+            if found.chosen.effects and found.chosen.gain < asked_beside(gained) and not alike:
                 found = replace(found, chosen=found.textbook)
                 remaining = _left_over(problem, found.chosen)
             notes = (*notes, _GROUND_OF_ITS_OWN)
@@ -160,4 +161,4 @@ def _on_other_ground(
 
 def _left_over(problem: Problem, trial: Trial) -> SmoothCorrection:
     """Find what a set of effects leaves that depends smoothly on something."""
-    return smooth_correction(problem, trial.fitted, trial.held_out)
+    return smooth_correction(problem, trial.fitted, trial.held_out).beyond(trial.effects, trial.gain)

@@ -100,7 +100,10 @@ def name(
     against = [PENALTY * max(len(trial.unexpected), 1) + UNHEARD_OF * bool(trial.unheard_of) for trial in search.trials]
     score = np.array([trial.gain for trial in search.trials]) / repeated - np.array(against)
     # No more effects than held-out data ask for: larger sets that were tried and turned down have no say.
-    admitted = np.array([_no_larger(trial, search) for trial in search.trials], dtype=bool)
+    # Nor have places that nothing shows to be any.
+    admitted = np.array(
+        [_no_larger(trial, search) and not is_bump(search.textbook, trial) for trial in search.trials], dtype=bool
+    )
     tolerated = min(_TOLERATED * gained, _MOST_TOLERATED / max(len(chosen.unexpected), 1))
     doubt = remaining - max(REMAINS, tolerated)
     top = max(0.0, float(np.max(score[admitted], initial=0.0)))

@@ -142,12 +142,13 @@ class _Tries:
         unique: dict[frozenset[str], Trial] = {}
         for trial in self.trials:
             unique[trial.names] = max(unique.get(trial.names, trial), trial, key=lambda each: each.gain)
+        causes = [trial for trial in unique.values() if not is_bump(self.textbook, trial)]
         passed = {frozenset(name.split(_PLUS)): (name, nats) for name, nats in self.passed}
         left = tuple(each for names, each in passed.items() if names not in unique)
         best = unique.get(best.names, best)
         if best.unheard_of:
-            best = _published(unique.values(), best)
-        alike = [trial for trial in unique.values() if _as_large(trial, best)]
+            best = _published(causes, best)
+        alike = [trial for trial in causes if _as_large(trial, best)]
         near = [trial for trial in alike if best.gain - trial.gain < temperature(best.gain)]
         near = [trial for trial in near if best.unheard_of or not trial.unheard_of]
         least = min(near, key=lambda trial: trial.held_out.error(self.problem), default=best)
@@ -226,7 +227,7 @@ def _named(base: Trial, effect: Effect) -> str:
 
 
 def _larger(tries: _Tries, singles: Sequence[Trial], best: Trial) -> list[Trial]:
-    """Try one more effect beside the best set; beside other forms of a single effect, and the runner-up, too."""
+    """Try one more effect beside the best set; beside other forms of a single effect, and runners-up, too."""
     effects = tries.others(best.slugs) + tries.laid_out(best)
     promised = tries.weigh(best, [effect for effect in effects if not effect.expected])
     answer = tries.attempt(best, promised)
@@ -356,5 +357,6 @@ def _pruned(tries: _Tries, best: Trial) -> Trial:
         tries.trials.extend(smaller)
         if min(surplus(trial, best) for trial in smaller) >= 0.0:
             return best
-        best = max(smaller, key=lambda trial: trial.gain)
+        causes = [trial for trial in smaller if not is_bump(tries.textbook, trial)]
+        best = max(causes, key=lambda trial: trial.gain, default=tries.textbook)
     return best

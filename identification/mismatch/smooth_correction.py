@@ -7,10 +7,12 @@ a normal prior, and are fitted together with the model's parameters.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..effects.effect import Effect
 from ..forward import CHANNELS
 from .fitting import Fitted, Problem
 from .held_out import HeldOut, of_places, told_alone
@@ -46,18 +48,28 @@ class Term:
 @dataclass(frozen=True)
 class SmoothCorrection:
     """Terms, what they gain in all on held-out blocks [nats], what they add while held out (n, m), SI, and the whitened
-    residuals (n, m) that they leave. Nothing unknown gains what an effect in the model may be the cause of.
+    residuals (n, m) that they leave. `excused` where terms are left out that a named effect is the cause of.
     """
 
     terms: tuple[Term, ...]
     gain: float
     held_out: np.ndarray
     innovations: np.ndarray
+    excused: bool = False
+
+    def beyond(self, effects: Iterable[Effect], gained: float) -> SmoothCorrection:
+        """Leave out terms that effects are the cause of (`Effect.any_course`), if they gain no more than these did."""
+        courses = {effect.any_course for effect in effects}
+        others = tuple(term for term in self.terms if (term.channel, term.variable) not in courses)
+        unknown = sum(term.gain for term in others)
+        if len(others) == len(self.terms) or self.gain - unknown > gained:
+            return self
+        return replace(self, terms=others, gain=unknown, excused=True)
 
     @property
     def explained(self) -> np.ndarray:
         """What it makes of the residuals (n, m), SI; nothing where time or place is in it: a memory wanders so, too."""
-        wanders = any(term.variable in _WANDERED for term in self.terms)
+        wanders = self.excused or any(term.variable in _WANDERED for term in self.terms)
         return np.zeros_like(self.held_out) if wanders else self.held_out
 
 
@@ -105,9 +117,7 @@ def smooth_correction(problem: Problem, fitted: Fitted, alone: HeldOut) -> Smoot
         Term(CHANNELS[problem.answers[groups[index].position]], groups[index].variable, groups[index].at, values, gain)
         for index, values, gain in zip(chosen, added, gains, strict=True)
     )
-    courses = {effect.any_course for effect in fitted.model.effects}
-    unknown = sum(term.gain for term in terms if (term.channel, term.variable) not in courses)
-    return SmoothCorrection(terms, unknown, held_out, solver.left(chosen))
+    return SmoothCorrection(terms, sum(gains), held_out, solver.left(chosen))
 
 
 def _worsens(residuals: np.ndarray, before: np.ndarray, after: np.ndarray) -> bool:

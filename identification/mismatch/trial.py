@@ -61,8 +61,8 @@ class Trial:
     may fail wildly on a block that the others do not foresee, and what merely calms that failure explains nothing.
     Nor does what is gained on a few values that stay gross errors.
     `soil_unheard_of` says, in words, how the soil beside the effects is unlike any that was measured, and `sharp` how
-    many nats of what a place along the track gains are lost where its edges are wide: a model that is wrong otherwise
-    leaves nothing so sharp.
+    many nats of what a place along the track gains are lost where its edges are wide, none where wide ones fit best: a
+    model that is wrong otherwise leaves nothing so sharp.
     """
 
     effects: tuple[Effect, ...]
@@ -186,20 +186,25 @@ def try_adding(
             best = max(best, tried[-1], key=_score)
         if effect.local:
             sharp = best.score - tried[-1].score
-        best = max([best, *_freed(problem, base, best, max(rival, best.score))], key=_score)
+        best = _freed(problem, base, best, max(rival, best.score))
     behind = rival - best.score > max(_OUT_OF_REACH, _FAR_BEHIND * (rival - textbook.fitted.score))
     held_out = hold_out(problem, best, again=not behind)
     return replace(_trial(problem, textbook, best.model.effects, best, held_out), sharp=sharp)
 
 
-def _freed(problem: Problem, base: Trial, best: Fitted, rival: float) -> list[Fitted]:
-    """Fits with further parameters of the last effect, those that are worth them."""
-    answer = []
-    for freer in best.model.effects[-1].freer():
-        further = [parameter.null for parameter in freer.parameters[len(best.model.effects[-1].parameters) :]]
+def _freed(problem: Problem, base: Trial, best: Fitted, rival: float) -> Fitted:
+    """Fit further parameters of the last effect, and keep them where they are worth it."""
+    tied = best.model.effects[-1]
+    for freer in tied.freer():
+        further = [parameter.null for parameter in freer.parameters[len(tied.parameters) :]]
         model, start = AugmentedWheel(best.model.wheel, (*base.effects, freer)), np.concatenate([best.vector, further])
-        answer.append(fit(problem, model, start, best.noise, best.theta_1, rival=rival))
-    return [fitted for fitted in answer if fitted.score > best.score + _WORTH_FURTHER]
+        free = fit(problem, model, start, best.noise, best.theta_1, rival=rival)
+        if free.score > best.score + _WORTH_FURTHER:
+            # From where it ended the effect without them may fit better, too.
+            own = free.vector[: len(best.vector)]
+            best = max(best, fit(problem, best.model, own, free.noise, free.theta_1, rival=rival), key=_score)
+            best = free if free.score > best.score + _WORTH_FURTHER else best
+    return best
 
 
 def _from_starts(problem: Problem, base: Trial, effect: Effect, rival: float, former: Trial | None) -> Fitted:

@@ -260,6 +260,22 @@ def test_a_patch_is_another_soil_between_its_ends():
     assert (np.abs(away[outside]) < 1e-3 * np.abs(textbook()).max(axis=0)).all()
 
 
+@pytest.mark.parametrize("form", ["place", "place, cohesion apart", "place,cohesion apart"])
+def test_a_patch_may_have_a_cohesion_of_its_own(form):
+    """Named in full, with or without blanks, or by its first word: the parameter tells."""
+    inside = (DRIVE.place_m > 0.45) & (DRIVE.place_m < 0.55)
+    tied = change("soil_patch:form=place,from=0.4,to=0.6,A=0,B=0.5")
+    cohesive = change(f"soil_patch:form={form},from=0.4,to=0.6,A=0,B=0.5,C=-0.5")
+    assert (cohesive[inside, TORQUE] < tied[inside, TORQUE]).all()
+    alone = change(f"soil_patch:form={form},from=0.4,to=0.6,C=0.5")
+    assert (alone[inside, TORQUE] > 0.0).all()
+
+
+def test_forms_that_there_are_are_told_apart():
+    with pytest.raises(InputError, match=r"'place' or 'time' or 'place, cohesion apart' or 'time, cohesion apart'"):
+        change("soil_patch:form=nowhere,from=0.4,to=0.6,A=1")
+
+
 def test_the_rim_caps_the_shear_stress_as_a_weaker_soil_would():
     weak = equilibrium(WHEEL, replace(SOIL, c_Pa=200.0, phi_rad=math.atan(0.4)), DRIVE.load_N, DRIVE.slip)
     capped = predict("rim_adhesion:form=strength,c_a=200,tan_delta=0.4")

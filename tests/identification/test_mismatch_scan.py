@@ -13,7 +13,7 @@ from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.soil_patch import CELLS, SoilPatch
 from bevameter.identification.mismatch.asked import is_bump
 from bevameter.identification.mismatch.locate import locate
-from bevameter.identification.mismatch.naming import why_not
+from bevameter.identification.mismatch.naming import name, why_not
 from bevameter.identification.mismatch.places import _gains, stretches_apart
 from bevameter.identification.mismatch.samples import gather
 from bevameter.identification.mismatch.search import search
@@ -36,7 +36,7 @@ def smooth(rng, spread: float, length_m: float) -> np.ndarray:
 
 def crossed(
     stiffer: float, variation: float, seed: int = 1, memory_m: float = 1.5, cohesive: float = 0.0,
-    smooth_m: float = 0.0, noise: float = 0.01,
+    smooth_m: float = 0.0, noise: float = 0.01, offset_Nm: float = 0.0, began_m: float = 0.0,
 ):  # fmt: skip
     """Problem and textbook trial of a drive over ground that varies by itself, another over one stretch."""
     rng = np.random.default_rng(seed)
@@ -56,8 +56,9 @@ def crossed(
     ]
     answers = np.array([(state.torque_Nm, state.sinkage_m, state.drawbar_pull_N) for state in states]).reshape(ROWS, 3)
     answers += noise * np.ptp(answers, axis=0) * rng.normal(size=answers.shape)
+    answers[:, 0] += offset_Nm
     columns = {
-        "time_s": 0.1 * np.arange(ROWS), "x_m": place_m, "load_N": load + 0.5 * rng.normal(size=ROWS),
+        "time_s": 0.1 * np.arange(ROWS), "x_m": began_m + place_m, "load_N": load + 0.5 * rng.normal(size=ROWS),
         "slip": slip + 0.002 * rng.normal(size=ROWS),
         **dict(zip(("torque_Nm", "sinkage_m", "drawbar_pull_N"), answers.T, strict=True)),
     }  # fmt: skip
@@ -91,9 +92,9 @@ def test_and_is_found_where_it_is(small_patch):
     assert trial.sharp > 12.0
 
 
-@pytest.mark.parametrize("cohesive", [0.0, 1.0])
-def test_cohesion_apart_from_friction_is_told(cohesive):
-    problem, textbook = crossed(stiffer=0.12, variation=0.02, cohesive=cohesive)
+@pytest.mark.parametrize(("cohesive", "seed"), [(0.0, 1), (0.0, 2), (0.0, 3), (1.0, 1)])
+def test_cohesion_apart_from_friction_is_told(cohesive, seed):
+    problem, textbook = crossed(stiffer=0.12, variation=0.02, cohesive=cohesive, seed=seed)
     (patch,) = effects_for(situation(problem, textbook.fitted), ["soil_patch"])
     trial = try_adding(problem, textbook, textbook, patch)
     (found,) = trial.effects
@@ -132,6 +133,26 @@ def test_a_smooth_rise_of_ground_that_varies_is_no_place(seed):
     found = search(problem, textbook, effects)
     assert not found.chosen.effects
     assert "no edge" in why_not(trial, found, 1.0)
+
+
+@pytest.mark.parametrize("seed", [4, 5])
+@pytest.mark.parametrize("offset_Nm", [0.007, 0.03])
+def test_nor_is_it_one_beside_another_cause(seed, offset_Nm):
+    problem, textbook = crossed(stiffer=0.0, variation=0.06, seed=seed, smooth_m=0.7, noise=0.002, offset_Nm=offset_Nm)
+    effects = effects_for(situation(problem, textbook.fitted), ["soil_patch", "torque_offset"])
+    found = search(problem, textbook, effects)
+    assert found.chosen.slugs == {"torque_offset"}
+    probable = name(found, 0.0).effects
+    assert probable["torque_offset"] > 0.8 > 0.1 > probable["soil_patch"]
+
+
+@pytest.mark.parametrize("began_m", [2e3, 5e5])
+def test_a_patch_is_found_wherever_places_are_counted_from(small_patch, began_m):
+    problem, textbook = crossed(stiffer=0.12, variation=0.04, began_m=began_m)
+    (patch,) = effects_for(situation(problem, textbook.fitted), ["soil_patch"])
+    here = effects_for(situation(small_patch[0], small_patch[1].fitted), ["soil_patch"])
+    gained = try_adding(*small_patch, small_patch[1], *here).gain
+    assert try_adding(problem, textbook, textbook, patch).gain == pytest.approx(gained, abs=1.0)
 
 
 def test_a_patch_with_edges_is_no_such_rise(small_patch):
