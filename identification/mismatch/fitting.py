@@ -298,7 +298,7 @@ def fit(
     prior = problem.prior(model)
     vector = np.clip(vector, prior.lower, prior.upper)
     response = problem.linearise(model, vector, None if theta_1 is None else Entry(theta_1))
-    damping, settled = 1e-3, 0
+    damping, settled, since = 1e-3, 0, math.inf
     if noise is None:
         noise = problem.best_noise(response, vector, problem.first_noise, prior)
     innovations, jacobian, loss = problem.whitened(response, noise)
@@ -307,15 +307,13 @@ def fit(
         step, promised = step_of(innovations, jacobian, prior, vector, damping)
         enough = max(ENOUGH, _HOPELESS * (rival + total + problem.noise_loss(noise)))
         if promised < enough:
-            if not settle:
+            # A third of a nat decides nothing, for effects are asked for twelve; nor do more, far behind a rival.
+            if not settle or settled > 3 or since - total < 15.0 * max(ENOUGH, enough - 1.0):
                 break
             noise = problem.best_noise(response, vector, noise, prior)
             innovations, jacobian, loss = problem.whitened(response, noise)
-            before, total = total, float(loss.sum()) + prior.loss(vector)
+            total = since = float(loss.sum()) + prior.loss(vector)
             settled += 1
-            # A third of a nat decides nothing, for effects are asked for twelve; nor do more, far behind a rival.
-            if settled > 3 or abs(before - total) < 15.0 * max(ENOUGH, enough - 1.0):
-                break
             continue
         trial = np.clip(vector + step, prior.lower, prior.upper)
         answer = problem.linearise(model, trial, response.entry(trial - vector))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.named import parse_effect
 from bevameter.identification.mismatch.fitting import Problem, fit
 from bevameter.identification.mismatch.samples import Samples, gather
+from bevameter.identification.mismatch.soil_variation import NoiseModel
+from bevameter.identification.mismatch.steps import step_of
 from bevameter.identification.mismatch.textbook import coarse_fit, fit_textbook
 from bevameter.identification.mismatch.trial import (
     _of_gross_errors,
@@ -23,6 +26,7 @@ from bevameter.identification.mismatch.trial import (
 )
 from bevameter.identification.simulate import simulate
 from bevameter.identification.wheel_soil import Soil, equilibrium
+from scipy.optimize import brentq
 
 
 def samples_of(seed: int, slugs: tuple[str, ...], level: str, protocol: str) -> Samples:
@@ -58,6 +62,30 @@ def test_noise_is_never_expected_to_explain_more_than_a_step_can(late, spread):
     held = fit(problem, start.model, start.vector, noise, start.theta_1, settle=False)
     settled = fit(problem, start.model, held.vector, noise, held.theta_1)
     assert settled.score > held.score
+
+
+def test_a_fit_goes_on_where_other_noise_that_is_as_likely_moves_it(late, monkeypatch):
+    problem, textbook = fit_textbook(late)
+    rest = partial(fit, problem, textbook.model, theta_1=textbook.theta_1)
+
+    def noisy(channel: int, wider: float) -> NoiseModel:
+        answers = textbook.noise.answers.copy()
+        answers[channel] *= wider
+        return replace(textbook.noise, answers=answers)
+
+    held = rest(textbook.vector, noisy(0, 20.0), settle=False)
+    prior = problem.prior(textbook.model)
+
+    def likelier(wider: float) -> float:
+        there = rest(held.vector, noisy(1, wider), iterations=0)
+        return there.score + problem.noise_loss(there.noise) - held.score - problem.noise_loss(held.noise)
+
+    noise = noisy(1, brentq(likelier, 1.0, 1e3))
+    started = rest(held.vector, noise, iterations=0)
+    assert step_of(started.innovations, started.jacobian, prior, held.vector, 0.0)[1] > 1.0
+    monkeypatch.setattr(Problem, "best_noise", lambda *_: noise)
+    moved = rest(held.vector, held.noise)
+    assert step_of(moved.innovations, moved.jacobian, prior, moved.vector, 0.0)[1] < 0.3
 
 
 def test_errors_without_what_was_left_out_are_those_of_the_soil_that_errs_less():
