@@ -12,10 +12,10 @@ from ...framework.core.soil import PARAMETERS
 from ..effects.effect import Effect
 from ..forward import CHANNELS, from_internal, slope_of_internal
 from . import readable
-from .evidence import noise_floor
 from .explanation import Candidate, ChannelFit, Estimate, Explanation, Missing, Region, Rows, Screened, Verdict
 from .fitting import Fitted, Problem
 from .naming import ASSERTED, MANY, MENTIONED, UNKNOWN, Naming, instead, why_not
+from .noise_floor import noise_floor
 from .search import Search
 from .shape import shape_of
 from .smooth_correction import SmoothCorrection
@@ -101,6 +101,7 @@ def assemble(
             *_not_predicted(problem, before, after),
             *_beside(unsure),
             *_many(chosen),
+            *_dispersed(found),
             *_ground(problem, best.fitted),
             *_repeated(repeated),
             *_crossed_once(best),
@@ -335,6 +336,16 @@ def _many(chosen: Trial) -> list[str]:
     return [
         f"{len(chosen.effects)} effects together fit best; so many often stand in for one that the catalogue lacks, "
         "and none of them is asserted"
+    ]
+
+
+def _dispersed(found: Search) -> list[str]:
+    """Say that every form is wrong, and what that does to probabilities and choice."""
+    if found.dispersion <= 1.0:
+        return []
+    return [
+        f"everything tried leaves errors of {math.sqrt(found.dispersion):.1f} times the noise or more on held-out "
+        "rows: probabilities go by errors, and of what is not excluded what errs least is chosen"
     ]
 
 

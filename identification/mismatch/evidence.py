@@ -6,40 +6,18 @@ same several times over: a model that follows a stretch of it by chance seems to
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
 
 from ..noise import autocorrelations
 from .asked import is_bump, of_no_effect, surplus
-from .fitting import Fitted, Problem
+from .fitting import Problem
 from .naming import REMAINS
+from .noise_floor import FAR, FEWEST, SHOWN, in_time, noise_floor, rows_alike
 from .search import Search
 from .soil_variation import HUBER
 from .trial import ASKED_FOR, EXPECTED_ASKED_FOR, Trial
-
-_SHOWN = 3.0
-"""An autocorrelation counts from so many of its standard deviations on, as white noise has them [-]."""
-
-_FEWEST = 25
-"""Rows below which a channel does not tell."""
-
-_SCATTER = 1.45
-"""Standard deviation of the rho that differences show of white noise, times the root of the number of rows [-]."""
-
-_MOST_ALIKE = 0.95
-"""Neighbours are taken to be no more alike than so [-]."""
-
-_GROSS = 5.0
-"""Differences are cut off at so many of their medians [-]."""
-
-_REMEMBERED = 1.5
-"""Rows that say the same from which on noise has a memory: neighbours then show less of it than there is."""
-
-_SWALLOWED = 1.6
-"""A sensor without a memory is no noisier than so many times what neighbours in time show of it [-]: a fit that takes
-what it misses for noise would say more. Of 36 channels of nulls of the study none came out above 1.4."""
 
 _INCOMPLETE = 23.0
 """Nats that one more effect gains beside a single one that stands in for something else; `ASKED_FOR` beside two."""
@@ -47,10 +25,9 @@ _INCOMPLETE = 23.0
 _LEFT = 0.04
 """A smooth correction may add this share of what is gained [-], and `REMAINS`: right answers left 0.031 at most."""
 
-_WORSE, _FAR = 0.05, 0.7
-"""Growth of the errors on held-out rows with a set, and their distance from the noise with it, from which on the set is
-doubted: means over the channels of ln(ratio). Of 439 sets that were asserted on recordings of the study, all looked at
-since, those that were right let errors grow by 0.03 at most, and left them 0.54 above the noise, but for one."""
+_WORSE = 0.05
+"""Growth of the errors on held-out rows with a set, a mean over the channels of ln(ratio), from which on the set is
+doubted. Of the 439 sets behind `noise_floor.FAR` those that were right let errors grow by 0.03 at most."""
 
 _ONE_WORSE, _OVERFITTED = 0.28, 0.28
 """As much of one channel: ln of the growth of its error on held-out rows, and of that error over the one on rows fitted
@@ -101,7 +78,7 @@ def at_odds(problem: Problem, search: Search) -> bool:
     if not good.any():
         return False
     growth, distance = (np.log(after[good] / other[good]) for other in (before, floor))
-    return bool(growth.mean() > _WORSE or growth.max() > _ONE_WORSE or distance.mean() > _FAR)
+    return bool(growth.mean() > _WORSE or growth.max() > _ONE_WORSE or distance.mean() > FAR)
 
 
 def overfitted(trial: Trial) -> bool:
@@ -139,29 +116,6 @@ def instead_of(search: Search) -> tuple[str, ...]:
     return max(near, key=lambda trial: trial.gain).unheard_of if near else ()
 
 
-def noise_floor(problem: Problem, fitted: Fitted, position: int) -> float:
-    """Least error to be had: the sensor's noise, what uncertain load and slip do, and ground that varies unforeseen."""
-    weights = problem.weights or fitted.response
-    channel = problem.answers[position]
-    by_latent, by_ground = np.nan_to_num(weights.by_latent[:, channel]), np.nan_to_num(weights.by_ground[:, channel])
-    uncertain = np.einsum("na,ab,nb->n", by_latent, problem.latent_covariance, by_latent)
-    varying = by_ground**2 @ fitted.noise.spread**2
-    sensor = float(fitted.noise.answers[position])
-    if swallowed(problem, fitted, position):
-        sensor = _SWALLOWED * float(problem.first_noise.answers[position])
-    return math.sqrt(sensor**2 + float(np.mean(uncertain + varying)))
-
-
-def swallowed(problem: Problem, fitted: Fitted, position: int) -> bool:
-    """Say whether a fit takes for noise of a channel what neighbouring rows do not show and no memory makes."""
-    drive = problem.samples.drive
-    if not drive.timed:
-        return False
-    shown = float(problem.first_noise.answers[position])
-    series = _stretches(fitted.residuals[:, position], drive.stretch)
-    return float(fitted.noise.answers[position]) > _SWALLOWED * shown and _by_differences(series) < _REMEMBERED
-
-
 def repetition(
     problem: Problem, search: Search, innovations: np.ndarray, explained: np.ndarray | float = 0.0
 ) -> float:  # fmt: skip
@@ -187,7 +141,7 @@ def repetition(
         return 1.0
     left = search.chosen.fitted.residuals - np.nan_to_num(explained)
     times = np.array([
-        max(_by_autocorrelation(column[seen]), _by_differences(_stretches(residual, problem.samples.drive.stretch)))
+        max(_by_autocorrelation(column[seen]), rows_alike(in_time(residual, problem.samples.drive.stretch)))
         for column, seen, residual in zip(innovations.T, problem.seen.T, left.T, strict=True)
     ])  # fmt: skip
     before, after = (np.nanmean(trial.held_out.residuals**2, axis=0) for trial in (search.textbook, search.chosen))
@@ -200,39 +154,12 @@ def _by_autocorrelation(innovations: np.ndarray) -> float:
     """1 + 2 sum of the autocorrelations of a series (n,) that stand out."""
     values = np.clip(innovations, -HUBER, HUBER)
     values = values - values.mean() if len(values) else values
-    if len(values) < _FEWEST or not values.any():
+    if len(values) < FEWEST or not values.any():
         return 1.0
     correlation = autocorrelations(values)[1:]
-    hidden = correlation < _SHOWN / np.sqrt(len(values))
+    hidden = correlation < SHOWN / np.sqrt(len(values))
     first = int(np.argmax(hidden)) if hidden.any() else len(correlation)
     return 1.0 + 2.0 * float(correlation[:first].sum())
-
-
-def _by_differences(series: list[np.ndarray]) -> float:
-    """(1 + rho) / (1 - rho) of a first-order autoregression, from how much more two steps differ than one: 1 + rho
-    times. Three differ 1 + rho + rho^2 times; ground that varies and misfit are smooth, and theirs differ more.
-    """
-    squares = []
-    for step in (1, 2, 3):
-        apart = np.concatenate([np.abs(values[step:] - values[:-step]) for values in series] or [np.empty(0)])
-        apart = apart[np.isfinite(apart)]
-        if len(apart) < _FEWEST or not np.median(apart) > 0.0:
-            return 1.0
-        # A gross error is cut off, or it would be most of it.
-        squares.append(float(np.mean(np.minimum(apart, _GROSS * np.median(apart)) ** 2)))
-    two, three = squares[1] / squares[0] - 1.0, squares[2] / squares[0] - 1.0
-    scatter = _SCATTER / np.sqrt(len(apart))
-    if not _SHOWN * scatter < two < 1.0 + _SHOWN * scatter or three > two * (1.0 + two) + 2.0 * _SHOWN * scatter:
-        return 1.0
-    # Rather too little than too much: near one a small error of it is a large one of what it makes.
-    rho = min(two - scatter, _MOST_ALIKE)
-    return (1.0 + rho) / (1.0 - rho)
-
-
-def _stretches(values: np.ndarray, stretch: np.ndarray) -> list[np.ndarray]:
-    """Series of neighbours in time."""
-    ends = np.flatnonzero(np.diff(stretch)) + 1
-    return [each for each in np.split(values, ends) if len(each) > 2]
 
 
 def _asked(smaller: Trial, larger: Trial) -> float:

@@ -91,14 +91,16 @@ def name(
     alone
         Nats that one gains on the textbook wheel without any effect.
     repeated
-        Number of neighbouring rows that say the same: all nats are divided by it.
+        Number of neighbouring rows that say the same: all nats are divided by it, and by `Search.dispersion`.
     doubted
         Something (`evidence.doubts`) speaks against the chosen set.
     """
     chosen = search.chosen
+    unit, nearly = temperature(chosen.gain / repeated), _nearly(search, repeated)
+    repeated *= search.dispersion
     remaining, alone, gained = remaining / repeated, alone / repeated, chosen.gain / repeated
     against = [PENALTY * max(len(trial.unexpected), 1) + UNHEARD_OF * bool(trial.unheard_of) for trial in search.trials]
-    score = np.array([trial.gain for trial in search.trials]) / repeated - np.array(against)
+    score = np.array(search.counted or [trial.gain for trial in search.trials]) / repeated - np.array(against)
     # No more effects than held-out data ask for: larger sets that were tried and turned down have no say.
     # Nor have places that nothing shows to be any.
     admitted = np.array(
@@ -107,7 +109,6 @@ def name(
     tolerated = min(_TOLERATED * gained, _MOST_TOLERATED / max(len(chosen.unexpected), 1))
     doubt = remaining - max(REMAINS, tolerated)
     top = max(0.0, float(np.max(score[admitted], initial=0.0)))
-    unit = temperature(gained)
     weights = _by_best_form(search, np.where(admitted, np.exp((score - top) / unit), 0.0))
     nothing = np.exp((0.0 - top) / unit)
     known = weights.sum() + nothing
@@ -124,7 +125,7 @@ def name(
     for slug in chosen.slugs:
         effects[slug] += unknown * beside
     effects = dict(sorted(effects.items(), key=lambda pair: -pair[1]))
-    look_alikes = {slug: _stand_ins(search, slug, repeated) for slug in sorted(chosen.slugs)}
+    look_alikes = {slug: _stand_ins(search, slug, chosen.gain - nearly) for slug in sorted(chosen.slugs)}
     return Naming(effects, unknown, look_alikes, weights)
 
 
@@ -140,9 +141,10 @@ def _no_larger(trial: Trial, search: Search) -> bool:
     return len(trial.unexpected) <= len(chosen.unexpected) and not trial.slugs > chosen.slugs and earned
 
 
-def _nearly(chosen: Trial, repeated: float) -> float:
+def _nearly(search: Search, repeated: float) -> float:
     """Nats behind the chosen set up to which another one is mentioned; `repeated` rows count as one."""
-    return repeated * temperature(chosen.gain / repeated) * float(np.log(1.0 / MENTIONED))
+    unit = repeated * search.dispersion * temperature(search.chosen.gain / repeated)
+    return unit * float(np.log(1.0 / MENTIONED))
 
 
 def _believed(chosen: Trial, *, doubted: bool) -> float:
@@ -166,9 +168,8 @@ def _by_best_form(search: Search, weights: np.ndarray) -> np.ndarray:
     return weights * np.array([best[each] / total[each] if total[each] > 0.0 else 0.0 for each in slugs])
 
 
-def _stand_ins(search: Search, slug: str, repeated: float) -> tuple[str, ...]:
-    """Effects that could take one's place in the chosen set at nearly the same score, the best ones first."""
-    least = search.chosen.gain - _nearly(search.chosen, repeated)
+def _stand_ins(search: Search, slug: str, least: float) -> tuple[str, ...]:
+    """Effects that could take one's place in the chosen set and gain more than so much, the best ones first."""
     best = {other: trial.gain for other, trial in instead(search, slug).items() if trial.gain > least}
     return tuple(sorted(best, key=lambda other: -best[other]))
 
@@ -214,6 +215,6 @@ def why_not(trial: Trial, search: Search, repeated: float) -> str:
         return f"as good: {-behind:.1f} nats more, but larger errors on held-out rows"
     if trial.unheard_of and not chosen.unheard_of:
         return f"{behind:.1f} nats behind, and with {' and '.join(trial.unheard_of)}, beyond what has been published"
-    if behind < _nearly(chosen, repeated):
+    if behind < _nearly(search, repeated):
         return f"nearly as good: {behind:.1f} nats behind"
     return f"explains less: {behind:.0f} nats behind"

@@ -98,6 +98,12 @@ def _located(explanation: Explanation) -> str:
             "table locates the difference; the simulation on the left has a soil refitted without what was left out, "
             "which hides part of it in one place and shows it in others.</p>"
         )
+        if predicted_worse(explanation):
+            body += (
+                "<p class=note>Where points lie farther from zero on the right than on the left, what was found makes "
+                "the rows likelier by how they differ from each other, and counts on ground that varies for the rest. "
+                "The pictures do not follow that ground, nor would a prediction elsewhere.</p>"
+            )
     for channel, variable, png in maps:
         caption = f"Residuals of {shown(channel).name} on held-out rows against {shown(variable).name}."
         body += _figure(png, caption, caption)

@@ -16,6 +16,7 @@ from ..effects.effect import Effect
 from .asked import MOST_ASKED_FOR, is_bump, surplus
 from .fitting import Problem, fit
 from .held_out import hold_out
+from .noise_floor import dispersion
 from .promise import promised_by
 from .textbook import best_fit
 from .trial import (
@@ -61,6 +62,9 @@ _BESIDE_EXPECTED, _FAR_BEHIND = 4, 0.25
 """Single effects other than the best beside which what the vehicle's description announces is sought, and what share of
 its gain they have [-]."""
 
+_NOT_EXCLUDED = 3.0
+"""Units of log-odds up to which a set is not excluded, to 5 % [-]."""
+
 _PLUS = " + "
 """Between the names of effects in a set."""
 
@@ -75,13 +79,17 @@ _BETTER = 2.0
 class Search:
     """The textbook wheel, every set of effects tried, and the set that held-out blocks ask for (may be empty).
 
-    `passed` names sets that were not fitted, with the nats that they promised.
+    `passed` names sets that were not fitted, with the nats that they promised. Where every form is wrong, `dispersion`
+    (`noise_floor.dispersion`) is what nats have to be divided by, and `counted` has as many for each of the trials as
+    it may be credited with before that: no more than blocks tell that err independently, by their errors alone.
     """
 
     textbook: Trial
     trials: tuple[Trial, ...]
     passed: tuple[tuple[str, float], ...]
     chosen: Trial
+    dispersion: float = 1.0
+    counted: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -137,7 +145,8 @@ class _Tries:
         """Give the search with each set once, as it was fitted best.
 
         Of sets as large as the best one that are within a unit of log-odds of it the one is chosen that errs least:
-        nats forgive a gross failure on a few rows, and whoever predicts with it does not.
+        nats forgive a gross failure on a few rows, and whoever predicts with it does not. Where every form is wrong, of
+        all that are not excluded.
         """
         unique: dict[frozenset[str], Trial] = {}
         for trial in self.trials:
@@ -149,10 +158,21 @@ class _Tries:
         if best.unheard_of:
             best = _published(causes, best)
         alike = [trial for trial in causes if _as_large(trial, best)]
-        near = [trial for trial in alike if best.gain - trial.gain < temperature(best.gain)]
+        spread = dispersion(self.problem, [trial for trial in alike if trial.gain >= ASKED_FOR])
+        within = temperature(best.gain) * (spread * _NOT_EXCLUDED if spread > 1.0 else 1.0)
+        near = [trial for trial in alike if best.gain - trial.gain < within]
         near = [trial for trial in near if best.unheard_of or not trial.unheard_of]
         least = min(near, key=lambda trial: trial.held_out.error(self.problem), default=best)
-        return Search(self.textbook, tuple(unique.values()), left, least)
+        found = Search(self.textbook, tuple(unique.values()), left, least)
+        if spread == 1.0:
+            return found
+        counted = tuple(min(trial.gain, spread * self.by_errors(trial)) for trial in found.trials)
+        return replace(found, dispersion=spread, counted=counted)
+
+    def by_errors(self, trial: Trial) -> float:
+        """Nats that a set gains on blocks held out if each errs by as much as it does, whatever the noise [nats]."""
+        less = self.textbook.held_out.error(self.problem) - trial.held_out.error(self.problem)
+        return 0.5 * len(np.unique(self.problem.samples.block)) * len(self.problem.answers) * less
 
     def others(self, taken: frozenset[str]) -> list[Effect]:
         """Give the forms of effects that are not taken, those aside that residuals lay out."""

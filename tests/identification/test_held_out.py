@@ -13,10 +13,10 @@ from bevameter.identification.augmented import Entry
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.shear_hump import ShearHump
 from bevameter.identification.effects.slip_sinkage import SinkageExponent, SinkageRatio
-from bevameter.identification.mismatch.evidence import noise_floor, swallowed
 from bevameter.identification.mismatch.fitting import Fitted, Problem, fit
 from bevameter.identification.mismatch.held_out import hold_out
 from bevameter.identification.mismatch.locate import locate
+from bevameter.identification.mismatch.noise_floor import noise_floor, swallowed
 from bevameter.identification.mismatch.samples import gather, levels
 from bevameter.identification.mismatch.trial import situation, textbook_trial, try_adding
 from bevameter.identification.simulate import simulate

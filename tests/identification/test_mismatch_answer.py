@@ -12,11 +12,12 @@ from bevameter.identification.identify import felt_rows, open_recording
 from bevameter.identification.mismatch.answer import assemble
 from bevameter.identification.mismatch.evidence import asks_for_more, doubts
 from bevameter.identification.mismatch.naming import ASSERTED, Naming, name, why_not
+from bevameter.identification.mismatch.noise_floor import noise_floor
 from bevameter.identification.mismatch.readable import effect as effect_name
 from bevameter.identification.mismatch.samples import gather
 from bevameter.identification.mismatch.search import Search, _Tries
 from bevameter.identification.mismatch.smooth_correction import SmoothCorrection, Term
-from bevameter.identification.mismatch.trial import ASKED_FOR, Trial, situation, textbook_trial, try_adding
+from bevameter.identification.mismatch.trial import ASKED_FOR, Trial, situation, temperature, textbook_trial, try_adding
 
 
 @pytest.fixture(scope="module")
@@ -296,3 +297,39 @@ def test_of_sets_that_gain_alike_the_one_that_errs_less_is_chosen(searched):
     together = Search(found.textbook, (ahead, behind, other), (), other)
     assert why_not(ahead, together, 1.0) == "as good: 3.0 nats more, but larger errors on held-out rows"
     assert why_not(behind, together, 1.0) == "nearly as good: 3.0 nats behind"
+
+
+def test_where_every_form_is_wrong_nats_count_less_and_what_is_not_excluded_is_chosen_by_its_errors(searched):
+    problem, found = searched
+    there = situation(problem, found.textbook.fitted)
+    effects = [effects_for(there, [slug])[0] for slug in ("slip_sinkage", "stress_peak_shift")]
+    residuals = found.chosen.held_out.residuals
+
+    def ended(lead: float, times: float) -> Search:
+        errors, gains = (2.0 * times, times), (300.0 + lead, 300.0)
+        tries = _Tries(problem, found.textbook, (), print, [
+            Trial((effect,), found.chosen.fitted, replace(found.chosen.held_out, residuals=error * residuals), gain)
+            for effect, error, gain in zip(effects, errors, gains, strict=True)
+        ])  # fmt: skip
+        return tries.ended(tries.trials[0])
+
+    # The noise is exceeded by both: thrice by the one, six times by the other.
+    wrong, right = ended(60.0, 3.0), ended(60.0, 1.0)
+    assert wrong.dispersion == pytest.approx(9.0 * dispersion_of(problem, found.chosen), rel=1e-6)
+    assert wrong.chosen.effects == (effects[1],)
+    assert (right.dispersion, right.chosen.effects) == (1.0, (effects[0],))
+    assert ended(200.0, 3.0).chosen.effects == (effects[0],)
+    # In the probabilities, too, which go by errors on blocks that err independently.
+    ratio = np.log(name(wrong, 0.0).weights[1] / name(wrong, 0.0).weights[0])
+    blocks, channels = len(np.unique(problem.samples.block)), len(problem.answers)
+    assert ratio == pytest.approx(blocks * channels * np.log(2.0) / temperature(300.0), rel=1e-6)
+    ahead = effects[0].slug
+    assert name(right, 0.0).effects[ahead] > ASSERTED > 0.9 * ASSERTED > name(ended(20.0, 3.0), 0.0).effects[ahead]
+    assert why_not(wrong.trials[0], wrong, 1.0) == "as good: 60.0 nats more, but larger errors on held-out rows"
+
+
+def dispersion_of(problem, trial: Trial) -> float:
+    """Variance of the held-out residuals over the noise's, the channels' geometric mean."""
+    floor = np.array([noise_floor(problem, trial.fitted, each) for each in range(len(problem.answers))])
+    variance = np.nanmean(trial.held_out.residuals**2, axis=0)
+    return float(np.exp(np.mean(np.log(variance / floor**2))))

@@ -174,7 +174,9 @@ def test_a_channel_that_is_predicted_worse_is_said_so():
     worse = replace(base.fits["torque_Nm"], rmse_before=1.0, rmse_after=1.2)
     text = Page(report_html(replace(base, fits={**base.fits, "torque_Nm": worse}))).text
     assert "torque T is predicted worse than before." in text
+    assert "Where points lie farther from zero on the right than on the left" in text, "or the pictures seem wrong"
     assert "predicted worse" not in Page(report_html(base)).text
+    assert "farther from zero" not in Page(report_html(base)).text
     nothing = replace(base, verdict="none", missing=(), fits={**base.fits, "torque_Nm": worse})
     assert "predicted worse" not in Page(report_html(nothing)).text, "nothing was added that could be worse"
 
