@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from ..framework.core.recording.types import WheelTable
 from ..framework.core.vehicle import Vehicle
@@ -13,6 +14,8 @@ NORMAL_MAD = 1.4826
 
 LEAST_SHARE = 2e-3
 """No sensor is taken to be better than this share of the channel's largest value [-]."""
+
+_FEWEST_NEIGHBOURS = 7
 
 
 def sensor_noise(table: WheelTable, vehicle: Vehicle) -> np.ndarray:
@@ -72,6 +75,19 @@ def _from_repeats(table: WheelTable, values: np.ndarray, name: str) -> float:
     difference = (values - values[nearest])[close]
     difference = difference[np.isfinite(difference)]
     return NORMAL_MAD * float(np.median(np.abs(difference))) / np.sqrt(2.0) if difference.size else 0.0
+
+
+def from_running_median(values: np.ndarray, stretch: np.ndarray) -> np.ndarray:
+    """How far values (n,) lie from the median of five neighbours in time, NaN where none are seen or fewer than seven.
+
+    `stretch` (n,) numbers the stretches that no neighbourhood crosses; unseen values are passed over.
+    """
+    away = np.full(len(values), np.nan)
+    for rows in np.split(np.arange(len(values)), np.flatnonzero(np.diff(stretch)) + 1):
+        seen = rows[np.isfinite(values[rows])]
+        if len(seen) >= _FEWEST_NEIGHBOURS:
+            away[seen] = np.abs(values[seen] - median_filter(values[seen], 5, mode="mirror"))
+    return away
 
 
 def autocorrelations(values: np.ndarray) -> np.ndarray:

@@ -20,6 +20,7 @@ from .asked import asked_beside, calmed
 from .evidence import doubts, repetition, warranted
 from .explanation import Explanation
 from .fitting import Problem
+from .gross_errors import outlying
 from .locate import locate
 from .naming import name
 from .samples import Samples, gather, passes_apart
@@ -32,6 +33,7 @@ _GROUND_OF_ITS_OWN = (
     "each pass is taken to be on ground of its own: what passes differ by is explained as well by that as by anything "
     "that was found with the same ground in all"
 )
+_OUTLYING = "{} of the trials are left out: they stand alone far from what was found, as with gross errors"
 
 
 def explain(
@@ -89,7 +91,15 @@ def explain(
         problem, textbook = textbook_trial(samples, known)
         considered = SLUGS if catalogue is None else tuple(catalogue)
         found, remaining = _sought(problem, textbook, considered, tell)
-        notes = rows.problems
+        notes, kept = rows.problems, np.arange(len(samples))
+        while (far := outlying(problem.samples, found.chosen.fitted)).any():
+            tell("leaving out what stands alone")
+            kept = kept[~far]
+            problem, textbook = textbook_trial(samples.select(kept), known)
+            found, remaining = _sought(problem, textbook, considered, tell)
+        if lost := len(samples) - len(kept):
+            samples, own = samples.select(kept), None if own is None else own[kept]
+            notes = (*notes, _OUTLYING.format(lost))
         if other := _on_other_ground(samples, known, found, remaining):
             problem, textbook, gained = other
             found, remaining = _sought(problem, textbook, considered, tell)

@@ -1,4 +1,4 @@
-"""Gross errors among steady trials: values that stand alone beside trials of nearly the same conditions."""
+"""Gross errors that show in what a fit leaves: values that stand alone beside their neighbours, or beside all."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from sklearn.neighbors import NearestNeighbors
 
+from ..noise import NORMAL_MAD, from_running_median
 from .fitting import Fitted
 from .samples import ANSWERS, Samples
 
@@ -21,41 +22,84 @@ _ALONE, _FEW = 12.0, 0.03
 """Standard deviations of that scatter from which on a value stands alone, and the largest share of a channel's values
 that do where they are errors [-]."""
 
-_NORMAL = 1.4826
-"""Standard deviations of normal scatter in its median size [-]."""
+_ISOLATED = 15.0
+"""As much of the scatter about the median of neighbours in time: of the study's recordings looked at gross errors stood
+out by 42 to 119 from what the textbook wheel leaves, nothing else by 10."""
+
+_BESIDE = {True: "their neighbours in time, beside what a fit leaves", False: "trials of nearly the same conditions"}
+
+_OUTLYING = 10.0
+"""Standard deviations of what is left of the other trials from which on one stands alone, whatever its conditions [-]:
+of the study's recordings looked at those with gross errors stood out by 13 to 67, no other by 5."""
+
+_NEXT = 3
+"""Trials whose conditions are next to another's: where most of them stand alone like it, none does."""
 
 
 def without_gross_errors(samples: Samples, fitted: Fitted) -> Samples:
-    """Blank values of trials that lie far from a fit where two trials of nearly the same conditions do not.
+    """Blank values that lie far from a fit where their neighbours do not: in time or, of trials, in their conditions.
 
-    A repeat that is grossly wrong is no ground that varies. Recordings with time have neighbours in time for that.
+    A value that is grossly wrong is no ground that varies; beside a channel that is quick it shows only in what a fit
+    leaves. Of trials two of nearly the same conditions have to agree against it.
     """
-    if samples.drive.timed or len(samples) < _FEWEST:
+    if len(samples) < _FEWEST:
         return samples
+    timed, most = samples.drive.timed, _FEW * len(samples)
+    alike = None if timed else _alike(samples)
+    if not timed and alike is None:
+        return samples
+    wrong = np.zeros(samples.measured.shape, dtype=bool)
+    for position, channel in enumerate(samples.answers):
+        residual = np.where(samples.seen[:, position], fitted.residuals[:, position], np.nan)
+        away = from_running_median(residual, samples.drive.stretch) if alike is None else _from_alike(residual, *alike)
+        with np.errstate(invalid="ignore"):
+            if not (away > 0.0).any():
+                continue
+            far = away > (_ISOLATED if timed else _ALONE) * NORMAL_MAD * np.median(away[away > 0.0])
+        wrong[:, channel] = far & (far.sum() <= most)
+    # Of a row in which nothing else is seen nobody knows whether the answers are wrong or its load is (`outlying`).
+    wrong &= np.isfinite(np.where(wrong, np.nan, samples.measured)[:, ANSWERS]).any(axis=1, keepdims=True)
+    count, measured = int(wrong.sum()), np.where(wrong, np.nan, samples.measured)
+    if not count:
+        return samples
+    note = f"{count} values stand alone far from {_BESIDE[timed]}: taken for gross errors"
+    return replace(samples, measured=measured, notes=(*samples.notes, note))
+
+
+def _alike(samples: Samples) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Nearest trials of each (n, k), which of them have nearly the same conditions, and which trials (n,) have enough
+    of these; nothing where too few have.
+    """
     distance, near = NearestNeighbors(n_neighbors=_NEAR).fit(_conditions(samples)).kneighbors()
     alike = distance < _ALIKE
     judged = alike.sum(axis=1) >= _ENOUGH
-    if judged.sum() < _FEWEST:
-        return samples
-    measured, count = samples.measured.copy(), 0
-    for position, channel in enumerate(samples.answers):
-        residual = fitted.residuals[:, position]
-        # With itself, or of two others a wrong one would pull the middle half way.
-        group = np.column_stack([residual, np.where(alike, residual[near], np.nan)])[judged]
-        middle = np.ma.filled(np.ma.median(np.ma.masked_invalid(group), axis=1), np.nan)
-        away = np.abs(residual[judged] - middle)
-        if not (away > 0.0).any():
-            continue
-        scale = _NORMAL * np.median(away[away > 0.0])
-        alone = np.flatnonzero(judged)[away > _ALONE * scale]
-        if len(alone) <= _FEW * len(samples):
-            measured[alone, channel] = np.nan
-            count += len(alone)
-    left = np.isfinite(measured[:, ANSWERS]).any(axis=1)
-    if not count or not left.all():
-        return samples
-    note = f"{count} values stand alone far from trials of nearly the same conditions: taken for gross errors"
-    return replace(samples, measured=measured, notes=(*samples.notes, note))
+    return (near, alike, judged) if judged.sum() >= _FEWEST else None
+
+
+def _from_alike(residual: np.ndarray, near: np.ndarray, alike: np.ndarray, judged: np.ndarray) -> np.ndarray:
+    """How far residuals (n,) lie from the median of them and of those of trials alike, NaN where that does not tell."""
+    # With itself, or of two others a wrong one would pull the middle half way.
+    group = np.column_stack([residual, np.where(alike, residual[near], np.nan)])
+    middle = np.ma.filled(np.ma.median(np.ma.masked_invalid(group), axis=1), np.nan)
+    return np.where(judged, np.abs(residual - middle), np.nan)
+
+
+def outlying(samples: Samples, fitted: Fitted) -> np.ndarray:
+    """(n,) True for trials, few, that lie far from a fit where most others of conditions next to theirs do not.
+
+    A load that is grossly wrong makes all answers of its row so, and has no repeats to compare it with.
+    """
+    none = np.zeros(len(samples), dtype=bool)
+    if samples.drive.timed or len(samples) < _FEWEST:
+        return none
+    left = np.where(samples.seen, fitted.innovations, np.nan)
+    away = np.abs(left - np.nanmedian(left, axis=0))
+    scale = NORMAL_MAD * np.nanmedian(away, axis=0)
+    far = np.any(away > _OUTLYING * np.where(scale > 0.0, scale, np.inf), axis=1)
+    if not 0 < far.sum() <= max(_FEW * len(samples), 1.0):
+        return none
+    nearest = NearestNeighbors(n_neighbors=_NEXT).fit(_conditions(samples)).kneighbors(return_distance=False)
+    return far & (far[nearest].mean(axis=1) < 0.5)
 
 
 def _conditions(samples: Samples) -> np.ndarray:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.cluster.hierarchy import fcluster, linkage
-from scipy.ndimage import median_filter
 
 from ...framework.core.errors import InputError
 from ...framework.core.recording.types import WheelTable
@@ -16,7 +15,7 @@ from ..effects.drive import drive_of, order_of, select_rows
 from ..effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Drive
 from ..forward import CHANNELS
 from ..gate import LIMITS
-from ..noise import LEAST_SHARE, noise_from_neighbours, sensor_noise
+from ..noise import LEAST_SHARE, from_running_median, noise_from_neighbours, sensor_noise
 from ..trials import AS_TRIALS, is_of_trials, without_clock, without_time
 
 ANSWERS = (TORQUE, SINKAGE, PULL)
@@ -35,8 +34,9 @@ _BLOCKS = 12
 _WIDEST = 0.09
 """Slips, or loads as a share of the largest, that are held out as one level lie within this range [-]."""
 
-_ISOLATED = 7.0
-"""A value this many sensor noises from the median of its neighbours in time is a gross error [-]."""
+_ISOLATED, _MOST_ISOLATED = 7.0, 0.05
+"""A value this many sensor noises from the median of its neighbours in time is a gross error, where no more than the
+latter share of a stretch is [-]."""
 
 _AT_END, _MORE_OFTEN = 0.02, 3.0
 """Share of rows that are exactly a channel's largest or least value from which on its sensor is at its end [-], where
@@ -99,6 +99,11 @@ class Samples:
 
     def __len__(self) -> int:
         return len(self.measured)
+
+    def select(self, rows: np.ndarray) -> Samples:
+        """Give some of the rows, (k,) their numbers."""
+        each = ("measured", "position", "lane", "block", *(["simulated"] if self.simulated is not None else []))
+        return replace(self, drive=select_rows(self.drive, rows), **{name: getattr(self, name)[rows] for name in each})
 
     @property
     def answers(self) -> tuple[int, ...]:
@@ -247,17 +252,15 @@ def _without_gross_errors(
     if not timed:
         return measured, 0
     measured, count = measured.copy(), 0
-    for rows in np.split(np.arange(len(measured)), np.flatnonzero(np.diff(stretch)) + 1):
-        for channel in range(measured.shape[1]):
-            seen = rows[np.isfinite(measured[rows, channel])]
-            if len(seen) < 7:
-                continue
-            values = measured[seen, channel]
-            away = np.abs(values - median_filter(values, 5, mode="mirror")) > _ISOLATED * noise[channel]
-            # Where many stand apart the channel is quick, not faulty.
-            if 0 < away.sum() <= 0.05 * len(seen):
-                measured[seen[away], channel] = math.nan
-                count += int(away.sum())
+    number = np.cumsum(np.diff(stretch, prepend=stretch[:1]) != 0)
+    for channel in range(measured.shape[1]):
+        seen = np.isfinite(measured[:, channel])
+        away = from_running_median(measured[:, channel], stretch) > _ISOLATED * noise[channel]
+        # Where many stand apart the channel is quick, not faulty.
+        share = np.bincount(number, away) / np.maximum(np.bincount(number, seen), 1.0)
+        away &= share[number] <= _MOST_ISOLATED
+        measured[away, channel] = math.nan
+        count += int(away.sum())
     return measured, count
 
 
