@@ -76,5 +76,6 @@ def forms_by_name(slug: str, situation: Situation) -> list[Effect]:
     """
     if slug not in SLUGS:
         raise InputError("effects", repr(slug), expected="one of " + ", ".join(SLUGS))
-    found = [effect for module in _MODULES for effect in _NAMED.get(module, module.forms)(situation)]
-    return [effect for effect in found if effect.slug == slug]
+    every = [effect for module in _MODULES for effect in _NAMED.get(module, module.forms)(situation)]
+    found = [effect for effect in every if effect.slug == slug]
+    return found + [freer for effect in found for freer in effect.freer()]

@@ -18,8 +18,7 @@ class DrivetrainFriction(Effect):
         usual = 0.1 * torque_Nm
         parts = {
             "coulomb": Parameter("T_c", "N m", 0.0, 20.0 * usual, usual, usual),
-            "viscous": Parameter("b_v", "N m s", 0.0, 20.0 * usual / rate_rad_s, 0.0,
-                                 usual / rate_rad_s),
+            "viscous": _viscous(usual, rate_rad_s),
             "load": Parameter("mu", "m", 0.0, 20.0 * usual / load_N, 0.0, usual / load_N),
         }  # fmt: skip
         self.form = form
@@ -37,26 +36,37 @@ class DrivetrainFriction(Effect):
 
 
 class Stribeck(Effect):
-    """Friction falls from breakaway to Coulomb's as the wheel turns faster."""
+    """Friction falls from breakaway to Coulomb's as the wheel turns faster, and may rise again as oil is churned."""
 
     slug = "drivetrain_friction"
-    form = "stribeck"
-    equation = "T += [T_c + T_s exp(-(omega / omega_s)^2)] sign(omega)"
     source = DrivetrainFriction.source
     needs = ("rim_speed_m_s",)
 
-    def __init__(self, torque_Nm: float, rate_rad_s: float) -> None:
+    def __init__(self, torque_Nm: float, rate_rad_s: float, *, viscous: bool = False) -> None:
         usual = 0.1 * torque_Nm
+        self.form = "stribeck" + "+viscous" * viscous
+        self.equation = "T += [T_c + T_s exp(-(omega / omega_s)^2)] sign(omega)" + " + b_v omega" * viscous
         self.parameters = (
             Parameter("T_c", "N m", 0.0, 20.0 * usual, usual, usual),
             Parameter("T_s", "N m", 0.0, 40.0 * usual, usual, usual),
             Parameter("omega_s", "rad/s", 0.05 * rate_rad_s, 5.0 * rate_rad_s, 0.7 * rate_rad_s, rate_rad_s,
                       0.7 * rate_rad_s),
+            *([_viscous(usual, rate_rad_s)] if viscous else []),
         )  # fmt: skip
+        self._freer = [] if viscous else [Stribeck(torque_Nm, rate_rad_s, viscous=True)]
+
+    def freer(self) -> list[Effect]:
+        return list(self._freer)
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         rate, sense = _turning(drive, contact.wheel)
         channels[:, TORQUE] += sense * (values[0] + values[1] * np.exp(-((rate / values[2]) ** 2)))
+        if len(values) > 3:
+            channels[:, TORQUE] += values[3] * rate
+
+
+def _viscous(usual: float, rate_rad_s: float) -> Parameter:
+    return Parameter("b_v", "N m s", 0.0, 20.0 * usual / rate_rad_s, 0.0, usual / rate_rad_s)
 
 
 def _turning(drive: Drive, wheel: Wheel) -> tuple[np.ndarray, np.ndarray]:

@@ -13,6 +13,10 @@ _LATER = math.log(3.0)
 """ln of the share by which k is larger than that of the law without a peak that rises as fast: e / (1 - 1/e) - (e - 1)
 K_r, for K_r = 0.75 [-]."""
 
+_SHORT, _LONGER = 0.003, math.log(10.0)
+"""Share of the radius below which a displacement is too short for a peak to be told there [-], and ln of how many times
+longer one is that is told."""
+
 
 class ShearHump(Effect):
     """Dense or brittle soil: the share of the strength that is left after the peak; k is where the peak lies.
@@ -31,15 +35,22 @@ class ShearHump(Effect):
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         contact.residual = values[0]
 
+    def __init__(self, radius_m: float) -> None:
+        self._shortest = math.log(_SHORT * radius_m)
+
     def starts(self) -> list[np.ndarray]:
         return [np.array([0.75]), np.array([0.4])]
 
     def beside(self, soil: np.ndarray) -> np.ndarray:
         answer = soil.copy()
-        answer[PARAMETERS.index("k_m")] += _LATER
+        where = PARAMETERS.index("k_m")
+        answer[where] += _LATER
+        if answer[where] < self._shortest:
+            # A law without a peak makes up for one by rising at once: where it lies is then not to be seen from it.
+            answer[where] = self._shortest + _LONGER
         return answer
 
 
 def forms(situation: Situation) -> tuple[Effect, ...]:
     """Give the form that these data can show."""
-    return (ShearHump(),)
+    return (ShearHump(situation.wheel.radius_m),)

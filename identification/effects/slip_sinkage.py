@@ -9,6 +9,9 @@ from .effect import SINKAGE, Contact, Drive, Effect, Parameter, Situation
 _MOST_SLIP = 0.9
 """A wheel that spins where it is digs on for as long as it does: the formula ends there [-]."""
 
+_LEAST_EXPONENT = 0.05
+"""Pressure grows with depth, however little [-]."""
+
 
 class SinkageExponent(Effect):
     """The sinkage exponent grows with slip."""
@@ -19,8 +22,25 @@ class SinkageExponent(Effect):
     source = "L. Ding et al., J. Cent. South Univ. Technol. 17 (2010), 129-135: n0 + n1 i"
     parameters = (Parameter("n1", "", 0.0, 3.0, 0.15, 0.4),)
 
+    def freer(self) -> list[Effect]:
+        return [SinkageExponentSquared()]
+
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         contact.n = contact.n + values[0] * np.abs(drive.slip)
+
+
+class SinkageExponentSquared(Effect):
+    """The sinkage exponent grows with slip, and the faster or the slower the more the wheel slips."""
+
+    slug = "slip_sinkage"
+    form = "exponent, squared"
+    equation = "n = n0 + n1 |i| + n2 i^2"
+    source = "after L. Ding et al., J. Cent. South Univ. Technol. 17 (2010), 129-135: n0 + n1 i, with one term more"
+    parameters = (*SinkageExponent.parameters, Parameter("n2", "", -3.0, 5.0, 0.0, 0.5))
+
+    def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        away = np.abs(drive.slip)
+        contact.n = np.maximum(contact.n + values[0] * away + values[1] * away**2, _LEAST_EXPONENT)
 
 
 class SinkageRatio(Effect):

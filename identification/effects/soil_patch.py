@@ -111,5 +111,4 @@ def forms(situation: Situation) -> tuple[Effect, ...]:
 def named(situation: Situation) -> tuple[Effect, ...]:
     """Give the forms that a simulation may ask for: along the track, or in time."""
     drive = situation.drive
-    known = [(along, getattr(drive, name)) for along, name in _ALONG.items() if drive.has(name)]
-    return tuple(SoilPatch(*each, apart=apart) for apart in (False, True) for each in known)
+    return tuple(SoilPatch(along, getattr(drive, name)) for along, name in _ALONG.items() if drive.has(name))

@@ -24,7 +24,8 @@ from .wording import summarise, trust
 from .would_tell import would_tell
 
 _MOST_LISTED = 6
-"""Effects that are listed where the data cannot tell; all that were considered are among the candidates."""
+"""Effects that are listed where the data cannot tell, or that one stands for; all that were considered are among the
+candidates."""
 
 _RESAMPLES = 400
 _VARIES = 0.02
@@ -70,7 +71,8 @@ def assemble(
         asserted = _asserted(missing, naming)
         told = {slug for each in asserted for slug in (each.effect, *each.indistinguishable_from)}
         unsure = [each.effect for each in missing if each.effect not in told and each.kind != UNKNOWN]
-        missing = asserted
+        others = _MOST_LISTED - 1
+        missing = tuple(replace(e, indistinguishable_from=e.indistinguishable_from[:others]) for e in asserted)
     if verdict == "cannot_tell":
         missing = _most_probable(missing, naming)
     if verdict == "none":
@@ -169,11 +171,11 @@ def _missing(problem: Problem, found: Search, naming: Naming, remaining: SmoothC
 def _next_best(found: Search) -> Trial | None:
     """What gains most without all that was chosen: from it is told what is doubted without having a look-alike."""
     chosen = found.chosen.slugs
-    others = [trial for trial in found.trials if _no_larger(trial, found.chosen) and not trial.slugs <= chosen]
+    others = [trial for trial in found.trials if _not_holding(trial, found.chosen) and not trial.slugs <= chosen]
     return max(others, key=lambda trial: trial.gain, default=None)
 
 
-def _no_larger(trial: Trial, chosen: Trial) -> bool:
+def _not_holding(trial: Trial, chosen: Trial) -> bool:
     return len(trial.unexpected) <= len(chosen.unexpected) and not trial.slugs >= chosen.slugs
 
 

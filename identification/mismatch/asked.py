@@ -16,7 +16,8 @@ _SHARE_ASKED_FOR, MOST_ASKED_FOR, _LEAST_SHARE = 0.08, 40.0, 0.015
 [-]. Of 114 of the study's recordings with one effect, looked at since, other second ones gained 0.012 at most."""
 
 _PLACE_ASKED_FOR = 23.0
-"""As much for a place along the track, whose ground may vary by itself."""
+"""As much at least for a place along the track, whose ground may vary by itself: of 750 of the study's recordings that
+were looked at since true ones beside another effect gained 23, 106 and more, false ones with edges up to 39."""
 
 _SHARP, _CALMER = 12.0, 0.5
 """Nats by which the edges of a place are told (`Trial.sharp`), or share of the ground's variation left beside it
@@ -39,7 +40,7 @@ def surplus(best: Trial, larger: Trial) -> float:
     if len(larger.unexpected) <= len(best.unexpected):
         asked = max(EXPECTED_ASKED_FOR, least)
     elif _further_place(best, larger):
-        asked = max(_PLACE_ASKED_FOR, least)
+        asked = max(_PLACE_ASKED_FOR, asked_beside(best.gain), least)
     else:
         asked = ASKED_FOR if best.unheard_of else asked_beside(best.gain)
     return larger.gain - best.gain - asked

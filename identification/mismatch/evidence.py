@@ -29,6 +29,10 @@ _WORSE = 0.05
 """Growth of the errors on held-out rows with a set, a mean over the channels of ln(ratio), from which on the set is
 doubted. Of the 439 sets behind `noise_floor.FAR` those that were right let errors grow by 0.03 at most."""
 
+_LITTLE = 24.0
+"""Nats below which a set that errors speak against is none: of 750 of the study's recordings, looked at since, in one
+such a set was found, a null."""
+
 _ONE_WORSE, _OVERFITTED = 0.28, 0.28
 """As much of one channel: ln of the growth of its error on held-out rows, and of that error over the one on rows fitted
 to, a share of a parameter for each row besides. Of 261 right sets on the study's recordings (seeds 200000, 210000 and
@@ -178,3 +182,12 @@ def warranted(search: Search, repeated: float) -> Search:
             break
         chosen = max(smaller, key=lambda trial: trial.gain)
     return search if chosen is search.chosen else replace(search, chosen=chosen)
+
+
+def borne_out(problem: Problem, search: Search, repeated: float) -> Search:
+    """Give the search with nothing chosen where that gains little and errors on held-out rows speak against it.
+
+    `repeated` rows count as one.
+    """
+    little = search.chosen.gain < _LITTLE * repeated
+    return replace(search, chosen=search.textbook) if little and at_odds(problem, search) else search

@@ -17,7 +17,7 @@ from ..effects.catalogue import SLUGS, effects_for
 from ..identify import felt_rows, open_recording
 from .answer import assemble
 from .asked import asked_beside, calmed
-from .evidence import doubts, repetition, warranted
+from .evidence import borne_out, doubts, repetition, warranted
 from .explanation import Explanation
 from .fitting import Problem
 from .gross_errors import outlying
@@ -108,20 +108,20 @@ def explain(
             alike = by_pass and calmed(found.textbook, found.chosen)
             if found.chosen.effects and found.chosen.gain < asked_beside(gained) and not alike:
                 found = replace(found, chosen=found.textbook)
-                remaining = _left_over(problem, found.chosen)
+                remaining = _left_over(problem, found, found.chosen)
             notes = (*notes, _GROUND_OF_ITS_OWN)
         repeated = repetition(problem, found, remaining.innovations, remaining.explained)
-        fewer = warranted(found, repeated)
+        fewer = borne_out(problem, warranted(found, repeated), repeated)
         if fewer is not found:
             found = fewer
-            remaining = _left_over(problem, found.chosen)
+            remaining = _left_over(problem, found, found.chosen)
             if remaining.explained.any():
                 # What repeated itself was a misfit, which something else than time or place explains.
                 repeated = repetition(problem, found, remaining.innovations, remaining.explained)
         against = doubts(problem, found, remaining.gain, repeated)
         naming = name(found, remaining.gain, repeated=repeated, doubted=bool(against))
         if naming.unknown > 0.5 and found.chosen.effects:
-            alone = _left_over(problem, found.textbook).gain
+            alone = _left_over(problem, found, found.textbook).gain
             naming = name(found, remaining.gain, alone, repeated=repeated, doubted=bool(against))
         tell("locating the mismatch")
         regions = locate(problem, found.chosen.fitted)
@@ -139,7 +139,7 @@ def _sought(
     effects = effects_for(situation(problem, textbook.fitted), slugs)
     found = search(problem, textbook, effects, lambda what: tell(f"trying {what}"))
     tell("looking for what nothing explains")
-    return found, _left_over(problem, found.chosen)
+    return found, _left_over(problem, found, found.chosen)
 
 
 def _on_other_ground(
@@ -169,6 +169,15 @@ def _on_other_ground(
     return (problem, textbook, gain) if better else None
 
 
-def _left_over(problem: Problem, trial: Trial) -> SmoothCorrection:
-    """Find what a set of effects leaves that depends smoothly on something."""
-    return smooth_correction(problem, trial.fitted, trial.held_out).beyond(trial.effects, trial.gain)
+def _left_over(problem: Problem, found: Search, trial: Trial) -> SmoothCorrection:
+    """Find what a set of effects leaves that depends smoothly on something.
+
+    What follows a course of its own, as a drift does, excuses no more than it gains beside the others.
+    """
+    without_it = [
+        each.gain
+        for each in (found.textbook, *found.trials)
+        if each.slugs < trial.slugs and all(effect.any_course is None for effect in each.effects)
+    ]
+    own = trial.gain - max(without_it, default=0.0)
+    return smooth_correction(problem, trial.fitted, trial.held_out).beyond(trial.effects, own)

@@ -111,16 +111,16 @@ def as_differences(samples: Samples) -> tuple[Samples, np.ndarray]:
     measured = np.where(_answers(samples), residuals + imitation, samples.measured)
     short = int((~seen).sum())
     left_out = [f"{short} of {len(samples)} rows have no simulated value: they are left out"] if short else []
-    left_out += [
-        f"{CHANNELS[channel]} is recorded but not simulated: it is left out"
-        for channel in samples.answers
-        if not np.isfinite(samples.simulated[:, channel]).any()
-    ]
+    for channel in ANSWERS:
+        recorded, known = channel in samples.answers, bool(np.isfinite(samples.simulated[:, channel]).any())
+        if recorded != known:
+            how = "recorded but not simulated" if recorded else "simulated but not recorded"
+            left_out.append(f"{CHANNELS[channel]} is {how}: it is left out")
     return replace(samples, measured=measured, notes=(*samples.notes, *left_out)), residuals
 
 
 def _answers(samples: Samples) -> np.ndarray:
-    """(n, 5) True for the channels that a simulator answers with."""
+    """(n, 5) True for the channels that a simulator answers with and that were recorded."""
     answer = np.zeros_like(samples.measured, dtype=bool)
-    answer[:, ANSWERS] = True
+    answer[:, samples.answers] = True
     return answer

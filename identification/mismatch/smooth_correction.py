@@ -58,7 +58,7 @@ class SmoothCorrection:
     excused: bool = False
 
     def beyond(self, effects: Iterable[Effect], gained: float) -> SmoothCorrection:
-        """Leave out what a set of effects is the cause of (`Effect.any_course`), if that gains no more than the set."""
+        """Leave out what a set's effects are the cause of (`Effect.any_course`), if they `gained` no less than that."""
         courses = {effect.any_course for effect in effects}
         others = tuple(term for term in self.terms if (term.channel, term.variable) not in courses)
         unknown = sum(term.gain for term in others)

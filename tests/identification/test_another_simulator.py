@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bevameter import InputError, explain
 from bevameter.framework.core.recording.types import WheelTable
+from bevameter.framework.core.recording.wheel_file import read_wheel_file
 from bevameter.framework.core.recording.write import write_wheel_file
+from bevameter.framework.core.soil import SoilKnowledge
 from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.mismatch.samples import SIMULATED
 from bevameter.identification.mismatch.simulated import attach
+from bevameter.identification.simulate import simulate
 
 TIME_S = 0.1 * np.arange(300)
 
@@ -52,6 +57,19 @@ def test_rows_that_were_not_simulated_are_said_to_be_left_out(explained):
     answer = folder_explained(folder)
     assert any("rows have no simulated value: they are left out" in note for note in answer.notes)
     assert 890 < answer.n <= 900, "gross errors aside"
+
+
+def test_what_is_simulated_but_was_not_recorded_is_left_out(tmp_path):
+    made = conceal(404, ("torque_offset",), "plain", protocol="steady")
+    folder = made.write(tmp_path / "made")
+    recorded = read_wheel_file(folder / "wheel.csv")
+    soil = SoilKnowledge({"c_Pa": 1000.0, "phi_rad": 0.5, "k_m": 0.02, "stiffness_Pa": 2e5, "n": 0.9})
+    write_wheel_file(simulate(folder / "vehicle.toml", soil, recorded), tmp_path / "sim.csv")
+    without = {name: values for name, values in recorded.columns.items() if name != "drawbar_pull_N"}
+    write_wheel_file(replace(recorded, columns=without), folder / "wheel.csv")
+    answer = explain(folder, simulated=tmp_path / "sim.csv", catalogue=["torque_offset"])
+    assert set(answer.fits) == {"torque_Nm", "sinkage_m"}
+    assert "drawbar_pull_N is simulated but not recorded: it is left out" in answer.notes
 
 
 @pytest.fixture

@@ -357,7 +357,7 @@ def test_carried_loads_give_finite_channels_whatever_the_parameters(effect, shar
     [
         ("gravity:g=1", "slip_sinkage"),
         ("slip_sinkage", "exponent.*n1"),
-        ("slip_sinkage:n2=0.1", "no parameter 'n2'.*n1"),
+        ("slip_sinkage:n3=0.1", "no parameter 'n3'.*n1"),
         ("slip_sinkage:p=0.5", "form=ratio or form=transport"),
         ("slip_sinkage:form=plain,p=0.5", "form 'plain'.*ratio"),
         ("slip_sinkage:n1=nan", "a finite number"),

@@ -77,7 +77,7 @@ def test_blocks_are_held_out_as_by_a_fit_that_never_saw_them(seed):
     """At one load, from torque and sinkage, friction and cohesion trade off and cohesion ends at its bound."""
     made = drive(("shear_hump:K_r=0.6",), seed, noise=0.02, slip_noise=0.01)
     problem, textbook = trials(without(made, "drawbar_pull_N"))
-    trial = try_adding(problem, textbook, textbook, ShearHump())
+    trial = try_adding(problem, textbook, textbook, ShearHump(WHEEL.radius_m))
     gained = (refitted(problem, trial.fitted) - refitted(problem, textbook.fitted)).sum()
     assert gained > 40.0
     assert trial.held_out.gain(textbook.held_out)[0] == pytest.approx(gained, abs=0.15 * gained)

@@ -156,9 +156,9 @@ def test_one_of_two_that_are_alike_is_told_beside_what_is_sure(searched):
     first, other = kinds[0].slug, next(effect.slug for effect in kinds if effect.slug != kinds[0].slug)
     nothing = np.zeros_like(problem.measured)
 
-    def told(share: float):
-        shares = {"slip_sinkage": 0.95, first: share, other: share - 0.01}
-        naming = Naming(shares, 0.0, {"slip_sinkage": (), first: (other,)}, np.zeros(len(together.trials)))
+    def told(share: float, *more: str):
+        shares = {"slip_sinkage": 0.95, first: share, other: share - 0.01} | dict.fromkeys(more, 0.02)
+        naming = Naming(shares, 0.0, {"slip_sinkage": (), first: (other, *more)}, np.zeros(len(together.trials)))
         remaining = SmoothCorrection((), 0.0, nothing, nothing)
         before = found.textbook.held_out.residuals
         return assemble(problem, together, naming, remaining, (), source="made", seed=0, began=0.0, before=before)
@@ -172,6 +172,13 @@ def test_one_of_two_that_are_alike_is_told_beside_what_is_sure(searched):
     answer = told(0.3)
     assert [missing.effect for missing in answer.missing] == ["slip_sinkage"]
     assert any("something more" in note for note in answer.notes)
+    # A long list names nothing: the best five beside the one.
+    several = ("load_gain", "torque_gain", "exit_angle", "rolling_radius", "tyre_deflection")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            "bevameter.identification.mismatch.answer.instead", lambda *_: dict.fromkeys((other, *several), pairs[1])
+        )
+        assert told(0.47, *several).missing[1].indistinguishable_from == (other, *several[:4])
 
 
 @pytest.mark.parametrize(

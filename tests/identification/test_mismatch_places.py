@@ -15,7 +15,8 @@ from bevameter.identification.effects.catalogue import SLUGS, effects_for
 from bevameter.identification.effects.drive import rate_of_change
 from bevameter.identification.effects.time_faults import filtered
 from bevameter.identification.identify import felt_rows, open_recording
-from bevameter.identification.mismatch.evidence import at_odds, overfitted, repetition, warranted
+from bevameter.identification.mismatch.evidence import at_odds, borne_out, overfitted, repetition, warranted
+from bevameter.identification.mismatch.explain import _left_over
 from bevameter.identification.mismatch.locate import locate
 from bevameter.identification.mismatch.naming import name
 from bevameter.identification.mismatch.promise import promise
@@ -122,6 +123,12 @@ def test_a_channel_that_drifts_in_another_course_is_no_unknown():
     assert not excused.explained.any()
     for effects, gained in ((trial.effects, own - 1.0), ((drifts["drawbar_pull_N"],), 1e6), ((), 1e6)):
         assert left.beyond(effects, gained) is left
+    # Beside another effect what it gains there counts, not what both gain.
+    (other,) = effects_for(situation(problem, textbook.fitted), ["load_gain"])
+    both = replace(trial, effects=(other, *trial.effects), gain=5000.0)
+    for added, is_excused in ((own + 1.0, True), (own - 1.0, False)):
+        alone = replace(trial, effects=(other,), gain=both.gain - added)
+        assert _left_over(problem, Search(textbook, (alone, both), (), both), both).excused is is_excused
 
 
 def test_a_channel_later_than_it_takes_to_change_is_promised_something():
@@ -201,6 +208,14 @@ def test_a_set_that_foretells_one_channel_worse_is_at_odds_with_the_rows(crossed
     assert textbook.held_out.residuals.shape[1] == 3
     assert not at_odds(problem, with_it((0.9, 0.9, 1.1)))
     assert at_odds(problem, with_it((0.8, 0.8, 1.4)))
+    # Where it gains little as well it is none.
+    for shares, gain, repeated, chosen in (
+        ((0.8, 0.8, 1.4), 23.0, 1.0, ()), ((0.8, 0.8, 1.4), 25.0, 1.0, trial.effects),
+        ((0.8, 0.8, 1.4), 25.0, 2.0, ()), ((0.9, 0.9, 1.1), 13.0, 1.0, trial.effects),
+    ):  # fmt: skip
+        found = with_it(shares)
+        found = replace(found, chosen=replace(found.chosen, gain=gain))
+        assert borne_out(problem, found, repeated).chosen.effects == chosen
 
 
 def test_a_set_that_errs_more_on_rows_held_out_than_on_rows_fitted_to_is_doubted(crossed_once):

@@ -18,6 +18,7 @@ from bevameter.identification.mismatch.soil_variation import NoiseModel
 from bevameter.identification.mismatch.steps import step_of
 from bevameter.identification.mismatch.textbook import coarse_fit, fit_textbook
 from bevameter.identification.mismatch.trial import (
+    _by_chance,
     _of_gross_errors,
     least_errors,
     situation,
@@ -166,3 +167,17 @@ def test_a_repeat_that_is_grossly_wrong_is_no_ground_that_varies(wrong, repeats)
         assert fitted.noise.spread.max() < 0.05
     else:
         assert blanked.size == 0
+
+
+def test_a_delay_on_which_stretches_disagree_is_none():
+    """Averaged errors of slip favour another delay in each stretch: one of them had gained 36 nats on nothing."""
+    problem, textbook = textbook_trial(samples_of(360081, (), "plain", "field"))
+    lags = {each.form: each for each in effects_for(situation(problem, textbook.fitted), ["time_lag"])}
+    trial = try_adding(problem, textbook, textbook, lags["slip"])
+    gained, sd = trial.held_out.gain(textbook.held_out)
+    assert gained > 25.0
+    assert gained < 2.0 * sd
+    assert trial.gain <= 0.0
+    # Where they agree the same gain counts.
+    alike = replace(trial.held_out, nats=textbook.held_out.nats + gained / len(trial.held_out.nats))
+    assert not _by_chance(textbook, replace(trial, held_out=alike))
