@@ -93,13 +93,13 @@ def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Dr
 
     rate, travel, time_s = column("wheel_speed_rad_s"), column("travel_speed_m_s"), column("time_s")
     # Of slip and the two speeds the third follows.
-    slip = np.where(np.abs(table["slip"]) < 1.0, table["slip"], math.nan)
-    with np.errstate(invalid="ignore"):
+    slip = table["slip"]
+    with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(slip >= 0.0, 1.0 - slip, 1.0 / (1.0 + slip))
         if not np.isfinite(travel).any():
-            travel = rate * wheel.radius_m * ratio
+            travel = np.where(np.isfinite(ratio), rate * wheel.radius_m * ratio, math.nan)
         elif not np.isfinite(rate).any():
-            rate = travel / (wheel.radius_m * ratio)
+            rate = np.where(ratio > 0.0, travel / (wheel.radius_m * ratio), math.nan)
     place = column("x_m")
     if "y_m" in table and np.isfinite(place).all() and float(np.nanstd(table["y_m"])) > 0.1 * float(np.nanstd(place)):
         # A track that turns has no place along one axis: the distance travelled takes its part.

@@ -45,6 +45,7 @@ class Stribeck(Effect):
     def __init__(self, torque_Nm: float, rate_rad_s: float, *, viscous: bool = False) -> None:
         usual = 0.1 * torque_Nm
         self.form = "stribeck" + "+viscous" * viscous
+        self.freed = viscous
         self.equation = "T += [T_c + T_s exp(-(omega / omega_s)^2)] sign(omega)" + " + b_v omega" * viscous
         self.parameters = (
             Parameter("T_c", "N m", 0.0, 20.0 * usual, usual, usual),

@@ -202,6 +202,8 @@ class Effect:
     """Channel, and variable with which it changes in whatever course: what else changes so is the same effect."""
     expected: bool = False
     """Whether the vehicle's description says that it is there, so that the textbook wheel is known to lack it."""
+    freed: bool = False
+    """Whether it is what another form's `freer` gives, and may hold a third form as well."""
     remark: str = ""
     """What there is to say of it where it is found."""
     constants: Mapping[str, float] = MappingProxyType({})

@@ -34,9 +34,10 @@ class SinkageExponentSquared(Effect):
 
     slug = "slip_sinkage"
     form = "exponent, squared"
+    freed = True
     equation = "n = n0 + n1 |i| + n2 i^2"
     source = "after L. Ding et al., J. Cent. South Univ. Technol. 17 (2010), 129-135: n0 + n1 i, with one term more"
-    parameters = (*SinkageExponent.parameters, Parameter("n2", "", -3.0, 5.0, 0.0, 0.5))
+    parameters = (*SinkageExponent.parameters, Parameter("n2", "", -0.3, 5.0, 0.0, 0.5))
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         away = np.abs(drive.slip)

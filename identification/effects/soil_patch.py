@@ -42,6 +42,7 @@ class SoilPatch(Effect):
         self, along: str, values: np.ndarray, starts: Sequence[np.ndarray] = (), *, apart: bool = False
     ) -> None:
         self.form = along + _APART * apart
+        self.freed = apart
         strength = "ln tan phi += B, ln c += B + C" if apart else "ln strength += B"
         self.equation = f"from < x < to: ln stiffness += A, {strength}"
         self._along = _ALONG[along]

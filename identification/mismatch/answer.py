@@ -343,11 +343,11 @@ def _many(chosen: Trial) -> list[str]:
 
 def _dispersed(found: Search) -> list[str]:
     """Say that every form is wrong, and what that does to probabilities and choice."""
-    if found.dispersion <= 1.0:
+    if found.dispersion <= 1.0 or not found.chosen.effects:
         return []
     return [
-        f"everything tried leaves errors of {math.sqrt(found.dispersion):.1f} times the noise or more on held-out "
-        "rows: probabilities go by errors, and of what is not excluded what errs least is chosen"
+        f"every set as large that was tried leaves {math.sqrt(found.dispersion):.1f} times the noise or more on rows "
+        "held out: sets are weighed by errors, and of those not excluded the one that errs least is chosen"
     ]
 
 

@@ -71,18 +71,30 @@ def doubts(problem: Problem, search: Search, remaining: float, repeated: float) 
 
 
 def at_odds(problem: Problem, search: Search) -> bool:
-    """Say whether errors on held-out rows speak against the chosen set: it makes errors likelier, but not small."""
+    """Say whether errors on held-out rows speak against the chosen set: it makes them grow, or leaves them large."""
     if not search.chosen.effects:
         return False
+    floor = np.array([noise_floor(problem, search.chosen.fitted, each) for each in range(len(problem.answers))])
+    _, after = _errors(search)
+    good = after > 0.0
+    large = good.any() and np.log(after[good] / floor[good]).mean() > FAR
+    return bool(large) or grows(search)
+
+
+def grows(search: Search) -> bool:
+    """Say whether errors on held-out rows grow with the chosen set."""
+    before, after = _errors(search)
+    good = (before > 0.0) & (after > 0.0)
+    growth = np.log(after[good] / before[good])
+    return bool(good.any() and (growth.mean() > _WORSE or growth.max() > _ONE_WORSE))
+
+
+def _errors(search: Search) -> tuple[np.ndarray, np.ndarray]:
+    """Errors (m,) on rows held out that both predict, without and with the chosen set, SI."""
     pair = [trial.held_out.residuals for trial in (search.textbook, search.chosen)]
     both = np.isfinite(pair[0]) & np.isfinite(pair[1])
     before, after = (np.sqrt(np.nanmean(np.where(both, each, np.nan) ** 2, axis=0)) for each in pair)
-    floor = np.array([noise_floor(problem, search.chosen.fitted, each) for each in range(len(problem.answers))])
-    good = (before > 0.0) & (after > 0.0)
-    if not good.any():
-        return False
-    growth, distance = (np.log(after[good] / other[good]) for other in (before, floor))
-    return bool(growth.mean() > _WORSE or growth.max() > _ONE_WORSE or distance.mean() > FAR)
+    return before, after
 
 
 def overfitted(trial: Trial) -> bool:
@@ -184,10 +196,10 @@ def warranted(search: Search, repeated: float) -> Search:
     return search if chosen is search.chosen else replace(search, chosen=chosen)
 
 
-def borne_out(problem: Problem, search: Search, repeated: float) -> Search:
-    """Give the search with nothing chosen where that gains little and errors on held-out rows speak against it.
+def borne_out(search: Search, repeated: float) -> Search:
+    """Give the search with nothing chosen where that gains little and errors on held-out rows grow with it.
 
     `repeated` rows count as one.
     """
     little = search.chosen.gain < _LITTLE * repeated
-    return replace(search, chosen=search.textbook) if little and at_odds(problem, search) else search
+    return replace(search, chosen=search.textbook) if little and grows(search) else search

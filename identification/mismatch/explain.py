@@ -33,7 +33,6 @@ _GROUND_OF_ITS_OWN = (
     "each pass is taken to be on ground of its own: what passes differ by is explained as well by that as by anything "
     "that was found with the same ground in all"
 )
-_OUTLYING = "{} of the trials are left out: they stand alone far from what was found, as with gross errors"
 
 
 def explain(
@@ -92,14 +91,14 @@ def explain(
         considered = SLUGS if catalogue is None else tuple(catalogue)
         found, remaining = _sought(problem, textbook, considered, tell)
         notes, kept = rows.problems, np.arange(len(samples))
-        while (far := outlying(problem.samples, found.chosen.fitted)).any():
+        while (far := outlying(problem.samples, found.chosen.fitted, len(samples) - len(kept))).any():
             tell("leaving out what stands alone")
             kept = kept[~far]
             problem, textbook = textbook_trial(samples.select(kept), known)
             found, remaining = _sought(problem, textbook, considered, tell)
-        if lost := len(samples) - len(kept):
+        if len(kept) < len(samples):
+            notes = (*notes, _left_out(samples, kept))
             samples, own = samples.select(kept), None if own is None else own[kept]
-            notes = (*notes, _OUTLYING.format(lost))
         if other := _on_other_ground(samples, known, found, remaining):
             problem, textbook, gained = other
             found, remaining = _sought(problem, textbook, considered, tell)
@@ -111,7 +110,7 @@ def explain(
                 remaining = _left_over(problem, found, found.chosen)
             notes = (*notes, _GROUND_OF_ITS_OWN)
         repeated = repetition(problem, found, remaining.innovations, remaining.explained)
-        fewer = borne_out(problem, warranted(found, repeated), repeated)
+        fewer = borne_out(warranted(found, repeated), repeated)
         if fewer is not found:
             found = fewer
             remaining = _left_over(problem, found, found.chosen)
@@ -130,6 +129,13 @@ def explain(
         problem, found, naming, remaining, regions, source=str(opened.source), seed=seed, began=began, problems=notes,
         before=before, simulated=own, repeated=repeated, doubted=against,
     )  # fmt: skip
+
+
+def _left_out(samples: Samples, kept: np.ndarray) -> str:
+    """Say which trials are left out, those of the numbers `kept` (k,) aside."""
+    lost = np.setdiff1d(np.arange(len(samples)), kept)
+    each = "; ".join(f"slip {samples.drive.slip[row]:.3g} at {samples.drive.load_N[row]:.4g} N" for row in lost)
+    return f"{len(lost)} of {len(samples)} trials left out as gross errors, alone far from what was found: {each}"
 
 
 def _sought(

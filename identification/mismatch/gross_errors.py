@@ -32,8 +32,11 @@ _OUTLYING = 10.0
 """Standard deviations of what is left of the other trials from which on one stands alone, whatever its conditions [-]:
 of the study's recordings looked at those with gross errors stood out by 13 to 67, no other by 5."""
 
-_NEXT = 3
-"""Trials whose conditions are next to another's: where most of them stand alone like it, none does."""
+_NEXT, _SLIGHT = 3, 3.0
+"""Trials whose conditions are next to another's, and standard deviations from which on one lies off, too [-]."""
+
+_BESIDE_JUMP = 5
+"""Rows to either side of a jump."""
 
 
 def without_gross_errors(samples: Samples, fitted: Fitted) -> Samples:
@@ -56,6 +59,8 @@ def without_gross_errors(samples: Samples, fitted: Fitted) -> Samples:
             if not (away > 0.0).any():
                 continue
             far = away > (_ISOLATED if timed else _ALONE) * NORMAL_MAD * np.median(away[away > 0.0])
+        if timed:
+            far &= ~_beside_jumps(samples.measured[:, channel] - fitted.residuals[:, position])
         wrong[:, channel] = far & (far.sum() <= most)
     # Of a row in which nothing else is seen nobody knows whether the answers are wrong or its load is (`outlying`).
     wrong &= np.isfinite(np.where(wrong, np.nan, samples.measured)[:, ANSWERS]).any(axis=1, keepdims=True)
@@ -84,22 +89,46 @@ def _from_alike(residual: np.ndarray, near: np.ndarray, alike: np.ndarray, judge
     return np.where(judged, np.abs(residual - middle), np.nan)
 
 
-def outlying(samples: Samples, fitted: Fitted) -> np.ndarray:
-    """(n,) True for trials, few, that lie far from a fit where most others of conditions next to theirs do not.
+def _beside_jumps(predicted: np.ndarray) -> np.ndarray:
+    """(n,) True for rows next to where a channel is predicted to jump: one that comes late is far off there."""
+    steps = np.abs(np.diff(predicted, prepend=predicted[:1]))
+    jumps = np.flatnonzero(steps > _ISOLATED * NORMAL_MAD * np.nanmedian(steps))
+    near = np.zeros(len(predicted), dtype=bool)
+    for away in range(-_BESIDE_JUMP, _BESIDE_JUMP + 1):
+        near[np.clip(jumps + away, 0, len(predicted) - 1)] = True
+    return near
 
-    A load that is grossly wrong makes all answers of its row so, and has no repeats to compare it with.
+
+def outlying(samples: Samples, fitted: Fitted, already: int = 0) -> np.ndarray:
+    """(n,) True for trials, few, that lie far from a fit where those of conditions next to theirs do not.
+
+    A load that is grossly wrong makes all answers of its row so, and has no repeats to compare it with. Spared is what
+    may be a real effect's: a slip beyond all others, and a trial towards which its neighbours lie off the same way.
+
+    Parameters
+    ----------
+    samples, fitted
+        Steady trials, and the fit that they are far from.
+    already
+        Trials left out before: all together are few.
     """
     none = np.zeros(len(samples), dtype=bool)
     if samples.drive.timed or len(samples) < _FEWEST:
         return none
     left = np.where(samples.seen, fitted.innovations, np.nan)
-    away = np.abs(left - np.nanmedian(left, axis=0))
-    scale = NORMAL_MAD * np.nanmedian(away, axis=0)
-    far = np.any(away > _OUTLYING * np.where(scale > 0.0, scale, np.inf), axis=1)
-    if not 0 < far.sum() <= max(_FEW * len(samples), 1.0):
+    away = left - np.nanmedian(left, axis=0)
+    scale = NORMAL_MAD * np.nanmedian(np.abs(away), axis=0)
+    size = np.nan_to_num(away / np.where(scale > 0.0, scale, np.inf))
+    far = np.any(np.abs(size) > _OUTLYING, axis=1)
+    if not 0 < far.sum() <= max(_FEW * (len(samples) + already), 1.0) - already:
         return none
-    nearest = NearestNeighbors(n_neighbors=_NEXT).fit(_conditions(samples)).kneighbors(return_distance=False)
-    return far & (far[nearest].mean(axis=1) < 0.5)
+    distance, near = NearestNeighbors(n_neighbors=_NEXT).fit(_conditions(samples)).kneighbors()
+    same = (np.abs(size) > _OUTLYING)[:, None] & (size[near] * np.sign(size)[:, None] > _SLIGHT)
+    spared = np.any(same.any(axis=2) & (~far[near] | (distance < _ALIKE)), axis=1)
+    slip = samples.drive.slip
+    ends = [slip == end(slip) for end in (np.min, np.max)]
+    spared |= np.any([at & (at.sum() == 1) for at in ends], axis=0)
+    return far & ~spared
 
 
 def _conditions(samples: Samples) -> np.ndarray:

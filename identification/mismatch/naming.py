@@ -91,16 +91,17 @@ def name(
     alone
         Nats that one gains on the textbook wheel without any effect.
     repeated
-        Number of neighbouring rows that say the same: all nats are divided by it, and by `Search.dispersion`.
+        Number of neighbouring rows that say the same: all nats are divided by it, those of sets by `Search.dispersion`
+        as well.
     doubted
         Something (`evidence.doubts`) speaks against the chosen set.
     """
     chosen = search.chosen
     unit, nearly = temperature(chosen.gain / repeated), _nearly(search, repeated)
-    repeated *= search.dispersion
     remaining, alone, gained = remaining / repeated, alone / repeated, chosen.gain / repeated
     against = [PENALTY * max(len(trial.unexpected), 1) + UNHEARD_OF * bool(trial.unheard_of) for trial in search.trials]
-    score = np.array(search.counted or [trial.gain for trial in search.trials]) / repeated - np.array(against)
+    score = np.array([trial.gain for trial in search.trials]) / (repeated * search.dispersion)
+    score = np.minimum(score, search.by_errors or np.inf) - np.array(against)
     # No more effects than held-out data ask for: larger sets that were tried and turned down have no say.
     # Nor have places that nothing shows to be any.
     admitted = np.array(

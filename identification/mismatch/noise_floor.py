@@ -72,7 +72,9 @@ def dispersion(problem: Problem, tried: Iterable[Trial]) -> float:
     distances = []
     for trial in tried:
         floor = np.array([noise_floor(problem, trial.fitted, each) for each in answers])
-        error = np.sqrt(np.nanmean(trial.held_out.residuals**2, axis=0))
+        # What was not predicted is off by all of it.
+        left = np.where(np.isfinite(trial.held_out.residuals), trial.held_out.residuals, problem.measured)
+        error = np.sqrt(np.nanmean(np.where(problem.seen, left, np.nan) ** 2, axis=0))
         seen = error > 0.0
         distances.append(float(np.log(error[seen] / floor[seen]).mean()) if seen.any() else 0.0)
     least = min(distances, default=0.0)

@@ -23,6 +23,7 @@ from .trial import (
     ASKED_FOR,
     EXPECTED_ASKED_FOR,
     UNHEARD_OF,
+    WORTH_FURTHER,
     Trial,
     less,
     situation,
@@ -80,8 +81,8 @@ class Search:
     """The textbook wheel, every set of effects tried, and the set that held-out blocks ask for (may be empty).
 
     `passed` names sets that were not fitted, with the nats that they promised. Where every form is wrong, `dispersion`
-    (`noise_floor.dispersion`) is what nats have to be divided by, and `counted` has as many for each of the trials as
-    it may be credited with before that: no more than blocks tell that err independently, by their errors alone.
+    (`noise_floor.dispersion`) is what nats of sets have to be divided by, and `by_errors` has for each of the trials
+    the most that it is credited with [nats]: what its errors alone tell on blocks that err independently.
     """
 
     textbook: Trial
@@ -89,7 +90,7 @@ class Search:
     passed: tuple[tuple[str, float], ...]
     chosen: Trial
     dispersion: float = 1.0
-    counted: tuple[float, ...] = ()
+    by_errors: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -157,19 +158,19 @@ class _Tries:
         best = unique.get(best.names, best)
         if best.unheard_of:
             best = _published(causes, best)
-        alike = [trial for trial in causes if _as_large(trial, best)]
-        spread = dispersion(self.problem, [trial for trial in alike if trial.gain >= ASKED_FOR])
+        alike = [trial for trial in causes if _as_large(trial, best) and trial.gain >= ASKED_FOR]
+        spread = dispersion(self.problem, alike)
         within = temperature(best.gain) * (spread * _NOT_EXCLUDED if spread > 1.0 else 1.0)
         near = [trial for trial in alike if best.gain - trial.gain < within]
         near = [trial for trial in near if best.unheard_of or not trial.unheard_of]
         least = min(near, key=lambda trial: trial.held_out.error(self.problem), default=best)
+        least = _plainest(causes, least)
         found = Search(self.textbook, tuple(unique.values()), left, least)
         if spread == 1.0:
             return found
-        counted = tuple(min(trial.gain, spread * self.by_errors(trial)) for trial in found.trials)
-        return replace(found, dispersion=spread, counted=counted)
+        return replace(found, dispersion=spread, by_errors=tuple(map(self._by_errors, found.trials)))
 
-    def by_errors(self, trial: Trial) -> float:
+    def _by_errors(self, trial: Trial) -> float:
         """Nats that a set gains on blocks held out if each errs by as much as it does, whatever the noise [nats]."""
         less = self.textbook.held_out.error(self.problem) - trial.held_out.error(self.problem)
         return 0.5 * len(np.unique(self.problem.samples.block)) * len(self.problem.answers) * less
@@ -223,6 +224,17 @@ def search(
         best = _exchanged(tries, singles, challenger)
     best = _pruned(tries, best)
     return tries.ended(best)
+
+
+def _plainest(tried: Iterable[Trial], best: Trial) -> Trial:
+    """What takes the place of a set with a form that others' further parameters make: the same effects by fewer, where
+    those are not worth it.
+    """
+    if not any(effect.freed for effect in best.effects):
+        return best
+    fewer = [each for each in tried if each.slugs == best.slugs and len(each.fitted.vector) < len(best.fitted.vector)]
+    enough = [each for each in fewer if each.gain > best.gain - WORTH_FURTHER]
+    return max(enough, key=lambda trial: trial.gain, default=best)
 
 
 def _published(tried: Iterable[Trial], best: Trial) -> Trial:

@@ -113,7 +113,7 @@ def as_differences(samples: Samples) -> tuple[Samples, np.ndarray]:
     left_out = [f"{short} of {len(samples)} rows have no simulated value: they are left out"] if short else []
     for channel in ANSWERS:
         recorded, known = channel in samples.answers, bool(np.isfinite(samples.simulated[:, channel]).any())
-        if recorded != known:
+        if recorded != known and not any(note.startswith(CHANNELS[channel]) for note in samples.notes):
             how = "recorded but not simulated" if recorded else "simulated but not recorded"
             left_out.append(f"{CHANNELS[channel]} is {how}: it is left out")
     return replace(samples, measured=measured, notes=(*samples.notes, *left_out)), residuals

@@ -44,7 +44,7 @@ recordings looked at since, seven true ones had 2.5 and more, two of a null 0.9 
 _SHORT, _STILL_MOVING = 5, 3.0
 """Iterations by which starts are compared, and how far behind the best [nats] one has not come to rest by then."""
 
-_WORTH_FURTHER = 6.0
+WORTH_FURTHER = 6.0
 """Nats that further parameters of an effect found have to gain."""
 
 _OUT_OF_REACH, _FAR_BEHIND = 40.0, 0.1
@@ -214,11 +214,11 @@ def _freed(problem: Problem, base: Trial, best: Fitted, rival: float) -> Fitted:
         further = [parameter.null for parameter in freer.parameters[len(tied.parameters) :]]
         model, start = AugmentedWheel(best.model.wheel, (*base.effects, freer)), np.concatenate([best.vector, further])
         free = fit(problem, model, start, best.noise, best.theta_1, rival=rival)
-        if free.score > best.score + _WORTH_FURTHER:
+        if free.score > best.score + WORTH_FURTHER:
             # From where it ended the effect without them may fit better, too.
             own = free.vector[: len(best.vector)]
             best = max(best, fit(problem, best.model, own, free.noise, free.theta_1, rival=rival), key=_score)
-            best = free if free.score > best.score + _WORTH_FURTHER else best
+            best = free if free.score > best.score + WORTH_FURTHER else best
     return best
 
 

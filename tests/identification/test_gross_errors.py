@@ -10,10 +10,12 @@ import pandas as pd
 import pytest
 from bevameter import Vehicle, Wheel, explain
 from bevameter.framework.core.recording.types import WheelTable
+from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.mismatch.fitting import Fitted
 from bevameter.identification.mismatch.gross_errors import outlying
 from bevameter.identification.mismatch.samples import Samples, gather
 from bevameter.identification.mismatch.textbook import fit_textbook
+from bevameter.identification.mismatch.trial import situation, textbook_trial, try_adding
 from bevameter.identification.noise import from_running_median
 from bevameter.identification.simulate import simulate
 from bevameter.identification.wheel_soil import Soil
@@ -59,9 +61,12 @@ def test_loads_that_read_wrong_hide_nothing(tmp_path, wrong):
     assert answer.missing[0].parameters["n1"].value == pytest.approx(0.2, abs=0.03)
     assert answer.n == TRIALS - len(wrong)
     assert all(fit.rmse_after < 1.3 * fit.noise for fit in answer.fits.values())
-    told = [note for note in answer.notes if "of the trials are left out" in note]
-    assert told == ([f"{len(wrong)} of the trials are left out: they stand alone far from what was found, as with "
-                     "gross errors"] if wrong else [])  # fmt: skip
+    told = [note for note in answer.notes if "trials left out" in note]
+    assert bool(told) == bool(wrong)
+    if wrong:
+        rows = table(wrong)
+        each = [f"slip {rows['slip'][row]:.3g} at {rows['load_N'][row]:.4g} N" for row in wrong]
+        assert told == [f"2 of 150 trials left out as gross errors, alone far from what was found: {'; '.join(each)}"]
 
 
 def test_trials_that_agree_with_the_next_are_no_errors(fitted):
@@ -84,6 +89,35 @@ def test_trials_that_agree_with_the_next_are_no_errors(fitted):
     slip[-3:] = 0.9, 0.901, 0.902
     samples = replace(samples, drive=replace(samples.drive, load_N=np.full(TRIALS, 300.0), slip=slip))
     assert found([40, TRIALS - 3, TRIALS - 2, TRIALS - 1]) == [40]
+    # Two that agree are no errors, nor is what lies beyond all others, nor one towards which its neighbours go.
+    assert found([40, TRIALS - 2, TRIALS - 1]) == [40]
+    samples = replace(samples, drive=replace(samples.drive, slip=np.append(slip[:-3], [0.5, 0.5, 0.9])))
+    assert found([40, TRIALS - 1]) == [40]
+    left = textbook.innovations.copy()
+    left[40, 1] += 30.0 * left[:, 1].std()
+    left[41, 1] += 6.0 * left[:, 1].std()
+    graded = replace(textbook, innovations=left)
+    assert not outlying(samples, graded).any()
+    # All that is left out is few.
+    lonely = replace(textbook, innovations=np.where(np.arange(TRIALS)[:, None] == 40, left, textbook.innovations))
+    assert outlying(samples, lonely, already=3).any()
+    assert not outlying(samples, lonely, already=4).any()
+
+
+def test_a_channel_that_comes_late_is_no_gross_error_where_it_jumps():
+    rng = np.random.default_rng(7)
+    time_s = np.arange(600) / 10.0
+    slip = np.repeat([0.05, 0.3, 0.1, 0.5, 0.2, 0.4], 100)
+    bare = WheelTable({"time_s": time_s, "load_N": np.full(600, 300.0), "slip": slip}, None, None, "made")
+    made = simulate(VEHICLE, Soil(1000.0, 0.52, 0.015, 3e5, 1.0), bare, ["time_lag:form=torque_Nm,tau=0.15"])
+    noise = {"load_N": 2.0, "slip": 0.002, "torque_Nm": 0.05, "sinkage_m": 5e-5, "drawbar_pull_N": 0.5}
+    columns = {name: made[name] + sd * rng.normal(size=600) for name, sd in noise.items()}
+    samples = gather(WheelTable({"time_s": time_s, **columns}, None, None, "made"), WHEEL, VEHICLE)
+    problem, textbook = textbook_trial(samples)
+    assert np.isfinite(problem.samples.measured[:, 1]).all()
+    lags = {each.form: each for each in effects_for(situation(problem, textbook.fitted), ["time_lag"])}
+    trial = try_adding(problem, textbook, textbook, lags["torque_Nm"])
+    assert trial.fitted.vector[-1] == pytest.approx(0.15, abs=0.01)
 
 
 def test_beside_a_quick_channel_a_gross_error_shows_in_what_a_fit_leaves():

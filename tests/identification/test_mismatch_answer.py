@@ -312,8 +312,8 @@ def test_where_every_form_is_wrong_nats_count_less_and_what_is_not_excluded_is_c
     effects = [effects_for(there, [slug])[0] for slug in ("slip_sinkage", "stress_peak_shift")]
     residuals = found.chosen.held_out.residuals
 
-    def ended(lead: float, times: float) -> Search:
-        errors, gains = (2.0 * times, times), (300.0 + lead, 300.0)
+    def ended(lead: float, times: float, gained: float = 300.0) -> Search:
+        errors, gains = (2.0 * times, times), (gained + lead, gained)
         tries = _Tries(problem, found.textbook, (), print, [
             Trial((effect,), found.chosen.fitted, replace(found.chosen.held_out, residuals=error * residuals), gain)
             for effect, error, gain in zip(effects, errors, gains, strict=True)
@@ -326,6 +326,12 @@ def test_where_every_form_is_wrong_nats_count_less_and_what_is_not_excluded_is_c
     assert wrong.chosen.effects == (effects[1],)
     assert (right.dispersion, right.chosen.effects) == (1.0, (effects[0],))
     assert ended(200.0, 3.0).chosen.effects == (effects[0],)
+    # Whatever errs less: what gains nothing is not chosen.
+    assert ended(15.0, 3.0, ASKED_FOR + 1.0).chosen.effects == (effects[1],)
+    assert ended(15.0, 3.0, ASKED_FOR - 1.0).chosen.effects == (effects[0],)
+    # That every form is wrong makes nothing unknown less probable.
+    for left in (20.0, 75.0, 4000.0):
+        assert name(wrong, left).unknown == name(replace(wrong, dispersion=1.0), left).unknown
     # In the probabilities, too, which go by errors on blocks that err independently.
     ratio = np.log(name(wrong, 0.0).weights[1] / name(wrong, 0.0).weights[0])
     blocks, channels = len(np.unique(problem.samples.block)), len(problem.answers)

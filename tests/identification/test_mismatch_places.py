@@ -215,7 +215,7 @@ def test_a_set_that_foretells_one_channel_worse_is_at_odds_with_the_rows(crossed
     ):  # fmt: skip
         found = with_it(shares)
         found = replace(found, chosen=replace(found.chosen, gain=gain))
-        assert borne_out(problem, found, repeated).chosen.effects == chosen
+        assert borne_out(found, repeated).chosen.effects == chosen
 
 
 def test_a_set_that_errs_more_on_rows_held_out_than_on_rows_fitted_to_is_doubted(crossed_once):

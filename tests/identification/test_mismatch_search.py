@@ -112,6 +112,19 @@ def test_of_two_that_do_not_earn_their_places_the_better_one_is_left(trials, mon
     assert module._pruned(tries, both) is alone["soil_patch"]
 
 
+@pytest.mark.parametrize(("behind", "kept"), [(3.0, False), (9.0, True)])
+def test_a_further_parameter_gives_way_to_another_form_that_does_without(trials, behind, kept):
+    _, textbook, forms = trials(7110, ("slip_sinkage",), "hidden", "bench")
+    usual = forms("drivetrain_friction")
+    (freed,) = usual["drivetrain_friction[stribeck]"].freer()
+    fitted, held = textbook.fitted, textbook.held_out
+    longer = replace(fitted, vector=np.append(fitted.vector, np.ones(4)))
+    plain = replace(textbook, effects=(usual["drivetrain_friction[coulomb+viscous]"],), gain=300.0 - behind)
+    best = replace(textbook, effects=(freed,), fitted=longer, held_out=held, gain=300.0)
+    assert (module._plainest([plain, best], best) is best) == kept
+    assert module._plainest([plain, best], plain) is plain
+
+
 def test_a_hump_starts_from_the_soil_whose_stress_rises_as_fast():
     soil = np.array([1000.0, 0.5, np.log(0.01), 12.0, 0.0])
     beside = ShearHump(radius_m=0.2).beside(soil)
