@@ -70,6 +70,11 @@ def test_what_is_simulated_but_was_not_recorded_is_left_out(tmp_path):
     answer = explain(folder, simulated=tmp_path / "sim.csv", catalogue=["torque_offset"])
     assert set(answer.fits) == {"torque_Nm", "sinkage_m"}
     assert "drawbar_pull_N is simulated but not recorded: it is left out" in answer.notes
+    simulated = read_wheel_file(tmp_path / "sim.csv")
+    pull = {name: simulated[name] for name in ("load_N", "slip", "drawbar_pull_N")}
+    write_wheel_file(replace(simulated, columns=pull), tmp_path / "sim.csv")
+    with pytest.raises(InputError, match=r"none that was recorded \(expected torque_Nm or sinkage_m\)"):
+        explain(folder, simulated=tmp_path / "sim.csv", catalogue=["torque_offset"])
 
 
 @pytest.fixture
