@@ -36,7 +36,7 @@ class DrivetrainFriction(Effect):
 
 
 class Stribeck(Effect):
-    """Friction falls from breakaway to Coulomb's as the wheel turns faster, and may rise again as oil is churned."""
+    """Friction falls from breakaway to Coulomb's as the wheel turns faster; with a viscous part it rises again."""
 
     slug = "drivetrain_friction"
     source = DrivetrainFriction.source

@@ -34,6 +34,9 @@ _GROUND_OF_ITS_OWN = (
     "that was found with the same ground in all"
 )
 
+_MOST_TOLD = 6
+"""Trials left out that a note names; the others are counted."""
+
 
 def explain(
     recording: Recording | str | Path,
@@ -97,7 +100,7 @@ def explain(
             problem, textbook = textbook_trial(samples.select(kept), known)
             found, remaining = _sought(problem, textbook, considered, tell)
         if len(kept) < len(samples):
-            notes = (*notes, _left_out(samples, kept))
+            notes = (*notes, _trials_left_out(samples, kept))
             samples, own = samples.select(kept), None if own is None else own[kept]
         if other := _on_other_ground(samples, known, found, remaining):
             problem, textbook, gained = other
@@ -131,10 +134,12 @@ def explain(
     )  # fmt: skip
 
 
-def _left_out(samples: Samples, kept: np.ndarray) -> str:
+def _trials_left_out(samples: Samples, kept: np.ndarray) -> str:
     """Say which trials are left out, those of the numbers `kept` (k,) aside."""
     lost = np.setdiff1d(np.arange(len(samples)), kept)
-    each = "; ".join(f"slip {samples.drive.slip[row]:.3g} at {samples.drive.load_N[row]:.4g} N" for row in lost)
+    told = [f"slip {samples.drive.slip[row]:.3g} at {samples.drive.load_N[row]:.4g} N" for row in lost[:_MOST_TOLD]]
+    further = [f"{len(lost) - _MOST_TOLD} more"] if len(lost) > _MOST_TOLD else []
+    each = "; ".join(told + further)
     return f"{len(lost)} of {len(samples)} trials left out as gross errors, alone far from what was found: {each}"
 
 

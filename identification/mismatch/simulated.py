@@ -97,9 +97,9 @@ def as_differences(samples: Samples) -> tuple[Samples, np.ndarray]:
     """
     if samples.simulated is None:
         raise ValueError("no simulated channels attached")
-    recorded = [CHANNELS[channel] for channel in samples.answers]
     if not np.isfinite(np.where(_answers(samples), samples.simulated, np.nan)).any():
-        raise InputError("the other simulator's answers", "none that was recorded", expected=" or ".join(recorded))
+        names = " or ".join(CHANNELS[channel] for channel in samples.answers)
+        raise InputError("the other simulator's answers", "none that was recorded", expected=names)
     imitated = replace(samples, measured=np.where(_answers(samples), samples.simulated, samples.measured))
     seen = np.isfinite(imitated.measured[:, ANSWERS]).any(axis=1)
     if seen.sum() < 0.5 * len(samples):

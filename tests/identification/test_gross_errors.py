@@ -11,6 +11,7 @@ import pytest
 from bevameter import Vehicle, Wheel, explain
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.identification.effects.catalogue import effects_for
+from bevameter.identification.mismatch.explain import _trials_left_out
 from bevameter.identification.mismatch.fitting import Fitted
 from bevameter.identification.mismatch.gross_errors import outlying
 from bevameter.identification.mismatch.samples import Samples, gather
@@ -152,3 +153,13 @@ def test_neighbours_are_those_of_the_same_stretch():
     assert np.flatnonzero(away > 3.0).tolist() == [4, 12]
     assert away[4] == pytest.approx(49.0, abs=1.0)
     assert np.isnan(away[20:]).all(), "too few to tell"
+
+
+def test_a_note_names_the_first_few_trials_that_are_left_out(fitted):
+    samples, _ = fitted
+    assert _trials_left_out(samples, np.arange(6, TRIALS)).count("slip") == 6
+    assert "more" not in _trials_left_out(samples, np.arange(6, TRIALS))
+    many = _trials_left_out(samples, np.arange(9, TRIALS))
+    assert many.startswith("9 of 150 trials")
+    assert many.count("slip") == 6
+    assert many.endswith("; 3 more")
