@@ -100,7 +100,8 @@ def _beside_jumps(predicted: np.ndarray) -> np.ndarray:
 
 
 def outlying(samples: Samples, fitted: Fitted, already: int = 0) -> np.ndarray:
-    """(n,) True for trials, few, that lie far from a fit where those of conditions next to theirs do not.
+    """(n,) True for trials, few of each channel's, that lie far from a fit where those of conditions next to theirs do
+    not.
 
     A load that is grossly wrong makes all answers of its row so, and has no repeats to compare it with. Spared is what
     may be a real effect's: a slip beyond all others, and a trial towards which its neighbours lie off the same way.
@@ -110,7 +111,7 @@ def outlying(samples: Samples, fitted: Fitted, already: int = 0) -> np.ndarray:
     samples, fitted
         Steady trials, and the fit that they are far from.
     already
-        Trials left out before: all together are few.
+        Trials left out before: with them a channel's are few.
     """
     none = np.zeros(len(samples), dtype=bool)
     if samples.drive.timed or len(samples) < _FEWEST:
@@ -119,11 +120,12 @@ def outlying(samples: Samples, fitted: Fitted, already: int = 0) -> np.ndarray:
     away = left - np.nanmedian(left, axis=0)
     scale = NORMAL_MAD * np.nanmedian(np.abs(away), axis=0)
     size = np.nan_to_num(away / np.where(scale > 0.0, scale, np.inf))
-    far = np.any(np.abs(size) > _OUTLYING, axis=1)
-    if not 0 < far.sum() <= max(_FEW * (len(samples) + already), 1.0) - already:
+    out = np.abs(size) > _OUTLYING
+    far = np.any(out, axis=1)
+    if not 0 < np.max(np.sum(out, axis=0)) <= max(_FEW * (len(samples) + already), 1.0) - already:
         return none
     distance, near = NearestNeighbors(n_neighbors=_NEXT).fit(_conditions(samples)).kneighbors()
-    same = (np.abs(size) > _OUTLYING)[:, None] & (size[near] * np.sign(size)[:, None] > _SLIGHT)
+    same = out[:, None] & (size[near] * np.sign(size)[:, None] > _SLIGHT)
     spared = np.any(same.any(axis=2) & (~far[near] | (distance < _ALIKE)), axis=1)
     slip = samples.drive.slip
     ends = [slip == end(slip) for end in (np.min, np.max)]

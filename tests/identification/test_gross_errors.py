@@ -105,6 +105,19 @@ def test_trials_that_agree_with_the_next_are_no_errors(fitted):
     assert not outlying(samples, lonely, already=4).any()
 
 
+def test_each_channel_may_have_a_few_gross_errors_of_its_own(fitted):
+    samples, textbook = fitted
+    left = textbook.innovations.copy()
+    wrong = [[3, 7, 77], [15, 90, 33], [60, 105]]
+    for channel, rows in enumerate(wrong):
+        left[rows, channel] += 30.0 * left[:, channel].std()
+    found = outlying(samples, replace(textbook, innovations=left))
+    assert set(np.flatnonzero(found)) == {row for rows in wrong for row in rows}
+    # More than a few of one channel are what the model misses of it.
+    left[[21, 51], 0] += 30.0 * left[:, 0].std()
+    assert not outlying(samples, replace(textbook, innovations=left)).any()
+
+
 def test_a_channel_that_comes_late_is_no_gross_error_where_it_jumps():
     rng = np.random.default_rng(7)
     time_s = np.arange(600) / 10.0
