@@ -62,7 +62,10 @@ def effects_for(situation: Situation, slugs: Iterable[str] = SLUGS) -> list[Effe
     return [effect for module in _MODULES for effect in module.forms(situation) if effect.slug in wanted]
 
 
-_NAMED = {module: module.named for module in (multipass_compaction, stress_peak_shift, soil_patch, grousers, inertia)}
+_NAMED = {
+    module: module.named
+    for module in (slip_sinkage, multipass_compaction, stress_peak_shift, soil_patch, grousers, inertia)
+}
 """Modules whose forms depend on more than on which columns there are."""
 
 

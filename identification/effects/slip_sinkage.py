@@ -12,6 +12,9 @@ _MOST_SLIP = 0.9
 _LEAST_EXPONENT = 0.05
 """Pressure grows with depth, however little [-]."""
 
+_BRAKED = 0.02
+"""Share of samples with negative slip from which on it matters what braked wheels do [-]."""
+
 
 class SinkageExponent(Effect):
     """The sinkage exponent grows with slip."""
@@ -44,53 +47,88 @@ class SinkageExponentSquared(Effect):
         contact.n = np.maximum(contact.n + values[0] * away + values[1] * away**2, _LEAST_EXPONENT)
 
 
-class SinkageRatio(Effect):
-    """The sinkage is the static one times a power of a ratio that grows with slip; only the static one bears."""
+class _SinkageFactor(Effect):
+    """The static sinkage grows by a factor of slip: of a braked wheel as of a driven one, or, as the formulas were made
+    for, of driven wheels only.
+
+    Parameters
+    ----------
+    driven
+        Driven wheels only.
+    told
+        There is braking enough to tell: that of driven wheels only is a variant.
+    """
 
     slug = "slip_sinkage"
+
+    def __init__(self, *, driven: bool = False, told: bool = False) -> None:
+        self._driven, self._told, self.usual = driven, told, not driven
+        if driven:
+            self.form, self.equation = f"{self.form}, driven", f"{self.equation}; braked wheels as without slip"
+
+    def variants(self) -> list[Effect]:
+        return [type(self)(driven=True)] if self._told else []
+
+    def carrying(self, slip: np.ndarray) -> np.ndarray:
+        """Give the slip (n,) that carries soil away, none of it negative."""
+        return np.maximum(slip, 0.0) if self._driven else np.abs(slip)
+
+
+class SinkageRatio(_SinkageFactor):
+    """The sinkage is the static one times a power of a ratio that grows with slip; only the static one bears."""
+
     form = "ratio"
     equation = "z = z0 K^p, K = (1 + |i|) / (1 - |i| / 2)"
     source = "after M. Lyasko, J. Terramechanics 47 (2010), 21-31, slip-sinkage coefficient"
     parameters = (Parameter("p", "", 0.0, 6.0, 0.5, 1.0),)
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
-        contact.stiffness_Pa = contact.stiffness_Pa * _ratio(drive.slip) ** (-values[0] * contact.n)
+        contact.stiffness_Pa = contact.stiffness_Pa * _ratio(self.carrying(drive.slip)) ** (-values[0] * contact.n)
 
 
-class DigOut(Effect):
+class DigOut(_SinkageFactor):
     """Each turn carries a layer of soil back, here as a share of the static sinkage, which alone bears."""
 
-    slug = "slip_sinkage"
     form = "dig-out"
     equation = "z = z0 [1 + h |i| / (1 - |i|)], |i| at most 0.9"
     source = "after A. R. Reece, Proc. Inst. Mech. Eng. 180 (1965), 45-66: the layer dug out, over i / (1 - i)"
     parameters = (Parameter("h", "", 0.0, 5.0, 0.2, 0.5),)
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
-        away = np.minimum(np.abs(drive.slip), _MOST_SLIP)
+        away = np.minimum(self.carrying(drive.slip), _MOST_SLIP)
         contact.stiffness_Pa = contact.stiffness_Pa * (1.0 + values[0] * away / (1.0 - away)) ** -contact.n
 
 
-class SoilTransport(Effect):
+class SoilTransport(_SinkageFactor):
     """The wheel's rut is deepened by the soil carried out behind it; the contact ahead is the static one's."""
 
-    slug = "slip_sinkage"
     form = "transport"
     equation = "z = z0 K^p, K = (1 + |i|) / (1 - |i| / 2), stresses those of z0"
     source = "after M. Lyasko, J. Terramechanics 47 (2010), 21-31, slip-sinkage coefficient"
     parameters = (Parameter("p", "", 0.0, 6.0, 0.5, 1.0),)
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
-        channels[:, SINKAGE] *= _ratio(drive.slip) ** values[0]
+        channels[:, SINKAGE] *= _ratio(self.carrying(drive.slip)) ** values[0]
 
 
-def _ratio(slip: np.ndarray) -> np.ndarray:
-    away = np.abs(slip)
+def _ratio(away: np.ndarray) -> np.ndarray:
     return (1.0 + away) / (1.0 - 0.5 * away)
+
+
+_FACTORS = SinkageRatio, DigOut, SoilTransport
 
 
 def forms(situation: Situation) -> tuple[Effect, ...]:
     """Give the forms that these data can show: slip has to vary."""
     if not situation.drive.has("slip"):
         return ()
-    return SinkageExponent(), SinkageRatio(), DigOut(), SoilTransport()
+    with np.errstate(invalid="ignore"):
+        told = float(np.mean(situation.drive.slip < 0.0)) > _BRAKED
+    return (SinkageExponent(), *(factor(told=told) for factor in _FACTORS))
+
+
+def named(situation: Situation) -> tuple[Effect, ...]:
+    """Give the forms that a simulation may ask for, whatever its slips."""
+    if not situation.drive.has("slip"):
+        return ()
+    return (SinkageExponent(), *(factor(driven=driven) for factor in _FACTORS for driven in (False, True)))

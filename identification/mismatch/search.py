@@ -66,6 +66,9 @@ its gain they have [-]."""
 _NOT_EXCLUDED = 3.0
 """Units of log-odds up to which a set is not excluded, to 5 % [-]."""
 
+_AS_GOOD = 0.05
+"""Mean ln(square) of held-out errors by which one form may err more than another and still do as well [-]."""
+
 _PLUS = " + "
 """Between the names of effects in a set."""
 
@@ -164,7 +167,7 @@ class _Tries:
         near = [trial for trial in alike if best.gain - trial.gain < within]
         near = [trial for trial in near if best.unheard_of or not trial.unheard_of]
         least = min(near, key=lambda trial: trial.held_out.error(self.problem), default=best)
-        least = _plainest(causes, least)
+        least = _plainest(self.problem, causes, least)
         found = Search(self.textbook, tuple(unique.values()), left, least)
         if spread == 1.0:
             return found
@@ -226,14 +229,16 @@ def search(
     return tries.ended(best)
 
 
-def _plainest(tried: Iterable[Trial], best: Trial) -> Trial:
+def _plainest(problem: Problem, tried: Iterable[Trial], best: Trial) -> Trial:
     """What takes the place of a set with a form that others' further parameters make: the same effects by fewer, where
-    those are not worth it.
+    those are worth it neither in nats nor in errors.
     """
     if not any(effect.freed for effect in best.effects):
         return best
+    most = best.held_out.error(problem) + _AS_GOOD
     fewer = [each for each in tried if each.slugs == best.slugs and len(each.fitted.vector) < len(best.fitted.vector)]
-    enough = [each for each in fewer if each.gain > best.gain - WORTH_FURTHER]
+    near = [each for each in fewer if each.gain > best.gain - WORTH_FURTHER]
+    enough = [each for each in near if each.held_out.error(problem) < most]
     return max(enough, key=lambda trial: trial.gain, default=best)
 
 

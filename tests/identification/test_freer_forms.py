@@ -19,14 +19,14 @@ VEHICLE = Vehicle(name="made", wheels=(WHEEL,))
 ROWS = 240
 
 
-def found(effect: NamedEffect, form: str) -> Trial:
+def found(effect: NamedEffect, form: str, least_slip: float = 0.02) -> Trial:
     """Fit of one form to a noisy drive with an effect."""
     rng = np.random.default_rng(5)
     time_s = np.arange(ROWS) / 10.0
     columns = {
         "time_s": time_s,
         "load_N": 300.0 + 100.0 * np.sin(0.9 * time_s),
-        "slip": 0.3 + 0.28 * np.sin(0.37 * time_s),
+        "slip": least_slip + 0.28 + 0.28 * np.sin(0.37 * time_s),
         "wheel_speed_rad_s": 1.0 + 0.9 * np.sin(0.61 * time_s),
     }
     bare = WheelTable(columns, None, None, "made")
@@ -60,6 +60,45 @@ def test_a_further_parameter_is_fitted_where_it_is_worth_it(slug, settings, form
     truth = [float(settings[parameter.name]) for parameter in effect.parameters]
     # Friction that goes with nothing is part of the soil's, within a few of its standard deviations.
     assert np.all(np.abs(trial.fitted.vector[where] - truth) < 4.0 * sd[where])
+
+
+@pytest.mark.parametrize(
+    ("made", "least_slip", "form"),
+    [
+        ("ratio, driven", -0.25, "ratio, driven"),
+        ("ratio", -0.25, "ratio"),
+        # Where nothing brakes both say the same.
+        ("ratio, driven", 0.02, "ratio"),
+    ],
+)
+def test_braked_wheels_carry_soil_away_where_the_data_say_so(made, least_slip, form):
+    trial = found(NamedEffect("slip_sinkage", {"p": "0.4"}, made), "ratio", least_slip)
+    (effect,) = trial.effects
+    assert effect.form == form
+    ((_, where),) = trial.fitted.model.slices()
+    sd = np.sqrt(np.diag(trial.fitted.covariance))[where]
+    assert abs(trial.fitted.vector[where][0] - 0.4) < 4.0 * sd[0] < 0.4
+
+
+@pytest.mark.parametrize(
+    ("form", "settings"), [("ratio", {"p": "0.7"}), ("dig-out", {"h": "0.5"}), ("transport", {"p": "0.7"})]
+)
+def test_a_form_of_driven_wheels_leaves_braked_ones_as_they_are(form, settings):
+    columns = {
+        "time_s": np.arange(2.0), "load_N": np.full(2, 300.0), "slip": np.array([-0.3, 0.3]),
+        "wheel_speed_rad_s": np.ones(2),
+    }  # fmt: skip
+    bare, soil = WheelTable(columns, None, None, "made"), Soil(1000.0, 0.52, 0.015, 3e5, 1.0)
+    plain, both, driven = (
+        simulate(VEHICLE, soil, bare, effects)["sinkage_m"]
+        for effects in (
+            [],
+            [NamedEffect("slip_sinkage", settings, form)],
+            [NamedEffect("slip_sinkage", settings, f"{form}, driven")],
+        )
+    )
+    np.testing.assert_allclose(driven, [plain[0], both[1]], rtol=1e-5)
+    assert np.all(both > 1.05 * plain)
 
 
 def test_of_slip_and_the_two_speeds_the_third_follows():

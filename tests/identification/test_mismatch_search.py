@@ -112,17 +112,21 @@ def test_of_two_that_do_not_earn_their_places_the_better_one_is_left(trials, mon
     assert module._pruned(tries, both) is alone["soil_patch"]
 
 
-@pytest.mark.parametrize(("behind", "kept"), [(3.0, False), (9.0, True)])
-def test_a_further_parameter_gives_way_to_another_form_that_does_without(trials, behind, kept):
-    _, textbook, forms = trials(7110, ("slip_sinkage",), "hidden", "bench")
+@pytest.mark.parametrize(
+    ("behind", "errs", "kept"), [(3.0, 1.0, False), (9.0, 1.0, True), (3.0, 1.02, False), (3.0, 1.04, True)]
+)
+def test_a_further_parameter_gives_way_to_another_form_that_does_without(trials, behind, errs, kept):
+    problem, textbook, forms = trials(7110, ("slip_sinkage",), "hidden", "bench")
     usual = forms("drivetrain_friction")
     (freed,) = usual["drivetrain_friction[stribeck]"].freer()
     fitted, held = textbook.fitted, textbook.held_out
     longer = replace(fitted, vector=np.append(fitted.vector, np.ones(4)))
-    plain = replace(textbook, effects=(usual["drivetrain_friction[coulomb+viscous]"],), gain=300.0 - behind)
+    worse = replace(held, residuals=errs * held.residuals)
+    form = usual["drivetrain_friction[coulomb+viscous]"]
+    plain = replace(textbook, effects=(form,), held_out=worse, gain=300.0 - behind)
     best = replace(textbook, effects=(freed,), fitted=longer, held_out=held, gain=300.0)
-    assert (module._plainest([plain, best], best) is best) == kept
-    assert module._plainest([plain, best], plain) is plain
+    assert (module._plainest(problem, [plain, best], best) is best) == kept
+    assert module._plainest(problem, [plain, best], plain) is plain
 
 
 def test_a_hump_starts_from_the_soil_whose_stress_rises_as_fast():
