@@ -25,6 +25,11 @@ _INCOMPLETE = 23.0
 _LEFT = 0.04
 """A smooth correction may add this share of what is gained [-], and `REMAINS`: right answers left 0.031 at most."""
 
+_FELT, _FELT_SHARE = 15.0, 0.03
+"""Nats that corrections gain (`smooth_correction.nats_left`), and share of what is gained [-], from which on a set is
+doubted. Of 62 right answers (seed 390000) none left more than 6, but for drifts of 1300 and 2100 nats (18 and 23); of
+30 confident wrong ones without the true effect in the catalogue nine left more than this."""
+
 _WORSE = 0.05
 """Growth of the errors on held-out rows with a set, a mean over the channels of ln(ratio), from which on the set is
 doubted. Of the 439 sets behind `noise_floor.FAR` those that were right let errors grow by 0.03 at most."""
@@ -40,7 +45,9 @@ to, a share of a parameter for each row besides. Of 261 right sets on the study'
 ones without the true effect in the catalogue two each."""
 
 
-def doubts(problem: Problem, search: Search, remaining: float, repeated: float) -> tuple[str, ...]:
+def doubts(
+    problem: Problem, search: Search, remaining: float, repeated: float, felt: float = 0.0
+) -> tuple[str, ...]:  # fmt: skip
     """Say, in words, what speaks against the chosen set's being all that was left out.
 
     Parameters
@@ -51,6 +58,8 @@ def doubts(problem: Problem, search: Search, remaining: float, repeated: float) 
         Nats that a smooth correction gains on top of the chosen set.
     repeated
         Number of neighbouring rows that say the same.
+    felt
+        Nats that corrections gain, were they but felt (`smooth_correction.nats_left`).
     """
     if not search.chosen.effects:
         return ()
@@ -61,7 +70,8 @@ def doubts(problem: Problem, search: Search, remaining: float, repeated: float) 
         reasons.append("what fits best errs much less on rows that it was fitted to than on others")
     if asks_for_more(search, repeated):
         reasons.append("beside what fits best one more effect would still gain more than beside a complete set")
-    if remaining > max(REMAINS * repeated, _LEFT * search.chosen.gain):
+    gained = search.chosen.gain
+    if remaining > max(REMAINS * repeated, _LEFT * gained) or felt > max(_FELT * repeated, _FELT_SHARE * gained):
         reasons.append("what fits best leaves more than published forms of one effect commonly differ by")
     if beyond := search.chosen.unheard_of:
         reasons.append(f"what fits best is {' and '.join(beyond)}, beyond what has been published")

@@ -26,7 +26,7 @@ from .naming import name
 from .samples import Samples, gather, passes_apart
 from .search import Search, search
 from .simulated import as_differences, attach
-from .smooth_correction import SmoothCorrection, smooth_correction
+from .smooth_correction import SmoothCorrection, nats_left, smooth_correction
 from .trial import ASKED_FOR, Trial, again, least_errors, situation, textbook_trial, without
 
 _GROUND_OF_ITS_OWN = (
@@ -120,7 +120,9 @@ def explain(
             if remaining.explained.any():
                 # What repeated itself was a misfit, which something else than time or place explains.
                 repeated = repetition(problem, found, remaining.innovations, remaining.explained)
-        against = doubts(problem, found, remaining.gain, repeated)
+        chosen = found.chosen
+        felt = nats_left(problem, chosen.fitted, chosen.effects) if chosen.effects else 0.0
+        against = doubts(problem, found, remaining.gain, repeated, felt)
         naming = name(found, remaining.gain, repeated=repeated, doubted=bool(against))
         if naming.unknown > 0.5 and found.chosen.effects:
             alone = _left_over(problem, found, found.textbook).gain

@@ -7,7 +7,7 @@ a normal prior, and are fitted together with the model's parameters.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +24,9 @@ _STRENGTH = 20.0
 
 _WORTH = 10.0
 """A group of splines is added where it gains more than this many nats on held-out blocks."""
+
+_FELT = 2.0
+"""As much, where it is of no interest what is left, but only whether anything is."""
 
 _MOST_GROUPS = 6
 
@@ -90,28 +93,16 @@ def smooth_correction(problem: Problem, fitted: Fitted, alone: HeldOut) -> Smoot
     """Find what a fit leaves that depends smoothly on something; `alone` is how the fit predicts by itself."""
     groups = _groups(problem, fitted)
     solver = _Solver(problem, fitted, groups)
-    chosen: list[int] = []
-    gains: list[float] = []
-    useless: set[int] = set()
-    best = solver.predictive([])
-    while len(chosen) < _MOST_GROUPS:
-        others = [index for index in range(len(groups)) if index not in useless.union(chosen)]
-        if not others:
-            break
-        # The best of many is good by chance too.
-        reached = [solver.predictive([*chosen, index]) - groups[index].sought for index in others]
-        winner = int(np.argmax(reached))
-        gain = reached[winner] - best - math.log(len(others))
-        if gain < _WORTH:
-            break
-        held_out = solver.added([*chosen, others[winner]])[1]
-        position = groups[others[winner]].position
-        if _worsens(alone.residuals[:, position], solver.added(chosen)[1][:, position], held_out[:, position]):
-            useless.add(others[winner])
-            continue
-        gains.append(gain)
-        best = reached[winner] + groups[others[winner]].sought
-        chosen.append(others[winner])
+
+    def worsens(chosen: list[int], further: int) -> bool:
+        """Say whether a further correction adds, while held out, to the error of its channel: it calms the steps from
+        row to row and leaves the level wrong.
+        """
+        position = groups[further].position
+        before, after = (solver.added(each)[1][:, position] for each in (chosen, [*chosen, further]))
+        return _error(alone.residuals[:, position] - after) > _NO_WORSE * _error(alone.residuals[:, position] - before)
+
+    chosen, gains = _selected(solver, groups, _WORTH, worsens)
     added, held_out = solver.added(chosen)
     terms = tuple(
         Term(CHANNELS[problem.answers[groups[index].position]], groups[index].variable, groups[index].at, values, gain)
@@ -120,12 +111,45 @@ def smooth_correction(problem: Problem, fitted: Fitted, alone: HeldOut) -> Smoot
     return SmoothCorrection(terms, sum(gains), held_out, solver.left(chosen))
 
 
-def _worsens(residuals: np.ndarray, before: np.ndarray, after: np.ndarray) -> bool:
-    """Say whether a further correction of a channel, while held out, adds to its error: it calms the steps from row to
-    row and leaves the level wrong. `residuals` (n,) without any; `before`, `after` (n,) what corrections add.
+def nats_left(problem: Problem, fitted: Fitted, effects: Iterable[Effect]) -> float:
+    """Nats that corrections gain in all beside a fit of some effects, those aside that such an effect is the cause of.
+
+    Each may gain so little that it is no finding, and errors may grow with it: beside a right set they sum to nothing.
     """
-    error, other = float(np.nanmean((residuals - before) ** 2)), float(np.nanmean((residuals - after) ** 2))
-    return other > _NO_WORSE * error
+    courses = {effect.any_course for effect in effects}
+    groups = _groups(problem, fitted)
+    groups = [group for group in groups if (CHANNELS[problem.answers[group.position]], group.variable) not in courses]
+    return sum(_selected(_Solver(problem, fitted, groups), groups, _FELT)[1])
+
+
+def _selected(
+    solver: _Solver, groups: list[_Group], least: float, useless: Callable[[list[int], int], bool] | None = None
+) -> tuple[list[int], list[float]]:
+    """Select groups forward while one gains `least` nats on held-out blocks and is not `useless` beside the others.
+
+    Gives the groups' numbers, and the nats that each gained.
+    """
+    chosen: list[int] = []
+    gains: list[float] = []
+    others = set(range(len(groups)))
+    best = solver.predictive([])
+    while len(chosen) < _MOST_GROUPS and others:
+        # The best of many is good by chance too.
+        reached = {index: solver.predictive([*chosen, index]) - groups[index].sought for index in sorted(others)}
+        winner = max(reached, key=lambda index: reached[index])
+        gain = reached[winner] - best - math.log(len(others))
+        if gain < least:
+            break
+        others.remove(winner)
+        if useless is None or not useless(chosen, winner):
+            gains.append(gain)
+            best = reached[winner] + groups[winner].sought
+            chosen.append(winner)
+    return chosen, gains
+
+
+def _error(residuals: np.ndarray) -> float:
+    return float(np.nanmean(residuals**2))
 
 
 def _groups(problem: Problem, fitted: Fitted) -> list[_Group]:

@@ -133,6 +133,26 @@ def test_an_effect_that_leaves_much_is_doubted_however_much_it_gains(searched):
     assert name(Search(found.textbook, (pair,), (), pair), 70.0).unknown > 0.95
 
 
+@pytest.mark.parametrize(
+    ("felt", "gain", "repeated", "sure"),
+    [
+        (14.0, 500.0, 1.0, True),
+        (16.0, 500.0, 1.0, False),
+        (16.0, 500.0, 2.0, True),
+        (29.0, 1000.0, 1.0, True),
+        (31.0, 1000.0, 1.0, False),
+    ],
+)
+def test_what_many_small_corrections_gain_together_speaks_against_a_set(searched, felt, gain, repeated, sure):
+    problem, found = searched
+    alone = replace(found.chosen, gain=gain)
+    only = Search(found.textbook, (alone,), (), alone)
+    against = doubts(problem, only, 0.0, repeated, felt)
+    assert any("leaves more" in reason for reason in against) != sure
+    naming = name(only, 0.0, repeated=repeated, doubted=bool(against))
+    assert (naming.effects["slip_sinkage"] > ASSERTED) == sure
+
+
 @pytest.mark.parametrize(("remaining", "repeated", "sure"), [(20.0, 1.0, True), (40.0, 1.0, False), (45.0, 3.0, True)])
 def test_what_leaves_something_is_believed_in_no_more_than_half(searched, remaining, repeated, sure):
     """Less than is tolerated of a form, but more than right effects leave: no effect is asserted."""

@@ -22,7 +22,7 @@ from bevameter.identification.mismatch.naming import name
 from bevameter.identification.mismatch.promise import promise
 from bevameter.identification.mismatch.samples import gather
 from bevameter.identification.mismatch.search import Search
-from bevameter.identification.mismatch.smooth_correction import smooth_correction
+from bevameter.identification.mismatch.smooth_correction import nats_left, smooth_correction
 from bevameter.identification.mismatch.trial import situation, textbook_trial, try_adding
 from bevameter.identification.wheel_soil import Soil, equilibrium
 from scipy.signal import lfilter
@@ -123,12 +123,20 @@ def test_a_channel_that_drifts_in_another_course_is_no_unknown():
     assert not excused.explained.any()
     for effects, gained in ((trial.effects, own - 1.0), ((drifts["drawbar_pull_N"],), 1e6), ((), 1e6)):
         assert left.beyond(effects, gained) is left
+    assert nats_left(problem, trial.fitted, trial.effects) < 15.0
+    assert nats_left(problem, trial.fitted, ()) > 0.9 * own
     # Beside another effect what it gains there counts, not what both gain.
     (other,) = effects_for(situation(problem, textbook.fitted), ["load_gain"])
     both = replace(trial, effects=(other, *trial.effects), gain=5000.0)
     for added, is_excused in ((own + 1.0, True), (own - 1.0, False)):
         alone = replace(trial, effects=(other,), gain=both.gain - added)
         assert _left_over(problem, Search(textbook, (alone, both), (), both), both).excused is is_excused
+
+
+def test_what_is_too_little_to_be_a_finding_is_felt():
+    problem, textbook = driven(wanders_N=0.96)
+    assert smooth_correction(problem, textbook.fitted, textbook.held_out).terms == ()
+    assert 2.0 < nats_left(problem, textbook.fitted, ()) < 10.0
 
 
 def test_a_channel_later_than_it_takes_to_change_is_promised_something():
