@@ -66,8 +66,12 @@ def test_lugs_that_nobody_stated_may_stand_out_farther_than_is_assumed():
     unstated = replace(SITUATION, wheel=WHEEL.model_copy(update={"grouser_height_m": 0.0}))
     effect = next(each for each in forms_by_name("grousers", unstated) if each.form == "radius and ripple, 18 lugs")
     values = np.zeros(len(effect.parameters))
-    values[0] = 1.8
-    assert effect.unheard_of(values, np.full(len(values), 0.01)) == []
+    values[:2] = 1.8, 0.05
+    sd = np.full(len(values), 0.01)
+    assert effect.unheard_of(values, sd) == []
+    # By their ripple alone they are known: without one the radius may be larger for any reason.
+    values[1] = 0.03
+    assert effect.unheard_of(values, sd) == ["18 lugs of which nothing ripples"]
 
 
 def test_lugs_that_nobody_stated_are_a_tenth_of_the_radius_high():
