@@ -93,7 +93,7 @@ def explain(
         problem, textbook = textbook_trial(samples, known)
         considered = SLUGS if catalogue is None else tuple(catalogue)
         found, remaining = _sought(problem, textbook, considered, tell)
-        notes, kept = rows.problems, np.arange(len(samples))
+        notes, kept = (*opened.problems, *rows.problems), np.arange(len(samples))
         while (far := outlying(problem.samples, found.chosen.fitted, len(samples) - len(kept))).any():
             tell("leaving out what stands alone")
             kept = kept[~far]

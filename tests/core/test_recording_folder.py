@@ -51,6 +51,15 @@ def test_a_whole_folder(drive):
     assert [block.start_s for block in recording.sound.blocks(1.0, 0.5)] == [1.5, 2.0, 2.5]
 
 
+def test_keys_of_others_in_recording_toml_are_left_out_and_named(drive):
+    about = drive / "recording.toml"
+    text = about.read_text().replace("start_time", "start")
+    about.write_text('operator = "A. N. Other"\nweather = {wind = 3}\n' + text)
+    recording = read_recording(drive)
+    assert recording.start_time == datetime(2024, 5, 1, 10, tzinfo=UTC)
+    assert recording.problems[0] == "recording.toml: operator, weather left out, nothing here reads that"
+
+
 def test_the_digest_is_that_of_the_content(drive, tmp_path):
     first = read_recording(drive).digest
     moved = tmp_path / "elsewhere" / "other name"

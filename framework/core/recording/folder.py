@@ -1,10 +1,10 @@
 """A recording that is a folder (CONTRACTS.md, "A recording").
 
 `recording.toml` is optional, and so is each of its keys; a stream that it does not mention is read if its file is
-there, one that it lists must be there::
+there, one that it lists must be there. Keys of somebody else's are left out, which `problems` says::
 
     name = "sand pit, second run"          # the folder's name where absent
-    start_time = 2024-05-01T10:00:00Z      # a TOML date-time; UTC where it names no offset
+    start_time = 2024-05-01T10:00:00Z      # or `start`; a TOML date-time; UTC where it names no offset
     site = "sand pit"
     notes = "windy"
     streams = ["wheel", "camera", "sound", "pose", "labels", "vibration"]   # which must be there
@@ -26,12 +26,13 @@ there, one that it lists must be there::
 
 from __future__ import annotations
 
+import difflib
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError
 
 from ..errors import InputError
 from ..vehicle import Vehicle, input_error, load_toml, load_vehicle
@@ -78,7 +79,7 @@ class _About(_Part):
     """What `recording.toml` says."""
 
     name: str | None = None
-    start_time: datetime | None = None
+    start_time: Annotated[datetime | None, Field(validation_alias=AliasChoices("start_time", "start"))] = None
     site: str = ""
     notes: str = ""
     streams: tuple[Literal["wheel", "camera", "sound", "pose", "labels", "vibration"], ...] = ()
@@ -110,7 +111,7 @@ def read_folder(folder: Path, vehicle: Vehicle | None = None) -> Recording:
     InputError
         No stream is there, a listed one is missing, or one is at fault.
     """
-    about = _about(folder)
+    about, problems = _about(folder)
     found = _locate(folder, about)
     if not found:
         raise InputError(
@@ -120,7 +121,7 @@ def read_folder(folder: Path, vehicle: Vehicle | None = None) -> Recording:
         )
     if vehicle is None and (folder / "vehicle.toml").is_file():
         vehicle = load_vehicle(folder / "vehicle.toml")
-    digest, problems = StreamDigest(), []
+    digest = StreamDigest()
     wheel = _wheel(found.get("wheel"), vehicle, digest, problems)
     pose = _pose(found.get("pose"), wheel, vehicle, digest, problems)
     labels: Labels | None = read_labels(found["labels"]) if "labels" in found else None
@@ -149,12 +150,20 @@ def with_zone(time: datetime | None) -> datetime | None:
     return time if time is None or time.tzinfo is not None else time.replace(tzinfo=UTC)
 
 
-def _about(folder: Path) -> _About:
+def _about(folder: Path) -> tuple[_About, list[str]]:
+    """Read `recording.toml`, and say which of its keys are left out; one that looks like ours is a slip of the pen."""
     path = folder / "recording.toml"
     if not path.is_file():
-        return _About()
+        return _About(), []
+    data, known = load_toml(path), [*_About.model_fields, "start"]
+    others = [key for key in data if key not in known]
+    for key in others:
+        if close := difflib.get_close_matches(key.lower(), known, n=1):
+            raise InputError(path, "no such key", place=f"key {key}", expected=close[0])
+        del data[key]
+    problems = [f"{path.name}: {', '.join(others)} left out, nothing here reads that"] if others else []
     try:
-        return _About.model_validate(load_toml(path))
+        return _About.model_validate(data), problems
     except ValidationError as error:
         raise input_error(path, error) from None
 
