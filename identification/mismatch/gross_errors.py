@@ -116,13 +116,15 @@ def outlying(samples: Samples, fitted: Fitted, already: int = 0) -> np.ndarray:
     none = np.zeros(len(samples), dtype=bool)
     if samples.drive.timed or len(samples) < _FEWEST:
         return none
-    left = np.where(samples.seen, fitted.innovations, np.nan)
-    away = left - np.nanmedian(left, axis=0)
-    scale = NORMAL_MAD * np.nanmedian(np.abs(away), axis=0)
-    size = np.nan_to_num(away / np.where(scale > 0.0, scale, np.inf))
+    size = _sizes(np.where(samples.seen, fitted.innovations, np.nan))
     out = np.abs(size) > _OUTLYING
     far = np.any(out, axis=1)
-    if not 0 < np.max(np.sum(out, axis=0)) <= max(_FEW * (len(samples) + already), 1.0) - already:
+    # Where several answers are off at once the load is wrong, or the slip: that is one value. An answer that is wrong
+    # alone shows in the innovations of the others, too.
+    several = np.sum(np.abs(_sizes(fitted.residuals)) > _OUTLYING, axis=1) > 1
+    alone = np.bincount(np.argmax(np.abs(size), axis=1)[far & ~several], minlength=1)
+    most = max(np.count_nonzero(far & several), np.max(alone))
+    if not 0 < most <= max(_FEW * (len(samples) + already), 1.0) - already:
         return none
     distance, near = NearestNeighbors(n_neighbors=_NEXT).fit(_conditions(samples)).kneighbors()
     same = out[:, None] & (size[near] * np.sign(size)[:, None] > _SLIGHT)
@@ -131,6 +133,13 @@ def outlying(samples: Samples, fitted: Fitted, already: int = 0) -> np.ndarray:
     ends = [slip == end(slip) for end in (np.min, np.max)]
     spared |= np.any([at & (at.sum() == 1) for at in ends], axis=0)
     return far & ~spared
+
+
+def _sizes(left: np.ndarray) -> np.ndarray:
+    """What is left of answers (n, m), in standard deviations of most of it from its middle; 0 where none was seen."""
+    away = left - np.nanmedian(left, axis=0)
+    scale = NORMAL_MAD * np.nanmedian(np.abs(away), axis=0)
+    return np.nan_to_num(away / np.where(scale > 0.0, scale, np.inf))
 
 
 def _conditions(samples: Samples) -> np.ndarray:

@@ -118,6 +118,26 @@ def test_each_channel_may_have_a_few_gross_errors_of_its_own(fitted):
     assert not outlying(samples, replace(textbook, innovations=left)).any()
 
 
+def test_loads_may_have_a_few_gross_errors_beside_those_of_the_answers(fitted):
+    samples, textbook = fitted
+    left, residuals = textbook.innovations.copy(), textbook.residuals.copy()
+    loads, alone = [33, 77, 105], [[3, 7], [15, 90], [60]]
+    for rows in (left, residuals):
+        away = 30.0 * rows.std(axis=0)
+        rows[loads] += away
+        for channel, wrong in enumerate(alone):
+            rows[wrong, channel] += away[channel]
+    # An answer that is wrong shows in the innovations of another one, too.
+    left[alone[0], 1] += 15.0 * textbook.innovations[:, 1].std()
+    found = outlying(samples, replace(textbook, innovations=left, residuals=residuals))
+    assert np.flatnonzero(found).tolist() == sorted(loads + alone[0] + alone[1] + alone[2])
+    # More than a few loads are what the model misses.
+    more = [*loads, 21, 51]
+    left[more[3:]] += 30.0 * textbook.innovations.std(axis=0)
+    residuals[more[3:]] += 30.0 * textbook.residuals.std(axis=0)
+    assert not outlying(samples, replace(textbook, innovations=left, residuals=residuals)).any()
+
+
 def test_a_channel_that_comes_late_is_no_gross_error_where_it_jumps():
     rng = np.random.default_rng(7)
     time_s = np.arange(600) / 10.0
