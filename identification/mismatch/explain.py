@@ -27,6 +27,7 @@ from .samples import Samples, gather, passes_apart
 from .search import Search, search
 from .simulated import as_differences, attach
 from .smooth_correction import SmoothCorrection, nats_left, smooth_correction
+from .told_soil import disagreement
 from .trial import ASKED_FOR, Trial, again, least_errors, situation, textbook_trial, without
 
 _GROUND_OF_ITS_OWN = (
@@ -127,6 +128,8 @@ def explain(
         if naming.unknown > 0.5 and found.chosen.effects:
             alone = _left_over(problem, found, found.textbook).gain
             naming = name(found, remaining.gain, alone, repeated=repeated, doubted=bool(against))
+        if found.chosen.effects and (other_soil := disagreement(problem.samples, known)):
+            notes = (*notes, other_soil)
         tell("locating the mismatch")
         regions = locate(problem, found.chosen.fitted)
         before = least_errors(problem, found.textbook)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..effects.effect import Drive
 from ..effects.soil_patch import CELLS, SoilPatch, track_of
 from .fitting import Fitted, Problem
 from .soil_variation import NoiseModel
@@ -17,7 +18,10 @@ _EACH = 2
 _APART = CELLS // 12
 """Two stretches differ where one of their edges does by more than so many cells."""
 
-_LEAST, _MOST = 5, int(0.9 * CELLS)
+_MOST_OF_ALL = 0.9
+"""A stretch that takes in more of the samples is no place: the soil as a whole is another [-]."""
+
+_LEAST, _MOST = 5, int(_MOST_OF_ALL * CELLS)
 """Cells that a stretch has at least, and at most."""
 
 
@@ -50,6 +54,20 @@ def stretches_apart(problem: Problem, fitted: Fitted) -> tuple[np.ndarray, ...]:
             found.append((first, last))
             answer.append(np.array([*change[first, last], edges[first], edges[last]]))
     return tuple(answer)
+
+
+def everywhere(fitted: Fitted, drive: Drive) -> bool:
+    """Say whether a place of a fit takes in nearly all that was driven: where soil is known from elsewhere, that it is
+    another one here.
+    """
+    for effect, where in fitted.model.slices():
+        if extent := effect.extent(fitted.vector[where]):
+            along, first, last = extent
+            at = getattr(drive, along)
+            at = at[np.isfinite(at)]
+            if np.mean((at > first) & (at < last)) > _MOST_OF_ALL:
+                return True
+    return False
 
 
 def _pulls(

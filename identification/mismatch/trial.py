@@ -15,7 +15,7 @@ from ..effects.effect import LOAD, SLIP, Effect, Situation
 from ..forward import from_internal, to_internal
 from .fitting import Fitted, Problem, fit
 from .held_out import HeldOut, hold_out
-from .places import stretches_apart
+from .places import everywhere, stretches_apart
 from .samples import Samples, quietness
 from .soil_variation import huber_loss
 from .textbook import coarse_fit, fit_textbook
@@ -302,6 +302,8 @@ def _trial(
     gain = min(held.gain(textbook.held_out)[0], fitted.score - textbook.fitted.score)
     gain -= sum(effect.sought for effect in effects) + _of_quiet(problem, fitted)
     gain -= _of_gross_errors(textbook.fitted.innovations, fitted.innovations)
+    if everywhere(fitted, problem.samples.drive):
+        gain = min(gain, 0.0)
     sd = np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))
     unlike = unheard_of_soil(fitted.vector[:SOIL_COUNT], sd[:SOIL_COUNT], problem.known.values)
     return Trial(effects, fitted, held, gain, unlike)
