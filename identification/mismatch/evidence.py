@@ -133,7 +133,7 @@ def asks_for_more(search: Search, repeated: float) -> bool:
 
 def instead_of(search: Search) -> tuple[str, ...]:
     """What is beyond anything published in a set of one effect less, in words, that gains nearly as much as the chosen
-    one (`search._published`); nothing where there is none.
+    one (`preferred.published`); nothing where there is none.
     """
     chosen = search.chosen
     smaller = [trial for trial in search.trials if len(trial.unexpected) == len(chosen.unexpected) - 1]

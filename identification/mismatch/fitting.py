@@ -41,6 +41,13 @@ _HOPELESS = 0.02
 """It ends, too, when a step promises less than this share of what the fit is behind another one [-]."""
 
 
+_USUAL, _LONGEST = 25, 100
+"""Steps after which the iteration goes on only while they gain, and after which it ends whatever they do."""
+
+_LOOKED_BACK, _STILL_GAINS = 5, 0.5
+"""The steps looked back upon then, and what each of them has to have gained [nats]: along a ridge they are short."""
+
+
 @dataclass(frozen=True)
 class Fitted:
     """A fit.
@@ -272,7 +279,7 @@ def fit(
     vector: np.ndarray,
     noise: NoiseModel | None = None,
     theta_1: np.ndarray | None = None,
-    iterations: int = 25,
+    iterations: int | None = None,
     settle: bool = True,
     rival: float = -math.inf,
 ) -> Fitted:
@@ -289,7 +296,7 @@ def fit(
     noise, theta_1
         Where the noise and the entry angles (n,) [rad] start.
     iterations
-        At most this many steps.
+        At most this many steps; where absent as many as gain.
     settle
         Fit the noise as well.
     rival
@@ -303,7 +310,12 @@ def fit(
         noise = problem.best_noise(response, vector, problem.first_noise, prior)
     innovations, jacobian, loss = problem.whitened(response, noise)
     total = float(loss.sum()) + prior.loss(vector)
-    for iteration in range(iterations):
+    formerly = total
+    for iteration in range(_LONGEST if iterations is None else iterations):
+        if iterations is None and iteration % _LOOKED_BACK == 0:
+            if iteration >= _USUAL and formerly - total < _LOOKED_BACK * _STILL_GAINS:
+                break
+            formerly = total
         step, promised = step_of(innovations, jacobian, prior, vector, damping)
         enough = max(ENOUGH, _HOPELESS * (rival + total + problem.noise_loss(noise)))
         if promised < enough:
@@ -329,7 +341,9 @@ def fit(
             innovations, jacobian, loss = looks
             total = float(loss.sum()) + prior.loss(vector)
             # Weighed as it is itself it may be worse again: then by shorter steps, or two soils would take turns.
-            damping = max(damping / 6.0, 1e-6) if again or total <= before else max(damping, 1e-3) * 10.0
+            share = (before - reached) / promised
+            slower = max(1.0 / 3.0, 1.0 - (2.0 * share - 1.0) ** 3)
+            damping = max(damping * slower, 1e-6) if again or total <= before else max(damping, 1e-3) * 10.0
         else:
             damping = max(damping, 1e-4) * 10.0
             if damping > 1e6:

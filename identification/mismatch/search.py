@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections import deque
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -17,13 +18,12 @@ from .asked import MOST_ASKED_FOR, is_bump, surplus
 from .fitting import Problem, fit
 from .held_out import hold_out
 from .noise_floor import dispersion
+from .preferred import as_large, plainest, published
 from .promise import promised_by
 from .textbook import best_fit
 from .trial import (
     ASKED_FOR,
     EXPECTED_ASKED_FOR,
-    UNHEARD_OF,
-    WORTH_FURTHER,
     Trial,
     less,
     situation,
@@ -65,9 +65,6 @@ its gain they have [-]."""
 
 _NOT_EXCLUDED = 3.0
 """Units of log-odds up to which a set is not excluded, to 5 % [-]."""
-
-_AS_GOOD = 0.05
-"""Mean ln(square) of held-out errors by which one form may err more than another and still do as well [-]."""
 
 _PLUS = " + "
 """Between the names of effects in a set."""
@@ -122,26 +119,29 @@ class _Tries:
         A set that was reached in another order is fitted again: from another start it may end elsewhere.
         """
         former = {trial.effects[-1].name: trial for trial in formerly if trial.gain >= ASKED_FOR}
+        # What cannot be weighed takes no other's place, and follows the most promising: a rival ends fits early.
+        unweighed = [pair for pair in promised if pair[0] == np.inf]
+        weighed = [pair for pair in promised if pair[0] < np.inf]
+        most += len(unweighed)
+        first = [pair for pair in weighed[:_THREADS] if pair[0] >= least]
+        waiting = deque([*first, *unweighed, *weighed[len(first) :]])
         answer: list[Trial] = []
+        running: deque[Future[Trial]] = deque()
         with ThreadPoolExecutor(_THREADS) as pool:
-            # What cannot be weighed takes no other's place, and follows the most promising: a rival ends fits early.
-            unweighed = [pair for pair in promised if pair[0] == np.inf]
-            weighed = [pair for pair in promised if pair[0] < np.inf]
-            most += len(unweighed)
-            first = [pair for pair in weighed[:_THREADS] if pair[0] >= least]
-            promised = [*first, *unweighed, *weighed[len(first) :]]
-            while promised:
+            while waiting and len(answer) + len(running) < most:
+                # What is known by now, the first one's result at least, must not depend on which thread is faster.
+                if len(running) > (_THREADS if answer else _THREADS - 1):
+                    answer.append(running.popleft().result())
                 gained = max((trial.gain - base.gain for trial in answer), default=0.0)
-                worth = [pair for pair in promised[: most - len(answer)] if pair[0] >= max(least, _FAR_LESS * gained)]
-                if not worth:
+                if waiting[0][0] < max(least, _FAR_LESS * gained):
                     break
-                now, promised = worth[:_THREADS], promised[len(worth[:_THREADS]) :]
-                self.tell(", ".join(_named(base, effect) for _, effect in now))
+                _, effect = waiting.popleft()
+                self.tell(_named(base, effect))
                 ahead = max((trial.fitted.score for trial in answer), default=-math.inf)
-                each = partial(try_adding, self.problem, self.textbook, base)
-                forms = [effect for _, effect in now]
-                answer += pool.map(each, forms, [ahead] * len(now), [former.get(effect.name) for effect in forms])
-        self.passed.extend((_named(base, effect), nats) for nats, effect in promised if nats > -np.inf)
+                each = partial(try_adding, self.problem, self.textbook, base, effect)
+                running.append(pool.submit(each, ahead, former.get(effect.name)))
+            answer += [each.result() for each in running]
+        self.passed.extend((_named(base, effect), nats) for nats, effect in waiting if nats > -np.inf)
         self.trials.extend(answer)
         return answer
 
@@ -160,14 +160,14 @@ class _Tries:
         left = tuple(each for names, each in passed.items() if names not in unique)
         best = unique.get(best.names, best)
         if best.unheard_of:
-            best = _published(causes, best)
-        alike = [trial for trial in causes if _as_large(trial, best) and trial.gain >= ASKED_FOR]
+            best = published(causes, best)
+        alike = [trial for trial in causes if as_large(trial, best) and trial.gain >= ASKED_FOR]
         spread = dispersion(self.problem, alike)
         within = temperature(best.gain) * (spread * _NOT_EXCLUDED if spread > 1.0 else 1.0)
         near = [trial for trial in alike if best.gain - trial.gain < within]
         near = [trial for trial in near if best.unheard_of or not trial.unheard_of]
         least = min(near, key=lambda trial: trial.held_out.error(self.problem), default=best)
-        least = _plainest(self.problem, causes, least)
+        least = plainest(self.problem, causes, least)
         found = Search(self.textbook, tuple(unique.values()), left, least)
         if spread == 1.0:
             return found
@@ -229,36 +229,6 @@ def search(
     return tries.ended(best)
 
 
-def _plainest(problem: Problem, tried: Iterable[Trial], best: Trial) -> Trial:
-    """What takes the place of a set with a form that others' further parameters make: the same effects by fewer, where
-    those are worth it neither in nats nor in errors.
-    """
-    if not any(effect.freed for effect in best.effects):
-        return best
-    most = best.held_out.error(problem) + _AS_GOOD
-    fewer = [each for each in tried if each.slugs == best.slugs and len(each.fitted.vector) < len(best.fitted.vector)]
-    near = [each for each in fewer if each.gain > best.gain - WORTH_FURTHER]
-    enough = [each for each in near if each.held_out.error(problem) < most]
-    return max(enough, key=lambda trial: trial.gain, default=best)
-
-
-def _published(tried: Iterable[Trial], best: Trial) -> Trial:
-    """What takes the place of a set beyond anything published: one as large that is not so far behind as that counts
-    against it, else one of one effect more that gains as much. The set itself where there is neither.
-    """
-    known = [trial for trial in tried if not trial.unheard_of]
-    enough = max(ASKED_FOR, best.gain - UNHEARD_OF)
-    instead = [trial for trial in known if _as_large(trial, best) and trial.gain > enough]
-    larger = [trial for trial in known if len(trial.unexpected) == len(best.unexpected) + 1 and trial.gain >= best.gain]
-    return max(instead or larger, key=lambda trial: trial.gain, default=best)
-
-
-def _as_large(trial: Trial, best: Trial) -> bool:
-    """Say whether a set has as many effects as the best one, or as many besides what the vehicle announces."""
-    as_many = len(trial.unexpected) == len(best.unexpected)
-    return len(trial.effects) == len(best.effects) or (as_many and bool(best.unexpected))
-
-
 def _named(base: Trial, effect: Effect) -> str:
     return _PLUS.join(each.name for each in (*base.effects, effect))
 
@@ -278,10 +248,10 @@ def _larger(tries: _Tries, singles: Sequence[Trial], best: Trial) -> list[Trial]
         behind = best.gain - form.gain + _WORTH_ANOTHER
         better = [(nats, e) for nats, e in again if nats - behind > max(beside_best[e.name], ASKED_FOR)]
         answer += tries.attempt(form, better)
-    # Other forms of the best one, too: one may have stood in for two.
-    own = frozenset(effect.name for effect in best.effects)
+    # The best one, too, where it promised little before the runner-up, and its other forms: one may stand in for two.
     for second in _runners_up(singles, best):
-        answer += _nested_beside(tries, second, second.slugs, own)
+        tried = {trial.effects[0].name for trial in answer if trial.names > second.names}
+        answer += _nested_beside(tries, second, second.slugs, frozenset(tried))
     return answer
 
 
@@ -350,6 +320,8 @@ def _exchanged(tries: _Tries, singles: Sequence[Trial], best: Trial) -> Trial:
         rest = without(problem, textbook, best, effect)
         # What residuals lay out was tried beside all that was found: it does not stand in for two.
         instead = tries.weigh(rest, tries.others(best.slugs))
+        alike = _alike(singles, effect)
+        instead = [(math.inf if other.name in alike else nats, other) for nats, other in instead]
         best = max([best, *tries.attempt(rest, instead)], key=lambda trial: trial.gain)
     found = best
     for effect in found.effects[:-1]:
@@ -357,6 +329,13 @@ def _exchanged(tries: _Tries, singles: Sequence[Trial], best: Trial) -> Trial:
             changed = tries.attempt(_bare(problem, found, effect), forms)
             best = max([best, *changed], key=lambda trial: trial.gain)
     return best
+
+
+def _alike(singles: Sequence[Trial], effect: Effect) -> set[str]:
+    """Names of the single effects that do as well as an effect alone: what stands in its place beside another one."""
+    own = max((trial.gain for trial in singles if effect.slug in trial.slugs), default=math.inf)
+    least = max(ASKED_FOR, own - _NOT_EXCLUDED * temperature(own))
+    return {trial.effects[0].name for trial in singles if trial.gain >= least}
 
 
 def _other_forms(singles: Sequence[Trial], effect: Effect) -> list[Trial]:
@@ -390,7 +369,8 @@ def _anchored(problem: Problem, textbook: Trial, singles: Sequence[Trial]) -> Tr
 def _pruned(tries: _Tries, best: Trial) -> Trial:
     """Drop effects that held-out blocks do not ask for once the others are there."""
     while len(best.effects) > 1:
-        smaller = [without(tries.problem, tries.textbook, best, effect) for effect in best.effects]
+        with ThreadPoolExecutor(_THREADS) as pool:
+            smaller = list(pool.map(partial(without, tries.problem, tries.textbook, best), best.effects))
         tries.trials.extend(smaller)
         if min(surplus(trial, best) for trial in smaller) >= 0.0:
             return best

@@ -177,8 +177,8 @@ def try_adding(
 ) -> Trial:  # fmt: skip
     """Fit a set with one more effect, from each of its starts, and hold its blocks out.
 
-    The further it stays behind the score of a `rival`, the less exactly it is fitted and held out. A `former` trial of
-    the same set takes the starts' place.
+    The further it stays behind the score of a `rival`, the less exactly it is fitted and held out, and one that fits
+    worse than the set alone is not held out exactly either. A `former` trial of the same set takes the starts' place.
     """
     best = _from_starts(problem, base, effect, rival, former)
     sharp = base.sharp
@@ -192,7 +192,7 @@ def try_adding(
             sharp = best.score - tried[-1].score
         best = _freed(problem, base, best, max(rival, best.score))
     behind = rival - best.score > max(_OUT_OF_REACH, _FAR_BEHIND * (rival - textbook.fitted.score))
-    held_out = hold_out(problem, best, again=not behind)
+    held_out = hold_out(problem, best, again=not behind and best.score > base.fitted.score)
     trial = replace(_trial(problem, textbook, best.model.effects, best, held_out), sharp=sharp)
     effect, where = best.model.slices()[-1]
     late = effect.delay(best.vector[where]) is not None
@@ -233,7 +233,7 @@ def _from_starts(problem: Problem, base: Trial, effect: Effect, rival: float, fo
         other = AugmentedWheel(model.wheel, (*base.effects, effect.variants()[0]))
         ways += [(each, problem.first_noise) for each in (model, other)]
     theta_1, several = base.fitted.theta_1, len(starts) * len(ways) > 1
-    first = partial(fit, problem, theta_1=theta_1, iterations=_SHORT if several else 25, rival=rival)
+    first = partial(fit, problem, theta_1=theta_1, iterations=_SHORT if several else None, rival=rival)
     fits = [max((first(each, start, noise) for each, noise in ways), key=_score) for start in starts]
     fits.sort(key=_score, reverse=True)
     if not several:

@@ -4,19 +4,29 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from bevameter.framework.scenario.concealed.conceal import conceal
-from bevameter.identification.augmented import SOIL_COUNT
+from bevameter.identification.augmented import SOIL_COUNT, AugmentedWheel
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.shear_hump import ShearHump
 from bevameter.identification.identify import felt_rows, open_recording
 from bevameter.identification.mismatch import search as module
 from bevameter.identification.mismatch.asked import surplus
+from bevameter.identification.mismatch.fitting import fit
+from bevameter.identification.mismatch.preferred import plainest
 from bevameter.identification.mismatch.samples import gather
 from bevameter.identification.mismatch.search import search
-from bevameter.identification.mismatch.trial import ASKED_FOR, situation, textbook_trial, try_adding, unheard_of_soil
+from bevameter.identification.mismatch.trial import (
+    ASKED_FOR,
+    situation,
+    starts_of,
+    textbook_trial,
+    try_adding,
+    unheard_of_soil,
+)
 
 
 @pytest.fixture
@@ -74,6 +84,18 @@ def test_two_that_another_pair_stands_in_for_are_found_in_their_right_forms(tria
     assert found.chosen.gain > wedge + 20.0
 
 
+def test_a_fit_goes_on_along_a_ridge_while_it_gains(trials):
+    """Cohesion, friction and the shear modulus trade off: after 25 steps another effect would lead by 100 nats."""
+    problem, textbook, forms = trials(420082, ("exit_angle",), "plain", "steady")
+    kept = forms("exit_angle")["exit_angle[peak kept]"]
+    model = AugmentedWheel(problem.samples.wheel, (kept,))
+    (start,) = starts_of(textbook, kept)
+    through = partial(fit, problem, model, start, textbook.fitted.noise, textbook.fitted.theta_1)
+    score = through().score
+    assert score > through(iterations=25).score + 50.0
+    assert score == pytest.approx(through(iterations=200).score, abs=0.5)
+
+
 def test_a_further_effect_has_to_gain_more_the_more_is_gained_and_a_place_most(trials):
     problem, textbook, forms = trials(7110, ("slip_sinkage",), "hidden", "bench")
     (patch,), (gain,) = forms("soil_patch").values(), forms("torque_gain").values()
@@ -125,8 +147,8 @@ def test_a_further_parameter_gives_way_to_another_form_that_does_without(trials,
     form = usual["drivetrain_friction[coulomb+viscous]"]
     plain = replace(textbook, effects=(form,), held_out=worse, gain=300.0 - behind)
     best = replace(textbook, effects=(freed,), fitted=longer, held_out=held, gain=300.0)
-    assert (module._plainest(problem, [plain, best], best) is best) == kept
-    assert module._plainest(problem, [plain, best], plain) is plain
+    assert (plainest(problem, [plain, best], best) is best) == kept
+    assert plainest(problem, [plain, best], plain) is plain
 
 
 def test_a_hump_starts_from_the_soil_whose_stress_rises_as_fast():
@@ -178,3 +200,52 @@ def test_a_soil_unlike_any_that_was_measured_is_told(c_kPa, phi_deg, sd_deg, n, 
     told = unheard_of_soil(vector, np.array([100.0, np.radians(sd_deg), 0.1, 0.1, sd_n]))
     assert told == tuple(f"a soil with {each}" for each in beyond)
     assert unheard_of_soil(vector, np.array([100.0, np.radians(sd_deg), 0.1, 0.1, sd_n]), ("phi_rad", "n")) == ()
+
+
+def test_the_best_one_is_tried_beside_a_runner_up_where_the_other_way_promised_nothing(trials, monkeypatch):
+    problem, textbook, forms = trials(7110, ("slip_sinkage",), "hidden", "bench")
+    effects = [forms(slug)[slug] for slug in ("torque_gain", "sinkage_offset", "load_gain")]
+    gain, offset, load = (replace(textbook, effects=(each,), gain=100.0 - n) for n, each in enumerate(effects))
+    tries = module._Tries(problem, textbook, effects, print)
+    asked = []
+
+    def weigh(_tries, base, others):
+        # the offset beside the gain promises nothing, the load gain does
+        return [(5.0 if "torque_gain" in base.slugs and e.slug == "sinkage_offset" else 30.0, e) for e in others]
+
+    def attempt(_tries, base, promised, *_):
+        worth = [effect for nats, effect in promised if nats >= ASKED_FOR]
+        asked.extend((*base.slugs, effect.slug) for effect in worth)
+        return [replace(base, effects=(*base.effects, effect)) for effect in worth]
+
+    monkeypatch.setattr(module._Tries, "weigh", weigh)
+    monkeypatch.setattr(module._Tries, "attempt", attempt)
+    module._larger(tries, [gain, offset, load], gain)
+    assert ("torque_gain", "sinkage_offset") not in asked
+    assert ("sinkage_offset", "torque_gain") in asked
+    # what was tried one way is not tried the other way
+    assert ("torque_gain", "load_gain") in asked
+    assert ("load_gain", "torque_gain") not in asked
+
+
+def test_what_does_as_well_as_an_effect_alone_is_tried_in_its_place(trials, monkeypatch):
+    problem, textbook, forms = trials(7110, ("slip_sinkage",), "hidden", "bench")
+    slugs = ("load_gain", "torque_gain", "torque_offset", "sinkage_offset")
+    effects = [forms(slug)[slug] for slug in slugs]
+    singles = [
+        replace(textbook, effects=(each,), gain=nats)
+        for each, nats in zip(effects, (300.0, 292.0, 250.0, 40.0), strict=True)
+    ]
+    assert module._alike(singles, effects[0]) == {"load_gain", "torque_gain"}
+    both = replace(textbook, effects=(effects[0], effects[3]), gain=350.0)
+    handed = []
+
+    def attempt(_tries, _base, promised, *_):
+        handed.append({effect.slug: nats for nats, effect in promised})
+        return []
+
+    monkeypatch.setattr(module, "without", lambda *_: singles[3])
+    monkeypatch.setattr(module._Tries, "weigh", lambda _tries, _base, others: [(1.0, each) for each in others])
+    monkeypatch.setattr(module._Tries, "attempt", attempt)
+    module._exchanged(module._Tries(problem, textbook, effects, print), singles, both)
+    assert handed[0] == {"torque_gain": math.inf, "torque_offset": 1.0}
