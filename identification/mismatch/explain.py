@@ -128,8 +128,10 @@ def explain(
         if naming.unknown > 0.5 and found.chosen.effects:
             alone = _left_over(problem, found, found.textbook).gain
             naming = name(found, remaining.gain, alone, repeated=repeated, doubted=bool(against))
-        if found.chosen.effects and (other_soil := disagreement(problem.samples, known)):
-            notes = (*notes, other_soil)
+        if known.values:
+            tell("comparing the soil stated with the one found")
+            other_soil = disagreement(problem.samples, known)
+            notes = notes if other_soil is None else (*notes, other_soil)
         tell("locating the mismatch")
         regions = locate(problem, found.chosen.fitted)
         before = least_errors(problem, found.textbook)

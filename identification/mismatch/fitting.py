@@ -310,12 +310,13 @@ def fit(
         noise = problem.best_noise(response, vector, problem.first_noise, prior)
     innovations, jacobian, loss = problem.whitened(response, noise)
     total = float(loss.sum()) + prior.loss(vector)
-    formerly = total
+    formerly = math.inf
     for iteration in range(_LONGEST if iterations is None else iterations):
         if iterations is None and iteration % _LOOKED_BACK == 0:
-            if iteration >= _USUAL and formerly - total < _LOOKED_BACK * _STILL_GAINS:
+            lost = total + problem.noise_loss(noise)
+            if iteration >= _USUAL and formerly - lost < _LOOKED_BACK * _STILL_GAINS:
                 break
-            formerly = total
+            formerly = lost
         step, promised = step_of(innovations, jacobian, prior, vector, damping)
         enough = max(ENOUGH, _HOPELESS * (rival + total + problem.noise_loss(noise)))
         if promised < enough:
@@ -340,10 +341,10 @@ def fit(
                 looks = problem.whitened(response, noise)
             innovations, jacobian, loss = looks
             total = float(loss.sum()) + prior.loss(vector)
+            # By how well the step was foretold (H. B. Nielsen, IMM-REP-1999-05, Technical University of Denmark).
+            change = max(1.0 / 3.0, 1.0 - (2.0 * (before - reached) / promised - 1.0) ** 3)
             # Weighed as it is itself it may be worse again: then by shorter steps, or two soils would take turns.
-            share = (before - reached) / promised
-            slower = max(1.0 / 3.0, 1.0 - (2.0 * share - 1.0) ** 3)
-            damping = max(damping * slower, 1e-6) if again or total <= before else max(damping, 1e-3) * 10.0
+            damping = max(damping * change, 1e-6) if again or total <= before else max(damping, 1e-3) * 10.0
         else:
             damping = max(damping, 1e-4) * 10.0
             if damping > 1e6:

@@ -20,7 +20,7 @@ conditions [-]. Of two alone nobody knows which is wrong."""
 
 _ALONE, _FEW = 12.0, 0.03
 """Standard deviations of that scatter from which on a value stands alone, and the largest share of a channel's values
-that do where they are errors [-]."""
+that do where they are errors [-], the load's beside those of each answer."""
 
 _ISOLATED = 15.0
 """As much of the scatter about the median of neighbours in time: of the study's recordings looked at gross errors stood
@@ -100,8 +100,8 @@ def _beside_jumps(predicted: np.ndarray) -> np.ndarray:
 
 
 def outlying(samples: Samples, fitted: Fitted, already: int = 0) -> np.ndarray:
-    """(n,) True for trials, few of each channel's, that lie far from a fit where those of conditions next to theirs do
-    not.
+    """(n,) True for trials, few of each answer's and of the load's, that lie far from a fit where those of conditions
+    next to theirs do not.
 
     A load that is grossly wrong makes all answers of its row so, and has no repeats to compare it with. Spared is what
     may be a real effect's: a slip beyond all others, and a trial towards which its neighbours lie off the same way.

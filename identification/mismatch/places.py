@@ -19,7 +19,7 @@ _APART = CELLS // 12
 """Two stretches differ where one of their edges does by more than so many cells."""
 
 _MOST_OF_ALL = 0.9
-"""A stretch that takes in more of the samples is no place: the soil as a whole is another [-]."""
+"""A stretch that takes in more of the track is no place: the soil as a whole is another [-]."""
 
 _LEAST, _MOST = 5, int(_MOST_OF_ALL * CELLS)
 """Cells that a stretch has at least, and at most."""
@@ -57,15 +57,15 @@ def stretches_apart(problem: Problem, fitted: Fitted) -> tuple[np.ndarray, ...]:
 
 
 def everywhere(fitted: Fitted, drive: Drive) -> bool:
-    """Say whether a place of a fit takes in nearly all that was driven: where soil is known from elsewhere, that it is
+    """Say whether a place of a fit takes in nearly all of the track: where soil is known from elsewhere, that it is
     another one here.
     """
     for effect, where in fitted.model.slices():
         if extent := effect.extent(fitted.vector[where]):
             along, first, last = extent
             at = getattr(drive, along)
-            at = at[np.isfinite(at)]
-            if np.mean((at > first) & (at < last)) > _MOST_OF_ALL:
+            low, high = np.nanmin(at), np.nanmax(at)
+            if min(last, high) - max(first, low) > _MOST_OF_ALL * (high - low):
                 return True
     return False
 

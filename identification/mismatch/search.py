@@ -34,8 +34,9 @@ from .trial import (
 
 MOST_EFFECTS = 3
 
-_LEAST_PROMISE = 2.5
-"""Effects that promise less [nats] are not fitted."""
+_LEAST_PROMISE, _LEAST_BESIDE = 2.5, 8.0
+"""Effects that promise less alone, and beside others, are not fitted [nats]: beside others less than is asked of them,
+for a fit gains more than its first step promises (11.8, and then 20)."""
 
 _TRIED_IN_SETS = 6
 """Effects tried beside those already found: the most promising ones."""
@@ -54,6 +55,9 @@ _RUNNERS_UP = 3
 
 _FORMS, _WORTH_ANOTHER = 3, 5.0
 """Other forms of an effect beside which a second one is sought, and what one has to promise more there [nats]."""
+
+_ALIKE = 4
+"""Effects that do as well alone as one of a set and are tried in its place."""
 
 _PARTNERS, _CLOSE = 2, 0.02
 """Effects that did nearly as well beside the best one, beside which others are sought in turn, and what share of a gain
@@ -111,7 +115,7 @@ class _Tries:
             return sorted(zip(nats, effects, strict=True), key=lambda pair: -pair[0])
 
     def attempt(
-        self, base: Trial, promised: Sequence[tuple[float, Effect]], least: float = ASKED_FOR,
+        self, base: Trial, promised: Sequence[tuple[float, Effect]], least: float = _LEAST_BESIDE,
         most: int = _TRIED_IN_SETS, formerly: Sequence[Trial] = (),
     ) -> list[Trial]:  # fmt: skip
         """Fit those effects beside a set that promise enough, at most so many; sorted by what they promise.
@@ -248,9 +252,9 @@ def _larger(tries: _Tries, singles: Sequence[Trial], best: Trial) -> list[Trial]
         behind = best.gain - form.gain + _WORTH_ANOTHER
         better = [(nats, e) for nats, e in again if nats - behind > max(beside_best[e.name], ASKED_FOR)]
         answer += tries.attempt(form, better)
-    # The best one, too, where it promised little before the runner-up, and its other forms: one may stand in for two.
+    # The best one, too, where the runner-up promised little beside it, and its other forms: one may stand in for two.
     for second in _runners_up(singles, best):
-        tried = {trial.effects[0].name for trial in answer if trial.names > second.names}
+        tried = {trial.effects[0].name for trial in answer if trial.slugs > second.slugs}
         answer += _nested_beside(tries, second, second.slugs, frozenset(tried))
     return answer
 
@@ -321,7 +325,7 @@ def _exchanged(tries: _Tries, singles: Sequence[Trial], best: Trial) -> Trial:
         # What residuals lay out was tried beside all that was found: it does not stand in for two.
         instead = tries.weigh(rest, tries.others(best.slugs))
         alike = _alike(singles, effect)
-        instead = [(math.inf if other.name in alike else nats, other) for nats, other in instead]
+        instead = [(math.inf if other.name in alike and nats > -math.inf else nats, other) for nats, other in instead]
         best = max([best, *tries.attempt(rest, instead)], key=lambda trial: trial.gain)
     found = best
     for effect in found.effects[:-1]:
@@ -332,10 +336,12 @@ def _exchanged(tries: _Tries, singles: Sequence[Trial], best: Trial) -> Trial:
 
 
 def _alike(singles: Sequence[Trial], effect: Effect) -> set[str]:
-    """Names of the single effects that do as well as an effect alone: what stands in its place beside another one."""
+    """Names of the single effects that do as well as an effect alone, few: each may be what it stands in for."""
     own = max((trial.gain for trial in singles if effect.slug in trial.slugs), default=math.inf)
-    least = max(ASKED_FOR, own - _NOT_EXCLUDED * temperature(own))
-    return {trial.effects[0].name for trial in singles if trial.gain >= least}
+    others = [trial for trial in singles if effect.slug not in trial.slugs and trial.gain >= ASKED_FOR]
+    near = [trial for trial in others if abs(trial.gain - own) < _NOT_EXCLUDED * temperature(own)]
+    near.sort(key=lambda trial: abs(trial.gain - own))
+    return {trial.effects[0].name for trial in near[:_ALIKE]}
 
 
 def _other_forms(singles: Sequence[Trial], effect: Effect) -> list[Trial]:

@@ -19,8 +19,8 @@ _BY_CHANCE = 1e-6
 def disagreement(samples: Samples, known: SoilKnowledge) -> str | None:
     """Say, in words, that the soil known from elsewhere is not the one that the wheel finds; None where it may be.
 
-    What is named then rests on what was stated: an instrument's fault may look wholly like another soil, and so does a
-    soil that is stated wrongly.
+    An instrument's fault may look wholly like another soil, and so does a soil that is stated wrongly: what is named,
+    or that nothing is, rests on the statement then.
     """
     names = list(known.values)
     if not names:
@@ -35,21 +35,22 @@ def disagreement(samples: Samples, known: SoilKnowledge) -> str | None:
     if float(away @ scaled_inverse(covariance + np.diag(told_sd**2)) @ away) < chi2.isf(_BY_CHANCE, len(names)):
         return None
     told_and_found = "; ".join(
-        f"{_shown(name, told[i], told_sd[i])} stated, {_value(name, found[i], covariance[i, i] ** 0.5)} found"
+        f"{readable.shown(name).name} {_value(name, told[i], told_sd[i])} stated, "
+        f"{_value(name, found[i], covariance[i, i] ** 0.5)} found"
         for i, name in enumerate(names)
     )
+    meant = " (its stiffness is that of pressure over (sinkage / width)^n)" if "stiffness_Pa" in names else ""
     return (
-        f"the soil stated is not the one that the textbook wheel finds by itself ({told_and_found}): what is named "
-        "rests on the statement, whose stiffness is that of pressure over (sinkage / width)^n"
+        f"the soil stated is not the one that the textbook wheel finds by itself ({told_and_found}): either the "
+        f"statement is wrong{meant}, or what was left out makes the ground look like another soil"
     )
-
-
-def _shown(name: str, at: float, sd: float) -> str:
-    return f"{readable.shown(name).name} {_value(name, at, sd)}"
 
 
 def _value(name: str, at: float, sd: float) -> str:
     """Put an internal value and its standard deviation in the unit that is shown."""
     how, value = readable.shown(name), from_internal(name, float(at))
-    spread = readable.spread(value, float(sd) * slope_of_internal(name, value), how.scale)
-    return f"{spread} {how.unit}".strip()
+    if sd > 0.0:
+        shown = readable.spread(value, float(sd) * slope_of_internal(name, value), how.scale)
+    else:
+        shown = readable.number(value, how.scale)
+    return f"{shown} {how.unit}".strip()

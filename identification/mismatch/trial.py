@@ -18,7 +18,7 @@ from .held_out import HeldOut, hold_out
 from .places import everywhere, stretches_apart
 from .samples import Samples, quietness
 from .soil_variation import huber_loss
-from .textbook import coarse_fit, fit_textbook
+from .textbook import coarse_fit, first_soil, fit_textbook
 
 ASKED_FOR = 12.0
 """An effect is added where it gains more than this many nats on held-out blocks."""
@@ -43,6 +43,10 @@ recordings looked at since, seven true ones had 2.5 and more, two of a null 0.9 
 
 _SHORT, _STILL_MOVING = 5, 3.0
 """Iterations by which starts are compared, and how far behind the best [nats] one has not come to rest by then."""
+
+_CHEAP, _MISFIT = 300, 1.5
+"""Rows up to which sets are fitted from other soils, too, and noises that the textbook wheel leaves of them then [-]:
+on real sand (27 trials, 2.6 noises) a load gain gained 289 nats from the textbook's soil and 412 from others."""
 
 WORTH_FURTHER = 6.0
 """Nats that further parameters of an effect found have to gain."""
@@ -181,6 +185,8 @@ def try_adding(
     worse than the set alone is not held out exactly either. A `former` trial of the same set takes the starts' place.
     """
     best = _from_starts(problem, base, effect, rival, former)
+    if former is None and _many_optima(problem, textbook):
+        best = max([best, *_from_other_soils(problem, base, effect, max(rival, best.score))], key=_score)
     sharp = base.sharp
     if best.score >= base.fitted.score + ASKED_FOR:
         tried = [best]
@@ -192,11 +198,13 @@ def try_adding(
             sharp = best.score - tried[-1].score
         best = _freed(problem, base, best, max(rival, best.score))
     behind = rival - best.score > max(_OUT_OF_REACH, _FAR_BEHIND * (rival - textbook.fitted.score))
-    held_out = hold_out(problem, best, again=not behind and best.score > base.fitted.score)
+    worse = best.score <= base.fitted.score
+    held_out = hold_out(problem, best, again=not behind and not worse)
     trial = replace(_trial(problem, textbook, best.model.effects, best, held_out), sharp=sharp)
     effect, where = best.model.slices()[-1]
     late = effect.delay(best.vector[where]) is not None
-    return replace(trial, gain=min(trial.gain, base.gain)) if late and _by_chance(base, trial) else trial
+    nothing = worse or (late and _by_chance(base, trial))
+    return replace(trial, gain=min(trial.gain, base.gain)) if nothing else trial
 
 
 def _by_chance(base: Trial, trial: Trial) -> bool:
@@ -245,6 +253,22 @@ def _from_starts(problem: Problem, base: Trial, effect: Effect, rival: float, fo
         slow = [each for each in fits[followed:] if fits[0].score - each.score > _STILL_MOVING]
         ended += [_to_its_end(problem, each, rival) for each in slow]
     return max(ended, key=_score)
+
+
+def _many_optima(problem: Problem, textbook: Trial) -> bool:
+    """Say whether a fit may end far from its best: where the textbook wheel is wrong, soils that hardly carry the load
+    take up the misfit, and stop there. Of few rows more starts cost little.
+    """
+    left = textbook.fitted.innovations[problem.seen]
+    return len(problem.seen) <= _CHEAP and float(np.sqrt(np.mean(left**2))) > _MISFIT
+
+
+def _from_other_soils(problem: Problem, base: Trial, effect: Effect, rival: float) -> list[Fitted]:
+    """Fit a set with one more effect from middling soils instead of the set's own."""
+    model = AugmentedWheel(problem.samples.wheel, (*base.effects, effect))
+    others = base.fitted.vector[SOIL_COUNT:]
+    starts = [np.concatenate([soil, others, effect.starts()[0]]) for soil in first_soil(problem)]
+    return [fit(problem, model, start, base.fitted.noise, rival=rival) for start in starts]
 
 
 def _score(fitted: Fitted) -> float:

@@ -54,10 +54,10 @@ def test_a_whole_folder(drive):
 def test_keys_of_others_in_recording_toml_are_left_out_and_named(drive):
     about = drive / "recording.toml"
     text = about.read_text().replace("start_time", "start")
-    about.write_text('operator = "A. N. Other"\nweather = {wind = 3}\n' + text)
+    about.write_text('operator = "A. N. Other"\nweather = {wind = 3}\nground = "sand"\n' + text)
     recording = read_recording(drive)
     assert recording.start_time == datetime(2024, 5, 1, 10, tzinfo=UTC)
-    assert recording.problems[0] == "recording.toml: operator, weather left out, nothing here reads that"
+    assert recording.problems[0] == "recording.toml: operator, weather, ground left out, nothing here reads that"
 
 
 def test_the_digest_is_that_of_the_content(drive, tmp_path):
@@ -142,7 +142,16 @@ def copy(old, new):
         (remove("camera/camera.csv"), "camera.csv: no such file"),
         (remove("sound.wav"), "sound.wav: no such file"),
         (copy("sound.wav", "sound.flac"), "both sound.wav and sound.flac"),
-        (replace("recording.toml", 'site = "pit"', 'sight = "pit"'), "key sight"),
+        (replace("recording.toml", 'site = "pit"', 'Site = "pit"'), "key Site: no such key .expected site"),
+        (replace("recording.toml", "start_time", "start_tiem"), "key start_tiem: no such key .expected start_time"),
+        (
+            replace("recording.toml", 'notes = "windy"', "start = 2024-05-01T10:00:00Z"),
+            "key start: start_time is given",
+        ),
+        (
+            replace("recording.toml", "start_time = 2024-05-01T10:00:00Z", "start = 12.5"),
+            "key start: a number, expected",
+        ),
         (replace("recording.toml", '"labels"', '"smell"'), "key streams.4: 'smell'"),
         (replace("recording.toml", "2024-05-01T10:00:00Z", '"noon"'), "key start_time: 'noon'"),
         (replace("recording.toml", "start_s = 1.5", "start_s = inf"), "key sound.start_s"),

@@ -32,7 +32,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AliasChoices, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from ..errors import InputError
 from ..vehicle import Vehicle, input_error, load_toml, load_vehicle
@@ -43,6 +43,9 @@ from .streams import FolderCamera, pose_from_wheel, read_camera, read_labels, re
 from .types import Labels, Pose, Recording, VibrationRun, WheelTable
 from .vibration_run import read_vibration_run
 from .wheel_file import derive_all, read_wheel
+
+_SLIP = 0.82
+"""How like one of ours, by difflib's ratio, a key is that was meant to be it [-]: `start_tiem` is, `state` is not."""
 
 _TABLE_KINDS = (".csv", ".csv.gz", ".parquet")
 _STREAMS = {
@@ -75,11 +78,20 @@ class _Vibration(_File):
     wheel_file: str | None = None
 
 
+def _no_number(time: object) -> object:
+    """Refuse a number for a date, which would be taken for seconds since 1970."""
+    if isinstance(time, int | float):
+        raise ValueError("a number, expected a date and a time")
+    return time
+
+
 class _About(_Part):
     """What `recording.toml` says."""
 
     name: str | None = None
-    start_time: Annotated[datetime | None, Field(validation_alias=AliasChoices("start_time", "start"))] = None
+    start_time: Annotated[
+        datetime | None, BeforeValidator(_no_number), Field(validation_alias=AliasChoices("start_time", "start"))
+    ] = None
     site: str = ""
     notes: str = ""
     streams: tuple[Literal["wheel", "camera", "sound", "pose", "labels", "vibration"], ...] = ()
@@ -158,9 +170,11 @@ def _about(folder: Path) -> tuple[_About, list[str]]:
     data, known = load_toml(path), [*_About.model_fields, "start"]
     others = [key for key in data if key not in known]
     for key in others:
-        if close := difflib.get_close_matches(key.lower(), known, n=1):
+        if close := difflib.get_close_matches(key.lower(), known, n=1, cutoff=_SLIP):
             raise InputError(path, "no such key", place=f"key {key}", expected=close[0])
         del data[key]
+    if "start" in data and "start_time" in data:
+        raise InputError(path, "start_time is given as well", place="key start", expected="one of them")
     problems = [f"{path.name}: {', '.join(others)} left out, nothing here reads that"] if others else []
     try:
         return _About.model_validate(data), problems
