@@ -318,7 +318,9 @@ def _beside_partners(
 
 
 def _exchanged(tries: _Tries, singles: Sequence[Trial], best: Trial) -> Trial:
-    """Exchange what was found before the last effect for others, then for its other forms."""
+    """Exchange what was found before the last effect for others, then for its other forms, and each for what does as
+    well alone: another effect's many forms may have taken its place among those tried.
+    """
     problem, textbook = tries.problem, tries.textbook
     for effect in best.effects[:-1]:
         rest = without(problem, textbook, best, effect)
@@ -331,6 +333,13 @@ def _exchanged(tries: _Tries, singles: Sequence[Trial], best: Trial) -> Trial:
     for effect in found.effects[:-1]:
         if forms := [(math.inf, trial.effects[0]) for trial in _other_forms(singles, effect)]:
             changed = tries.attempt(_bare(problem, found, effect), forms)
+            best = max([best, *changed], key=lambda trial: trial.gain)
+    tried = {trial.names for trial in tries.trials}
+    for effect in found.effects:
+        alike, beside = _alike(singles, effect), {each.name for each in found.effects if each is not effect}
+        others = [e for e in tries.others(found.slugs) if e.name in alike and beside | {e.name} not in tried]
+        if others:
+            changed = tries.attempt(_bare(problem, found, effect), [(math.inf, other) for other in others])
             best = max([best, *changed], key=lambda trial: trial.gain)
     return best
 

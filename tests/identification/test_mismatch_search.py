@@ -251,8 +251,16 @@ def test_what_does_as_well_as_an_effect_alone_is_tried_in_its_place(trials, monk
     monkeypatch.setattr(module, "without", lambda *_: singles[3])
     monkeypatch.setattr(module._Tries, "weigh", lambda _tries, _base, others: [(1.0, each) for each in others])
     monkeypatch.setattr(module._Tries, "attempt", attempt)
-    module._exchanged(module._Tries(problem, textbook, effects, print), singles, both)
+    monkeypatch.setattr(module, "_bare", lambda *_: singles[3])
+    tries = module._Tries(problem, textbook, effects, print)
+    module._exchanged(tries, singles, both)
     assert handed[0] == {"torque_gain": math.inf, "torque_offset": 1.0}
+    # What was not tried after all, and does as well as one of those found, is tried in the end.
+    assert handed[1:] == [{"torque_gain": math.inf}]
+    tries.trials.append(replace(both, effects=(effects[1], effects[3])))
+    handed.clear()
+    module._exchanged(tries, singles, both)
+    assert len(handed) == 1
 
 
 def test_what_a_fit_is_told_of_others_does_not_hang_on_which_thread_is_faster(trials, monkeypatch):
