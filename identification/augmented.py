@@ -106,9 +106,14 @@ class AugmentedWheel:
         return Response(self._channels(drive, imposed, contact, vector, forces), angle)
 
     def linearise(
-        self, drive: Drive, imposed: np.ndarray, vector: np.ndarray, entry: Entry | None, *, latent: bool = True
-    ) -> Response:
-        """As `predict`, with derivatives; those by the true load and slip only where `latent`."""
+        self, drive: Drive, imposed: np.ndarray, vector: np.ndarray, entry: Entry | None, *, latent: bool = True,
+        known: Response | None = None,
+    ) -> Response:  # fmt: skip
+        """As `predict`, with derivatives; those by the true load and slip only where `latent`.
+
+        Derivatives by leading parameters that are `known` are taken over: where the last effect is nothing they are
+        those of the wheel without it.
+        """
         true = self._true(drive, imposed, vector)
         angle, forces = self._solve(drive, true, vector, entry or Entry(np.full(len(imposed), 0.4)))
         contact = self._contact(drive, true, vector, angle)
@@ -135,7 +140,10 @@ class AugmentedWheel:
 
         far = [False] * SOIL_COUNT + [each.step > 0.0 for effect in self.effects for each in effect.parameters]
         by_parameter, turned = np.empty((*base.shape, self.size)), np.empty((len(base), self.size))
-        for index, step in enumerate(self.steps(vector)):
+        taken_over = 0 if known is None else known.turned.shape[-1]
+        if known is not None:
+            by_parameter[..., :taken_over], turned[:, :taken_over] = known.by_parameter, known.turned
+        for index, step in list(enumerate(self.steps(vector)))[taken_over:]:
             stepped = vector.copy()
             stepped[index] += step
             by_parameter[:, :, index], turned[:, index] = derivative(imposed, stepped, step, far=far[index])

@@ -17,10 +17,10 @@ from ...framework.core.soil import PARAMETERS, PLAUSIBLE, SoilKnowledge
 from ..augmented import AugmentedWheel, Entry, Response
 from ..effects.effect import LOAD, SLIP
 from ..forward import slope_of_internal, to_internal
-from .likeliest_noise import NoiseKnown, likeliest
+from .likeliest_noise import NoiseKnown, Weighed, likeliest
 from .samples import Samples
 from .soil_variation import NoiseModel, Ready, huber_loss, neighbours, stretches
-from .steps import Prior, covariance_of, step_from, step_of
+from .steps import Prior, covariance_of, is_longest, step_from, step_of
 
 _NOISE_PRIOR = (0.5, 0.1)
 """Standard deviation of ln(noise) about what neighbours show, and about what the vehicle states."""
@@ -106,6 +106,7 @@ class Problem:
         self.first_noise = self._noise_known.first
         self.most = self.unbounded
         self.weights: Response | None = None
+        self._latest: tuple[Response, tuple[np.ndarray, np.ndarray, np.ndarray]] | None = None
 
     def _known_noise(self) -> NoiseKnown:
         finite = self.gap[np.isfinite(self.gap)]
@@ -141,9 +142,12 @@ class Problem:
         sd = np.array(sd)
         return Prior(np.array(mean), np.where(np.isfinite(sd), 1.0 / sd**2, 0.0), np.array(lower), np.array(upper))
 
-    def linearise(self, model: AugmentedWheel, vector: np.ndarray, entry: Entry | None) -> Response:
-        """Answer of the model with derivatives, in the samples' order."""
-        return model.linearise(self.samples.drive, self.imposed, vector, entry, latent=self.weights is None)
+    def linearise(
+        self, model: AugmentedWheel, vector: np.ndarray, entry: Entry | None, known: Response | None = None
+    ) -> Response:
+        """Answer of the model with derivatives, those that are `known` taken over, in the samples' order."""
+        latent = self.weights is None
+        return model.linearise(self.samples.drive, self.imposed, vector, entry, latent=latent, known=known)
 
     @property
     def unbounded(self) -> NoiseModel:
@@ -152,9 +156,20 @@ class Problem:
 
     def residuals(self, response: Response, weights: Response | None = None) -> np.ndarray:
         """What a model leaves of the answers (n, m), SI, taken at the load and slip measured."""
-        by_latent = np.nan_to_num((self.weights or weights or response).by_latent[:, self.answers])
-        moved = np.einsum("nca,na->nc", by_latent, self._deviation)
+        moved, _, _ = self._weighed_by(self.weights or weights or response)
         return self.measured - response.channels[:, self.answers] - moved
+
+    def _weighed_by(self, weights: Response) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """How far answers are moved by what load and slip deviate, (n, m), SI; and, in the order in which the soil's
+        variation is followed, how they answer that variation, and load and slip, (n, m, 2) each.
+        """
+        latest = self._latest
+        if latest is None or latest[0] is not weights:
+            by_latent = np.nan_to_num(weights.by_latent[:, self.answers])
+            vary = np.nan_to_num(weights.by_ground[:, self.answers])
+            moved = np.einsum("nca,na->nc", by_latent, self._deviation)
+            self._latest = latest = weights, (moved, vary[self.order], by_latent[self.order])
+        return latest[1]
 
     def whitened(
         self, response: Response, noise: NoiseModel, weights: Response | None = None
@@ -197,21 +212,21 @@ class Problem:
 
     def _ready(self, response: Response, weights: Response | None = None) -> Ready:
         """Residuals and derivatives in the order in which the soil's variation is followed."""
-        answers, order = self.answers, self.order
-        weights = self.weights or weights or response
-        residual = self.residuals(response, weights)
-        carried = np.asarray(np.isfinite(response.channels[:, answers]).all(axis=1))[:, None]
+        order, weights = self.order, self.weights or weights or response
+        residual, seen = self.residuals(response, weights), self.seen
+        carried = np.asarray(np.isfinite(response.channels[:, self.answers]).all(axis=1))
         # A wheel that the soil does not carry predicts nothing, which is as wrong as can be.
-        residual = np.where(carried, residual, self.measured)
-        by_parameter = response.by_parameter[:, answers]
+        residual[~carried] = self.measured[~carried]
+        columns = np.empty((*seen.shape, 1 + response.by_parameter.shape[-1]))
+        columns[..., 0] = residual[order]
+        slopes = columns[..., 1:]
+        slopes[:] = response.by_parameter[order[:, None], self.answers]
         # At the edge of being carried the entry angle's answer has no bounds.
-        tame = carried[..., None] & (np.abs(by_parameter) < _STEEPEST)
-        by_parameter = np.where(tame, by_parameter, 0.0)
-        seen = self.seen
-        vary = weights.by_ground[:, answers]
-        columns = np.where(seen[..., None], np.concatenate([residual[..., None], by_parameter], axis=-1), 0.0)
-        latent = np.nan_to_num(weights.by_latent[:, answers])
-        return Ready(columns[order], seen[order], np.nan_to_num(vary)[order], latent[order])
+        slopes[~(np.abs(slopes) < _STEEPEST)] = 0.0
+        slopes[~carried[order]] = 0.0
+        columns[~seen[order]] = 0.0
+        _, vary, latent = self._weighed_by(weights)
+        return Ready(columns, seen[order], vary, latent)
 
     def noise_loss(self, noise: NoiseModel) -> float:
         """Minus the log-prior of the noise."""
@@ -225,11 +240,11 @@ class Problem:
         """
         ready = self._ready(response)
 
-        def weigh(noise: NoiseModel) -> tuple[float, Ready]:
+        def weigh(noise: NoiseModel) -> Weighed:
             loss, gradient, information = ready.weighed(noise, self.latent_covariance, self.gap)
             step, gained = step_from(gradient, information, prior, vector, 0.0)
-            left = ready.columns[..., :1] - (ready.columns[..., 1:] @ step)[..., None]
-            return loss - gained, replace(ready, columns=left)
+            columns = np.stack([ready.columns[..., 0], ready.columns[..., 1:] @ step], axis=-1)
+            return Weighed(loss - gained, replace(ready, columns=columns), at_rest=not is_longest(step))
 
         return likeliest(weigh, start, self._noise_known.prior(self.most), self.latent_covariance, self.gap)
 
@@ -256,9 +271,9 @@ class Problem:
         share = float(np.sum(size - 1.0)) / len(trial)
         alone = np.full(len(trial), np.inf)
 
-        def weigh(noise: NoiseModel) -> tuple[float, Ready]:
+        def weigh(noise: NoiseModel) -> Weighed:
             columns, log_scale = apart.filter(noise, self.latent_covariance, alone, derivatives=False)
-            return share * float(huber_loss(columns[..., 0]).sum() + log_scale.sum()), apart
+            return Weighed(share * float(huber_loss(columns[..., 0]).sum() + log_scale.sum()), apart)
 
         prior = self._noise_known.prior(self.most)
         return likeliest(weigh, self.first_noise, prior, self.latent_covariance, alone, share)

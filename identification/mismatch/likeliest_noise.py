@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .soil_variation import NoiseModel, Ready, huber_weight
+from .soil_variation import NoiseModel, Ready, huber_loss, huber_weight
 from .steps import Prior, step_from
 
 _SPREAD_PRIOR, _LENGTH_PRIOR = 0.15, 1.5
@@ -70,16 +70,35 @@ class NoiseKnown:
         return self.prior(noise).loss(_packed(noise))
 
 
+@dataclass(frozen=True)
+class Weighed:
+    """Residuals under a noise.
+
+    Parameters
+    ----------
+    loss
+        Theirs, less what parameters gain that follow the noise [nats].
+    columns
+        The residuals, and what those parameters take from them, if there are any.
+    at_rest
+        Whether these are where they gain most: then it does not matter to the loss which way they go.
+    """
+
+    loss: float
+    columns: Ready
+    at_rest: bool = True
+
+
 def likeliest(
-    weigh: Callable[[NoiseModel], tuple[float, Ready]], start: NoiseModel, prior: Prior,
-    latent_covariance: np.ndarray, gap: np.ndarray, share: float = 1.0,
+    weigh: Callable[[NoiseModel], Weighed], start: NoiseModel, prior: Prior, latent_covariance: np.ndarray,
+    gap: np.ndarray, share: float = 1.0,
 ) -> NoiseModel:  # fmt: skip
     """Noise of the least loss within bounds.
 
     Parameters
     ----------
     weigh
-        Gives the loss of residuals under a noise [nats], and the one column of residuals that is left to the noise.
+        Weighs residuals under a noise.
     start
         Where to start.
     prior
@@ -87,53 +106,62 @@ def likeliest(
     latent_covariance, gap
         As in `Ready.filter`.
     share
-        With which the column's own loss counts in that of `weigh` [-].
+        With which what the columns tell counts in the loss [-].
     """
     sensors = len(start.answers)
     longest = np.repeat([_LONGEST_NOISE, _LONGEST_SPREAD, _LONGEST_LENGTH], [sensors, 2, 1])
-    steps = np.diag(np.repeat([_NOISE_STEP, _SPREAD_STEP, _LENGTH_STEP], [sensors, 2, 1]))
+    steps = np.repeat([_NOISE_STEP, _SPREAD_STEP, _LENGTH_STEP], [sensors, 2, 1])
 
-    def derive(vector: np.ndarray, loss: float, residuals: Ready) -> tuple[np.ndarray, np.ndarray]:
+    def derive(vector: np.ndarray, weighed: Weighed) -> tuple[np.ndarray, np.ndarray]:
         """Score (k,) and information (k, k)."""
-        score = [(loss - weigh(_unpacked(vector + step))[0]) / step.sum() for step in steps]
-        return np.array(score), share * _information(residuals, vector, steps, latent_covariance, gap)
+        score, information = _told_by(weighed.columns, vector, steps, latent_covariance, gap)
+        score *= share
+        if not weighed.at_rest:
+            there = [weigh(_unpacked(vector + step)).loss for step in np.diag(steps)]
+            score = (weighed.loss - np.array(there)) / steps
+        return score, share * information
 
     vector, damping = _packed(start), 1e-3
     vector[-3:-1] = np.maximum(vector[-3:-1], _FELT_SPREAD)
     vector = np.clip(vector, prior.lower, prior.upper)
-    loss, residuals = weigh(_unpacked(vector))
-    total = loss + prior.loss(vector)
-    score, information = derive(vector, loss, residuals)
+    weighed = weigh(_unpacked(vector))
+    total = weighed.loss + prior.loss(vector)
+    score, information = derive(vector, weighed)
     for _ in range(_STEPS):
         step, promised = step_from(score, information, prior, vector, damping, longest)
         if promised < _ENOUGH or damping > _MOST_DAMPED:
             break
         trial = np.clip(vector + step, prior.lower, prior.upper)
-        loss, residuals = weigh(_unpacked(trial))
-        reached = loss + prior.loss(trial)
+        weighed = weigh(_unpacked(trial))
+        reached = weighed.loss + prior.loss(trial)
         if reached < total:
             vector, total, damping = trial, reached, max(damping / 10.0, 1e-6)
-            score, information = derive(vector, loss, residuals)
+            score, information = derive(vector, weighed)
         else:
             damping = max(damping, 1e-3) * 30.0
     return _unpacked(vector)
 
 
-def _information(
-    residuals: Ready, vector: np.ndarray, steps: np.ndarray, latent_covariance: np.ndarray, gap: np.ndarray
-) -> np.ndarray:
-    """Information (k, k) that one column of residuals has of the noise."""
+def _told_by(
+    columns: Ready, vector: np.ndarray, steps: np.ndarray, latent_covariance: np.ndarray, gap: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Score (k,), parameters staying where they are, and information (k, k) that columns (`Weighed`) have."""
 
-    def innovations(there: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        columns, log_scale = residuals.filter(_unpacked(there), latent_covariance, gap, derivatives=False)
-        return columns[..., 0].ravel(), log_scale.ravel()
+    def look(there: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+        """Innovations that are left and logarithms of their scales, (n m,) each, and the loss."""
+        white, log_scale = columns.filter(_unpacked(there), latent_covariance, gap, derivatives=True)
+        residual, taken = white[..., 0].ravel(), white[..., 1:].sum(axis=-1).ravel()
+        gained = (huber_weight(residual) * taken) @ (residual - 0.5 * taken)
+        return residual - taken, log_scale.ravel(), huber_loss(residual).sum() + log_scale.sum() - gained
 
-    white, log_scale = innovations(vector)
-    moved, widened = np.empty((len(vector), white.size)), np.empty((len(vector), white.size))
-    for index, step in enumerate(steps):
-        columns, scales = innovations(vector + step)
-        moved[index], widened[index] = (columns - white) / step[index], (scales - log_scale) / step[index]
-    return (moved * huber_weight(white)) @ moved.T + widened @ widened.T
+    left, log_scale, loss = look(vector)
+    moved, widened = np.empty((len(vector), left.size)), np.empty((len(vector), left.size))
+    score = np.empty(len(vector))
+    for index, step in enumerate(np.diag(steps)):
+        there, scales, lost = look(vector + step)
+        moved[index], widened[index] = (there - left) / steps[index], (scales - log_scale) / steps[index]
+        score[index] = (loss - lost) / steps[index]
+    return score, (moved * huber_weight(left)) @ moved.T + widened @ widened.T
 
 
 def _packed(noise: NoiseModel) -> np.ndarray:

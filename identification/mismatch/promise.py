@@ -45,7 +45,9 @@ def promise(problem: Problem, base: Trial, effect: Effect) -> float:
     nowhere, promised = 0.0, []
     for number, start in enumerate([null, *(starts if len(starts) > 1 else [])]):
         vector = np.concatenate([base.fitted.vector, start])
-        answer = problem.linearise(model, vector, base.fitted.response.entry(np.zeros(len(base.fitted.vector))))
+        there = base.fitted.response
+        entry = there.entry(np.zeros(len(base.fitted.vector)))
+        answer = problem.linearise(model, vector, entry, there if number == 0 else None)
         for noise in noises:
             innovations, jacobian, loss = problem.whitened(answer, noise)
             total = float(loss.sum()) + prior.loss(vector) + problem.noise_loss(noise)

@@ -21,6 +21,7 @@ from .noise_floor import dispersion
 from .preferred import as_large, plainest, published
 from .promise import promised_by
 from .textbook import best_fit
+from .together import THREADS, together
 from .trial import (
     ASKED_FOR,
     EXPECTED_ASKED_FOR,
@@ -43,9 +44,6 @@ _TRIED_IN_SETS = 6
 
 _FAR_LESS = 0.1
 """Effects that promise less than this share of what another one gained are not fitted [-]."""
-
-_THREADS = 2
-"""Effects fitted at once: the heavy parts let go of Python's lock."""
 
 _NOT_FAR = 0.5
 """A second effect is sought beside runners-up and other forms too, where they gained this share of the best [-]."""
@@ -110,9 +108,8 @@ class _Tries:
 
     def weigh(self, base: Trial, effects: Sequence[Effect]) -> list[tuple[float, Effect]]:
         """Give effects with what they promise beside a set [nats], the most promising ones first."""
-        with ThreadPoolExecutor(_THREADS) as pool:
-            nats = pool.map(partial(promised_by, self.problem, base), effects)
-            return sorted(zip(nats, effects, strict=True), key=lambda pair: -pair[0])
+        nats = together(partial(promised_by, self.problem, base), effects)
+        return sorted(zip(nats, effects, strict=True), key=lambda pair: -pair[0])
 
     def attempt(
         self, base: Trial, promised: Sequence[tuple[float, Effect]], least: float = _LEAST_BESIDE,
@@ -127,14 +124,14 @@ class _Tries:
         unweighed = [pair for pair in promised if pair[0] == np.inf]
         weighed = [pair for pair in promised if pair[0] < np.inf]
         most += len(unweighed)
-        first = [pair for pair in weighed[:_THREADS] if pair[0] >= least]
+        first = [pair for pair in weighed[:THREADS] if pair[0] >= least]
         waiting = deque([*first, *unweighed, *weighed[len(first) :]])
         answer: list[Trial] = []
         running: deque[Future[Trial]] = deque()
-        with ThreadPoolExecutor(_THREADS) as pool:
+        with ThreadPoolExecutor(THREADS) as pool:
             while waiting and len(answer) + len(running) < most:
                 # What is known by now, the first one's result at least, must not depend on which thread is faster.
-                if len(running) > (_THREADS if answer else _THREADS - 1):
+                if len(running) > (THREADS if answer else THREADS - 1):
                     answer.append(running.popleft().result())
                 gained = max((trial.gain - base.gain for trial in answer), default=0.0)
                 if waiting[0][0] < max(least, _FAR_LESS * gained):
@@ -384,8 +381,7 @@ def _anchored(problem: Problem, textbook: Trial, singles: Sequence[Trial]) -> Tr
 def _pruned(tries: _Tries, best: Trial) -> Trial:
     """Drop effects that held-out blocks do not ask for once the others are there."""
     while len(best.effects) > 1:
-        with ThreadPoolExecutor(_THREADS) as pool:
-            smaller = list(pool.map(partial(without, tries.problem, tries.textbook, best), best.effects))
+        smaller = together(partial(without, tries.problem, tries.textbook, best), best.effects)
         tries.trials.extend(smaller)
         if min(surplus(trial, best) for trial in smaller) >= 0.0:
             return best

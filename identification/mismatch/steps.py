@@ -73,6 +73,11 @@ def step_from(
     return step, float(step @ gradient - 0.5 * step @ information @ step)
 
 
+def is_longest(step: np.ndarray) -> bool:
+    """Say whether a step (p,) was cut short for being longer than the `LONGEST`."""
+    return bool(np.max(np.abs(step[: len(LONGEST)]) / LONGEST) > 1.0 - 1e-9)
+
+
 def covariance_of(innovations: np.ndarray, jacobian: np.ndarray, prior: Prior, group: np.ndarray) -> np.ndarray:
     """Covariance (p, p) of the parameters at a fit, made so that 1.96 of its standard deviations hold 95 %.
 

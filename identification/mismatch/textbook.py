@@ -15,6 +15,7 @@ from .fitting import Fitted, Problem, fit
 from .gross_errors import without_gross_errors
 from .samples import Samples, levels
 from .soil_variation import NoiseModel
+from .together import together
 
 _COARSE = 0.1
 """Share of a channel's scatter that the first search for a soil takes for noise [-]."""
@@ -48,11 +49,11 @@ def fit_textbook(samples: Samples, known: SoilKnowledge | None = None) -> tuple[
     """
     problem = Problem(samples, known)
     # Soil first, by what it explains coarsely: variation along the track would explain any soil's residuals.
-    found = [coarse_fit(problem, start, None) for start in first_soil(problem)]
+    found = together(lambda soil: coarse_fit(problem, soil, None), first_soil(problem))
     cleared = without_gross_errors(samples, max(found, key=lambda fitted: fitted.score))
     if cleared is not samples:
         samples, problem = cleared, Problem(cleared, known)
-        found = [coarse_fit(problem, each.vector, each.theta_1) for each in found]
+        found = together(lambda each: coarse_fit(problem, each.vector, each.theta_1), found)
     starts: list[Fitted] = []
     for start in sorted(found, key=lambda fitted: -fitted.score):
         if not any(np.allclose(start.vector[1:], other.vector[1:], atol=_SAME) for other in starts):
@@ -83,12 +84,16 @@ def best_fit(problem: Problem, starts: list[tuple[np.ndarray, np.ndarray]]) -> F
     """
     model = AugmentedWheel(problem.samples.wheel)
     problem.most, problem.weights = problem.unbounded, None
-    found = [fit(problem, model, soil, None, theta_1) for soil, theta_1 in starts]
+
+    def from_start(start: tuple[np.ndarray, np.ndarray]) -> Fitted:
+        return fit(problem, model, start[0], None, start[1])
+
+    found = together(from_start, starts)
     # In quiet ground first, too: a soil that is wrong makes up for it by ground that varies, and so goes on to a worse.
     problem.most = replace(problem.unbounded, spread=np.full(2, QUIET))
-    quiet = [fit(problem, model, soil, None, theta_1) for soil, theta_1 in starts]
+    quiet = together(from_start, starts)
     problem.most = problem.unbounded
-    found += [fit(problem, model, each.vector, each.noise, each.theta_1) for each in quiet]
+    found += together(lambda each: fit(problem, model, each.vector, each.noise, each.theta_1), quiet)
     best = max([*found, *quiet], key=lambda fitted: fitted.score)
     repeat = repeats(problem.samples)
     freedom = int(np.sum(np.maximum(np.bincount(repeat[repeat >= 0]) - 1, 0)))

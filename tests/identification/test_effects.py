@@ -118,6 +118,18 @@ def test_derivatives_are_those_of_the_prediction(effect):
             assert (error <= share * np.abs(numeric).max(axis=0) + 3e-6 * usual / step).all(), (index, error)
 
 
+@pytest.mark.parametrize("effect", [effect for effect in FORMS if effect.nested], ids=identity)
+def test_where_an_effect_is_nothing_derivatives_of_the_wheel_without_it_are_taken_over(effect):
+    soil, null = soil_vector(SOIL), np.array([parameter.null for parameter in effect.parameters])
+    without = AugmentedWheel(WHEEL).linearise(DRIVE, IMPOSED, soil, None)
+    model, vector = AugmentedWheel(WHEEL, (effect,)), np.concatenate([soil, null])
+    whole = model.linearise(DRIVE, IMPOSED, vector, without.entry(np.zeros(5)))
+    there = model.linearise(DRIVE, IMPOSED, vector, without.entry(np.zeros(5)), known=without)
+    usual = np.abs(whole.by_parameter).max(axis=0) + 1e-6 * np.abs(whole.channels).max(axis=0)[:, None]
+    np.testing.assert_allclose(there.by_parameter / usual, whole.by_parameter / usual, atol=1e-3)
+    np.testing.assert_array_equal(there.by_parameter[..., 5:], whole.by_parameter[..., 5:])
+
+
 def test_a_lag_shifts_a_channel_in_time_while_the_clock_runs():
     lagging = SITUATION.drive.time_s[1] - SITUATION.drive.time_s[0]
     late, book = predict(f"time_lag:form=sinkage_m,tau={lagging}"), predict("torque_offset:T_0=0")

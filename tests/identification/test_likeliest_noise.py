@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bevameter.identification.mismatch.likeliest_noise import NoiseKnown, likeliest
+from bevameter.identification.mismatch.likeliest_noise import NoiseKnown, Weighed, likeliest
 from bevameter.identification.mismatch.soil_variation import NoiseModel, Ready, huber_loss
+from bevameter.identification.mismatch.steps import Prior, is_longest, step_from
 from scipy.optimize import minimize
 
 LATENT = np.diag([0.02, 0.03]) ** 2
@@ -32,9 +33,9 @@ def track(rng, noise: NoiseModel, rows: int = 1500) -> tuple[Ready, np.ndarray]:
 
 
 def weighing(ready: Ready, gap: np.ndarray):
-    def weigh(noise: NoiseModel) -> tuple[float, Ready]:
+    def weigh(noise: NoiseModel) -> Weighed:
         columns, log_scale = ready.filter(noise, LATENT, gap, derivatives=False)
-        return float(huber_loss(columns[..., 0]).sum() + log_scale.sum()), ready
+        return Weighed(float(huber_loss(columns[..., 0]).sum() + log_scale.sum()), ready)
 
     return weigh
 
@@ -48,14 +49,42 @@ def test_it_is_the_noise_of_the_least_loss(spread, rng):
 
     def loss(vector: np.ndarray) -> float:
         noise = NoiseModel(np.exp(vector[:2]), vector[2:4], math.exp(vector[4]))
-        return weigh(noise)[0] + KNOWN.loss(noise)
+        return weigh(noise).loss + KNOWN.loss(noise)
 
     start = np.concatenate([np.log(made.answers), np.maximum(made.spread, 1e-3), [0.0]])
     bounds = np.column_stack([prior.lower, prior.upper])
     best = minimize(loss, start, method="L-BFGS-B", bounds=bounds, options={"ftol": 1e-12, "eps": 1e-6})
-    assert weigh(found)[0] + KNOWN.loss(found) < best.fun + 0.1
+    assert weigh(found).loss + KNOWN.loss(found) < best.fun + 0.1
     np.testing.assert_allclose(found.answers, made.answers, rtol=0.1)
     np.testing.assert_allclose(found.spread, made.spread, rtol=0.3, atol=0.02)
+
+
+@pytest.mark.parametrize(("away", "cut"), [(0.2, False), (3.0, True)])
+def test_parameters_follow_the_noise_as_far_as_one_step_goes(away, cut, rng):
+    ready, gap = track(rng, NoiseModel(np.array([0.05, 0.3]), np.array([0.05, 0.1]), 1.0))
+    slopes = rng.normal(size=(*ready.seen.shape, 5)) * ready.seen[..., None]
+    columns = np.concatenate([ready.columns + away * slopes[..., 1:2], slopes], axis=-1)
+    ready, nothing = replace(ready, columns=columns), np.zeros(5)
+    anywhere = Prior(nothing, np.full(5, 0.01), np.full(5, -np.inf), np.full(5, np.inf))
+
+    def weigh(noise: NoiseModel) -> Weighed:
+        loss, gradient, information = ready.weighed(noise, LATENT, gap)
+        step, gained = step_from(gradient, information, anywhere, nothing, 0.0)
+        assert is_longest(step) == cut
+        two = np.stack([columns[..., 0], slopes @ step], axis=-1)
+        return Weighed(loss - gained, replace(ready, columns=two), at_rest=not cut)
+
+    prior = KNOWN.prior(MOST)
+    found = likeliest(weigh, GUESS, prior, LATENT, gap)
+
+    def loss(vector: np.ndarray) -> float:
+        noise = NoiseModel(np.exp(vector[:2]), vector[2:4], math.exp(vector[4]))
+        return weigh(noise).loss + KNOWN.loss(noise)
+
+    start = np.concatenate([np.log(found.answers), np.maximum(found.spread, 1e-3), [math.log(found.length)]])
+    bounds = np.column_stack([prior.lower, prior.upper])
+    best = minimize(loss, start, method="L-BFGS-B", bounds=bounds, options={"ftol": 1e-12, "eps": 1e-6})
+    assert weigh(found).loss + KNOWN.loss(found) < best.fun + 0.1
 
 
 def test_it_stays_within_what_repeats_show(rng):

@@ -54,19 +54,22 @@ def test_a_cap_on_the_rim_is_found_however_far_another_effect_is_ahead(trials):
     assert trial.gain > 150.0
 
 
-@pytest.mark.parametrize(
-    ("seed", "hidden", "level", "protocol", "alone"),
-    [
-        # From the textbook's soil the layer gains nothing here, from another one it does.
-        (130000, ("tyre_deflection", "hard_layer"), "hidden", "steady", 100.0),
-        (110069, ("stress_peak_shift", "hard_layer"), "buried", "bench", ASKED_FOR),
-    ],
-)
-def test_what_is_nothing_alone_is_tried_beside_what_is_found(trials, seed, hidden, level, protocol, alone):
-    problem, textbook, forms = trials(seed, hidden, level, protocol)
+def test_what_is_nothing_alone_is_tried_beside_what_is_found(trials):
+    hidden = ("stress_peak_shift", "hard_layer")
+    problem, textbook, forms = trials(110069, hidden, "buried", "bench")
     (layer,) = forms("hard_layer").values()
-    assert try_adding(problem, textbook, textbook, layer).gain < alone
+    assert try_adding(problem, textbook, textbook, layer).gain < ASKED_FOR
     assert search(problem, textbook, list(forms(*hidden).values())).chosen.slugs == set(hidden)
+
+
+def test_what_explains_little_alone_is_tried_beside_what_is_found(trials):
+    """The wheel flattens on ground with a layer, which alone takes up an eighth of what both do, with another soil."""
+    hidden = ("tyre_deflection", "hard_layer")
+    problem, textbook, forms = trials(130000, hidden, "hidden", "steady")
+    (layer,) = forms("hard_layer").values()
+    found = search(problem, textbook, list(forms(*hidden).values()))
+    assert found.chosen.slugs == set(hidden)
+    assert try_adding(problem, textbook, textbook, layer).gain < 0.2 * found.chosen.gain
 
 
 def test_two_that_another_pair_stands_in_for_are_found_in_their_right_forms(trials):
@@ -305,4 +308,5 @@ def test_where_the_textbook_is_wrong_few_rows_are_fitted_from_other_soils_too(sh
     (start,) = starts_of(textbook, load)
     alone = fit(problem, model, start, textbook.fitted.noise, textbook.fitted.theta_1)
     trial = try_adding(problem, textbook, textbook, load)
-    assert trial.fitted.score > alone.score + 50.0
+    assert trial.gain > 400.0
+    assert trial.fitted.score > alone.score + ASKED_FOR
