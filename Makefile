@@ -51,11 +51,11 @@ $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Bevameter needs Python 3.11 or later, this is " + sys.version.split()[0] + ": give another with PYTHON=...")'
 	@echo "==> a virtual environment: $(VENV)"
 	@$(PYTHON) -m venv $(VENV)
-	@$(PIP) install -c requirements.lock setuptools
 
 # Not editable: what is run and tested is the package as pip installs it. A build/ left behind would bring back deleted modules.
 $(VENV)/.installed: $(BIN)/python $(CODE) $(ABOUT)
 	@echo "==> installing Bevameter and what it needs (minutes, the first time)"
+	@$(PIP) install -c requirements.lock setuptools
 	@rm -rf build
 	@$(PIP) install --no-build-isolation -c requirements.lock .
 	@rm -rf build
@@ -63,6 +63,7 @@ $(VENV)/.installed: $(BIN)/python $(CODE) $(ABOUT)
 
 $(VENV)/.installed-for-tests: $(BIN)/python $(CODE) $(ABOUT)
 	@echo "==> installing Bevameter, what it needs and what its tests need (minutes, the first time)"
+	@$(PIP) install -c requirements.lock setuptools
 	@rm -rf build
 	@$(PIP) install --no-build-isolation -c requirements.lock '.[dev,postgres]'
 	@rm -rf build

@@ -31,6 +31,9 @@ _GROWTHS = 0.2, 20.0
 _SMALLEST_ANGLE = 1e-4
 _STEP = 1e-5
 
+_SAME = 1e-5
+"""Share by which channels of two wheels differ that are one [-]."""
+
 
 @dataclass(frozen=True)
 class Response:
@@ -111,8 +114,8 @@ class AugmentedWheel:
     ) -> Response:  # fmt: skip
         """As `predict`, with derivatives; those by the true load and slip only where `latent`.
 
-        Derivatives by leading parameters that are `known` are taken over: where the last effect is nothing they are
-        those of the wheel without it.
+        Derivatives that are `known` of the wheel without its last effect, by the same leading parameters, are taken
+        over where that effect is nothing here, and the channels are the same.
         """
         true = self._true(drive, imposed, vector)
         angle, forces = self._solve(drive, true, vector, entry or Entry(np.full(len(imposed), 0.4)))
@@ -140,8 +143,9 @@ class AugmentedWheel:
 
         far = [False] * SOIL_COUNT + [each.step > 0.0 for effect in self.effects for each in effect.parameters]
         by_parameter, turned = np.empty((*base.shape, self.size)), np.empty((len(base), self.size))
-        taken_over = 0 if known is None else known.turned.shape[-1]
-        if known is not None:
+        taken_over = 0
+        if known is not None and np.allclose(base, known.channels, rtol=_SAME, atol=0.0, equal_nan=True):
+            taken_over = known.turned.shape[-1]
             by_parameter[..., :taken_over], turned[:, :taken_over] = known.by_parameter, known.turned
         for index, step in list(enumerate(self.steps(vector)))[taken_over:]:
             stepped = vector.copy()

@@ -20,11 +20,13 @@ from .held_out import hold_out
 from .noise_floor import dispersion
 from .preferred import as_large, plainest, published
 from .promise import promised_by
+from .singles import alike, other_forms, runners_up
 from .textbook import best_fit
 from .together import THREADS, together
 from .trial import (
     ASKED_FOR,
     EXPECTED_ASKED_FOR,
+    NOT_EXCLUDED,
     Trial,
     less,
     situation,
@@ -45,17 +47,11 @@ _TRIED_IN_SETS = 6
 _FAR_LESS = 0.1
 """Effects that promise less than this share of what another one gained are not fitted [-]."""
 
-_NOT_FAR = 0.5
-"""A second effect is sought beside runners-up and other forms too, where they gained this share of the best [-]."""
+_WORTH_ANOTHER = 5.0
+"""What a second effect has to promise more beside another form of an effect than beside the best one [nats]."""
 
-_RUNNERS_UP = 3
-"""Other effects beside which a second one is sought."""
-
-_FORMS, _WORTH_ANOTHER = 3, 5.0
-"""Other forms of an effect beside which a second one is sought, and what one has to promise more there [nats]."""
-
-_ALIKE = 4
-"""Effects that do as well alone as one of a set and are tried in its place."""
+_RIVALS = 2
+"""Sets as large as the best one and not excluded beside it whose effects are tried in other forms."""
 
 _PARTNERS, _CLOSE = 2, 0.02
 """Effects that did nearly as well beside the best one, beside which others are sought in turn, and what share of a gain
@@ -64,9 +60,6 @@ is near [-]."""
 _BESIDE_EXPECTED, _FAR_BEHIND = 4, 0.25
 """Single effects other than the best beside which what the vehicle's description announces is sought, and what share of
 its gain they have [-]."""
-
-_NOT_EXCLUDED = 3.0
-"""Units of log-odds up to which a set is not excluded, to 5 % [-]."""
 
 _PLUS = " + "
 """Between the names of effects in a set."""
@@ -162,10 +155,10 @@ class _Tries:
         best = unique.get(best.names, best)
         if best.unheard_of:
             best = published(causes, best)
-        alike = [trial for trial in causes if as_large(trial, best) and trial.gain >= ASKED_FOR]
-        spread = dispersion(self.problem, alike)
-        within = temperature(best.gain) * (spread * _NOT_EXCLUDED if spread > 1.0 else 1.0)
-        near = [trial for trial in alike if best.gain - trial.gain < within]
+        rivals = [trial for trial in causes if as_large(trial, best) and trial.gain >= ASKED_FOR]
+        spread = dispersion(self.problem, rivals)
+        within = temperature(best.gain) * (spread * NOT_EXCLUDED if spread > 1.0 else 1.0)
+        near = [trial for trial in rivals if best.gain - trial.gain < within]
         near = [trial for trial in near if best.unheard_of or not trial.unheard_of]
         least = min(near, key=lambda trial: trial.held_out.error(self.problem), default=best)
         least = plainest(self.problem, causes, least)
@@ -227,7 +220,8 @@ def search(
             break
         best = _exchanged(tries, singles, challenger)
     best = _pruned(tries, best)
-    return tries.ended(best)
+    better = _rivals_in_other_forms(tries, singles, best)
+    return tries.ended(best if better is best else _pruned(tries, better))
 
 
 def _named(base: Trial, effect: Effect) -> str:
@@ -243,14 +237,14 @@ def _larger(tries: _Tries, singles: Sequence[Trial], best: Trial) -> list[Trial]
     if len(best.effects) != 1:
         return answer
     beside_best = {effect.name: nats for nats, effect in promised if effect.nested}
-    for form in _other_forms(singles, *best.effects):
+    for form in other_forms(singles, *best.effects):
         again = tries.weigh(form, [effect for _, effect in promised if effect.nested])
         # What the form is behind has to be made up.
         behind = best.gain - form.gain + _WORTH_ANOTHER
         better = [(nats, e) for nats, e in again if nats - behind > max(beside_best[e.name], ASKED_FOR)]
         answer += tries.attempt(form, better)
     # The best one, too, where the runner-up promised little beside it, and its other forms: one may stand in for two.
-    for second in _runners_up(singles, best):
+    for second in runners_up(singles, best):
         tried = {trial.effects[0].name for trial in answer if trial.slugs > second.slugs}
         answer += _nested_beside(tries, second, second.slugs, frozenset(tried))
     return answer
@@ -270,18 +264,9 @@ def _beside_expected(tries: _Tries, singles: Sequence[Trial], best: Trial) -> li
         answer += tries.attempt(base, tries.weigh(base, expected), EXPECTED_ASKED_FOR)
     alone = max((trial for trial in singles if not trial.unexpected), key=lambda trial: trial.gain, default=best)
     if len(best.effects) == 1 and alone.slugs != best.slugs and alone.gain >= EXPECTED_ASKED_FOR:
-        for form in (alone, *_other_forms(singles, *alone.effects)):
+        for form in (alone, *other_forms(singles, *alone.effects)):
             answer += _nested_beside(tries, form, best.slugs | alone.slugs)
     return answer
-
-
-def _runners_up(singles: Sequence[Trial], best: Trial) -> list[Trial]:
-    """Other single effects that are not far behind the best one, each of which may be one of two that are there."""
-    first: dict[frozenset[str], Trial] = {}
-    for trial in sorted(singles, key=lambda trial: -trial.gain):
-        if trial.slugs != best.slugs and trial.gain >= max(ASKED_FOR, _NOT_FAR * best.gain):
-            first.setdefault(trial.slugs, trial)
-    return list(first.values())[:_RUNNERS_UP]
 
 
 def _nested_beside(
@@ -300,7 +285,7 @@ def _beside_partners(
     if first.gain - best.gain < ASKED_FOR:
         return []
     behind = max(MOST_ASKED_FOR, _CLOSE * first.gain)
-    known = {first.effects[-1].slug, *best.slugs}.union(*(trial.slugs for trial in _runners_up(singles, best)))
+    known = {first.effects[-1].slug, *best.slugs}.union(*(trial.slugs for trial in runners_up(singles, best)))
     added = [
         trial.effects[-1].slug
         for trial in sorted(larger, key=lambda trial: -trial.gain)
@@ -323,38 +308,42 @@ def _exchanged(tries: _Tries, singles: Sequence[Trial], best: Trial) -> Trial:
         rest = without(problem, textbook, best, effect)
         # What residuals lay out was tried beside all that was found: it does not stand in for two.
         instead = tries.weigh(rest, tries.others(best.slugs))
-        alike = _alike(singles, effect)
-        instead = [(math.inf if other.name in alike and nats > -math.inf else nats, other) for nats, other in instead]
+        same = alike(singles, effect)
+        instead = [(math.inf if other.name in same and nats > -math.inf else nats, other) for nats, other in instead]
         best = max([best, *tries.attempt(rest, instead)], key=lambda trial: trial.gain)
     found = best
     for effect in found.effects[:-1]:
-        if forms := [(math.inf, trial.effects[0]) for trial in _other_forms(singles, effect)]:
-            changed = tries.attempt(_bare(problem, found, effect), forms)
-            best = max([best, *changed], key=lambda trial: trial.gain)
+        forms = [trial.effects[0] for trial in other_forms(singles, effect)]
+        best = max([best, *_with_instead(tries, found, effect, forms)], key=lambda trial: trial.gain)
     tried = {trial.names for trial in tries.trials}
     for effect in found.effects:
-        alike, beside = _alike(singles, effect), {each.name for each in found.effects if each is not effect}
-        others = [e for e in tries.others(found.slugs) if e.name in alike and beside | {e.name} not in tried]
-        if others:
-            changed = tries.attempt(_bare(problem, found, effect), [(math.inf, other) for other in others])
+        same, beside = alike(singles, effect), {each.name for each in found.effects if each is not effect}
+        others = [e for e in tries.others(found.slugs) if e.name in same and beside | {e.name} not in tried]
+        best = max([best, *_with_instead(tries, found, effect, others)], key=lambda trial: trial.gain)
+    return best
+
+
+def _rivals_in_other_forms(tries: _Tries, singles: Sequence[Trial], best: Trial) -> Trial:
+    """Try other forms of the effects of sets that nats do not exclude, as was done for the best one; give the best."""
+    causes = [trial for trial in tries.trials if len(trial.effects) > 1 and not is_bump(tries.textbook, trial)]
+    near = [trial for trial in causes if as_large(trial, best) and trial.slugs != best.slugs]
+    near = [trial for trial in near if best.gain - trial.gain < NOT_EXCLUDED * temperature(best.gain)]
+    first = {trial.slugs: trial for trial in sorted(near, key=lambda trial: trial.gain)}
+    for rival in sorted(first.values(), key=lambda trial: -trial.gain)[:_RIVALS]:
+        for effect in rival.effects:
+            tried, beside = {trial.names for trial in tries.trials}, rival.names - {effect.name}
+            forms = [trial.effects[0] for trial in other_forms(singles, effect)]
+            changed = _with_instead(tries, rival, effect, [e for e in forms if beside | {e.name} not in tried])
+            changed = [trial for trial in changed if not is_bump(tries.textbook, trial)]
             best = max([best, *changed], key=lambda trial: trial.gain)
     return best
 
 
-def _alike(singles: Sequence[Trial], effect: Effect) -> set[str]:
-    """Names of the single effects that do as well as an effect alone, few: each may be what it stands in for."""
-    own = max((trial.gain for trial in singles if effect.slug in trial.slugs), default=math.inf)
-    others = [trial for trial in singles if effect.slug not in trial.slugs and trial.gain >= ASKED_FOR]
-    near = [trial for trial in others if abs(trial.gain - own) < _NOT_EXCLUDED * temperature(own)]
-    near.sort(key=lambda trial: abs(trial.gain - own))
-    return {trial.effects[0].name for trial in near[:_ALIKE]}
-
-
-def _other_forms(singles: Sequence[Trial], effect: Effect) -> list[Trial]:
-    """Other forms of an effect, not far behind alone: which one is right may show only beside a second effect."""
-    forms = sorted((trial for trial in singles if effect.slug in trial.slugs), key=lambda trial: -trial.gain)
-    near = [trial for trial in forms if trial.gain >= max(ASKED_FOR, _NOT_FAR * forms[0].gain)]
-    return [trial for trial in near if trial.effects[0].name != effect.name][:_FORMS]
+def _with_instead(tries: _Tries, trial: Trial, dropped: Effect, others: Sequence[Effect]) -> list[Trial]:
+    """Fit a set with each of other effects in the place of one of its own."""
+    if not others:
+        return []
+    return tries.attempt(_bare(tries.problem, trial, dropped), [(math.inf, other) for other in others])
 
 
 def _bare(problem: Problem, trial: Trial, dropped: Effect) -> Trial:

@@ -34,6 +34,9 @@ TEMPERATURE, _FORMS_DIFFER, _MOST_DIFFER = 2.5, 0.003, 3.5
 published forms of one effect differ, here as a share of it [-] and at most [nats]. From the study's training recordings
 (docs/studies/concealed_physics.py): where more than 400 nats were gained, a wrong set led by 6 to 12 in 2 of 7."""
 
+NOT_EXCLUDED = 3.0
+"""Units of log-odds up to which a set is not excluded, to 5 % [-]."""
+
 _GROSS, _FEW = 5.0, 0.02
 """A value is gross where a fit leaves so many noises of it, and where no more than this share of all are [-]."""
 

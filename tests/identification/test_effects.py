@@ -130,6 +130,21 @@ def test_where_an_effect_is_nothing_derivatives_of_the_wheel_without_it_are_take
     np.testing.assert_array_equal(there.by_parameter[..., 5:], whole.by_parameter[..., 5:])
 
 
+def test_derivatives_are_not_taken_over_where_an_effect_at_its_null_undoes_another():
+    """The circle of a flattened tyre has its own lever arm: lugs of no height set it back to the rigid wheel's."""
+    (circle,), (lugs,) = (
+        [effect for effect in FORMS if effect.name == name] for name in ("tyre_deflection[circle]", "grousers[radius]")
+    )
+    base = np.append(soil_vector(SOIL), 2e-6)
+    without = AugmentedWheel(WHEEL, (circle,)).linearise(DRIVE, IMPOSED, base, None)
+    model = AugmentedWheel(WHEEL, (circle, lugs))
+    vector = np.append(base, [parameter.null for parameter in lugs.parameters])
+    whole = model.linearise(DRIVE, IMPOSED, vector, None)
+    assert not np.allclose(whole.channels, without.channels, rtol=1e-3)
+    there = model.linearise(DRIVE, IMPOSED, vector, None, known=without)
+    np.testing.assert_array_equal(there.by_parameter, whole.by_parameter)
+
+
 def test_a_lag_shifts_a_channel_in_time_while_the_clock_runs():
     lagging = SITUATION.drive.time_s[1] - SITUATION.drive.time_s[0]
     late, book = predict(f"time_lag:form=sinkage_m,tau={lagging}"), predict("torque_offset:T_0=0")

@@ -65,17 +65,21 @@ def test_parameters_follow_the_noise_as_far_as_one_step_goes(away, cut, rng):
     slopes = rng.normal(size=(*ready.seen.shape, 5)) * ready.seen[..., None]
     columns = np.concatenate([ready.columns + away * slopes[..., 1:2], slopes], axis=-1)
     ready, nothing = replace(ready, columns=columns), np.zeros(5)
+    calls = []
     anywhere = Prior(nothing, np.full(5, 0.01), np.full(5, -np.inf), np.full(5, np.inf))
 
     def weigh(noise: NoiseModel) -> Weighed:
         loss, gradient, information = ready.weighed(noise, LATENT, gap)
         step, gained = step_from(gradient, information, anywhere, nothing, 0.0)
         assert is_longest(step) == cut
+        calls.append(noise)
         two = np.stack([columns[..., 0], slopes @ step], axis=-1)
         return Weighed(loss - gained, replace(ready, columns=two), at_rest=not cut)
 
     prior = KNOWN.prior(MOST)
     found = likeliest(weigh, GUESS, prior, LATENT, gap)
+    # Each of the five numbers is tried where the parameters cannot go where they would.
+    assert (len(calls) > 21) == cut
 
     def loss(vector: np.ndarray) -> float:
         noise = NoiseModel(np.exp(vector[:2]), vector[2:4], math.exp(vector[4]))

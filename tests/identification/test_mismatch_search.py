@@ -20,6 +20,7 @@ from bevameter.identification.mismatch.fitting import fit
 from bevameter.identification.mismatch.preferred import plainest
 from bevameter.identification.mismatch.samples import gather
 from bevameter.identification.mismatch.search import search
+from bevameter.identification.mismatch.singles import alike
 from bevameter.identification.mismatch.trial import (
     ASKED_FOR,
     situation,
@@ -241,9 +242,9 @@ def test_what_does_as_well_as_an_effect_alone_is_tried_in_its_place(trials, monk
         replace(textbook, effects=(each,), gain=nats)
         for each, nats in zip(effects, (300.0, 292.0, 250.0, 40.0), strict=True)
     ]
-    assert module._alike(singles, effects[0]) == {"torque_gain"}
+    assert alike(singles, effects[0]) == {"torque_gain"}
     # Nor is what does much better in place of it.
-    assert module._alike(singles, effects[3]) == set()
+    assert alike(singles, effects[3]) == set()
     both = replace(textbook, effects=(effects[0], effects[3]), gain=350.0)
     handed = []
 
@@ -264,6 +265,41 @@ def test_what_does_as_well_as_an_effect_alone_is_tried_in_its_place(trials, monk
     handed.clear()
     module._exchanged(tries, singles, both)
     assert len(handed) == 1
+
+
+def test_a_rival_that_is_not_excluded_is_tried_in_other_forms_too(trials, monkeypatch):
+    """Only the best set was given its best forms: a rival's may be as good, and the answer too sure without them."""
+    problem, textbook, forms = trials(7110, ("slip_sinkage",), "hidden", "bench")
+    several = forms("slip_sinkage", "load_gain", "torque_gain", "hard_layer")
+    singles = [replace(textbook, effects=(each,), gain=100.0) for each in several.values()]
+
+    def pair(first: str, second: str, gain: float):
+        return replace(textbook, effects=(several[first], several[second]), gain=gain)
+
+    tries = module._Tries(problem, textbook, tuple(several.values()), print)
+    best, near = pair("load_gain", "torque_gain", 240.0), pair("slip_sinkage[exponent]", "hard_layer", 235.0)
+    tries.trials.extend([best, near, pair("slip_sinkage[exponent]", "torque_gain", 150.0)])
+    handed = []
+
+    def attempt(_tries, base, promised):
+        handed.append((base, {effect.name for _, effect in promised}))
+        return [pair(effect.name, "hard_layer", 250.0 + number) for number, (_, effect) in enumerate(promised)]
+
+    monkeypatch.setattr(module, "_bare", lambda _problem, rival, dropped: rival.names - {dropped.name})
+    monkeypatch.setattr(module._Tries, "attempt", attempt)
+    better = module._rivals_in_other_forms(tries, singles, best)
+    others = {name for name in several if name.startswith("slip_sinkage")} - {"slip_sinkage[exponent]"}
+    ((beside, tried),) = handed
+    assert beside == {"hard_layer"}
+    assert len(tried) >= 2
+    assert tried <= others
+    # One that overtakes the best set takes its place.
+    assert better.gain == 250.0 + len(tried) - 1
+    assert better.slugs == {"slip_sinkage", "hard_layer"}
+    handed.clear()
+    alone = replace(best, effects=best.effects[:1])
+    assert module._rivals_in_other_forms(tries, singles, alone) is alone
+    assert handed == []
 
 
 def test_what_a_fit_is_told_of_others_does_not_hang_on_which_thread_is_faster(trials, monkeypatch):
