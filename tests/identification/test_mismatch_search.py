@@ -335,7 +335,7 @@ def test_what_a_fit_is_told_of_others_does_not_hang_on_which_thread_is_faster(tr
 
 
 def test_where_the_textbook_is_wrong_few_rows_are_fitted_from_other_soils_too(shared_data):
-    """On real sand a load gain that starts at the textbook's soil ends where it hardly carries the load."""
+    """On real sand a load gain that starts at the textbook's soil ends nearly 40 nats short of its best."""
     folder = shared_data / "single-wheel-sand"
     rows = felt_rows(open_recording(folder / "wheel.csv", folder / "vehicle.toml"))
     problem, textbook = textbook_trial(gather(rows.table, rows.wheel, rows.vehicle))
@@ -345,4 +345,4 @@ def test_where_the_textbook_is_wrong_few_rows_are_fitted_from_other_soils_too(sh
     alone = fit(problem, model, start, textbook.fitted.noise, textbook.fitted.theta_1)
     trial = try_adding(problem, textbook, textbook, load)
     assert trial.gain > 400.0
-    assert trial.fitted.score > alone.score + ASKED_FOR
+    assert trial.fitted.score > alone.score + 30.0
