@@ -45,10 +45,11 @@ class LugRadius(Effect):
         return [f"s = {values[0]:.3g}"] if values[0] > 1.0 + max(_BEYOND, _TOLD * sd[0]) else []
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
-        radius = contact.shear_radius_m + values[0] * self._height
+        beyond = values[0] * self._height
         if self._its_slip:
-            contact.advance_m = contact.advance_m * radius / contact.shear_radius_m
-        contact.shear_radius_m, contact.lever_m = radius, radius
+            contact.advance_m = contact.advance_m * (1.0 + beyond / contact.wheel.radius_m)
+        contact.shear_radius_m = contact.shear_radius_m + beyond
+        contact.lever_m = contact.lever_m + beyond
 
 
 class LugThrust(Effect):

@@ -35,7 +35,8 @@ class StressPeakShift(Effect):
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         share = values[0] + (values[1] * self.moving(drive.slip) if len(values) > 1 else 0.0)
-        contact.theta_m = np.clip(share, 0.02, 0.98) * contact.theta_1
+        # Shifted from where it is, which an exit angle may have moved: at its null the effect is nothing beside others.
+        contact.theta_m = contact.theta_m + (np.clip(share, 0.02, 0.98) - PEAK_SHARE) * contact.theta_1
 
     def unheard_of(self, values: np.ndarray, sd: np.ndarray) -> list[str]:
         beyond = super().unheard_of(values, sd)

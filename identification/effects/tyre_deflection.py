@@ -30,9 +30,10 @@ class TyreDeflection(Effect):
         # z = r* (1 - cos theta_1) with r* = r (1 + delta / z) is quadratic in z.
         flat = rigid * (1.0 - np.cos(contact.theta_1))
         sinkage = 0.5 * (flat + np.sqrt(flat**2 + 4.0 * flat * deflection))
-        radius = rigid * (1.0 + deflection / np.maximum(sinkage, 1e-9))
-        contact.radius_m = contact.shear_radius_m = radius
-        contact.advance_m = contact.advance_m * radius / rigid
+        larger = 1.0 + deflection / np.maximum(sinkage, 1e-9)
+        contact.radius_m = contact.radius_m * larger
+        contact.shear_radius_m = contact.shear_radius_m + rigid * (larger - 1.0)
+        contact.advance_m = contact.advance_m * larger
         contact.sinkage_m = sinkage
 
 

@@ -130,19 +130,28 @@ def test_where_an_effect_is_nothing_derivatives_of_the_wheel_without_it_are_take
     np.testing.assert_array_equal(there.by_parameter[..., 5:], whole.by_parameter[..., 5:])
 
 
-def test_derivatives_are_not_taken_over_where_an_effect_at_its_null_undoes_another():
-    """The circle of a flattened tyre has its own lever arm: lugs of no height set it back to the rigid wheel's."""
-    (circle,), (lugs,) = (
-        [effect for effect in FORMS if effect.name == name] for name in ("tyre_deflection[circle]", "grousers[radius]")
-    )
-    base = np.append(soil_vector(SOIL), 2e-6)
-    without = AugmentedWheel(WHEEL, (circle,)).linearise(DRIVE, IMPOSED, base, None)
-    model = AugmentedWheel(WHEEL, (circle, lugs))
-    vector = np.append(base, [parameter.null for parameter in lugs.parameters])
+def test_derivatives_are_not_taken_over_where_the_effect_is_something():
+    (lugs,) = [effect for effect in FORMS if effect.name == "grousers[radius]"]
+    without = AugmentedWheel(WHEEL).linearise(DRIVE, IMPOSED, soil_vector(SOIL), None)
+    model, vector = AugmentedWheel(WHEEL, (lugs,)), np.append(soil_vector(SOIL), 0.5)
     whole = model.linearise(DRIVE, IMPOSED, vector, None)
     assert not np.allclose(whole.channels, without.channels, rtol=1e-3)
     there = model.linearise(DRIVE, IMPOSED, vector, None, known=without)
     np.testing.assert_array_equal(there.by_parameter, whole.by_parameter)
+
+
+@pytest.mark.parametrize("last", [effect for effect in FORMS if effect.nested], ids=identity)
+def test_beside_any_other_effect_one_at_its_null_is_nothing(last):
+    """Whatever one changes another may have changed already: it changes it further instead of setting it."""
+    null = np.array([parameter.null for parameter in last.parameters])
+    for first in FORMS:
+        if first.slug == last.slug:
+            continue
+        start = (*first.starts(), np.array([parameter.start for parameter in first.parameters]))[0]
+        base = np.concatenate([soil_vector(SOIL), start])
+        alone = AugmentedWheel(WHEEL, (first,)).predict(DRIVE, IMPOSED, base)
+        beside = AugmentedWheel(WHEEL, (first, last)).predict(DRIVE, IMPOSED, np.append(base, null))
+        np.testing.assert_allclose(beside.channels, alone.channels, rtol=1e-5, err_msg=first.name)
 
 
 def test_a_lag_shifts_a_channel_in_time_while_the_clock_runs():
