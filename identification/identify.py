@@ -96,9 +96,8 @@ def identify(
     """
     recording, known = open_recording(recording, vehicle), _known(soil)
     parts = by_geometry(recording)
-    if len(parts) > 1:
-        return _several_wheels(parts, known, method)
-    return _one_wheel(parts[0], known, method)
+    result = _several_wheels(parts, known, method) if len(parts) > 1 else _one_wheel(parts[0], known, method)
+    return replace(result, problems=(*recording.problems, *result.problems))
 
 
 def _several_wheels(parts: list[Recording], known: SoilKnowledge, method: Method) -> Identification:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -173,6 +174,14 @@ def test_thinning_is_said(rng, monkeypatch):
     result = identify(recording(drive(rng)))
     assert result.segments[0].estimate.n == 120
     assert any("more than 120 rows are thinned" in problem for problem in result.problems)
+
+
+def test_what_could_not_be_read_of_the_recording_is_told(rng):
+    read = replace(recording(drive(rng)), problems=("recording.toml: operator left out",))
+    assert identify(read).problems == ("recording.toml: operator left out",)
+    several = identify(replace(recording(trials(rng), None), problems=read.problems))
+    assert several.problems[0] == "recording.toml: operator left out"
+    assert "2 wheels" in several.problems[1]
 
 
 def test_rows_of_another_wheel_are_refused(rng):
