@@ -15,7 +15,7 @@ from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.shear_hump import ShearHump
 from bevameter.identification.identify import felt_rows, open_recording
 from bevameter.identification.mismatch import search as module
-from bevameter.identification.mismatch.asked import surplus
+from bevameter.identification.mismatch.asked import calmed, is_bump, surplus
 from bevameter.identification.mismatch.fitting import fit
 from bevameter.identification.mismatch.preferred import plainest
 from bevameter.identification.mismatch.samples import gather
@@ -121,6 +121,19 @@ def test_a_further_effect_has_to_gain_more_the_more_is_gained_and_a_place_most(t
     calm = replace(alone.fitted, noise=replace(alone.fitted.noise, spread=0.4 * alone.fitted.noise.spread))
     larger = replace(alone, effects=(*alone.effects, patch), fitted=calm, gain=1000.0)
     assert surplus(replace(alone, gain=1000.0), larger) == pytest.approx(-40.0)
+
+
+def test_a_place_with_wide_edges_is_one_where_it_stands_out_of_the_ground_that_varies(trials):
+    problem, textbook, forms = trials(500076, ("soil_patch",), "plain", "bench")
+    (patch,) = forms("soil_patch").values()
+    found = try_adding(problem, textbook, textbook, patch)
+    assert found.gain > 60.0
+    assert found.sharp < 12.0
+    assert not calmed(textbook, found)
+    assert not is_bump(textbook, found)
+    # The same where the ground beside it varies as much as without is a rise like others.
+    wild = replace(found.fitted, noise=replace(found.fitted.noise, spread=textbook.fitted.noise.spread))
+    assert is_bump(textbook, replace(found, fitted=wild))
 
 
 def test_of_two_that_do_not_earn_their_places_the_better_one_is_left(trials, monkeypatch):
