@@ -6,29 +6,58 @@ import numpy as np
 
 from .effect import PULL, TORQUE, Contact, Drive, Effect, Parameter, Situation
 
+_STRESS = Parameter("tau_s", "Pa", 0.0, 1e5, 500.0, 3e3)
+_BY_DEPTH = Parameter("g_s", "Pa/m", 0.0, 1e7, 1e4, 1e5)
+
 
 class SideWallFriction(Effect):
-    """A shear stress over the buried part of both flanks brakes rotation and travel."""
+    """A shear stress over the buried part of both flanks, by cohesion alike everywhere, brakes rotation and travel."""
 
     slug = "side_wall_friction"
+    form = "stress"
+    equation = "T += 2 tau_s A r, DP -= 2 tau_s A; A the buried area of a flank ahead of the axle"
     source = "statics of a shear stress on the buried flanks, after L. Ding et al. (2009)"
+    parameters = (_STRESS,)
 
-    def __init__(self, form: str) -> None:
-        self.form = form
-        if form == "stress":
-            self.equation = "T += 2 tau_s A r, DP -= 2 tau_s A; A the buried area of a flank ahead of the axle"
-            self.parameters = (Parameter("tau_s", "Pa", 0.0, 1e5, 500.0, 3e3),)
-        else:
-            self.equation = "T += 2 g_s z A r, DP -= 2 g_s z A; A the buried area of a flank ahead of the axle"
-            self.parameters = (Parameter("g_s", "Pa/m", 0.0, 1e7, 1e4, 1e5),)
+    def freer(self) -> list[Effect]:
+        return [FrictionWithDepth()]
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         theta, radius = contact.theta_1, contact.wheel.radius_m
         area = 0.5 * radius**2 * (theta - np.sin(theta) * np.cos(theta))
-        stress = values[0] if self.form == "stress" else values[0] * contact.sinkage_m
-        force = 2.0 * stress * area
+        force = 2.0 * self.stress_Pa(contact, values) * area
         channels[:, TORQUE] += force * radius
         channels[:, PULL] -= force
+
+    def stress_Pa(self, contact: Contact, values: np.ndarray) -> float | np.ndarray:
+        """Give the mean stress on the flanks [Pa]."""
+        return values[0]
+
+
+class FrictionByDepth(SideWallFriction):
+    """The stress grows with depth: by friction."""
+
+    form = "depth"
+    equation = "T += 2 g_s z A r, DP -= 2 g_s z A; A the buried area of a flank ahead of the axle"
+    parameters = (_BY_DEPTH,)
+
+    def freer(self) -> list[Effect]:
+        return []
+
+    def stress_Pa(self, contact: Contact, values: np.ndarray) -> float | np.ndarray:
+        return values[0] * contact.sinkage_m
+
+
+class FrictionWithDepth(FrictionByDepth):
+    """By cohesion and by friction, whose pressure grows with depth."""
+
+    form = "stress and depth"
+    freed = True
+    equation = "T += 2 tau A r, DP -= 2 tau A, tau = tau_s + g_s z; A the buried area of a flank ahead of the axle"
+    parameters = (_STRESS, _BY_DEPTH)
+
+    def stress_Pa(self, contact: Contact, values: np.ndarray) -> float | np.ndarray:
+        return values[0] + values[1] * contact.sinkage_m
 
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
@@ -44,7 +73,7 @@ class FlankRubbing(Effect):
     form = "rubbing"
     equation = "F = -2 tau_s integral v/|v| dA over the buried part of a flank, v = omega (V/omega - y, x)"
     source = "Coulomb friction on the flanks (statics); kinematics of a rolling wheel"
-    parameters = (Parameter("tau_s", "Pa", 0.0, 1e5, 500.0, 3e3),)
+    parameters = (_STRESS,)
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         along, _, twist = _rubbed(contact)
@@ -80,4 +109,4 @@ def forms(situation: Situation) -> tuple[Effect, ...]:
     """Give the forms that these data can show: torque or drawbar pull has to be measured."""
     if not situation.seen(TORQUE, PULL):
         return ()
-    return SideWallFriction("stress"), SideWallFriction("depth"), FlankRubbing(), CarryingFlanks()
+    return SideWallFriction(), FrictionByDepth(), FlankRubbing(), CarryingFlanks()

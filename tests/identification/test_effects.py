@@ -336,6 +336,12 @@ def test_the_wedge_is_that_of_rankine_for_soil_without_friction():
     np.testing.assert_allclose(away, -2.0 * WHEEL.width_m * (4e3 * z + 15.7e3 * z**2 / 2.0), rtol=1e-6)
 
 
+def test_flanks_rub_by_cohesion_and_by_depth_at_once():
+    both = change("side_wall_friction:form=stress and depth,tau_s=800,g_s=4e4")
+    each = change("side_wall_friction:form=stress,tau_s=800"), change("side_wall_friction:form=depth,g_s=4e4")
+    np.testing.assert_allclose(both, each[0] + each[1], rtol=1e-9)
+
+
 @pytest.mark.parametrize("named", ["side_wall_friction:form=stress,tau_s=800", "side_wall_friction:g_s=4e4"])
 def test_flanks_cost_torque_and_pull_in_a_fixed_ratio(named):
     away = change(named)
