@@ -230,6 +230,10 @@ class Effect:
             if not parameter.published[0] <= value <= parameter.published[1]
         ]
 
+    def as_announced(self, values: np.ndarray, sd: np.ndarray) -> bool:
+        """Say whether what is `expected` came out as the vehicle's description has it: the form is right, then."""
+        return False
+
     def delay(self, values: np.ndarray) -> tuple[int, float] | None:
         """Give the channel, of `forward.CHANNELS`, that arrives late and by how many samples; None where none does."""
         return None

@@ -17,6 +17,10 @@ _BEYOND, _TOLD = 0.1, 2.5
 """Soil shears no further out than the lugs' tips: so much room, or so many standard deviations [-]. Of 45 answers
 with lugs that were there one was beyond, in place of a torque gain beside them; of six without there being any one."""
 
+_FULL, _FULL_SD = 2.5, 0.1
+"""Soil shears at the lugs' tips where the share of their height is 1 within so many standard deviations, which are no
+more than that, or within `_BEYOND` [-]."""
+
 _STANDS_OUT = 12.0
 """A line of the residuals' order spectrum is looked into where its power is this many times the median's [-]."""
 
@@ -43,6 +47,9 @@ class LugRadius(Effect):
 
     def unheard_of(self, values: np.ndarray, sd: np.ndarray) -> list[str]:
         return [f"s = {values[0]:.3g}"] if values[0] > 1.0 + max(_BEYOND, _TOLD * sd[0]) else []
+
+    def as_announced(self, values: np.ndarray, sd: np.ndarray) -> bool:
+        return bool(sd[0] < _FULL_SD and abs(values[0] - 1.0) < max(_BEYOND, _FULL * sd[0]))
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         beyond = values[0] * self._height

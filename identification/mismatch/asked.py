@@ -39,15 +39,18 @@ def surplus(best: Trial, larger: Trial) -> float:
     """Nats that a larger set gains on a set, less those that it has to.
 
     What is beyond anything published (`Trial.unheard_of`) is asked no share: it stands in for more than one effect. Of
-    what the vehicle's description announces little is asked: one effect beside the vehicle's lugs is no more than one.
+    what the vehicle's description announces little is asked: one effect beside the vehicle's lugs is no more than one,
+    and what lugs gain that came out as announced tells nothing of how much their form errs.
     """
     least = of_no_effect(best, larger)
+    only_announced = bool(best.effects) and not best.unexpected and larger.as_announced
+    asked = max(asked_beside(0.0), least) if only_announced else asked_beside(best.gain)
     if len(larger.unexpected) <= len(best.unexpected):
         asked = max(EXPECTED_ASKED_FOR, least)
     elif _further_place(best, larger):
-        asked = max(_PLACE_ASKED_FOR, asked_beside(best.gain), least)
-    else:
-        asked = ASKED_FOR if best.unheard_of else asked_beside(best.gain)
+        asked = max(_PLACE_ASKED_FOR, asked, least)
+    elif best.unheard_of:
+        asked = ASKED_FOR
     return larger.gain - best.gain - asked
 
 

@@ -94,6 +94,13 @@ class Trial:
         return frozenset(effect.slug for effect in self.effects if not effect.expected)
 
     @property
+    def as_announced(self) -> bool:
+        """Whether all that the vehicle's description announces came out as it does."""
+        sd = np.sqrt(np.maximum(np.diag(self.fitted.covariance), 0.0))
+        announced = [(effect, where) for effect, where in self.fitted.model.slices() if effect.expected]
+        return all(effect.as_announced(self.fitted.vector[where], sd[where]) for effect, where in announced)
+
+    @property
     def names(self) -> frozenset[str]:
         """Names of the effects, forms included."""
         return frozenset(effect.name for effect in self.effects)

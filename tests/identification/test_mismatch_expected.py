@@ -51,6 +51,24 @@ def test_little_is_asked_of_lugs_beside_an_effect_and_of_an_effect_beside_lugs_a
     assert surplus(only_lugs, gaining(lugs, 70.0)) == pytest.approx(-5.0)
 
 
+def test_lugs_that_come_out_as_announced_ask_no_share_of_what_they_gain(made):
+    _, _, _, lugs, _ = made
+
+    def surplus_beside(lugs_alone: float, share: float, sd: float) -> float:
+        index = lugs.fitted.model.slices()[-1][1].start
+        vector, covariance = lugs.fitted.vector.copy(), lugs.fitted.covariance.copy()
+        vector[index], covariance[index, index] = share, sd**2
+        larger = replace(lugs, fitted=replace(lugs.fitted, vector=vector, covariance=covariance))
+        only_lugs = replace(lugs, effects=lugs.effects[1:], gain=lugs_alone)
+        return surplus(only_lugs, gaining(larger, lugs_alone + 30.0))
+
+    assert surplus_beside(400.0, 0.95, 0.01) == pytest.approx(15.0)
+    assert surplus_beside(400.0, 1.2, 0.09) == pytest.approx(15.0)
+    assert surplus_beside(1800.0, 1.0, 0.01) == pytest.approx(30.0 - 0.015 * 1800.0)
+    assert surplus_beside(400.0, 0.85, 0.01) == pytest.approx(-2.0), "another form may be right"
+    assert surplus_beside(400.0, 1.0, 0.3) == pytest.approx(-2.0), "data that do not tell confirm nothing"
+
+
 def test_one_effect_beside_lugs_and_another_alone_are_rivals(made):
     problem, textbook, alone, lugs, sensor = made
     peak, lugs, sensor = gaining(alone["stress_peak_shift"], 60.0), gaining(lugs, 61.0), gaining(sensor, 61.0)
