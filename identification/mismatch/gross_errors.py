@@ -18,7 +18,7 @@ _NEAR, _ENOUGH, _ALIKE = 4, 2, 0.2
 """Nearest trials looked at, how many of them have to be near, and how near that is, in standard deviations of the
 conditions [-]. Of two alone nobody knows which is wrong."""
 
-_ALONE, _FEW = 12.0, 0.03
+_ALONE, _FEW = 12.0, 0.05
 """Standard deviations of that scatter from which on a value stands alone, and the largest share of a channel's values
 that do where they are errors [-], the load's beside those of each answer."""
 

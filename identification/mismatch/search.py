@@ -149,7 +149,7 @@ class _Tries:
         unique: dict[frozenset[str], Trial] = {}
         for trial in self.trials:
             unique[trial.names] = max(unique.get(trial.names, trial), trial, key=lambda each: each.gain)
-        causes = [trial for trial in unique.values() if not is_bump(self.textbook, trial)]
+        causes = _causes(self.textbook, tuple(unique.values()))
         passed = {frozenset(name.split(_PLUS)): (name, nats) for name, nats in self.passed}
         left = tuple(each for names, each in passed.items() if names not in unique)
         best = unique.get(best.names, best)
@@ -206,8 +206,7 @@ def search(
         tell("every effect alone, from a better soil")
         tries = _Tries(problem, anchored, catalogue, tell)
         singles = tries.attempt(anchored, tries.weigh(anchored, catalogue), _LEAST_PROMISE, len(catalogue), singles)
-    causes = [trial for trial in singles if not is_bump(anchored, trial)]
-    best = max(causes, key=lambda trial: trial.gain, default=anchored)
+    best = _beside_bump(tries, singles, max(_causes(anchored, singles), key=_gain, default=anchored))
     if best.gain < ASKED_FOR:
         return tries.ended(anchored)
     while len(best.effects) < MOST_EFFECTS:
@@ -222,6 +221,27 @@ def search(
     best = _pruned(tries, best)
     better = _rivals_in_other_forms(tries, singles, best)
     return tries.ended(best if better is best else _pruned(tries, better))
+
+
+def _gain(trial: Trial) -> float:
+    return trial.gain
+
+
+def _causes(textbook: Trial, trials: Sequence[Trial]) -> list[Trial]:
+    """Leave out sets with a place that nothing shows to be one."""
+    return [trial for trial in trials if not is_bump(textbook, trial)]
+
+
+def _beside_bump(tries: _Tries, singles: Sequence[Trial], best: Trial) -> Trial:
+    """Try others beside a place that gains most, though nothing shows it to be one: beside a second effect, for which
+    the ground's variation stood in, it may be.
+    """
+    bump = max(singles, key=_gain, default=best)
+    if bump.gain < max(ASKED_FOR, best.gain) or not is_bump(tries.textbook, bump):
+        return best
+    both = _causes(tries.textbook, tries.attempt(bump, tries.weigh(bump, tries.others(bump.slugs))))
+    earned = [trial for trial in both if min(surplus(bump, trial), surplus(best, trial)) >= 0.0]
+    return max(earned, key=_gain, default=best)
 
 
 def _named(base: Trial, effect: Effect) -> str:
@@ -255,14 +275,14 @@ def _beside_expected(tries: _Tries, singles: Sequence[Trial], best: Trial) -> li
     expected = [effect for effect in tries.catalogue if effect.expected and effect.slug not in best.slugs]
     bases = [best]
     if len(best.effects) == 1:
-        first = {trial.slugs: trial for trial in sorted(singles, key=lambda trial: trial.gain)}
+        first = {trial.slugs: trial for trial in sorted(singles, key=_gain)}
         near = [trial for trial in first.values() if trial.gain >= _FAR_BEHIND * best.gain]
         others = [trial for trial in near if trial.unexpected and trial.slugs != best.slugs]
         bases += sorted(others, key=lambda trial: -trial.gain)[:_BESIDE_EXPECTED]
     answer: list[Trial] = []
     for base in bases if expected else ():
         answer += tries.attempt(base, tries.weigh(base, expected), EXPECTED_ASKED_FOR)
-    alone = max((trial for trial in singles if not trial.unexpected), key=lambda trial: trial.gain, default=best)
+    alone = max((trial for trial in singles if not trial.unexpected), key=_gain, default=best)
     if len(best.effects) == 1 and alone.slugs != best.slugs and alone.gain >= EXPECTED_ASKED_FOR:
         for form in (alone, *other_forms(singles, *alone.effects)):
             answer += _nested_beside(tries, form, best.slugs | alone.slugs)
@@ -281,7 +301,7 @@ def _beside_partners(
     tries: _Tries, singles: Sequence[Trial], best: Trial, larger: Sequence[Trial]
 ) -> list[Trial]:  # fmt: skip
     """Try others beside effects that gain most beside the best single one, which may stand in for two."""
-    first = max(larger, key=lambda trial: trial.gain, default=best)
+    first = max(larger, key=_gain, default=best)
     if first.gain - best.gain < ASKED_FOR:
         return []
     behind = max(MOST_ASKED_FOR, _CLOSE * first.gain)
@@ -294,7 +314,7 @@ def _beside_partners(
     answer: list[Trial] = []
     alone = [[trial for trial in singles if slug in trial.slugs] for slug in dict.fromkeys(added)]
     for forms in [forms for forms in alone if forms][:_PARTNERS]:
-        partner = max(forms, key=lambda trial: trial.gain)
+        partner = max(forms, key=_gain)
         answer += _nested_beside(tries, partner, best.slugs | partner.slugs)
     return answer
 
@@ -310,32 +330,31 @@ def _exchanged(tries: _Tries, singles: Sequence[Trial], best: Trial) -> Trial:
         instead = tries.weigh(rest, tries.others(best.slugs))
         same = alike(singles, effect)
         instead = [(math.inf if other.name in same and nats > -math.inf else nats, other) for nats, other in instead]
-        best = max([best, *tries.attempt(rest, instead)], key=lambda trial: trial.gain)
+        best = max([best, *tries.attempt(rest, instead)], key=_gain)
     found = best
     for effect in found.effects[:-1]:
         forms = [trial.effects[0] for trial in other_forms(singles, effect)]
-        best = max([best, *_with_instead(tries, found, effect, forms)], key=lambda trial: trial.gain)
+        best = max([best, *_with_instead(tries, found, effect, forms)], key=_gain)
     tried = {trial.names for trial in tries.trials}
     for effect in found.effects:
         same, beside = alike(singles, effect), {each.name for each in found.effects if each is not effect}
         others = [e for e in tries.others(found.slugs) if e.name in same and beside | {e.name} not in tried]
-        best = max([best, *_with_instead(tries, found, effect, others)], key=lambda trial: trial.gain)
+        best = max([best, *_with_instead(tries, found, effect, others)], key=_gain)
     return best
 
 
 def _rivals_in_other_forms(tries: _Tries, singles: Sequence[Trial], best: Trial) -> Trial:
     """Try other forms of the effects of sets that nats do not exclude, as was done for the best one; give the best."""
-    causes = [trial for trial in tries.trials if len(trial.effects) > 1 and not is_bump(tries.textbook, trial)]
+    causes = _causes(tries.textbook, [trial for trial in tries.trials if len(trial.effects) > 1])
     near = [trial for trial in causes if as_large(trial, best) and trial.slugs != best.slugs]
     near = [trial for trial in near if best.gain - trial.gain < NOT_EXCLUDED * temperature(best.gain)]
-    first = {trial.slugs: trial for trial in sorted(near, key=lambda trial: trial.gain)}
+    first = {trial.slugs: trial for trial in sorted(near, key=_gain)}
     for rival in sorted(first.values(), key=lambda trial: -trial.gain)[:_RIVALS]:
         for effect in rival.effects:
             tried, beside = {trial.names for trial in tries.trials}, rival.names - {effect.name}
             forms = [trial.effects[0] for trial in other_forms(singles, effect)]
             changed = _with_instead(tries, rival, effect, [e for e in forms if beside | {e.name} not in tried])
-            changed = [trial for trial in changed if not is_bump(tries.textbook, trial)]
-            best = max([best, *changed], key=lambda trial: trial.gain)
+            best = max([best, *_causes(tries.textbook, changed)], key=_gain)
     return best
 
 
@@ -374,6 +393,5 @@ def _pruned(tries: _Tries, best: Trial) -> Trial:
         tries.trials.extend(smaller)
         if min(surplus(trial, best) for trial in smaller) >= 0.0:
             return best
-        causes = [trial for trial in smaller if not is_bump(tries.textbook, trial)]
-        best = max(causes, key=lambda trial: trial.gain, default=tries.textbook)
+        best = max(_causes(tries.textbook, smaller), key=_gain, default=tries.textbook)
     return best

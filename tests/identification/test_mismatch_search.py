@@ -136,6 +136,17 @@ def test_a_place_with_wide_edges_is_one_where_it_stands_out_of_the_ground_that_v
     assert is_bump(textbook, replace(found, fitted=wild))
 
 
+def test_a_place_that_shows_only_beside_another_effect_is_found_with_it(trials):
+    """Ground that varies stands in for either, so that a flattened tyre gains nothing alone and a patch is a bump."""
+    hidden = ("tyre_deflection", "soil_patch")
+    problem, textbook, forms = trials(530143, hidden, "hidden", "bench")
+    tyre, patch = (list(forms(slug).values()) for slug in hidden)
+    assert max(try_adding(problem, textbook, textbook, form).gain for form in tyre) < 15.0
+    assert is_bump(textbook, try_adding(problem, textbook, textbook, patch[0]))
+    assert search(problem, textbook, tyre + patch).chosen.slugs == set(hidden)
+    assert not search(problem, textbook, patch).chosen.effects
+
+
 def test_of_two_that_do_not_earn_their_places_the_better_one_is_left(trials, monkeypatch):
     """A patch that gains more alone than an effect is not given up for it: a place is asked more only as a second."""
     problem, textbook, forms = trials(7110, ("slip_sinkage",), "hidden", "bench")
