@@ -155,7 +155,7 @@ def _missing(problem: Problem, found: Search, naming: Naming, remaining: SmoothC
                 for other in rivals[slug].effects:
                     if other.slug == slug:
                         answer.append(_named(rivals[slug], other, share, others, tell))
-                    elif other.expected and other.slug not in {each.effect for each in answer}:
+                    elif other.expected and other.slug not in chosen.slugs.union(each.effect for each in answer):
                         beside = naming.effects.get(other.slug, 0.0)
                         if beside >= MENTIONED:
                             answer.append(_named(rivals[slug], other, beside, (), ""))

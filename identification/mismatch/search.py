@@ -285,7 +285,8 @@ def _beside_expected(tries: _Tries, singles: Sequence[Trial], best: Trial) -> li
     alone = max((trial for trial in singles if not trial.unexpected), key=_gain, default=best)
     if len(best.effects) == 1 and alone.slugs != best.slugs and alone.gain >= EXPECTED_ASKED_FOR:
         for form in (alone, *other_forms(singles, *alone.effects)):
-            answer += _nested_beside(tries, form, best.slugs | alone.slugs)
+            # One effect beside lugs is no more than one: it may be one that cannot be weighed from nothing.
+            answer += tries.attempt(form, tries.weigh(form, tries.others(best.slugs | alone.slugs)))
     return answer
 
 

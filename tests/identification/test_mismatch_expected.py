@@ -88,6 +88,24 @@ def test_one_effect_beside_lugs_and_another_alone_are_rivals(made):
     assert {each.effect for each in answer.missing} == {"stress_peak_shift", "slip_sinkage", "grousers"}
 
 
+def test_what_stands_in_the_same_place_beside_lugs_lists_them_once(made):
+    problem, textbook, alone, lugs, _ = made
+    shifted = gaining(try_adding(problem, textbook, alone["stress_peak_shift"], lugs.effects[-1]), 60.5)
+    sinks = gaining(lugs, 61.0)
+    found = Search(textbook, (sinks, shifted), (), sinks)
+    naming = name(found, 0.0)
+    nothing, before = np.zeros_like(problem.measured), textbook.held_out.residuals
+    remaining = SmoothCorrection((), 0.0, nothing, nothing)
+    answer = assemble(problem, found, naming, remaining, (), source="made", seed=0, began=0.0, before=before)
+    # Not sure, for a doubt that all share, are all three.
+    doubted = name(found, 0.0, doubted=True)
+    unsure = assemble(problem, found, doubted, remaining, (), source="made", seed=0, began=0.0, before=before)
+    for each, listed in ((answer, {"grousers"}), (unsure, {"grousers", "slip_sinkage", "stress_peak_shift"})):
+        effects = [missing.effect for missing in each.missing]
+        assert len(effects) == len(set(effects))
+        assert set(effects) >= listed
+
+
 def test_lugs_that_were_turned_down_have_no_say(made):
     _, textbook, alone, lugs, _ = made
     sinks, lugs = gaining(alone["slip_sinkage"], 60.0), gaining(lugs, 64.5)
@@ -154,3 +172,18 @@ def test_lugs_are_tried_beside_the_effects_that_gain_most_in_any_form(made, monk
     best = replace(sensor, effects=sensor.effects[1:], gain=100.0)
     module._beside_expected(module._Tries(problem, textbook, (lugs,), print), singles, best)
     assert [(base.slugs, base.gain) for base in tried] == [({"torque_gain"}, 100.0), ({"slip_sinkage"}, 90.0)]
+
+
+def test_beside_lugs_that_another_effect_stood_in_for_what_only_a_fit_tells_is_tried(made, monkeypatch):
+    """A torque gain did as well alone as lugs whose soil has a peak of shear strength, which is nothing at first."""
+    problem, textbook, _, lugs, sensor = made
+    catalogue = effects_for(situation(problem, textbook.fitted), ["shear_hump", "hard_layer", "torque_gain"])
+    assert not catalogue[0].nested
+    tried = []
+    monkeypatch.setattr(module._Tries, "weigh", lambda _self, base, effects: tried.append((base, effects)) or [])
+    only_lugs = replace(lugs, effects=lugs.effects[1:], gain=99.0)
+    best = replace(sensor, effects=sensor.effects[1:], gain=100.0)
+    module._beside_expected(module._Tries(problem, textbook, catalogue, print), [best, only_lugs], best)
+    ((base, effects),) = tried
+    assert base is only_lugs
+    assert {effect.slug for effect in effects} == {"shear_hump", "hard_layer"}
