@@ -266,7 +266,7 @@ def _larger(tries: _Tries, singles: Sequence[Trial], best: Trial) -> list[Trial]
     # The best one, too, where the runner-up promised little beside it, and its other forms: one may stand in for two.
     for second in runners_up(singles, best):
         tried = {trial.effects[0].name for trial in answer if trial.slugs > second.slugs}
-        answer += _nested_beside(tries, second, second.slugs, frozenset(tried))
+        answer += _weighed_beside(tries, second, second.slugs, frozenset(tried))
     return answer
 
 
@@ -284,17 +284,17 @@ def _beside_expected(tries: _Tries, singles: Sequence[Trial], best: Trial) -> li
         answer += tries.attempt(base, tries.weigh(base, expected), EXPECTED_ASKED_FOR)
     alone = max((trial for trial in singles if not trial.unexpected), key=_gain, default=best)
     if len(best.effects) == 1 and alone.slugs != best.slugs and alone.gain >= EXPECTED_ASKED_FOR:
+        # What lugs as announced stand beside may be what only a fit tells: one effect beside them is no more than one.
         for form in (alone, *other_forms(singles, *alone.effects)):
-            # One effect beside lugs is no more than one: it may be one that cannot be weighed from nothing.
-            answer += tries.attempt(form, tries.weigh(form, tries.others(best.slugs | alone.slugs)))
+            answer += _weighed_beside(tries, form, best.slugs | alone.slugs, only_nested=not form.as_announced)
     return answer
 
 
-def _nested_beside(
-    tries: _Tries, base: Trial, taken: frozenset[str], tried: frozenset[str] = frozenset()
+def _weighed_beside(
+    tries: _Tries, base: Trial, taken: frozenset[str], tried: frozenset[str] = frozenset(), *, only_nested: bool = True
 ) -> list[Trial]:
-    """Try those effects beside a set that can be weighed from nothing, those aside whose form was `tried` before."""
-    others = [effect for effect in tries.others(taken) if effect.nested and effect.name not in tried]
+    """Try effects beside a set, not `taken` and whose form was not `tried`: what can be weighed from nothing."""
+    others = [e for e in tries.others(taken) if (e.nested or not only_nested) and e.name not in tried]
     return tries.attempt(base, tries.weigh(base, others))
 
 
@@ -316,7 +316,7 @@ def _beside_partners(
     alone = [[trial for trial in singles if slug in trial.slugs] for slug in dict.fromkeys(added)]
     for forms in [forms for forms in alone if forms][:_PARTNERS]:
         partner = max(forms, key=_gain)
-        answer += _nested_beside(tries, partner, best.slugs | partner.slugs)
+        answer += _weighed_beside(tries, partner, best.slugs | partner.slugs)
     return answer
 
 

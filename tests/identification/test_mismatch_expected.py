@@ -174,16 +174,20 @@ def test_lugs_are_tried_beside_the_effects_that_gain_most_in_any_form(made, monk
     assert [(base.slugs, base.gain) for base in tried] == [({"torque_gain"}, 100.0), ({"slip_sinkage"}, 90.0)]
 
 
-def test_beside_lugs_that_another_effect_stood_in_for_what_only_a_fit_tells_is_tried(made, monkeypatch):
+@pytest.mark.parametrize(("share", "slugs"), [(0.95, {"shear_hump", "load_gain"}), (0.4, {"load_gain"})])
+def test_beside_lugs_as_announced_what_only_a_fit_tells_is_tried(made, monkeypatch, share, slugs):
     """A torque gain did as well alone as lugs whose soil has a peak of shear strength, which is nothing at first."""
     problem, textbook, _, lugs, sensor = made
-    catalogue = effects_for(situation(problem, textbook.fitted), ["shear_hump", "hard_layer", "torque_gain"])
-    assert not catalogue[0].nested
+    catalogue = effects_for(situation(problem, textbook.fitted), ["shear_hump", "load_gain", "torque_gain"])
+    vector, covariance = lugs.fitted.vector.copy(), lugs.fitted.covariance.copy()
+    vector[-1], covariance[-1, -1] = share, 0.01**2
+    only_lugs = replace(
+        lugs, effects=lugs.effects[1:], gain=99.0, fitted=replace(lugs.fitted, vector=vector, covariance=covariance)
+    )
+    best = replace(sensor, effects=sensor.effects[1:], gain=100.0)
     tried = []
     monkeypatch.setattr(module._Tries, "weigh", lambda _self, base, effects: tried.append((base, effects)) or [])
-    only_lugs = replace(lugs, effects=lugs.effects[1:], gain=99.0)
-    best = replace(sensor, effects=sensor.effects[1:], gain=100.0)
     module._beside_expected(module._Tries(problem, textbook, catalogue, print), [best, only_lugs], best)
     ((base, effects),) = tried
     assert base is only_lugs
-    assert {effect.slug for effect in effects} == {"shear_hump", "hard_layer"}
+    assert {effect.slug for effect in effects} == slugs
