@@ -17,9 +17,10 @@ _BEYOND, _TOLD = 0.1, 2.5
 """Soil shears no further out than the lugs' tips: so much room, or so many standard deviations [-]. Of 45 answers
 with lugs that were there one was beyond, in place of a torque gain beside them; of six without there being any one."""
 
-_FULL, _FULL_SD = 2.5, 0.1
-"""Soil shears at the lugs' tips where the share of their height is 1 within so many standard deviations, which are no
-more than that, or within `_BEYOND` [-]."""
+_KNOWN = 0.1
+"""Standard deviation of the share of the lugs' height below which data tell it [-]. That soil shears at their tips it
+tells then where it is 1 within `_BEYOND`, or `_TOLD` of its standard deviations: of ten recordings with nothing but
+lugs as stated (the fourteenth generator by another hand) eight came within 0.06."""
 
 _STANDS_OUT = 12.0
 """A line of the residuals' order spectrum is looked into where its power is this many times the median's [-]."""
@@ -49,7 +50,7 @@ class LugRadius(Effect):
         return [f"s = {values[0]:.3g}"] if values[0] > 1.0 + max(_BEYOND, _TOLD * sd[0]) else []
 
     def as_announced(self, values: np.ndarray, sd: np.ndarray) -> bool:
-        return bool(sd[0] < _FULL_SD and abs(values[0] - 1.0) < max(_BEYOND, _FULL * sd[0]))
+        return bool(sd[0] < _KNOWN and abs(values[0] - 1.0) < max(_BEYOND, _TOLD * sd[0]))
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         beyond = values[0] * self._height

@@ -87,8 +87,9 @@ def _stands_out(before: Trial, after: Trial) -> bool:
     varied, varies = before.fitted.noise.spread, after.fitted.noise.spread
     calm = (varied > _VARIES) & (varies < _CALMER * varied)
     much = _STANDS_OUT * np.maximum(varies, _VARIES)
-    places = [after.fitted.vector[where][: len(much)] for effect, where in after.fitted.model.slices() if effect.local]
-    return any(bool((calm & (np.abs(change) > much)).any()) for change in places)
+    further = [(e, where) for e, where in after.fitted.model.slices() if e.local and e.slug not in before.slugs]
+    changes = [after.fitted.vector[where][: len(much)] for _, where in further]
+    return any(bool((calm & (np.abs(change) > much)).any()) for change in changes)
 
 
 def _further_place(best: Trial, larger: Trial) -> bool:

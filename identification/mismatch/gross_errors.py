@@ -20,7 +20,8 @@ conditions [-]. Of two alone nobody knows which is wrong."""
 
 _ALONE, _FEW = 12.0, 0.05
 """Standard deviations of that scatter from which on a value stands alone, and the largest share of a channel's values
-that do where they are errors [-], the load's beside those of each answer."""
+that do where they are errors [-], the load's beside those of each answer: of 146 of the study's tables two have more
+than 0.03 of such trials, and are right with 0.05."""
 
 _ISOLATED = 15.0
 """As much of the scatter about the median of neighbours in time: of the study's recordings looked at gross errors stood

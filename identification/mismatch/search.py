@@ -234,14 +234,17 @@ def _causes(textbook: Trial, trials: Sequence[Trial]) -> list[Trial]:
 
 def _beside_bump(tries: _Tries, singles: Sequence[Trial], best: Trial) -> Trial:
     """Try others beside a place that gains most, though nothing shows it to be one: beside a second effect, for which
-    the ground's variation stood in, it may be.
+    the ground's variation stood in, it may be, and that effect without it may be little.
     """
     bump = max(singles, key=_gain, default=best)
     if bump.gain < max(ASKED_FOR, best.gain) or not is_bump(tries.textbook, bump):
         return best
     both = _causes(tries.textbook, tries.attempt(bump, tries.weigh(bump, tries.others(bump.slugs))))
     earned = [trial for trial in both if min(surplus(bump, trial), surplus(best, trial)) >= 0.0]
-    return max(earned, key=_gain, default=best)
+    for pair in sorted(earned, key=_gain, reverse=True):
+        if surplus(without(tries.problem, tries.textbook, pair, bump.effects[0]), pair) >= 0.0:
+            return pair
+    return best
 
 
 def _named(base: Trial, effect: Effect) -> str:

@@ -95,10 +95,11 @@ class Trial:
 
     @property
     def as_announced(self) -> bool:
-        """Whether all that the vehicle's description announces came out as it does."""
+        """Whether it holds what the vehicle's description announces, all of which came out as it does."""
         sd = np.sqrt(np.maximum(np.diag(self.fitted.covariance), 0.0))
         announced = [(effect, where) for effect, where in self.fitted.model.slices() if effect.expected]
-        return all(effect.as_announced(self.fitted.vector[where], sd[where]) for effect, where in announced)
+        as_stated = [effect.as_announced(self.fitted.vector[where], sd[where]) for effect, where in announced]
+        return bool(as_stated) and all(as_stated)
 
     @property
     def names(self) -> frozenset[str]:

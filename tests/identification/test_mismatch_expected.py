@@ -51,7 +51,7 @@ def test_little_is_asked_of_lugs_beside_an_effect_and_of_an_effect_beside_lugs_a
     assert surplus(only_lugs, gaining(lugs, 70.0)) == pytest.approx(-5.0)
 
 
-def test_lugs_that_come_out_as_announced_ask_no_share_of_what_they_gain(made):
+def test_lugs_that_come_out_as_announced_ask_little_of_what_they_gain(made):
     _, _, _, lugs, _ = made
 
     def surplus_beside(lugs_alone: float, share: float, sd: float) -> float:
@@ -67,6 +67,14 @@ def test_lugs_that_come_out_as_announced_ask_no_share_of_what_they_gain(made):
     assert surplus_beside(1800.0, 1.0, 0.01) == pytest.approx(30.0 - 0.015 * 1800.0)
     assert surplus_beside(400.0, 0.85, 0.01) == pytest.approx(-2.0), "another form may be right"
     assert surplus_beside(400.0, 1.0, 0.3) == pytest.approx(-2.0), "data that do not tell confirm nothing"
+
+
+def test_two_effects_without_lugs_confirm_none(made):
+    _, _, alone, lugs, sensor = made
+    assert not sensor.as_announced
+    assert not alone["slip_sinkage"].as_announced
+    only_lugs = replace(lugs, effects=lugs.effects[1:], gain=400.0)
+    assert surplus(only_lugs, gaining(sensor, 430.0)) == pytest.approx(-2.0)
 
 
 def test_one_effect_beside_lugs_and_another_alone_are_rivals(made):

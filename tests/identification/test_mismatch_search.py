@@ -131,6 +131,21 @@ def test_a_place_with_wide_edges_is_one_where_it_stands_out_of_the_ground_that_v
     assert found.sharp < 12.0
     assert not calmed(textbook, found)
     assert not is_bump(textbook, found)
+    # One of the two has to be another by eight standard deviations of what is left of a variation that is calmed.
+    where = found.fitted.model.slices()[-1][1]
+
+    def bump(stiffer: float, stronger: float, spread: tuple[float, float]) -> bool:
+        vector = found.fitted.vector.copy()
+        vector[where.start : where.start + 2] = stiffer, stronger
+        noise = replace(found.fitted.noise, spread=np.array(spread))
+        after = replace(found, fitted=replace(found.fitted, vector=vector, noise=noise))
+        varied = replace(textbook.fitted.noise, spread=np.array([0.1, 0.1]))
+        return is_bump(replace(textbook, fitted=replace(textbook.fitted, noise=varied)), after)
+
+    assert not bump(0.165, 0.0, (0.02, 0.1))
+    assert bump(0.155, 0.0, (0.02, 0.1))
+    assert bump(0.0, 0.9, (0.02, 0.1))
+    assert not bump(0.0, 0.9, (0.1, 0.02))
     # The same where the ground beside it varies as much as without is a rise like others.
     wild = replace(found.fitted, noise=replace(found.fitted.noise, spread=textbook.fitted.noise.spread))
     assert is_bump(textbook, replace(found, fitted=wild))
