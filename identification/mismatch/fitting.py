@@ -19,7 +19,7 @@ from ..effects.effect import LOAD, SLIP
 from ..forward import slope_of_internal, to_internal
 from .likeliest_noise import NoiseKnown, Weighed, likeliest
 from .samples import Samples
-from .soil_variation import NoiseModel, Ready, huber_loss, neighbours, stretches
+from .soil_variation import SMOOTHEST, NoiseModel, Ready, huber_loss, neighbours, stretches
 from .steps import Prior, covariance_of, is_longest, step_from, step_of
 
 _NOISE_PRIOR = (0.5, 0.1)
@@ -33,6 +33,9 @@ _SOIL_PRIOR = {
 
 _STEEPEST = 1e12
 """Derivatives beyond this, SI, are those of a wheel about to be swallowed."""
+
+_SMOOTHER = 1.0
+"""Nats from which on ground is taken to vary more, or less, smoothly."""
 
 ENOUGH = 0.02
 """The iteration ends when a step promises less than this [nats]."""
@@ -368,3 +371,21 @@ def fit(
     residuals = np.where(problem.seen, problem.residuals(response), np.nan)
     score = -total - problem.noise_loss(noise)
     return Fitted(model, vector, noise, score, covariance, residuals, innovations, jacobian, response.theta_1, response)
+
+
+def as_smooth_as_it_is(problem: Problem, fitted: Fitted, rival: float = -math.inf) -> Fitted:
+    """Go on with a fit in ground that varies along the track more or less smoothly, as long as that gains."""
+    if not np.isfinite(problem.gap).any():
+        return fitted
+    best, prior = fitted, problem.prior(fitted.model)
+    for way in (1, -1):
+        smooth = fitted.noise.smooth + way
+        while 0 <= smooth <= SMOOTHEST:
+            start = replace(best.noise, smooth=smooth)
+            noise = problem.best_noise(best.response, best.vector, start, prior)
+            lost = problem.whitened(best.response, noise)[2].sum() + prior.loss(best.vector) + problem.noise_loss(noise)
+            if best.score + lost > -_SMOOTHER:
+                break
+            best = fit(problem, best.model, best.vector, noise, best.theta_1, rival=rival)
+            smooth += way
+    return best

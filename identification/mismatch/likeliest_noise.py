@@ -114,17 +114,17 @@ def likeliest(
 
     def derive(vector: np.ndarray, weighed: Weighed) -> tuple[np.ndarray, np.ndarray]:
         """Score (k,) and information (k, k)."""
-        score, information = _told_by(weighed.columns, vector, steps, latent_covariance, gap)
+        score, information = _told_by(weighed.columns, vector, start.smooth, steps, latent_covariance, gap)
         score *= share
         if not weighed.at_rest:
-            there = [weigh(_unpacked(vector + step)).loss for step in np.diag(steps)]
+            there = [weigh(_unpacked(vector + step, start.smooth)).loss for step in np.diag(steps)]
             score = (weighed.loss - np.array(there)) / steps
         return score, share * information
 
     vector, damping = _packed(start), 1e-3
     vector[-3:-1] = np.maximum(vector[-3:-1], _FELT_SPREAD)
     vector = np.clip(vector, prior.lower, prior.upper)
-    weighed = weigh(_unpacked(vector))
+    weighed = weigh(_unpacked(vector, start.smooth))
     total = weighed.loss + prior.loss(vector)
     score, information = derive(vector, weighed)
     for _ in range(_STEPS):
@@ -132,24 +132,24 @@ def likeliest(
         if promised < _ENOUGH or damping > _MOST_DAMPED:
             break
         trial = np.clip(vector + step, prior.lower, prior.upper)
-        weighed = weigh(_unpacked(trial))
+        weighed = weigh(_unpacked(trial, start.smooth))
         reached = weighed.loss + prior.loss(trial)
         if reached < total:
             vector, total, damping = trial, reached, max(damping / 10.0, 1e-6)
             score, information = derive(vector, weighed)
         else:
             damping = max(damping, 1e-3) * 30.0
-    return _unpacked(vector)
+    return _unpacked(vector, start.smooth)
 
 
 def _told_by(
-    columns: Ready, vector: np.ndarray, steps: np.ndarray, latent_covariance: np.ndarray, gap: np.ndarray
+    columns: Ready, vector: np.ndarray, smooth: int, steps: np.ndarray, latent_covariance: np.ndarray, gap: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Score (k,), parameters staying where they are, and information (k, k) that columns (`Weighed`) have."""
 
     def look(there: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         """Innovations that are left and logarithms of their scales, (n m,) each, and the loss."""
-        white, log_scale = columns.filter(_unpacked(there), latent_covariance, gap, derivatives=True)
+        white, log_scale = columns.filter(_unpacked(there, smooth), latent_covariance, gap, derivatives=True)
         residual, taken = white[..., 0].ravel(), white[..., 1:].sum(axis=-1).ravel()
         gained = (huber_weight(residual) * taken) @ (residual - 0.5 * taken)
         return residual - taken, log_scale.ravel(), huber_loss(residual).sum() + log_scale.sum() - gained
@@ -168,5 +168,5 @@ def _packed(noise: NoiseModel) -> np.ndarray:
     return np.concatenate([np.log(noise.answers), noise.spread, [math.log(noise.length)]])
 
 
-def _unpacked(vector: np.ndarray) -> NoiseModel:
-    return NoiseModel(np.exp(vector[:-3]), vector[-3:-1], math.exp(vector[-1]))
+def _unpacked(vector: np.ndarray, smooth: int) -> NoiseModel:
+    return NoiseModel(np.exp(vector[:-3]), vector[-3:-1], math.exp(vector[-1]), smooth)

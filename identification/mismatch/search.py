@@ -382,10 +382,10 @@ def _anchored(problem: Problem, textbook: Trial, singles: Sequence[Trial]) -> Tr
     starts = [(trial.fitted.vector[:SOIL_COUNT], trial.fitted.theta_1) for trial in better[:_ANCHORS]]
     if not starts:
         return textbook
-    before = problem.most, problem.weights
+    before = problem.most, problem.weights, problem.first_noise
     fitted = best_fit(problem, starts)
     if fitted.score < textbook.fitted.score + _BETTER:
-        problem.most, problem.weights = before
+        problem.most, problem.weights, problem.first_noise = before
         return textbook
     return Trial((), fitted, hold_out(problem, fitted), 0.0)
 

@@ -1,7 +1,9 @@
 """Residuals made white: what sensors, uncertain load and slip, and soil that varies from place to place do to them.
 
-Stiffness and strength vary along the track like two Ornstein-Uhlenbeck processes; a Kalman filter turns residuals and
-their derivatives into innovations, which are independent with unit variance where the model is right (A. C. Harvey,
+Stiffness and strength vary along the track like two Ornstein-Uhlenbeck processes or, where that is likelier, like two
+Matern processes of order 3/2 or 5/2, which have derivatives (C. E. Rasmussen, C. K. I. Williams, "Gaussian Processes
+for Machine Learning" (2006), Eq. 4.17; J. Hartikainen, S. Sarkka, IEEE MLSP (2010)); a Kalman filter turns residuals
+and their derivatives into innovations, which are independent with unit variance where the model is right (A. C. Harvey,
 "Forecasting, Structural Time Series Models and the Kalman Filter" (1989), Sec. 3.4).
 """
 
@@ -16,17 +18,29 @@ from numba import njit
 HUBER = 4.0
 """Innovations beyond this count linearly, not squared: a gross error does not rule the fit."""
 
+_TO_ONE_OVER_E = (1.0, 2.146193220620582, 2.9046299750299145)
+"""Where exp(-x), (1 + x) exp(-x) and (1 + x + x^2 / 3) exp(-x), correlations of variations ever smoother, are 1/e."""
+
+_FORGOTTEN = 60.0
+"""Such an x beyond which nothing is left of them [-]."""
+
+SMOOTHEST = 2
+"""Derivatives that a variation may have."""
+
 _STRETCHES = 24
 """Stretches of a track that are taken to err independently: many enough to show it, long enough to be so."""
 
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """Standard deviations of the answers (m,), of ln stiffness and ln strength (2,), and the variation's length."""
+    """Standard deviations of the answers (m,), of ln stiffness and ln strength (2,), the length over which the
+    variation's correlation falls to 1/e, and how many derivatives it has.
+    """
 
     answers: np.ndarray
     spread: np.ndarray
     length: float
+    smooth: int = 0
 
 
 def neighbours(position: np.ndarray, lane: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -55,23 +69,99 @@ def stretches(order: np.ndarray, gap: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _everywhere(smooth):
+    """Covariance (k, k) of one process and its derivatives by far (`_carried`), of unit variance."""
+    answer = np.eye(smooth + 1)
+    if smooth == 2:
+        answer[1, 1] = 1.0 / 3.0
+        answer[0, 2] = answer[2, 0] = -1.0 / 3.0
+    return answer
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _carried(far, carry):
+    """Fill carry (k, k) with what becomes of a process and its derivatives over so many of its lengths."""
+    keep = math.exp(-far)
+    if len(carry) == 1 or far > _FORGOTTEN:
+        carry[:] = keep
+    elif len(carry) == 2:
+        carry[0, 0], carry[0, 1] = keep * (1.0 + far), keep * far
+        carry[1, 0], carry[1, 1] = -keep * far, keep * (1.0 - far)
+    else:
+        half = 0.5 * far * far
+        carry[0, 0], carry[0, 1], carry[0, 2] = keep * (1.0 + far + half), keep * (far + 2.0 * half), keep * half
+        carry[1, 0], carry[1, 1], carry[1, 2] = -keep * half, keep * (1.0 + far - 2.0 * half), keep * (far - half)
+        carry[2, 0], carry[2, 1] = keep * (half - far), keep * (2.0 * half - 3.0 * far)
+        carry[2, 2] = keep * (1.0 - 2.0 * far + half)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _carry_on(state, p, spread, carry, everywhere, row):
+    """Carry the variations' state (2 k, q) and its covariance p (2 k, 2 k) on, in place; row (2 k,) is room.
+
+    What is known of p beyond what it is everywhere is carried; the rest is as everywhere.
+    """
+    size = len(carry)
+    for half in range(2):
+        at = half * size
+        for i in range(size):
+            for j in range(size):
+                p[at + i, at + j] -= spread[half] ** 2 * everywhere[i, j]
+    for half in range(2):
+        at = half * size
+        for column in range(state.shape[1]):
+            for i in range(size):
+                row[i] = 0.0
+                for j in range(size):
+                    row[i] += carry[i, j] * state[at + j, column]
+            for i in range(size):
+                state[at + i, column] = row[i]
+        for column in range(2 * size):
+            for i in range(size):
+                row[i] = 0.0
+                for j in range(size):
+                    row[i] += carry[i, j] * p[at + j, column]
+            for i in range(size):
+                p[at + i, column] = row[i]
+    for half in range(2):
+        at = half * size
+        for line in range(2 * size):
+            for i in range(size):
+                row[i] = 0.0
+                for j in range(size):
+                    row[i] += carry[i, j] * p[line, at + j]
+            for i in range(size):
+                p[line, at + i] = row[i]
+        for i in range(size):
+            for j in range(size):
+                p[at + i, at + j] += spread[half] ** 2 * everywhere[i, j]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _unknown_ground(count, spread, everywhere):
+    """State (2 k, q) of nothing known of the variation yet, and its covariance (2 k, 2 k)."""
+    size = len(everywhere)
+    p = np.zeros((2 * size, 2 * size))
+    for half in range(2):
+        for i in range(size):
+            for j in range(size):
+                p[half * size + i, half * size + j] = spread[half] ** 2 * everywhere[i, j]
+    return np.zeros((2 * size, count)), p
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _whiten_row(
-    columns, at, row, seen, by_variation, by_latent, latent_covariance, variance, spread, keep, state, p, covariance,
-    vary, scales,
+    columns, at, row, seen, by_variation, by_latent, latent_covariance, variance, state, p, covariance, vary, gain,
+    scales,
 ):  # fmt: skip
     """Whiten the next row, whose columns stand in `columns[at]`, in place, and fill its scales in `scales[at]`.
 
-    The other arguments are those of `whiten`. `keep` is what is left of the variation since the row before; state
-    (2, q) and p (3,), its covariance, go along from row to row; covariance (m, m) and vary (m, 2) are room to work in.
+    The other arguments are those of `whiten`. State (s, q) and p (s, s), its covariance, go along from row to row;
+    covariance (m, m), vary (m, 2) and gain (s,) are room to work in.
     """
     _, channels, count = columns.shape
-    fresh = 1.0 - keep * keep
-    for column in range(count):
-        state[0, column] *= keep
-        state[1, column] *= keep
-    p[0] = keep * keep * p[0] + fresh * spread[0] ** 2
-    p[1] = keep * keep * p[1]
-    p[2] = keep * keep * p[2] + fresh * spread[1] ** 2
+    size = len(p)
+    other = size // 2
     for i in range(channels):
         for j in range(i + 1):
             value = 0.0
@@ -112,62 +202,73 @@ def _whiten_row(
         if not seen[row, i]:
             continue
         h0, h1 = vary[i, 0], vary[i, 1]
-        g0, g1 = p[0] * h0 + p[1] * h1, p[1] * h0 + p[2] * h1
-        scale = h0 * g0 + h1 * g1 + 1.0
+        for a in range(size):
+            gain[a] = p[a, 0] * h0 + p[a, other] * h1
+        scale = h0 * gain[0] + h1 * gain[other] + 1.0
         root = math.sqrt(scale)
-        away = columns[at, i, 0] - h0 * state[0, 0] - h1 * state[1, 0]
+        away = columns[at, i, 0] - h0 * state[0, 0] - h1 * state[other, 0]
         # A gross error must not be taken for soil.
         trust = min(1.0, HUBER * root / max(abs(away), 1e-300))
-        k0, k1, inverse = g0 / scale * trust, g1 / scale * trust, 1.0 / root
+        inverse = 1.0 / root
+        for a in range(size):
+            for b in range(size):
+                p[a, b] -= gain[a] * gain[b] / scale
+        for a in range(size):
+            gain[a] *= trust / scale
         for column in range(count):
-            innovation = columns[at, i, column] - h0 * state[0, column] - h1 * state[1, column]
-            state[0, column] += k0 * innovation
-            state[1, column] += k1 * innovation
+            innovation = columns[at, i, column] - h0 * state[0, column] - h1 * state[other, column]
+            for a in range(size):
+                state[a, column] += gain[a] * innovation
             columns[at, i, column] = innovation * inverse
-        p[0] -= g0 * g0 / scale
-        p[1] -= g0 * g1 / scale
-        p[2] -= g1 * g1 / scale
         scales[at, i] *= root
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def whiten(columns, seen, by_variation, by_latent, latent_covariance, variance, spread, length, gap, scales):
+def whiten(columns, seen, by_variation, by_latent, latent_covariance, variance, spread, length, smooth, gap, scales):
     """Whiten columns in place: residuals first, their derivatives after.
 
     columns (n, m, q); seen (n, m); by_variation (n, m, 2): derivatives of the channels by ln stiffness and ln strength;
     by_latent (n, m, 2): by load and slip; latent_covariance (2, 2); variance (m,) of the sensors; spread (2,) standard
-    deviations of the variation; length [m or s] over which it forgets; gap (n,) distance from the row before, infinite
-    where there is none. Fills scales (n, m): the innovations' standard deviations, one where nothing was seen.
+    deviations of the variation; length [m or s] over which its correlation falls to 1/e; smooth: number of derivatives
+    that it has; gap (n,) distance from the row before, infinite where there is none. Fills scales (n, m): the
+    innovations' standard deviations, one where nothing was seen.
     """
     rows, channels, count = columns.shape
-    state, p = np.zeros((2, count)), np.array([spread[0] ** 2, 0.0, spread[1] ** 2])
-    covariance, vary = np.empty((channels, channels)), np.empty((channels, 2))
+    everywhere, carry = _everywhere(smooth), np.empty((smooth + 1, smooth + 1))
+    state, p = _unknown_ground(count, spread, everywhere)
+    covariance, vary, gain = np.empty((channels, channels)), np.empty((channels, 2)), np.empty(len(p))
     for row in range(rows):
+        _carried(_TO_ONE_OVER_E[smooth] * gap[row] / length, carry)
+        _carry_on(state, p, spread, carry, everywhere, gain)
         _whiten_row(
-            columns, row, row, seen, by_variation, by_latent, latent_covariance, variance, spread,
-            math.exp(-gap[row] / length), state, p, covariance, vary, scales,
+            columns, row, row, seen, by_variation, by_latent, latent_covariance, variance, state, p, covariance, vary,
+            gain, scales,
         )  # fmt: skip
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def weigh_white(
-    columns, seen, by_variation, by_latent, latent_covariance, variance, spread, length, gap, gradient, information
+    columns, seen, by_variation, by_latent, latent_covariance, variance, spread, length, smooth, gap, gradient,
+    information,
 ):  # fmt: skip
     """Loss [nats] of columns once they are white, which are as in `whiten` and stay as they are.
 
     Fills gradient (q - 1,) and information (q - 1, q - 1) of the log-likelihood by what the derivatives belong to.
     """
     rows, channels, count = columns.shape
-    state, p = np.zeros((2, count)), np.array([spread[0] ** 2, 0.0, spread[1] ** 2])
-    covariance, vary = np.empty((channels, channels)), np.empty((channels, 2))
+    everywhere, carry = _everywhere(smooth), np.empty((smooth + 1, smooth + 1))
+    state, p = _unknown_ground(count, spread, everywhere)
+    covariance, vary, gain = np.empty((channels, channels)), np.empty((channels, 2)), np.empty(len(p))
     white, scales = np.empty((1, channels, count)), np.empty((1, channels))
     gradient[:], information[:] = 0.0, 0.0
     loss = 0.0
     for row in range(rows):
         white[0] = columns[row]
+        _carried(_TO_ONE_OVER_E[smooth] * gap[row] / length, carry)
+        _carry_on(state, p, spread, carry, everywhere, gain)
         _whiten_row(
-            white, 0, row, seen, by_variation, by_latent, latent_covariance, variance, spread,
-            math.exp(-gap[row] / length), state, p, covariance, vary, scales,
+            white, 0, row, seen, by_variation, by_latent, latent_covariance, variance, state, p, covariance, vary,
+            gain, scales,
         )  # fmt: skip
         wide = 1.0
         for i in range(channels):
@@ -217,7 +318,7 @@ class Ready:
         scales = np.empty(columns.shape[:2])
         whiten(
             columns, self.seen, self.by_variation, self.by_latent, latent_covariance, noise.answers**2, noise.spread,
-            noise.length, gap, scales,
+            noise.length, noise.smooth, gap, scales,
         )  # fmt: skip
         return columns, np.log(scales)
 
@@ -229,6 +330,6 @@ class Ready:
         gradient, information = np.empty(size), np.empty((size, size))
         loss = weigh_white(
             self.columns, self.seen, self.by_variation, self.by_latent, latent_covariance, noise.answers**2,
-            noise.spread, noise.length, gap, gradient, information,
+            noise.spread, noise.length, noise.smooth, gap, gradient, information,
         )  # fmt: skip
         return loss, gradient, information

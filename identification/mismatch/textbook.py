@@ -11,10 +11,9 @@ from ...framework.core.errors import InputError
 from ...framework.core.soil import SoilKnowledge
 from ..augmented import AugmentedWheel
 from ..effects.effect import LOAD, SLIP
-from .fitting import Fitted, Problem, fit
+from .fitting import Fitted, Problem, as_smooth_as_it_is, fit
 from .gross_errors import without_gross_errors
 from .samples import Samples, levels
-from .soil_variation import NoiseModel
 from .together import together
 
 _COARSE = 0.1
@@ -80,10 +79,11 @@ def best_fit(problem: Problem, starts: list[tuple[np.ndarray, np.ndarray]]) -> F
     """Fit the textbook wheel from several soils (5,) and entry angles (n,) [rad].
 
     Effects have to live with what it makes of the ground and of errors in load and slip: one that needs the ground to
-    vary more, or that hides the errors, explains nothing.
+    vary more, or that hides the errors, explains nothing. Whether ground along a track varies smoothly the fits tell.
     """
     model = AugmentedWheel(problem.samples.wheel)
     problem.most, problem.weights = problem.unbounded, None
+    problem.first_noise = replace(problem.first_noise, smooth=0)
 
     def from_start(start: tuple[np.ndarray, np.ndarray]) -> Fitted:
         return fit(problem, model, start[0], None, start[1])
@@ -95,13 +95,21 @@ def best_fit(problem: Problem, starts: list[tuple[np.ndarray, np.ndarray]]) -> F
     problem.most = problem.unbounded
     found += together(lambda each: fit(problem, model, each.vector, each.noise, each.theta_1), quiet)
     best = max([*found, *quiet], key=lambda fitted: fitted.score)
+    # Smoother ground that varied by more would stand in for something else.
+    most = np.full(2, max(_LEAST_SPREAD, float(best.noise.spread.max())))
+    problem.most = replace(problem.unbounded, spread=most)
+    best = as_smooth_as_it_is(problem, best)
+    problem.most = problem.unbounded
+    problem.first_noise = replace(problem.first_noise, smooth=best.noise.smooth)
     repeat = repeats(problem.samples)
     freedom = int(np.sum(np.maximum(np.bincount(repeat[repeat >= 0]) - 1, 0)))
     if freedom >= _ENOUGH_REPEATS:
         # What repeats do not show is misfit, however well more noise would hide it.
         shown = problem.repeated_noise(best.response, repeat)
         wider = math.exp(2.0 / math.sqrt(2.0 * freedom))
-        problem.most = NoiseModel(shown.answers * wider, np.maximum(shown.spread * wider, _LEAST_SPREAD), shown.length)
+        problem.most = replace(
+            shown, answers=shown.answers * wider, spread=np.maximum(shown.spread * wider, _LEAST_SPREAD)
+        )
         best = fit(problem, model, best.vector, None, best.theta_1)
     spread = np.full(2, max(_LEAST_SPREAD, float(best.noise.spread.max())))
     problem.most = replace(problem.most, spread=np.minimum(problem.most.spread, spread))

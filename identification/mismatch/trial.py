@@ -13,11 +13,11 @@ from ...framework.core.soil import PARAMETERS, PLAUSIBLE, PUBLISHED, UNDRAINED_C
 from ..augmented import SOIL_COUNT, AugmentedWheel
 from ..effects.effect import LOAD, SLIP, Effect, Situation
 from ..forward import from_internal, to_internal
-from .fitting import Fitted, Problem, fit
+from .fitting import Fitted, Problem, as_smooth_as_it_is, fit
 from .held_out import HeldOut, hold_out
 from .places import everywhere, stretches_apart
 from .samples import Samples, quietness
-from .soil_variation import huber_loss
+from .soil_variation import SMOOTHEST, huber_loss
 from .textbook import coarse_fit, first_soil, fit_textbook
 
 ASKED_FOR = 12.0
@@ -208,6 +208,7 @@ def try_adding(
         if effect.local:
             sharp = best.score - tried[-1].score
         best = _freed(problem, base, best, max(rival, best.score))
+        best = as_smooth_as_it_is(problem, best, max(rival, best.score))
     behind = rival - best.score > max(_OUT_OF_REACH, _FAR_BEHIND * (rival - textbook.fitted.score))
     worse = best.score <= base.fitted.score
     held_out = hold_out(problem, best, again=not behind and not worse)
@@ -248,9 +249,9 @@ def _from_starts(problem: Problem, base: Trial, effect: Effect, rival: float, fo
     ways = [(model, base.fitted.noise)]
     if effect.local and former is None:
         # With the ground held to vary little at first, whose variation may have explained the place already; and with
-        # other edges, for sharp ones stay where they start.
-        other = AugmentedWheel(model.wheel, (*base.effects, effect.variants()[0]))
-        ways += [(each, problem.first_noise) for each in (model, other)]
+        # other edges, for sharp ones stay where they start. The edges may have passed for ground that varies roughly.
+        other, first = AugmentedWheel(model.wheel, (*base.effects, effect.variants()[0])), problem.first_noise
+        ways += [(model, first), (other, first), (model, replace(first, smooth=0 if first.smooth else SMOOTHEST))]
     theta_1, several = base.fitted.theta_1, len(starts) * len(ways) > 1
     first = partial(fit, problem, theta_1=theta_1, iterations=_SHORT if several else None, rival=rival)
     fits = [max((first(each, start, noise) for each, noise in ways), key=_score) for start in starts]

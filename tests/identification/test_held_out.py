@@ -72,7 +72,7 @@ def refitted(problem: Problem, fitted: Fitted) -> np.ndarray:
     return np.array(nats)
 
 
-@pytest.mark.parametrize("seed", [0, 6])
+@pytest.mark.parametrize("seed", [1, 6])
 def test_blocks_are_held_out_as_by_a_fit_that_never_saw_them(seed):
     """At one load, from torque and sinkage, friction and cohesion trade off and cohesion ends at its bound."""
     made = drive(("shear_hump:K_r=0.6",), seed, noise=0.02, slip_noise=0.01)

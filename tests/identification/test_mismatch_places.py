@@ -140,9 +140,10 @@ def test_what_is_too_little_to_be_a_finding_is_felt():
 
 
 def test_a_channel_later_than_it_takes_to_change_is_promised_something():
+    """Ground that varies smoothly takes part of it: it promises less than a tenth of what it gains, but not nothing."""
     problem, textbook = driven(late_s=0.9)
     lags = {effect.form: effect for effect in effects_for(situation(problem, textbook.fitted), ["time_lag"])}
-    assert promise(problem, textbook, lags["slip"]) > 12.0
+    assert promise(problem, textbook, lags["slip"]) > 8.0
     trial = try_adding(problem, textbook, textbook, lags["slip"])
     assert trial.fitted.vector[5] == pytest.approx(0.9, abs=0.02)
     assert trial.gain > 100.0

@@ -55,12 +55,13 @@ def test_a_cap_on_the_rim_is_found_however_far_another_effect_is_ahead(trials):
     assert trial.gain > 150.0
 
 
-def test_what_is_nothing_alone_is_tried_beside_what_is_found(trials):
+def test_what_is_hardly_anything_alone_is_tried_beside_what_is_found(trials):
     hidden = ("stress_peak_shift", "hard_layer")
     problem, textbook, forms = trials(110069, hidden, "buried", "bench")
     (layer,) = forms("hard_layer").values()
-    assert try_adding(problem, textbook, textbook, layer).gain < ASKED_FOR
-    assert search(problem, textbook, list(forms(*hidden).values())).chosen.slugs == set(hidden)
+    found = search(problem, textbook, list(forms(*hidden).values()))
+    assert found.chosen.slugs == set(hidden)
+    assert try_adding(problem, textbook, textbook, layer).gain < 0.2 * found.chosen.gain
 
 
 def test_what_explains_little_alone_is_tried_beside_what_is_found(trials):
@@ -127,7 +128,7 @@ def test_a_place_with_wide_edges_is_one_where_it_stands_out_of_the_ground_that_v
     problem, textbook, forms = trials(500076, ("soil_patch",), "plain", "bench")
     (patch,) = forms("soil_patch").values()
     found = try_adding(problem, textbook, textbook, patch)
-    assert found.gain > 60.0
+    assert found.gain > 20.0
     assert found.sharp < 12.0
     assert not calmed(textbook, found)
     assert not is_bump(textbook, found)
@@ -152,13 +153,14 @@ def test_a_place_with_wide_edges_is_one_where_it_stands_out_of_the_ground_that_v
 
 
 def test_a_place_that_shows_only_beside_another_effect_is_found_with_it(trials):
-    """Ground that varies stands in for either, so that a flattened tyre gains nothing alone and a patch is a bump."""
+    """Ground that varies stands in for either, so that a flattened tyre gains little alone and a patch is a bump."""
     hidden = ("tyre_deflection", "soil_patch")
     problem, textbook, forms = trials(530143, hidden, "hidden", "bench")
     tyre, patch = (list(forms(slug).values()) for slug in hidden)
-    assert max(try_adding(problem, textbook, textbook, form).gain for form in tyre) < 15.0
+    found = search(problem, textbook, tyre + patch).chosen
+    assert found.slugs == set(hidden)
+    assert max(try_adding(problem, textbook, textbook, form).gain for form in tyre) < 0.2 * found.gain
     assert is_bump(textbook, try_adding(problem, textbook, textbook, patch[0]))
-    assert search(problem, textbook, tyre + patch).chosen.slugs == set(hidden)
     assert not search(problem, textbook, patch).chosen.effects
 
 

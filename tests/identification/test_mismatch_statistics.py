@@ -23,6 +23,7 @@ from bevameter.identification.mismatch.soil_variation import whiten
 from bevameter.identification.mismatch.steps import scaled_inverse
 from bevameter.identification.mismatch.textbook import fit_textbook
 from bevameter.identification.mismatch.trial import Trial, situation, textbook_trial, try_adding
+from scipy.optimize import brentq
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)
 
@@ -39,7 +40,8 @@ def samples_of(seed: int, protocol: str, slugs=(), level="plain") -> Samples:
     return gather(columns, wheel, Vehicle(name="made", wheels=(wheel,), noise=made.vehicle["noise"]))
 
 
-def test_whitened_residuals_have_the_likelihood_of_the_full_covariance():
+@pytest.mark.parametrize("smooth", [0, 1, 2])
+def test_whitened_residuals_have_the_likelihood_of_the_full_covariance(smooth):
     rng = np.random.default_rng(1)
     rows, channels = 9, 2
     residuals = rng.normal(size=(rows, channels))
@@ -50,9 +52,11 @@ def test_whitened_residuals_have_the_likelihood_of_the_full_covariance():
     gap = np.concatenate([[np.inf], rng.uniform(0.1, 1.0, rows - 1)])
     gap[5] = np.inf
     columns, scales = np.where(seen, residuals, 0.0)[..., None].copy(), np.empty((rows, channels))
-    whiten(columns, seen, by_variation, by_latent, latent, variance, spread, length, gap, scales)
+    whiten(columns, seen, by_variation, by_latent, latent, variance, spread, length, smooth, gap, scales)
     track = np.cumsum(np.where(np.isfinite(gap), gap, 1e6))
-    alike = np.exp(-np.abs(track[:, None] - track) / length)
+    away = np.abs(track[:, None] - track) / length
+    matern = [lambda x: np.exp(-x), lambda x: (1 + x) * np.exp(-x), lambda x: (1 + x + x**2 / 3) * np.exp(-x)][smooth]
+    alike = matern(brentq(lambda x: matern(x) - np.exp(-1.0), 0.5, 5.0) * away)
     covariance = np.einsum("ica,a,jda,ij->icjd", by_variation, spread**2, by_variation, alike)
     for row in range(rows):
         covariance[row, :, row, :] += by_latent[row] @ latent @ by_latent[row].T + np.diag(variance)

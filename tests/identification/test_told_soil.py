@@ -107,6 +107,6 @@ def test_a_soil_stated_wrongly_is_not_called_a_patch_of_the_whole_track(samples)
     problem, textbook = textbook_trial(samples, stated(8.0 * SOIL.stiffness_Pa))
     whole = SoilPatch("place", samples.drive.place_m, [np.array([-2.0, 0.0, -0.001, 1.5])])
     trial = try_adding(problem, textbook, textbook, whole)
-    assert trial.fitted.score > textbook.fitted.score + 50.0
+    assert trial.fitted.score > textbook.fitted.score + 5.0
     assert everywhere(trial.fitted, samples.drive)
     assert trial.gain <= 0.0
