@@ -96,6 +96,19 @@ def _carried(far, carry):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _multiply(carry, columns, at, row):
+    """Put carry (k, k) times them in the place of the k rows of columns from `at` on; row has room for k."""
+    size = len(carry)
+    for column in range(columns.shape[1]):
+        for i in range(size):
+            row[i] = 0.0
+            for j in range(size):
+                row[i] += carry[i, j] * columns[at + j, column]
+        for i in range(size):
+            columns[at + i, column] = row[i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _carry_on(state, p, spread, carry, everywhere, row):
     """Carry the variations' state (2 k, q) and its covariance p (2 k, 2 k) on, in place; row (2 k,) is room.
 
@@ -107,31 +120,11 @@ def _carry_on(state, p, spread, carry, everywhere, row):
         for i in range(size):
             for j in range(size):
                 p[at + i, at + j] -= spread[half] ** 2 * everywhere[i, j]
+        _multiply(carry, state, at, row)
+        _multiply(carry, p, at, row)
     for half in range(2):
         at = half * size
-        for column in range(state.shape[1]):
-            for i in range(size):
-                row[i] = 0.0
-                for j in range(size):
-                    row[i] += carry[i, j] * state[at + j, column]
-            for i in range(size):
-                state[at + i, column] = row[i]
-        for column in range(2 * size):
-            for i in range(size):
-                row[i] = 0.0
-                for j in range(size):
-                    row[i] += carry[i, j] * p[at + j, column]
-            for i in range(size):
-                p[at + i, column] = row[i]
-    for half in range(2):
-        at = half * size
-        for line in range(2 * size):
-            for i in range(size):
-                row[i] = 0.0
-                for j in range(size):
-                    row[i] += carry[i, j] * p[line, at + j]
-            for i in range(size):
-                p[line, at + i] = row[i]
+        _multiply(carry, p.T, at, row)
         for i in range(size):
             for j in range(size):
                 p[at + i, at + j] += spread[half] ** 2 * everywhere[i, j]

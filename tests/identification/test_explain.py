@@ -187,9 +187,13 @@ def test_a_soil_known_from_elsewhere_is_kept(tmp_path):
     assert "rim_adhesion" in names(known)
 
 
-def test_another_simulator_is_told_what_it_left_out(tmp_path):
-    """The other simulator is the generator's own, on the true soil, without the effect that the recording has."""
-    made, folder = recorded(tmp_path, SEED + 42, ("slip_sinkage",), "plain", "bench")
+@pytest.mark.parametrize(("seed", "sure"), [(40, False), (42, True)])
+def test_another_simulator_is_told_what_it_left_out(tmp_path, seed, sure):
+    """The other simulator is the generator's own, on the true soil, without the effect that the recording has.
+
+    Beside the first one's other form of slip-sinkage one more effect would gain just what makes an answer doubtful.
+    """
+    made, folder = recorded(tmp_path, SEED + seed, ("slip_sinkage",), "plain", "bench")
     case = made.case
     other, _ = simulate(case.ground, case.body, case.drive, ())
     names_of = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
@@ -197,7 +201,7 @@ def test_another_simulator_is_told_what_it_left_out(tmp_path):
     write_wheel_file(WheelTable(columns, None, None, tmp_path / "sim.csv"), tmp_path / "sim.csv")
     answer = explain(folder, simulated=tmp_path / "sim.csv")
     assert "slip_sinkage" in names(answer)
-    assert answer.verdict == "physics"
+    assert answer.verdict == "physics" or not sure
     measured = made.recorded.columns["sinkage_m"]
     alone = float(np.sqrt(np.nanmean((measured - other.sinkage_m) ** 2)))
     assert answer.fits["sinkage_m"].rmse_before == pytest.approx(alone, rel=0.02), "before is the other simulator"
