@@ -16,10 +16,10 @@ from .explanation import Candidate, ChannelFit, Estimate, Explanation, Missing, 
 from .fitting import Fitted, Problem
 from .naming import ASSERTED, MANY, MENTIONED, UNKNOWN, Naming, instead, why_not
 from .noise_floor import noise_floor
-from .search import Search
 from .shape import shape_of
 from .smooth_correction import SmoothCorrection
 from .trial import Trial
+from .tries import Search
 from .wording import summarise, trust
 from .would_tell import would_tell
 

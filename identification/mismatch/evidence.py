@@ -15,9 +15,9 @@ from .asked import is_bump, of_no_effect, surplus
 from .fitting import Problem
 from .naming import REMAINS
 from .noise_floor import FAR, FEWEST, SHOWN, in_time, noise_floor, rows_alike
-from .search import Search
 from .soil_variation import HUBER
 from .trial import ASKED_FOR, EXPECTED_ASKED_FOR, Trial
+from .tries import Search
 
 _INCOMPLETE = 23.0
 """Nats that one more effect gains beside a single one that stands in for something else; `ASKED_FOR` beside two."""

@@ -24,11 +24,12 @@ from .gross_errors import outlying
 from .locate import locate
 from .naming import name
 from .samples import Samples, gather, passes_apart
-from .search import Search, search
+from .search import search
 from .simulated import as_differences, attach
 from .smooth_correction import SmoothCorrection, nats_left, smooth_correction
 from .told_soil import disagreement
 from .trial import ASKED_FOR, Trial, again, least_errors, situation, textbook_trial, without
+from .tries import Search
 
 _GROUND_OF_ITS_OWN = (
     "each pass is taken to be on ground of its own: what passes differ by is explained as well by that as by anything "

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.special import expit
 
 from .asked import MOST_ASKED_FOR, is_bump, surplus
-from .search import Search
 from .trial import ASKED_FOR, TEMPERATURE, UNHEARD_OF, Trial, temperature
+from .tries import Search
 
 UNKNOWN = "unknown"
 

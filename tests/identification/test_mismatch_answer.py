@@ -15,9 +15,9 @@ from bevameter.identification.mismatch.naming import ASSERTED, Naming, name, why
 from bevameter.identification.mismatch.noise_floor import noise_floor
 from bevameter.identification.mismatch.readable import effect as effect_name
 from bevameter.identification.mismatch.samples import gather
-from bevameter.identification.mismatch.search import Search, _Tries
 from bevameter.identification.mismatch.smooth_correction import SmoothCorrection, Term
 from bevameter.identification.mismatch.trial import ASKED_FOR, Trial, situation, temperature, textbook_trial, try_adding
+from bevameter.identification.mismatch.tries import Search, Tries
 
 
 @pytest.fixture(scope="module")
@@ -262,10 +262,10 @@ def test_what_nobody_has_published_gives_way_to_what_gains_nearly_as_much(search
     unheard_of = Trial((shift,), replace(trial.fitted, vector=vector), trial.held_out, 302.0)
     other = Trial((kinds[0],), found.chosen.fitted, found.chosen.held_out, 300.0)
     assert unheard_of.unheard_of
-    ended = _Tries(problem, found.textbook, (), print, [unheard_of, other]).ended(unheard_of)
+    ended = Tries(problem, found.textbook, (), print, [unheard_of, other]).ended(unheard_of)
     assert ended.chosen is other
     assert name(ended, 0.0).effects["slip_sinkage"] > ASSERTED
-    alone = _Tries(problem, found.textbook, (), print, [unheard_of]).ended(unheard_of)
+    alone = Tries(problem, found.textbook, (), print, [unheard_of]).ended(unheard_of)
     assert alone.chosen is unheard_of
 
 
@@ -280,11 +280,11 @@ def test_what_nobody_has_published_gives_way_to_two_that_gain_as_much(searched, 
     vector[5] = 0.9  # a0
     bent = Trial((shift,), replace(peak.fitted, vector=vector), peak.held_out, 300.0)
     two = replace(try_adding(problem, found.textbook, found.chosen, gain), gain=gained)
-    ended = _Tries(problem, found.textbook, (), print, [bent, two]).ended(bent)
+    ended = Tries(problem, found.textbook, (), print, [bent, two]).ended(bent)
     assert (ended.chosen.slugs == {"slip_sinkage", "torque_gain"}) == gives_way
     assert any("a0 = 0.9, beyond what has been published" in why for why in doubts(problem, ended, 0.0, 1.0))
     sure = replace(two, gain=320.0)
-    ended = _Tries(problem, found.textbook, (), print, [bent, sure]).ended(sure)
+    ended = Tries(problem, found.textbook, (), print, [bent, sure]).ended(sure)
     assert not any("beyond" in why for why in doubts(problem, ended, 0.0, 1.0))
 
 
@@ -314,7 +314,7 @@ def test_of_sets_that_gain_alike_the_one_that_errs_less_is_chosen(searched):
         return Trial((effect,), found.chosen.fitted, replace(found.chosen.held_out, residuals=times * residuals), gain)
 
     def chosen(lead: float) -> Trial:
-        tries = _Tries(problem, found.textbook, (), print, [tried(effects[0], 300.0 + lead, 3.0), other])
+        tries = Tries(problem, found.textbook, (), print, [tried(effects[0], 300.0 + lead, 3.0), other])
         return tries.ended(tries.trials[0]).chosen
 
     other = tried(effects[1], 300.0, 1.0)
@@ -334,7 +334,7 @@ def test_where_every_form_is_wrong_nats_count_less_and_what_is_not_excluded_is_c
 
     def ended(lead: float, times: float, gained: float = 300.0) -> Search:
         errors, gains = (2.0 * times, times), (gained + lead, gained)
-        tries = _Tries(problem, found.textbook, (), print, [
+        tries = Tries(problem, found.textbook, (), print, [
             Trial((effect,), found.chosen.fitted, replace(found.chosen.held_out, residuals=error * residuals), gain)
             for effect, error, gain in zip(effects, errors, gains, strict=True)
         ])  # fmt: skip

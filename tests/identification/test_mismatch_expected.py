@@ -10,15 +10,16 @@ from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.grousers import LugRadius
 from bevameter.identification.identify import felt_rows, open_recording
-from bevameter.identification.mismatch import search as module
+from bevameter.identification.mismatch import partners as module
 from bevameter.identification.mismatch.answer import assemble
 from bevameter.identification.mismatch.asked import surplus
 from bevameter.identification.mismatch.evidence import warranted
 from bevameter.identification.mismatch.naming import instead, name, why_not
 from bevameter.identification.mismatch.samples import gather
-from bevameter.identification.mismatch.search import Search, _Tries, search
+from bevameter.identification.mismatch.search import search
 from bevameter.identification.mismatch.smooth_correction import SmoothCorrection
 from bevameter.identification.mismatch.trial import situation, textbook_trial, try_adding
+from bevameter.identification.mismatch.tries import Search, Tries
 
 
 @pytest.fixture(scope="module")
@@ -150,10 +151,10 @@ def test_what_nobody_published_gives_way_to_an_effect_beside_lugs(made):
     peak = alone["stress_peak_shift"]
     peak = replace(peak, fitted=replace(peak.fitted, vector=vector), gain=60.0)
     for nats, chosen in ((56.0, {"slip_sinkage", "grousers"}), (45.0, {"stress_peak_shift"})):
-        tries = _Tries(problem, textbook, (), print, [peak, gaining(lugs, nats), gaining(sensor, nats)])
+        tries = Tries(problem, textbook, (), print, [peak, gaining(lugs, nats), gaining(sensor, nats)])
         ended = tries.ended(peak)
         assert ended.chosen.slugs == chosen
-    tries = _Tries(problem, textbook, (), print, [peak, gaining(lugs, 56.0)])
+    tries = Tries(problem, textbook, (), print, [peak, gaining(lugs, 56.0)])
     assert "a0 = 0.75, beyond what has been published" in why_not(peak, tries.ended(peak), 1.0)
 
 
@@ -174,11 +175,11 @@ def test_lugs_are_tried_beside_the_effects_that_gain_most_in_any_form(made, monk
     sinks, peak = alone["slip_sinkage"], alone["stress_peak_shift"]
     lugs = LugRadius(0.01, its_slip=True)
     tried = []
-    monkeypatch.setattr(module._Tries, "weigh", lambda _self, base, effects: tried.append(base) or [])
+    monkeypatch.setattr(Tries, "weigh", lambda _self, base, effects: tried.append(base) or [])
     monkeypatch.setattr(module, "_BESIDE_EXPECTED", 1)
     singles = [gaining(sinks, 30.0), gaining(peak, 70.0), gaining(sinks, 90.0)]
     best = replace(sensor, effects=sensor.effects[1:], gain=100.0)
-    module._beside_expected(module._Tries(problem, textbook, (lugs,), print), singles, best)
+    module._beside_expected(Tries(problem, textbook, (lugs,), print), singles, best)
     assert [(base.slugs, base.gain) for base in tried] == [({"torque_gain"}, 100.0), ({"slip_sinkage"}, 90.0)]
 
 
@@ -194,8 +195,8 @@ def test_beside_lugs_as_announced_what_only_a_fit_tells_is_tried(made, monkeypat
     )
     best = replace(sensor, effects=sensor.effects[1:], gain=100.0)
     tried = []
-    monkeypatch.setattr(module._Tries, "weigh", lambda _self, base, effects: tried.append((base, effects)) or [])
-    module._beside_expected(module._Tries(problem, textbook, catalogue, print), [best, only_lugs], best)
+    monkeypatch.setattr(Tries, "weigh", lambda _self, base, effects: tried.append((base, effects)) or [])
+    module._beside_expected(Tries(problem, textbook, catalogue, print), [best, only_lugs], best)
     ((base, effects),) = tried
     assert base is only_lugs
     assert {effect.slug for effect in effects} == slugs

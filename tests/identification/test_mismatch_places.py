@@ -21,9 +21,9 @@ from bevameter.identification.mismatch.locate import locate
 from bevameter.identification.mismatch.naming import name
 from bevameter.identification.mismatch.promise import promise
 from bevameter.identification.mismatch.samples import gather
-from bevameter.identification.mismatch.search import Search
 from bevameter.identification.mismatch.smooth_correction import nats_left, smooth_correction
 from bevameter.identification.mismatch.trial import situation, textbook_trial, try_adding
+from bevameter.identification.mismatch.tries import Search
 from bevameter.identification.wheel_soil import Soil, equilibrium
 from scipy.signal import lfilter
 

@@ -16,8 +16,9 @@ from bevameter.identification.mismatch.locate import locate
 from bevameter.identification.mismatch.naming import name, why_not
 from bevameter.identification.mismatch.places import _gains, stretches_apart
 from bevameter.identification.mismatch.samples import gather
-from bevameter.identification.mismatch.search import Search, search
+from bevameter.identification.mismatch.search import search
 from bevameter.identification.mismatch.trial import ASKED_FOR, situation, textbook_trial, try_adding
+from bevameter.identification.mismatch.tries import Search
 from bevameter.identification.wheel_soil import Soil, equilibrium
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)

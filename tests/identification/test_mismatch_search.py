@@ -15,8 +15,10 @@ from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.shear_hump import ShearHump
 from bevameter.identification.identify import felt_rows, open_recording
 from bevameter.identification.mismatch import search as module
+from bevameter.identification.mismatch import tries as tries_module
 from bevameter.identification.mismatch.asked import calmed, is_bump, surplus
 from bevameter.identification.mismatch.fitting import fit
+from bevameter.identification.mismatch.partners import one_more
 from bevameter.identification.mismatch.preferred import plainest
 from bevameter.identification.mismatch.samples import gather
 from bevameter.identification.mismatch.search import search
@@ -29,6 +31,7 @@ from bevameter.identification.mismatch.trial import (
     try_adding,
     unheard_of_soil,
 )
+from bevameter.identification.mismatch.tries import Tries
 
 
 @pytest.fixture
@@ -177,7 +180,7 @@ def test_of_two_that_do_not_earn_their_places_the_better_one_is_left(trials, mon
     monkeypatch.setattr(
         module, "without", lambda _problem, _textbook, _best, gone: alone[({*alone} - {gone.slug}).pop()]
     )
-    tries = module._Tries(problem, textbook, (), print)
+    tries = Tries(problem, textbook, (), print)
     assert module._pruned(tries, both) is alone["soil_patch"]
 
 
@@ -253,7 +256,7 @@ def test_the_best_one_is_tried_beside_a_runner_up_where_the_other_way_promised_n
     problem, textbook, forms = trials(7110, ("slip_sinkage",), "hidden", "bench")
     effects = [forms(slug)[slug] for slug in ("torque_gain", "sinkage_offset", "load_gain")]
     gain, offset, load = (replace(textbook, effects=(each,), gain=100.0 - n) for n, each in enumerate(effects))
-    tries = module._Tries(problem, textbook, effects, print)
+    tries = Tries(problem, textbook, effects, print)
     asked = []
 
     def weigh(_tries, base, others):
@@ -265,9 +268,9 @@ def test_the_best_one_is_tried_beside_a_runner_up_where_the_other_way_promised_n
         asked.extend((*base.slugs, effect.slug) for effect in worth)
         return [replace(base, effects=(*base.effects, effect)) for effect in worth]
 
-    monkeypatch.setattr(module._Tries, "weigh", weigh)
-    monkeypatch.setattr(module._Tries, "attempt", attempt)
-    module._larger(tries, [gain, offset, load], gain)
+    monkeypatch.setattr(Tries, "weigh", weigh)
+    monkeypatch.setattr(Tries, "attempt", attempt)
+    one_more(tries, [gain, offset, load], gain)
     assert ("torque_gain", "sinkage_offset") not in asked
     assert ("sinkage_offset", "torque_gain") in asked
     # what was tried one way is not tried the other way
@@ -294,10 +297,10 @@ def test_what_does_as_well_as_an_effect_alone_is_tried_in_its_place(trials, monk
         return []
 
     monkeypatch.setattr(module, "without", lambda *_: singles[3])
-    monkeypatch.setattr(module._Tries, "weigh", lambda _tries, _base, others: [(1.0, each) for each in others])
-    monkeypatch.setattr(module._Tries, "attempt", attempt)
+    monkeypatch.setattr(Tries, "weigh", lambda _tries, _base, others: [(1.0, each) for each in others])
+    monkeypatch.setattr(Tries, "attempt", attempt)
     monkeypatch.setattr(module, "_bare", lambda *_: singles[3])
-    tries = module._Tries(problem, textbook, effects, print)
+    tries = Tries(problem, textbook, effects, print)
     module._exchanged(tries, singles, both)
     assert handed[0] == {"torque_gain": math.inf, "torque_offset": 1.0}
     # What was not tried after all, and does as well as one of those found, is tried in the end.
@@ -317,7 +320,7 @@ def test_a_rival_that_is_not_excluded_is_tried_in_other_forms_too(trials, monkey
     def pair(first: str, second: str, gain: float):
         return replace(textbook, effects=(several[first], several[second]), gain=gain)
 
-    tries = module._Tries(problem, textbook, tuple(several.values()), print)
+    tries = Tries(problem, textbook, tuple(several.values()), print)
     best, near = pair("load_gain", "torque_gain", 240.0), pair("slip_sinkage[exponent]", "hard_layer", 235.0)
     tries.trials.extend([best, near, pair("slip_sinkage[exponent]", "torque_gain", 150.0)])
     handed = []
@@ -327,7 +330,7 @@ def test_a_rival_that_is_not_excluded_is_tried_in_other_forms_too(trials, monkey
         return [pair(effect.name, "hard_layer", 250.0 + number) for number, (_, effect) in enumerate(promised)]
 
     monkeypatch.setattr(module, "_bare", lambda _problem, rival, dropped: rival.names - {dropped.name})
-    monkeypatch.setattr(module._Tries, "attempt", attempt)
+    monkeypatch.setattr(Tries, "attempt", attempt)
     better = module._rivals_in_other_forms(tries, singles, best)
     others = {name for name in several if name.startswith("slip_sinkage")} - {"slip_sinkage[exponent]"}
     ((beside, tried),) = handed
@@ -360,8 +363,8 @@ def test_what_a_fit_is_told_of_others_does_not_hang_on_which_thread_is_faster(tr
                 base, effects=(effect,), gain=gains[effect.name], fitted=replace(base.fitted, score=gains[effect.name])
             )
 
-        monkeypatch.setattr(module, "try_adding", fitted)
-        tries = module._Tries(problem, textbook, effects, lambda _: None)
+        monkeypatch.setattr(tries_module, "try_adding", fitted)
+        tries = Tries(problem, textbook, effects, lambda _: None)
         # Of those that can be weighed four are tried, and what cannot be takes no other's place.
         promised = [(math.inf, effects[-1]), *((90.0 - n, effect) for n, effect in enumerate(effects[:-1]))]
         answer = tries.attempt(textbook, promised, most=4)
