@@ -68,7 +68,8 @@ def without_gross_errors(samples: Samples, fitted: Fitted) -> Samples:
     count, measured = int(wrong.sum()), np.where(wrong, np.nan, samples.measured)
     if not count:
         return samples
-    note = f"{count} values stand alone far from {_BESIDE[timed]}: taken for gross errors"
+    which = "1 value stands" if count == 1 else f"{count} values stand"
+    note = f"{which} alone far from {_BESIDE[timed]}: taken for gross errors"
     return replace(samples, measured=measured, notes=(*samples.notes, note))
 
 

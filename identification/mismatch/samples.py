@@ -77,8 +77,8 @@ class Samples:
         number of the track, whose soil repeats where the wheel runs in its own rut again.
     block : (n,)
         Number of the block that a row is held out with.
-    split
-        How the blocks were made, in words.
+    made_of
+        What the blocks are, in words.
     notes
         What was left out, in words.
     simulated : (n, 5)
@@ -93,7 +93,7 @@ class Samples:
     position: np.ndarray
     lane: np.ndarray
     block: np.ndarray
-    split: str
+    made_of: str
     notes: tuple[str, ...] = ()
     simulated: np.ndarray | None = None
 
@@ -109,6 +109,11 @@ class Samples:
     def answers(self) -> tuple[int, ...]:
         """Channels that are answered and were observed."""
         return tuple(channel for channel in ANSWERS if np.isfinite(self.measured[:, channel]).sum() >= LEAST_ROWS)
+
+    @property
+    def split(self) -> str:
+        """How rows are held out, in words."""
+        return f"{len(np.unique(self.block))} {self.made_of}"
 
     @property
     def seen(self) -> np.ndarray:
@@ -222,7 +227,7 @@ def _usable(table: WheelTable) -> tuple[np.ndarray, list[str]]:
         for good, why in checks:
             lost = int((usable & ~good).sum())
             if lost:
-                notes.append(f"{lost} rows {why} are left out")
+                notes.append(f"{lost} row{'s' if lost > 1 else ''} {why} {'are' if lost > 1 else 'is'} left out")
             usable &= good
     return usable, notes
 
@@ -362,22 +367,22 @@ def _blocked(samples: Samples) -> Samples:
             for part in np.array_split(rows, parts):
                 block[part] = number
                 number += 1
-        split = "stretches of time"
+        made_of = "stretches of time"
         if number > 2 * _BLOCKS:
             block = block * _BLOCKS // number
-            split = "groups of neighbouring runs"
-        return replace(samples, block=block, split=f"{block.max() + 1} {split} held out in turn")
-    level, split = np.arange(count) * min(_BLOCKS, count) // count, "groups of trials held out in turn"
+            made_of = "groups of neighbouring runs"
+        return replace(samples, block=block, made_of=f"{made_of} held out in turn")
+    level, made_of = np.arange(count) * min(_BLOCKS, count) // count, "groups of trials held out in turn"
     for name, values in (("slips", drive.slip), ("loads", drive.load_N / float(np.max(drive.load_N)))):
         apart = levels(values)
         if apart.max() >= 2:
-            level, split = levels(values, widest=_WIDEST), f"{name} held out in turn, all their repeats together"
+            level, made_of = levels(values, widest=_WIDEST), f"{name} held out in turn, all their repeats together"
             if level.max() > apart.max():
-                split = f"groups of like {name} held out in turn"
+                made_of = f"groups of like {name} held out in turn"
             break
     if level.max() >= _BLOCKS:
         level = level * _BLOCKS // (level.max() + 1)
-    return replace(samples, block=level, split=f"{level.max() + 1} {split}")
+    return replace(samples, block=level, made_of=made_of)
 
 
 def levels(values: np.ndarray, apart: float = 0.03, widest: float = math.inf) -> np.ndarray:

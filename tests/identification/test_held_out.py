@@ -166,6 +166,23 @@ def test_lugs_are_located_on_the_wheel_s_angle_however_it_is_counted(wrapped):
     assert region.variable.startswith("wheel_angle_rad")
 
 
+def test_how_rows_are_held_out_is_told_of_those_that_are_left():
+    samples = gather(drive((), seed=1), WHEEL, Vehicle(name="made", wheels=(WHEEL,)))
+    assert samples.split == f"{samples.block.max() + 1} stretches of time held out in turn"
+    left = samples.select(np.flatnonzero(samples.block > 1))
+    assert left.split == f"{samples.block.max() - 1} stretches of time held out in turn"
+
+
+@pytest.mark.parametrize(
+    ("lost", "told"), [(1, "1 row without load or slip is left"), (2, "2 rows without load or slip are")]
+)
+def test_one_row_that_is_left_out_is_one_row(lost, told):
+    table = drive((), seed=1)
+    table.columns["load_N"][5 : 5 + lost] = np.nan
+    samples = gather(table, WHEEL, Vehicle(name="made", wheels=(WHEEL,)))
+    assert any(note.startswith(told) for note in samples.notes)
+
+
 def test_levels_keep_repeats_together_and_chains_apart():
     """Slips that scatter until each is near the next are no single level: nothing could be held out."""
     rng = np.random.default_rng(0)
