@@ -10,7 +10,7 @@ from ...framework.core.soil import PARAMETERS
 from ..augmented import SOIL_COUNT, Response
 from ..effects.drive import select_rows
 from .fitting import Fitted, Problem
-from .steps import LONGEST, Prior, normal_equations, scaled_inverse, step_of
+from .steps import LONGEST, Prior, normal_equations, scaled_inverse, scaled_solve, step_of
 
 _LEAST_LEVERAGE = 1e-9
 
@@ -120,12 +120,8 @@ def told_alone(local: np.ndarray, own: np.ndarray, known: np.ndarray) -> np.ndar
 
 def _step_without(information: np.ndarray, gradient: np.ndarray, free: np.ndarray) -> np.ndarray:
     """Newton step (p,) that takes a block's gradient out of a fit, by those parameters that are `free` to move."""
-    inside = np.ix_(free, free)
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(information)[free], 1e-300))
-    scaled = information[inside] * np.outer(scale, scale)
-    scaled[np.diag_indices_from(scaled)] += _LEAST_LEVERAGE
     step = np.zeros(len(gradient))
-    step[free] = -scale * np.linalg.solve(scaled, scale * gradient[free])
+    step[free] = -scaled_solve(information[np.ix_(free, free)], gradient[free], _LEAST_LEVERAGE)
     return step
 
 

@@ -17,6 +17,7 @@ from ..forward import CHANNELS
 from .fitting import Fitted, Problem
 from .held_out import HeldOut, of_places, told_alone
 from .soil_variation import huber_loss, huber_weight
+from .steps import scaled_solve
 from .variables import MOST_CYCLES, cycles, variables
 
 _STRENGTH = 20.0
@@ -32,6 +33,9 @@ _MOST_GROUPS = 6
 
 _WANDERED = ("time_s", "x_m")
 """Variables along which errors with a memory wander by chance."""
+
+_RIDGE = 1e-9
+"""Keeps columns that undo each other apart (`scaled_solve`) [-]."""
 
 _NO_WORSE = 1.05
 """A correction may not raise the mean square of what is left of its channel beyond this share [-]."""
@@ -223,10 +227,10 @@ class _Solver:
             gradient = gradient - self._gradient[without][which]
             information = information - self._information[without][np.ix_(which, which)]
         gradient = gradient + np.concatenate([self._pull, np.zeros(len(which) - self._size)])
-        information = information + np.diag(self._prior[which] + 1e-9)
+        information = information + np.diag(self._prior[which])
         free = np.ones(len(which), dtype=bool) if without is None else ~self._alone[without][which]
         answer = np.zeros(len(which))
-        answer[free] = np.linalg.solve(information[np.ix_(free, free)], gradient[free])
+        answer[free] = scaled_solve(information[np.ix_(free, free)], gradient[free], _RIDGE)
         return answer
 
     def predictive(self, groups: list[int]) -> float:

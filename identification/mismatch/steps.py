@@ -118,3 +118,13 @@ def scaled_inverse(matrix: np.ndarray) -> np.ndarray:
     """Inverse of a symmetric matrix (p, p) without negative eigenvalues, its units put aside; pseudo where singular."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     return np.linalg.pinv(matrix * np.outer(scale, scale), rcond=1e-12, hermitian=True) * np.outer(scale, scale)
+
+
+def scaled_solve(matrix: np.ndarray, vector: np.ndarray, ridge: float) -> np.ndarray:
+    """Solve for a vector (p,) by a symmetric matrix (p, p) without negative eigenvalues, its units put aside; the ridge
+    is added to its diagonal of ones, which keeps columns that undo each other from making it singular.
+    """
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = matrix * np.outer(scale, scale)
+    scaled[np.diag_indices_from(scaled)] += ridge
+    return scale * np.linalg.solve(scaled, scale * vector)

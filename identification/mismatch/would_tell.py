@@ -173,6 +173,5 @@ def _expected(
     away, columns = away[good].ravel(), columns[good].reshape(-1, columns.shape[-1])
     # On a new drive the fit to the present one holds the parameters where they are.
     held = scaled_inverse(other.covariance) if problem is not None else 0.0
-    information = columns.T @ columns + held + 1e-9 * np.eye(columns.shape[1])
     gradient = columns.T @ away
-    return 0.5 * float(away @ away - gradient @ np.linalg.solve(information, gradient))
+    return 0.5 * float(away @ away - gradient @ scaled_inverse(columns.T @ columns + held) @ gradient)

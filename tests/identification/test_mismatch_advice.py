@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from bevameter import explain
@@ -13,7 +15,7 @@ from bevameter.identification.identify import felt_rows, open_recording
 from bevameter.identification.mismatch.samples import gather
 from bevameter.identification.mismatch.simulated import as_differences, attach
 from bevameter.identification.mismatch.trial import situation, textbook_trial, try_adding
-from bevameter.identification.mismatch.would_tell import would_tell
+from bevameter.identification.mismatch.would_tell import _expected, would_tell
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +37,22 @@ def test_an_offset_and_friction_are_told_apart_with_the_wheel_at_rest(steady):
     assert abs(offset.gain - coulomb.gain) < 1.0
     for pair in ((offset, coulomb), (coulomb, offset)):
         assert "with the wheel lifted and at rest" in would_tell(problem, *pair)
+
+
+def test_two_parameters_of_which_each_undoes_the_other_are_no_obstacle():
+    """An offset and Coulomb friction of a wheel that turns one way: columns that are equal to the last bit."""
+    rows, noise = 64, np.array([np.nan, 2.0**-24, np.nan, np.nan, np.nan])
+    truth = np.tile(np.cos(np.arange(rows))[:, None], 5)
+    predicted = SimpleNamespace(predict=lambda *_: SimpleNamespace(channels=truth))
+    one = SimpleNamespace(channels=np.zeros((rows, 5)), by_parameter=np.ones((rows, 5, 1)))
+    two = SimpleNamespace(channels=np.zeros((rows, 5)), by_parameter=np.ones((rows, 5, 2)))
+    right = SimpleNamespace(model=predicted, vector=np.zeros(0))
+    nats = [
+        _expected(None, np.zeros((rows, 2)), noise, right, SimpleNamespace(model=model, vector=np.zeros(0)), None)
+        for model in (SimpleNamespace(linearise=lambda *_, given=given: given) for given in (one, two))
+    ]
+    scatter = float(np.sum((truth[:, 1] - truth[:, 1].mean()) ** 2))
+    assert nats == pytest.approx([0.5 * scatter / 2.0**-48] * 2, rel=1e-9)
 
 
 def test_of_several_wheels_the_one_with_most_rows_is_explained_and_the_others_are_spoken_of(steady, tmp_path):
