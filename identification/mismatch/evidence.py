@@ -15,7 +15,7 @@ from .asked import is_bump, of_no_effect, surplus
 from .fitting import Problem
 from .joint_misfit import nats_in_all
 from .naming import REMAINS
-from .noise_floor import FAR, FEWEST, SHOWN, in_time, noise_floor, rows_alike
+from .noise_floor import FAR, FEWEST, SHOWN, ground_apart, in_time, noise_floor, rows_alike
 from .soil_variation import HUBER
 from .trial import ASKED_FOR, EXPECTED_ASKED_FOR, Trial
 from .tries import Search
@@ -160,6 +160,7 @@ def repetition(
     Each channel's is 1 + 2 sum of autocorrelations (M. S. Bartlett, J. R. Stat. Soc. Suppl. 8 (1946), 27-41), as far as
     they stand out from the first lag on, or (1 + rho) / (1 - rho) with the rho that differences of neighbours show,
     whichever is more: the former misses what a model has followed by chance, the latter a memory of another form.
+    Differences that ground makes whose varying other passes bear out do not count (`ground_apart`).
     Channels count by what the chosen set gains in them, and alike where nothing is gained.
 
     Parameters
@@ -175,10 +176,14 @@ def repetition(
     """
     if not problem.samples.drive.timed:
         return 1.0
-    left = search.chosen.fitted.residuals - np.nan_to_num(explained)
+    fitted, stretch = search.chosen.fitted, problem.samples.drive.stretch
+    left = fitted.residuals - np.nan_to_num(explained)
     times = np.array([
-        max(_by_autocorrelation(column[seen]), rows_alike(in_time(residual, problem.samples.drive.stretch)))
-        for column, seen, residual in zip(innovations.T, problem.seen.T, left.T, strict=True)
+        max(
+            _by_autocorrelation(innovations[problem.seen[:, channel], channel]),
+            rows_alike(in_time(left[:, channel], stretch), ground_apart(problem, fitted, channel)),
+        )
+        for channel in range(len(problem.answers))
     ])  # fmt: skip
     before, after = (np.nanmean(trial.held_out.residuals**2, axis=0) for trial in (search.textbook, search.chosen))
     gained = problem.seen.sum(axis=0) * np.maximum(np.log(np.maximum(before, 1e-300) / np.maximum(after, 1e-300)), 0.0)

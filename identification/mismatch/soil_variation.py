@@ -68,6 +68,12 @@ def stretches(order: np.ndarray, gap: np.ndarray) -> np.ndarray:
     return number
 
 
+def correlation(apart: np.ndarray, noise: NoiseModel) -> np.ndarray:
+    """Correlation of the variation at places so far apart [m or s], of any shape."""
+    far = _TO_ONE_OVER_E[noise.smooth] * np.abs(apart) / noise.length
+    return np.exp(-far) * (1.0, 1.0 + far, 1.0 + far + far**2 / 3.0)[noise.smooth]
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _everywhere(smooth):
     """Covariance (k, k) of one process and its derivatives by far (`_carried`), of unit variance."""

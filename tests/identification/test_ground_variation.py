@@ -8,9 +8,14 @@ import numpy as np
 import pytest
 from bevameter import Vehicle, Wheel
 from bevameter.framework.core.recording.types import WheelTable
+from bevameter.identification.mismatch.evidence import repetition
+from bevameter.identification.mismatch.noise_floor import ground_apart, in_time, rows_alike
 from bevameter.identification.mismatch.samples import gather
 from bevameter.identification.mismatch.textbook import fit_textbook
+from bevameter.identification.mismatch.trial import textbook_trial
+from bevameter.identification.mismatch.tries import Search
 from bevameter.identification.wheel_soil import Soil, equilibrium
+from scipy.signal import lfilter
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)
 ROWS, LENGTH_M, SPREAD = 500, 0.4, np.array([0.05, 0.03])
@@ -61,3 +66,26 @@ def test_how_smoothly_ground_varies_is_found_and_so_is_the_noise(correlation, de
     assert 0.5 < noise.length / LENGTH_M < 2.0
     sensors = [NOISE[name] for name in ("torque_Nm", "sinkage_m", "drawbar_pull_N")]
     assert noise.answers == pytest.approx(sensors, rel=0.15)
+
+
+def test_ground_that_varies_is_no_memory_of_the_noise_where_another_pass_bears_it_out():
+    samples = crossed(rough, 0)
+    stretch, sinkage = samples.drive.stretch, 1
+    problem, textbook = textbook_trial(samples)
+    assert rows_alike(in_time(textbook.fitted.residuals[:, sinkage], stretch)) > 3.0
+    assert ground_apart(problem, textbook.fitted, sinkage).all()
+    assert repetition(problem, Search(textbook, (), (), textbook), textbook.fitted.innovations) < 1.3
+    # Crossed once, the same differences may be the noise's.
+    problem, textbook = textbook_trial(samples.select(np.flatnonzero(stretch == stretch[0])))
+    assert not ground_apart(problem, textbook.fitted, sinkage).any()
+
+
+def test_noise_with_a_memory_is_told_beside_ground_that_varies():
+    """Differences that are the ground's are taken off, and what is left tells the memory of the noise."""
+    rng, rho, rows = np.random.default_rng(3), 0.6, 4000
+    noise = lfilter([math.sqrt(1.0 - rho**2)], [1.0, -rho], rng.normal(size=rows))
+    ground = 3.0 * lfilter([0.1], [1.0, -math.sqrt(0.99)], rng.normal(size=rows))
+    of_ground = np.array([np.mean((ground[step:] - ground[:-step]) ** 2) for step in (1, 2, 3)])
+    assert rows_alike([noise + ground], of_ground) == pytest.approx((1.0 + rho) / (1.0 - rho), rel=0.25)
+    white = rng.normal(size=rows)
+    assert rows_alike([white + ground], of_ground) == 1.0
