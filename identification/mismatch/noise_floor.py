@@ -136,7 +136,8 @@ def ground_apart(problem: Problem, fitted: Fitted, position: int) -> np.ndarray:
         first, second = felt[:-step], felt[step:]
         alike = correlation(place[step:] - place[:-step], noise)[:, None]
         squares = np.sum(first**2 + second**2 - 2.0 * alike * first * second, axis=1)
-        answer.append(float(np.mean(squares[stretch[step:] == stretch[:-step]])))
+        inside = stretch[step:] == stretch[:-step]
+        answer.append(float(squares[inside].sum() / max(inside.sum(), 1)))
     return np.array(answer)
 
 
