@@ -1,7 +1,8 @@
 """Noise of the sensors and variation of the ground under which residuals are likeliest, by scoring.
 
 The information of the innovations shows the way (A. C. Harvey, "Forecasting, Structural Time Series Models and the
-Kalman Filter" (1989), Sec. 3.4.5). Derivatives by the few numbers that describe the noise are the filter's differences.
+Kalman Filter" (1989), Sec. 3.4.5). Derivatives by the few numbers that describe the noise are the filter's differences
+(`noise_score`).
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .soil_variation import NoiseModel, Ready, huber_loss, huber_weight
+from .noise_score import told_of
+from .soil_variation import NoiseModel, Ready
 from .steps import Prior, step_from
 
 _SPREAD_PRIOR, _LENGTH_PRIOR = 0.15, 1.5
@@ -114,12 +116,12 @@ def likeliest(
 
     def derive(vector: np.ndarray, weighed: Weighed) -> tuple[np.ndarray, np.ndarray]:
         """Score (k,) and information (k, k)."""
-        score, information = _told_by(weighed.columns, vector, start.smooth, steps, latent_covariance, gap)
-        score *= share
+        there = [_unpacked(vector + step, start.smooth) for step in np.diag(steps)]
+        noises = [_unpacked(vector, start.smooth), *there]
+        score, information = told_of(weighed.columns, noises, steps, latent_covariance, gap)
         if not weighed.at_rest:
-            there = [weigh(_unpacked(vector + step, start.smooth)).loss for step in np.diag(steps)]
-            score = (weighed.loss - np.array(there)) / steps
-        return score, share * information
+            return (weighed.loss - np.array([weigh(noise).loss for noise in there])) / steps, share * information
+        return share * score, share * information
 
     vector, damping = _packed(start), 1e-3
     vector[-3:-1] = np.maximum(vector[-3:-1], _FELT_SPREAD)
@@ -140,28 +142,6 @@ def likeliest(
         else:
             damping = max(damping, 1e-3) * 30.0
     return _unpacked(vector, start.smooth)
-
-
-def _told_by(
-    columns: Ready, vector: np.ndarray, smooth: int, steps: np.ndarray, latent_covariance: np.ndarray, gap: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Score (k,), parameters staying where they are, and information (k, k) that columns (`Weighed`) have."""
-
-    def look(there: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-        """Innovations that are left and logarithms of their scales, (n m,) each, and the loss."""
-        white, log_scale = columns.filter(_unpacked(there, smooth), latent_covariance, gap, derivatives=True)
-        residual, taken = white[..., 0].ravel(), white[..., 1:].sum(axis=-1).ravel()
-        gained = (huber_weight(residual) * taken) @ (residual - 0.5 * taken)
-        return residual - taken, log_scale.ravel(), huber_loss(residual).sum() + log_scale.sum() - gained
-
-    left, log_scale, loss = look(vector)
-    moved, widened = np.empty((len(vector), left.size)), np.empty((len(vector), left.size))
-    score = np.empty(len(vector))
-    for index, step in enumerate(np.diag(steps)):
-        there, scales, lost = look(vector + step)
-        moved[index], widened[index] = (there - left) / steps[index], (scales - log_scale) / steps[index]
-        score[index] = (loss - lost) / steps[index]
-    return score, (moved * huber_weight(left)) @ moved.T + widened @ widened.T
 
 
 def _packed(noise: NoiseModel) -> np.ndarray:

@@ -18,7 +18,7 @@ from numba import njit
 HUBER = 4.0
 """Innovations beyond this count linearly, not squared: a gross error does not rule the fit."""
 
-_TO_ONE_OVER_E = (1.0, 2.146193220620582, 2.9046299750299145)
+TO_ONE_OVER_E = (1.0, 2.146193220620582, 2.9046299750299145)
 """Where exp(-x), (1 + x) exp(-x) and (1 + x + x^2 / 3) exp(-x), correlations of variations ever smoother, are 1/e."""
 
 _FORGOTTEN = 60.0
@@ -70,13 +70,13 @@ def stretches(order: np.ndarray, gap: np.ndarray) -> np.ndarray:
 
 def correlation(apart: np.ndarray, noise: NoiseModel) -> np.ndarray:
     """Correlation of the variation at places so far apart [m or s], of any shape."""
-    far = _TO_ONE_OVER_E[noise.smooth] * np.abs(apart) / noise.length
+    far = TO_ONE_OVER_E[noise.smooth] * np.abs(apart) / noise.length
     return np.exp(-far) * (1.0, 1.0 + far, 1.0 + far + far**2 / 3.0)[noise.smooth]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _everywhere(smooth):
-    """Covariance (k, k) of one process and its derivatives by far (`_carried`), of unit variance."""
+def stationary(smooth):
+    """Covariance (k, k) of one process and its derivatives by far (`carried`), of unit variance."""
     answer = np.eye(smooth + 1)
     if smooth == 2:
         answer[1, 1] = 1.0 / 3.0
@@ -85,7 +85,7 @@ def _everywhere(smooth):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _carried(far, carry):
+def carried(far, carry):
     """Fill carry (k, k) with what becomes of a process and its derivatives over so many of its lengths."""
     keep = math.exp(-far)
     if len(carry) == 1 or far > _FORGOTTEN:
@@ -102,21 +102,27 @@ def _carried(far, carry):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _multiply(carry, columns, at, row):
-    """Put carry (k, k) times them in the place of the k rows of columns from `at` on; row has room for k."""
-    size = len(carry)
-    for column in range(columns.shape[1]):
-        for i in range(size):
-            row[i] = 0.0
-            for j in range(size):
-                row[i] += carry[i, j] * columns[at + j, column]
-        for i in range(size):
-            columns[at + i, column] = row[i]
+def _multiply(carry, columns):
+    """Put carry (k, k) times columns (k, q) in their place."""
+    if len(carry) == 1:
+        for column in range(columns.shape[1]):
+            columns[0, column] *= carry[0, 0]
+    elif len(carry) == 2:
+        for column in range(columns.shape[1]):
+            first, second = columns[0, column], columns[1, column]
+            columns[0, column] = carry[0, 0] * first + carry[0, 1] * second
+            columns[1, column] = carry[1, 0] * first + carry[1, 1] * second
+    else:
+        for column in range(columns.shape[1]):
+            first, second, third = columns[0, column], columns[1, column], columns[2, column]
+            columns[0, column] = carry[0, 0] * first + carry[0, 1] * second + carry[0, 2] * third
+            columns[1, column] = carry[1, 0] * first + carry[1, 1] * second + carry[1, 2] * third
+            columns[2, column] = carry[2, 0] * first + carry[2, 1] * second + carry[2, 2] * third
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _carry_on(state, p, spread, carry, everywhere, row):
-    """Carry the variations' state (2 k, q) and its covariance p (2 k, 2 k) on, in place; row (2 k,) is room.
+def _carry_on(state, p, spread, carry, everywhere):
+    """Carry the variations' state (2 k, q) and its covariance p (2 k, 2 k) on, in place.
 
     What is known of p beyond what it is everywhere is carried; the rest is as everywhere.
     """
@@ -126,11 +132,11 @@ def _carry_on(state, p, spread, carry, everywhere, row):
         for i in range(size):
             for j in range(size):
                 p[at + i, at + j] -= spread[half] ** 2 * everywhere[i, j]
-        _multiply(carry, state, at, row)
-        _multiply(carry, p, at, row)
+        _multiply(carry, state[at : at + size])
+        _multiply(carry, p[at : at + size])
     for half in range(2):
         at = half * size
-        _multiply(carry, p.T, at, row)
+        _multiply(carry, p.T[at : at + size])
         for i in range(size):
             for j in range(size):
                 p[at + i, at + j] += spread[half] ** 2 * everywhere[i, j]
@@ -162,30 +168,23 @@ def _whiten_row(
     size = len(p)
     other = size // 2
     for i in range(channels):
-        for j in range(i + 1):
+        by_load = by_latent[row, i, 0] * latent_covariance[0, 0] + by_latent[row, i, 1] * latent_covariance[1, 0]
+        by_slip = by_latent[row, i, 0] * latent_covariance[0, 1] + by_latent[row, i, 1] * latent_covariance[1, 1]
+        own = 1.0
+        if seen[row, i]:
+            own = by_load * by_latent[row, i, 0] + by_slip * by_latent[row, i, 1] + variance[i]
+        # Cholesky, one over the roots on its diagonal, and forward substitution of the columns as it goes.
+        for j in range(i):
             value = 0.0
             if seen[row, i] and seen[row, j]:
-                for a in range(2):
-                    for b in range(2):
-                        value += by_latent[row, i, a] * latent_covariance[a, b] * by_latent[row, j, b]
-                if i == j:
-                    value += variance[i]
-            elif i == j:
-                value = 1.0
-            covariance[i, j] = value
-    for i in range(channels):
-        # Cholesky, forward substitution of the columns as it goes.
-        for j in range(i):
-            value = covariance[i, j]
+                value = by_load * by_latent[row, j, 0] + by_slip * by_latent[row, j, 1]
             for a in range(j):
                 value -= covariance[i, a] * covariance[j, a]
-            covariance[i, j] = value / covariance[j, j]
-        value = covariance[i, i]
-        for a in range(i):
-            value -= covariance[i, a] ** 2
-        root = math.sqrt(max(value, 1e-300))
-        covariance[i, i] = root
-        inverse = 1.0 / root if seen[row, i] else 0.0
+            covariance[i, j] = value * covariance[j, j]
+            own -= covariance[i, j] ** 2
+        root = math.sqrt(max(own, 1e-300))
+        covariance[i, i] = 1.0 / root
+        inverse = covariance[i, i] if seen[row, i] else 0.0
         for a in range(2):
             value = by_variation[row, i, a]
             for j in range(i):
@@ -204,16 +203,16 @@ def _whiten_row(
         for a in range(size):
             gain[a] = p[a, 0] * h0 + p[a, other] * h1
         scale = h0 * gain[0] + h1 * gain[other] + 1.0
-        root = math.sqrt(scale)
+        root, per_scale = math.sqrt(scale), 1.0 / scale
         away = columns[at, i, 0] - h0 * state[0, 0] - h1 * state[other, 0]
         # A gross error must not be taken for soil.
         trust = min(1.0, HUBER * root / max(abs(away), 1e-300))
         inverse = 1.0 / root
         for a in range(size):
             for b in range(size):
-                p[a, b] -= gain[a] * gain[b] / scale
+                p[a, b] -= gain[a] * gain[b] * per_scale
         for a in range(size):
-            gain[a] *= trust / scale
+            gain[a] *= trust * per_scale
         for column in range(count):
             innovation = columns[at, i, column] - h0 * state[0, column] - h1 * state[other, column]
             for a in range(size):
@@ -233,12 +232,12 @@ def whiten(columns, seen, by_variation, by_latent, latent_covariance, variance, 
     innovations' standard deviations, one where nothing was seen.
     """
     rows, channels, count = columns.shape
-    everywhere, carry = _everywhere(smooth), np.empty((smooth + 1, smooth + 1))
+    everywhere, carry = stationary(smooth), np.empty((smooth + 1, smooth + 1))
     state, p = _unknown_ground(count, spread, everywhere)
     covariance, vary, gain = np.empty((channels, channels)), np.empty((channels, 2)), np.empty(len(p))
     for row in range(rows):
-        _carried(_TO_ONE_OVER_E[smooth] * gap[row] / length, carry)
-        _carry_on(state, p, spread, carry, everywhere, gain)
+        carried(TO_ONE_OVER_E[smooth] * gap[row] / length, carry)
+        _carry_on(state, p, spread, carry, everywhere)
         _whiten_row(
             columns, row, row, seen, by_variation, by_latent, latent_covariance, variance, state, p, covariance, vary,
             gain, scales,
@@ -255,7 +254,7 @@ def weigh_white(
     Fills gradient (q - 1,) and information (q - 1, q - 1) of the log-likelihood by what the derivatives belong to.
     """
     rows, channels, count = columns.shape
-    everywhere, carry = _everywhere(smooth), np.empty((smooth + 1, smooth + 1))
+    everywhere, carry = stationary(smooth), np.empty((smooth + 1, smooth + 1))
     state, p = _unknown_ground(count, spread, everywhere)
     covariance, vary, gain = np.empty((channels, channels)), np.empty((channels, 2)), np.empty(len(p))
     white, scales = np.empty((1, channels, count)), np.empty((1, channels))
@@ -263,8 +262,8 @@ def weigh_white(
     loss = 0.0
     for row in range(rows):
         white[0] = columns[row]
-        _carried(_TO_ONE_OVER_E[smooth] * gap[row] / length, carry)
-        _carry_on(state, p, spread, carry, everywhere, gain)
+        carried(TO_ONE_OVER_E[smooth] * gap[row] / length, carry)
+        _carry_on(state, p, spread, carry, everywhere)
         _whiten_row(
             white, 0, row, seen, by_variation, by_latent, latent_covariance, variance, state, p, covariance, vary,
             gain, scales,

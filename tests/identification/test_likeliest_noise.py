@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bevameter.identification.mismatch.likeliest_noise import NoiseKnown, Weighed, likeliest
-from bevameter.identification.mismatch.soil_variation import NoiseModel, Ready, huber_loss
+from bevameter.identification.mismatch.noise_score import told_of
+from bevameter.identification.mismatch.soil_variation import NoiseModel, Ready, huber_loss, huber_weight
 from bevameter.identification.mismatch.steps import Prior, is_longest, step_from
 from scipy.optimize import minimize
 
@@ -97,3 +98,33 @@ def test_it_stays_within_what_repeats_show(rng):
     found = likeliest(weighing(ready, gap), GUESS, KNOWN.prior(most), LATENT, gap)
     assert found.answers[0] == pytest.approx(0.25)
     assert found.spread[0] == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize("smooth", [0, 1, 2])
+def test_noises_side_by_side_tell_what_they_tell_one_by_one(smooth, rng):
+    ready, gap = track(rng, NoiseModel(np.array([0.05, 0.3]), np.array([0.05, 0.1]), 1.0), rows=300)
+    columns = np.concatenate([ready.columns, 0.1 * rng.normal(size=(300, 2, 1)) * ready.seen[..., None]], axis=-1)
+    # A gross error, and a second track.
+    columns[40, :, 0] += 3.0 * ready.seen[40]
+    gap[150] = np.inf
+    ready, noise, steps = replace(ready, columns=columns), replace(GUESS, smooth=smooth), np.full(3, 1e-6)
+    others = [
+        replace(noise, answers=noise.answers * np.array([1.0 + 1e-6, 1.0])),
+        replace(noise, spread=noise.spread + np.array([0.0, 1e-6])),
+        replace(noise, length=noise.length * (1.0 + 1e-6)),
+    ]
+
+    def look(there: NoiseModel):
+        white, log_scale = ready.filter(there, LATENT, gap, derivatives=True)
+        residual, taken = white[ready.seen, 0], white[ready.seen, 1]
+        gained = huber_weight(residual) * taken * (residual - 0.5 * taken)
+        loss = huber_loss(residual) + log_scale[ready.seen] - gained
+        return residual - taken, log_scale[ready.seen], loss.sum()
+
+    left, log_scale, loss = look(noise)
+    moved, widened, lost = (np.array(each) for each in zip(*map(look, others), strict=True))
+    moved, widened = (moved - left) / 1e-6, (widened - log_scale) / 1e-6
+    score, information = told_of(ready, [noise, *others], steps, LATENT, gap)
+    np.testing.assert_allclose(score, (loss - lost) / 1e-6, rtol=1e-4)
+    expected = (moved * huber_weight(left)) @ moved.T + widened @ widened.T
+    np.testing.assert_allclose(information, expected, rtol=1e-4)
