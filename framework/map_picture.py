@@ -22,6 +22,7 @@ from ..database.snapshot import Snapshot
 from ..database.store import TerrainDatabase
 from .core.errors import InputError
 from .core.recording.types import Recording
+from .core.writing import whole
 from .track import track_of
 
 COLOURS = {
@@ -99,7 +100,8 @@ def draw_map(
         _draw_track(axes, recording, [soil for drive in drives for soil in drive.soils])
     _draw_stretches(axes, stretches)
     _decorate(figure, axes, snapshot, drives, colours, stretches, drawn_track=bool(tracks))
-    figure.savefig(out)
+    with whole(out) as part:
+        figure.savefig(part)
 
 
 def _stretches(drives: Sequence[Drive]) -> list[_Stretch]:

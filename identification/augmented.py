@@ -52,18 +52,40 @@ class Response:
     by_ground: np.ndarray = field(default_factory=lambda: np.empty(0))
     turned: np.ndarray = field(default_factory=lambda: np.empty(0))
     growth: np.ndarray = field(default_factory=lambda: np.empty(0))
+    rim: Rim | None = None
 
     def entry(self, step: np.ndarray) -> Entry:
         """Where the search for the entry angle starts a step (p,) of the parameters away."""
-        return Entry(self.theta_1 + self.turned @ step, self.growth) if self.turned.size else Entry(self.theta_1)
+        if not self.turned.size or not step.any():
+            return Entry(self.theta_1, self.growth if self.growth.size else None, self.rim)
+        return Entry(self.theta_1 + self.turned @ step, self.growth)
+
+
+@dataclass(frozen=True)
+class Rim:
+    """What was integrated around the rim: the load [N] and slip that truly were (n, 2), the contact (n, f) that carries
+    the load, its forces (n, 3) and their slopes (n, 3, g).
+    """
+
+    true: np.ndarray
+    contact: np.ndarray
+    forces: np.ndarray
+    slopes: np.ndarray
+
+    def is_of(self, true: np.ndarray, contact: np.ndarray) -> bool:
+        """Say whether another wheel stands in the ground alike."""
+        return np.array_equal(self.true, true) and np.array_equal(self.contact, contact, equal_nan=True)
 
 
 @dataclass(frozen=True)
 class Entry:
-    """Where the search for the entry angle starts: the angle (n,) [rad], and the power of it with which load grows."""
+    """Where the search for the entry angle starts: the angle (n,) [rad], the power of it with which load grows, and
+    what was integrated at that angle.
+    """
 
     theta_1: np.ndarray
     growth: np.ndarray | None = None
+    rim: Rim | None = None
 
 
 @dataclass(frozen=True)
@@ -118,10 +140,8 @@ class AugmentedWheel:
         over where that effect is nothing here, and the channels are the same.
         """
         true = self._true(drive, imposed, vector)
-        angle, forces = self._solve(drive, true, vector, entry or Entry(np.full(len(imposed), 0.4)))
-        contact = self._contact(drive, true, vector, angle)
-        slopes = np.empty((len(true), 3, kernel.SLOPED))
-        kernel.rim_forces_and_slopes(contact.array, self.wheel.width_m, kernel.NODES, kernel.WEIGHTS, forces, slopes)
+        contact, rim = self._stand(drive, true, vector, entry or Entry(np.full(len(imposed), 0.4)))
+        angle, forces, slopes = contact.theta_1.copy(), rim.forces, rim.slopes
         base = self._channels(drive, imposed, contact, vector, forces)
         carried = forces[:, 0]
         further = angle * (1.0 + _STEP)
@@ -154,7 +174,7 @@ class AugmentedWheel:
         by_ground = np.stack([by_parameter[..., 3], by_parameter[..., :2] @ vector[:2]], axis=-1)
         power = angle * growth / carried
         if not latent:
-            return Response(base, angle, by_parameter, by_ground=by_ground, turned=turned, growth=power)
+            return Response(base, angle, by_parameter, by_ground=by_ground, turned=turned, growth=power, rim=rim)
         by_latent = np.empty((*base.shape, 2))
         nothing = np.zeros(len(imposed))
         step_N = 1e-5 * np.abs(imposed[:, 0])
@@ -162,7 +182,19 @@ class AugmentedWheel:
         # Stepping towards zero slip never reaches the locked or the spinning wheel.
         step_slip = np.where(imposed[:, 1] > 0.0, -1e-5, 1e-5)
         by_latent[:, :, 1], _ = derivative(imposed + np.column_stack([nothing, step_slip]), vector, step_slip)
-        return Response(base, angle, by_parameter, by_latent, by_ground, turned, power)
+        return Response(base, angle, by_parameter, by_latent, by_ground, turned, power, rim)
+
+    def _stand(self, drive: Drive, true: np.ndarray, vector: np.ndarray, entry: Entry) -> tuple[Contact, Rim]:
+        """Give the contact that carries the load, and what is integrated around its rim, or was."""
+        if entry.rim is not None:
+            contact = self._contact(drive, true, vector, entry.theta_1)
+            if entry.rim.is_of(true, contact.array):
+                return contact, entry.rim
+        angle, forces = self._solve(drive, true, vector, entry)
+        contact = self._contact(drive, true, vector, angle)
+        slopes = np.empty((len(true), 3, kernel.SLOPED))
+        kernel.rim_forces_and_slopes(contact.array, self.wheel.width_m, kernel.NODES, kernel.WEIGHTS, forces, slopes)
+        return contact, Rim(true, contact.array, forces, slopes)
 
     def steps(self, vector: np.ndarray) -> np.ndarray:
         """Steps (p,) of the differences, small against what each parameter usually is."""

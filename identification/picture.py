@@ -15,6 +15,7 @@ from scipy.stats import chi2
 
 from ..framework.core.recording.types import Recording
 from ..framework.core.soil import SoilEstimate, SoilKnowledge
+from ..framework.core.writing import whole
 from .estimation import LEAST_ROWS, Measured, solve
 from .identify import FeltRows, Identification, felt_rows, measured_rows
 
@@ -64,7 +65,8 @@ def draw_identification(
     for panel in panels:
         panel.spines[["top", "right"]].set_visible(False)
     figure.suptitle(f"{recording.name}: soil identified, 95 % intervals and regions")
-    figure.savefig(out, dpi=110)
+    with whole(Path(out)) as part:
+        figure.savefig(part, dpi=110)
     plt.close(figure)
 
 

@@ -20,10 +20,9 @@ def command(
 ) -> None:
     """Classify each file, window by window where it is long."""
     from ..training import classify_files
-    from .printing import check_writable, print_rows, write_json
+    from .printing import check_outputs, print_rows, write_json
 
-    if json is not None:
-        check_writable(json)
+    check_outputs([json], [*files, model])
     rows = classify_files(modality.value, files, model)
     if json is not None:
         write_json({"schema": 1, "modality": modality.value, "model": str(model), "rows": rows}, json)

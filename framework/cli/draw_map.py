@@ -22,9 +22,9 @@ def command(
     from ...database.store import TerrainDatabase
     from ..core.recording.open import read_recording
     from ..map_picture import draw_map
-    from .printing import check_writable
+    from .printing import check_outputs
 
-    check_writable(out)
+    check_outputs([out], track or [])
     recordings = [read_recording(path) for path in track or []]
     with TerrainDatabase(db, must_exist=True) as database:
         draw_map(database, out, site=site, tracks=recordings)

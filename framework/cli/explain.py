@@ -29,11 +29,9 @@ def command(
     from ...identification.mismatch.explanation import to_json
     from ..explain import explain
     from .explained import print_explanation
-    from .printing import check_writable, status, write_json
+    from .printing import check_outputs, status, write_json
 
-    for path in (json, report):
-        if path is not None:
-            check_writable(path)
+    check_outputs([json, report], [recording, vehicle, soil, simulated])
     with status(f"explaining {recording}") as tell:
         answer = explain(recording, vehicle=vehicle, soil=soil, simulated=simulated, seed=seed, progress=tell)
     if json is not None:

@@ -41,11 +41,9 @@ def command(
     from ..core.errors import InputError
     from ..core.soil import load_soil
     from .identified import print_identification
-    from .printing import check_writable, status, write_json
+    from .printing import check_outputs, status, write_json
 
-    for path in (json, plot):
-        if path is not None:
-            check_writable(path)
+    check_outputs([json, plot], [recording, vehicle, soil])
     if plot is not None and (method is not Method.ML or plot.suffix.lower() not in PICTURES):
         raise InputError("--plot", str(plot), expected="the method ml, and a file ending in " + ", ".join(PICTURES))
     with status(f"identifying the soil of {recording}"):

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-from ..core.writing import check_writable as check_writable
+from ..core.writing import check_outputs as check_outputs
 from ..core.writing import write_text as write_text
 from .output import print_table
 

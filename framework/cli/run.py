@@ -32,11 +32,10 @@ def command(
     """Read, recognise, fuse, identify, store, and say what was found."""
     from ..core.recording.open import read_recording
     from ..traverse import run_traverse
-    from .printing import check_writable, progress_bars, write_json
+    from .printing import check_outputs, progress_bars, write_json
     from .run_summary import print_summary
 
-    if json is not None:
-        check_writable(json)
+    check_outputs([json], [recording, vehicle, topics])
     with progress_bars() as progress:
         drive = read_recording(recording, vehicle=vehicle, topics=topics)
         summary = run_traverse(drive, db, models=models, progress=progress)

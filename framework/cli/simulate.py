@@ -27,9 +27,9 @@ def command(
     """Add torque, sinkage and drawbar pull to a drive."""
     from ...identification.simulate import simulate
     from ..core.recording.write import write_wheel_file
-    from .printing import check_writable
+    from .printing import check_outputs
 
-    check_writable(out)
+    check_outputs([out], [drive, vehicle, soil])
     table = simulate(vehicle, soil, drive, tuple(effect or ()))
     write_wheel_file(table, out)
     print(f"{len(table)} rows written to {out}")

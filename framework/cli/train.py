@@ -34,12 +34,10 @@ def command(
     """Train, test on groups that were held out, and write the model."""
     from ..core.learning_report import report_html
     from ..training import train_from_folder
-    from .printing import check_writable, status, write_json, write_text
+    from .printing import check_outputs, status, write_json, write_text
     from .training_report import print_report
 
-    for path in (out, json, report):
-        if path is not None:
-            check_writable(path)
+    check_outputs([out, json, report], [labelled])
     with status(f"training {modality.value} on {labelled}"):
         outcome = train_from_folder(modality.value, labelled, seed=seed)
     outcome.classifier.save(out)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import os
 import warnings
 import zipfile
 from collections.abc import Iterator
@@ -22,6 +21,7 @@ from sklearn.pipeline import Pipeline
 from .errors import InputError
 from .learning import TerrainClassifier
 from .learning_fit import Fitted, Gate
+from .writing import whole
 
 FORMAT = "bevameter terrain classifier"
 FORMAT_VERSION = 1
@@ -135,18 +135,13 @@ def content_digest(model: TerrainClassifier) -> str:
 
 
 def save(model: TerrainClassifier, path: Path) -> None:
-    """Write the model beside `path` first, and put it in its place once it is whole."""
+    """Write the model whole or not at all, with the rights that any new file gets."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        part = path.with_name(f".{path.name}.{os.getpid()}.part")  # with the rights that any new file gets
-        try:
-            part.write_bytes(_dump(model))
-            part.replace(path)
-        except BaseException:
-            part.unlink(missing_ok=True)
-            raise
     except OSError as error:
         raise InputError(path, f"cannot be written: {error.strerror or error}") from error
+    with whole(path) as part:
+        part.write_bytes(_dump(model))
 
 
 def load(path: Path, modality: str | None) -> TerrainClassifier:

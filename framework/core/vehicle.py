@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -13,6 +14,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from .errors import InputError
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Length = Annotated[float, Field(gt=0, le=10.0)]
+"""Of a wheel [m]: the largest are two metres in radius, and what is more was given in millimetres."""
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -30,8 +33,8 @@ class _Part(BaseModel):
 class Wheel(_Part):
     """A rigid wheel: radius r [m], width b [m], and its grousers (lugs)."""
 
-    radius_m: Positive
-    width_m: Positive
+    radius_m: Length
+    width_m: Length
     grouser_height_m: NonNegative = 0.0
     grouser_count: Annotated[int, Field(ge=0)] = 0
     name: str = "wheel"
@@ -154,13 +157,15 @@ def load_vehicle(path: str | Path) -> Vehicle:
     try:
         return Vehicle.model_validate(data)
     except ValidationError as error:
-        raise input_error(path, error) from None
+        raise input_error(path, error, {"wheels.0": "wheel"} if "wheels" not in data else {}) from None
 
 
-def input_error(path: str | Path, error: ValidationError) -> InputError:
-    """Turn the first fault that pydantic found into one line naming file, key and value."""
+def input_error(path: str | Path, error: ValidationError, written: Mapping[str, str] | None = None) -> InputError:
+    """Turn the first fault that pydantic found into one line naming file, key (as it was `written`) and value."""
     fault = error.errors()[0]
     key = ".".join(str(part) for part in fault["loc"]) or None
+    for read, wrote in (written or {}).items():
+        key = key and key.replace(read, wrote, 1)
     value = fault["input"]
     shown = "" if fault["type"] in ("missing", "value_error") else f"{value!r}: "
     return InputError(path, f"{shown}{fault['msg'].removeprefix('Value error, ')}", place=key and f"key {key}")

@@ -100,7 +100,7 @@ def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Dr
             travel = np.where(np.isfinite(ratio), rate * wheel.radius_m * ratio, math.nan)
         elif not np.isfinite(rate).any():
             rate = np.where(ratio > 0.0, travel / (wheel.radius_m * ratio), math.nan)
-    place = column("x_m")
+    place = _bridged(column("x_m"), time_s, stretch)
     if "y_m" in table and np.isfinite(place).all() and float(np.nanstd(table["y_m"])) > 0.1 * float(np.nanstd(place)):
         # A track that turns has no place along one axis: the distance travelled takes its part.
         step = np.hypot(np.diff(place), np.diff(table["y_m"]))
@@ -121,13 +121,33 @@ def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Dr
     )
 
 
+def _bridged(place: np.ndarray, time_s: np.ndarray, stretch: np.ndarray) -> np.ndarray:
+    """Places (n,) [m], those that were not observed on the straight line in time between the ones that were, or on the
+    line through the first and last of a stretch (n,) at its ends; as they are where most of a stretch was not observed.
+    """
+    seen = np.isfinite(place)
+    if seen.all() or not seen.any() or not np.isfinite(time_s).all():
+        return place
+    answer = place.copy()
+    for rows in np.split(np.arange(len(place)), np.flatnonzero(np.diff(stretch)) + 1):
+        known = rows[seen[rows]]
+        if len(known) < max(2.0, 0.5 * len(rows)):
+            continue
+        first, last = known[0], known[-1]
+        speed = (place[last] - place[first]) / (time_s[last] - time_s[first])
+        before, after = time_s[rows] - time_s[first], time_s[rows] - time_s[last]
+        answer[rows] = np.interp(time_s[rows], time_s[known], place[known])
+        answer[rows] += speed * (np.minimum(before, 0.0) + np.maximum(after, 0.0))
+    return answer
+
+
 def select_rows(drive: Drive, rows: np.ndarray) -> Drive:
     """Give the rows of a mask or an index array, as a drive of the same kind."""
     return type(drive)(**{name: getattr(drive, name)[rows] for name in Drive.__dataclass_fields__})
 
 
 def rate_of_change(values: np.ndarray, time_s: np.ndarray, stretch: np.ndarray) -> np.ndarray:
-    """Rate of change [1/s], (n,), from a local polynomial within each stretch; NaN in stretches too short for one.
+    """Rate of change [1/s], (n,), from a local polynomial between gaps of each stretch; NaN where that is too short.
 
     The polynomial's window is as wide as makes the expected error least, noise and flattening together (after
     C. M. Stein, Ann. Statist. 9 (1981), 1135-1151: an unbiased estimate of the risk). The rate is shrunk to its mean by
@@ -135,11 +155,10 @@ def rate_of_change(values: np.ndarray, time_s: np.ndarray, stretch: np.ndarray) 
     calibration; R. J. Carroll et al., "Measurement Error in Nonlinear Models" (2006), Ch. 4), but for rows near the
     ends of stretches, whose noise is larger: stretches of tens of rows and less are attenuated still.
     """
-    usable = [
-        rows
-        for rows in np.split(np.arange(len(values)), np.flatnonzero(np.diff(stretch)) + 1)
-        if len(rows) >= _WINDOWS[0] and np.isfinite(values[rows]).all() and np.isfinite(time_s[rows]).all()
-    ]
+    seen = np.isfinite(values) & np.isfinite(time_s)
+    broken = (np.diff(stretch) != 0) | (seen[1:] != seen[:-1])
+    runs = np.split(np.arange(len(values)), np.flatnonzero(broken) + 1)
+    usable = [rows for rows in runs if len(rows) >= _WINDOWS[0] and seen[rows[0]]]
     narrow = np.full(len(values), math.nan)
     if not usable:
         return narrow

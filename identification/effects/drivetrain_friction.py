@@ -22,6 +22,8 @@ class DrivetrainFriction(Effect):
             "load": Parameter("mu", "m", 0.0, 20.0 * usual / load_N, 0.0, usual / load_N),
         }  # fmt: skip
         self.form = form
+        # What follows neither load nor speed is no more than a wrong zero of the torque.
+        self.partial = form == "coulomb"
         self._terms = form.split("+")
         self.needs = ("rim_speed_m_s",) if "viscous" in self._terms else ()
         self.parameters = tuple(parts[term] for term in self._terms)

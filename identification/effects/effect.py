@@ -204,6 +204,8 @@ class Effect:
     """Whether the vehicle's description says that it is there, so that the textbook wheel is known to lack it."""
     freed: bool = False
     """Whether it is what another form's `freer` gives, and may hold a third form as well."""
+    partial: bool = False
+    """Whether the form is the part of a law that follows nothing, which another effect's whole law says as well."""
     remark: str = ""
     """What there is to say of it where it is found."""
     constants: Mapping[str, float] = MappingProxyType({})

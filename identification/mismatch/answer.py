@@ -14,8 +14,9 @@ from ..forward import CHANNELS, from_internal, slope_of_internal
 from . import readable
 from .explanation import Candidate, ChannelFit, Estimate, Explanation, Missing, Region, Rows, Screened, Verdict
 from .fitting import Fitted, Problem
-from .naming import ASSERTED, MANY, MENTIONED, UNKNOWN, Naming, instead, why_not
+from .naming import ASSERTED, MENTIONED, UNKNOWN, Naming, instead, why_not
 from .noise_floor import noise_floor
+from .notes import notes_of
 from .shape import shape_of
 from .smooth_correction import SmoothCorrection
 from .trial import Trial
@@ -28,11 +29,6 @@ _MOST_LISTED = 6
 candidates."""
 
 _RESAMPLES = 400
-_VARIES = 0.02
-"""Variation of the ground that is worth a word [-]."""
-
-_REPEATS = 1.5
-"""Rows that say the same from which on it is worth a word."""
 
 _SOIL_UNITS = {"c_Pa": "Pa", "phi_rad": "rad", "k_m": "m", "stiffness_Pa": "Pa", "n": ""}
 
@@ -87,8 +83,8 @@ def assemble(
         source=source,
         verdict=verdict,
         summary="",
-        soil=_soil(best.fitted, found, naming),
-        soil_textbook=_soil(textbook.fitted, None, None),
+        soil=_soil(problem, best.fitted, found, naming),
+        soil_textbook=_soil(problem, textbook.fitted, None, None),
         trust="",
         located=regions,
         missing=missing,
@@ -97,19 +93,7 @@ def assemble(
         fits=fits,
         split=problem.samples.split,
         heldout_nats=Estimate(*gained),
-        notes=(
-            *problems,
-            *problem.samples.notes,
-            *_not_predicted(problem, before, after),
-            *_beside(unsure),
-            *_many(chosen),
-            *_dispersed(found),
-            *_ground(problem, best.fitted),
-            *_repeated(repeated),
-            *_crossed_once(best),
-            *(effect.remark for effect in best.effects if effect.remark),
-            *([f"{'; '.join(doubted)}: it is believed in no more than half"] if doubted else []),
-        ),
+        notes=(*problems, *notes_of(problem, found, best, (before, after), unsure, repeated, doubted)),
         rows=_rows(problem, before, after, chosen.fitted),
         simulator=best.fitted.model,
         vector=best.fitted.vector,
@@ -212,15 +196,20 @@ def _named(trial: Trial, effect: Effect, probability: float, alike: tuple[str, .
 
 
 def _unknown(naming: Naming, remaining: SmoothCorrection) -> Missing:
-    found = [(term.channel, shape_of(term.variable, term.at, term.values)) for term in remaining.terms]
-    shapes = "; ".join(f"{channel} {shape.words}" for channel, shape in found)
+    found = [(term.channel, shape_of(term.channel, term.variable, term.at, term.values)) for term in remaining.terms]
+    shapes = "; ".join(shape.words for _, shape in found)
     names = list(dict.fromkeys(term.variable for term in remaining.terms))
     equation = "; ".join(f"{channel} += {shape.formula or 'a spline'}" for channel, shape in found)
     return Missing(
         UNKNOWN, UNKNOWN, "smooth correction", naming.unknown, {}, equation,
-        "fitted to the data", (), "a drive that varies " + ", then ".join(names) + " with all else held",
+        "fitted to the data", (), f"a drive that varies {', then '.join(map(_variable, names))} with all else held",
         f"{shapes} ({remaining.gain:.0f} nats)",
     )  # fmt: skip
+
+
+def _variable(name: str) -> str:
+    """Name of a variable in words; a ripple's is the wheel angle, whatever its cycles."""
+    return readable.shown(name.partition(" (")[0]).name
 
 
 def _asserted(missing: tuple[Missing, ...], naming: Naming) -> tuple[Missing, ...]:
@@ -267,11 +256,13 @@ def _candidates(
         answer.append(
             Candidate(UNKNOWN, UNKNOWN, naming.unknown, gain, {}, "a smooth correction beside what is chosen")
         )
-    return tuple(sorted(answer, key=lambda each: -each.heldout_nats))
+    return tuple(sorted(answer, key=lambda each: (-each.probability, -each.heldout_nats)))
 
 
-def _soil(fitted: Fitted, found: Search | None, naming: Naming | None) -> dict[str, Estimate]:
-    """Soil of a fit; with the spread between explanations that the data do not tell apart."""
+def _soil(
+    problem: Problem, fitted: Fitted, found: Search | None, naming: Naming | None
+) -> dict[str, Estimate]:  # fmt: skip
+    """Soil of a fit; with the spread between explanations that the data do not tell apart, none where it was given."""
     values = fitted.vector[: len(PARAMETERS)]
     variance = np.diag(fitted.covariance)[: len(PARAMETERS)].copy()
     if found is not None and naming is not None:
@@ -282,6 +273,8 @@ def _soil(fitted: Fitted, found: Search | None, naming: Naming | None) -> dict[s
     for index, name in enumerate(PARAMETERS):
         value = from_internal(name, float(values[index]))
         sd = math.sqrt(max(float(variance[index]), 0.0)) * abs(slope_of_internal(name, value))
+        if name in problem.known.values and not problem.known.sd.get(name):
+            sd = 0.0
         answer[name] = Estimate(value, sd, _SOIL_UNITS[name])
     return answer
 
@@ -313,75 +306,6 @@ def _fits(
     return answer
 
 
-def _not_predicted(problem: Problem, before: np.ndarray, after: np.ndarray) -> list[str]:
-    """Say how many held-out rows have no prediction: the soil of the other rows does not carry their load."""
-    counts = [(np.isnan(each) & problem.seen).any(axis=1).sum() for each in (before, after)]
-    return [
-        f"{count} held-out rows were not predicted {when}, their load not being carried: the errors are of the others"
-        for count, when in zip(counts, ("before", "after"), strict=True)
-        if count
-    ]
-
-
-def _beside(unsure: list[str]) -> list[str]:
-    """Say what else may be there."""
-    if not unsure:
-        return []
-    names = ", ".join(readable.effect(slug) for slug in unsure)
-    return [f"held-out data ask for something more, and do not tell whether it is {names}"]
-
-
-def _many(chosen: Trial) -> list[str]:
-    """Say why effects that are needed together are not each asserted."""
-    if len(chosen.unexpected) < MANY:
-        return []
-    return [
-        f"{len(chosen.effects)} effects together fit best; so many often stand in for one that the catalogue lacks, "
-        "and none of them is asserted"
-    ]
-
-
-def _dispersed(found: Search) -> list[str]:
-    """Say that every form is wrong, and what that does to probabilities and choice."""
-    if found.dispersion <= 1.0 or not found.chosen.effects:
-        return []
-    return [
-        f"every set as large that was tried leaves {math.sqrt(found.dispersion):.1f} times the noise or more on rows "
-        "held out: sets are weighed by errors, and of those not excluded the one that errs least is chosen"
-    ]
-
-
-def _ground(problem: Problem, fitted: Fitted) -> list[str]:
-    """Say how much the ground is taken to vary, where that is more than a little."""
-    stiffness, strength = fitted.noise.spread
-    if max(stiffness, strength) < _VARIES:
-        return []
-    where = "from trial to trial"
-    if np.isfinite(problem.samples.position).all():
-        unit = "m" if np.array_equal(problem.samples.position, problem.samples.drive.place_m) else "s"
-        where = f"along the track, over {fitted.noise.length:.2g} {unit}"
-    return [
-        f"the ground is taken to vary {where}: stiffness by {100.0 * stiffness:.1f} %, "
-        f"strength by {100.0 * strength:.1f} % (standard deviation)"
-    ]
-
-
-def _repeated(repeated: float) -> list[str]:
-    """Say that evidence counts less than it seems."""
-    if repeated < _REPEATS:
-        return []
-    return [
-        f"what is left repeats itself from row to row, as behind a slow amplifier: {repeated:.1f} rows count as one"
-    ]
-
-
-def _crossed_once(trial: Trial) -> list[str]:
-    """Say what rows held out cannot test."""
-    if not trial.held_out.untested:
-        return []
-    return ["the place was crossed once: how its ground differs, and from where to where, was fitted and not predicted"]
-
-
 def _rows(problem: Problem, before: np.ndarray, after: np.ndarray, chosen: Fitted) -> Rows:
     drive = problem.samples.drive
     named = {
@@ -395,5 +319,5 @@ def _rows(problem: Problem, before: np.ndarray, after: np.ndarray, chosen: Fitte
     measured = np.where(problem.seen, problem.measured, np.nan)
     return Rows(
         tuple(CHANNELS[channel] for channel in problem.answers), seen, measured, measured - before, measured - after,
-        chosen.noise.answers,
+        np.array([noise_floor(problem, chosen, position) for position in range(len(problem.answers))]),
     )  # fmt: skip

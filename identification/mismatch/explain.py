@@ -23,6 +23,7 @@ from .fitting import Problem
 from .gross_errors import outlying
 from .locate import locate
 from .naming import name
+from .notes import several_grounds
 from .samples import Samples, gather, passes_apart
 from .search import search
 from .simulated import as_differences, attach
@@ -90,12 +91,14 @@ def explain(
     with threadpool_limits(1):
         if simulated is not None:
             tell("fitting the textbook wheel to the other simulator")
-            samples, own = as_differences(samples)
+            samples, own = as_differences(samples, simulated)
         tell("refitting the soil")
         problem, textbook = textbook_trial(samples, known)
         considered = SLUGS if catalogue is None else tuple(catalogue)
         found, remaining = _sought(problem, textbook, considered, tell)
-        notes, kept = (*opened.problems, *rows.problems), np.arange(len(samples))
+        time_s = rows.table["time_s"][rows.reasons == ""] if "time_s" in rows.table else np.empty(0)
+        notes = (*opened.problems, *rows.problems, *several_grounds(opened.labels, time_s))
+        kept = np.arange(len(samples))
         while (far := outlying(problem.samples, found.chosen.fitted, len(samples) - len(kept))).any():
             tell("leaving out what stands alone")
             kept = kept[~far]

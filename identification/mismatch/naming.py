@@ -8,6 +8,7 @@ import numpy as np
 from scipy.special import expit
 
 from .asked import MOST_ASKED_FOR, is_bump, surplus
+from .preferred import says_no_more
 from .trial import ASKED_FOR, TEMPERATURE, UNHEARD_OF, Trial, temperature
 from .tries import Search
 
@@ -50,6 +51,10 @@ than that [-]."""
 _UNASKED = 0.5
 """As much where held-out data ask for nothing [-]."""
 
+_SAYS_NO_MORE = 1.0
+"""Log-odds against an effect of which nothing shows but what another's whole law says: friction of a drive follows load
+and speed, and a torque that is off by the same whatever these are may be friction of which neither shows, or a zero."""
+
 MANY, _OF_MANY = 3, 0.7
 """As much where so many effects are needed together [-]: of the study's recordings one in 150 needed
 three, with their catalogue complete, of those whose effect had been taken out of it one in five."""
@@ -62,7 +67,7 @@ class Naming:
     Parameters
     ----------
     effects
-        Probability of each slug, the most probable first, alone or with others, the unknown among them.
+        Probability of each slug, the most probable first, alone or with others.
     unknown
         That the chosen set does not explain the mismatch.
     look_alikes
@@ -102,6 +107,9 @@ def name(
     against = [PENALTY * max(len(trial.unexpected), 1) + UNHEARD_OF * bool(trial.unheard_of) for trial in search.trials]
     score = np.array([trial.gain for trial in search.trials]) / (repeated * search.dispersion)
     score = np.minimum(score, search.by_errors or np.inf) - np.array(against)
+    score -= (
+        unit * _SAYS_NO_MORE * np.array([says_no_more(search.trials, trial) for trial in search.trials], dtype=float)
+    )
     # No more effects than held-out data ask for: larger sets that were tried and turned down have no say.
     # Nor have places that nothing shows to be any.
     admitted = np.array(
@@ -212,6 +220,10 @@ def why_not(trial: Trial, search: Search, repeated: float) -> str:
         return f"more effects for too little ({-behind:+.1f} nats)"
     if behind < 0.0 and trial.unheard_of:
         return f"{-behind:.1f} nats more, but with {' and '.join(trial.unheard_of)}, beyond what has been published"
+    if behind < 0.0 and says_no_more(search.trials, trial) and not says_no_more(search.trials, chosen):
+        return f"as good ({-behind:+.1f} nats), but of all that it says only what the chosen set says too shows"
+    if behind < 0.0 and trial.slugs == chosen.slugs and len(trial.fitted.vector) > len(chosen.fitted.vector):
+        return f"as good: {-behind:.1f} nats more, but by more parameters"
     if behind < 0.0:
         return f"as good: {-behind:.1f} nats more, but larger errors on held-out rows"
     if trial.unheard_of and not chosen.unheard_of:

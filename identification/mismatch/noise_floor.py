@@ -47,7 +47,7 @@ errors 0.54 above the noise at most, but for one."""
 
 
 def noise_floor(problem: Problem, fitted: Fitted, position: int) -> float:
-    """Least error to be had: the sensor's noise, what uncertain load and slip do, and ground that varies unforeseen."""
+    """Error that a fit expects: of the sensor, of load and slip, and of ground that varies unforeseen."""
     weights = problem.weights or fitted.response
     channel = problem.answers[position]
     by_latent, by_ground = np.nan_to_num(weights.by_latent[:, channel]), np.nan_to_num(weights.by_ground[:, channel])

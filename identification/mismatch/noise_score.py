@@ -38,10 +38,10 @@ def _multiply(carry, columns):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _carry_on(state, p, spread, carry, known):
+def _carry_on(state, p, spread, carry, everywhere):
     """Carry the variations' state (2 k, 2, l) and its covariance p (2 k, 2 k, l) on, in place.
 
-    spread (2, l); carry (k, k, l); known (k, k) as of `stationary`.
+    spread (2, l); carry (k, k, l); everywhere (k, k) as of `stationary`.
     """
     size = len(carry)
     for half in range(2):
@@ -49,7 +49,7 @@ def _carry_on(state, p, spread, carry, known):
         for i in range(size):
             for j in range(size):
                 for noise in range(NOISES):
-                    p[at + i, at + j, noise] -= spread[half, noise] ** 2 * known[i, j]
+                    p[at + i, at + j, noise] -= spread[half, noise] ** 2 * everywhere[i, j]
     for half in range(2):
         at = half * size
         for column in range(2):
@@ -63,7 +63,7 @@ def _carry_on(state, p, spread, carry, known):
         for i in range(size):
             for j in range(size):
                 for noise in range(NOISES):
-                    p[at + i, at + j, noise] += spread[half, noise] ** 2 * known[i, j]
+                    p[at + i, at + j, noise] += spread[half, noise] ** 2 * everywhere[i, j]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -187,12 +187,12 @@ def _tell(
     `soil_variation.whiten`.
     """
     channels, size = columns.shape[1], smooth + 1
-    known, one, carry = stationary(smooth), np.empty((size, size)), np.empty((size, size, NOISES))
+    everywhere, one, carry = stationary(smooth), np.empty((size, size)), np.empty((size, size, NOISES))
     state, p = np.zeros((2 * size, 2, NOISES)), np.zeros((2 * size, 2 * size, NOISES))
     for half in range(2):
         for i in range(size):
             for j in range(size):
-                p[half * size + i, half * size + j] = spread[half] ** 2 * known[i, j]
+                p[half * size + i, half * size + j] = spread[half] ** 2 * everywhere[i, j]
     white, vary, scales = np.empty((channels, 2, NOISES)), np.empty((channels, 2, NOISES)), np.empty((channels, NOISES))
     covariance, gain, room = np.empty((channels, channels, NOISES)), np.empty((2 * size, NOISES)), np.empty((3, NOISES))
     score[:], information[:] = 0.0, 0.0
@@ -201,7 +201,7 @@ def _tell(
             if noise == 0 or length[noise] != length[noise - 1]:
                 carried(TO_ONE_OVER_E[smooth] * gap[row] / length[noise], one)
             carry[:, :, noise] = one
-        _carry_on(state, p, spread, carry, known)
+        _carry_on(state, p, spread, carry, everywhere)
         for i in range(channels):
             for a in range(2):
                 white[i, a] = columns[row, i, a]
@@ -219,9 +219,11 @@ def told_of(
     Parameters
     ----------
     columns
-        Residuals and, where there are parameters, what these take from them (`likeliest_noise.Weighed`).
+        Residuals (n, m, 1) or, where there are parameters, what these take from them, too (n, m, 2)
+        (`likeliest_noise.Weighed`).
     noises
-        The noise, and k others of which each differs from it in one number.
+        The noise, and k others, `NOISES` at most together, of which each differs from it in one number; ground varies
+        as smoothly in all.
     steps : (k,)
         By how much.
     latent_covariance, gap

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from .fitting import Problem
 from .trial import ASKED_FOR, UNHEARD_OF, WORTH_FURTHER, Trial
@@ -10,18 +10,39 @@ from .trial import ASKED_FOR, UNHEARD_OF, WORTH_FURTHER, Trial
 _AS_GOOD = 0.05
 """Mean ln(square) of held-out errors by which one form may err more than another and still do as well [-]."""
 
+_EVEN = 1.0
+"""Nats up to which two sets do alike."""
 
-def plainest(problem: Problem, tried: Iterable[Trial], best: Trial) -> Trial:
-    """What takes the place of a set with a form that others' further parameters make: the same effects by fewer, where
-    those are worth it neither in nats nor in errors.
+
+def plainest(problem: Problem, tried: Sequence[Trial], best: Trial) -> Trial:
+    """What takes the place of a set with a form that others' further parameters make, or that says no more than
+    another's whole law: as many effects by fewer parameters, where those are worth it neither in nats nor in errors.
     """
-    if not any(effect.freed for effect in best.effects):
-        return best
     most = best.held_out.error(problem) + _AS_GOOD
-    fewer = [each for each in tried if each.slugs == best.slugs and len(each.fitted.vector) < len(best.fitted.vector)]
-    near = [each for each in fewer if each.gain > best.gain - WORTH_FURTHER]
-    enough = [each for each in near if each.held_out.error(problem) < most]
-    return max(enough, key=lambda trial: trial.gain, default=best)
+    near = [each for each in tried if each.gain > best.gain - WORTH_FURTHER and not each.unheard_of]
+    near = [each for each in near if as_large(each, best) and each.held_out.error(problem) < most]
+    if any(effect.freed for effect in best.effects):
+        fewer = [each for each in near if each.slugs == best.slugs and _size(each) < _size(best)]
+        return max(fewer, key=lambda trial: trial.gain, default=best)
+    if says_no_more(tried, best):
+        whole = [each for each in near if _size(each) <= _size(best) and not says_no_more(tried, each)]
+        whole = [each for each in whole if each.gain > best.gain - _EVEN]
+        return max(whole, key=lambda trial: trial.gain, default=best)
+    return best
+
+
+def says_no_more(tried: Iterable[Trial], trial: Trial) -> bool:
+    """Say whether one of a set's effects says no more than the part of its law that another's whole law says as well:
+    what further parameters it has are not worth it.
+    """
+    if any(effect.partial for effect in trial.effects):
+        return True
+    parts = [each for each in tried if each.slugs == trial.slugs and any(effect.partial for effect in each.effects)]
+    return any(trial.gain < part.gain + WORTH_FURTHER for part in parts)
+
+
+def _size(trial: Trial) -> int:
+    return len(trial.fitted.vector)
 
 
 def published(tried: Iterable[Trial], best: Trial) -> Trial:

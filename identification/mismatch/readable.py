@@ -156,7 +156,7 @@ def percent(probability: float) -> str:
 
 def likelihood(probability: float) -> str:
     """Give a probability in words and as a number."""
-    words = next(text for least, text in _WORDS if probability >= least)
+    words = next(text for least, text in _WORDS if round(probability, 2) >= least)
     return f"{words}, {percent(probability)}"
 
 

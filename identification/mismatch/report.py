@@ -94,7 +94,8 @@ def _located(explanation: Explanation) -> str:
     if maps:
         body += (
             "<p class=note>In the pictures, black lines are means of bins with 95 % intervals, rows taken as "
-            "independent; grey is one noise to either side; triangles are points beyond the edge. Yellow is where the "
+            "independent; grey is one noise to either side: what sensors, load and slip and ground that varies do "
+            "by themselves, as under the next heading; triangles are points beyond the edge. Yellow is where the "
             "table locates the difference; the simulation on the left has a soil refitted without what was left out, "
             "which hides part of it in one place and shows it in others.</p>"
         )
@@ -153,14 +154,16 @@ def _predictions(explanation: Explanation) -> str:
         "Held-out error of each channel before and after, against the noise",
         "Root-mean-square error on rows that soil and effects were not fitted to, with 95 % intervals from "
         "resampling the blocks held out. The dashed line is the noise: of the sensors, of load and slip, and of ground "
-        "that varies, all of which were estimated with these rows.",
+        "that varies, all of which were estimated with these rows by the model that fits best. Where that is wrong, "
+        "what it misses may pass for ground that varies, and the line lies too high.",
     )
     body += table(fit_headers(), fit_rows(explanation))
     body += "".join(f"<p class=warn>{escape(text)}.</p>" for text in predicted_worse(explanation))
     return body + _figure(
         pictures.predicted_against_measured(explanation),
         "Held-out predictions against measurements",
-        "Held-out predictions against measurements. On the line they agree; grey: two noises to either side.",
+        "Held-out predictions against measurements. On the line they agree; grey: two noises (dashed above) to either "
+        "side.",
     )
 
 

@@ -137,8 +137,10 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
         Load, slip or every answer is missing, or too few rows are left.
     """
     for name, remedy in (("load_N", "load_N, the wheel's load"), ("slip", "slip, or both speeds")):
-        if name not in table or not np.isfinite(table[name]).any():
+        if name not in table:
             raise InputError(table.source, f"no column {name}", expected=remedy)
+        if not np.isfinite(table[name]).any():
+            raise InputError(table.source, "no value in any row", expected=remedy, place=f"column {name}")
     if not any(CHANNELS[channel] in table for channel in ANSWERS):
         raise InputError(
             table.source, "nothing to compare", expected="values of torque_Nm, sinkage_m or drawbar_pull_N"

@@ -9,6 +9,8 @@ import numpy as np
 from scipy.stats import rankdata
 from sklearn.linear_model import LinearRegression
 
+from .readable import Shown, number, shown
+
 _MONOTONIC = 0.9
 """Rank correlation from which on a curve rises or falls as a whole [-]."""
 
@@ -29,11 +31,13 @@ class Shape:
     formula: str
 
 
-def shape_of(variable: str, at: np.ndarray, values: np.ndarray) -> Shape:
+def shape_of(channel: str, variable: str, at: np.ndarray, values: np.ndarray) -> Shape:
     """Describe a correction.
 
     Parameters
     ----------
+    channel
+        What is corrected.
     variable
         Its name; for a ripple with its number of cycles in brackets.
     at, values : (n,)
@@ -41,15 +45,20 @@ def shape_of(variable: str, at: np.ndarray, values: np.ndarray) -> Shape:
     """
     good = np.isfinite(at) & np.isfinite(values)
     at, values = at[good], values[good]
-    size = float(np.ptp(values))
+    moved = shown(channel)
+    by = f"by {_with_unit(float(np.ptp(values)), moved)}"
     if "cycles a turn" in variable:
         name, _, cycles = variable.partition(" (")
-        return Shape(f"ripples with {name}, {cycles.rstrip(')')}, by {size:.3g}", "")
-    words = f"{_movement(at, values)} with {variable} by {size:.3g}"
-    return Shape(words, _formula(variable, at, values))
+        return Shape(f"{moved.name} ripples with {shown(name).name}, {cycles.rstrip(')')}, {by}", "")
+    how = shown(variable)
+    return Shape(f"{moved.name} {_movement(at, values, how)} with {how.name} {by}", _formula(variable, at, values))
 
 
-def _movement(at: np.ndarray, values: np.ndarray) -> str:
+def _with_unit(value: float, how: Shown) -> str:
+    return f"{number(value, how.scale)} {how.unit}".rstrip()
+
+
+def _movement(at: np.ndarray, values: np.ndarray, how: Shown) -> str:
     """Whether it rises, falls, peaks or dips, and where it does so most."""
     if len(np.unique(at)) < 3:
         return "steps"
@@ -64,7 +73,7 @@ def _movement(at: np.ndarray, values: np.ndarray) -> str:
     if explained < 0.5:
         return "wanders"
     turn = at[np.argmin(values)] if bend > 0.0 else at[np.argmax(values)]
-    return f"{'dips' if bend > 0.0 else 'peaks'} near {turn:.2g}"
+    return f"{'dips' if bend > 0.0 else 'peaks'} near {_with_unit(float(f'{turn:.2g}'), how)}"
 
 
 def _pace(at: np.ndarray, values: np.ndarray, late: bool) -> float:

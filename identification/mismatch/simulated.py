@@ -89,24 +89,26 @@ def _labels(*tables: WheelTable) -> list[np.ndarray]:
     return [label.astype(str) for label in labels]
 
 
-def as_differences(samples: Samples) -> tuple[Samples, np.ndarray]:
+def as_differences(samples: Samples, source: str | Path) -> tuple[Samples, np.ndarray]:
     """Samples whose textbook wheel answers like the other simulator, and that simulator's own residuals (n, 5).
 
     The textbook wheel is fitted to what the other simulated; what it misses of that is taken off the recording. An
-    effect then counts by its difference: our model with it minus our model without.
+    effect then counts by its difference: our model with it minus our model without. `source` is the simulator's file.
     """
     if samples.simulated is None:
         raise ValueError("no simulated channels attached")
     if not np.isfinite(np.where(_answers(samples), samples.simulated, np.nan)).any():
         names = " or ".join(CHANNELS[channel] for channel in samples.answers)
-        raise InputError("the other simulator's answers", "none that was recorded", expected=names)
+        raise InputError(source, "has no answer that was recorded", expected=names)
     imitated = replace(samples, measured=np.where(_answers(samples), samples.simulated, samples.measured))
     seen = np.isfinite(imitated.measured[:, ANSWERS]).any(axis=1)
     if seen.sum() < 0.5 * len(samples):
         raise InputError(
-            "the other simulator's answers", f"values for {int(seen.sum())} of {len(samples)} rows",
+            source, f"has values for {int(seen.sum())} of {len(samples)} rows",
             expected="the whole drive, as often as it was recorded",
         )  # fmt: skip
+    if np.array_equal(imitated.measured[:, ANSWERS], samples.measured[:, ANSWERS], equal_nan=True):
+        raise InputError(source, "gives just what was recorded", expected="what another simulator gives for the drive")
     problem, fitted = fit_textbook(imitated)
     model = AugmentedWheel(samples.wheel)
     imitation = model.predict(samples.drive, problem.imposed, fitted.vector, fitted.theta_1).channels

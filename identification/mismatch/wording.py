@@ -13,6 +13,12 @@ _WORTH_A_WORD = 0.2
 _AT_NOISE = 1.3
 """A channel whose held-out error is within this factor of its noise is predicted as well as can be [-]."""
 
+_TOLD = 3
+"""Parameters of an effect that are told in the summary."""
+
+_BETTER, _WORSE = 0.97, 1.03
+"""A channel's held-out error has fallen below, and risen above, this share of what it was before [-]."""
+
 
 def summarise(explanation: Explanation) -> str:
     """Say in a few sentences what differs, what was left out, and what modelling it gains."""
@@ -92,7 +98,9 @@ def _bare(channel: str) -> str:
 
 
 def _statement(each: Missing) -> str:
-    values = ", ".join(readable.estimate(name, estimate) for name, estimate in each.parameters.items())
+    told = [readable.estimate(name, estimate) for name, estimate in each.parameters.items()]
+    further = [f"and {len(told) - _TOLD} more parameters"] if len(told) > _TOLD else []
+    values = ", ".join(told[:_TOLD] + further)
     fault = "a fault of an instrument or of what is configured: " if each.kind == "instrument" else ""
     return (
         f"What was left out is {fault}{readable.effect(each.effect)} ({readable.percent(each.probability)}), {values}."
@@ -123,9 +131,9 @@ def _errors(explanation: Explanation) -> str:
         how = readable.shown(channel)
         before, after = readable.number(fit.rmse_before, how.scale), readable.number(fit.rmse_after, how.scale)
         change = f"{_bare(channel)} from {before} to {after} {how.unit}"
-        if fit.rmse_after < 0.97 * fit.rmse_before:
+        if fit.rmse_after < _BETTER * fit.rmse_before:
             falls.append(change + (", which is noise" if fit.rmse_after < _AT_NOISE * fit.noise else ""))
-        elif fit.rmse_after > 1.03 * fit.rmse_before:
+        elif fit.rmse_after > _WORSE * fit.rmse_before:
             rises.append(change)
     fallen = f"With it the held-out error falls: {'; '.join(falls)}." if falls else ""
     risen = f"It speaks against it that the held-out error rises: {'; '.join(rises)}." if rises else ""
@@ -136,11 +144,15 @@ def trust(explanation: Explanation) -> str:
     """Say what can be vouched for: the prediction, the parameters, both or neither."""
     far = _far(explanation)
     if far:
-        prediction = f"Held-out error of {', '.join(far)} stays above the noise: the form of the model is not complete"
+        incomplete = "the form of the model is not complete"
+        if explanation.verdict == "none":
+            incomplete = f"the ground varies, or {incomplete} in a way that nothing tried makes up for"
+        prediction = f"Held-out error of {', '.join(far)} stays above the noise: {incomplete}"
     else:
         prediction = "Held-out rows are predicted to within noise"
     sure = all(each.probability >= ASSERTED for each in explanation.missing)
     certain = explanation.verdict in ("none", "physics", "instrument") and sure and not far
+    certain = certain and not any(fit.rmse_after > _WORSE * fit.rmse_before for fit in explanation.fits.values())
     if certain:
         return (
             f"{prediction}, and the parameters can be used with their standard deviations, as far as zeros and gains "

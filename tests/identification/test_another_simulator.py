@@ -73,7 +73,7 @@ def test_what_is_simulated_but_was_not_recorded_is_left_out(tmp_path):
     simulated = read_wheel_file(tmp_path / "sim.csv")
     pull = {name: simulated[name] for name in ("load_N", "slip", "drawbar_pull_N")}
     write_wheel_file(replace(simulated, columns=pull), tmp_path / "sim.csv")
-    with pytest.raises(InputError, match=r"none that was recorded \(expected torque_Nm or sinkage_m\)"):
+    with pytest.raises(InputError, match=r"has no answer that was recorded \(expected torque_Nm or sinkage_m\)"):
         explain(folder, simulated=tmp_path / "sim.csv", catalogue=["torque_offset"])
 
 

@@ -76,6 +76,6 @@ def test_a_channel_that_the_other_simulator_lacks_is_named(steady, tmp_path):
     columns = {"torque_Nm": np.asarray(made.oracle.torque_Nm)}
     write_wheel_file(WheelTable(columns, None, made.recorded.run, tmp_path / "sim.csv"), tmp_path / "sim.csv")
     table = attach(rows.table, tmp_path / "sim.csv")
-    samples, _ = as_differences(gather(table, rows.wheel, rows.vehicle))
+    samples, _ = as_differences(gather(table, rows.wheel, rows.vehicle), tmp_path / "sim.csv")
     assert "sinkage_m is recorded but not simulated: it is left out" in samples.notes
     assert not np.isfinite(samples.measured[:, 2]).any()

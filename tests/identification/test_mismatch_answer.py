@@ -13,6 +13,7 @@ from bevameter.identification.mismatch.answer import assemble
 from bevameter.identification.mismatch.evidence import asks_for_more, doubts
 from bevameter.identification.mismatch.naming import ASSERTED, Naming, name, why_not
 from bevameter.identification.mismatch.noise_floor import noise_floor
+from bevameter.identification.mismatch.preferred import plainest, says_no_more
 from bevameter.identification.mismatch.readable import effect as effect_name
 from bevameter.identification.mismatch.samples import gather
 from bevameter.identification.mismatch.smooth_correction import SmoothCorrection, Term
@@ -366,3 +367,49 @@ def dispersion_of(problem, trial: Trial) -> float:
     floor = np.array([noise_floor(problem, trial.fitted, each) for each in range(len(problem.answers))])
     variance = np.nanmean(trial.held_out.residuals**2, axis=0)
     return float(np.exp(np.mean(np.log(variance / floor**2))))
+
+
+def test_a_torque_off_by_the_same_everywhere_is_sooner_a_wrong_zero_than_friction(tmp_path):
+    """Both may be it, and neither is asserted: but friction of a drive follows load and speed as a rule."""
+    folder = conceal(7111, ("torque_offset",), "hidden", protocol="steady").write(tmp_path / "off")
+    rows = felt_rows(open_recording(folder, None))
+    problem, textbook = textbook_trial(gather(rows.table, rows.wheel, rows.vehicle))
+    catalogue = effects_for(situation(problem, textbook.fitted), ["torque_offset", "drivetrain_friction"])
+    forms = {effect.name: try_adding(problem, textbook, textbook, effect) for effect in catalogue}
+    zero, constant = forms["torque_offset"], forms["drivetrain_friction[coulomb]"]
+    assert zero.gain == pytest.approx(constant.gain, abs=0.1), "the wheel turns one way: they say the same"
+    trials = tuple(forms.values())
+    assert says_no_more(trials, constant)
+    assert says_no_more(trials, forms["drivetrain_friction[coulomb+load]"])
+    assert not says_no_more(trials, zero)
+    assert plainest(problem, trials, constant) is zero
+    naming = name(Search(textbook, trials, (), zero), 0.0)
+    assert ASSERTED > naming.effects["torque_offset"] > 2.0 * naming.effects["drivetrain_friction"] > 0.2
+    # Where its other parts show, friction is as likely as anything that explains as much.
+    shows = replace(forms["drivetrain_friction[coulomb+load]"], gain=zero.gain + 20.0)
+    trials = tuple(shows if trial.names == shows.names else trial for trial in trials)
+    assert not says_no_more(trials, shows)
+    assert plainest(problem, trials, shows) is shows
+    assert name(Search(textbook, trials, (), shows), 0.0).effects["drivetrain_friction"] > ASSERTED
+
+
+def test_candidates_stand_with_the_most_probable_first(searched):
+    problem, found = searched
+    # One that gains more and was turned down for its size has no say.
+    larger = replace(found.chosen, effects=found.chosen.effects * 2, gain=found.chosen.gain + 5.0)
+    both = replace(found, trials=(larger, *found.trials))
+    nothing = SmoothCorrection((), 0.0, np.zeros_like(problem.measured), np.zeros_like(problem.measured))
+    naming, before = name(both, 0.0), found.textbook.held_out.residuals
+    answer = assemble(problem, both, naming, nothing, (), source="made", seed=0, began=0.0, before=before)
+    assert [each.why == "chosen" for each in answer.candidates] == [True, False]
+    assert answer.candidates[1].heldout_nats > answer.candidates[0].heldout_nats
+
+
+def test_noise_in_the_pictures_is_that_of_the_table(searched):
+    problem, found = searched
+    nothing = SmoothCorrection((), 0.0, np.zeros_like(problem.measured), np.zeros_like(problem.measured))
+    naming, before = name(found, 0.0), found.textbook.held_out.residuals
+    answer = assemble(problem, found, naming, nothing, (), source="made", seed=0, began=0.0, before=before)
+    assert answer.rows.noise == pytest.approx([answer.fits[channel].noise for channel in answer.rows.channels])
+    after = (answer.rows.measured - answer.rows.after) / answer.rows.noise
+    assert np.nanmean(np.abs(after) < 2.0) > 0.9, "what is right leaves little but the grey band"

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import pandas as pd
 
 from ..errors import InputError
+from ..writing import whole
 from .types import WheelTable
 
 
@@ -28,15 +28,8 @@ def write_wheel_file(table: WheelTable, path: str | Path) -> None:
     frame = pd.DataFrame({**columns, **table.columns})
     if not path.name.endswith((".csv", ".csv.gz", ".parquet")):
         raise InputError(path, f"ending {path.suffix!r}", expected=".csv, .csv.gz or .parquet")
-    # The ending stays last: it decides on compression.
-    part = path.with_name(f".{os.getpid()}.{path.name}")
-    try:
+    with whole(path) as part:
         if path.suffix == ".parquet":
             frame.to_parquet(part, index=False)
         else:
             frame.to_csv(part, index=False, lineterminator="\n")
-        os.replace(part, path)
-    except OSError as error:
-        raise InputError(path, str(error), expected="a file that may be written") from error
-    finally:
-        part.unlink(missing_ok=True)
