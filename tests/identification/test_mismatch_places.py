@@ -303,4 +303,4 @@ def test_a_misfit_that_something_explains_is_no_memory_of_the_noise(tmp_path):
     answer = explain(folder, catalogue=[slug for slug in SLUGS if slug != "slope_gravity"])
     assert answer.verdict == "unknown"
     assert "drawbar pull DP" in answer.missing[0].description
-    assert "pitch_rad" in answer.missing[0].description
+    assert "slope along the track" in answer.missing[0].description
