@@ -145,7 +145,9 @@ def _told(whites: Whitened, sure: dict[int, float], through: set[str]) -> list[t
             each for each, gain in sure.items()
             if gain >= (1.0 - _AS_GOOD[0]) * top - _AS_GOOD[1] and whites.questions[each].position == channel
         ]  # fmt: skip
-        chosen = min(good, key=lambda each: (rank(whites.questions[each].variable, through), -sure[each]))
+        # Of two about one variable that of fewer columns: each gains half a nat by chance.
+        earned = {each: sure[each] - 0.5 * whites.freedom(each) for each in good}
+        chosen = min(good, key=lambda each: (rank(whites.questions[each].variable, through), -earned[each]))
         given = [each for each, *_ in answer]
         answer.append((chosen, sure[chosen], whites.spans(chosen, given)))
         added = {each: whites.gain(each, [*given, chosen]) for each in sure if each != chosen}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.drive import order_of
 from bevameter.identification.mismatch.fitting import Problem, fit
 from bevameter.identification.mismatch.held_out import hold_out
-from bevameter.identification.mismatch.locate import Whitened, locate
+from bevameter.identification.mismatch.locate import Whitened, _told, locate
 from bevameter.identification.mismatch.naming import name
 from bevameter.identification.mismatch.samples import MOST_ROWS, Samples, gather
 from bevameter.identification.mismatch.search import search
@@ -291,3 +292,23 @@ def test_a_soil_measured_elsewhere_that_agrees_asks_for_nothing():
     problem, textbook = told(7340, ())
     effects = effects_for(situation(problem, textbook.fitted), ["rim_adhesion", "torque_offset", "stress_peak_shift"])
     assert search(problem, textbook, effects).chosen.effects == ()
+
+
+@pytest.mark.parametrize(("ahead", "told_first"), [(1.5, 1), (8.0, 0)])
+def test_of_two_questions_about_one_variable_that_of_fewer_columns_is_told(ahead, told_first):
+    """A patch of 22 nats was told between the cells of a scan of ten, and once more from edge to edge."""
+
+    class Asked:
+        questions = (SimpleNamespace(position=2, variable="x_m"),) * 2
+
+        def freedom(self, number: int) -> int:
+            return (10, 1)[number]
+
+        def gain(self, number: int, given) -> float:
+            return 0.5
+
+        def spans(self, number: int, given):
+            return ((0.0, 1.0, 1.0, 3.0),)
+
+    told = _told(Asked(), {0: 20.0 + ahead, 1: 20.0}, set())
+    assert [number for number, *_ in told] == [told_first]
