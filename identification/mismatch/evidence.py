@@ -16,6 +16,7 @@ from .fitting import Problem
 from .joint_misfit import nats_in_all
 from .naming import REMAINS
 from .noise_floor import FAR, FEWEST, SHOWN, ground_apart, in_time, noise_floor, rows_alike
+from .preferred import says_no_more
 from .soil_variation import HUBER
 from .trial import ASKED_FOR, EXPECTED_ASKED_FOR, Trial
 from .tries import Search
@@ -83,6 +84,9 @@ def doubts(
     share = _OF_ONE if len(search.chosen.unexpected) < 2 else _OF_SEVERAL
     if left or in_all > max(_IN_ALL, share * gained):
         reasons.append("what fits best leaves more than published forms of one effect commonly differ by")
+    # Beside others it does not speak against these.
+    if len(search.chosen.unexpected) < 2 and says_no_more(search.trials, search.chosen):
+        reasons.append("of an effect of what fits best only what a wrong zero would do as well shows")
     if beyond := search.chosen.unheard_of:
         reasons.append(f"what fits best is {' and '.join(beyond)}, beyond what has been published")
     elif beyond := instead_of(search):

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import expit
 
 from .asked import MOST_ASKED_FOR, is_bump, surplus
-from .preferred import says_no_more
+from .preferred import says_no_more, whole_law
 from .trial import ASKED_FOR, TEMPERATURE, UNHEARD_OF, Trial, temperature
 from .tries import Search
 
@@ -51,9 +51,10 @@ than that [-]."""
 _UNASKED = 0.5
 """As much where held-out data ask for nothing [-]."""
 
-_SAYS_NO_MORE = 1.0
-"""Log-odds against an effect of which nothing shows but what another's whole law says: friction of a drive follows load
-and speed, and a torque that is off by the same whatever these are may be friction of which neither shows, or a zero."""
+_TO_WHOLE_LAW = 0.46
+"""Share that an effect gives up, of which nothing shows but what another's whole law says, to that other [-]: friction
+of a drive follows load and speed, and a torque that is off by the same whatever these are may be friction of which
+neither shows, or a zero. Of two that weigh alike one has e times the probability of the other then."""
 
 MANY, _OF_MANY = 3, 0.7
 """As much where so many effects are needed together [-]: of the study's recordings one in 150 needed
@@ -107,9 +108,6 @@ def name(
     against = [PENALTY * max(len(trial.unexpected), 1) + UNHEARD_OF * bool(trial.unheard_of) for trial in search.trials]
     score = np.array([trial.gain for trial in search.trials]) / (repeated * search.dispersion)
     score = np.minimum(score, search.by_errors or np.inf) - np.array(against)
-    score -= (
-        unit * _SAYS_NO_MORE * np.array([says_no_more(search.trials, trial) for trial in search.trials], dtype=float)
-    )
     # No more effects than held-out data ask for: larger sets that were tried and turned down have no say.
     # Nor have places that nothing shows to be any.
     admitted = np.array(
@@ -119,6 +117,7 @@ def name(
     doubt = remaining - max(REMAINS, tolerated)
     top = max(0.0, float(np.max(score[admitted], initial=0.0)))
     weights = _by_best_form(search, np.where(admitted, np.exp((score - top) / unit), 0.0))
+    weights = _to_whole_laws(search, weights)
     nothing = np.exp((0.0 - top) / unit)
     known = weights.sum() + nothing
     # What a smooth correction adds speaks against every set alike.
@@ -175,6 +174,17 @@ def _by_best_form(search: Search, weights: np.ndarray) -> np.ndarray:
     for each, weight in zip(slugs, weights.tolist(), strict=True):
         best[each], total[each] = max(best[each], weight), total[each] + weight
     return weights * np.array([best[each] / total[each] if total[each] > 0.0 else 0.0 for each in slugs])
+
+
+def _to_whole_laws(search: Search, weights: np.ndarray) -> np.ndarray:
+    """Weights (t,) with what sets give up that say no more than another one does."""
+    answer = weights.copy()
+    for number, trial in enumerate(search.trials):
+        other = whole_law(search.trials, trial) if weights[number] > 0.0 else None
+        if other is not None and weights[other] > 0.0:
+            answer[number] -= _TO_WHOLE_LAW * weights[number]
+            answer[other] += _TO_WHOLE_LAW * weights[number]
+    return answer
 
 
 def _stand_ins(search: Search, slug: str, least: float) -> tuple[str, ...]:

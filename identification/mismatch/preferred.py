@@ -41,6 +41,19 @@ def says_no_more(tried: Iterable[Trial], trial: Trial) -> bool:
     return any(trial.gain < part.gain + WORTH_FURTHER for part in parts)
 
 
+def whole_law(tried: Sequence[Trial], trial: Trial) -> int | None:
+    """Number of the best set that says by another's whole law what one says by part of its own, and gains as much."""
+    if not says_no_more(tried, trial):
+        return None
+    others = [
+        number
+        for number, each in enumerate(tried)
+        if len(each.effects) == len(trial.effects) and len(each.slugs - trial.slugs) == 1
+        and each.gain > trial.gain - _EVEN and not says_no_more(tried, each)
+    ]  # fmt: skip
+    return max(others, key=lambda number: tried[number].gain, default=None)
+
+
 def _size(trial: Trial) -> int:
     return len(trial.fitted.vector)
 

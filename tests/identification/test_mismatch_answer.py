@@ -385,6 +385,9 @@ def test_a_torque_off_by_the_same_everywhere_is_sooner_a_wrong_zero_than_frictio
     assert plainest(problem, trials, constant) is zero
     naming = name(Search(textbook, trials, (), zero), 0.0)
     assert ASSERTED > naming.effects["torque_offset"] > 2.0 * naming.effects["drivetrain_friction"] > 0.2
+    # Where the catalogue lacks the zero, friction is doubted: what shows of it may be one.
+    assert any("wrong zero" in each for each in doubts(problem, Search(textbook, (constant,), (), constant), 0.0, 1.0))
+    assert not any("wrong zero" in each for each in doubts(problem, Search(textbook, trials, (), zero), 0.0, 1.0))
     # Where its other parts show, friction is as likely as anything that explains as much.
     shows = replace(forms["drivetrain_friction[coulomb+load]"], gain=zero.gain + 20.0)
     trials = tuple(shows if trial.names == shows.names else trial for trial in trials)
