@@ -31,6 +31,9 @@ COLUMNS = {
 _JUMP = 20.0
 """Usual steps [-] by which a place that is reached from one sample to the next cannot have been driven to."""
 
+_SEEN = 0.9
+"""Share of the places of a stretch that have to be known for the others to be put between them [-]."""
+
 _WINDOWS, _DEGREE = (9, 13, 19, 27, 39, 55), 4
 """Samples over which speeds are fitted for their derivative, and by a polynomial of which degree: a parabola over
 nine flattens what a wheel does within a second by some per cent, and masses come out too large by as much."""
@@ -123,7 +126,7 @@ def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Dr
 
 def _bridged(place: np.ndarray, time_s: np.ndarray, stretch: np.ndarray) -> np.ndarray:
     """Places (n,) [m], those that were not observed on the straight line in time between the ones that were, or on the
-    line through the first and last of a stretch (n,) at its ends; as they are where most of a stretch was not observed.
+    line through the first and last of a stretch (n,) at its ends; as they are where much of a stretch was not observed.
     """
     seen = np.isfinite(place)
     if seen.all() or not seen.any() or not np.isfinite(time_s).all():
@@ -131,7 +134,7 @@ def _bridged(place: np.ndarray, time_s: np.ndarray, stretch: np.ndarray) -> np.n
     answer = place.copy()
     for rows in np.split(np.arange(len(place)), np.flatnonzero(np.diff(stretch)) + 1):
         known = rows[seen[rows]]
-        if len(known) < max(2.0, 0.5 * len(rows)):
+        if len(known) < max(2.0, _SEEN * len(rows)):
             continue
         first, last = known[0], known[-1]
         speed = (place[last] - place[first]) / (time_s[last] - time_s[first])

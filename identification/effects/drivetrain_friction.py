@@ -23,7 +23,7 @@ class DrivetrainFriction(Effect):
         }  # fmt: skip
         self.form = form
         # What follows neither load nor speed is no more than a wrong zero of the torque.
-        self.partial = form == "coulomb"
+        self.said_by = "torque_offset" if form == "coulomb" else ""
         self._terms = form.split("+")
         self.needs = ("rim_speed_m_s",) if "viscous" in self._terms else ()
         self.parameters = tuple(parts[term] for term in self._terms)

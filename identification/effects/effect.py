@@ -204,8 +204,8 @@ class Effect:
     """Whether the vehicle's description says that it is there, so that the textbook wheel is known to lack it."""
     freed: bool = False
     """Whether it is what another form's `freer` gives, and may hold a third form as well."""
-    partial: bool = False
-    """Whether the form is the part of a law that follows nothing, which another effect's whole law says as well."""
+    said_by: str = ""
+    """Slug of another effect whose whole law says what this form says, which is only a part of its own."""
     remark: str = ""
     """What there is to say of it where it is found."""
     constants: Mapping[str, float] = MappingProxyType({})

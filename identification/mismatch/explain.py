@@ -96,7 +96,7 @@ def explain(
         problem, textbook = textbook_trial(samples, known)
         considered = SLUGS if catalogue is None else tuple(catalogue)
         found, remaining = _sought(problem, textbook, considered, tell)
-        time_s = rows.table["time_s"][rows.reasons == ""] if "time_s" in rows.table else np.empty(0)
+        time_s = rows.table["time_s"] if "time_s" in rows.table else np.empty(0)
         notes = (*opened.problems, *rows.problems, *several_grounds(opened.labels, time_s))
         kept = np.arange(len(samples))
         while (far := outlying(problem.samples, found.chosen.fitted, len(samples) - len(kept))).any():

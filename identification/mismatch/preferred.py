@@ -19,37 +19,37 @@ def plainest(problem: Problem, tried: Sequence[Trial], best: Trial) -> Trial:
     another's whole law: as many effects by fewer parameters, where those are worth it neither in nats nor in errors.
     """
     most = best.held_out.error(problem) + _AS_GOOD
-    near = [each for each in tried if each.gain > best.gain - WORTH_FURTHER and not each.unheard_of]
-    near = [each for each in near if as_large(each, best) and each.held_out.error(problem) < most]
+    near = [each for each in tried if each.gain > best.gain - WORTH_FURTHER and each.held_out.error(problem) < most]
     if any(effect.freed for effect in best.effects):
         fewer = [each for each in near if each.slugs == best.slugs and _size(each) < _size(best)]
         return max(fewer, key=lambda trial: trial.gain, default=best)
-    if says_no_more(tried, best):
-        whole = [each for each in near if _size(each) <= _size(best) and not says_no_more(tried, each)]
-        whole = [each for each in whole if each.gain > best.gain - _EVEN]
-        return max(whole, key=lambda trial: trial.gain, default=best)
-    return best
+    number = whole_law(tried, best)
+    return tried[number] if number is not None and tried[number].held_out.error(problem) < most else best
 
 
 def says_no_more(tried: Iterable[Trial], trial: Trial) -> bool:
     """Say whether one of a set's effects says no more than the part of its law that another's whole law says as well:
     what further parameters it has are not worth it.
     """
-    if any(effect.partial for effect in trial.effects):
-        return True
-    parts = [each for each in tried if each.slugs == trial.slugs and any(effect.partial for effect in each.effects)]
-    return any(trial.gain < part.gain + WORTH_FURTHER for part in parts)
+    return _said_by(tried, trial) is not None
+
+
+def _said_by(tried: Iterable[Trial], trial: Trial) -> frozenset[str] | None:
+    """Slugs of the set that would say the same by another's whole law; None where each effect says more."""
+    parts = [each for each in tried if each.slugs == trial.slugs and trial.gain < each.gain + WORTH_FURTHER]
+    for each in (trial, *parts):
+        for effect in each.effects:
+            if effect.said_by:
+                return trial.slugs - {effect.slug} | {effect.said_by}
+    return None
 
 
 def whole_law(tried: Sequence[Trial], trial: Trial) -> int | None:
     """Number of the best set that says by another's whole law what one says by part of its own, and gains as much."""
-    if not says_no_more(tried, trial):
-        return None
+    slugs = _said_by(tried, trial) or frozenset()
     others = [
-        number
-        for number, each in enumerate(tried)
-        if len(each.effects) == len(trial.effects) and len(each.slugs - trial.slugs) == 1
-        and each.gain > trial.gain - _EVEN and not says_no_more(tried, each)
+        number for number, each in enumerate(tried)
+        if each.slugs == slugs and len(slugs) == len(trial.slugs) and each.gain > trial.gain - _EVEN
     ]  # fmt: skip
     return max(others, key=lambda number: tried[number].gain, default=None)
 
