@@ -245,9 +245,8 @@ class AugmentedWheel:
         """
         if slopes is None:
             return self._forces(there, (there.array != here.array).any(axis=1), forces)
-        change = there.array[:, : kernel.SLOPED] - here.array[:, : kernel.SLOPED]
-        near = forces + np.einsum("nfm,nm->nf", slopes, change)
-        beyond = (there.array[:, kernel.SLOPED :] != here.array[:, kernel.SLOPED :]).any(axis=1)
+        near, beyond = np.empty_like(forces), np.empty(len(forces), dtype=bool)
+        kernel.forces_near(there.array, here.array, forces, slopes, near, beyond)
         return self._forces(there, beyond, near) if beyond.any() else near
 
     def _channels(

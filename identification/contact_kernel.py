@@ -66,6 +66,24 @@ def rim_forces_and_slopes(contact, width, nodes, weights, forces, slopes):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def forces_near(there, here, forces, slopes, near, beyond):
+    """Carry the forces (n, 3) of contacts `here` (n, f) over to `near` (n, 3), those `there`, by their slopes.
+
+    Marks in `beyond` (n,) rows that differ in what there are no slopes by, too: they have to be integrated.
+    """
+    for row in range(there.shape[0]):
+        beyond[row] = False
+        for f in range(SLOPED, there.shape[1]):
+            beyond[row] |= there[row, f] != here[row, f]
+        near[row] = forces[row]
+        for f in range(SLOPED):
+            change = there[row, f] - here[row, f]
+            if change != 0.0:
+                for force in range(3):
+                    near[row, force] += slopes[row, force, f] * change
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _one_rim(field, width, nodes, weights, scratch, forces, slopes):
     theta_1, theta_2, theta_m, advance = field[0], field[1], field[2], field[3]
     radius, shear_radius = field[9], field[10]

@@ -19,7 +19,7 @@ from ..effects.effect import LOAD, SLIP
 from ..forward import slope_of_internal, to_internal
 from .likeliest_noise import NoiseKnown, Weighed, likeliest
 from .samples import Samples
-from .soil_variation import SMOOTHEST, NoiseModel, Ready, huber_loss, neighbours, stretches
+from .soil_variation import SMOOTHEST, NoiseModel, Ready, huber_loss, lay_out, neighbours, stretches
 from .steps import Prior, covariance_of, is_longest, step_from, step_of
 
 _NOISE_PRIOR = (0.5, 0.1)
@@ -30,9 +30,6 @@ _SOIL_PRIOR = {
     "n": (math.log(0.95), 0.5),
 }  # fmt: skip
 """Mean and standard deviation in internal coordinates: the range of Wong (2010), Table 2.3, wide."""
-
-_STEEPEST = 1e12
-"""Derivatives beyond this, SI, are those of a wheel about to be swallowed."""
 
 _SMOOTHER = 1.0
 """Nats from which on ground is taken to vary more, or less, smoothly."""
@@ -102,6 +99,7 @@ class Problem:
             self.imposed, self.latent_covariance = _calibrated(imposed, noise)
             self._deviation = np.zeros_like(imposed)
         self.order, self.gap = neighbours(samples.position, samples.lane)
+        self._back = np.argsort(self.order)
         self.group = stretches(self.order, self.gap)
         self.seen = np.ascontiguousarray(samples.seen)
         self.measured = samples.measured[:, self.answers]
@@ -184,12 +182,10 @@ class Problem:
         """
         ready = self._ready(response, weights)
         columns, log_scale = ready.filter(noise, self.latent_covariance, self.gap, derivatives=True)
-        back = np.empty_like(self.order)
-        back[self.order] = np.arange(len(self.order))
-        columns, seen, log_scale = columns[back], ready.seen[back], log_scale[back]
-        innovations = np.where(seen, columns[..., 0], 0.0)
-        loss = huber_loss(innovations).sum(axis=1) + log_scale.sum(axis=1)
-        return innovations, np.where(seen[..., None], columns[..., 1:], 0.0), loss
+        # What was not seen is zero in white columns, too.
+        columns, log_scale = columns[self._back], log_scale[self._back]
+        innovations = columns[..., 0]
+        return innovations, columns[..., 1:], huber_loss(innovations).sum(axis=1) + log_scale.sum(axis=1)
 
     def loss(self, residuals: np.ndarray, fitted: Fitted) -> np.ndarray:
         """Loss of each row (n,) [nats] for residuals (n, m), SI, NaN where nothing was predicted, by a fit's noise."""
@@ -221,13 +217,7 @@ class Problem:
         # A wheel that the soil does not carry predicts nothing, which is as wrong as can be.
         residual[~carried] = self.measured[~carried]
         columns = np.empty((*seen.shape, 1 + response.by_parameter.shape[-1]))
-        columns[..., 0] = residual[order]
-        slopes = columns[..., 1:]
-        slopes[:] = response.by_parameter[order[:, None], self.answers]
-        # At the edge of being carried the entry angle's answer has no bounds.
-        slopes[~(np.abs(slopes) < _STEEPEST)] = 0.0
-        slopes[~carried[order]] = 0.0
-        columns[~seen[order]] = 0.0
+        lay_out(residual, response.by_parameter, order, np.array(self.answers), seen, carried, columns)
         _, vary, latent = self._weighed_by(weights)
         return Ready(columns, seen[order], vary, latent)
 

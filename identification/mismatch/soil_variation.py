@@ -15,6 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+_STEEPEST = 1e12
+"""Derivatives beyond this, SI, are those of a wheel about to be swallowed."""
+
 HUBER = 4.0
 """Innovations beyond this count linearly, not squared: a gross error does not rule the fit."""
 
@@ -286,6 +289,23 @@ def weigh_white(
         for b in range(a):
             information[a, b] = information[b, a]
     return loss
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def lay_out(residuals, by_parameter, order, answers, seen, carried, columns):
+    """Fill columns (n, m, 1 + p): residuals (n, m), and derivatives (n, c, p) of the `answers` (m,) among c channels.
+
+    Their rows follow the `order` (n,). What was not seen (n, m) is zero; so are derivatives in rows that are not
+    carried (n,), and such as have no bounds: at the edge of being carried the entry angle's answer has none.
+    """
+    for at in range(len(order)):
+        row = order[at]
+        for i in range(len(answers)):
+            columns[at, i, 0] = residuals[row, i] if seen[row, i] else 0.0
+            for p in range(by_parameter.shape[2]):
+                slope = by_parameter[row, answers[i], p]
+                felt = seen[row, i] and carried[row] and abs(slope) < _STEEPEST
+                columns[at, i, 1 + p] = slope if felt else 0.0
 
 
 def huber_loss(innovation: np.ndarray) -> np.ndarray:

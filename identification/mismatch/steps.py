@@ -62,13 +62,14 @@ def step_from(
     gradient = gradient - prior.precision * (vector - prior.mean)
     information = information + np.diag(prior.precision)
     free = ~((vector <= prior.lower) & (gradient < 0.0)) & ~((vector >= prior.upper) & (gradient > 0.0))
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-12))
-    scaled = information * np.outer(scale, scale) + damping * np.eye(len(vector))
-    step = np.zeros(len(vector))
-    inside = np.ix_(free, free)
-    step[free] = scale[free] * np.linalg.solve(
-        scaled[inside] + 1e-10 * np.eye(int(free.sum())), (scale * gradient)[free]
-    )
+    scale = 1.0 / np.sqrt(np.maximum(information.diagonal(), 1e-12))
+    scaled, pull = information * scale * scale[:, None], scale * gradient
+    scaled[np.diag_indices_from(scaled)] += damping + 1e-10
+    if free.all():
+        step = scale * np.linalg.solve(scaled, pull)
+    else:
+        step = np.zeros(len(vector))
+        step[free] = scale[free] * np.linalg.solve(scaled[np.ix_(free, free)], pull[free])
     step *= min(1.0, 1.0 / max(float(np.max(np.abs(step[: len(longest)]) / longest)), 1e-12))
     return step, float(step @ gradient - 0.5 * step @ information @ step)
 

@@ -152,3 +152,23 @@ def test_slopes_are_those_of_the_forces(law, rng):
         expected = (forces_of(high, 40) - forces_of(low, 40)) / (2.0 * step)
         scale = np.abs(expected).max(axis=0) + 1e-12
         np.testing.assert_allclose(slopes[:, :, field] / scale, expected / scale, atol=2e-4)
+
+
+def test_forces_are_carried_to_a_contact_near_by_their_slopes_and_rows_that_have_none_are_marked(rng):
+    column = contact_kernel.COLUMN
+    here = textbook_contact(rng.uniform(0.3, 0.9, 40), rng.uniform(0.0, 0.6, 40))
+    forces, slopes = np.empty((40, 3)), np.empty((40, 3, contact_kernel.SLOPED))
+    contact_kernel.rim_forces_and_slopes(
+        here, WHEEL.width_m, contact_kernel.NODES, contact_kernel.WEIGHTS, forces, slopes
+    )
+    there = here.copy()
+    for name, share in (("theta_1", 1e-5), ("stiffness_Pa", 2e-5), ("n", -1e-5), ("tan_phi", 1e-5), ("k_m", 3e-5)):
+        there[:, column[name]] *= 1.0 + share
+    there[:, column["lift_N"]] += 0.01
+    there[7, column["layer_depth_m"]] = 0.02
+    near, beyond = np.empty_like(forces), np.empty(40, dtype=bool)
+    contact_kernel.forces_near(there, here, forces, slopes, near, beyond)
+    assert np.flatnonzero(beyond).tolist() == [7]
+    moved = forces_of(there) - forces
+    assert np.abs(moved).min() > 1e-6
+    np.testing.assert_allclose(near - forces, moved, rtol=1e-3, atol=1e-7)

@@ -20,7 +20,7 @@ from bevameter.identification.mismatch.locate import Whitened, _told, locate
 from bevameter.identification.mismatch.naming import name
 from bevameter.identification.mismatch.samples import MOST_ROWS, Samples, gather
 from bevameter.identification.mismatch.search import search
-from bevameter.identification.mismatch.soil_variation import whiten
+from bevameter.identification.mismatch.soil_variation import lay_out, whiten
 from bevameter.identification.mismatch.steps import scaled_inverse
 from bevameter.identification.mismatch.textbook import fit_textbook
 from bevameter.identification.mismatch.trial import Trial, situation, textbook_trial, try_adding
@@ -66,6 +66,20 @@ def test_whitened_residuals_have_the_likelihood_of_the_full_covariance(smooth):
     values = residuals.ravel()[flat]
     expected = 0.5 * values @ np.linalg.solve(full, values) + 0.5 * np.linalg.slogdet(full)[1]
     assert 0.5 * (columns[seen] ** 2).sum() + np.log(scales).sum() == pytest.approx(expected, rel=1e-9)
+    assert (columns[~seen] == 0.0).all()
+
+
+def test_what_nothing_was_seen_or_carried_of_takes_no_part_and_slopes_without_bounds_neither():
+    rng = np.random.default_rng(3)
+    residuals, by_parameter = rng.normal(size=(4, 2)), rng.normal(size=(4, 5, 3))
+    seen, carried = np.ones((4, 2), dtype=bool), np.array([True, True, False, True])
+    seen[0, 1] = False
+    residuals[0, 1], by_parameter[2], by_parameter[3, 4, 1] = np.nan, np.nan, 1e15
+    order, columns = np.array([2, 0, 3, 1]), np.full((4, 2, 4), np.nan)
+    lay_out(residuals, by_parameter, order, np.array([1, 4]), seen, carried, columns)
+    expected = np.concatenate([residuals[..., None], by_parameter[:, [1, 4]]], axis=2)
+    expected[0, 1], expected[2, :, 1:], expected[3, 1, 2] = 0.0, 0.0, 0.0
+    np.testing.assert_array_equal(columns, expected[order])
 
 
 @pytest.mark.parametrize("lag", [1, 2, 3])
