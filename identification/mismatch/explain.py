@@ -21,6 +21,7 @@ from .evidence import borne_out, doubts, repetition, warranted
 from .explanation import Explanation
 from .fitting import Problem
 from .gross_errors import outlying
+from .joint_misfit import joint_correction
 from .locate import locate
 from .naming import name
 from .notes import several_grounds
@@ -202,4 +203,7 @@ def _left_over(problem: Problem, found: Search, trial: Trial) -> SmoothCorrectio
         if each.slugs < trial.slugs and all(effect.any_course is None for effect in each.effects)
     ]
     own = trial.gain - max(without_it, default=0.0)
-    return smooth_correction(problem, trial.fitted, trial.held_out).beyond(trial.effects, own)
+    left = smooth_correction(problem, trial.fitted, trial.held_out).beyond(trial.effects, own)
+    if trial.effects or left.terms:
+        return left
+    return joint_correction(problem, trial.fitted, trial.held_out) or left

@@ -99,7 +99,7 @@ def hold_out(problem: Problem, fitted: Fitted, *, again: bool = True) -> HeldOut
         residuals[rows] = there[rows]
         nats[number] = -problem.loss(there, fitted)[rows].sum() - _taken(information, own, alone)
     if problem.known.values:
-        nats = np.append(nats, _soil_nats(problem, fitted))
+        nats = np.append(nats, soil_nats(problem, fitted, *normal_equations(fitted.innovations, fitted.jacobian)))
     return HeldOut(nats, np.where(problem.seen, residuals, np.nan), untested)
 
 
@@ -154,19 +154,31 @@ def _taken(information: np.ndarray, own: np.ndarray, alone: np.ndarray) -> float
     return float(np.trace(scaled_inverse(information[inside]) @ own[inside])) if alone.any() else 0.0
 
 
-def _soil_nats(problem: Problem, fitted: Fitted) -> float:
+def soil_nats(
+    problem: Problem, fitted: Fitted, gradient: np.ndarray, information: np.ndarray, sd: float = np.inf
+) -> float:
     """Predictive log-density of what is known of the soil, by a fit that is not told it [nats].
 
     A model that explains the recording with another soil than the one that was measured explains the two less well than
     one that needs no other.
+
+    Parameters
+    ----------
+    problem, fitted
+        The samples, and the fit.
+    gradient, information
+        Of the log-likelihood (p,), (p, p) by the fit's parameters, and by corrections beside them, if there are any.
+    sd
+        Standard deviation of these before any data.
     """
     where = [PARAMETERS.index(name) for name in problem.known.values]
-    told, untold = problem.prior(fitted.model), problem.prior(fitted.model, told=False)
-    gradient, information = normal_equations(fitted.innovations, fitted.jacobian)
-    gradient = gradient + untold.precision * (untold.mean - fitted.vector)
+    further = len(gradient) - len(fitted.vector)
+    told, untold = problem.prior(fitted.model), problem.prior(fitted.model, told=False).beside(further, sd)
+    vector = np.concatenate([fitted.vector, np.zeros(further)])
+    gradient = gradient + untold.precision * (untold.mean - vector)
     vague = np.where(untold.precision > 0.0, untold.precision, _VAGUE)
     spread = scaled_inverse(information + np.diag(vague))
-    predicted = np.clip(fitted.vector + spread @ gradient, untold.lower, untold.upper)[where]
+    predicted = np.clip(vector + spread @ gradient, untold.lower, untold.upper)[where]
     covariance = spread[np.ix_(where, where)] + np.diag(1.0 / told.precision[where])
     away = told.mean[where] - predicted
     return -0.5 * float(away @ np.linalg.solve(covariance, away) + np.linalg.slogdet(2.0 * np.pi * covariance)[1])

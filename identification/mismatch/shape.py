@@ -22,6 +22,9 @@ _AS_WELL = 0.97
 
 _MOST_TERMS = 2
 
+_NOTHING = 1e-9
+"""A constant that is a smaller share of the correction's range is rounding [-]."""
+
 
 @dataclass(frozen=True)
 class Shape:
@@ -103,7 +106,9 @@ def _formula(variable: str, at: np.ndarray, values: np.ndarray) -> str:
             if score > best:
                 slopes = zip(fitted.coef_, chosen, strict=True)
                 best = score
-                formula = f"{fitted.intercept_:.3g} " + " ".join(f"{slope:+.3g} {each}" for slope, each in slopes)
+                level = float(fitted.intercept_) if abs(fitted.intercept_) > _NOTHING * float(np.ptp(values)) else 0.0
+                told = [f"{slope:+.3g} {each}" for slope, each in slopes]
+                formula = " ".join([f"{level:.3g}", *told] if level else told).lstrip("+")
         if formula:
             return formula
     return ""

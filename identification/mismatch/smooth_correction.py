@@ -15,12 +15,12 @@ import numpy as np
 from ..effects.effect import Effect
 from ..forward import CHANNELS
 from .fitting import Fitted, Problem
-from .held_out import HeldOut, of_places, told_alone
+from .held_out import HeldOut, of_places, soil_nats, told_alone
 from .soil_variation import huber_loss, huber_weight
 from .steps import scaled_solve
 from .variables import MOST_CYCLES, cycles, variables
 
-_STRENGTH = 20.0
+STRENGTH = 20.0
 """Prior standard deviation of a spline's coefficient, in units of the channel's noise."""
 
 _WORTH = 10.0
@@ -37,7 +37,7 @@ _WANDERED = ("time_s", "x_m")
 _RIDGE = 1e-9
 """Keeps columns that undo each other apart (`scaled_solve`) [-]."""
 
-_NO_WORSE = 1.05
+NO_WORSE = 1.05
 """A correction may not raise the mean square of what is left of its channel beyond this share [-]."""
 
 
@@ -81,7 +81,9 @@ class SmoothCorrection:
 
 
 @dataclass(frozen=True)
-class _Group:
+class Group:
+    """Columns (n, k) of a variable, `at` (n,), that may be missing from one of the answers, by its position."""
+
     position: int
     variable: str
     at: np.ndarray
@@ -96,21 +98,26 @@ class _Group:
 def smooth_correction(problem: Problem, fitted: Fitted, alone: HeldOut) -> SmoothCorrection:
     """Find what a fit leaves that depends smoothly on something; `alone` is how the fit predicts by itself."""
     groups = _groups(problem, fitted)
-    solver = _Solver(problem, fitted, groups)
+    solver = Solver(problem, fitted, groups)
+    without = solver.held_out([])
+
+    def added(chosen: list[int]) -> np.ndarray:
+        """What corrections add while held out (n, m), SI, the fit's parameters following."""
+        return without - solver.held_out(chosen)
 
     def worsens(chosen: list[int], further: int) -> bool:
         """Say whether a further correction adds, while held out, to the error of its channel: it calms the steps from
         row to row and leaves the level wrong.
         """
         position = groups[further].position
-        before, after = (solver.added(each)[1][:, position] for each in (chosen, [*chosen, further]))
-        return _error(alone.residuals[:, position] - after) > _NO_WORSE * _error(alone.residuals[:, position] - before)
+        before, after = (alone.residuals - added(each) for each in (chosen, [*chosen, further]))
+        return _error(after[:, position]) > NO_WORSE * _error(before[:, position])
 
     chosen, gains = _selected(solver, groups, _WORTH, worsens)
-    added, held_out = solver.added(chosen)
+    held_out = added(chosen)
     terms = tuple(
         Term(CHANNELS[problem.answers[groups[index].position]], groups[index].variable, groups[index].at, values, gain)
-        for index, values, gain in zip(chosen, added, gains, strict=True)
+        for index, values, gain in zip(chosen, solver.added(chosen), gains, strict=True)
     )
     return SmoothCorrection(terms, sum(gains), held_out, solver.left(chosen))
 
@@ -123,11 +130,11 @@ def nats_left(problem: Problem, fitted: Fitted, effects: Iterable[Effect]) -> fl
     courses = {effect.any_course for effect in effects}
     groups = _groups(problem, fitted)
     groups = [group for group in groups if (CHANNELS[problem.answers[group.position]], group.variable) not in courses]
-    return sum(_selected(_Solver(problem, fitted, groups), groups, _FELT)[1])
+    return sum(_selected(Solver(problem, fitted, groups), groups, _FELT)[1])
 
 
 def _selected(
-    solver: _Solver, groups: list[_Group], least: float, useless: Callable[[list[int], int], bool] | None = None
+    solver: Solver, groups: list[Group], least: float, useless: Callable[[list[int], int], bool] | None = None
 ) -> tuple[list[int], list[float]]:
     """Select groups forward while one gains `least` nats on held-out blocks and is not `useless` beside the others.
 
@@ -156,7 +163,7 @@ def _error(residuals: np.ndarray) -> float:
     return float(np.nanmean(residuals**2))
 
 
-def _groups(problem: Problem, fitted: Fitted) -> list[_Group]:
+def _groups(problem: Problem, fitted: Fitted) -> list[Group]:
     answer = []
     drive = problem.samples.drive
     bases = {
@@ -175,15 +182,15 @@ def _groups(problem: Problem, fitted: Fitted) -> list[_Group]:
         bases[f"wheel_angle_rad ({strongest + 1} cycles a turn)"] = angle, waves[:, strongest]
     for name, (at, columns) in bases.items():
         if columns.shape[1]:
-            answer += [_Group(position, name, at, columns) for position in range(len(problem.answers))]
+            answer += [Group(position, name, at, columns) for position in range(len(problem.answers))]
     return answer
 
 
-class _Solver:
+class Solver:
     """Whitened normal equations of a fit and all groups, by block."""
 
-    def __init__(self, problem: Problem, fitted: Fitted, groups: list[_Group]) -> None:
-        self._size = len(fitted.vector)
+    def __init__(self, problem: Problem, fitted: Fitted, groups: list[Group]) -> None:
+        self._problem, self._fitted, self._size = problem, fitted, len(fitted.vector)
         channels = len(problem.answers)
         widths = [group.columns.shape[1] for group in groups]
         starts = np.concatenate([[0], np.cumsum(widths)]).astype(int)
@@ -198,7 +205,7 @@ class _Solver:
         self._shape = (len(problem.measured), channels)
         weight = huber_weight(self._innovations)
         prior = problem.prior(fitted.model).precision
-        self._prior = np.concatenate([prior, np.full(int(starts[-1]), 1.0 / _STRENGTH**2)])
+        self._prior = np.concatenate([prior, np.full(int(starts[-1]), 1.0 / STRENGTH**2)])
         # The prior's pull on the model's own parameters is balanced at the fit.
         self._pull = prior * (problem.prior(fitted.model).mean - fitted.vector)
         self._where = [
@@ -242,25 +249,37 @@ class _Solver:
             total -= float(huber_loss(left).sum())
         return total
 
+    def soil_nats(self, groups: list[int]) -> float:
+        """Predictive log-density of what is known of the soil beside these groups [nats], 0 where nothing is."""
+        if not self._problem.known.values:
+            return 0.0
+        which = self._chosen(groups)
+        information = self._all_information[np.ix_(which, which)]
+        return soil_nats(self._problem, self._fitted, self._all_gradient[which], information, STRENGTH)
+
     def left(self, groups: list[int]) -> np.ndarray:
         """Whitened residuals (n, m) of a fit with these groups."""
         which = self._chosen(groups)
         return (self._innovations - self._columns[:, which] @ self._solve(which, None)).reshape(self._shape)
 
-    def added(self, groups: list[int]) -> tuple[list[np.ndarray], np.ndarray]:
-        """What each group adds (n,), and what all add while held out (n, m), SI."""
-        which = self._chosen(groups)
-        solution = self._solve(which, None)
+    def added(self, groups: list[int]) -> list[np.ndarray]:
+        """What each group adds (n,), SI."""
+        solution = self._solve(self._chosen(groups), None)
         answer, start = [], self._size
         for index in groups:
             columns = self._where[index] - self._size
             own = solution[start : start + len(columns)]
             answer.append((self._extra[..., columns] @ own).sum(axis=1))
             start += len(columns)
-        held = np.zeros(self._shape)
-        rows_block = self._block.reshape(self._shape)[:, 0]
+        return answer
+
+    def held_out(self, groups: list[int]) -> np.ndarray:
+        """Residuals (n, m), SI, of rows that neither these groups nor the fit's parameters, to first order, saw."""
+        which = self._chosen(groups)
+        slopes = np.nan_to_num(self._fitted.response.by_parameter[:, self._problem.answers])
+        columns = np.concatenate([slopes, self._extra[..., which[self._size :] - self._size]], axis=-1)
+        answer, rows_block = self._fitted.residuals.copy(), self._block.reshape(self._shape)[:, 0]
         for block in range(len(self._gradient)):
             rows = rows_block == block
-            found = self._solve(which, block)[self._size :]
-            held[rows] = self._extra[rows][..., which[self._size :] - self._size] @ found
-        return answer, held
+            answer[rows] -= columns[rows] @ self._solve(which, block)
+        return answer

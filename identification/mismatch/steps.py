@@ -31,6 +31,15 @@ class Prior:
         """Minus the log-density [nats], up to a constant."""
         return 0.5 * float(np.sum(self.precision * (vector - self.mean) ** 2))
 
+    def beside(self, count: int, sd: float) -> Prior:
+        """Give the prior with so many further parameters, about zero with a standard deviation, without bounds."""
+        return Prior(
+            np.concatenate([self.mean, np.zeros(count)]),
+            np.concatenate([self.precision, np.full(count, sd**-2.0)]),
+            np.concatenate([self.lower, np.full(count, -np.inf)]),
+            np.concatenate([self.upper, np.full(count, np.inf)]),
+        )
+
     def holding(self, vector: np.ndarray, held: np.ndarray) -> Prior:
         """Give the prior with those parameters of a vector (p,) that are `held` (p,) bound to where they are."""
         lower, upper = np.where(held, vector, self.lower), np.where(held, vector, self.upper)

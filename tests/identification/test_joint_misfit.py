@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bevameter import Vehicle, Wheel
+from bevameter import Vehicle, Wheel, explain
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.scenario.concealed.conceal import conceal
-from bevameter.identification.effects.catalogue import effects_for
+from bevameter.identification.effects.catalogue import SLUGS, effects_for
 from bevameter.identification.identify import felt_rows, open_recording
 from bevameter.identification.mismatch.evidence import doubts
-from bevameter.identification.mismatch.joint_misfit import nats_in_all
+from bevameter.identification.mismatch.joint_misfit import joint_correction, nats_in_all
 from bevameter.identification.mismatch.samples import gather
 from bevameter.identification.mismatch.smooth_correction import smooth_correction
 from bevameter.identification.mismatch.trial import situation, textbook_trial, try_adding
@@ -82,3 +82,36 @@ def test_one_load_and_one_slip_are_no_course():
     drive = replace(problem.samples.drive, load_N=np.full(rows, 100.0), slip=np.full(rows, 0.2))
     problem.samples = replace(problem.samples, drive=drive)
     assert math.isfinite(nats_in_all(problem, textbook.fitted))
+
+
+def test_a_joint_correction_is_found_where_no_channel_shows_one():
+    problem, textbook = driven(7, bent=0.4)
+    assert smooth_correction(problem, textbook.fitted, textbook.held_out).terms == ()
+    found = joint_correction(problem, textbook.fitted, textbook.held_out)
+    assert found is not None
+    assert {term.variable for term in found.terms} == {"slip"}, "the load has no part in it"
+    assert sum(term.gain for term in found.terms) == pytest.approx(found.gain)
+    left = replace(textbook.held_out, residuals=textbook.held_out.residuals - found.held_out)
+    assert left.error(problem) < textbook.held_out.error(problem)
+
+
+def test_of_noise_no_joint_correction_is_made():
+    for problem, textbook in map(driven, range(8)):
+        assert joint_correction(problem, textbook.fitted, textbook.held_out) is None
+
+
+@pytest.mark.parametrize(
+    ("seed", "hidden", "protocol", "told"),
+    [(710036, "hard_layer", "steady", False), (710001, "rim_adhesion", "steady", True)],
+)
+def test_what_the_catalogue_lacks_is_no_nothing(tmp_path, seed, hidden, protocol, told):
+    """Ground that varies, or another soil than the one that was measured, would make up for it."""
+    folder = conceal(seed, (hidden,), "hidden", protocol).write(tmp_path / "drive")
+    soil = folder / "soil.toml"
+    assert soil.is_file() == told
+    others = [slug for slug in SLUGS if slug != hidden]
+    answer = explain(folder, catalogue=others, soil=soil if told else None)
+    assert answer.verdict in ("cannot_tell", "unknown")
+    assert [each.effect for each in answer.missing] == ["unknown"]
+    assert answer.missing[0].description
+    assert answer.missing[0].would_tell

@@ -33,6 +33,7 @@ def test_a_short_formula_stands_for_the_curve_where_it_is_as_good():
     assert float(constant) == pytest.approx(0.005, rel=0.05)
     assert float(slope) == pytest.approx(0.03, rel=0.05)
     assert shape_of("torque_Nm", "slip", SLIP, np.sin(40.0 * SLIP)).formula == ""
+    assert shape_of("torque_Nm", "slip", SLIP, 3.0 * SLIP**2).formula == "3 slip^2", "rounding is no constant"
 
 
 def test_rows_where_the_variable_was_not_observed_say_nothing():
