@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.special import exprel
 
 from ...framework.core.vehicle import Wheel
 from .effect import PULL, SINKAGE, TORQUE, Contact, Drive, Effect, Parameter, Situation
@@ -61,38 +62,88 @@ class LugRadius(Effect):
 
 
 class LugThrust(Effect):
+    """Lugs in the ground push soil that gives way along with the shear beneath the wheel."""
+
+    slug = "grousers"
+    expected = True
+    usual = False
+    _lever: float
+    """Where the thrust acts, a share of the lugs' height beyond the rim [-]."""
+
+    def __init__(self, height_m: float, force: str) -> None:
+        self._height = height_m
+        at = "r + h" if self._lever == 1.0 else f"r + {self._lever:g} h"
+        self.equation = (
+            f"F = s {force}, j = r theta_1 - V/omega sin theta_1; T += F ({at}), DP += F sin(theta_1) / theta_1"
+        )
+        self.parameters = (Parameter("s", "", 0.0, 3.0, 0.3, 0.5),)
+
+    def most(self, contact: Contact, drive: Drive) -> np.ndarray:
+        """Thrust (n,) [N] of soil that is sheared to its end."""
+        raise NotImplementedError
+
+    def mobilised(self, sheared: np.ndarray) -> np.ndarray:
+        """Share of it (n,) where the soil at the wheel's lowest point is sheared so far, in shear moduli (n,)."""
+        raise NotImplementedError
+
+    def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        theta_1 = contact.theta_1
+        slipped = contact.radius_m * theta_1 - contact.advance_m * np.sin(theta_1)
+        mobilised = np.sign(slipped) * self.mobilised(np.abs(slipped) / contact.k_m)
+        thrust = values[0] * self.most(contact, drive) * mobilised
+        channels[:, TORQUE] += thrust * (contact.radius_m + self._lever * self._height)
+        channels[:, PULL] += thrust * np.sin(theta_1) / theta_1
+
+
+class LugFaces(LugThrust):
     """The faces of the lugs in the ground push soil that resists passively.
 
     The surcharge is the mean stress on the contact; of the lugs that stand in the ground each resists by a share that
     is mobilised as soil shears. That lugs dig themselves in as they slip is slip-sinkage.
     """
 
-    slug = "grousers"
     source = "M. G. Bekker, Off-the-Road Locomotion (1960), passive resistance to a spud under surcharge"
-    expected = True
+    form = "thrust of the lugs"
+    _lever = 0.5
 
     def __init__(self, height_m: float, count: int) -> None:
-        self._height, self._count = height_m, count
-        self.form = "thrust of the lugs"
-        self.usual = False
-        self.equation = (
-            "F = s N theta_1 / (2 pi) b h (q K_p + 2 c sqrt(K_p)) [1 - exp(-j/K)], K_p = tan^2(pi/4 + phi/2), "
-            "q = W / (b r sin theta_1), j = r theta_1 - V/omega sin theta_1; T += F (r + h/2), "
-            "DP += F sin(theta_1) / theta_1"
-        )
-        self.parameters = (Parameter("s", "", 0.0, 3.0, 0.3, 0.5),)
+        super().__init__(height_m, "N theta_1 / (2 pi) b h (q K_p + 2 c sqrt(K_p)) [1 - exp(-j/K)]")
+        self._count = count
+        self.equation += "; K_p = tan^2(pi/4 + phi/2), q = W / (b r sin theta_1)"
 
-    def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+    def most(self, contact: Contact, drive: Drive) -> np.ndarray:
         theta_1, width = contact.theta_1, contact.wheel.width_m
         passive = np.tan(0.25 * np.pi + 0.5 * np.arctan(contact.tan_phi))
         surcharge = drive.load_N / (width * contact.radius_m * np.sin(theta_1))
-        slipped = contact.radius_m * theta_1 - contact.advance_m * np.sin(theta_1)
-        mobilised = np.sign(slipped) * -np.expm1(-np.abs(slipped) / contact.k_m)
         lugs = self._count * theta_1 / (2.0 * np.pi)
-        face = width * self._height * (surcharge * passive**2 + 2.0 * contact.c_Pa * passive)
-        thrust = values[0] * lugs * face * mobilised
-        channels[:, TORQUE] += thrust * (contact.radius_m + 0.5 * self._height)
-        channels[:, PULL] += thrust * np.sin(theta_1) / theta_1
+        return lugs * width * self._height * (surcharge * passive**2 + 2.0 * contact.c_Pa * passive)
+
+    def mobilised(self, sheared: np.ndarray) -> np.ndarray:
+        return -np.expm1(-sheared)
+
+
+class LugSides(LugThrust):
+    """The soil between the lugs shears along its sides, too, at the lugs' tips."""
+
+    source = (
+        "M. G. Bekker, Theory of Land Locomotion (1956), thrust of spuds by the sides of the sheared block; Z. Janosi "
+        "and B. Hanamoto, 1st Int. Conf. Terrain-Vehicle Systems (1961), shear along a track"
+    )
+    form = "sides of the lugs"
+    _lever = 1.0
+
+    def __init__(self, height_m: float) -> None:
+        force = "[2 h r theta_1 c + 0.64 (h/b) arccot(h/b) W tan(phi)] [1 - K/j (1 - exp(-j/K))]"
+        super().__init__(height_m, force)
+
+    def most(self, contact: Contact, drive: Drive) -> np.ndarray:
+        width, height = contact.wheel.width_m, self._height
+        cohesive = 2.0 * height * contact.radius_m * contact.theta_1 * contact.c_Pa
+        return cohesive + 0.64 * height / width * np.arctan2(width, height) * drive.load_N * contact.tan_phi
+
+    def mobilised(self, sheared: np.ndarray) -> np.ndarray:
+        # Along the block displacement grows from nothing.
+        return 1.0 - exprel(-sheared)
 
 
 class LugRipple(Effect):
@@ -139,42 +190,43 @@ class LugRipple(Effect):
 class Lugs(LugRipple):
     """Soil shears beyond the rim, and forces ripple in proportion to the torque, sinkage to the lugs' height."""
 
-    source = f"{LugRadius.source}; {LugRipple.source}"
-
     def __init__(
-        self, count: int, typical: np.ndarray, wheel: Wheel, *, overtone: bool = False, its_slip: bool = False
+        self, count: int, typical: np.ndarray, wheel: Wheel, *, overtone: bool = False, steady: Effect | None = None
     ) -> None:
         super().__init__(count, typical, wheel.grouser_count, overtone=overtone)
         self._stated = wheel.grouser_height_m > 0.0
         self._height = wheel.grouser_height_m or _UNSTATED * wheel.radius_m
-        self._lugs, self._radius_m = LugRadius(self._height, its_slip=its_slip), wheel.radius_m
-        self._otherwise = None if its_slip else (count, typical, wheel, overtone)
-        self.form = f"{self._lugs.form} and {self.form}"
-        self.usual = self._lugs.usual
+        self._steady, self._radius_m = steady or LugRadius(self._height), wheel.radius_m
+        self._otherwise = None if steady else (count, typical, wheel, overtone)
+        self.form = f"{self._steady.form} and {self.form}"
+        self.usual = self._steady.usual
+        self.source = f"{self._steady.source}; {LugRipple.source}"
         waves = self.equation.split(" += ")[1]
-        self.equation = f"{self._lugs.equation}; T += |T| w, DP += |T| / r w, z += h w, each w = {waves}"
+        self.equation = f"{self._steady.equation}; T += |T| w, DP += |T| / r w, z += h w, each w = {waves}"
         if not wheel.grouser_height_m:
             self.equation += f"; h = {_UNSTATED:g} r, the vehicle's lugs not being stated"
         ripple = tuple(Parameter(each.name, "", -1.0, 1.0, 0.0, 0.1) for each in self.parameters)
-        self.parameters = (*self._lugs.parameters, *ripple)
+        self.parameters = (*self._steady.parameters, *ripple)
 
     def variants(self) -> list[Effect]:
         if self._otherwise is None:
             return []
         count, typical, wheel, overtone = self._otherwise
-        return [Lugs(count, typical, wheel, overtone=overtone, its_slip=True)]
+        others = [steady for steady in _steady(self._height, count) if steady.form != self._steady.form]
+        return [Lugs(count, typical, wheel, overtone=overtone, steady=steady) for steady in others]
 
     def unheard_of(self, values: np.ndarray, sd: np.ndarray) -> list[str]:
         if self._stated:
-            return self._lugs.unheard_of(values[:1], sd[:1])
+            return self._steady.unheard_of(values[:1], sd[:1])
         # How far the tips of lugs stand out that nobody stated is not known; but by their ripple alone they are known.
         ripples = bool(np.any(np.abs(values[1:]) > _RIPPLES * sd[1:]))
         return [] if ripples else [f"{self.count} lugs of which nothing ripples"]
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
-        self._lugs.contact(contact, drive, values[:1])
+        self._steady.contact(contact, drive, values[:1])
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        self._steady.act(channels, contact, drive, values[:1])
         torque = np.abs(channels[:, TORQUE])
         size = {TORQUE: torque, PULL: torque / self._radius_m, SINKAGE: np.full_like(torque, self._height)}
         channels[:, self._channels] += self.waves(drive, values[1:]) * np.column_stack(
@@ -187,7 +239,7 @@ def forms(situation: Situation) -> tuple[Effect, ...]:
     wheel, drive = situation.wheel, situation.drive
     answer: list[Effect] = []
     if wheel.grouser_height_m > 0.0 and situation.seen(TORQUE, PULL):
-        answer += _steady(wheel)
+        answer += _steady(wheel.grouser_height_m, wheel.grouser_count)
     if drive.has("wheel_angle_rad") and np.nanmax(drive.wheel_angle_rad) - np.nanmin(drive.wheel_angle_rad) > np.pi:
         for count in _counts(wheel, drive, situation.residuals):
             answer += _ripples(wheel, count, situation)
@@ -199,18 +251,17 @@ def named(situation: Situation) -> tuple[Effect, ...]:
     wheel = situation.wheel
     answer: list[Effect] = []
     if wheel.grouser_height_m > 0.0:
-        answer += _steady(wheel)
+        answer += _steady(wheel.grouser_height_m, wheel.grouser_count)
     if wheel.grouser_count and situation.drive.has("wheel_angle_rad"):
         for each in _ripples(wheel, wheel.grouser_count, situation):
             answer += [each, *each.variants()]
     return tuple(answer)
 
 
-def _steady(wheel: Wheel) -> list[Effect]:
-    """What the vehicle's lugs do at any angle of the wheel."""
-    height, count = wheel.grouser_height_m, wheel.grouser_count
-    answer: list[Effect] = [LugRadius(height, its_slip=its_slip) for its_slip in (False, True)]
-    return [*answer, LugThrust(height, count)] if count else answer
+def _steady(height_m: float, count: int) -> list[Effect]:
+    """What lugs do at any angle of the wheel, the usual form first."""
+    answer: list[Effect] = [LugRadius(height_m, its_slip=its_slip) for its_slip in (False, True)]
+    return [*answer, LugFaces(height_m, count), LugSides(height_m)] if count else answer
 
 
 def _ripples(wheel: Wheel, count: int, situation: Situation) -> list[Effect]:

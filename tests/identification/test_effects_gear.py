@@ -52,6 +52,22 @@ def test_the_faces_of_lugs_push_with_what_the_soil_resists_passively():
     np.testing.assert_allclose((lugged - bare)[slipping, PULL], force[slipping], rtol=1e-3)
 
 
+def test_the_sides_of_the_block_between_lugs_shear_too():
+    """Bekker's thrust of a track's spuds: its factors on cohesion and on friction, of the contact's length and load."""
+    effect = "grousers:form=sides of the lugs,s="
+    height, width = WHEEL.grouser_height_m, WHEEL.width_m
+    for soil in (replace(SOIL, phi_rad=0.0, c_Pa=2e4, k_m=1e-6), replace(SOIL, c_Pa=0.0, k_m=1e-6)):
+        bare, lugged = (predict(f"{effect}{share}", soil=soil) for share in (0, 1))
+        slipping = DRIVE.slip > 0.05
+        theta_1 = np.arccos(1.0 - bare[slipping, SINKAGE] / WHEEL.radius_m)
+        length, away = WHEEL.radius_m * theta_1, (lugged - bare)[slipping]
+        flat = width * length * soil.c_Pa + DRIVE.load_N[slipping] * np.tan(soil.phi_rad)
+        acot = np.arctan2(width, height)
+        factor = 1.0 + (2.0 * height / width if soil.c_Pa else 0.64 * height / width * acot)
+        np.testing.assert_allclose(away[:, PULL], (factor - 1.0) * flat * np.sin(theta_1) / theta_1, rtol=1e-3)
+        np.testing.assert_allclose(away[:, TORQUE], (factor - 1.0) * flat * (WHEEL.radius_m + height), rtol=1e-3)
+
+
 @pytest.mark.parametrize("form", ["radius", "radius with its slip", "radius and ripple, 24 lugs"])
 def test_soil_that_shears_beyond_the_lugs_tips_is_told(form):
     effect = next(each for each in forms_by_name("grousers", specimen(24)) if each.form == form)
@@ -90,7 +106,8 @@ def test_every_form_of_lugs_is_found_again_by_its_name():
     found = [each for form in effects_for(here, ["grousers"]) for each in (form, *form.variants())]
     assert {effect.form for effect in found} >= {
         "radius with its slip", "ripple, 24 lugs, overtone", "radius with its slip and ripple, 24 lugs",
-        "radius with its slip and ripple, 24 lugs, overtone",
+        "radius with its slip and ripple, 24 lugs, overtone", "sides of the lugs and ripple, 24 lugs",
+        "thrust of the lugs and ripple, 24 lugs, overtone",
     }  # fmt: skip
     for effect in found:
         again = forms_by_name("grousers", specimen(lugs_of(effect.form)))
