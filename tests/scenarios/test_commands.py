@@ -366,7 +366,9 @@ def test_two_at_once_on_one_database(wheels, tmp_path):
     assert everything(tmp_path) == ["t.db"]
 
 
-BEGUN = "import sys; from bevameter.framework.cli.main import app; import {module} as module; was = module.{name}\n"
+# A shell's background job hands SIGINT down as ignored, to the tests and from them to what they start.
+BEGUN = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+BEGUN += "from bevameter.framework.cli.main import app; import {module} as module; was = module.{name}\n"
 BEGUN += "def begun(*a, **k):\n    print('begun', flush=True)\n    return was(*a, **k)\n"
 BEGUN += "module.{name} = begun; app()"
 
