@@ -16,10 +16,10 @@ from bevameter.framework.core.recording.types import Recording
 from bevameter.framework.core.recording.wheel_file import read_wheel_file
 from bevameter.identification.identify import felt_rows, open_recording
 from bevameter.identification.mismatch.explanation import Explanation
-from bevameter.identification.mismatch.fitting import fit
-from bevameter.identification.mismatch.held_out import hold_out
-from bevameter.identification.mismatch.samples import gather, levels
-from bevameter.identification.mismatch.textbook import fit_textbook
+from bevameter.identification.mismatch.fit.fitting import fit
+from bevameter.identification.mismatch.fit.held_out import hold_out
+from bevameter.identification.mismatch.fit.samples import gather, levels
+from bevameter.identification.mismatch.fit.textbook import fit_textbook
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 SHOWN = {"torque_Nm": ("torque [N m]", 1.0), "sinkage_m": ("sinkage [mm]", 1e3), "drawbar_pull_N": ("pull [N]", 1.0)}

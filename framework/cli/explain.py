@@ -37,7 +37,7 @@ def command(
     if json is not None:
         write_json(to_json(answer), json)
     if report is not None:
-        from ...identification.mismatch.report import write_report
+        from ...identification.mismatch.show.report import write_report
 
         with status(f"drawing {report}"):
             write_report(answer, report)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from ...identification.mismatch import readable
 from ...identification.mismatch.explanation import Explanation, Missing
-from ...identification.mismatch.tables import (
+from ...identification.mismatch.show import readable
+from ...identification.mismatch.show.tables import (
     fit_headers,
     fit_rows,
     located_headers,

@@ -15,23 +15,23 @@ from ...framework.core.soil import SoilKnowledge, load_soil
 from ...framework.core.vehicle import Vehicle
 from ..effects.catalogue import SLUGS, effects_for
 from ..identify import felt_rows, open_recording
-from .answer import assemble
-from .asked import asked_beside, calmed
-from .evidence import borne_out, doubts, repetition, warranted
 from .explanation import Explanation
-from .fitting import Problem
-from .gross_errors import outlying
-from .joint_misfit import joint_correction
-from .locate import locate
-from .naming import name
-from .notes import several_grounds
-from .samples import Samples, gather, passes_apart
-from .search import search
-from .simulated import as_differences, attach
-from .smooth_correction import SmoothCorrection, nats_left, smooth_correction
-from .told_soil import disagreement
-from .trial import ASKED_FOR, Trial, again, least_errors, situation, textbook_trial, without
-from .tries import Search
+from .fit.fitting import Problem
+from .fit.gross_errors import outlying
+from .fit.samples import Samples, gather, passes_apart
+from .fit.simulated import as_differences, attach
+from .fit.trial import ASKED_FOR, Trial, again, least_errors, situation, textbook_trial, without
+from .locate.joint_misfit import joint_correction
+from .locate.regions import locate
+from .locate.smooth_correction import SmoothCorrection, nats_left, smooth_correction
+from .name.asked import asked_beside, calmed
+from .name.evidence import borne_out, doubts, repetition, warranted
+from .name.naming import name
+from .name.search import search
+from .name.tries import Search
+from .show.answer import assemble
+from .show.notes import several_grounds
+from .show.told_soil import disagreement
 
 _GROUND_OF_ITS_OWN = (
     "each pass is taken to be on ground of its own: what passes differ by is explained as well by that as by anything "

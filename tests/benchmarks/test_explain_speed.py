@@ -12,9 +12,9 @@ from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.augmented import AugmentedWheel
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.identify import felt_rows, open_recording
-from bevameter.identification.mismatch.fitting import fit
-from bevameter.identification.mismatch.samples import gather
-from bevameter.identification.mismatch.trial import situation, textbook_trial
+from bevameter.identification.mismatch.fit.fitting import fit
+from bevameter.identification.mismatch.fit.samples import gather
+from bevameter.identification.mismatch.fit.trial import situation, textbook_trial
 from scipy.optimize import least_squares
 
 SEED = 7200

@@ -1,0 +1,404 @@
+"""The rows of a recording that the mismatch tool compares: channels, covariates, noise and how rows are held out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.cluster.hierarchy import fcluster, linkage
+
+from ....framework.core.errors import InputError
+from ....framework.core.recording.types import WheelTable
+from ....framework.core.vehicle import Vehicle, Wheel
+from ...effects.drive import drive_of, order_of, select_rows
+from ...effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Drive
+from ...forward import CHANNELS
+from ...gate import LIMITS
+from ...noise import LEAST_SHARE, from_running_median, noise_from_neighbours, sensor_noise
+from ...trials import AS_TRIALS, is_of_trials, without_clock, without_time
+
+ANSWERS = (TORQUE, SINKAGE, PULL)
+"""Channels that the simulator answers with; load and slip are what the drive imposes."""
+
+SIMULATED = "simulated_"
+"""Prefix of columns that hold another simulator's answers."""
+
+LEAST_ROWS = 5
+_FEW_ROWS = 20
+MOST_ROWS = 1500
+"""A recording with more rows is thinned to about this number, in stretches so that neighbours stay neighbours."""
+
+_THINNED_STRETCH = 50
+_BLOCKS = 12
+_WIDEST = 0.09
+"""Slips, or loads as a share of the largest, that are held out as one level lie within this range [-]."""
+
+_ISOLATED, _MOST_ISOLATED = 7.0, 0.05
+"""A value this many sensor noises from the median of its neighbours in time is a gross error, where no more than the
+latter share of a stretch is [-]."""
+
+_AT_END, _MORE_OFTEN = 0.02, 3.0
+"""Share of rows that are exactly a channel's largest or least value from which on its sensor is at its end [-], where
+no value near there is as frequent by so many times [-]."""
+
+_LEVELS_NEAR, _FEWEST_LEVELS = 5, 20
+"""Values near a channel's end that are looked at, and how many values it has at least: a coarse one has no end."""
+
+_STANDS_STILL = 0.1
+"""Share of rows in which a clock may stand still before it is no clock [-]."""
+
+_REACH = 4
+"""Neighbours on each side over which load and slip are averaged."""
+
+_JUMP = 4.0
+"""A sample so far from its own average is that of a jump, not of noise [noise]."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Rows of one wheel geometry.
+
+    Parameters
+    ----------
+    wheel
+        The wheel.
+    drive
+        Covariates of each row; in a recording with time, load, slip and speeds are averaged over neighbours that
+        differ by no more than noise: what is asked of a residual must not share its errors.
+    measured : (n, 5)
+        Channels as `forward.CHANNELS`; NaN where not observed, or where a gross error stood.
+    noise : (5,)
+        Standard deviations of the sensors, from the vehicle or from the data's own scatter; NaN for absent channels.
+    stated : (5,)
+        True where the vehicle states the noise.
+    position, lane : (n,)
+        Where soil varies: place [m], else time [s], NaN for steady-state trials, whose soils are independent; and the
+        number of the track, whose soil repeats where the wheel runs in its own rut again.
+    block : (n,)
+        Number of the block that a row is held out with.
+    made_of
+        What the blocks are, in words.
+    notes
+        What was left out, in words.
+    simulated : (n, 5)
+        Another simulator's answers, where there is one.
+    """
+
+    wheel: Wheel
+    drive: Drive
+    measured: np.ndarray
+    noise: np.ndarray
+    stated: np.ndarray
+    position: np.ndarray
+    lane: np.ndarray
+    block: np.ndarray
+    made_of: str
+    notes: tuple[str, ...] = ()
+    simulated: np.ndarray | None = None
+
+    def __len__(self) -> int:
+        return len(self.measured)
+
+    def select(self, rows: np.ndarray) -> Samples:
+        """Give some of the rows, (k,) their numbers."""
+        each = ("measured", "position", "lane", "block", *(["simulated"] if self.simulated is not None else []))
+        return replace(self, drive=select_rows(self.drive, rows), **{name: getattr(self, name)[rows] for name in each})
+
+    @property
+    def answers(self) -> tuple[int, ...]:
+        """Channels that are answered and were observed."""
+        return tuple(channel for channel in ANSWERS if np.isfinite(self.measured[:, channel]).sum() >= LEAST_ROWS)
+
+    @property
+    def split(self) -> str:
+        """How rows are held out, in words."""
+        return f"{len(np.unique(self.block))} {self.made_of}"
+
+    @property
+    def seen(self) -> np.ndarray:
+        """(n, m) True where an answer was observed."""
+        return np.isfinite(self.measured[:, list(self.answers)])
+
+
+def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
+    """Choose and lay out the rows.
+
+    Parameters
+    ----------
+    table
+        Rows of wheels of one geometry, slip derived.
+    wheel, vehicle
+        The wheel, and the vehicle whose sensors' noise may be stated.
+
+    Raises
+    ------
+    InputError
+        Load, slip or every answer is missing, or too few rows are left.
+    """
+    for name, remedy in (("load_N", "load_N, the wheel's load"), ("slip", "slip, or both speeds")):
+        if name not in table:
+            raise InputError(table.source, f"no column {name}", expected=remedy)
+        if not np.isfinite(table[name]).any():
+            raise InputError(table.source, "no value in any row", expected=remedy, place=f"column {name}")
+    if not any(CHANNELS[channel] in table for channel in ANSWERS):
+        raise InputError(
+            table.source, "nothing to compare", expected="values of torque_Nm, sinkage_m or drawbar_pull_N"
+        )
+    order, stretch = order_of(table)
+    table = table.select(order)
+    still = int((np.diff(table["time_s"]) == 0.0).sum()) if "time_s" in table else 0
+    if still > _STANDS_STILL * len(table):
+        raise InputError(
+            table.source, f"time_s stands still in {still} of {len(table)} rows",
+            expected="a clock that runs, or column run in a file of steady-state trials",
+        )  # fmt: skip
+    usable, notes = _usable(table)
+    timed, noise = "time_s" in table, sensor_noise(table, vehicle)
+    if is_of_trials(table):
+        timed, stretch, noise = False, np.arange(len(table)), sensor_noise(without_time(table), vehicle)
+        notes.append(AS_TRIALS)
+    notes += without_clock(table)
+    if table.wheel is not None and len(set(table.wheel)) > 1:
+        notes.append(f"rows of {len(set(table.wheel))} wheels are taken together: as if all ran on the same ground")
+    if still:
+        notes.append(f"{still} rows have the time of the row before: what remembers or accelerates starts anew there")
+    if usable.sum() < LEAST_ROWS:
+        raise InputError(
+            table.source, f"{int(usable.sum())} rows with load, slip and an answer", expected=f"at least {LEAST_ROWS}"
+        )
+    measured = np.column_stack([table.columns.get(name, np.full(len(table), math.nan)) for name in CHANNELS])
+    for channel in ANSWERS:
+        seen = np.isfinite(measured[:, channel])
+        if seen.any() and np.ptp(measured[seen, channel]) == 0.0:
+            notes.append(f"{CHANNELS[channel]} never changes: it is left out, as of a sensor that is stuck or absent")
+            measured[:, channel] = math.nan
+    middle = float(np.nanmedian(measured[:, SINKAGE])) if np.isfinite(measured[:, SINKAGE]).any() else 0.0
+    if abs(middle) > 2.0 * wheel.radius_m:
+        raise InputError(
+            table.source, f"sinkage_m is {middle:.3g} m (median)",
+            expected=f"less than the wheel's diameter, {2.0 * wheel.radius_m:.3g} m",
+        )  # fmt: skip
+    if not np.isfinite(measured[usable][:, ANSWERS]).any():
+        raise InputError(table.source, "nothing to compare", expected="torque, sinkage or drawbar pull that change")
+    if timed:
+        measured, at_end = _without_ends(measured, noise)
+        notes += at_end
+    measured, gross = _without_gross_errors(measured, noise, stretch, timed)
+    if gross:
+        notes.append(f"{gross} values stand alone far from their neighbours in time: taken for gross errors")
+    usable &= np.isfinite(measured[:, [LOAD, SLIP]]).all(axis=1) & np.isfinite(measured[:, ANSWERS]).any(axis=1)
+    table = WheelTable(
+        {**table.columns, "load_N": measured[:, LOAD], "slip": measured[:, SLIP]}, table.wheel, table.run, table.source
+    )
+    drive = drive_of(table, wheel, stretch)
+    if timed:
+        drive = _smoothed(drive, table, noise)
+    rows, thinned = _thinned(np.flatnonzero(usable))
+    if thinned:
+        notes.append(f"{int(usable.sum())} rows thinned to {len(rows)}, in stretches of {_THINNED_STRETCH}")
+    if len(rows) < _FEW_ROWS:
+        notes.append(f"{len(rows)} rows: only a mismatch much larger than the noise shows in so few")
+    drive = select_rows(drive, rows)
+    others = [table.columns.get(SIMULATED + name, np.full(len(table), math.nan)) for name in CHANNELS]
+    simulated = np.column_stack(others)[rows] if any(name.startswith(SIMULATED) for name in table.columns) else None
+    measured = measured[rows]
+    stated = np.array([name in vehicle.noise for name in CHANNELS])
+    placed = bool(np.isfinite(drive.place_m).all())
+    position = drive.place_m if placed else np.where(drive.timed, drive.time_s, math.nan)
+    lane = _lanes(drive) if placed else drive.stretch
+    samples = Samples(
+        wheel, drive, measured, noise, stated, position, lane,
+        np.zeros(len(rows), dtype=int), "", tuple(notes), simulated,
+    )  # fmt: skip
+    return _blocked(samples)
+
+
+def _usable(table: WheelTable) -> tuple[np.ndarray, list[str]]:
+    load, slip = table["load_N"], table["slip"]
+    checks = [
+        (np.isfinite(load) & np.isfinite(slip), "without load or slip"),
+        (load > 0.0, "whose wheel carries nothing"),
+        ((slip >= -1.0) & (slip < 0.995), "with a slip outside -1 to 0.995"),
+    ]
+    angle = table.get("slip_angle_rad")
+    if angle is not None:
+        checks.append((~(np.abs(angle) > LIMITS.slip_angle_rad), "driven at an angle to the wheel's plane"))
+    usable, notes = np.ones(len(table), dtype=bool), []
+    with np.errstate(invalid="ignore"):
+        for good, why in checks:
+            lost = int((usable & ~good).sum())
+            if lost:
+                notes.append(f"{lost} row{'s' if lost > 1 else ''} {why} {'are' if lost > 1 else 'is'} left out")
+            usable &= good
+    return usable, notes
+
+
+def _lanes(drive: Drive) -> np.ndarray:
+    """Number the tracks, (n,): a wheel that starts over on fresh ground, or on ground unsaid, is on another."""
+    starts = np.concatenate([[False], np.diff(drive.stretch) != 0])
+    back = np.concatenate([[False], np.diff(drive.place_m) < 0.0])
+    again = np.nan_to_num(drive.pass_number, nan=1.0) > 1.0
+    return np.cumsum(starts & back & ~again)
+
+
+def passes_apart(samples: Samples) -> Samples:
+    """Give the samples with each pass on ground of its own, as where the pass before has stirred it."""
+    number = samples.drive.pass_number
+    if not (np.isfinite(samples.drive.place_m).all() and np.isfinite(number).all()):
+        return samples
+    changes = np.concatenate([[0], np.cumsum(np.diff(number) != 0.0)])
+    lane = np.unique(np.stack([samples.lane, changes]), axis=1, return_inverse=True)[1]
+    return replace(samples, lane=lane.reshape(-1))
+
+
+def _without_gross_errors(
+    measured: np.ndarray, noise: np.ndarray, stretch: np.ndarray, timed: bool
+) -> tuple[np.ndarray, int]:
+    """Blank values that stand alone: far from the running median, their neighbours not."""
+    if not timed:
+        return measured, 0
+    measured, count = measured.copy(), 0
+    number = np.cumsum(np.diff(stretch, prepend=stretch[:1]) != 0)
+    for channel in range(measured.shape[1]):
+        seen = np.isfinite(measured[:, channel])
+        away = from_running_median(measured[:, channel], stretch) > _ISOLATED * noise[channel]
+        # Where many stand apart the channel is quick, not faulty.
+        share = np.bincount(number, away) / np.maximum(np.bincount(number, seen), 1.0)
+        away &= share[number] <= _MOST_ISOLATED
+        measured[away, channel] = math.nan
+        count += int(away.sum())
+    return measured, count
+
+
+def _without_ends(measured: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """Blank the values of answers whose sensor is at its end: many rows are exactly the largest value, or the least."""
+    measured, notes = measured.copy(), []
+    for channel in ANSWERS:
+        column = measured[:, channel]
+        values, counts = np.unique(column[np.isfinite(column)], return_counts=True)
+        # Without noise a plateau is the wheel's, not the sensor's.
+        if len(values) < _FEWEST_LEVELS or noise[channel] <= LEAST_SHARE * np.abs(values).max():
+            continue
+        for end, which in ((0, "least"), (-1, "largest")):
+            near = counts[1:][:_LEVELS_NEAR] if end == 0 else counts[:-1][-_LEVELS_NEAR:]
+            often = max(_AT_END * counts.sum(), _MORE_OFTEN * near.max(), _LEVELS_NEAR)
+            if counts[end] > often:
+                measured[column == values[end], channel] = math.nan
+                notes.append(
+                    f"{CHANNELS[channel]} is exactly {values[end]:.6g}, its {which} value, in {counts[end]} rows: "
+                    "taken for a sensor at its end and left out"
+                )
+    return measured, notes
+
+
+def _smoothed(drive: Drive, table: WheelTable, noise: np.ndarray) -> Drive:
+    """Average load, slip and speeds over neighbours in time."""
+    noises = {"load_N": noise[LOAD], "slip": noise[SLIP]}
+    for name in ("rim_speed_m_s", "travel_speed_m_s"):
+        if drive.has(name):
+            noises[name] = noise_from_neighbours(table, getattr(drive, name))
+    return replace(
+        drive, **{name: _averaged(getattr(drive, name), float(sd), drive.stretch) for name, sd in noises.items()}
+    )
+
+
+def _averaged(values: np.ndarray, noise: float, stretch: np.ndarray) -> np.ndarray:
+    """Average each sample (n,) with its neighbours, and with further pairs whose surroundings are alike within noise.
+
+    Pairs keep ramps unbiased, the limit keeps steps sharp (after J.-S. Lee, Comput. Vision Graph. Image Process. 24
+    (1983), sigma filter). A sample counts in its own average as it does in its neighbours', or a signal that is delayed
+    by a sample would be less noisy. Where it jumps further than noise goes, the sample is taken as it stands: the model
+    is no straight line over a jump. What varies by less than its noise is one value: its ups and downs would be errors,
+    and those of slip and speeds are the same.
+    """
+    answer = values.copy()
+    for rows in np.split(np.arange(len(values)), np.flatnonzero(np.diff(stretch)) + 1):
+        seen = np.flatnonzero(np.isfinite(values[rows]))
+        if len(seen) < 3:
+            continue
+        whole = np.interp(np.arange(len(rows)), seen, values[rows[seen]])
+        ends = np.pad(whole, _REACH, mode="reflect" if len(rows) > _REACH else "edge")
+        around = np.convolve(ends, np.full(3, 1.0 / 3.0), mode="same")
+        middle = slice(_REACH, _REACH + len(rows))
+        total, weight = ends[middle].copy(), np.ones(len(rows))
+        for away in range(1, _REACH + 1):
+            before, after = slice(_REACH - away, -_REACH - away), slice(_REACH + away, len(ends) - _REACH + away)
+            apart = np.maximum(np.abs(around[before] - around[middle]), np.abs(around[after] - around[middle]))
+            pair = ends[before] + ends[after]
+            alike = (apart < 3.0 * noise) | (away == 1)
+            total += np.where(alike, pair, 0.0)
+            weight += 2.0 * alike
+        average = total / weight
+        jumps = np.abs(whole - average) > _JUMP * noise
+        answer[rows] = np.where(np.isfinite(values[rows]), np.where(jumps, whole, average), math.nan)
+    if np.nanstd(answer) < noise:
+        answer[np.isfinite(answer)] = np.nanmean(answer)
+    return answer
+
+
+def quietness(lag: float) -> float:
+    """Variance of errors of load and slip behind a delay of so many samples, over that without one [-].
+
+    Residuals are taken at the load and slip measured: e - a(t) + a(t + lag) is left of an error e and its average a.
+    Just outside of its window the average has lost the error, and shares others with the one that is taken away.
+    """
+    size = 2 * _REACH + 1
+    away = np.arange(size + 1)
+    ratio = 1.0 + 2.0 * away / size**2 - np.where(away > _REACH, 2.0 / size, 0.0)
+    return float(np.interp(abs(lag), away, ratio))
+
+
+def _thinned(rows: np.ndarray) -> tuple[np.ndarray, bool]:
+    if len(rows) <= MOST_ROWS:
+        return rows, False
+    pieces = MOST_ROWS // _THINNED_STRETCH
+    starts = np.linspace(0, len(rows) - _THINNED_STRETCH, pieces).astype(int)
+    kept = np.unique((starts[:, None] + np.arange(_THINNED_STRETCH)).ravel())
+    return rows[kept], True
+
+
+def _blocked(samples: Samples) -> Samples:
+    """Number the blocks to hold out: conditions of trials, else stretches of time that no run or pass crosses."""
+    drive, count = samples.drive, len(samples)
+    if drive.timed:
+        usual = max(count // _BLOCKS, 1)
+        block, number = np.empty(count, dtype=int), 0
+        for rows in np.split(np.arange(count), np.flatnonzero(np.diff(drive.stretch)) + 1):
+            parts = max(round(len(rows) / usual), 1)
+            for part in np.array_split(rows, parts):
+                block[part] = number
+                number += 1
+        made_of = "stretches of time"
+        if number > 2 * _BLOCKS:
+            block = block * _BLOCKS // number
+            made_of = "groups of neighbouring runs"
+        return replace(samples, block=block, made_of=f"{made_of} held out in turn")
+    level, made_of = np.arange(count) * min(_BLOCKS, count) // count, "groups of trials held out in turn"
+    for name, values in (("slips", drive.slip), ("loads", drive.load_N / float(np.max(drive.load_N)))):
+        apart = levels(values)
+        if apart.max() >= 2:
+            level, made_of = levels(values, widest=_WIDEST), f"{name} held out in turn, all their repeats together"
+            if level.max() > apart.max():
+                made_of = f"groups of like {name} held out in turn"
+            break
+    if level.max() >= _BLOCKS:
+        level = level * _BLOCKS // (level.max() + 1)
+    return replace(samples, block=level, made_of=made_of)
+
+
+def levels(values: np.ndarray, apart: float = 0.03, widest: float = math.inf) -> np.ndarray:
+    """Number the levels of a quantity, (n,): neighbours in size that are nearer than `apart` are one level.
+
+    Where scattered values make a chain of such neighbours, it is divided into levels that are at most `widest`.
+    """
+    order = np.argsort(values)
+    along = values[order]
+    ends = np.diff(along) > apart
+    for chain in np.split(np.arange(len(values)), np.flatnonzero(ends) + 1):
+        if len(chain) > 1 and np.ptp(along[chain]) > widest:
+            like = fcluster(linkage(along[chain, None], "complete"), widest, "distance")
+            ends[chain[:-1]] |= np.diff(like) != 0
+    answer = np.empty(len(values), dtype=int)
+    answer[order] = np.concatenate([[0], np.cumsum(ends)])
+    return answer

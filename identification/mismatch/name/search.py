@@ -1,0 +1,148 @@
+"""Search for what was left out: effects fitted with the soil, one by one, then in sets, judged on held-out blocks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+
+from ...augmented import SOIL_COUNT
+from ...effects.effect import Effect
+from ..fit.fitting import Problem, fit
+from ..fit.held_out import hold_out
+from ..fit.textbook import best_fit
+from ..fit.together import together
+from ..fit.trial import ASKED_FOR, NOT_EXCLUDED, Trial, less, temperature, without
+from .asked import surplus
+from .partners import beside_bump, one_more
+from .preferred import as_large
+from .singles import alike, other_forms
+from .tries import LEAST_PROMISE, Search, Tries, gain_of, without_bumps
+
+MOST_EFFECTS = 3
+
+_RIVALS = 2
+"""Sets as large as the best one and not excluded beside it whose effects are tried in other forms."""
+
+_ANCHORS = 3
+"""Effects from whose soils the textbook wheel is fitted once more."""
+
+_BETTER = 2.0
+"""Nats by which it has to fit better for all effects to be weighed against it anew."""
+
+
+def search(
+    problem: Problem, textbook: Trial, catalogue: Sequence[Effect], tell: Callable[[str], None] = lambda _: None
+) -> Search:
+    """Try every effect alone, then add, swap and drop while held-out blocks ask for it.
+
+    Parameters
+    ----------
+    problem
+        The samples.
+    textbook
+        The fit without effects.
+    catalogue
+        Forms of effects to try.
+    tell
+        Told what is being tried.
+    """
+    tries = Tries(problem, textbook, catalogue, tell)
+    tell("every effect alone")
+    singles = tries.attempt(textbook, tries.weigh(textbook, catalogue), LEAST_PROMISE, len(catalogue))
+    anchored = _anchored(problem, textbook, singles)
+    if anchored is not textbook:
+        tell("every effect alone, from a better soil")
+        tries = Tries(problem, anchored, catalogue, tell)
+        singles = tries.attempt(anchored, tries.weigh(anchored, catalogue), LEAST_PROMISE, len(catalogue), singles)
+    best = beside_bump(tries, singles, max(without_bumps(anchored, singles), key=gain_of, default=anchored))
+    if best.gain < ASKED_FOR:
+        return tries.ended(anchored)
+    while len(best.effects) < MOST_EFFECTS:
+        beyond = partial(surplus, best)
+        challenger = max(one_more(tries, singles, best), key=beyond, default=best)
+        if challenger is best or beyond(challenger) < 0.0:
+            break
+        best = _exchanged(tries, singles, challenger)
+    best = _pruned(tries, best)
+    better = _rivals_in_other_forms(tries, singles, best)
+    return tries.ended(best if better is best else _pruned(tries, better))
+
+
+def _exchanged(tries: Tries, singles: Sequence[Trial], best: Trial) -> Trial:
+    """Exchange what was found before the last effect for others, then for its other forms, and each for what does as
+    well alone: another effect's many forms may have taken its place among those tried.
+    """
+    problem, textbook = tries.problem, tries.textbook
+    for effect in best.effects[:-1]:
+        rest = without(problem, textbook, best, effect)
+        # What residuals lay out was tried beside all that was found: it does not stand in for two.
+        instead = tries.weigh(rest, tries.others(best.slugs))
+        same = alike(singles, effect)
+        instead = [(math.inf if other.name in same and nats > -math.inf else nats, other) for nats, other in instead]
+        best = max([best, *tries.attempt(rest, instead)], key=gain_of)
+    found = best
+    for effect in found.effects[:-1]:
+        forms = [trial.effects[0] for trial in other_forms(singles, effect)]
+        best = max([best, *_with_instead(tries, found, effect, forms)], key=gain_of)
+    tried = {trial.names for trial in tries.trials}
+    for effect in found.effects:
+        same, beside = alike(singles, effect), {each.name for each in found.effects if each is not effect}
+        others = [e for e in tries.others(found.slugs) if e.name in same and beside | {e.name} not in tried]
+        best = max([best, *_with_instead(tries, found, effect, others)], key=gain_of)
+    return best
+
+
+def _rivals_in_other_forms(tries: Tries, singles: Sequence[Trial], best: Trial) -> Trial:
+    """Try other forms of the effects of sets that nats do not exclude, as was done for the best one; give the best."""
+    causes = without_bumps(tries.textbook, [trial for trial in tries.trials if len(trial.effects) > 1])
+    near = [trial for trial in causes if as_large(trial, best) and trial.slugs != best.slugs]
+    near = [trial for trial in near if best.gain - trial.gain < NOT_EXCLUDED * temperature(best.gain)]
+    first = {trial.slugs: trial for trial in sorted(near, key=gain_of)}
+    for rival in sorted(first.values(), key=lambda trial: -trial.gain)[:_RIVALS]:
+        for effect in rival.effects:
+            tried, beside = {trial.names for trial in tries.trials}, rival.names - {effect.name}
+            forms = [trial.effects[0] for trial in other_forms(singles, effect)]
+            changed = _with_instead(tries, rival, effect, [e for e in forms if beside | {e.name} not in tried])
+            best = max([best, *without_bumps(tries.textbook, changed)], key=gain_of)
+    return best
+
+
+def _with_instead(tries: Tries, trial: Trial, dropped: Effect, others: Sequence[Effect]) -> list[Trial]:
+    """Fit a set with each of other effects in the place of one of its own."""
+    if not others:
+        return []
+    return tries.attempt(_bare(tries.problem, trial, dropped), [(math.inf, other) for other in others])
+
+
+def _bare(problem: Problem, trial: Trial, dropped: Effect) -> Trial:
+    """A set less one of its effects, all else as it is, what the whole set gained too."""
+    model, vector = less(trial, dropped)
+    fitted = fit(problem, model, vector, trial.fitted.noise, trial.fitted.theta_1, iterations=0, settle=False)
+    return replace(trial, effects=model.effects, fitted=fitted)
+
+
+def _anchored(problem: Problem, textbook: Trial, singles: Sequence[Trial]) -> Trial:
+    """Refit the textbook wheel from the soils that effects found: none may shine for having left a poor fit."""
+    better = sorted((trial for trial in singles if trial.gain >= ASKED_FOR), key=lambda trial: -trial.fitted.score)
+    starts = [(trial.fitted.vector[:SOIL_COUNT], trial.fitted.theta_1) for trial in better[:_ANCHORS]]
+    if not starts:
+        return textbook
+    before = problem.most, problem.weights, problem.first_noise
+    fitted = best_fit(problem, starts)
+    if fitted.score < textbook.fitted.score + _BETTER:
+        problem.most, problem.weights, problem.first_noise = before
+        return textbook
+    return Trial((), fitted, hold_out(problem, fitted), 0.0)
+
+
+def _pruned(tries: Tries, best: Trial) -> Trial:
+    """Drop effects that held-out blocks do not ask for once the others are there."""
+    while len(best.effects) > 1:
+        smaller = together(partial(without, tries.problem, tries.textbook, best), best.effects)
+        tries.trials.extend(smaller)
+        if min(surplus(trial, best) for trial in smaller) >= 0.0:
+            return best
+        best = max(without_bumps(tries.textbook, smaller), key=gain_of, default=tries.textbook)
+    return best

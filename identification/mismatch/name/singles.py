@@ -1,0 +1,46 @@
+"""What effects gained alone: which other ones, and which other forms, a second effect is sought beside."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from ...effects.effect import Effect
+from ..fit.trial import ASKED_FOR, NOT_EXCLUDED, Trial, temperature
+
+_NOT_FAR = 0.5
+"""A second effect is sought beside runners-up and other forms too, where they gained this share of the best [-]."""
+
+_RUNNERS_UP = 3
+"""Other effects beside which a second one is sought."""
+
+_FORMS = 3
+"""Other forms of an effect beside which a second one is sought."""
+
+_ALIKE = 4
+"""Effects that do as well alone as one of a set and are tried in its place."""
+
+
+def runners_up(singles: Sequence[Trial], best: Trial) -> list[Trial]:
+    """Other single effects that are not far behind the best one, each of which may be one of two that are there."""
+    first: dict[frozenset[str], Trial] = {}
+    for trial in sorted(singles, key=lambda trial: -trial.gain):
+        if trial.slugs != best.slugs and trial.gain >= max(ASKED_FOR, _NOT_FAR * best.gain):
+            first.setdefault(trial.slugs, trial)
+    return list(first.values())[:_RUNNERS_UP]
+
+
+def other_forms(singles: Sequence[Trial], effect: Effect) -> list[Trial]:
+    """Other forms of an effect, not far behind alone: which one is right may show only beside a second effect."""
+    forms = sorted((trial for trial in singles if effect.slug in trial.slugs), key=lambda trial: -trial.gain)
+    near = [trial for trial in forms if trial.gain >= max(ASKED_FOR, _NOT_FAR * forms[0].gain)]
+    return [trial for trial in near if trial.effects[0].name != effect.name][:_FORMS]
+
+
+def alike(singles: Sequence[Trial], effect: Effect) -> set[str]:
+    """Names of the single effects that do as well as an effect alone, few: each may be what it stands in for."""
+    own = max((trial.gain for trial in singles if effect.slug in trial.slugs), default=math.inf)
+    others = [trial for trial in singles if effect.slug not in trial.slugs and trial.gain >= ASKED_FOR]
+    near = [trial for trial in others if abs(trial.gain - own) < NOT_EXCLUDED * temperature(own)]
+    near.sort(key=lambda trial: abs(trial.gain - own))
+    return {trial.effects[0].name for trial in near[:_ALIKE]}

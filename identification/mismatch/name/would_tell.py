@@ -1,0 +1,177 @@
+"""Which measurement would tell two explanations apart: the drive, channel or prior expected to inform most.
+
+If one explanation is right, how much worse would the other fit once refitted? Computed for the recording with a channel
+added, for a soil known from elsewhere, for other drives, and for a check of the instrument that one of them suspects.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...effects.effect import PULL, SINKAGE, TORQUE, Drive
+from ...forward import CHANNELS
+from ..fit.fitting import Fitted, Problem
+from ..fit.steps import scaled_inverse
+from ..fit.trial import Trial
+
+_NAMES = {TORQUE: "wheel torque", SINKAGE: "sinkage", PULL: "drawbar pull"}
+_NEW_SENSOR = 0.01
+"""Noise of a channel that is not there yet, as a share of its root mean square [-]."""
+
+_CHECKS = {
+    "torque_offset": (TORQUE, "read the torque with the wheel lifted and at rest"),
+    "sinkage_offset": (SINKAGE, "read the sinkage with the wheel on a hard, flat floor"),
+    "torque_gain": (None, "hang a known weight on a lever at the wheel and read the torque"),
+    "load_gain": (None, "stand the wheel on a scale and read the load"),
+    "rolling_radius": (None, "count the wheel's turns over a measured distance on a hard floor"),
+}
+"""How an instrument is checked by itself: a zero against its channel's noise, a gain against `_CHECKED_TO`."""
+
+_CHECKED_TO, _READINGS = 0.01, 100
+"""Relative accuracy of such a check of a gain [-], and readings over which one of a zero is averaged."""
+
+_ROWS = 240
+ENOUGH = 5.0
+"""Expected nats from which on a measurement is worth proposing."""
+
+
+def would_tell(problem: Problem, right: Trial, other: Trial) -> str:
+    """Propose the measurement that would tell two sets of effects apart best, with its expected nats."""
+    proposals = [
+        *_channels(problem, right, other), *_known_soil(right, other), *_drives(problem, right, other),
+        *_checks(problem, right, other),
+    ]  # fmt: skip
+    nats, text = max(proposals)
+    if nats < ENOUGH:
+        return (
+            "none of the measurements considered (further channels, known soil, other loads, slips and speeds, "
+            "checks of instruments)"
+        )
+    return f"{text} (expected {nats:.0f} nats)"
+
+
+def _channels(problem: Problem, right: Trial, other: Trial) -> list[tuple[float, str]]:
+    """The same drive with one more channel."""
+    answer = []
+    drive, imposed = problem.samples.drive, problem.imposed
+    for channel in (PULL, TORQUE, SINKAGE):
+        if channel in problem.answers:
+            continue
+        noise = np.full(5, np.nan)
+        noise[problem.answers] = right.fitted.noise.answers
+        truth = right.fitted.model.predict(drive, imposed, right.fitted.vector, right.fitted.theta_1).channels
+        noise[channel] = _NEW_SENSOR * float(np.sqrt(np.nanmean(truth[:, channel] ** 2))) + 1e-12
+        nats = _expected(drive, imposed, noise, right.fitted, other.fitted, None)
+        answer.append((nats, f"measure {_NAMES[channel]} ({CHANNELS[channel]}) on the same drive"))
+    return answer
+
+
+def _known_soil(right: Trial, other: Trial) -> list[tuple[float, str]]:
+    """Cohesion and friction from a shear test, good to 10 % of the strength."""
+    a, b = right.fitted, other.fitted
+    scale = np.array([max(0.1 * a.vector[0], 100.0), 0.1 * a.vector[1]])
+    away = (a.vector[:2] - b.vector[:2]) ** 2
+    spread = scale**2 + np.diag(b.covariance)[:2] + np.diag(a.covariance)[:2]
+    return [(0.5 * float(np.sum(away / spread)), "give cohesion and friction from a shear test (--soil)")]
+
+
+def _checks(problem: Problem, right: Trial, other: Trial) -> list[tuple[float, str]]:
+    """A look at the instrument that one explanation takes to be at fault and the other does not."""
+    answer = []
+    for trial, without in ((right, other), (other, right)):
+        for effect, where in trial.fitted.model.slices():
+            if effect.slug not in _CHECKS or effect.slug in without.slugs:
+                continue
+            channel, text = _CHECKS[effect.slug]
+            spread = _CHECKED_TO
+            if channel is not None:
+                spread = trial.fitted.noise.answers[problem.answers.index(channel)] / math.sqrt(_READINGS)
+            answer.append((0.5 * (float(trial.fitted.vector[where][0]) / spread) ** 2, text))
+    return answer
+
+
+def _drives(problem: Problem, right: Trial, other: Trial) -> list[tuple[float, str]]:
+    """Other drives with the same sensors: more loads, more slip, more speeds, a second pass, a slope."""
+    samples = problem.samples
+    load, slip = problem.imposed[:, 0], problem.imposed[:, 1]
+    grid = np.linspace(0.0, 1.0, _ROWS)
+    middle = float(np.median(load))
+    speed = samples.drive.rim_speed_m_s
+    usual = float(np.nanmedian(np.abs(speed))) if np.isfinite(speed).any() else 0.1
+    low, high = np.quantile(slip, [0.05, 0.95])
+
+    def sweep(first: float, last: float, turns: int) -> np.ndarray:
+        return first + (last - first) * np.abs((grid * turns * 2.0) % 2.0 - 1.0)
+
+    plans = {
+        "drive with loads from half to one and a half of the present ones": dict(
+            load=middle * sweep(0.5, 1.5, 5), slip=sweep(low, high, 13)
+        ),
+        "drive with slips from 0 to 0.6": dict(
+            slip=sweep(0.0, 0.6, 7), load=np.interp(grid, [0, 1], [load.min(), load.max()])
+        ),
+        "drive at speeds from a third to three times the present one": dict(
+            speed=usual * 3.0 ** sweep(-1.0, 1.0, 3), slip=sweep(low, high, 13)
+        ),
+        "drive twice more in the same rut": dict(number=1.0 + np.floor(grid * 2.999), slip=sweep(low, high, 9)),
+        "drive on slopes from -10 to 10 degrees, pitch measured": dict(
+            pitch=np.radians(sweep(-10.0, 10.0, 3)), slip=sweep(low, high, 11)
+        ),
+    }
+    noise = np.full(5, np.nan)
+    noise[problem.answers] = right.fitted.noise.answers
+    answer = []
+    for text, plan in plans.items():
+        if (
+            "number" in plan
+            and np.isfinite(samples.drive.pass_number).all()
+            and np.nanmax(samples.drive.pass_number) > 2
+        ):
+            continue
+        imposed = np.column_stack([plan.get("load", np.full(_ROWS, middle)), plan.get("slip", np.full(_ROWS, 0.2))])
+        drive = _hypothetical(samples.drive, imposed, plan, usual, samples.wheel.radius_m)
+        nats = _expected(drive, imposed, noise, right.fitted, other.fitted, problem)
+        answer.append((nats, text))
+    return answer
+
+
+def _hypothetical(drive: Drive, imposed: np.ndarray, plan: dict, usual: float, radius: float) -> Drive:
+    rows = len(imposed)
+    rim = plan.get("speed", np.full(rows, usual))
+    time_s = (
+        np.linspace(np.nanmin(drive.time_s), np.nanmax(drive.time_s), rows)
+        if np.isfinite(drive.time_s).any()
+        else np.full(rows, np.nan)
+    )
+    place = (
+        np.linspace(np.nanmin(drive.place_m), np.nanmax(drive.place_m), rows)
+        if np.isfinite(drive.place_m).any()
+        else np.full(rows, np.nan)
+    )
+    return Drive(
+        load_N=imposed[:, 0], slip=imposed[:, 1], time_s=time_s, travel_speed_m_s=rim * (1.0 - imposed[:, 1]),
+        rim_speed_m_s=rim, wheel_angle_rad=np.linspace(0.0, 8.0 * np.pi, rows),
+        pitch_rad=plan.get("pitch", np.zeros(rows)), pass_number=plan.get("number", np.ones(rows)), place_m=place,
+        acceleration_m_s2=np.zeros(rows), angular_acceleration_rad_s2=np.zeros(rows), stretch=np.zeros(rows, dtype=int),
+    )  # fmt: skip
+
+
+def _expected(
+    drive: Drive, imposed: np.ndarray, noise: np.ndarray, right: Fitted, other: Fitted, problem: Problem | None
+) -> float:
+    """Nats by which the other explanation, refitted, would fall behind if one is right."""
+    seen = np.flatnonzero(np.isfinite(noise))
+    truth = right.model.predict(drive, imposed, right.vector).channels[:, seen]
+    answer = other.model.linearise(drive, imposed, other.vector, None)
+    away = (truth - answer.channels[:, seen]) / noise[seen]
+    columns = answer.by_parameter[:, seen] / noise[seen, None]
+    good = np.asarray(np.isfinite(away).all(axis=1) & np.isfinite(columns).all(axis=(1, 2)))
+    if good.sum() < 0.5 * len(good):
+        return 0.0
+    away, columns = away[good].ravel(), columns[good].reshape(-1, columns.shape[-1])
+    # On a new drive the fit to the present one holds the parameters where they are.
+    held = scaled_inverse(other.covariance) if problem is not None else 0.0
+    gradient = columns.T @ away
+    return 0.5 * float(away @ away - gradient @ scaled_inverse(columns.T @ columns + held) @ gradient)

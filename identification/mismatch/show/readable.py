@@ -1,0 +1,232 @@
+"""Names, units and numbers as people read them: kilopascals, millimetres and degrees, and probabilities in words."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ..explanation import Estimate, Explanation, Missing, Region
+from ..locate.variables import CONSTANT
+from ..name.naming import ASSERTED
+
+_DEGREES = 180.0 / math.pi
+
+
+@dataclass(frozen=True)
+class Shown:
+    """How a quantity is shown: its name, its unit (``""`` for a pure number), and the factor from SI."""
+
+    name: str
+    unit: str = ""
+    scale: float = 1.0
+
+    @property
+    def label(self) -> str:
+        """Name with the unit in brackets."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+
+_QUANTITIES = {
+    "load_N": Shown("load W", "N"),
+    "torque_Nm": Shown("torque T", "N m"),
+    "sinkage_m": Shown("sinkage z", "mm", 1e3),
+    "slip": Shown("slip i"),
+    "drawbar_pull_N": Shown("drawbar pull DP", "N"),
+    "rim_speed_m_s": Shown("speed of the rim", "m/s"),
+    "travel_speed_m_s": Shown("travel speed", "m/s"),
+    "wheel_speed_rad_s": Shown("angular speed of the wheel", "rad/s"),
+    "wheel_angle_rad": Shown("wheel angle", "deg", _DEGREES),
+    "pitch_rad": Shown("slope along the track", "deg", _DEGREES),
+    "pass": Shown("number of the pass"),
+    "acceleration_m_s2": Shown("acceleration", "m/s^2"),
+    "angular_acceleration_rad_s2": Shown("angular acceleration", "rad/s^2"),
+    "x_m": Shown("place along the track", "m"),
+    "time_s": Shown("time", "s"),
+    "lag_s": Shown("delay", "s"),
+    "constant": Shown("nothing: the same everywhere"),
+    "c_Pa": Shown("cohesion c", "kPa", 1e-3),
+    "phi_rad": Shown("friction angle phi", "deg", _DEGREES),
+    "k_m": Shown("shear modulus k", "mm", 1e3),
+    "stiffness_Pa": Shown("stiffness k1 + k2 b", "kPa", 1e-3),
+    "n": Shown("sinkage exponent n"),
+}
+
+_UNITS = {
+    "Pa": ("kPa", 1e-3),
+    "Pa/m": ("kPa/m", 1e-3),
+    "rad": ("deg", _DEGREES),
+    "m": ("mm", 1e3),
+    "m/N": ("mm/kN", 1e6),
+}
+
+_PLACES = ("from", "to")
+"""Parameters in metres that are places along a track, not lengths of the wheel's size."""
+
+EFFECTS = {
+    "slip_sinkage": ("slip-sinkage", "a slipping wheel carries soil out from under itself and sinks further"),
+    "stress_peak_shift": ("shift of the peak stress", "the peak of normal stress moves along the rim with slip"),
+    "exit_angle": ("exit angle", "soil rebounds behind the wheel's lowest point and goes on touching the rim"),
+    "shear_hump": ("shear hump", "shear stress peaks, then falls to a residual value"),
+    "rate_dependence": ("rate dependence", "soil is stiffer or stronger the faster it is loaded"),
+    "multipass_compaction": ("multipass compaction", "later passes run on soil that earlier wheels compacted"),
+    "hard_layer": ("hard layer", "a stiffer layer lies beneath the soil"),
+    "soil_patch": ("soil patch", "the soil is another over a stretch of the track"),
+    "rim_adhesion": ("slip on the rim", "soil slips on the rim before it shears within"),
+    "bulldozing": ("bulldozing", "soil is pushed up in front of the wheel, which costs pull"),
+    "side_wall_friction": ("side-wall friction", "the buried flanks of the wheel rub on soil"),
+    "grousers": ("grousers", "lugs move the shear surface outwards and make forces ripple"),
+    "tyre_deflection": ("tyre deflection", "the wheel flattens under its load"),
+    "slope_gravity": ("gravity on the slope", "on a slope, weight has a component along the track"),
+    "inertia": ("inertia", "wheel and vehicle accelerate: torque and pull are not those of a steady state"),
+    "drivetrain_friction": (
+        "friction of the drive train",
+        "torque measured at the motor includes gear and bearing losses",
+    ),
+    "torque_offset": ("torque offset", "the zero of the torque sensor is wrong"),
+    "torque_gain": ("torque gain", "the constant of the torque sensor or motor is wrong"),
+    "load_gain": ("load gain", "the load cell's constant, or the wheel's share of the weight, is wrong"),
+    "sinkage_offset": ("sinkage offset", "the zero of the sinkage sensor is wrong"),
+    "rolling_radius": ("rolling radius", "slip was computed with a wrong effective radius"),
+    "time_lag": ("time lag", "a channel arrives late"),
+    "drift": ("drift", "a channel wanders with time"),
+    "unknown": ("unknown", "nothing in the catalogue explains it; a smooth correction stands in"),
+}
+"""By public name: the effect in words, and what happens."""
+
+KINDS = {"physics": "physics", "instrument": "instrument or configuration", "unknown": "unknown"}
+
+_WORDS = (
+    (0.99, "virtually certain"),
+    (0.90, "very likely"),
+    (0.66, "likely"),
+    (0.33, "about as likely as not"),
+    (0.10, "unlikely"),
+    (0.01, "very unlikely"),
+    (0.0, "exceptionally unlikely"),
+)
+"""Least probability for each wording: M. D. Mastrandrea et al., IPCC guidance note on uncertainties (2010), Table 1."""
+
+
+def shown(name: str, unit: str = "") -> Shown:
+    """Say how a channel, a variable or a parameter is shown; what has no entry is shown as it is, in SI."""
+    if name in _QUANTITIES:
+        return _QUANTITIES[name]
+    if name.rpartition(".")[2] in _PLACES or unit not in _UNITS:
+        return Shown(name, unit)
+    return Shown(name, *_UNITS[unit])
+
+
+def number(value: float, scale: float = 1.0) -> str:
+    """Three significant digits; ``unknown`` where there is no number."""
+    if not math.isfinite(value):
+        return "unknown"
+    text = f"{value * scale:.3g}"
+    return f"{float(text):.0f}" if "e" in text and abs(value * scale) < 1e6 and abs(value * scale) >= 1.0 else text
+
+
+def spread(value: float, sd: float, scale: float = 1.0) -> str:
+    """Give value and standard deviation to the digits that the latter allows."""
+    if not math.isfinite(value):
+        return "unknown"
+    if not math.isfinite(sd):
+        return f"{number(value, scale)} (sd unknown)"
+    if sd <= 0.0:
+        return f"{number(value, scale)} (given)"
+    value, sd = value * scale, sd * scale
+    places = 1 - math.floor(math.log10(sd))
+    if not -4 <= places <= 5:
+        return f"{value:.3g} ± {sd:.2g}"
+    return f"{round(value, places):.{max(places, 0)}f} ± {round(sd, places):.{max(places, 0)}f}"
+
+
+def estimate(name: str, value: Estimate) -> str:
+    """``n1 = 0.21 ± 0.02``, with the unit where there is one."""
+    how = shown(name, value.unit)
+    return f"{how.name} = {spread(value.value, value.sd, how.scale)}{' ' + how.unit if how.unit else ''}"
+
+
+def percent(probability: float) -> str:
+    """Give a probability as people say it: never 0 or 100 %."""
+    if probability < 0.005:
+        return "< 0.5 %"
+    return "> 99.5 %" if probability > 0.995 else f"{100.0 * probability:.0f} %"
+
+
+def likelihood(probability: float) -> str:
+    """Give a probability in words and as a number."""
+    words = next(text for least, text in _WORDS if round(probability, 2) >= least)
+    return f"{words}, {percent(probability)}"
+
+
+def effect(name: str) -> str:
+    """Put one effect, or several joined by plus signs, in words: forms stay in brackets."""
+    parts = []
+    for part in name.split(" + "):
+        slug, form = re.fullmatch(r"([^\[]*)(\[.*\])?", part, re.DOTALL).groups()  # type: ignore[union-attr]
+        parts.append(EFFECTS.get(slug, (slug, ""))[0] + (f" ({form[1:-1]})" if form else ""))
+    return " + ".join(parts)
+
+
+def effects(names: tuple[str, ...]) -> str:
+    """List effects in words."""
+    return ", ".join(effect(name) for name in names)
+
+
+def interval(region: Region) -> str:
+    """Say where along its variable a region lies, or by how much the channel is off, in the unit that is shown."""
+    how = shown(region.channel if region.variable == CONSTANT else region.variable)
+    ends = f"{number(region.start, how.scale)} to {number(region.end, how.scale)}{' ' + how.unit if how.unit else ''}"
+    if region.variable == "wheel_angle_rad" and region.start == 0.0 and region.end > 0.0:
+        return f"{round(2.0 * math.pi / region.end)} cycles a turn of the wheel"
+    return ends
+
+
+def p_value(value: float) -> str:
+    """Give a p-value, very small ones by their bound."""
+    return "< 1e-12" if value < 1e-12 else f"{value:.1g}" if value < 0.001 else f"{value:.3f}"
+
+
+def one_of(each: Missing, listed: Sequence[Missing], share: str) -> str:
+    """Name an effect with its share, and those that it cannot be told from and that are not listed themselves."""
+    slugs = {other.effect for other in listed}
+    alike = [effect(slug) for slug in each.indistinguishable_from if slug not in slugs]
+    return " or ".join([f"{effect(each.effect)} ({share})", *alike])
+
+
+def verdict(explanation: Explanation) -> str:
+    """Put the verdict in one sentence."""
+    missing = explanation.missing
+    if explanation.verdict == "none":
+        return "Nothing that held-out data ask for is missing from the simulation."
+    if explanation.verdict == "unknown":
+        sure = "".join(f" ({likelihood(each.probability)})" for each in missing if each.kind == "unknown")
+        others = _and(
+            [f"{effect(each.effect)} ({percent(each.probability)})" for each in missing if each.kind != "unknown"]
+        )
+        return f"Simulation and recording differ, and nothing in the catalogue explains it well enough{sure}." + (
+            f" Considered, but not asserted: {others}." if others else ""
+        )
+    if explanation.verdict == "cannot_tell":
+        listed = "; ".join(f"{effect(each.effect)} ({likelihood(each.probability)})" for each in missing)
+        return f"Something was left out, but these data do not tell what: {listed}."
+    sure = [each for each in missing if each.probability >= ASSERTED]
+    parts = []
+    for kind, opening in (
+        ("physics", "the simulation leaves out "),
+        ("instrument", "an instrument or a configured value is at fault: "),
+    ):
+        named = [f"{effect(each.effect)} ({likelihood(each.probability)})" for each in sure if each.kind == kind]
+        if named:
+            parts.append(opening + _and(named))
+    doubtful = [each for each in missing if each not in sure]
+    if doubtful:
+        named = [one_of(each, missing, likelihood(each.probability)) for each in doubtful]
+        parts.append(f"considered, but not asserted: {_and(named)}")
+    sentence = "; ".join(parts) or "something was left out"
+    return f"{sentence[0].upper()}{sentence[1:]}."
+
+
+def _and(parts: list[str]) -> str:
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}" if parts else ""

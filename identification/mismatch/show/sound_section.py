@@ -1,0 +1,88 @@
+"""The section of the report on contact sound, from the JSON of `audio.mismatch` (a dict, for parts import no other)."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import Any
+
+from ....framework.core.html_page import table
+from .readable import likelihood, number, p_value, shown, spread
+
+_VERDICTS = {
+    "none": "The sound is that of the contact: nothing else was found in it.",
+    "physics": "The sound holds more than the contact.",
+    "instrument": "The microphone or its chain adds to the sound.",
+    "unknown": "The sound holds something that nothing in the catalogue explains.",
+    "cannot_tell": "The sound holds more than the contact, but these data do not tell what.",
+}
+
+
+def sound_section(sound: dict[str, Any]) -> str:
+    """Give the section as HTML.
+
+    Parameters
+    ----------
+    sound
+        Keys as in CONTRACTS.md: verdict, located, missing, fit, notes; those that are absent are passed over.
+    """
+    verdict = str(sound.get("verdict", "unknown"))
+    body = f"<h2>Sound</h2><p><strong>{escape(_VERDICTS.get(verdict, verdict))}</strong></p>"
+    if sound.get("located"):
+        body += table(
+            ["depends on", "from", "to", "from [Hz]", "to [Hz]", "share", "p"],
+            [
+                [
+                    shown(str(each.get("variable", ""))).name.replace("_", " "),
+                    *(_cell(each.get(key)) for key in ("from", "to", "from_Hz", "to_Hz")),
+                    f"{100.0 * float(each['share']):.0f} %" if each.get("share") is not None else "",
+                    p_value(float(each["p_value"])) if each.get("p_value") is not None else "",
+                ]
+                for each in sound["located"]
+            ],
+        )
+    body += "".join(_cause(each) for each in sound.get("missing") or ())
+    if sound.get("fit"):
+        body += _fit(sound["fit"])
+    return body + "".join(f"<p class=note>{escape(str(note))}</p>" for note in sound.get("notes") or ())
+
+
+def _cause(cause: dict[str, Any]) -> str:
+    effect, equation, source = (escape(str(cause.get(key, ""))) for key in ("effect", "equation", "source"))
+    body = f"<h3>{effect.replace('_', ' ')}: {likelihood(float(cause.get('probability', 0.0)))}</h3>"
+    body += f"<p>Equation: <code>{equation}</code><br>Source: {source}"
+    if "subtracted" in cause:
+        body += "<br>" + (
+            "Subtracted from the sound." if cause["subtracted"] else "Left in the sound: subtracting it does not help."
+        )
+    body += "</p>"
+    rows = [
+        [name, spread(_float(value.get("value")), _float(value.get("sd"))), str(value.get("unit") or "-")]
+        for name, value in (cause.get("parameters") or {}).items()
+    ]
+    if rows:
+        body += table(["parameter", "value ± standard deviation", "unit"], rows)
+    if cause.get("indistinguishable_from"):
+        alike = ", ".join(str(each).replace("_", " ") for each in cause["indistinguishable_from"])
+        body += f"<p>These data do not tell it from: {escape(alike)}.</p>"
+    if cause.get("would_tell"):
+        body += f"<p>What would tell: {escape(str(cause['would_tell']))}.</p>"
+    return body
+
+
+def _fit(fit: dict[str, Any]) -> str:
+    before, after, noise, cells = (_cell(fit.get(key)) for key in ("rms_before_dB", "rms_after_dB", "noise_dB", "n"))
+    gained = spread(_float(fit.get("nats_gained")), _float(fit.get("nats_sd")))
+    return (
+        f"<p>Held-out spectra ({escape(str(fit.get('split', '')))}): error {before} dB before, {after} dB after, where "
+        f"a perfect model would leave {noise} dB; {gained} nats gained over {cells} cells.</p>"
+    )
+
+
+def _float(value: Any) -> float:
+    return float("nan") if value is None else float(value)
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, int):
+        return str(value)
+    return number(_float(value)) if value is None or isinstance(value, float) else str(value)

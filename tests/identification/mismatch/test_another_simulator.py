@@ -1,0 +1,95 @@
+"""Another simulator's answers put beside a recording's rows: only where it has some, or close by on both sides."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bevameter import InputError, explain
+from bevameter.framework.core.recording.types import WheelTable
+from bevameter.framework.core.recording.wheel_file import read_wheel_file
+from bevameter.framework.core.recording.write import write_wheel_file
+from bevameter.framework.core.soil import SoilKnowledge
+from bevameter.framework.scenario.concealed.conceal import conceal
+from bevameter.identification.mismatch.fit.samples import SIMULATED
+from bevameter.identification.mismatch.fit.simulated import attach
+from bevameter.identification.simulate import simulate
+
+TIME_S = 0.1 * np.arange(300)
+
+
+def beside(folder, time_s, wheel=None) -> np.ndarray:
+    """Simulated torque (300,) beside a recording's rows, where it is a ramp of time."""
+    path = folder / "sim.csv"
+    write_wheel_file(WheelTable({"time_s": time_s, "torque_Nm": 2.0 * time_s}, wheel, None, path), path)
+    recorded = WheelTable({"time_s": TIME_S, "torque_Nm": np.zeros(300)}, wheel, None, "made")
+    return attach(recorded, path)[SIMULATED + "torque_Nm"]
+
+
+@pytest.mark.parametrize("every", [1, 2])
+def test_a_simulation_at_half_the_rate_is_interpolated(tmp_path, every):
+    times = beside(tmp_path, TIME_S[::every])
+    covered = TIME_S[::every][-1] >= TIME_S
+    np.testing.assert_allclose(times[covered], 2.0 * TIME_S[covered], atol=1e-9)
+    assert np.isnan(times[~covered]).all()
+
+
+@pytest.mark.parametrize("every", [3, 7])
+def test_a_coarser_one_answers_at_its_own_rows_only(tmp_path, every):
+    """Between them load and slip may have stepped: a straight line there was once taken for a patch of soil."""
+    times = beside(tmp_path, TIME_S[::every])
+    answered = np.isfinite(times)
+    np.testing.assert_array_equal(np.flatnonzero(answered), np.arange(0, 300, every))
+    np.testing.assert_allclose(times[answered], 2.0 * TIME_S[::every], atol=1e-9)
+
+
+def test_one_that_answers_too_seldom_is_refused(tmp_path, explained):
+    folder, write = explained
+    write(slice(None, None, 7))
+    with pytest.raises(InputError, match=r"values for \d+ of \d+ rows .*as often as it was recorded"):
+        folder_explained(folder)
+
+
+def test_rows_that_were_not_simulated_are_said_to_be_left_out(explained):
+    folder, write = explained
+    write(slice(None, 900))
+    answer = folder_explained(folder)
+    assert any("rows have no simulated value: they are left out" in note for note in answer.notes)
+    assert 890 < answer.n <= 900, "gross errors aside"
+
+
+def test_what_is_simulated_but_was_not_recorded_is_left_out(tmp_path):
+    made = conceal(404, ("torque_offset",), "plain", protocol="steady")
+    folder = made.write(tmp_path / "made")
+    recorded = read_wheel_file(folder / "wheel.csv")
+    soil = SoilKnowledge({"c_Pa": 1000.0, "phi_rad": 0.5, "k_m": 0.02, "stiffness_Pa": 2e5, "n": 0.9})
+    write_wheel_file(simulate(folder / "vehicle.toml", soil, recorded), tmp_path / "sim.csv")
+    without = {name: values for name, values in recorded.columns.items() if name != "drawbar_pull_N"}
+    write_wheel_file(replace(recorded, columns=without), folder / "wheel.csv")
+    answer = explain(folder, simulated=tmp_path / "sim.csv", catalogue=["torque_offset"])
+    assert set(answer.fits) == {"torque_Nm", "sinkage_m"}
+    assert "drawbar_pull_N is simulated but not recorded: it is left out" in answer.notes
+    simulated = read_wheel_file(tmp_path / "sim.csv")
+    pull = {name: simulated[name] for name in ("load_N", "slip", "drawbar_pull_N")}
+    write_wheel_file(replace(simulated, columns=pull), tmp_path / "sim.csv")
+    with pytest.raises(InputError, match=r"has no answer that was recorded \(expected torque_Nm or sinkage_m\)"):
+        explain(folder, simulated=tmp_path / "sim.csv", catalogue=["torque_offset"])
+
+
+@pytest.fixture
+def explained(tmp_path):
+    """A recording without an effect, and how to write some of its own rows as the simulation."""
+    made = conceal(404, (), "plain", protocol="field")
+    folder = made.write(tmp_path / "recording")
+
+    def write(rows: slice) -> None:
+        columns = {name: made.recorded.columns[name] for name in ("time_s", "torque_Nm", "sinkage_m")}
+        table = WheelTable({name: values[rows] for name, values in columns.items()}, None, None, "sim")
+        write_wheel_file(table, tmp_path / "sim.csv")
+
+    return folder, write
+
+
+def folder_explained(folder):
+    return explain(folder, simulated=folder.parent / "sim.csv", catalogue=["slope_gravity", "torque_offset"])

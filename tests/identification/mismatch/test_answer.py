@@ -1,0 +1,426 @@
+"""The answer put together: what is asserted, what is only possible, and what is not spoken of."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bevameter.framework.scenario.concealed.conceal import conceal
+from bevameter.identification.effects.catalogue import effects_for
+from bevameter.identification.identify import felt_rows, open_recording
+from bevameter.identification.mismatch.fit.samples import gather
+from bevameter.identification.mismatch.fit.trial import (
+    ASKED_FOR,
+    Trial,
+    situation,
+    temperature,
+    textbook_trial,
+    try_adding,
+)
+from bevameter.identification.mismatch.locate.noise_floor import noise_floor
+from bevameter.identification.mismatch.locate.smooth_correction import SmoothCorrection, Term
+from bevameter.identification.mismatch.name.evidence import asks_for_more, doubts
+from bevameter.identification.mismatch.name.naming import ASSERTED, Naming, name, why_not
+from bevameter.identification.mismatch.name.preferred import plainest, says_no_more
+from bevameter.identification.mismatch.name.tries import Search, Tries
+from bevameter.identification.mismatch.show.answer import assemble
+from bevameter.identification.mismatch.show.readable import effect as effect_name
+
+
+@pytest.fixture(scope="module")
+def searched(tmp_path_factory):
+    folder = conceal(7110, ("slip_sinkage",), "plain", protocol="steady").write(
+        tmp_path_factory.mktemp("made") / "sinks"
+    )
+    rows = felt_rows(open_recording(folder, None))
+    problem, textbook = textbook_trial(gather(rows.table, rows.wheel, rows.vehicle))
+    effect = next(iter(effects_for(situation(problem, textbook.fitted), ["slip_sinkage"])))
+    trial = try_adding(problem, textbook, textbook, effect)
+    return problem, Search(textbook, (trial,), (), trial)
+
+
+@pytest.mark.parametrize(
+    ("sure", "verdict", "listed"),
+    [(0.85, "physics", {"slip_sinkage"}), (0.7, "cannot_tell", {"slip_sinkage", "unknown"}),
+     (0.1, "unknown", {"slip_sinkage", "unknown"})],
+)  # fmt: skip
+def test_something_unknown_is_a_rival_only_where_the_effect_is_not_sure(searched, sure, verdict, listed):
+    problem, found = searched
+    slip = problem.samples.drive.slip
+    remaining = SmoothCorrection(
+        (Term("torque_Nm", "slip", slip, 0.1 * slip, 12.0),),
+        12.0,
+        np.zeros_like(problem.measured),
+        np.zeros_like(problem.measured),
+    )
+    naming = Naming({"slip_sinkage": sure}, 1.0 - sure, {"slip_sinkage": ()}, np.array([sure]))
+    before = found.textbook.held_out.residuals
+    answer = assemble(problem, found, naming, remaining, (), source="made", seed=0, began=0.0, before=before)
+    assert answer.verdict == verdict
+    assert {missing.effect for missing in answer.missing} == listed
+    assert not any("something more" in note for note in answer.notes)
+
+
+def test_whatever_is_probable_is_listed_though_it_takes_more_than_one_effects_place(searched):
+    """A second effect of another recording was 27 % probable in sets that shared nothing with the chosen one."""
+    problem, found = searched
+    kinds = {e.slug: e for e in effects_for(situation(problem, found.textbook.fitted), ["load_gain", "torque_gain"])}
+    shift = effects_for(situation(problem, found.textbook.fitted), ["stress_peak_shift"])[0]
+    gains = try_adding(problem, found.textbook, found.textbook, kinds["load_gain"])
+    pairs = [
+        replace(try_adding(problem, found.textbook, base, effect), gain=gain)
+        for base, effect, gain in ((gains, kinds["torque_gain"], 300.0), (found.chosen, shift, 298.0))
+    ]
+    chosen = Search(found.textbook, tuple(pairs), (), pairs[0])
+    nothing = SmoothCorrection((), 0.0, np.zeros_like(problem.measured), np.zeros_like(problem.measured))
+    naming, before = name(chosen, 0.0), found.textbook.held_out.residuals
+    answer = assemble(problem, chosen, naming, nothing, (), source="made", seed=0, began=0.0, before=before)
+    assert answer.verdict == "cannot_tell"
+    listed = {missing.effect: missing for missing in answer.missing}
+    assert set(listed) == {"load_gain", "torque_gain", "slip_sinkage", "stress_peak_shift"}
+    for slug in ("slip_sinkage", "stress_peak_shift"):
+        assert listed[slug].indistinguishable_from == ("load_gain", "torque_gain")
+        assert listed[slug].probability == pytest.approx(naming.effects[slug])
+        assert listed[slug].parameters
+
+
+def test_no_more_than_six_are_listed_where_the_data_cannot_tell(searched):
+    problem, found = searched
+    slugs = ["load_gain", "torque_gain", "stress_peak_shift", "exit_angle", "bulldozing", "side_wall_friction"]
+    forms = {e.slug: e for e in effects_for(situation(problem, found.textbook.fitted), slugs)}
+    trials = [found.chosen] + [
+        replace(try_adding(problem, found.textbook, found.textbook, forms[slug]), gain=found.chosen.gain - 0.1 * number)
+        for number, slug in enumerate(slugs, 1)
+    ]
+    together = Search(found.textbook, tuple(trials), (), found.chosen)
+    naming, before = name(together, 0.0), found.textbook.held_out.residuals
+    nothing = SmoothCorrection((), 0.0, np.zeros_like(problem.measured), np.zeros_like(problem.measured))
+    answer = assemble(problem, together, naming, nothing, (), source="made", seed=0, began=0.0, before=before)
+    assert answer.verdict == "cannot_tell"
+    assert {each.effect for each in answer.missing} == {"slip_sinkage", *slugs[:5]}
+    assert not any(slugs[5] in each.indistinguishable_from for each in answer.missing)
+    assert any(candidate.effect.startswith(slugs[5]) for candidate in answer.candidates)
+
+
+@pytest.mark.parametrize(("sure", "advised"), [(0.48, True), (0.96, False)])
+def test_what_is_doubted_without_a_look_alike_is_told_how_to_tell_it_from_the_next_best(searched, sure, advised):
+    problem, found = searched
+    shift = effects_for(situation(problem, found.textbook.fitted), ["stress_peak_shift"])[0]
+    other = try_adding(problem, found.textbook, found.textbook, shift)
+    both = replace(found, trials=(*found.trials, other))
+    nothing = SmoothCorrection((), 0.0, np.zeros_like(problem.measured), np.zeros_like(problem.measured))
+    naming = Naming({"slip_sinkage": sure}, 0.035, {"slip_sinkage": ()}, np.array([sure, 0.0]))
+    before = found.textbook.held_out.residuals
+    answer = assemble(problem, both, naming, nothing, (), source="made", seed=0, began=0.0, before=before)
+    assert bool(answer.missing[0].would_tell) == advised
+    assert ("What would tell: " in answer.summary) == advised
+
+
+def test_effects_that_only_three_together_explain_it_are_not_each_asserted(searched):
+    """Of recordings whose effect had been taken out of the catalogue one in five got three others in its place."""
+    problem, found = searched
+    effects = effects_for(situation(problem, found.textbook.fitted), ["load_gain", "torque_gain", "sinkage_offset"])
+    together = Trial(tuple(effects), found.chosen.fitted, found.chosen.held_out, 1e5)
+    naming = name(Search(found.textbook, (*found.trials, together), (), together), 0.0)
+    assert all(naming.effects[slug] < ASSERTED for slug in together.slugs)
+    pair = Trial(tuple(effects[:2]), found.chosen.fitted, found.chosen.held_out, 1e5)
+    naming = name(Search(found.textbook, (*found.trials, pair), (), pair), 0.0)
+    assert all(naming.effects[slug] > ASSERTED for slug in pair.slugs)
+
+
+def test_an_effect_that_leaves_much_is_doubted_however_much_it_gains(searched):
+    """Wrong models may fail wildly on held-out blocks: what is gained over them excuses nothing."""
+    problem, found = searched
+    alone = Trial(found.chosen.effects, found.chosen.fitted, found.chosen.held_out, 1e4)
+    only = Search(found.textbook, (alone,), (), alone)
+    assert name(only, 60.0).unknown < 0.05
+    assert name(only, 130.0).unknown > 0.95
+    effects = effects_for(situation(problem, found.textbook.fitted), ["load_gain", "torque_gain"])
+    pair = Trial(tuple(effects), found.chosen.fitted, found.chosen.held_out, 1e4)
+    assert name(Search(found.textbook, (pair,), (), pair), 70.0).unknown > 0.95
+
+
+@pytest.mark.parametrize(
+    ("felt", "gain", "repeated", "sure"),
+    [
+        (14.0, 500.0, 1.0, True),
+        (16.0, 500.0, 1.0, False),
+        (16.0, 500.0, 2.0, True),
+        (29.0, 1000.0, 1.0, True),
+        (31.0, 1000.0, 1.0, False),
+    ],
+)
+def test_what_many_small_corrections_gain_together_speaks_against_a_set(searched, felt, gain, repeated, sure):
+    problem, found = searched
+    alone = replace(found.chosen, gain=gain)
+    only = Search(found.textbook, (alone,), (), alone)
+    against = doubts(problem, only, 0.0, repeated, felt)
+    assert any("leaves more" in reason for reason in against) != sure
+    naming = name(only, 0.0, repeated=repeated, doubted=bool(against))
+    assert (naming.effects["slip_sinkage"] > ASSERTED) == sure
+
+
+@pytest.mark.parametrize(("remaining", "repeated", "sure"), [(20.0, 1.0, True), (40.0, 1.0, False), (45.0, 3.0, True)])
+def test_what_leaves_something_is_believed_in_no_more_than_half(searched, remaining, repeated, sure):
+    """Less than is tolerated of a form, but more than right effects leave: no effect is asserted."""
+    problem, found = searched
+    alone = Trial(found.chosen.effects, found.chosen.fitted, found.chosen.held_out, 800.0)
+    only = Search(found.textbook, (alone,), (), alone)
+    against = doubts(problem, only, remaining, repeated)
+    assert any("leaves more" in reason for reason in against) != sure
+    naming = name(only, remaining, repeated=repeated, doubted=bool(against))
+    assert (naming.effects["slip_sinkage"] > ASSERTED) == sure
+    assert doubts(problem, Search(found.textbook, (alone,), (), found.textbook), remaining, repeated) == ()
+    much = replace(alone, gain=1200.0)
+    assert doubts(problem, Search(found.textbook, (much,), (), much), 40.0, 1.0) == (), "a share of what is gained"
+
+
+def test_one_of_two_that_are_alike_is_told_beside_what_is_sure(searched):
+    problem, found = searched
+    kinds = effects_for(situation(problem, found.textbook.fitted), ["torque_offset", "drivetrain_friction"])
+    pairs = [try_adding(problem, found.textbook, found.chosen, effect) for effect in kinds]
+    together = Search(found.textbook, (*found.trials, *pairs), (), pairs[0])
+    first, other = kinds[0].slug, next(effect.slug for effect in kinds if effect.slug != kinds[0].slug)
+    nothing = np.zeros_like(problem.measured)
+
+    def told(share: float, *more: str):
+        shares = {"slip_sinkage": 0.95, first: share, other: share - 0.01} | dict.fromkeys(more, 0.02)
+        naming = Naming(shares, 0.0, {"slip_sinkage": (), first: (other, *more)}, np.zeros(len(together.trials)))
+        remaining = SmoothCorrection((), 0.0, nothing, nothing)
+        before = found.textbook.held_out.residuals
+        return assemble(problem, together, naming, remaining, (), source="made", seed=0, began=0.0, before=before)
+
+    answer = told(0.47)
+    assert answer.verdict == "physics"
+    assert [missing.effect for missing in answer.missing] == ["slip_sinkage", first]
+    assert answer.missing[1].indistinguishable_from == (other,)
+    assert f"{effect_name(first)} (47 %) or {effect_name(other)}" in answer.summary
+    # Where neither is likely the rows ask for something, and that is a note.
+    answer = told(0.3)
+    assert [missing.effect for missing in answer.missing] == ["slip_sinkage"]
+    assert any("something more" in note for note in answer.notes)
+    # A long list names nothing: the best five beside the one.
+    several = ("load_gain", "torque_gain", "exit_angle", "rolling_radius", "tyre_deflection")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            "bevameter.identification.mismatch.show.answer.instead",
+            lambda *_: dict.fromkeys((other, *several), pairs[1]),
+        )
+        assert told(0.47, *several).missing[1].indistinguishable_from == (other, *several[:4])
+
+
+@pytest.mark.parametrize(
+    ("effects", "more", "repeated", "gained", "asks"),
+    [(1, 20.0, 1.0, 900.0, False), (1, 25.0, 1.0, 900.0, True), (1, 25.0, 2.0, 900.0, False),
+     (2, 10.0, 1.0, 800.0, False), (2, 13.0, 1.0, 800.0, True), (1, 54.0, 1.0, 4600.0, False),
+     (1, 100.0, 2.0, 4600.0, True)],
+)  # fmt: skip
+def test_a_set_beside_which_another_effect_still_gains_is_doubted(searched, effects, more, repeated, gained, asks):
+    problem, found = searched
+    kinds = effects_for(situation(problem, found.textbook.fitted), ["slip_sinkage", "torque_gain", "load_gain"])
+    sets = [tuple(kinds[:count]) for count in (effects, effects + 1)]
+    chosen, larger = (
+        Trial(each, found.chosen.fitted, found.chosen.held_out, gain)
+        for each, gain in zip(sets, (gained, gained + more), strict=True)
+    )
+    assert asks_for_more(Search(found.textbook, (chosen, larger), (), chosen), repeated) == asks
+    assert not asks_for_more(Search(found.textbook, (chosen, larger), (), found.textbook), repeated)
+
+
+@pytest.mark.parametrize(("gained", "sure"), [(100.0, True), (3000.0, False)])
+def test_look_alikes_are_told_apart_less_surely_the_more_is_gained(searched, gained, sure):
+    """Published forms of one effect differ: by some nats in thousands, and these are no evidence for another effect."""
+    problem, found = searched
+    rival = effects_for(situation(problem, found.textbook.fitted), ["stress_peak_shift"])[0]
+    best, other = (
+        Trial((effect,), found.chosen.fitted, found.chosen.held_out, gain)
+        for effect, gain in ((found.chosen.effects[0], gained), (rival, gained - 9.0))
+    )
+    naming = name(Search(found.textbook, (best, other), (), best), 0.0)
+    assert (naming.effects["slip_sinkage"] >= ASSERTED) == sure
+    assert naming.effects["slip_sinkage"] > naming.effects["stress_peak_shift"]
+    assert (naming.look_alikes["slip_sinkage"] == ("stress_peak_shift",)) != sure
+
+
+def test_rows_that_repeat_each_other_set_look_alikes_less_far_apart(searched):
+    """Thirty nats of which three say the same are ten."""
+    problem, found = searched
+    rival = effects_for(situation(problem, found.textbook.fitted), ["stress_peak_shift"])[0]
+    best, other = (
+        Trial((effect,), found.chosen.fitted, found.chosen.held_out, gain)
+        for effect, gain in ((found.chosen.effects[0], 300.0), (rival, 285.0))
+    )
+    together = Search(found.textbook, (best, other), (), best)
+    assert name(together, 0.0).look_alikes["slip_sinkage"] == ()
+    assert name(together, 0.0, repeated=3.0).look_alikes["slip_sinkage"] == ("stress_peak_shift",)
+    assert why_not(other, together, 1.0).startswith("explains less")
+    assert why_not(other, together, 3.0).startswith("nearly as good")
+    more = Trial((*best.effects, rival), found.chosen.fitted, found.chosen.held_out, 360.0)
+    assert why_not(more, together, 1.0) == "adds too little to what is chosen (+60.0 nats)"
+    assert "neighbouring rows repeat each other" in why_not(more, together, 2.0)
+
+
+def test_what_nobody_has_published_gives_way_to_what_gains_nearly_as_much(searched):
+    problem, found = searched
+    kinds = effects_for(situation(problem, found.textbook.fitted), ["slip_sinkage", "stress_peak_shift"])
+    shift = next(effect for effect in kinds if effect.slug == "stress_peak_shift")
+    trial = try_adding(problem, found.textbook, found.textbook, shift)
+    vector = trial.fitted.vector.copy()
+    vector[5] = 0.9  # a0
+    unheard_of = Trial((shift,), replace(trial.fitted, vector=vector), trial.held_out, 302.0)
+    other = Trial((kinds[0],), found.chosen.fitted, found.chosen.held_out, 300.0)
+    assert unheard_of.unheard_of
+    ended = Tries(problem, found.textbook, (), print, [unheard_of, other]).ended(unheard_of)
+    assert ended.chosen is other
+    assert name(ended, 0.0).effects["slip_sinkage"] > ASSERTED
+    alone = Tries(problem, found.textbook, (), print, [unheard_of]).ended(unheard_of)
+    assert alone.chosen is unheard_of
+
+
+@pytest.mark.parametrize(("gained", "gives_way"), [(303.0, True), (297.0, False)])
+def test_what_nobody_has_published_gives_way_to_two_that_gain_as_much(searched, gained, gives_way):
+    """Both of two that are there may gain no more than one effect that is bent beyond all bounds; it stays doubted."""
+    problem, found = searched
+    here = situation(problem, found.textbook.fitted)
+    shift, gain = (effects_for(here, [slug])[0] for slug in ("stress_peak_shift", "torque_gain"))
+    peak = try_adding(problem, found.textbook, found.textbook, shift)
+    vector = peak.fitted.vector.copy()
+    vector[5] = 0.9  # a0
+    bent = Trial((shift,), replace(peak.fitted, vector=vector), peak.held_out, 300.0)
+    two = replace(try_adding(problem, found.textbook, found.chosen, gain), gain=gained)
+    ended = Tries(problem, found.textbook, (), print, [bent, two]).ended(bent)
+    assert (ended.chosen.slugs == {"slip_sinkage", "torque_gain"}) == gives_way
+    assert any("a0 = 0.9, beyond what has been published" in why for why in doubts(problem, ended, 0.0, 1.0))
+    sure = replace(two, gain=320.0)
+    ended = Tries(problem, found.textbook, (), print, [bent, sure]).ended(sure)
+    assert not any("beyond" in why for why in doubts(problem, ended, 0.0, 1.0))
+
+
+def test_a_search_that_tried_nothing_has_an_answer(searched):
+    _, found = searched
+    naming = name(Search(found.textbook, (), (), found.textbook), 0.0)
+    assert naming.effects == {}
+    assert naming.weights.shape == (0,)
+
+
+def test_where_nothing_is_asked_for_no_candidate_is_likely(searched):
+    _, found = searched
+    nearly = Trial(found.chosen.effects, found.chosen.fitted, found.chosen.held_out, ASKED_FOR - 0.1)
+    naming = name(Search(found.textbook, (nearly,), (), found.textbook), 0.0)
+    assert naming.effects["slip_sinkage"] == pytest.approx(0.5 * (1.0 - naming.unknown))
+    assert naming.weights.sum() == pytest.approx(0.5 * (1.0 - naming.unknown))
+    asked = Trial(found.chosen.effects, found.chosen.fitted, found.chosen.held_out, ASKED_FOR + 0.1)
+    assert name(Search(found.textbook, (asked,), (), asked), 0.0).effects["slip_sinkage"] > ASSERTED
+
+
+def test_of_sets_that_gain_alike_the_one_that_errs_less_is_chosen(searched):
+    problem, found = searched
+    effects = effects_for(situation(problem, found.textbook.fitted), ["slip_sinkage", "stress_peak_shift"])[:2]
+    residuals = found.chosen.held_out.residuals
+
+    def tried(effect, gain: float, times: float) -> Trial:
+        return Trial((effect,), found.chosen.fitted, replace(found.chosen.held_out, residuals=times * residuals), gain)
+
+    def chosen(lead: float) -> Trial:
+        tries = Tries(problem, found.textbook, (), print, [tried(effects[0], 300.0 + lead, 3.0), other])
+        return tries.ended(tries.trials[0]).chosen
+
+    other = tried(effects[1], 300.0, 1.0)
+    assert chosen(3.0) is other
+    assert chosen(5.0).effects == (effects[0],)
+    ahead, behind = (tried(effects[0], gain, 3.0) for gain in (303.0, 297.0))
+    together = Search(found.textbook, (ahead, behind, other), (), other)
+    assert why_not(ahead, together, 1.0) == "as good: 3.0 nats more, but larger errors on held-out rows"
+    assert why_not(behind, together, 1.0) == "nearly as good: 3.0 nats behind"
+
+
+def test_where_every_form_is_wrong_nats_count_less_and_what_is_not_excluded_is_chosen_by_its_errors(searched):
+    problem, found = searched
+    there = situation(problem, found.textbook.fitted)
+    effects = [effects_for(there, [slug])[0] for slug in ("slip_sinkage", "stress_peak_shift")]
+    residuals = found.chosen.held_out.residuals
+
+    def ended(lead: float, times: float, gained: float = 300.0) -> Search:
+        errors, gains = (2.0 * times, times), (gained + lead, gained)
+        tries = Tries(problem, found.textbook, (), print, [
+            Trial((effect,), found.chosen.fitted, replace(found.chosen.held_out, residuals=error * residuals), gain)
+            for effect, error, gain in zip(effects, errors, gains, strict=True)
+        ])  # fmt: skip
+        return tries.ended(tries.trials[0])
+
+    # The noise is exceeded by both: thrice by the one, six times by the other.
+    wrong, right = ended(60.0, 3.0), ended(60.0, 1.0)
+    assert wrong.dispersion == pytest.approx(9.0 * dispersion_of(problem, found.chosen), rel=1e-6)
+    assert wrong.chosen.effects == (effects[1],)
+    assert (right.dispersion, right.chosen.effects) == (1.0, (effects[0],))
+    assert ended(200.0, 3.0).chosen.effects == (effects[0],)
+    # Whatever errs less: what gains nothing is not chosen.
+    assert ended(15.0, 3.0, ASKED_FOR + 1.0).chosen.effects == (effects[1],)
+    assert ended(15.0, 3.0, ASKED_FOR - 1.0).chosen.effects == (effects[0],)
+    # That every form is wrong makes nothing unknown less probable.
+    for left in (20.0, 75.0, 4000.0):
+        assert name(wrong, left).unknown == name(replace(wrong, dispersion=1.0), left).unknown
+    # In the probabilities, too, which go by errors on blocks that err independently.
+    ratio = np.log(name(wrong, 0.0).weights[1] / name(wrong, 0.0).weights[0])
+    blocks, channels = len(np.unique(problem.samples.block)), len(problem.answers)
+    assert ratio == pytest.approx(blocks * channels * np.log(2.0) / temperature(300.0), rel=1e-6)
+    ahead = effects[0].slug
+    assert name(right, 0.0).effects[ahead] > ASSERTED > 0.9 * ASSERTED > name(ended(20.0, 3.0), 0.0).effects[ahead]
+    assert why_not(wrong.trials[0], wrong, 1.0) == "as good: 60.0 nats more, but larger errors on held-out rows"
+
+
+def dispersion_of(problem, trial: Trial) -> float:
+    """Variance of the held-out residuals over the noise's, the channels' geometric mean."""
+    floor = np.array([noise_floor(problem, trial.fitted, each) for each in range(len(problem.answers))])
+    variance = np.nanmean(trial.held_out.residuals**2, axis=0)
+    return float(np.exp(np.mean(np.log(variance / floor**2))))
+
+
+def test_a_torque_off_by_the_same_everywhere_is_sooner_a_wrong_zero_than_friction(tmp_path):
+    """Both may be it, and neither is asserted: but friction of a drive follows load and speed as a rule."""
+    folder = conceal(7111, ("torque_offset",), "hidden", protocol="steady").write(tmp_path / "off")
+    rows = felt_rows(open_recording(folder, None))
+    problem, textbook = textbook_trial(gather(rows.table, rows.wheel, rows.vehicle))
+    catalogue = effects_for(situation(problem, textbook.fitted), ["torque_offset", "drivetrain_friction"])
+    forms = {effect.name: try_adding(problem, textbook, textbook, effect) for effect in catalogue}
+    zero, constant = forms["torque_offset"], forms["drivetrain_friction[coulomb]"]
+    assert zero.gain == pytest.approx(constant.gain, abs=0.1), "the wheel turns one way: they say the same"
+    trials = tuple(forms.values())
+    assert says_no_more(trials, constant)
+    assert says_no_more(trials, forms["drivetrain_friction[coulomb+load]"])
+    assert not says_no_more(trials, zero)
+    assert plainest(problem, trials, constant) is zero
+    naming = name(Search(textbook, trials, (), zero), 0.0)
+    assert ASSERTED > naming.effects["torque_offset"] > 2.0 * naming.effects["drivetrain_friction"] > 0.2
+    # Where the catalogue lacks the zero, friction is doubted: what shows of it may be one.
+    assert any("wrong zero" in each for each in doubts(problem, Search(textbook, (constant,), (), constant), 0.0, 1.0))
+    assert not any("wrong zero" in each for each in doubts(problem, Search(textbook, trials, (), zero), 0.0, 1.0))
+    # Where its other parts show, friction is as likely as anything that explains as much.
+    shows = replace(forms["drivetrain_friction[coulomb+load]"], gain=zero.gain + 20.0)
+    trials = tuple(shows if trial.names == shows.names else trial for trial in trials)
+    assert not says_no_more(trials, shows)
+    assert plainest(problem, trials, shows) is shows
+    assert name(Search(textbook, trials, (), shows), 0.0).effects["drivetrain_friction"] > ASSERTED
+
+
+def test_candidates_stand_with_the_most_probable_first(searched):
+    problem, found = searched
+    # One that gains more and was turned down for its size has no say.
+    larger = replace(found.chosen, effects=found.chosen.effects * 2, gain=found.chosen.gain + 5.0)
+    both = replace(found, trials=(larger, *found.trials))
+    nothing = SmoothCorrection((), 0.0, np.zeros_like(problem.measured), np.zeros_like(problem.measured))
+    naming, before = name(both, 0.0), found.textbook.held_out.residuals
+    answer = assemble(problem, both, naming, nothing, (), source="made", seed=0, began=0.0, before=before)
+    assert [each.why == "chosen" for each in answer.candidates] == [True, False]
+    assert answer.candidates[1].heldout_nats > answer.candidates[0].heldout_nats
+
+
+def test_noise_in_the_pictures_is_that_of_the_table(searched):
+    problem, found = searched
+    nothing = SmoothCorrection((), 0.0, np.zeros_like(problem.measured), np.zeros_like(problem.measured))
+    naming, before = name(found, 0.0), found.textbook.held_out.residuals
+    answer = assemble(problem, found, naming, nothing, (), source="made", seed=0, began=0.0, before=before)
+    assert answer.rows.noise == pytest.approx([answer.fits[channel].noise for channel in answer.rows.channels])
+    after = (answer.rows.measured - answer.rows.after) / answer.rows.noise
+    assert np.nanmean(np.abs(after) < 2.0) > 0.9, "what is right leaves little but the grey band"

@@ -1,0 +1,103 @@
+"""Passes on the same ground, and passes on ground that the one before has stirred."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import bevameter.identification.mismatch.explain as module
+import numpy as np
+import pytest
+from bevameter import Vehicle, Wheel, explain
+from bevameter.identification.identify import felt_rows, open_recording
+from bevameter.identification.mismatch.fit.samples import gather, passes_apart
+from bevameter.identification.wheel_soil import Soil, equilibrium
+
+WHEEL = Wheel(radius_m=0.15, width_m=0.15)
+SOIL = Soil(c_Pa=300.0, phi_rad=math.radians(30.0), k_m=0.011, stiffness_Pa=2.9e5, n=1.1)
+ROWS, PIECE, PASSES, VARIES = 250, 10, 2, 0.035
+
+
+def two_passes(folder, *, same_ground: bool, compaction: float, torque: float = 1.0, seed: int = 5):
+    """Write a drive twice along a track whose ground varies, the second time on the same ground or not."""
+    rng = np.random.default_rng(seed)
+    pieces = ROWS // PIECE
+    steps = rng.normal(size=(2, PASSES * pieces))
+    keep = math.exp(-1.0 / 4.0)
+    along = np.zeros_like(steps)
+    along[:, 0] = steps[:, 0]
+    for piece in range(1, PASSES * pieces):
+        along[:, piece] = keep * along[:, piece - 1] + math.sqrt(1.0 - keep**2) * steps[:, piece]
+    if same_ground:
+        along = np.tile(along[:, :pieces], PASSES)
+    time_s = 0.1 * np.arange(PASSES * ROWS)
+    load = 90.0 + 40.0 * np.sin(time_s / 3.1) + 15.0 * np.sin(time_s / 1.3)
+    slip = 0.3 + 0.2 * np.sin(time_s / 2.3)
+    number = 1 + np.arange(len(time_s)) // ROWS
+    answers = np.empty((len(time_s), 3))
+    for piece in range(PASSES * pieces):
+        rows = slice(piece * PIECE, (piece + 1) * PIECE)
+        stiffer = VARIES * along[0, piece] + compaction * (piece >= pieces)
+        stronger = math.exp(VARIES * along[1, piece])
+        soil = replace(
+            SOIL, stiffness_Pa=SOIL.stiffness_Pa * math.exp(stiffer), c_Pa=SOIL.c_Pa * stronger,
+            phi_rad=math.atan(math.tan(SOIL.phi_rad) * stronger),
+        )  # fmt: skip
+        state = equilibrium(WHEEL, soil, load[rows], slip[rows])
+        answers[rows] = np.column_stack([state.torque_Nm, state.sinkage_m, state.drawbar_pull_N])
+    answers[:, 0] *= torque
+    answers += 0.01 * np.ptp(answers, axis=0) * rng.normal(size=answers.shape)
+    place = 0.02 * (np.arange(len(time_s)) % ROWS)
+    columns = [time_s, load + 0.2 * rng.normal(size=len(load)), slip + 0.002 * rng.normal(size=len(slip))]
+    table = np.column_stack([*columns, *answers.T, place, number])
+    path = folder / "wheel.csv"
+    head = "time_s,load_N,slip,torque_Nm,sinkage_m,drawbar_pull_N,x_m,pass"
+    np.savetxt(path, table, delimiter=",", header=head, comments="")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("same_ground", "compaction", "verdict"), [(False, 0.0, "none"), (True, 0.0, "none"), (True, 0.1, "physics")]
+)
+def test_ground_that_varies_anew_in_each_pass_is_no_compaction(tmp_path, same_ground, compaction, verdict):
+    path = two_passes(tmp_path, same_ground=same_ground, compaction=compaction)
+    vehicle = Vehicle(name="made", wheels=(WHEEL,))
+    answer = explain(path, vehicle=vehicle, catalogue=["multipass_compaction"])
+    assert answer.verdict == verdict
+    assert any("ground of its own" in note for note in answer.notes) != same_ground
+
+
+@pytest.mark.parametrize("seed", [5, 6, 7])
+def test_ground_of_its_own_takes_the_place_of_one_of_two_effects(tmp_path, seed):
+    """Beside an effect, too, what passes differ by is no compaction and no drift where their ground is not the same."""
+    path = two_passes(tmp_path, same_ground=False, compaction=0.0, torque=1.1, seed=seed)
+    vehicle = Vehicle(name="made", wheels=(WHEEL,))
+    answer = explain(path, vehicle=vehicle, catalogue=["multipass_compaction", "torque_gain", "drift"])
+    assert {each.effect for each in answer.missing} == {"torque_gain"}
+    assert any("ground of its own" in note for note in answer.notes)
+
+
+@pytest.mark.parametrize(("gained", "compaction", "enough"), [(0.0, 0.1, True), (1e5, 0.1, False), (1e5, 0.3, True)])
+def test_beside_other_ground_an_effect_has_to_gain_as_much_as_beside_another_effect_or_to_calm_it(
+    tmp_path, monkeypatch, gained, compaction, enough
+):
+    path = two_passes(tmp_path, same_ground=True, compaction=compaction)
+    monkeypatch.setattr(
+        module, "_on_other_ground", lambda samples, known, *_: (*module.textbook_trial(samples, known), gained)
+    )
+    answer = explain(path, vehicle=Vehicle(name="made", wheels=(WHEEL,)), catalogue=["multipass_compaction"])
+    assert any(each.effect == "multipass_compaction" for each in answer.missing) == enough
+
+
+def test_passes_lie_apart_whichever_way_they_are_driven(tmp_path):
+    opened = open_recording(
+        two_passes(tmp_path, same_ground=True, compaction=0.0), Vehicle(name="made", wheels=(WHEEL,))
+    )
+    rows = felt_rows(opened)
+    samples = gather(rows.table, rows.wheel, rows.vehicle)
+    second = samples.drive.pass_number == 2
+    assert not samples.lane.any()
+    there_and_back = np.where(second, samples.drive.place_m[::-1], samples.drive.place_m)
+    for place in (samples.drive.place_m, there_and_back):
+        apart = passes_apart(replace(samples, drive=replace(samples.drive, place_m=place)))
+        assert np.array_equal(apart.lane, second)
