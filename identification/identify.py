@@ -24,6 +24,7 @@ from .forward import CHANNELS
 from .gate import LIMITS, Stretch, check_signs, find_stretches, quasi_static
 from .geometry import by_geometry
 from .noise import sensor_noise
+from .slip_check import slip_disagreement
 from .trials import AS_TRIALS, is_of_trials, without_time
 
 Method = Literal["ml", "linear"]
@@ -222,10 +223,12 @@ def _of_vehicle(recording: Recording) -> FeltRows:
     for rows in gathered:
         check_signs(rows.table, rows.wheel)
     best = max(gathered, key=lambda rows: int((rows.reasons == "").sum()))
-    if len(gathered) == 1:
-        return best
-    problem = f"wheels of {len(gathered)} geometries: only those of radius {best.wheel.radius_m:g} m were used"
-    return FeltRows(best.table, best.wheel, best.vehicle, best.reasons, (problem,))
+    problems, radius = [], best.wheel.radius_m
+    if len(gathered) > 1:
+        problems.append(f"wheels of {len(gathered)} geometries: only those of radius {radius:g} m were used")
+    if other_slip := slip_disagreement(best.table, best.wheel):
+        problems.append(other_slip)
+    return replace(best, problems=tuple(problems))
 
 
 def _check_geometry(table: WheelTable, wheel: Wheel) -> None:

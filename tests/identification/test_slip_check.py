@@ -1,0 +1,69 @@
+"""The recorded slip against the two speeds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bevameter import Recording, Vehicle, Wheel, WheelTable, explain, identify
+from bevameter.identification.slip_check import slip_disagreement
+from bevameter.identification.wheel_soil import Soil, equilibrium
+
+WHEEL = Wheel(radius_m=0.15, width_m=0.12)
+
+
+def recorded(rng, radius_m=0.15, noise=0.0, rows=200, braking=False) -> WheelTable:
+    """Rows whose slip was worked out with a radius of its own."""
+    rim = 0.5 + 0.2 * rng.random(rows)
+    slip = (-0.3 if braking else 0.1) + 0.2 * rng.random(rows)
+    ratio = np.where(slip >= 0.0, 1.0 - slip, 1.0 / (1.0 + slip))
+    columns = {
+        "time_s": 0.1 * np.arange(rows),
+        "slip": slip + noise * rng.normal(size=rows),
+        "wheel_speed_rad_s": rim,
+        "travel_speed_m_s": ratio * rim * radius_m,
+    }
+    return WheelTable(columns, None, None, Path("wheel.csv"))
+
+
+@pytest.mark.parametrize("radius_m", [0.135, 0.165])
+def test_a_radius_that_is_stated_wrongly_is_told(rng, radius_m):
+    told = slip_disagreement(recorded(rng, radius_m, noise=0.02), WHEEL)
+    side = "above" if radius_m > 0.15 else "below"
+    assert f"{side} what the two speeds give with a radius of 0.15 m (median of 200 rows)" in told
+    found = float(told.split("; ")[1].split(" m would")[0])
+    assert found == pytest.approx(radius_m, abs=0.002)
+
+
+def test_a_braking_wheel_tells_that_they_disagree_but_no_radius(rng):
+    told = slip_disagreement(recorded(rng, 0.165, braking=True), WHEEL)
+    assert "the recorded slip is" in told
+    assert "would make them agree" not in told
+
+
+def test_noise_few_rows_and_missing_speeds_tell_nothing(rng):
+    assert slip_disagreement(recorded(rng), WHEEL) is None
+    assert slip_disagreement(recorded(rng, noise=0.2), WHEEL) is None
+    assert slip_disagreement(recorded(rng, 0.165, rows=15), WHEEL) is None
+    one_speed = recorded(rng, 0.165)
+    one_speed = WheelTable({name: one_speed[name] for name in ("time_s", "slip", "travel_speed_m_s")}, None, None, "")
+    assert slip_disagreement(one_speed, WHEEL) is None
+    standing = recorded(rng, 0.165)
+    standing.columns["wheel_speed_rad_s"][:] = 0.0
+    standing.columns["travel_speed_m_s"][:] = 0.0
+    assert slip_disagreement(standing, WHEEL) is None
+
+
+def test_identify_and_explain_say_so(rng):
+    table = recorded(rng, 0.165)
+    load = 80.0 + 60.0 * rng.random(len(table))
+    state = equilibrium(WHEEL, Soil(c_Pa=300.0, phi_rad=0.55, k_m=0.012, stiffness_Pa=9e4, n=0.9), load, table["slip"])
+    torque = state.torque_Nm + 0.05 * rng.normal(size=len(table))
+    sinkage = state.sinkage_m + 2e-4 * rng.normal(size=len(table))
+    columns = {**table.columns, "load_N": load, "torque_Nm": torque, "sinkage_m": sinkage}
+    drive = WheelTable(columns, None, None, Path("wheel.csv"))
+    recording = Recording("test", Path("wheel.csv"), Vehicle(wheels=(WHEEL,)), None, "", "0" * 64, wheel=drive)
+    said = "0.165 m would make them agree"
+    assert any(said in note for note in identify(recording).problems)
+    assert any(said in note for note in explain(recording, catalogue=()).notes)
