@@ -28,6 +28,7 @@ from bevameter.identification.mismatch.fit.trial import (
 from bevameter.identification.simulate import simulate
 from bevameter.identification.wheel_soil import Soil, equilibrium
 from scipy.optimize import brentq
+from scipy.signal import lfilter
 
 
 def samples_of(seed: int, slugs: tuple[str, ...], level: str, protocol: str) -> Samples:
@@ -181,3 +182,31 @@ def test_a_delay_on_which_stretches_disagree_is_none():
     # Where they agree the same gain counts.
     alike = replace(trial.held_out, nats=textbook.held_out.nats + gained / len(trial.held_out.nats))
     assert not _by_chance(textbook, replace(trial, held_out=alike))
+
+
+def going_on(rng: np.random.Generator, count: int, sd: float, rows: float) -> np.ndarray:
+    """Noise (count,) that is forgotten within so many rows."""
+    keep = np.exp(-1.0 / rows)
+    return lfilter([sd * np.sqrt(1.0 - keep**2)], [1.0, -keep], rng.normal(size=count))
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_rows_that_are_better_off_apart_are_not_late(seed, monkeypatch):
+    """Slow ramps of slip whose load and slip are measured with errors that go on for rows: any delay does better."""
+    rng, rows, wheel = np.random.default_rng(seed), 1500, Wheel(radius_m=0.15, width_m=0.1)
+    vehicle = Vehicle(name="made", wheels=(wheel,))
+    part = np.repeat((0, 1, 2), rows // 3)
+    slip = 0.05 + 0.5 * np.tile(np.arange(rows // 3), 3) / (rows // 3) + going_on(rng, rows, 0.004, 60.0)
+    load = np.array([60.0, 90.0, 130.0])[part] * (1.0 + going_on(rng, rows, 0.004, 60.0))
+    clean = {"time_s": 0.05 * np.arange(rows) + 60.0 * part, "load_N": load, "slip": slip, "pass": part + 1.0}
+    sand = Soil(c_Pa=300.0, phi_rad=np.radians(31.0), k_m=0.012, stiffness_Pa=9e4, n=0.9)
+    answer = simulate(vehicle, sand, WheelTable(clean, None, None, "made"))
+    measured = {**clean, "load_N": load * (1.0 + going_on(rng, rows, 0.006, 6.0))}
+    measured["slip"] = slip + going_on(rng, rows, 0.004, 6.0)
+    for name, noise in (("torque_Nm", 0.005), ("sinkage_m", 0.02), ("drawbar_pull_N", 0.02)):
+        measured[name] = answer[name] + noise * np.abs(answer[name]).max() * rng.normal(size=rows)
+    problem, textbook = textbook_trial(gather(WheelTable(measured, None, None, "made"), wheel, vehicle))
+    lags = {each.form: each for each in effects_for(situation(problem, textbook.fitted), ["time_lag"])}
+    assert try_adding(problem, textbook, textbook, lags["load_N"]).gain <= 0.0
+    monkeypatch.setattr("bevameter.identification.mismatch.fit.trial._either_way", lambda *_: False)
+    assert try_adding(problem, textbook, textbook, lags["load_N"]).gain > 30.0
