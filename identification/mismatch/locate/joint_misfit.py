@@ -18,7 +18,7 @@ from ..fit.soil_variation import HUBER, NoiseModel, huber_loss
 from ..fit.textbook import QUIET
 from .smooth_correction import NO_WORSE, STRENGTH, Group, SmoothCorrection, Solver, Term
 
-_DEGREE, _DEGREE_OF_LOAD = 3, 2
+_DEGREE, _DEGREE_OF_LOAD = 3, 3
 """Of the polynomials of slip, and of load."""
 
 _HELD = 0.02
@@ -27,7 +27,7 @@ _HELD = 0.02
 _APART = 1e-3
 """Columns whose part of their own is a smaller share tell nothing [-]."""
 
-_WORTH, _NEXT_TO_NOTHING = 15.0, 1.0
+WORTH, _NEXT_TO_NOTHING = 15.0, 2.0
 """Nats that a correction of all channels together has to gain, and those that a part of it has to be worth."""
 
 
@@ -77,7 +77,7 @@ def joint_correction(problem: Problem, fitted: Fitted, alone: HeldOut) -> Smooth
     gain = _weigh(solver, kept) - cost - without
     left = solver.held_out(kept)
     growth = replace(alone, residuals=left).error(problem) - alone.error(problem)
-    if gain < _WORTH or growth > math.log(NO_WORSE):
+    if gain < WORTH or growth > math.log(NO_WORSE):
         return None
     share = gain / len(kept)
     terms = tuple(

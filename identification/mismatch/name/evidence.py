@@ -14,7 +14,7 @@ from ...noise import autocorrelations
 from ..fit.fitting import Problem
 from ..fit.soil_variation import HUBER
 from ..fit.trial import ASKED_FOR, EXPECTED_ASKED_FOR, Trial
-from ..locate.joint_misfit import nats_in_all
+from ..locate.joint_misfit import WORTH, joint_correction, nats_in_all
 from ..locate.noise_floor import FAR, FEWEST, SHOWN, ground_apart, in_time, noise_floor, rows_alike
 from .asked import is_bump, of_no_effect, surplus
 from .naming import REMAINS
@@ -79,10 +79,8 @@ def doubts(
     if asks_for_more(search, repeated):
         reasons.append("beside what fits best one more effect would still gain more than beside a complete set")
     gained = search.chosen.gain
-    in_all = nats_in_all(problem, search.chosen.fitted, repeated)
     left = remaining > max(REMAINS * repeated, _LEFT * gained) or felt > max(_FELT * repeated, _FELT_SHARE * gained)
-    share = _OF_ONE if len(search.chosen.unexpected) < 2 else _OF_SEVERAL
-    if left or in_all > max(_IN_ALL, share * gained):
+    if left or leaves_in_all(problem, search.chosen, repeated):
         reasons.append("what fits best leaves more than published forms of one effect commonly differ by")
     # Beside others it does not speak against these.
     if len(search.chosen.unexpected) < 2 and says_no_more(search.trials, search.chosen):
@@ -92,6 +90,17 @@ def doubts(
     elif beyond := instead_of(search):
         reasons.append(f"one effect less does nearly as well, {' and '.join(beyond)}, beyond what has been published")
     return tuple(reasons)
+
+
+def leaves_in_all(problem: Problem, chosen: Trial, repeated: float) -> bool:
+    """Say whether what a set leaves follows slip and load in all channels together, as they are by the noise found, or
+    held out with the likeliest noise beside: ground that varies more than it does may make up for it.
+    """
+    share = _OF_ONE if len(chosen.unexpected) < 2 else _OF_SEVERAL
+    if nats_in_all(problem, chosen.fitted, repeated) > max(_IN_ALL, share * chosen.gain):
+        return True
+    joint = joint_correction(problem, chosen.fitted, chosen.held_out)
+    return joint is not None and joint.gain > WORTH * repeated
 
 
 def at_odds(problem: Problem, search: Search) -> bool:
