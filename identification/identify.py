@@ -223,12 +223,10 @@ def _of_vehicle(recording: Recording) -> FeltRows:
     for rows in gathered:
         check_signs(rows.table, rows.wheel)
     best = max(gathered, key=lambda rows: int((rows.reasons == "").sum()))
-    problems, radius = [], best.wheel.radius_m
-    if len(gathered) > 1:
-        problems.append(f"wheels of {len(gathered)} geometries: only those of radius {radius:g} m were used")
-    if other_slip := slip_disagreement(best.table, best.wheel):
-        problems.append(other_slip)
-    return replace(best, problems=tuple(problems))
+    if len(gathered) == 1:
+        return best
+    problem = f"wheels of {len(gathered)} geometries: only those of radius {best.wheel.radius_m:g} m were used"
+    return replace(best, problems=(problem, *best.problems))
 
 
 def _check_geometry(table: WheelTable, wheel: Wheel) -> None:
@@ -243,20 +241,24 @@ def _check_geometry(table: WheelTable, wheel: Wheel) -> None:
 
 
 def _gather(table: WheelTable, vehicle: Vehicle, names: list[str | None]) -> FeltRows:
-    parts, reasons = [], []
+    parts, reasons, problems = [], [], []
     for name in names:
         wheel = vehicle.wheel(name)
         part = table if name is None else table.select(np.asarray(table.wheel) == name)
+        if other_slip := slip_disagreement(part, wheel):
+            problems.append(other_slip if len(names) == 1 else f"wheel {name}: {other_slip}")
         part = derive(part, wheel)
         parts.append(part)
         reasons.append(quasi_static(part, wheel))
     wheel = vehicle.wheel(names[0])
     if len(parts) == 1:
-        return FeltRows(parts[0], wheel, vehicle, reasons[0], ())
+        return FeltRows(parts[0], wheel, vehicle, reasons[0], tuple(problems))
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0].columns}
     labels = np.concatenate([np.asarray(part.wheel) for part in parts])
     runs = None if parts[0].run is None else np.concatenate([np.asarray(part.run) for part in parts])
-    return FeltRows(WheelTable(columns, labels, runs, table.source), wheel, vehicle, np.concatenate(reasons), ())
+    return FeltRows(
+        WheelTable(columns, labels, runs, table.source), wheel, vehicle, np.concatenate(reasons), tuple(problems)
+    )
 
 
 def _segments(rows: FeltRows, stretch: Stretch, known: SoilKnowledge, method: Method) -> list[Segment]:

@@ -9,35 +9,55 @@ from ..framework.core.recording.wheel_file import slip_from_speeds
 from ..framework.core.vehicle import Wheel
 
 _FAR, _PARTS, _LEAST_ROWS = 0.02, 10, 20
-"""A difference of slip that matters [-], parts of the rows in each of which it has to lie to the same side, so that it
-is not noise (by chance once in 512), and how many rows that takes."""
-
-_NEARLY_SPINNING = 0.8
-"""Slip from which on the speeds say little of the radius [-]."""
+"""A difference of slip that matters [-]; parts of the rows in each of which it has to lie to the same side, so that it
+is not noise (by chance once in 512, where parts err independently); and how many rows that takes."""
 
 
 def slip_disagreement(table: WheelTable, wheel: Wheel) -> str | None:
     """Say, in words, that the recorded slip is not what the speeds of rim and travel give; None where it is.
 
-    A radius that is stated wrongly shows so, and a slip of another definition.
+    A radius that is stated wrongly shows so, and a slip of another definition. The definition is that of
+    `wheel_file.derive` (J. Y. Wong, *Theory of Ground Vehicles*, 2010, Eq. 4.44 and 4.47).
+
+    Parameters
+    ----------
+    table
+        Channels of one wheel as recorded: `slip` [-], `wheel_speed_rad_s` [rad/s] and `travel_speed_m_s` [m/s].
+    wheel
+        Its radius [m].
     """
     slip, rim, travel = (table.get(name) for name in ("slip", "wheel_speed_rad_s", "travel_speed_m_s"))
     if slip is None or rim is None or travel is None:
         return None
     difference = slip - slip_from_speeds(rim * wheel.radius_m, travel)
-    known = np.flatnonzero(np.isfinite(difference))
-    if len(known) < _LEAST_ROWS:
+    known = np.isfinite(difference)
+    if known.sum() < _LEAST_ROWS:
         return None
-    middle = float(np.median(difference[known]))
-    to_one_side = np.array([np.median(part) * middle > 0.0 for part in np.array_split(difference[known], _PARTS)])
-    if abs(middle) < _FAR or not to_one_side.all():
+    middle, parts = float(np.median(difference[known])), _by_part(difference[known])
+    if abs(middle) < _FAR or np.any(parts * middle <= 0.0):
         return None
     told = (
         f"the recorded slip is {abs(middle):.2g} {'above' if middle > 0.0 else 'below'} what the two speeds give with "
-        f"a radius of {wheel.radius_m:g} m (median of {len(known)} rows)"
+        f"a radius of {wheel.radius_m:g} m (median of {known.sum()} rows)"
     )
-    driving = known[(slip[known] >= 0.0) & (slip[known] < _NEARLY_SPINNING) & (rim[known] != 0.0)]
-    if len(driving) >= _LEAST_ROWS:
-        radii = travel[driving] / (rim[driving] * (1.0 - slip[driving]))
-        told += f"; {np.median(radii):.3g} m would make them agree"
+    radius = _radius_of(slip[known], rim[known], travel[known])
+    if radius is not None:
+        told += f"; {radius:.3g} m would make them agree"
     return f"{told}: check the radius, and which slip is meant; the recorded one is used"
+
+
+def _radius_of(slip: np.ndarray, rim: np.ndarray, travel: np.ndarray) -> float | None:
+    """Radius [m] with which the two speeds (n,) [rad/s, m/s] give the slip (n,) all along; None where none does."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        radii = np.where(slip >= 0.0, travel / (rim * (1.0 - slip)), travel * (1.0 + slip) / rim)
+    radii = radii[np.isfinite(radii) & (radii > 0.0)]
+    if len(radii) < _LEAST_ROWS:
+        return None
+    radius = float(np.median(radii))
+    left = slip - slip_from_speeds(rim * radius, travel)
+    return radius if np.all(np.abs(_by_part(left[np.isfinite(left)])) < _FAR) else None
+
+
+def _by_part(values: np.ndarray) -> np.ndarray:
+    """Medians of the parts of values (n,) in their order."""
+    return np.array([np.median(part) for part in np.array_split(values, _PARTS)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -36,10 +37,20 @@ def test_a_radius_that_is_stated_wrongly_is_told(rng, radius_m):
     assert found == pytest.approx(radius_m, abs=0.002)
 
 
-def test_a_braking_wheel_tells_that_they_disagree_but_no_radius(rng):
-    told = slip_disagreement(recorded(rng, 0.165, braking=True), WHEEL)
-    assert "the recorded slip is" in told
-    assert "would make them agree" not in told
+def test_a_braking_wheel_tells_its_radius_too(rng):
+    assert "0.165 m would make them agree" in slip_disagreement(recorded(rng, 0.165, braking=True), WHEEL)
+
+
+def test_what_no_radius_mends_is_told_without_one(rng):
+    """A slip of another definition, a wheel that spins on the spot."""
+    other = recorded(rng)
+    other.columns["slip"][:] = other["slip"] / (1.0 - other["slip"])
+    spinning = recorded(rng)
+    spinning.columns["travel_speed_m_s"][:] = 0.0
+    for table in (other, spinning):
+        told = slip_disagreement(table, WHEEL)
+        assert "the recorded slip is" in told
+        assert "would make them agree" not in told
 
 
 def test_noise_few_rows_and_missing_speeds_tell_nothing(rng):
@@ -66,4 +77,8 @@ def test_identify_and_explain_say_so(rng):
     recording = Recording("test", Path("wheel.csv"), Vehicle(wheels=(WHEEL,)), None, "", "0" * 64, wheel=drive)
     said = "0.165 m would make them agree"
     assert any(said in note for note in identify(recording).problems)
+    # What was filled in from the speeds agrees with them, and says nothing of what was recorded.
+    table.columns["slip"][rng.random(len(table)) < 0.6] = np.nan
+    drive = replace(drive, columns={**columns, "slip": table["slip"]})
+    assert any(said in note for note in identify(replace(recording, wheel=drive)).problems)
     assert any(said in note for note in explain(recording, catalogue=()).notes)

@@ -215,7 +215,8 @@ def try_adding(
     trial = replace(_trial(problem, textbook, best.model.effects, best, held_out), sharp=sharp)
     effect, where = best.model.slices()[-1]
     late = effect.delay(best.vector[where]) is not None
-    nothing = worse or (late and (_by_chance(base, trial) or _either_way(problem, base, trial)))
+    gained = trial.gain - base.gain
+    nothing = worse or (late and (_by_chance(base, trial) or (gained > 0.0 and _either_way(problem, base, trial))))
     return replace(trial, gain=min(trial.gain, base.gain)) if nothing else trial
 
 
@@ -230,6 +231,8 @@ def _by_chance(base: Trial, trial: Trial) -> bool:
 def _either_way(problem: Problem, base: Trial, trial: Trial) -> bool:
     """Say whether the opposite of the last effect's delay does better than none, too: rows that are apart are then no
     worse than those that belong together, as where errors of load and slip go on for rows, and nothing is late.
+
+    A delay has no parameter but itself.
     """
     fitted = trial.fitted
     _, where = fitted.model.slices()[-1]
@@ -237,8 +240,8 @@ def _either_way(problem: Problem, base: Trial, trial: Trial) -> bool:
     vector[where] *= -1.0
     opposite = fit(problem, fitted.model, vector, fitted.noise, fitted.theta_1, iterations=0)
     noise = problem.best_noise(opposite.response, opposite.vector, fitted.noise, problem.prior(fitted.model))
-    again = fit(problem, fitted.model, opposite.vector, noise, opposite.theta_1, iterations=0)
-    return again.score > base.fitted.score
+    settled = fit(problem, fitted.model, opposite.vector, noise, opposite.theta_1, iterations=0)
+    return settled.score > base.fitted.score
 
 
 def _freed(problem: Problem, base: Trial, best: Fitted, rival: float) -> Fitted:

@@ -18,8 +18,8 @@ from ..fit.soil_variation import HUBER, NoiseModel, huber_loss
 from ..fit.textbook import QUIET
 from .smooth_correction import NO_WORSE, STRENGTH, Group, SmoothCorrection, Solver, Term
 
-_DEGREE, _DEGREE_OF_LOAD = 3, 3
-"""Of the polynomials of slip, and of load."""
+_DEGREE = 3
+"""Of the polynomials of slip, and of load: on four loads in turn errors have either sign."""
 
 _HELD = 0.02
 """Loads that scatter by less, a share of their mean, are one load [-]."""
@@ -28,7 +28,8 @@ _APART = 1e-3
 """Columns whose part of their own is a smaller share tell nothing [-]."""
 
 WORTH, _NEXT_TO_NOTHING = 15.0, 2.0
-"""Nats that a correction of all channels together has to gain, and those that a part of it has to be worth."""
+"""Nats that a correction of all channels together has to gain, and those that a part of it has to be worth: of parts
+that tell nothing one in five is worth one nat by chance, and two hardly any."""
 
 
 def nats_in_all(problem: Problem, fitted: Fitted, repeated: float = 1.0) -> float:
@@ -77,7 +78,7 @@ def joint_correction(problem: Problem, fitted: Fitted, alone: HeldOut) -> Smooth
     gain = _weigh(solver, kept) - cost - without
     left = solver.held_out(kept)
     growth = replace(alone, residuals=left).error(problem) - alone.error(problem)
-    if gain < WORTH or growth > math.log(NO_WORSE):
+    if not kept or gain < WORTH or growth > math.log(NO_WORSE):
         return None
     share = gain / len(kept)
     terms = tuple(
@@ -163,7 +164,7 @@ def _courses(samples: Samples) -> np.ndarray:
     if drive.load_N.std() < _HELD * drive.load_N.mean():
         return by_slip
     load = _within(drive.load_N)
-    return np.column_stack([by_slip, legvander(load, _DEGREE_OF_LOAD)[:, 1:], by_slip[:, 1] * load])
+    return np.column_stack([by_slip, legvander(load, _DEGREE)[:, 1:], by_slip[:, 1] * load])
 
 
 def _within(values: np.ndarray) -> np.ndarray:

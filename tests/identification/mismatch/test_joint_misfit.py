@@ -12,6 +12,8 @@ from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import SLUGS, effects_for
 from bevameter.identification.identify import felt_rows, open_recording
+from bevameter.identification.mismatch.fit.fitting import fit
+from bevameter.identification.mismatch.fit.held_out import hold_out
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.fit.trial import situation, textbook_trial, try_adding
 from bevameter.identification.mismatch.locate.joint_misfit import joint_correction, nats_in_all
@@ -105,6 +107,15 @@ def test_a_joint_correction_is_found_where_no_channel_shows_one():
 def test_of_noise_no_joint_correction_is_made():
     for problem, textbook in map(driven, range(8)):
         assert joint_correction(problem, textbook.fitted, textbook.held_out) is None
+
+
+def test_noise_that_was_taken_for_too_much_is_no_correction():
+    """What the likeliest noise gains by itself depends on nothing."""
+    problem, textbook = driven(0)
+    wide = replace(textbook.fitted.noise, answers=4.0 * textbook.fitted.noise.answers)
+    there = textbook.fitted
+    fitted = fit(problem, there.model, there.vector, wide, there.theta_1, iterations=0, settle=False)
+    assert joint_correction(problem, fitted, hold_out(problem, fitted)) is None
 
 
 def test_a_load_that_each_level_takes_otherwise_is_seen_though_the_ground_is_taken_to_vary(tmp_path):
