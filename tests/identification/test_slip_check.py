@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bevameter import Recording, Vehicle, Wheel, WheelTable, explain, identify
+from bevameter.identification.identify import felt_rows
 from bevameter.identification.slip_check import slip_disagreement
 from bevameter.identification.wheel_soil import Soil, equilibrium
 
@@ -64,6 +65,16 @@ def test_noise_few_rows_and_missing_speeds_tell_nothing(rng):
     standing.columns["wheel_speed_rad_s"][:] = 0.0
     standing.columns["travel_speed_m_s"][:] = 0.0
     assert slip_disagreement(standing, WHEEL) is None
+
+
+def test_of_several_wheels_the_one_is_told_whose_slip_disagrees(rng):
+    good, bad = recorded(rng), recorded(rng, 0.165)
+    both = {name: np.concatenate([good[name], bad[name]]) for name in good.columns}
+    both["load_N"] = np.full(400, 80.0)
+    table = WheelTable(both, np.repeat(["left", "right"], 200), None, Path("wheel.csv"))
+    vehicle = Vehicle(wheels=tuple(Wheel(name=name, radius_m=0.15, width_m=0.12) for name in ("left", "right")))
+    problems = felt_rows(Recording("test", Path("wheel.csv"), vehicle, None, "", "0" * 64, wheel=table)).problems
+    assert [problem.split(":")[0] for problem in problems] == ["wheel right"]
 
 
 def test_identify_and_explain_say_so(rng):

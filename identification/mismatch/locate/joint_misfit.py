@@ -28,8 +28,9 @@ _APART = 1e-3
 """Columns whose part of their own is a smaller share tell nothing [-]."""
 
 WORTH, _NEXT_TO_NOTHING = 15.0, 2.0
-"""Nats that a correction of all channels together has to gain, and those that a part of it has to be worth: of parts
-that tell nothing one in five is worth one nat by chance, and two hardly any."""
+"""Nats that a correction of all channels together has to gain, and those that a part of it has to be worth: a
+column that tells nothing is worth more than one nat by chance 16 times in a hundred, more than two 5 times (half a
+chi-square of one degree)."""
 
 
 def nats_in_all(problem: Problem, fitted: Fitted, repeated: float = 1.0) -> float:
