@@ -6,6 +6,7 @@ seed s, whatever the number of recordings or processes; a study that was cut off
 
     python docs/studies/concealed_physics.py --recordings 320 --processes 2 --out results.jsonl
     python docs/studies/concealed_physics.py --recordings 60 --leave-one-out --out left_out.jsonl
+    python docs/studies/concealed_physics.py --recordings 60 --protocol ramps --out ramps.jsonl
     python docs/studies/concealed_physics.py --recordings 0 --out results.jsonl        # only the table
 """
 
@@ -24,7 +25,7 @@ from typing import Any
 import numpy as np
 from bevameter.framework.scenario.concealed import summary
 from bevameter.framework.scenario.concealed.conceal import ConcealedRecording, conceal
-from bevameter.framework.scenario.concealed.drives import PROTOCOLS, needs_of
+from bevameter.framework.scenario.concealed.drives import LACKED, PROTOCOL_SHARES, PROTOCOLS, needs_of
 from bevameter.framework.scenario.concealed.effects import catalogue
 from bevameter.framework.scenario.concealed.rivals import rivals
 from bevameter.framework.scenario.concealed.scorer import score, score_left_out
@@ -32,12 +33,11 @@ from bevameter.framework.scenario.concealed.strength import LEVELS
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
 
+Task = tuple[int, bool, bool, str | None]
+"""Seed, whether what is hidden is left out of the catalogue, whether rivals are fitted, and the protocol."""
+
 NULLS, PAIRS = 0.30, 0.15
 """Shares of recordings with nothing and with two effects hidden."""
-
-PROTOCOL_SHARES = (0.5, 0.25, 0.25)
-"""Of bench, field and steady recordings."""
-
 
 OURS = {
     ("torque_offset", "offset_Nm"): ("T_0", 0.0), ("torque_gain", "gain"): ("g", 1.0),
@@ -51,8 +51,8 @@ OURS = {
 """The tool's name of a parameter of the generator, and what to add to its value; a low-pass is no delay."""
 
 
-def draw(seed: int, left_out: bool) -> tuple[tuple[str, ...], str, str]:
-    """Give what recording number `seed` hides, its level and its protocol.
+def draw(seed: int, left_out: bool, asked: str | None = None) -> tuple[tuple[str, ...], str, str]:
+    """Give what recording number `seed` hides, its level and its protocol, the one `asked` for where that can show it.
 
     Nulls, single effects and pairs follow the golden ratio, and slugs are dealt out in shuffled rounds, so that any
     stretch of seeds holds its share of all of them.
@@ -71,17 +71,20 @@ def draw(seed: int, left_out: bool) -> tuple[tuple[str, ...], str, str]:
         effects = (slugs[turn],)
     level = "plain" if left_out else levels[int(rng.integers(3))]
     protocol = str(rng.choice(PROTOCOLS, p=PROTOCOL_SHARES))
-    if protocol == "steady" and "time" in needs_of(effects):
-        protocol = "bench"
-    return effects, level, protocol
+    return effects, level, shown_by(asked or protocol, effects)
 
 
-def make(seed: int, left_out: bool) -> ConcealedRecording:
+def shown_by(protocol: str, effects: tuple[str, ...]) -> str:
+    """Give the protocol, or a bench test where it cannot show the effects."""
+    return "bench" if needs_of(effects) & LACKED.get(protocol, frozenset()) else protocol
+
+
+def make(seed: int, left_out: bool, asked: str | None = None) -> ConcealedRecording:
     """Make recording number `seed`; an effect that cannot be made so strong is hidden at the next level below.
 
     Two effects that stand for each other in this drive are replaced by the next pair.
     """
-    effects, level, protocol = draw(seed, left_out)
+    effects, level, protocol = draw(seed, left_out, asked)
     names = list(LEVELS)
     slugs, rng = list(catalogue()), np.random.default_rng([9178, seed])
     made = None
@@ -92,15 +95,15 @@ def make(seed: int, left_out: bool) -> ConcealedRecording:
                 return made
         if len(effects) == 2:
             effects = tuple(str(slug) for slug in rng.choice(slugs, 2, replace=False))
-            protocol = "bench" if "time" in needs_of(effects) else protocol
+            protocol = shown_by(protocol, effects)
     assert made is not None
     return made
 
 
-def one(task: tuple[int, bool, bool]) -> dict[str, Any]:
+def one(task: Task) -> dict[str, Any]:
     """Make a recording, have it explained, and score the answer; where it is wrong, ask whether the data could tell."""
-    seed, left_out, compare = task
-    made = make(seed, left_out)
+    seed, left_out, compare, protocol = task
+    made = make(seed, left_out, protocol)
     with tempfile.TemporaryDirectory() as place:
         # the name gives nothing away, and the truth is never written
         folder = made.write(Path(place) / f"recording-{seed}")
@@ -156,7 +159,7 @@ def done(path: Path) -> dict[int, dict[str, Any]]:
     return scores
 
 
-def run(tasks: list[tuple[int, bool, bool]], processes: int) -> Iterator[dict[str, Any]]:
+def run(tasks: list[Task], processes: int) -> Iterator[dict[str, Any]]:
     """Yield scores as they come."""
     if processes == 1:
         yield from map(one, tasks)
@@ -187,11 +190,12 @@ def main() -> None:
     parser.add_argument(
         "--rivals", action="store_true", help="where an effect was not named, fit all others to it (10 to 60 s each)"
     )
+    parser.add_argument("--protocol", choices=PROTOCOLS, help="make all of this kind that can show what is hidden")
     given = parser.parse_args()
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     scores = done(given.out)
     seeds = range(given.seed, given.seed + given.recordings)
-    tasks = [(seed, given.leave_one_out, given.rivals) for seed in seeds if seed not in scores]
+    tasks = [(seed, given.leave_one_out, given.rivals, given.protocol) for seed in seeds if seed not in scores]
     console = Console(stderr=True)
     with Progress(
         *Progress.get_default_columns()[:3], MofNCompleteColumn(), TimeRemainingColumn(), console=console

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from bevameter.framework.core.recording.open import read_recording
 from bevameter.framework.scenario.concealed.conceal import conceal
-from bevameter.framework.scenario.concealed.drives import draw_plan
+from bevameter.framework.scenario.concealed.drives import PROTOCOLS, draw_plan
 from bevameter.framework.scenario.concealed.effects import catalogue
 from bevameter.framework.scenario.concealed.mechanics import Body, Ground, simulate, travel_ratio
 from bevameter.framework.scenario.concealed.rivals import rivals
@@ -38,6 +38,24 @@ def test_plans_have_what_effects_need(rng):
             np.testing.assert_array_equal(drive.x_m[starts], 0.0)
             assert np.all(np.diff(drive.time_s) > 0.0)
             assert np.all(np.diff(drive.wheel_angle) >= 0.0)
+
+
+def test_a_rig_ramps_slip_once_for_each_load_the_lightest_first(rng):
+    drive = draw_plan(rng, "ramps", BODY, GROUND, frozenset({"pull"}), samples=400).drive
+    starts = np.flatnonzero(np.diff(drive.lane)) + 1
+    loads = [float(np.median(load)) for load in np.split(drive.load_N, starts)]
+    assert len(loads) >= 3
+    assert np.all(np.diff(loads) > 0.0)
+    assert all(np.all(np.diff(slip) >= 0.0) and np.ptp(slip) > 0.3 for slip in np.split(drive.slip, starts))
+    assert np.all(np.diff(drive.time_s)[starts - 1] >= 20.0)
+    np.testing.assert_array_equal(drive.x_m[starts], 0.0)
+    np.testing.assert_allclose(drive.wheel_speed, drive.wheel_speed[0])
+    again = draw_plan(rng, "ramps", BODY, GROUND, frozenset({"passes", "speeds", "pitch"}), samples=400).drive
+    assert all(set(again.passes[again.lane == lane]) == {1.0, 2.0, 3.0} for lane in np.unique(again.lane))
+    assert np.ptp(np.log(again.wheel_speed)) > 1.0
+    assert np.ptp(again.pitch_rad) > 0.03
+    with pytest.raises(ValueError, match="ramps trials have no accelerations"):
+        draw_plan(rng, "ramps", BODY, GROUND, frozenset({"accelerations"}))
 
 
 @pytest.mark.parametrize("level", list(LEVELS))
@@ -137,7 +155,7 @@ def test_the_same_seed_makes_the_same_recording():
         np.testing.assert_array_equal(values, two.recorded.columns[name])
 
 
-@pytest.mark.parametrize("protocol", ["bench", "field", "steady"])
+@pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_recordings_are_read_and_tell_nothing(tmp_path, protocol):
     made = conceal(6, ("slip_sinkage",), "hidden", protocol, samples=200)
     folder = made.write(tmp_path / "recording", tmp_path / "truth")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .drives import PROTOCOLS, Plan, draw_plan, needs_of
+from .drives import LACKED, PROTOCOLS, Plan, draw_plan, needs_of
 from .effects import Effect, Setting, catalogue, draw_effect
 from .mechanics import Body, Channels, Ground, simulate
 from .sensors import Sensors, Variation, draw_sensors, draw_variation
@@ -150,8 +150,8 @@ def _check(effects: Sequence[str], forms: Sequence[str | None], level: str, prot
         raise ValueError(f"no level {level!r}, only {', '.join(LEVELS)}")
     if protocol is not None and protocol not in PROTOCOLS:
         raise ValueError(f"no protocol {protocol!r}, only {', '.join(PROTOCOLS)}")
-    if protocol == "steady" and "time" in needs_of(effects):
-        raise ValueError(f"{', '.join(effects)} cannot be seen in steady trials")
+    if protocol is not None and needs_of(effects) & LACKED.get(protocol, frozenset()):
+        raise ValueError(f"{', '.join(effects)} cannot be seen in {protocol} trials")
 
 
 def _scene(
@@ -166,7 +166,7 @@ def _scene(
     lugs = "lugs" in needs or rng.random() < 0.08
     body = draw_body(rng, lugs)
     kind, ground = draw_ground(rng, body)
-    likely = (0.5, 0.25, 0.25) if "time" not in needs else (0.6, 0.4, 0.0)
+    likely = (0.5, 0.25, 0.25, 0.0) if "time" not in needs else (0.6, 0.4, 0.0, 0.0)
     chosen = protocol if protocol is not None else str(rng.choice(PROTOCOLS, p=likely))
     plan = draw_plan(rng, chosen, body, ground, needs, samples)
     textbook, theta_1 = simulate(ground, body, plan.drive)

@@ -11,7 +11,13 @@ from scipy.ndimage import gaussian_filter1d
 
 from .mechanics import Body, Drive, Ground, loaded, travel_ratio
 
-PROTOCOLS = ("bench", "field", "steady")
+PROTOCOLS = ("bench", "field", "steady", "ramps")
+
+PROTOCOL_SHARES = (0.5, 0.25, 0.25, 0.0)
+"""How often each is drawn where none is asked for; ramps are made only where they are."""
+
+LACKED = {"steady": frozenset({"time"}), "ramps": frozenset({"accelerations"})}
+"""Needs that a protocol never has."""
 
 NEEDS: dict[str, frozenset[str]] = {
     "rate_dependence": frozenset({"speeds"}),
@@ -56,13 +62,15 @@ def draw_plan(
     Raises
     ------
     ValueError
-        There is no such protocol, or it is ``steady`` and time is needed.
+        There is no such protocol, or it lacks what is needed.
     """
+    if lacked := needs & LACKED.get(protocol, frozenset()):
+        raise ValueError(f"{protocol} trials have no {', '.join(sorted(lacked))}")
     loads = _load_levels(rng, body, ground)
     if protocol == "steady":
-        if "time" in needs:
-            raise ValueError("steady trials have no time")
         return _steady(rng, body, loads, needs)
+    if protocol == "ramps":
+        return _ramps(rng, body, loads, needs, samples)
     if protocol == "bench":
         return _bench(rng, body, loads, needs, samples)
     if protocol == "field":
@@ -157,6 +165,40 @@ def _bench(rng: np.random.Generator, body: Body, loads: np.ndarray, needs: froze
         for name, values in rows.items():
             parts.setdefault(name, []).append(values)
     return Plan(_driven(body, parts), "bench", rate, _columns(rng, needs, True))
+
+
+def _ramps(rng: np.random.Generator, body: Body, loads: np.ndarray, needs: frozenset[str], samples: int) -> Plan:
+    """A single-wheel rig: for each dead weight, the lightest first, one slow ramp of slip on fresh ground.
+
+    The wheel turns evenly while the carriage slows down or hurries on; where passes are needed each weight runs in its
+    own rut again.
+    """
+    rate = float(rng.choice([5.0, 10.0, 20.0]))
+    again = 3 if "passes" in needs else 1
+    speeds = np.geomspace(0.4, 1.6, len(loads)) if "speeds" in needs else np.ones(len(loads))
+    sizes = np.diff(np.linspace(0, samples, len(loads) * again + 1).astype(int))
+    low, high = _slip_limits(rng)
+    typical = rng.uniform(1.5, 6.0) / (sizes[0] / rate)
+    tilts = _levels(rng, np.radians(rng.uniform(4.0, 15.0)) * np.array([-1.0, 0.0, 0.5, 1.0]), len(loads))
+    tilted = "pitch" in needs
+    gap = rng.uniform(20.0, 120.0)
+    parts: dict[str, list[np.ndarray]] = {}
+    clock = 0.0
+    speeds = rng.permutation(speeds)
+    for index, size in enumerate(sizes.tolist()):
+        weight, number = divmod(index, again)
+        slip = low + (high - low) * gaussian_filter1d(np.linspace(0.0, 1.0, size), 3.0, mode="nearest")
+        rows = {
+            "time_s": clock + np.arange(size) / rate,
+            "load_N": loads[weight] * (1.0 + 0.01 * _smooth_noise(rng, size, 0.5 * rate)),
+            "slip": slip, "speed": typical * speeds[weight] * travel_ratio(slip),
+            "pitch_rad": np.full(size, tilts[weight] if tilted else 0.0),
+            "passes": np.full(size, float(number + 1)), "lane": np.full(size, weight),
+        }  # fmt: skip
+        clock += size / rate + gap
+        for name, values in rows.items():
+            parts.setdefault(name, []).append(values)
+    return Plan(_driven(body, parts), "ramps", rate, _columns(rng, needs, True))
 
 
 def _swept(rng: np.random.Generator, low: float, high: float, samples: int) -> np.ndarray:
