@@ -64,7 +64,7 @@ def effects_for(situation: Situation, slugs: Iterable[str] = SLUGS) -> list[Effe
 
 _NAMED = {
     module: module.named
-    for module in (slip_sinkage, multipass_compaction, stress_peak_shift, soil_patch, grousers, inertia)
+    for module in (slip_sinkage, multipass_compaction, stress_peak_shift, soil_patch, grousers, inertia, time_faults)
 }
 """Modules whose forms depend on more than on which columns there are."""
 

@@ -429,5 +429,25 @@ def test_quantities_carry_their_units_and_forms_their_beginnings():
     assert choose(asked, forms_of("drift")).form == "torque_Nm, curved"
 
 
+def test_a_course_that_slip_and_load_foretell_is_offered_by_name_only():
+    """A ramp of slip for each load, one after the other: whatever bends with time may be what a law leaves out."""
+    count = len(DRIVE)
+    third = np.minimum(np.arange(count) * 3 // count, 2)
+    ramp = 3.0 * np.arange(count) / count - third
+
+    def bends(loads: tuple[float, float, float]) -> bool:
+        drive = replace(DRIVE, slip=0.05 + 0.5 * ramp, load_N=50.0 * np.array(loads)[third])
+        situation = replace(SITUATION, drive=drive)
+        assert choose(parse_effect("drift:d1=0.1,form=torque_Nm, curved"), forms_by_name("drift", situation))
+        forms = [effect.form for effect in effects_for(situation, ["drift"])]
+        assert "torque_Nm" in forms
+        return "torque_Nm, curved" in forms
+
+    assert not bends((1.0, 1.5, 2.0))
+    # The same load again, and what changed between is time.
+    assert bends((1.0, 1.5, 1.0))
+    assert bends((1.0, 1.0, 1.0))
+
+
 def forms_of(slug: str) -> list[Effect]:
     return forms_by_name(slug, SITUATION)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ....framework.core.recording.types import Labels
+from ...effects.time_faults import bends_foretold
 from ..fit.fitting import Fitted, Problem
 from ..fit.trial import Trial
 from ..name.naming import MANY
@@ -54,6 +55,7 @@ def notes_of(
         *_ground(problem, best.fitted),
         *_repeated(repeated),
         *_crossed_once(best),
+        *_foretold(problem),
         *(effect.remark for effect in best.effects if effect.remark),
         *([f"{'; '.join(doubted)}: it is believed in no more than half"] if doubted else []),
     ]
@@ -142,6 +144,16 @@ def _repeated(repeated: float) -> list[str]:
         return []
     return [
         f"what is left repeats itself from row to row, as behind a slow amplifier: {repeated:.1f} rows count as one"
+    ]
+
+
+def _foretold(problem: Problem) -> list[str]:
+    """Say where drifts that bend were not considered."""
+    if not bends_foretold(problem.samples.drive):
+        return []
+    return [
+        "slip and load, as they went, foretell whatever bends with time: of drifts only those that go straight were "
+        "considered; drive the first load again at the end"
     ]
 
 

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 from bevameter.framework.core.recording.types import Labels
-from bevameter.identification.mismatch.show.notes import several_grounds
+from bevameter.identification.effects.drive import select_rows
+from bevameter.identification.mismatch.show.notes import _foretold, several_grounds
+from effects_tried import DRIVE
 
 TIME_S = np.arange(0.0, 100.0, 0.5)
 
@@ -25,3 +30,17 @@ def test_one_kind_of_ground_is_no_word_worth():
     assert several_grounds(labels((0.0, 99.0, "sand"), (99.0, 100.0, "loam")), TIME_S) == []
     assert several_grounds(labels((0.0, 50.0, "sand"), (60.0, 90.0, "sand")), TIME_S) == []
     assert several_grounds(labels((0.0, 50.0, "sand"), (50.0, 90.0, "loam")), np.empty(0)) == []
+
+
+def test_drifts_that_bend_are_said_to_be_left_out_where_slip_and_load_foretell_them():
+    third = np.repeat([0.0, 1.0, 2.0], len(DRIVE) // 3)
+    along = 3.0 * np.arange(len(third)) / len(third) - third
+    rows = {"slip": 0.05 + 0.5 * along, "load_N": 50.0 + 25.0 * third}
+
+    def note(**changed):
+        drive = replace(select_rows(DRIVE, np.arange(len(third))), **{**rows, **changed})
+        return _foretold(SimpleNamespace(samples=SimpleNamespace(drive=drive)))
+
+    assert "drive the first load again" in note()[0]
+    assert note(load_N=np.full(len(third), 50.0)) == []
+    assert note(time_s=np.full(len(third), np.nan)) == []
