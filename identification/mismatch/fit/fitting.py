@@ -85,10 +85,13 @@ class Fitted:
 
 
 class Problem:
-    """Samples made ready: what load and slip probably were, gaps between rows, and the priors."""
+    """Samples made ready: what load and slip probably were, gaps between rows, and the priors.
 
-    def __init__(self, samples: Samples, known: SoilKnowledge | None = None) -> None:
-        self.samples = samples
+    Ground varies by `roughest` at most (standard deviation of ln stiffness and ln strength).
+    """
+
+    def __init__(self, samples: Samples, known: SoilKnowledge | None = None, roughest: float = 1.0) -> None:
+        self.samples, self.roughest = samples, roughest
         self.known = known or SoilKnowledge()
         self.answers = list(samples.answers)
         imposed, noise = samples.measured[:, [LOAD, SLIP]], samples.noise[[LOAD, SLIP]]
@@ -153,7 +156,8 @@ class Problem:
     @property
     def unbounded(self) -> NoiseModel:
         """The most that noise and the soil's variation may be where nothing says less."""
-        return NoiseModel(self.first_noise.answers * math.exp(4.0), np.ones(2), self._noise_known.longest)
+        spread = np.full(2, self.roughest)
+        return NoiseModel(self.first_noise.answers * math.exp(4.0), spread, self._noise_known.longest)
 
     def residuals(self, response: Response, weights: Response | None = None) -> np.ndarray:
         """What a model leaves of the answers (n, m), SI, taken at the load and slip measured."""

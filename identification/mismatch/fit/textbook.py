@@ -38,20 +38,22 @@ _LEAST_SPREAD = 0.01
 """Ground varies by at least so much [-]."""
 
 
-def fit_textbook(samples: Samples, known: SoilKnowledge | None = None) -> tuple[Problem, Fitted]:
-    """Fit the textbook wheel from the best of several starts.
+def fit_textbook(
+    samples: Samples, known: SoilKnowledge | None = None, roughest: float = 1.0
+) -> tuple[Problem, Fitted]:  # fmt: skip
+    """Fit the textbook wheel from the best of several starts; ground varies by `roughest` at most.
 
     Raises
     ------
     InputError
         No soil carries the load of most rows.
     """
-    problem = Problem(samples, known)
+    problem = Problem(samples, known, roughest)
     # Soil first, by what it explains coarsely: variation along the track would explain any soil's residuals.
     found = together(lambda soil: coarse_fit(problem, soil, None), first_soil(problem))
     cleared = without_gross_errors(samples, max(found, key=lambda fitted: fitted.score))
     if cleared is not samples:
-        samples, problem = cleared, Problem(cleared, known)
+        samples, problem = cleared, Problem(cleared, known, roughest)
         found = together(lambda each: coarse_fit(problem, each.vector, each.theta_1), found)
     starts: list[Fitted] = []
     for start in sorted(found, key=lambda fitted: -fitted.score):

@@ -169,9 +169,11 @@ def situation(problem: Problem, textbook: Fitted) -> Situation:
     )
 
 
-def textbook_trial(samples: Samples, known: SoilKnowledge | None = None) -> tuple[Problem, Trial]:
-    """Fit the textbook wheel and hold its blocks out."""
-    problem, fitted = fit_textbook(samples, known)
+def textbook_trial(
+    samples: Samples, known: SoilKnowledge | None = None, roughest: float = 1.0
+) -> tuple[Problem, Trial]:  # fmt: skip
+    """Fit the textbook wheel and hold its blocks out; ground varies by `roughest` at most."""
+    problem, fitted = fit_textbook(samples, known, roughest)
     return problem, Trial((), fitted, hold_out(problem, fitted), 0.0)
 
 
@@ -380,7 +382,7 @@ def without(problem: Problem, textbook: Trial, trial: Trial, dropped: Effect) ->
 
 
 def again(problem: Problem, textbook: Trial, trial: Trial) -> Trial:
-    """Fit a set again, to samples that are laid out otherwise."""
+    """Fit a set again, to samples that are others, or laid out otherwise."""
     there = trial.fitted
-    fitted = fit(problem, there.model, there.vector, there.noise, there.theta_1)
+    fitted = as_smooth_as_it_is(problem, fit(problem, there.model, there.vector, there.noise))
     return _trial(problem, textbook, trial.effects, fitted, hold_out(problem, fitted))

@@ -34,14 +34,24 @@ _STANDS_OUT = 8.0
 like others of such ground [-]. Of 185 of the study's recordings, looked at since, one with wide edges stood out so (by
 15, and gained 76 nats), and none without a place; smooth ground that varies stood out by 10, and calmed to 0.6."""
 
+ROUGH, _HALF = 0.1, math.log(2.0)
+"""Variation of ground [-] from which on it may make up for what a set leaves out, and by how much ln(error) on held-out
+rows is less with one that leaves nothing to it."""
+
 
 def surplus(best: Trial, larger: Trial) -> float:
     """Nats that a larger set gains on a set, less those that it has to.
 
     What is beyond anything published (`Trial.unheard_of`) is asked no share: it stands in for more than one effect. Of
     what the vehicle's description announces little is asked: one effect beside the vehicle's lugs is no more than one,
-    and what lugs gain that came out as announced tells nothing of how much their form errs.
+    and what lugs gain that came out as announced tells nothing of how much their form errs. A set that explains what
+    the other one leaves to ground that varies (`rests_on_ground`) need gain no more, and one that leaves to it what the
+    other one explains may gain what it will.
     """
+    if rests_on_ground(best, larger):
+        return larger.gain
+    if rests_on_ground(larger, best):
+        return -math.inf
     least = of_no_effect(best, larger)
     only_announced = bool(best.effects) and not best.unexpected and larger.as_announced
     asked = max(asked_beside(0.0), least) if only_announced else asked_beside(best.gain)
@@ -70,6 +80,19 @@ def calmed(before: Trial, after: Trial) -> bool:
     """Say whether ground that varied hardly does beside another set of effects."""
     varied, varies = (float(np.linalg.norm(trial.fitted.noise.spread)) for trial in (before, after))
     return varied > _VARIES and varies < _CALMER * varied
+
+
+def rests_on_ground(trial: Trial, other: Trial) -> bool:
+    """Say whether a set leaves to ground that varies much what another one explains, with half the errors on held-out
+    rows: nats are counted with neighbours at hand, which ground is followed by, and along a ramp of slip every law's.
+    """
+    if trial.fitted.noise.spread.max() <= ROUGH or not calmed(trial, other):
+        return False
+    pair = [each.held_out.residuals for each in (trial, other)]
+    both = np.isfinite(pair[0]) & np.isfinite(pair[1])
+    left, errs = (np.nanmean(np.where(both, each, np.nan) ** 2, axis=0) for each in pair)
+    good = (left > 0.0) & (errs > 0.0)
+    return bool(good.any() and 0.5 * np.log(errs[good] / left[good]).mean() < -_HALF)
 
 
 def is_bump(before: Trial, trial: Trial) -> bool:

@@ -13,10 +13,10 @@ import numpy as np
 from ...noise import autocorrelations
 from ..fit.fitting import Problem
 from ..fit.soil_variation import HUBER
-from ..fit.trial import ASKED_FOR, EXPECTED_ASKED_FOR, Trial
+from ..fit.trial import ASKED_FOR, EXPECTED_ASKED_FOR, NOT_EXCLUDED, Trial, temperature
 from ..locate.joint_misfit import WORTH, joint_correction, nats_in_all
 from ..locate.noise_floor import FAR, FEWEST, SHOWN, ground_apart, in_time, noise_floor, rows_alike
-from .asked import is_bump, of_no_effect, surplus
+from .asked import is_bump, of_no_effect, rests_on_ground, surplus
 from .naming import REMAINS
 from .preferred import says_no_more
 from .tries import Search
@@ -91,6 +91,8 @@ def doubts(
         reasons.append(f"what fits best is {' and '.join(beyond)}, beyond what has been published")
     elif beyond := instead_of(search):
         reasons.append(f"one effect less does nearly as well, {' and '.join(beyond)}, beyond what has been published")
+    if outdone(search, repeated):
+        reasons.append("another set would gain more, were the ground to vary as much as it leaves to it")
     return tuple(reasons)
 
 
@@ -130,6 +132,16 @@ def _errors(search: Search) -> tuple[np.ndarray, np.ndarray]:
     both = np.isfinite(pair[0]) & np.isfinite(pair[1])
     before, after = (np.sqrt(np.nanmean(np.where(both, each, np.nan) ** 2, axis=0)) for each in pair)
     return before, after
+
+
+def outdone(search: Search, repeated: float) -> bool:
+    """Say whether a set that leaves to ground that varies what the chosen one explains (`asked.rests_on_ground`) gains
+    so much more that nats alone would exclude the chosen one.
+    """
+    chosen = search.chosen
+    unit = repeated * temperature(chosen.gain / repeated)
+    more = [trial for trial in search.trials if trial.gain > chosen.gain + NOT_EXCLUDED * unit]
+    return any(rests_on_ground(trial, chosen) for trial in more)
 
 
 def overfitted(trial: Trial) -> bool:
@@ -230,6 +242,7 @@ def warranted(search: Search, repeated: float) -> Search:
     while chosen.effects:
         causes = [trial for trial in search.trials if not is_bump(search.textbook, trial)]
         smaller = [search.textbook, *(trial for trial in causes if trial.slugs < chosen.slugs)]
+        smaller = [trial for trial in smaller if not trial.effects or not rests_on_ground(trial, chosen)]
         if all(chosen.gain - trial.gain >= _asked(trial, chosen) * repeated for trial in smaller):
             break
         chosen = max(smaller, key=lambda trial: trial.gain)

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import expit
 
 from ..fit.trial import ASKED_FOR, TEMPERATURE, UNHEARD_OF, Trial, temperature
-from .asked import MOST_ASKED_FOR, is_bump, surplus
+from .asked import MOST_ASKED_FOR, is_bump, rests_on_ground, surplus
 from .preferred import says_no_more, whole_law
 from .tries import Search
 
@@ -108,11 +108,7 @@ def name(
     against = [PENALTY * max(len(trial.unexpected), 1) + UNHEARD_OF * bool(trial.unheard_of) for trial in search.trials]
     score = np.array([trial.gain for trial in search.trials]) / (repeated * search.dispersion)
     score = np.minimum(score, search.by_errors or np.inf) - np.array(against)
-    # No more effects than held-out data ask for: larger sets that were tried and turned down have no say.
-    # Nor have places that nothing shows to be any.
-    admitted = np.array(
-        [_no_larger(trial, search) and not is_bump(search.textbook, trial) for trial in search.trials], dtype=bool
-    )
+    admitted = np.array([_has_a_say(trial, search) for trial in search.trials], dtype=bool)
     tolerated = min(_TOLERATED * gained, _MOST_TOLERATED / max(len(chosen.unexpected), 1))
     doubt = remaining - max(REMAINS, tolerated)
     top = max(0.0, float(np.max(score[admitted], initial=0.0)))
@@ -135,6 +131,14 @@ def name(
     effects = dict(sorted(effects.items(), key=lambda pair: -pair[1]))
     look_alikes = {slug: _stand_ins(search, slug, chosen.gain - nearly) for slug in sorted(chosen.slugs)}
     return Naming(effects, unknown, look_alikes, weights)
+
+
+def _has_a_say(trial: Trial, search: Search) -> bool:
+    """Say whether a set has no more effects than held-out data ask for (larger ones that were tried were turned down),
+    no place that nothing shows to be one, and does not leave to the ground what the chosen set explains.
+    """
+    bump = is_bump(search.textbook, trial)
+    return _no_larger(trial, search) and not bump and not rests_on_ground(trial, search.chosen)
 
 
 def _no_larger(trial: Trial, search: Search) -> bool:
@@ -222,6 +226,9 @@ def why_not(trial: Trial, search: Search, repeated: float) -> str:
     if len(trial.effects) == 1 and is_bump(search.textbook, trial):
         return f"{trial.gain:.1f} nats, but no edge tells it from ground that varies by itself"
     behind = chosen.gain - trial.gain
+    if chosen.effects and rests_on_ground(trial, chosen):
+        spread = [100.0 * float(each.fitted.noise.spread.max()) for each in (trial, chosen)]
+        return f"leaves to ground that varies by {spread[0]:.0f} % (not {spread[1]:.0f} %) what the chosen set explains"
     if behind < -MOST_ASKED_FOR and repeated > 1.0:
         return f"gains {-behind:.0f} nats more, but neighbouring rows repeat each other: not so many count"
     if trial.slugs > chosen.slugs:

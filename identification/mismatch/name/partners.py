@@ -40,7 +40,7 @@ def one_more(tries: Tries, singles: Sequence[Trial], best: Trial) -> list[Trial]
     """Try one more effect beside the best set; beside other forms of a single effect, and runners-up, too."""
     effects = tries.others(best.slugs) + tries.laid_out(best)
     promised = tries.weigh(best, [effect for effect in effects if not effect.expected])
-    answer = tries.attempt(best, promised)
+    answer = tries.attempt(best, promised, rival=best)
     answer += _beside_expected(tries, singles, best)
     if len(best.effects) != 1:
         return answer
@@ -50,11 +50,11 @@ def one_more(tries: Tries, singles: Sequence[Trial], best: Trial) -> list[Trial]
         # What the form is behind has to be made up.
         behind = best.gain - form.gain + _WORTH_ANOTHER
         better = [(nats, e) for nats, e in again if nats - behind > max(beside_best[e.name], ASKED_FOR)]
-        answer += tries.attempt(form, better)
+        answer += tries.attempt(form, better, rival=best)
     # The best one, too, where the runner-up promised little beside it, and its other forms: one may stand in for two.
     for second in runners_up(singles, best):
         tried = {trial.effects[0].name for trial in answer if trial.slugs > second.slugs}
-        answer += _weighed_beside(tries, second, second.slugs, frozenset(tried))
+        answer += _weighed_beside(tries, second, best, second.slugs, frozenset(tried))
     return answer + _beside_partners(tries, singles, best, answer)
 
 
@@ -69,21 +69,22 @@ def _beside_expected(tries: Tries, singles: Sequence[Trial], best: Trial) -> lis
         bases += sorted(others, key=lambda trial: -trial.gain)[:_BESIDE_EXPECTED]
     answer: list[Trial] = []
     for base in bases if expected else ():
-        answer += tries.attempt(base, tries.weigh(base, expected), EXPECTED_ASKED_FOR)
+        answer += tries.attempt(base, tries.weigh(base, expected), EXPECTED_ASKED_FOR, rival=best)
     alone = max((trial for trial in singles if not trial.unexpected), key=gain_of, default=best)
     if len(best.effects) == 1 and alone.slugs != best.slugs and alone.gain >= EXPECTED_ASKED_FOR:
         # What lugs as announced stand beside may be what only a fit tells: one effect beside them is no more than one.
         for form in (alone, *other_forms(singles, *alone.effects)):
-            answer += _weighed_beside(tries, form, best.slugs | alone.slugs, only_nested=not form.as_announced)
+            answer += _weighed_beside(tries, form, best, best.slugs | alone.slugs, only_nested=not form.as_announced)
     return answer
 
 
 def _weighed_beside(
-    tries: Tries, base: Trial, taken: frozenset[str], tried: frozenset[str] = frozenset(), *, only_nested: bool = True
-) -> list[Trial]:
+    tries: Tries, base: Trial, best: Trial, taken: frozenset[str], tried: frozenset[str] = frozenset(), *,
+    only_nested: bool = True,
+) -> list[Trial]:  # fmt: skip
     """Try effects beside a set, not `taken` and whose form was not `tried`: what can be weighed from nothing."""
     others = [e for e in tries.others(taken) if (e.nested or not only_nested) and e.name not in tried]
-    return tries.attempt(base, tries.weigh(base, others))
+    return tries.attempt(base, tries.weigh(base, others), rival=best)
 
 
 def _beside_partners(tries: Tries, singles: Sequence[Trial], best: Trial, larger: Sequence[Trial]) -> list[Trial]:
@@ -102,5 +103,5 @@ def _beside_partners(tries: Tries, singles: Sequence[Trial], best: Trial, larger
     alone = [[trial for trial in singles if slug in trial.slugs] for slug in dict.fromkeys(added)]
     for forms in [forms for forms in alone if forms][:_PARTNERS]:
         partner = max(forms, key=gain_of)
-        answer += _weighed_beside(tries, partner, best.slugs | partner.slugs)
+        answer += _weighed_beside(tries, partner, best, best.slugs | partner.slugs)
     return answer

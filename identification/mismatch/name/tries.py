@@ -70,12 +70,14 @@ class Tries:
 
     def attempt(
         self, base: Trial, promised: Sequence[tuple[float, Effect]], least: float = _LEAST_BESIDE,
-        most: int = _TRIED_IN_SETS, formerly: Sequence[Trial] = (),
+        most: int = _TRIED_IN_SETS, formerly: Sequence[Trial] = (), rival: Trial | None = None,
     ) -> list[Trial]:  # fmt: skip
         """Fit those effects beside a set that promise enough, at most so many; sorted by what they promise.
 
-        A set that was reached in another order is fitted again: from another start it may end elsewhere.
+        A set that was reached in another order is fitted again: from another start it may end elsewhere. How far one
+        stays behind a `rival` is not told exactly.
         """
+        to_beat = -math.inf if rival is None else self.textbook.fitted.score + rival.gain
         former = {trial.effects[-1].name: trial for trial in formerly if trial.gain >= ASKED_FOR}
         # What cannot be weighed takes no other's place, and follows the most promising: a rival ends fits early.
         unweighed = [pair for pair in promised if pair[0] == np.inf]
@@ -95,7 +97,7 @@ class Tries:
                     break
                 _, effect = waiting.popleft()
                 self.tell(_named(base, effect))
-                ahead = max((trial.fitted.score for trial in answer), default=-math.inf)
+                ahead = max([to_beat, *(trial.fitted.score for trial in answer)])
                 each = partial(try_adding, self.problem, self.textbook, base, effect)
                 running.append(pool.submit(each, ahead, former.get(effect.name)))
             answer += [each.result() for each in running]

@@ -263,7 +263,9 @@ def test_the_best_one_is_tried_beside_a_runner_up_where_the_other_way_promised_n
         # the offset beside the gain promises nothing, the load gain does
         return [(5.0 if "torque_gain" in base.slugs and e.slug == "sinkage_offset" else 30.0, e) for e in others]
 
-    def attempt(_tries, base, promised, *_):
+    def attempt(_tries, base, promised, *_, rival):
+        # what two gain has to be more than the best one alone does
+        assert rival is gain
         worth = [effect for nats, effect in promised if nats >= ASKED_FOR]
         asked.extend((*base.slugs, effect.slug) for effect in worth)
         return [replace(base, effects=(*base.effects, effect)) for effect in worth]
@@ -353,7 +355,7 @@ def test_what_a_fit_is_told_of_others_does_not_hang_on_which_thread_is_faster(tr
     gains = {effect.name: 100.0 + 7.0 * number for number, effect in enumerate(effects)}
     rng = np.random.default_rng(3)
 
-    def run():
+    def run(rival=None):
         told = {}
 
         def fitted(_problem, _textbook, base, effect, rival, _former):
@@ -367,7 +369,7 @@ def test_what_a_fit_is_told_of_others_does_not_hang_on_which_thread_is_faster(tr
         tries = Tries(problem, textbook, effects, lambda _: None)
         # Of those that can be weighed four are tried, and what cannot be takes no other's place.
         promised = [(math.inf, effects[-1]), *((90.0 - n, effect) for n, effect in enumerate(effects[:-1]))]
-        answer = tries.attempt(textbook, promised, most=4)
+        answer = tries.attempt(textbook, promised, most=4, rival=rival)
         return told, [trial.effects[0].name for trial in answer], tries.passed
 
     first = run()
@@ -376,6 +378,9 @@ def test_what_a_fit_is_told_of_others_does_not_hang_on_which_thread_is_faster(tr
     assert first[0][effects[0].name] == first[0][effects[1].name] == -math.inf
     assert first[0][effects[3].name] == max(gains[effects[n].name] for n in (0, 1))
     assert all(run() == first for _ in range(4))
+    # Nor is it worth while to fit exactly what stays behind a set that there is already.
+    ahead, _, _ = run(replace(textbook, gain=111.0))
+    assert ahead[effects[0].name] == textbook.fitted.score + 111.0
 
 
 def test_where_the_textbook_is_wrong_few_rows_are_fitted_from_other_soils_too(shared_data):

@@ -1,0 +1,79 @@
+"""Ground that varies much makes up for what a law leaves out, along a ramp of slip most of all."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bevameter.framework.scenario.concealed.conceal import conceal
+from bevameter.identification.effects.catalogue import effects_for
+from bevameter.identification.identify import felt_rows, open_recording
+from bevameter.identification.mismatch.fit.samples import gather
+from bevameter.identification.mismatch.fit.trial import Trial, textbook_trial
+from bevameter.identification.mismatch.name.asked import rests_on_ground, surplus
+from bevameter.identification.mismatch.name.evidence import outdone, warranted
+from bevameter.identification.mismatch.name.naming import name, why_not
+from bevameter.identification.mismatch.name.tries import Search
+from effects_tried import SITUATION
+
+
+@pytest.fixture(scope="module")
+def textbook(tmp_path_factory) -> Trial:
+    folder = conceal(7110, ("slip_sinkage",), "hidden", "bench").write(tmp_path_factory.mktemp("recording"))
+    rows = felt_rows(open_recording(folder, None))
+    return textbook_trial(gather(rows.table, rows.wheel, rows.vehicle))[1]
+
+
+@pytest.fixture(scope="module")
+def made(textbook):
+    """Trials of other gains, grounds and errors: those of the textbook wheel, times so much."""
+    effects = {effect.name: effect for effect in effects_for(SITUATION)}
+
+    def trial(names: tuple[str, ...], gain: float, spread: float, errors: float) -> Trial:
+        noise = replace(textbook.fitted.noise, spread=np.full(2, spread))
+        held_out = replace(textbook.held_out, residuals=errors * textbook.held_out.residuals)
+        fitted = replace(textbook.fitted, noise=noise)
+        chosen = tuple(effects[name] for name in names)
+        return replace(textbook, effects=chosen, gain=gain, fitted=fitted, held_out=held_out)
+
+    return trial
+
+
+LOAD, SINKS, BOTH = ("load_gain",), ("slip_sinkage[exponent]",), ("slip_sinkage[exponent]", "load_gain")
+
+
+def test_what_explains_the_ground_that_varies_need_not_gain_more(made):
+    rough, quiet = made(LOAD, 500.0, 0.2, 1.0), made(BOTH, 300.0, 0.09, 0.49)
+    assert rests_on_ground(rough, quiet)
+    assert not rests_on_ground(quiet, rough)
+    assert surplus(rough, quiet) == 300.0
+    assert surplus(quiet, made((*BOTH, "torque_gain"), 900.0, 0.2, 1.0)) == -math.inf
+    # Neither where errors are more than half, nor where the ground varies nearly as much, or little.
+    for other in (made(BOTH, 300.0, 0.09, 0.51), made(BOTH, 300.0, 0.11, 0.49)):
+        assert not rests_on_ground(rough, other)
+        assert surplus(rough, other) == pytest.approx(-240.0)
+    assert not rests_on_ground(made(LOAD, 500.0, 0.09, 1.0), made(SINKS, 300.0, 0.02, 0.1))
+    # A channel that is predicted without errors says nothing.
+    held = quiet.held_out.residuals.copy()
+    held[:, 1] = 0.0
+    assert rests_on_ground(rough, replace(quiet, held_out=replace(quiet.held_out, residuals=held)))
+
+
+def test_what_rests_on_the_ground_has_no_say_and_much_more_of_it_is_doubt(made, textbook):
+    rough, quiet = made(LOAD, 305.0, 0.2, 1.0), made(BOTH, 300.0, 0.05, 0.3)
+    found = Search(textbook, (rough, quiet), (), quiet)
+    assert warranted(found, 1.0) is found
+    assert why_not(rough, found, 1.0) == "leaves to ground that varies by 20 % (not 5 %) what the chosen set explains"
+    weights = name(found, 0.0).weights
+    assert weights[0] == 0.0
+    assert weights[1] > 0.9
+    assert not outdone(found, 1.0)
+    # Without ground that is rough one effect of five nats less would do.
+    alike = Search(textbook, (made(LOAD, 305.0, 0.05, 0.3), quiet), (), quiet)
+    assert warranted(alike, 1.0).chosen.slugs == {"load_gain"}
+    more = Search(textbook, (made(LOAD, 330.0, 0.2, 1.0), quiet), (), quiet)
+    assert outdone(more, 1.0)
+    assert not outdone(more, 10.0)
+    assert not outdone(Search(textbook, (made(LOAD, 330.0, 0.05, 0.3), quiet), (), quiet), 1.0)
