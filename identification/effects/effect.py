@@ -121,8 +121,8 @@ class Situation:
         Root mean square of each channel of `forward.CHANNELS`, NaN where it was not observed.
     sinkage_m : (n,)
         As measured, NaN where not observed.
-    residuals : (n, 5)
-        What the textbook wheel leaves of each channel, in units of its noise; NaN where not observed.
+    innovations : (n, 5)
+        What the textbook wheel leaves of each channel, made white; NaN where not observed.
     c_Pa, tan_phi, stiffness_Pa
         The soil that the textbook wheel fits.
     places
@@ -133,7 +133,7 @@ class Situation:
     drive: Drive
     typical: np.ndarray
     sinkage_m: np.ndarray
-    residuals: np.ndarray
+    innovations: np.ndarray
     c_Pa: float
     tan_phi: float
     stiffness_Pa: float

@@ -6,11 +6,12 @@ import math
 
 import numpy as np
 from scipy.special import exprel
+from scipy.stats import gamma
 
 from ...framework.core.vehicle import Wheel
 from .effect import PULL, SINKAGE, TORQUE, Contact, Drive, Effect, Parameter, Situation
 
-_MOST_LUGS = 60
+_FEWEST_LUGS, _MOST_LUGS = 3, 60
 _UNSTATED = 0.1
 """Height of lugs that the vehicle's description does not state, as a share of the radius [-]."""
 
@@ -23,8 +24,8 @@ _KNOWN = 0.1
 tells then where it is 1 within `_BEYOND`, or `_TOLD` of its standard deviations: of ten recordings with nothing but
 lugs as stated (the fourteenth generator by another hand) eight came within 0.06."""
 
-_STANDS_OUT = 12.0
-"""A line of the residuals' order spectrum is looked into where its power is this many times the median's [-]."""
+_BY_CHANCE = 0.01
+"""Probability with which noise has a line of the order spectrum that is looked into [-]."""
 
 _RIPPLES = 4.0
 """Standard deviations by which a ripple is there where no lugs are stated: without one a larger radius is no lugs' [-].
@@ -161,7 +162,7 @@ class LugRipple(Effect):
             self.equation += f" + a2 cos({2 * count} theta_w) + b2 sin({2 * count} theta_w)"
         self._orders = (1, 2) if overtone else (1,)
         # The vehicle's own number was not searched for; multiples of it are its lugs' overtones.
-        self.sought = math.log(_MOST_LUGS - 2) if count != stated else 0.0
+        self.sought = math.log(_MOST_LUGS + 1 - _FEWEST_LUGS) if count != stated else 0.0
         if stated and count % stated:
             self.kind = "instrument"
             self.remark = f"the channels ripple {count} times a turn, and the vehicle is said to have {stated} lugs"
@@ -241,7 +242,7 @@ def forms(situation: Situation) -> tuple[Effect, ...]:
     if wheel.grouser_height_m > 0.0 and situation.seen(TORQUE, PULL):
         answer += _steady(wheel.grouser_height_m, wheel.grouser_count)
     if drive.has("wheel_angle_rad") and np.nanmax(drive.wheel_angle_rad) - np.nanmin(drive.wheel_angle_rad) > np.pi:
-        for count in _counts(wheel, drive, situation.residuals):
+        for count in _counts(wheel, drive, situation.innovations):
             answer += _ripples(wheel, count, situation)
     return tuple(answer)
 
@@ -273,16 +274,25 @@ def _ripples(wheel: Wheel, count: int, situation: Situation) -> list[Effect]:
     return answer
 
 
-def _counts(wheel: Wheel, drive: Drive, residuals: np.ndarray) -> list[int]:
-    """Numbers of lugs worth a trial: the vehicle's, and the strongest line of the residuals against wheel angle."""
-    counts = [wheel.grouser_count] if wheel.grouser_count else []
-    power = np.zeros(_MOST_LUGS + 1)
+def _counts(wheel: Wheel, drive: Drive, innovations: np.ndarray) -> list[int]:
+    """Numbers of lugs worth a trial: the vehicle's, and lines of white residuals against wheel angle that stand out.
+
+    Lugs that nobody stated may show less than a misfit that comes and goes with the wheel's turns: two lines, then.
+    Overtones of another are none of their own. Of noise a line's power is Gamma distributed, its shape the number of
+    channels.
+    """
+    power, channels = np.zeros(_MOST_LUGS + 1), 0
     for channel in (TORQUE, PULL, SINKAGE):
-        good = np.isfinite(residuals[:, channel]) & np.isfinite(drive.wheel_angle_rad)
+        good = np.isfinite(innovations[:, channel]) & np.isfinite(drive.wheel_angle_rad)
         if good.any():
             turns = np.exp(1j * np.outer(np.arange(_MOST_LUGS + 1), drive.wheel_angle_rad[good]))
-            power += np.abs(turns @ residuals[good, channel]) ** 2 / good.sum()
-    strongest = 3 + int(np.argmax(power[3:]))
-    if power[strongest] > _STANDS_OUT * np.median(power[3:]) and strongest not in counts:
-        counts.append(strongest)
-    return counts
+            power += np.abs(turns @ innovations[good, channel]) ** 2 / good.sum()
+            channels += 1
+    stated = [wheel.grouser_count] if wheel.grouser_count else []
+    if not power.any():
+        return stated
+    noise = gamma(channels, scale=np.median(power[_FEWEST_LUGS:]) / gamma.median(channels))
+    least = noise.isf(_BY_CHANCE / len(power[_FEWEST_LUGS:]))
+    strongest = (_FEWEST_LUGS + np.argsort(-power[_FEWEST_LUGS:])[: 1 if stated else 2]).tolist()
+    lines = [line for line in strongest if power[line] > least and line not in stated]
+    return stated + [line for line in lines if not any(line != other and line % other == 0 for other in lines)]

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 from bevameter.identification.effects.catalogue import effects_for, forms_by_name
-from bevameter.identification.effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE
+from bevameter.identification.effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Drive
+from bevameter.identification.effects.grousers import _counts
 from bevameter.identification.effects.named import (
     choose,
     lugs_of,
@@ -172,3 +175,31 @@ def test_a_wrong_radius_is_a_wrong_slip_and_leaves_the_angle_of_the_wheel():
     before = DRIVE.wheel_angle_rad.copy()
     choose(asked, forms_by_name("rolling_radius", SITUATION)).impose(IMPOSED.copy(), DRIVE, np.array([0.05]))
     np.testing.assert_array_equal(DRIVE.wheel_angle_rad, before)
+
+
+def test_lines_of_white_residuals_stand_out_of_noise_and_overtones_are_no_lugs_of_their_own():
+    rng = np.random.default_rng(11)
+    rows = 1200
+    angle = np.cumsum(rng.uniform(0.02, 0.06, rows))
+    drive = cast(Drive, SimpleNamespace(wheel_angle_rad=angle))
+    bare = WHEEL.model_copy(update={"grouser_count": 0, "grouser_height_m": 0.0})
+
+    def counts(sizes: dict[int, float], channels: list[int], wheel=bare, lost: float = 0.0) -> list[int]:
+        white = np.full((rows, 5), np.nan)
+        wave = sum((size * np.cos(line * angle + line) for line, size in sizes.items()), np.zeros(rows))
+        white[:, channels] = rng.normal(size=(rows, len(channels))) + wave[:, None]
+        white[rng.random(rows) < lost] = np.nan
+        return _counts(wheel, drive, white)
+
+    every = [TORQUE, SINKAGE, PULL]
+    assert counts({18: 0.3}, every) == [18]
+    assert counts({18: 0.3, 5: 0.4}, every, lost=0.2) == [5, 18]
+    assert counts({18: 0.3, 36: 0.35}, every) == [18]
+    assert counts({18: 0.5}, [PULL]) == [18]
+    # What is stated is tried whatever shows, and one more line beside it.
+    assert counts({5: 0.4, 18: 0.3}, every, WHEEL) == [WHEEL.grouser_count, 5]
+    assert counts({WHEEL.grouser_count: 0.4}, every, WHEEL) == [WHEEL.grouser_count]
+    # One recording in a hundred has a line by chance, whatever the number of channels.
+    for channels in (every, [PULL]):
+        assert sum(bool(counts({}, channels)) for _ in range(300)) <= 10
+    assert _counts(bare, drive, np.zeros((rows, 5))) == []

@@ -17,7 +17,7 @@ from .fitting import Fitted, Problem, as_smooth_as_it_is, fit
 from .held_out import HeldOut, hold_out
 from .places import everywhere, stretches_apart
 from .samples import Samples, quietness
-from .soil_variation import SMOOTHEST, huber_loss
+from .soil_variation import HUBER, SMOOTHEST, huber_loss
 from .textbook import coarse_fit, first_soil, fit_textbook
 
 ASKED_FOR = 12.0
@@ -149,8 +149,10 @@ def situation(problem: Problem, textbook: Fitted) -> Situation:
     """Describe the recording to the catalogue."""
     samples = problem.samples
     measured = samples.measured
-    residuals = np.full_like(measured, np.nan)
-    residuals[:, problem.answers] = textbook.residuals / textbook.noise.answers
+    innovations = np.full_like(measured, np.nan)
+    # A gross error has a share of every line.
+    white = np.clip(textbook.innovations, -HUBER, HUBER)
+    innovations[:, problem.answers] = np.where(problem.seen, white, np.nan)
     with np.errstate(invalid="ignore"):
         seen = np.isfinite(measured).any(axis=0)
         typical = np.where(seen, np.sqrt(np.nanmean(np.where(seen, measured, 0.0) ** 2, axis=0)), np.nan)
@@ -161,7 +163,7 @@ def situation(problem: Problem, textbook: Fitted) -> Situation:
         samples.drive,
         typical,
         measured[:, 2],
-        residuals,
+        innovations,
         float(textbook.vector[0]),
         float(textbook.vector[1]),
         math.exp(textbook.vector[3]),
