@@ -119,7 +119,8 @@ def explain(
                 remaining = _left_over(problem, found, found.chosen)
             notes = (*notes, _GROUND_OF_ITS_OWN)
         repeated = repetition(problem, found, remaining.innovations, remaining.explained)
-        fewer = borne_out(warranted(found, repeated), repeated)
+        before = least_errors(problem, found.textbook)
+        fewer = borne_out(warranted(found, repeated), repeated, before)
         if fewer is not found:
             found = fewer
             remaining = _left_over(problem, found, found.chosen)
@@ -139,7 +140,6 @@ def explain(
             notes = notes if other_soil is None else (*notes, other_soil)
         tell("locating the mismatch")
         regions = locate(problem, found.chosen.fitted)
-        before = least_errors(problem, found.textbook)
     return assemble(
         problem, found, naming, remaining, regions, source=str(opened.source), seed=seed, began=began, problems=notes,
         before=before, simulated=own, repeated=repeated, doubted=against,

@@ -118,17 +118,19 @@ def at_odds(problem: Problem, search: Search) -> bool:
     return bool(large) or grows(search)
 
 
-def grows(search: Search) -> bool:
-    """Say whether errors on held-out rows grow with the chosen set."""
-    before, after = _errors(search)
+def grows(search: Search, least: np.ndarray | None = None) -> bool:
+    """Say whether errors on held-out rows grow with the chosen set, from those of the textbook wheel that is likeliest
+    or, where given, that leaves the `least` residuals (n, m), SI.
+    """
+    before, after = _errors(search, least)
     good = (before > 0.0) & (after > 0.0)
     growth = np.log(after[good] / before[good])
     return bool(good.any() and (growth.mean() > _WORSE or growth.max() > _ONE_WORSE))
 
 
-def _errors(search: Search) -> tuple[np.ndarray, np.ndarray]:
+def _errors(search: Search, least: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Errors (m,) on rows held out that both predict, without and with the chosen set, SI."""
-    pair = [trial.held_out.residuals for trial in (search.textbook, search.chosen)]
+    pair = [search.textbook.held_out.residuals if least is None else least, search.chosen.held_out.residuals]
     both = np.isfinite(pair[0]) & np.isfinite(pair[1])
     before, after = (np.sqrt(np.nanmean(np.where(both, each, np.nan) ** 2, axis=0)) for each in pair)
     return before, after
@@ -249,10 +251,11 @@ def warranted(search: Search, repeated: float) -> Search:
     return search if chosen is search.chosen else replace(search, chosen=chosen)
 
 
-def borne_out(search: Search, repeated: float) -> Search:
-    """Give the search with nothing chosen where that gains little and errors on held-out rows grow with it.
+def borne_out(search: Search, repeated: float, least: np.ndarray) -> Search:
+    """Give the search with nothing chosen where that gains little and errors on held-out rows grow with it, from either
+    textbook wheel (`grows`): what a wrong one took for ground that varies may be less wrong then, and no better.
 
     `repeated` rows count as one.
     """
     little = search.chosen.gain < _LITTLE * repeated
-    return replace(search, chosen=search.textbook) if little and grows(search) else search
+    return replace(search, chosen=search.textbook) if little and (grows(search) or grows(search, least)) else search
