@@ -95,7 +95,7 @@ def make(seed: int, left_out: bool, asked: str | None = None) -> ConcealedRecord
                 return made
         if len(effects) == 2:
             effects = tuple(str(slug) for slug in rng.choice(slugs, 2, replace=False))
-            protocol = shown_by(protocol, effects)
+            protocol = shown_by(asked or protocol, effects)
     assert made is not None
     return made
 

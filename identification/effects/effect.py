@@ -122,7 +122,7 @@ class Situation:
     sinkage_m : (n,)
         As measured, NaN where not observed.
     innovations : (n, 5)
-        What the textbook wheel leaves of each channel, made white; NaN where not observed.
+        What the textbook wheel leaves of each channel, made white, gross errors cut short; NaN where not observed.
     c_Pa, tan_phi, stiffness_Pa
         The soil that the textbook wheel fits.
     places

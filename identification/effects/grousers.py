@@ -278,8 +278,8 @@ def _counts(wheel: Wheel, drive: Drive, innovations: np.ndarray) -> list[int]:
     """Numbers of lugs worth a trial: the vehicle's, and lines of white residuals against wheel angle that stand out.
 
     Lugs that nobody stated may show less than a misfit that comes and goes with the wheel's turns: two lines, then.
-    Overtones of another are none of their own. Of noise a line's power is Gamma distributed, its shape the number of
-    channels.
+    One that is the overtone of the other is none of its own. Of noise a line's power is Gamma distributed, its shape
+    the number of channels.
     """
     power, channels = np.zeros(_MOST_LUGS + 1), 0
     for channel in (TORQUE, PULL, SINKAGE):
@@ -295,4 +295,4 @@ def _counts(wheel: Wheel, drive: Drive, innovations: np.ndarray) -> list[int]:
     least = noise.isf(_BY_CHANCE / len(power[_FEWEST_LUGS:]))
     strongest = (_FEWEST_LUGS + np.argsort(-power[_FEWEST_LUGS:])[: 1 if stated else 2]).tolist()
     lines = [line for line in strongest if power[line] > least and line not in stated]
-    return stated + [line for line in lines if not any(line != other and line % other == 0 for other in lines)]
+    return stated + [line for line in lines if not any(line == 2 * other for other in lines)]

@@ -195,10 +195,13 @@ def test_lines_of_white_residuals_stand_out_of_noise_and_overtones_are_no_lugs_o
     assert counts({18: 0.3}, every) == [18]
     assert counts({18: 0.3, 5: 0.4}, every, lost=0.2) == [5, 18]
     assert counts({18: 0.3, 36: 0.35}, every) == [18]
+    # A misfit may come and go with any number of turns.
+    assert counts({3: 0.4, 18: 0.3}, every) == [3, 18]
     assert counts({18: 0.5}, [PULL]) == [18]
     # What is stated is tried whatever shows, and one more line beside it.
     assert counts({5: 0.4, 18: 0.3}, every, WHEEL) == [WHEEL.grouser_count, 5]
     assert counts({WHEEL.grouser_count: 0.4}, every, WHEEL) == [WHEEL.grouser_count]
+    assert counts({2 * WHEEL.grouser_count: 0.4}, every, WHEEL) == [WHEEL.grouser_count, 2 * WHEEL.grouser_count]
     # One recording in a hundred has a line by chance, whatever the number of channels.
     for channels in (every, [PULL]):
         assert sum(bool(counts({}, channels)) for _ in range(300)) <= 10

@@ -265,7 +265,7 @@ def test_the_study_asks_scores_and_goes_on_where_it_stopped(study, monkeypatch, 
 
     monkeypatch.setattr(bevameter, "explain", explain, raising=False)
     monkeypatch.setattr("bevameter.identification.mismatch.explanation.to_json", dict)
-    monkeypatch.setattr(study, "draw", lambda seed, left_out: ((), "hidden", "steady"))
+    monkeypatch.setattr(study, "draw", lambda seed, left_out, asked: ((), "hidden", asked or "steady"))
     out = tmp_path / "out.jsonl"
     command = ["concealed_physics.py", "--recordings", "3", "--processes", "1", "--out", str(out)]
     monkeypatch.setattr("sys.argv", command)
@@ -278,6 +278,18 @@ def test_the_study_asks_scores_and_goes_on_where_it_stopped(study, monkeypatch, 
     study.main()
     assert len(asked) == 4
     assert set(study.done(out)) == {0, 1, 2}
+    ramps = tmp_path / "ramps.jsonl"
+    monkeypatch.setattr("sys.argv", [*command[:-1], str(ramps), "--protocol", "ramps"])
+    study.main()
+    assert {score["protocol"] for score in study.done(ramps).values()} == {"ramps"}
+
+
+def test_a_protocol_that_cannot_show_what_is_hidden_gives_way_to_a_bench_test(study):
+    drawn = [study.draw(seed, False, "ramps") for seed in range(60)]
+    assert {protocol for _, _, protocol in drawn} == {"bench", "ramps"}
+    assert all(("inertia" in effects) is (protocol == "bench") for effects, _, protocol in drawn)
+    # Nothing else hangs on what is asked for.
+    assert [row[:2] for row in drawn] == [study.draw(seed, False)[:2] for seed in range(60)]
 
 
 def test_a_tool_that_breaks_is_counted(study, monkeypatch, tmp_path):
@@ -287,8 +299,8 @@ def test_a_tool_that_breaks_is_counted(study, monkeypatch, tmp_path):
         raise RuntimeError("no idea")
 
     monkeypatch.setattr(bevameter, "explain", explain, raising=False)
-    monkeypatch.setattr(study, "draw", lambda seed, left_out: (("sinkage_offset",), "plain", "steady"))
-    row = study.one((1, True, False))
+    monkeypatch.setattr(study, "draw", lambda seed, left_out, asked: (("sinkage_offset",), "plain", "steady"))
+    row = study.one((1, True, False, None))
     assert row["failed"]
     assert row["failure"] == "RuntimeError: no idea"
     json.dumps(row)

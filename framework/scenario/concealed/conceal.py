@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .drives import LACKED, PROTOCOLS, Plan, draw_plan, needs_of
+from .drives import LACKED, PROTOCOL_SHARES, PROTOCOLS, Plan, draw_plan, needs_of
 from .effects import Effect, Setting, catalogue, draw_effect
 from .mechanics import Body, Channels, Ground, simulate
 from .sensors import Sensors, Variation, draw_sensors, draw_variation
@@ -94,11 +94,11 @@ def conceal(
     level
         ``plain``, ``hidden`` or ``buried``: how many nats the true model gains over the refitted textbook one.
     protocol
-        ``bench``, ``field`` or ``steady``; drawn where absent.
+        ``bench``, ``field``, ``steady`` or ``ramps``; one of the first three drawn where absent.
     forms
         Published form of each effect; drawn where absent or None.
     samples
-        Rows of a bench or field recording.
+        Rows of a recording in time.
 
     Returns
     -------
@@ -166,7 +166,7 @@ def _scene(
     lugs = "lugs" in needs or rng.random() < 0.08
     body = draw_body(rng, lugs)
     kind, ground = draw_ground(rng, body)
-    likely = (0.5, 0.25, 0.25, 0.0) if "time" not in needs else (0.6, 0.4, 0.0, 0.0)
+    likely = PROTOCOL_SHARES if "time" not in needs else (0.6, 0.4, 0.0, 0.0)
     chosen = protocol if protocol is not None else str(rng.choice(PROTOCOLS, p=likely))
     plan = draw_plan(rng, chosen, body, ground, needs, samples)
     textbook, theta_1 = simulate(ground, body, plan.drive)

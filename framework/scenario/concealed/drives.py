@@ -1,4 +1,4 @@
-"""How experimenters drive a wheel: bench tests in time, slow field drives, steady trials; drawn at random."""
+"""How experimenters drive a wheel: bench tests in time, slow field drives, steady trials, ramps of slip; at random."""
 
 from __future__ import annotations
 

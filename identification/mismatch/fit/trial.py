@@ -383,8 +383,9 @@ def without(problem: Problem, textbook: Trial, trial: Trial, dropped: Effect) ->
     return replace(left, sharp=0.0 if dropped.local else trial.sharp)
 
 
-def again(problem: Problem, textbook: Trial, trial: Trial) -> Trial:
-    """Fit a set again, to samples that are others, or laid out otherwise."""
+def again(problem: Problem, textbook: Trial, trial: Trial, effects: tuple[Effect, ...] | None = None) -> Trial:
+    """Fit a set again, to samples that are others, or laid out otherwise, by `effects` that are the same for them."""
     there = trial.fitted
-    fitted = as_smooth_as_it_is(problem, fit(problem, there.model, there.vector, there.noise))
-    return _trial(problem, textbook, trial.effects, fitted, hold_out(problem, fitted))
+    model = there.model if effects is None else AugmentedWheel(there.model.wheel, effects)
+    fitted = as_smooth_as_it_is(problem, fit(problem, model, there.vector, there.noise))
+    return _trial(problem, textbook, model.effects, fitted, hold_out(problem, fitted))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -38,18 +39,21 @@ ROUGH, _HALF = 0.1, math.log(2.0)
 """Variation of ground [-] from which on it may make up for what a set leaves out, and by how much ln(error) on held-out
 rows is less with one that leaves nothing to it."""
 
+_PREDICTED = 0.9
+"""Share of the values that a set predicts which another one has to predict, too, to be said to err less [-]."""
+
 
 def surplus(best: Trial, larger: Trial) -> float:
-    """Nats that a larger set gains on a set, less those that it has to.
+    """Nats that a larger set gains on a set, less those that it has to; sorted by `worth`, which see.
 
     What is beyond anything published (`Trial.unheard_of`) is asked no share: it stands in for more than one effect. Of
     what the vehicle's description announces little is asked: one effect beside the vehicle's lugs is no more than one,
     and what lugs gain that came out as announced tells nothing of how much their form errs. A set that explains what
-    the other one leaves to ground that varies (`rests_on_ground`) need gain no more, and one that leaves to it what the
-    other one explains may gain what it will.
+    the other one leaves to ground that varies (`rests_on_ground`) need gain no more than one has to alone, and one that
+    leaves to it what the other one explains may gain what it will.
     """
     if rests_on_ground(best, larger):
-        return larger.gain
+        return larger.gain - ASKED_FOR
     if rests_on_ground(larger, best):
         return -math.inf
     least = of_no_effect(best, larger)
@@ -62,6 +66,16 @@ def surplus(best: Trial, larger: Trial) -> float:
     elif best.unheard_of:
         asked = ASKED_FOR
     return larger.gain - best.gain - asked
+
+
+def worth(best: Trial, larger: Trial) -> tuple[bool, float]:
+    """Sort larger sets: first those that explain what the best one leaves to ground that varies, then by `surplus`."""
+    return rests_on_ground(best, larger), surplus(best, larger)
+
+
+def standing(best: Trial, trials: Iterable[Trial]) -> list[Trial]:
+    """Leave out sets that leave to ground that varies what the best one explains."""
+    return [trial for trial in trials if not rests_on_ground(trial, best)]
 
 
 def asked_beside(gained: float) -> float:
@@ -90,6 +104,8 @@ def rests_on_ground(trial: Trial, other: Trial) -> bool:
         return False
     pair = [each.held_out.residuals for each in (trial, other)]
     both = np.isfinite(pair[0]) & np.isfinite(pair[1])
+    if both.sum() < _PREDICTED * np.isfinite(pair[0]).sum() or not both.any(axis=0).all():
+        return False
     left, errs = (np.nanmean(np.where(both, each, np.nan) ** 2, axis=0) for each in pair)
     good = (left > 0.0) & (errs > 0.0)
     return bool(good.any() and 0.5 * np.log(errs[good] / left[good]).mean() < -_HALF)

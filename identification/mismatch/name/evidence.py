@@ -92,7 +92,9 @@ def doubts(
     elif beyond := instead_of(search):
         reasons.append(f"one effect less does nearly as well, {' and '.join(beyond)}, beyond what has been published")
     if outdone(search, repeated):
-        reasons.append("another set would gain more, were the ground to vary as much as it leaves to it")
+        reasons.append("another set gains more, but leaves to ground that varies what the one that fits best explains")
+    if leaves_to_ground(search):
+        reasons.append("what fits best leaves to ground that varies what another set explains")
     return tuple(reasons)
 
 
@@ -144,6 +146,11 @@ def outdone(search: Search, repeated: float) -> bool:
     unit = repeated * temperature(chosen.gain / repeated)
     more = [trial for trial in search.trials if trial.gain > chosen.gain + NOT_EXCLUDED * unit]
     return any(rests_on_ground(trial, chosen) for trial in more)
+
+
+def leaves_to_ground(search: Search) -> bool:
+    """Say whether the chosen set leaves to ground that varies what another one explains that gains enough alone."""
+    return any(trial.gain >= ASKED_FOR and rests_on_ground(search.chosen, trial) for trial in search.trials)
 
 
 def overfitted(trial: Trial) -> bool:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
+from ....framework.core.errors import InputError
 from ...augmented import SOIL_COUNT
 from ...effects.catalogue import effects_for
 from ...effects.effect import Effect
@@ -17,7 +18,7 @@ from ..fit.held_out import hold_out
 from ..fit.textbook import best_fit
 from ..fit.together import together
 from ..fit.trial import ASKED_FOR, NOT_EXCLUDED, Trial, again, less, situation, temperature, textbook_trial, without
-from .asked import ROUGH, surplus
+from .asked import ROUGH, standing, surplus, worth
 from .partners import beside_bump, one_more
 from .preferred import as_large
 from .singles import alike, other_forms
@@ -34,11 +35,11 @@ _ANCHORS = 3
 _BETTER = 2.0
 """Nats by which it has to fit better for all effects to be weighed against it anew."""
 
-_QUIET = 0.03
-"""How much ground varies at most in which sets are sought, too, where it varies much beside the textbook wheel [-]."""
+_CALM = 0.03
+"""How much ground varies at most in which sets are sought, too, where it varies much beside the best effect [-]."""
 
 _ROWS, _PROPOSED = 500, 6
-"""Rows by which they are sought there, and sets that are tried on all."""
+"""Rows by which they are sought there at most, and sets that are tried on all."""
 
 
 def search(
@@ -71,9 +72,8 @@ def search(
     if best.gain < ASKED_FOR:
         return tries.ended(anchored)
     while len(best.effects) < MOST_EFFECTS:
-        beyond = partial(surplus, best)
-        challenger = max(one_more(tries, singles, best), key=beyond, default=best)
-        if challenger is best or beyond(challenger) < 0.0:
+        challenger = max(one_more(tries, singles, best), key=partial(worth, best), default=best)
+        if challenger is best or surplus(best, challenger) < 0.0:
             break
         best = _exchanged(tries, singles, challenger)
     best = _pruned(tries, best)
@@ -85,26 +85,44 @@ def _as_in_quiet_ground(tries: Tries, best: Trial) -> Trial:
     """Try the sets that a search in quiet ground finds by some of the rows; give the best.
 
     Ground that varies makes up for what a law leaves out, along a ramp of slip most of all: one effect of two gains
-    little then, and both are not come upon.
+    little then, and both are not come upon. What comes late, and places, show on all rows or not at all.
     """
-    problem, tell = tries.problem, tries.tell
-    samples = problem.samples
-    few = samples.select(np.arange(0, len(samples), -(-len(samples) // _ROWS)))
-    tell("the same in quiet ground")
-    quiet, textbook = textbook_trial(few, problem.known, _QUIET)
-    wanted = {effect.slug for effect in tries.catalogue}
-    found = search(quiet, textbook, effects_for(situation(quiet, textbook.fitted), wanted), tell)
-    near = sorted(found.trials, key=lambda trial: -trial.gain)
-    least = found.chosen.gain - NOT_EXCLUDED * temperature(found.chosen.gain)
-    first = {found.chosen.slugs: found.chosen}
-    for trial in near:
-        if trial.gain >= max(least, ASKED_FOR):
-            first.setdefault(trial.slugs, trial)
-    proposed = [trial for trial in first.values() if trial.effects][:_PROPOSED]
-    sets = together(partial(again, problem, tries.textbook), proposed)
-    tries.trials.extend(sets)
-    better = max(without_bumps(tries.textbook, sets), key=partial(surplus, best), default=best)
+    tries.tell("the same in quiet ground")
+    known = {effect.name: effect for effect in tries.catalogue if not effect.local}
+    sets = together(partial(_on_all_rows, tries, known), _proposed(tries))
+    tries.trials.extend(trial for trial in sets if trial is not None)
+    better = max((trial for trial in sets if trial is not None), key=partial(worth, best), default=best)
     return better if surplus(best, better) >= 0.0 else best
+
+
+def _proposed(tries: Tries) -> list[Trial]:
+    """Sets that are not excluded in quiet ground, each in its best form; none where some of the rows do not tell."""
+    samples, known = tries.problem.samples, tries.problem.known
+    few = samples.select(np.linspace(0, len(samples) - 1, min(len(samples), _ROWS)).round().astype(int))
+    if few.answers != samples.answers:
+        return []
+    try:
+        problem, textbook = textbook_trial(few, known, _CALM)
+    except InputError:
+        return []
+    wanted = {effect.slug for effect in tries.catalogue}
+    found = search(problem, textbook, effects_for(situation(problem, textbook.fitted), wanted), tries.tell)
+    best = found.chosen
+    least = max(best.gain - NOT_EXCLUDED * temperature(best.gain), ASKED_FOR)
+    causes = without_bumps(found.textbook, found.trials)
+    near = [trial for trial in causes if as_large(trial, best) and trial.gain >= least]
+    first = {trial.slugs: trial for trial in [*sorted(near, key=gain_of), best] if trial.effects}
+    return sorted(first.values(), key=lambda trial: -trial.gain)[:_PROPOSED]
+
+
+def _on_all_rows(tries: Tries, known: Mapping[str, Effect], proposed: Trial) -> Trial | None:
+    """Fit a set that some of the rows proposed to all; None where these do not offer one of its effects."""
+    effects = tuple(known[effect.name] for effect in proposed.effects if effect.name in known)
+    where = [where for effect, where in proposed.fitted.model.slices() if effect.name in known]
+    late = any(effect.delay(proposed.fitted.vector[at]) for effect, at in zip(effects, where, strict=True))
+    if len(effects) < len(proposed.effects) or late:
+        return None
+    return again(tries.problem, tries.textbook, proposed, effects)
 
 
 def _exchanged(tries: Tries, singles: Sequence[Trial], best: Trial) -> Trial:
@@ -118,23 +136,23 @@ def _exchanged(tries: Tries, singles: Sequence[Trial], best: Trial) -> Trial:
         instead = tries.weigh(rest, tries.others(best.slugs))
         same = alike(singles, effect)
         instead = [(math.inf if other.name in same and nats > -math.inf else nats, other) for nats, other in instead]
-        best = max([best, *tries.attempt(rest, instead)], key=gain_of)
+        best = max([best, *standing(best, tries.attempt(rest, instead))], key=gain_of)
     found = best
     for effect in found.effects[:-1]:
         forms = [trial.effects[0] for trial in other_forms(singles, effect)]
-        best = max([best, *_with_instead(tries, found, effect, forms)], key=gain_of)
+        best = max([best, *standing(best, _with_instead(tries, found, effect, forms))], key=gain_of)
     tried = {trial.names for trial in tries.trials}
     for effect in found.effects:
         same, beside = alike(singles, effect), {each.name for each in found.effects if each is not effect}
         others = [e for e in tries.others(found.slugs) if e.name in same and beside | {e.name} not in tried]
-        best = max([best, *_with_instead(tries, found, effect, others)], key=gain_of)
+        best = max([best, *standing(best, _with_instead(tries, found, effect, others))], key=gain_of)
     return best
 
 
 def _rivals_in_other_forms(tries: Tries, singles: Sequence[Trial], best: Trial) -> Trial:
     """Try other forms of the effects of sets that nats do not exclude, as was done for the best one; give the best."""
     causes = without_bumps(tries.textbook, [trial for trial in tries.trials if len(trial.effects) > 1])
-    near = [trial for trial in causes if as_large(trial, best) and trial.slugs != best.slugs]
+    near = [trial for trial in standing(best, causes) if as_large(trial, best) and trial.slugs != best.slugs]
     near = [trial for trial in near if best.gain - trial.gain < NOT_EXCLUDED * temperature(best.gain)]
     first = {trial.slugs: trial for trial in sorted(near, key=gain_of)}
     for rival in sorted(first.values(), key=lambda trial: -trial.gain)[:_RIVALS]:
@@ -142,7 +160,7 @@ def _rivals_in_other_forms(tries: Tries, singles: Sequence[Trial], best: Trial) 
             tried, beside = {trial.names for trial in tries.trials}, rival.names - {effect.name}
             forms = [trial.effects[0] for trial in other_forms(singles, effect)]
             changed = _with_instead(tries, rival, effect, [e for e in forms if beside | {e.name} not in tried])
-            best = max([best, *without_bumps(tries.textbook, changed)], key=gain_of)
+            best = max([best, *standing(best, without_bumps(tries.textbook, changed))], key=gain_of)
     return best
 
 
@@ -181,5 +199,5 @@ def _pruned(tries: Tries, best: Trial) -> Trial:
         tries.trials.extend(smaller)
         if min(surplus(trial, best) for trial in smaller) >= 0.0:
             return best
-        best = max(without_bumps(tries.textbook, smaller), key=gain_of, default=tries.textbook)
+        best = max(without_bumps(tries.textbook, standing(best, smaller)), key=gain_of, default=tries.textbook)
     return best

@@ -17,7 +17,7 @@ from ..fit.fitting import Problem
 from ..fit.together import THREADS, together
 from ..fit.trial import ASKED_FOR, NOT_EXCLUDED, Trial, situation, temperature, try_adding
 from ..locate.noise_floor import dispersion
-from .asked import is_bump
+from .asked import ROUGH, is_bump, standing
 from .preferred import as_large, plainest, published
 from .promise import promised_by
 
@@ -75,9 +75,11 @@ class Tries:
         """Fit those effects beside a set that promise enough, at most so many; sorted by what they promise.
 
         A set that was reached in another order is fitted again: from another start it may end elsewhere. How far one
-        stays behind a `rival` is not told exactly.
+        stays behind a `rival` is not told exactly, unless this one may leave to the ground what the other explains.
         """
-        to_beat = -math.inf if rival is None else self.textbook.fitted.score + rival.gain
+        to_beat = -math.inf
+        if rival is not None and rival.fitted.noise.spread.max() <= ROUGH:
+            to_beat = self.textbook.fitted.score + rival.gain
         former = {trial.effects[-1].name: trial for trial in formerly if trial.gain >= ASKED_FOR}
         # What cannot be weighed takes no other's place, and follows the most promising: a rival ends fits early.
         unweighed = [pair for pair in promised if pair[0] == np.inf]
@@ -115,10 +117,10 @@ class Tries:
         unique: dict[frozenset[str], Trial] = {}
         for trial in self.trials:
             unique[trial.names] = max(unique.get(trial.names, trial), trial, key=lambda each: each.gain)
-        causes = without_bumps(self.textbook, tuple(unique.values()))
         passed = {frozenset(name.split(_PLUS)): (name, nats) for name, nats in self.passed}
         left = tuple(each for names, each in passed.items() if names not in unique)
         best = unique.get(best.names, best)
+        causes = standing(best, without_bumps(self.textbook, tuple(unique.values())))
         if best.unheard_of:
             best = published(causes, best)
         rivals = [trial for trial in causes if as_large(trial, best) and trial.gain >= ASKED_FOR]

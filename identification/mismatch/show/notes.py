@@ -55,7 +55,7 @@ def notes_of(
         *_ground(problem, best.fitted),
         *_repeated(repeated),
         *_crossed_once(best),
-        *_foretold(problem),
+        *_foretold(problem, found),
         *(effect.remark for effect in best.effects if effect.remark),
         *([f"{'; '.join(doubted)}: it is believed in no more than half"] if doubted else []),
     ]
@@ -147,9 +147,10 @@ def _repeated(repeated: float) -> list[str]:
     ]
 
 
-def _foretold(problem: Problem) -> list[str]:
-    """Say where drifts that bend were not considered."""
-    if not bends_foretold(problem.samples.drive):
+def _foretold(problem: Problem, found: Search) -> list[str]:
+    """Say where drifts were considered, and such as bend were not."""
+    tried = any("drift" in trial.slugs for trial in found.trials)
+    if not (tried or any("drift" in what for what, _ in found.passed)) or not bends_foretold(problem.samples.drive):
         return []
     return [
         "slip and load, as they went, foretell whatever bends with time: of drifts only those that go straight were "

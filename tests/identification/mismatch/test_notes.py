@@ -33,14 +33,16 @@ def test_one_kind_of_ground_is_no_word_worth():
 
 
 def test_drifts_that_bend_are_said_to_be_left_out_where_slip_and_load_foretell_them():
-    third = np.repeat([0.0, 1.0, 2.0], len(DRIVE) // 3)
+    third = np.repeat([0.0, 1.0, 2.0], 100)
     along = 3.0 * np.arange(len(third)) / len(third) - third
-    rows = {"slip": 0.05 + 0.5 * along, "load_N": 50.0 + 25.0 * third}
+    rows = {"slip": 0.05 + 0.5 * along, "load_N": 50.0 + 25.0 * third, "time_s": 0.1 * np.arange(len(third))}
 
-    def note(**changed):
-        drive = replace(select_rows(DRIVE, np.arange(len(third))), **{**rows, **changed})
-        return _foretold(SimpleNamespace(samples=SimpleNamespace(drive=drive)))
+    def note(passed="drift[torque_Nm]", **changed):
+        drive = replace(select_rows(DRIVE, np.arange(len(third)) % len(DRIVE)), **{**rows, **changed})
+        found = SimpleNamespace(trials=(), passed=((passed, 1.0),))
+        return _foretold(SimpleNamespace(samples=SimpleNamespace(drive=drive)), found)
 
     assert "drive the first load again" in note()[0]
+    assert note("load_gain") == []
     assert note(load_N=np.full(len(third), 50.0)) == []
     assert note(time_s=np.full(len(third), np.nan)) == []
