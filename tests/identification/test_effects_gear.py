@@ -8,7 +8,9 @@ from typing import cast
 
 import numpy as np
 import pytest
+from bevameter.identification.effects import time_faults
 from bevameter.identification.effects.catalogue import effects_for, forms_by_name
+from bevameter.identification.effects.drive import select_rows
 from bevameter.identification.effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Drive
 from bevameter.identification.effects.grousers import _counts
 from bevameter.identification.effects.named import (
@@ -206,3 +208,30 @@ def test_lines_of_white_residuals_stand_out_of_noise_and_overtones_are_no_lugs_o
     for channels in (every, [PULL]):
         assert sum(bool(counts({}, channels)) for _ in range(300)) <= 10
     assert _counts(bare, drive, np.zeros((rows, 5))) == []
+
+
+def test_a_course_that_slip_and_load_foretell_is_offered_by_name_only():
+    """A ramp of slip for each load, one after the other: whatever bends with time may be what a law leaves out."""
+    count = 400
+    longer = select_rows(DRIVE, np.arange(count) % len(DRIVE))
+    longer = replace(longer, time_s=0.1 * np.arange(count))
+
+    def bends(*loads: float) -> bool:
+        along = len(loads) * np.arange(count) / count
+        ramp = along.astype(int)
+        drive = replace(longer, slip=0.05 + 0.5 * (along - ramp), load_N=50.0 * np.array(loads)[ramp])
+        situation = replace(SITUATION, drive=drive)
+        assert choose(parse_effect("drift:d1=0.1,form=torque_Nm, curved"), time_faults.named(situation))
+        forms = [effect.form for effect in time_faults.forms(situation) if effect.slug == "drift"]
+        assert "torque_Nm" in forms
+        return "torque_Nm, curved" in forms
+
+    for loads in ((1.0, 1.5, 2.0), (2.0, 1.0, 1.5), (0.7, 1.0, 1.5, 2.0), (1.0, 0.6, 2.0, 1.4, 3.0)):
+        assert not bends(*loads)
+    # The same load again, and what changed between is time.
+    for loads in ((1.0, 1.5, 1.0), (1.0, 1.0, 1.0), (0.7, 1.0, 1.5, 0.7), (1.0, 0.6, 2.0, 1.4, 1.0)):
+        assert bends(*loads)
+    few = select_rows(longer, np.linspace(0, count - 1, 12).astype(int))
+    assert not time_faults.bends_foretold(
+        replace(few, load_N=np.linspace(50.0, 90.0, 12)[np.random.default_rng(2).permutation(12)])
+    )

@@ -88,11 +88,17 @@ def _as_in_quiet_ground(tries: Tries, best: Trial) -> Trial:
     little then, and both are not come upon. What comes late, and places, show on all rows or not at all.
     """
     tries.tell("the same in quiet ground")
-    known = {effect.name: effect for effect in tries.catalogue if not effect.local}
+    known = {form.name: form for effect in tries.catalogue if not effect.local for form in _forms_of(effect)}
     sets = together(partial(_on_all_rows, tries, known), _proposed(tries))
     tries.trials.extend(trial for trial in sets if trial is not None)
     better = max((trial for trial in sets if trial is not None), key=partial(worth, best), default=best)
     return better if surplus(best, better) >= 0.0 else best
+
+
+def _forms_of(effect: Effect) -> list[Effect]:
+    """An effect, its variants, and each of these with further parameters."""
+    forms = [effect, *effect.variants()]
+    return forms + [freer for form in forms for freer in form.freer()]
 
 
 def _proposed(tries: Tries) -> list[Trial]:

@@ -19,7 +19,7 @@ from bevameter.identification.mismatch.name import search as module
 from bevameter.identification.mismatch.name.asked import rests_on_ground, standing, surplus, worth
 from bevameter.identification.mismatch.name.evidence import leaves_to_ground, outdone, warranted
 from bevameter.identification.mismatch.name.naming import name, why_not
-from bevameter.identification.mismatch.name.search import _as_in_quiet_ground, _proposed
+from bevameter.identification.mismatch.name.search import _as_in_quiet_ground, _forms_of, _proposed
 from bevameter.identification.mismatch.name.tries import Search, Tries
 from effects_tried import SITUATION
 
@@ -126,7 +126,12 @@ def test_sets_are_sought_in_quiet_ground_by_some_of_the_rows_and_judged_on_all(r
     found = _as_in_quiet_ground(ramps, ramps.textbook)
     assert found.slugs == {"slip_sinkage", "torque_offset"}
     assert len(found.fitted.theta_1) == len(ramps.problem.samples) > 590
-    assert all(effect in ramps.catalogue for effect in found.effects)
+    forms = [form for effect in ramps.catalogue for form in _forms_of(effect)]
+    assert len(found.names.intersection(form.name for form in forms)) == 2
+    # A form found only by further parameters of a catalogue's form is one that all rows offer, too.
+    squared = [form for form in forms if form.name == "slip_sinkage[exponent, squared]"]
+    assert len(squared) == 1
+    assert squared[0] not in ramps.catalogue
     assert rests_on_ground(ramps.textbook, found)
 
 
