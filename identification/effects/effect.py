@@ -202,6 +202,8 @@ class Effect:
     """Channel, and variable with which it changes in whatever course: what else changes so is the same effect."""
     expected: bool = False
     """Whether the vehicle's description says that it is there, so that the textbook wheel is known to lack it."""
+    ripples: slice | None = None
+    """Parameters of what comes and goes with the wheel's turns, for which nothing else stands in."""
     freed: bool = False
     """Whether it is what another form's `freer` gives, and may hold a third form as well."""
     said_by: str = ""

@@ -153,6 +153,7 @@ class LugRipple(Effect):
     slug = "grousers"
     source = "after R. A. Irani et al., J. Terramechanics 48 (2011), periodic term at the lugs' passing"
     needs = ("wheel_angle_rad",)
+    ripples = slice(0, None)
 
     def __init__(self, count: int, typical: np.ndarray, stated: int, *, overtone: bool = False) -> None:
         self.form = f"ripple, {count} lugs" + (", overtone" if overtone else "")
@@ -189,32 +190,38 @@ class LugRipple(Effect):
 
 
 class Lugs(LugRipple):
-    """Soil shears beyond the rim, and forces ripple in proportion to the torque, sinkage to the lugs' height."""
+    """Soil shears beyond the rim; forces ripple with the torque and sinkage with the lugs' height, or all evenly."""
+
+    ripples = slice(1, None)
 
     def __init__(
-        self, count: int, typical: np.ndarray, wheel: Wheel, *, overtone: bool = False, steady: Effect | None = None
-    ) -> None:
+        self, count: int, typical: np.ndarray, wheel: Wheel, *, overtone: bool = False, steady: Effect | None = None,
+        even: bool = False,
+    ) -> None:  # fmt: skip
         super().__init__(count, typical, wheel.grouser_count, overtone=overtone)
         self._stated = wheel.grouser_height_m > 0.0
         self._height = wheel.grouser_height_m or _UNSTATED * wheel.radius_m
         self._steady, self._radius_m = steady or LugRadius(self._height), wheel.radius_m
-        self._otherwise = None if steady else (count, typical, wheel, overtone)
-        self.form = f"{self._steady.form} and {self.form}"
+        self._even = even
+        self._otherwise = None if steady or even else (count, typical, wheel, overtone)
+        self.form = f"{self._steady.form} and {'even ' if even else ''}{self.form}"
         self.usual = self._steady.usual
         self.source = f"{self._steady.source}; {LugRipple.source}"
-        waves = self.equation.split(" += ")[1]
-        self.equation = f"{self._steady.equation}; T += |T| w, DP += |T| / r w, z += h w, each w = {waves}"
+        channels, waves = self.equation.split(" += ")
+        rippling = f"{channels} += {waves}" if even else f"T += |T| w, DP += |T| / r w, z += h w, each w = {waves}"
+        self.equation = f"{self._steady.equation}; {rippling}"
         if not wheel.grouser_height_m:
             self.equation += f"; h = {_UNSTATED:g} r, the vehicle's lugs not being stated"
-        ripple = tuple(Parameter(each.name, "", -1.0, 1.0, 0.0, 0.1) for each in self.parameters)
-        self.parameters = (*self._steady.parameters, *ripple)
+        shares = tuple(Parameter(each.name, "", -1.0, 1.0, 0.0, 0.1) for each in self.parameters)
+        self.parameters = (*self._steady.parameters, *(self.parameters if even else shares))
 
     def variants(self) -> list[Effect]:
         if self._otherwise is None:
             return []
         count, typical, wheel, overtone = self._otherwise
         others = [steady for steady in _steady(self._height, count) if steady.form != self._steady.form]
-        return [Lugs(count, typical, wheel, overtone=overtone, steady=steady) for steady in others]
+        answer: list[Effect] = [Lugs(count, typical, wheel, overtone=overtone, steady=steady) for steady in others]
+        return [Lugs(count, typical, wheel, overtone=overtone, even=True), *answer]
 
     def unheard_of(self, values: np.ndarray, sd: np.ndarray) -> list[str]:
         if self._stated:
@@ -228,11 +235,12 @@ class Lugs(LugRipple):
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         self._steady.act(channels, contact, drive, values[:1])
-        torque = np.abs(channels[:, TORQUE])
-        size = {TORQUE: torque, PULL: torque / self._radius_m, SINKAGE: np.full_like(torque, self._height)}
-        channels[:, self._channels] += self.waves(drive, values[1:]) * np.column_stack(
-            [size[channel] for channel in self._channels]
-        )
+        waves = self.waves(drive, values[1:])
+        if not self._even:
+            torque = np.abs(channels[:, TORQUE])
+            size = {TORQUE: torque, PULL: torque / self._radius_m, SINKAGE: np.full_like(torque, self._height)}
+            waves *= np.column_stack([size[channel] for channel in self._channels])
+        channels[:, self._channels] += waves
 
 
 def forms(situation: Situation) -> tuple[Effect, ...]:

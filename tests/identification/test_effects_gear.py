@@ -39,6 +39,15 @@ def test_lugs_shear_farther_out_and_ripple_once_a_lug():
     np.testing.assert_allclose(ripple[:, TORQUE], 0.5 * np.cos(phase) + 0.2 * np.sin(phase), atol=1e-9)
 
 
+def test_lugs_may_ripple_evenly_beside_their_radius():
+    lugs, ripple = "radius and even ripple, 18 lugs", "a_T=0.5,b_DP=2,a_z=1e-4"
+    away = change(f"grousers:form={lugs},s=0.7,{ripple}") - change("grousers:s=0.7")
+    phase = WHEEL.grouser_count * DRIVE.wheel_angle_rad
+    np.testing.assert_allclose(away[:, TORQUE], 0.5 * np.cos(phase), atol=1e-9)
+    np.testing.assert_allclose(away[:, PULL], 2.0 * np.sin(phase), atol=1e-9)
+    np.testing.assert_allclose(away[:, SINKAGE], 1e-4 * np.cos(phase), atol=1e-12)
+
+
 def test_the_faces_of_lugs_push_with_what_the_soil_resists_passively():
     away = change("grousers:form=thrust of the lugs,s=1")
     assert untouched(away, LOAD, SINKAGE, SLIP)
@@ -111,6 +120,7 @@ def test_every_form_of_lugs_is_found_again_by_its_name():
     found = [each for form in effects_for(here, ["grousers"]) for each in (form, *form.variants())]
     assert {effect.form for effect in found} >= {
         "radius with its slip", "ripple, 24 lugs, overtone", "radius with its slip and ripple, 24 lugs",
+        "radius and even ripple, 24 lugs", "radius and even ripple, 24 lugs, overtone",
         "radius with its slip and ripple, 24 lugs, overtone", "sides of the lugs and ripple, 24 lugs",
         "thrust of the lugs and ripple, 24 lugs, overtone",
     }  # fmt: skip

@@ -11,13 +11,14 @@ import numpy as np
 
 from ....framework.core.soil import PARAMETERS, PLAUSIBLE, PUBLISHED, UNDRAINED_C_PA, SoilKnowledge
 from ...augmented import SOIL_COUNT, AugmentedWheel
-from ...effects.effect import LOAD, SLIP, Effect, Situation
+from ...effects.effect import Effect, Situation
 from ...forward import from_internal, to_internal
 from .fitting import Fitted, Problem, as_smooth_as_it_is, fit
+from .gained_by_none import of_gross_errors, of_quiet
 from .held_out import HeldOut, hold_out
 from .places import everywhere, stretches_apart
-from .samples import Samples, quietness
-from .soil_variation import HUBER, SMOOTHEST, huber_loss
+from .samples import Samples
+from .soil_variation import HUBER, SMOOTHEST
 from .textbook import coarse_fit, first_soil, fit_textbook
 
 ASKED_FOR = 12.0
@@ -36,9 +37,6 @@ published forms of one effect differ, here as a share of it [-] and at most [nat
 
 NOT_EXCLUDED = 3.0
 """Units of log-odds up to which a set is not excluded, to 5 % [-]."""
-
-_GROSS, _FEW = 5.0, 0.02
-"""A value is gross where a fit leaves so many noises of it, and where no more than this share of all are [-]."""
 
 _AGREED = 2.0
 """Standard deviations, from block to block, that a delay's gain is from zero where it is one [-]: of the study's
@@ -73,7 +71,8 @@ class Trial:
     Nor does what is gained on a few values that stay gross errors.
     `soil_unheard_of` says, in words, how the soil beside the effects is unlike any that was measured, and `sharp` how
     many nats of what a place along the track gains are lost where its edges are wide, none where wide ones fit best: a
-    model that is wrong otherwise leaves nothing so sharp.
+    model that is wrong otherwise leaves nothing so sharp. So many nats are `rippled`: gained by what comes and goes
+    with the wheel's turns.
     """
 
     effects: tuple[Effect, ...]
@@ -82,6 +81,7 @@ class Trial:
     gain: float
     soil_unheard_of: tuple[str, ...] = ()
     sharp: float = 0.0
+    rippled: float = 0.0
 
     @property
     def slugs(self) -> frozenset[str]:
@@ -100,6 +100,11 @@ class Trial:
         announced = [(effect, where) for effect, where in self.fitted.model.slices() if effect.expected]
         as_stated = [effect.as_announced(self.fitted.vector[where], sd[where]) for effect, where in announced]
         return bool(as_stated) and all(as_stated)
+
+    @property
+    def steady_gain(self) -> float:
+        """Nats that it gains by what does not ripple."""
+        return self.gain - self.rippled
 
     @property
     def names(self) -> frozenset[str]:
@@ -323,47 +328,28 @@ def starts_of(base: Trial, effect: Effect, former: Trial | None = None) -> list[
     return [np.concatenate([effect.beside(soil), others, start]) for start in effect.starts()]
 
 
-def _of_quiet(problem: Problem, fitted: Fitted) -> float:
-    """Nats that a delay gains because errors of averaged load and slip are quieter there, and not for being right."""
-    weights = problem.weights or fitted.response
-    by_latent = np.nan_to_num(weights.by_latent[:, problem.answers])
-    answer = 0.0
-    for effect, where in fitted.model.slices():
-        late = effect.delay(fitted.vector[where])
-        if late is None:
-            continue
-        channel, lag = late
-        own = by_latent
-        if channel in (LOAD, SLIP):
-            own = by_latent * (np.array([LOAD, SLIP]) == channel)
-        spread = np.einsum("nca,ab,ncb->nc", own, problem.latent_covariance, own)
-        everything = np.einsum("nca,ab,ncb->nc", by_latent, problem.latent_covariance, by_latent)
-        share = problem.seen * spread / (everything + fitted.noise.answers**2)
-        if channel not in (LOAD, SLIP):
-            share = share[:, problem.answers.index(channel)]
-        answer += 0.5 * max(1.0 - quietness(lag), 0.0) * float(share.sum())
-    return answer
-
-
-def _of_gross_errors(before: np.ndarray, after: np.ndarray) -> float:
-    """Nats that whitened residuals (n, m) gain where they stay gross: a fit that bends towards a few wrong values."""
-    gross = np.abs(after) > _GROSS
-    if not 0 < gross.sum() <= _FEW * np.count_nonzero(after):
-        return 0.0
-    return max(float((huber_loss(before[gross]) - huber_loss(after[gross])).sum()), 0.0)
-
-
 def _trial(
     problem: Problem, textbook: Trial, effects: tuple[Effect, ...], fitted: Fitted, held: HeldOut
 ) -> Trial:  # fmt: skip
     gain = min(held.gain(textbook.held_out)[0], fitted.score - textbook.fitted.score)
-    gain -= sum(effect.sought for effect in effects) + _of_quiet(problem, fitted)
-    gain -= _of_gross_errors(textbook.fitted.innovations, fitted.innovations)
+    gain -= sum(effect.sought for effect in effects) + of_quiet(problem, fitted)
+    gain -= of_gross_errors(textbook.fitted.innovations, fitted.innovations)
     if everywhere(fitted, problem.samples.drive):
         gain = min(gain, 0.0)
     sd = np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))
     unlike = unheard_of_soil(fitted.vector[:SOIL_COUNT], sd[:SOIL_COUNT], problem.known.values)
-    return Trial(effects, fitted, held, gain, unlike)
+    return Trial(effects, fitted, held, gain, unlike, rippled=min(_of_ripples(problem, fitted), max(gain, 0.0)))
+
+
+def _of_ripples(problem: Problem, fitted: Fitted) -> float:
+    """Nats that a fit is better than one without its ripples, its noise found anew."""
+    rippling = [(effect.ripples, where) for effect, where in fitted.model.slices() if effect.ripples is not None]
+    if not rippling:
+        return 0.0
+    vector = fitted.vector.copy()
+    for ripples, where in rippling:
+        vector[where][ripples] = 0.0
+    return max(fitted.score - fit(problem, fitted.model, vector, None, fitted.theta_1, iterations=0).score, 0.0)
 
 
 def less(trial: Trial, dropped: Effect) -> tuple[AugmentedWheel, np.ndarray]:

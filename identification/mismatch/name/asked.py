@@ -46,11 +46,12 @@ _PREDICTED = 0.9
 def surplus(best: Trial, larger: Trial) -> float:
     """Nats that a larger set gains on a set, less those that it has to; sorted by `worth`, which see.
 
-    What is beyond anything published (`Trial.unheard_of`) is asked no share: it stands in for more than one effect. Of
-    what the vehicle's description announces little is asked: one effect beside the vehicle's lugs is no more than one,
-    and what lugs gain that came out as announced tells nothing of how much their form errs. A set that explains what
-    the other one leaves to ground that varies (`rests_on_ground`) need gain no more than one has to alone, and one that
-    leaves to it what the other one explains may gain what it will.
+    What is beyond anything published (`Trial.unheard_of`) is asked no share: it stands in for more than one effect. Nor
+    is one asked of what ripples gain: no other effect does what they do. Of what the vehicle's description announces
+    little is asked: one effect beside the vehicle's lugs is no more than one, and what lugs gain that came out as
+    announced tells nothing of how much their form errs. A set that explains what the other one leaves to ground that
+    varies (`rests_on_ground`) need gain no more than one has to alone, and one that leaves to it what the other one
+    explains may gain what it will.
     """
     if rests_on_ground(best, larger):
         return larger.gain - ASKED_FOR
@@ -58,7 +59,7 @@ def surplus(best: Trial, larger: Trial) -> float:
         return -math.inf
     least = of_no_effect(best, larger)
     only_announced = bool(best.effects) and not best.unexpected and larger.as_announced
-    asked = max(asked_beside(0.0), least) if only_announced else asked_beside(best.gain)
+    asked = max(asked_beside(0.0), least) if only_announced else asked_beside(best.steady_gain)
     if len(larger.unexpected) <= len(best.unexpected):
         asked = max(EXPECTED_ASKED_FOR, least)
     elif _further_place(best, larger):
@@ -87,7 +88,7 @@ def of_no_effect(best: Trial, larger: Trial) -> float:
     """Nats that a larger set may gain though nothing more is there: forms that have been published of one effect
     differ, and what nothing shows to be a place stands in for ground that varies, or for what differs otherwise.
     """
-    return math.inf if _further_place(best, larger) and not _shown(best, larger) else _LEAST_SHARE * best.gain
+    return math.inf if _further_place(best, larger) and not _shown(best, larger) else _LEAST_SHARE * best.steady_gain
 
 
 def calmed(before: Trial, after: Trial) -> bool:

@@ -70,6 +70,13 @@ def test_lugs_that_come_out_as_announced_ask_little_of_what_they_gain(made):
     assert surplus_beside(400.0, 1.0, 0.3) == pytest.approx(-2.0), "data that do not tell confirm nothing"
 
 
+def test_no_share_is_asked_of_what_ripples_gain(made):
+    _, _, alone, _, sensor = made
+    rippling = replace(gaining(alone["slip_sinkage"], 700.0), rippled=640.0)
+    assert surplus(rippling, gaining(sensor, 730.0)) == pytest.approx(15.0)
+    assert surplus(replace(rippling, rippled=0.0), gaining(sensor, 730.0)) == pytest.approx(-10.0)
+
+
 def test_two_effects_without_lugs_confirm_none(made):
     _, _, alone, lugs, sensor = made
     assert not sensor.as_announced

@@ -154,6 +154,21 @@ def test_lugs_that_are_not_those_of_the_vehicle_are_a_fault_of_what_is_configure
         assert (effect.sought > 0.0) == (stated != 12)
 
 
+def test_lugs_that_ripple_whatever_the_torque_are_found_to_and_what_they_gain_is_rippled():
+    wheel, table = Wheel(radius_m=0.15, width_m=0.1, grouser_height_m=0.01, grouser_count=12), drive((), 7)
+    angle = 2.0 * table["time_s"]
+    torque = table["torque_Nm"] + 0.1 * np.max(table["torque_Nm"]) * np.cos(12.0 * angle)
+    turned = WheelTable({**table.columns, "wheel_angle_rad": angle, "torque_Nm": torque}, None, None, "made")
+    problem, textbook = trials(turned, wheel)
+    lugs = effects_for(situation(problem, textbook.fitted), ["grousers"])
+    gained = {form: try_adding(problem, textbook, textbook, form) for form in lugs}
+    even = next(trial for form, trial in gained.items() if form.form == "radius and ripple, 12 lugs")
+    assert even.effects[0].form == "radius and even ripple, 12 lugs"
+    assert even.gain > 100.0
+    assert even.rippled > 0.9 * even.gain
+    assert next(trial for form, trial in gained.items() if form.form == "radius").rippled == 0.0
+
+
 @pytest.mark.parametrize("wrapped", [False, True])
 def test_lugs_are_located_on_the_wheel_s_angle_however_it_is_counted(wrapped):
     wheel, table = Wheel(radius_m=0.15, width_m=0.1), drive((), 7, load_varies=0.4)
