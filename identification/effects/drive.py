@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from scipy.signal import savgol_coeffs, savgol_filter
@@ -23,6 +24,8 @@ COLUMNS = {
     "pitch_rad": "pitch_rad",
     "pass_number": "pass",
     "place_m": "x_m",
+    "x_m": "x_m",
+    "y_m": "y_m",
     "acceleration_m_s2": "travel_speed_m_s",
     "angular_acceleration_rad_s2": "wheel_speed_rad_s",
 }
@@ -103,12 +106,8 @@ def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Dr
             travel = np.where(np.isfinite(ratio), rate * wheel.radius_m * ratio, math.nan)
         elif not np.isfinite(rate).any():
             rate = np.where(ratio > 0.0, travel / (wheel.radius_m * ratio), math.nan)
-    place = _bridged(column("x_m"), time_s, stretch)
-    if "y_m" in table and np.isfinite(place).all() and float(np.nanstd(table["y_m"])) > 0.1 * float(np.nanstd(place)):
-        # A track that turns has no place along one axis: the distance travelled takes its part.
-        step = np.hypot(np.diff(place), np.diff(table["y_m"]))
-        place = np.concatenate([[0.0], np.cumsum(np.nan_to_num(step))])
-    return kind(
+    x_m, y_m = (_bridged(column(name), time_s, stretch) for name in ("x_m", "y_m"))
+    drive = kind(
         load_N=table["load_N"],
         slip=table["slip"],
         time_s=time_s,
@@ -117,11 +116,17 @@ def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Dr
         wheel_angle_rad=column("wheel_angle_rad"),
         pitch_rad=column("pitch_rad"),
         pass_number=column("pass"),
-        place_m=place,
+        place_m=x_m,
+        x_m=x_m,
+        y_m=y_m,
         acceleration_m_s2=rate_of_change(travel, time_s, stretch),
         angular_acceleration_rad_s2=rate_of_change(rate, time_s, stretch),
         stretch=stretch,
     )
+    if not drive.turns:
+        return drive
+    steps = np.nan_to_num(np.hypot(np.diff(x_m), np.diff(y_m)))
+    return replace(drive, place_m=np.concatenate([[0.0], np.cumsum(steps)]))
 
 
 def _bridged(place: np.ndarray, time_s: np.ndarray, stretch: np.ndarray) -> np.ndarray:

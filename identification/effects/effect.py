@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
 from typing import ClassVar, Literal
@@ -53,6 +53,10 @@ class Parameter:
     published: tuple[float, float] = (-math.inf, math.inf)
 
 
+_ASIDE = 0.1
+"""Spread of `y_m` as a share of that of `x_m` from which on a track turns [-]."""
+
+
 @dataclass(frozen=True)
 class Drive:
     """What is known of each sample besides the channels that answer, all (n,), NaN where not observed.
@@ -61,8 +65,10 @@ class Drive:
     ----------
     load_N, slip
         As measured.
-    time_s, travel_speed_m_s, rim_speed_m_s, wheel_angle_rad, pitch_rad, pass_number, place_m
+    time_s, travel_speed_m_s, rim_speed_m_s, wheel_angle_rad, pitch_rad, pass_number, x_m, y_m
         Channels; `pass_number` is 1 on fresh ground, `rim_speed_m_s` is r omega.
+    place_m
+        Place along the track: `x_m`, or the way gone where it `turns`.
     acceleration_m_s2, angular_acceleration_rad_s2
         dV/dt and d(omega)/dt, smoothed.
     stretch
@@ -78,6 +84,8 @@ class Drive:
     pitch_rad: np.ndarray
     pass_number: np.ndarray
     place_m: np.ndarray
+    x_m: np.ndarray
+    y_m: np.ndarray
     acceleration_m_s2: np.ndarray
     angular_acceleration_rad_s2: np.ndarray
     stretch: np.ndarray
@@ -89,6 +97,12 @@ class Drive:
     def timed(self) -> bool:
         """Whether rows follow from one another in time: steady trials do not, each a stretch of its own."""
         return bool(np.isfinite(self.time_s).all() and (np.diff(self.stretch) == 0).any())
+
+    @property
+    def turns(self) -> bool:
+        """Whether the track has no place along one axis."""
+        placed = bool(np.isfinite(self.x_m).all()) and bool(np.isfinite(self.y_m).any())
+        return placed and float(np.nanstd(self.y_m)) > _ASIDE * float(np.std(self.x_m))
 
     @cached_property
     def runs(self) -> tuple[np.ndarray, ...]:
@@ -126,7 +140,8 @@ class Situation:
     c_Pa, tan_phi, stiffness_Pa
         The soil that the textbook wheel fits.
     places
-        Parameter vectors at which to look for another soil along the track, where somebody laid them out.
+        Parameter vectors at which to look for another soil, by the attribute of the drive along which it lies, where
+        somebody laid them out.
     """
 
     wheel: Wheel
@@ -137,7 +152,7 @@ class Situation:
     c_Pa: float
     tan_phi: float
     stiffness_Pa: float
-    places: tuple[np.ndarray, ...] = ()
+    places: Mapping[str, Sequence[np.ndarray]] = field(default_factory=dict)
 
     def seen(self, *channels: int) -> bool:
         """Say whether one of the channels, by number, was observed."""

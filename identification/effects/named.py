@@ -113,6 +113,7 @@ def specimen(lugs: int = _USUAL_LUGS, *, scale: float = 1.0) -> Situation:
         load_N=(80.0 + 60.0 * along) * scale**2, slip=0.05 + 0.6 * along, time_s=10.0 * along * scale,
         travel_speed_m_s=0.1 + 0.1 * along, rim_speed_m_s=0.2 + 0.1 * along, wheel_angle_rad=20.0 * along,
         pitch_rad=0.1 * along, pass_number=1.0 + np.floor(2.999 * along), place_m=along * scale,
+        x_m=along * scale, y_m=along * scale,
         acceleration_m_s2=np.full(rows, 0.01), angular_acceleration_rad_s2=np.full(rows, 0.07),
         stretch=np.zeros(rows, dtype=int),
     )  # fmt: skip

@@ -10,8 +10,11 @@ import numpy as np
 
 from .effect import Contact, Drive, Effect, Parameter, Situation
 
-_ALONG = {"place": "place_m", "time": "time_s"}
+_ALONG = {"place": "place_m", "time": "time_s", "x": "x_m", "y": "y_m"}
 """What a patch may lie along, by its form's name, and the covariate that says where a sample is."""
+
+_SYMBOL = {"place": "x", "time": "t"}
+"""That of a form's covariate, where it is not the form's name."""
 
 CELLS = 200
 """Cells of the track between which a patch's edges are sought."""
@@ -44,10 +47,10 @@ class SoilPatch(Effect):
         self.form = along + _APART * apart
         self.freed = apart
         strength = "ln tan phi += B, ln c += B + C" if apart else "ln strength += B"
-        self.equation = f"from < x < to: ln stiffness += A, {strength}"
+        self.equation = f"from < {_SYMBOL.get(along, along)} < to: ln stiffness += A, {strength}"
         self._along = _ALONG[along]
         low, high = float(np.nanmin(values)), float(np.nanmax(values))
-        unit = "m" if along == "place" else "s"
+        unit = "s" if along == "time" else "m"
         # A standing wheel has no track: its one place is inside or outside, sharply.
         self._long = high - low
         edge = max(_EDGES[0] * (high - low), 1e-9)
@@ -97,16 +100,20 @@ class SoilPatch(Effect):
         contact.c_Pa = contact.c_Pa * np.exp((values[1] + apart) * inside)
 
 
-def track_of(drive: Drive) -> tuple[str, np.ndarray] | None:
-    """What a patch lies along, and where on it each sample is (n,) [m or s]; None where neither is known."""
-    present = [along for along, name in _ALONG.items() if drive.has(name) and (drive.timed or along == "place")]
-    return (present[0], getattr(drive, _ALONG[present[0]])) if present else None
+def tracks_of(drive: Drive) -> list[str]:
+    """What a patch may lie along, attributes of the drive: the track, the clock where that is not known, and either
+    axis where it turns, for what lies across its legs is no one place along it.
+    """
+    present = [name for name in ("place_m", "time_s") if drive.has(name) and (drive.timed or name == "place_m")]
+    return present[:1] + [name for name in ("x_m", "y_m") if drive.turns and drive.timed and drive.has(name)]
 
 
 def forms(situation: Situation) -> tuple[Effect, ...]:
     """Give the forms that these data can show, starting where the ground seems to be another."""
-    track = track_of(situation.drive)
-    return (SoilPatch(*track, situation.places),) if track else ()
+    drive, form = situation.drive, {name: along for along, name in _ALONG.items()}
+    return tuple(
+        SoilPatch(form[name], getattr(drive, name), situation.places.get(name, ())) for name in tracks_of(drive)
+    )
 
 
 def named(situation: Situation) -> tuple[Effect, ...]:

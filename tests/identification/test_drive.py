@@ -46,3 +46,13 @@ def test_where_most_was_not_observed_nothing_is_made_up(known):
     place = np.where(np.arange(len(TIME_S)) < known, PLACE, np.nan)
     drive = laid_out(x_m=place, travel_speed_m_s=SPEED)
     assert np.isfinite(drive.place_m).sum() == known
+
+
+def test_where_the_track_turns_its_place_is_the_way_gone():
+    around = 0.3 * TIME_S / 4.0
+    drive = laid_out(x_m=4.0 * np.cos(around), y_m=4.0 * np.sin(around))
+    assert drive.turns
+    np.testing.assert_allclose(drive.place_m, 0.3 * TIME_S, rtol=1e-5)
+    straight = laid_out(x_m=PLACE, y_m=0.01 * np.sin(TIME_S))
+    assert not straight.turns
+    np.testing.assert_array_equal(straight.place_m, PLACE)

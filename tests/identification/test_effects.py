@@ -308,7 +308,7 @@ def test_a_patch_may_have_a_cohesion_of_its_own(form):
 
 
 def test_forms_that_there_are_are_told_apart():
-    with pytest.raises(InputError, match=r"'place' or 'time' or 'place, cohesion apart' or 'time, cohesion apart'"):
+    with pytest.raises(InputError, match=r"'place' or 'time' or 'x' or 'y' or 'place, cohesion apart' or 'time, co"):
         change("soil_patch:form=nowhere,from=0.4,to=0.6,A=1")
 
 

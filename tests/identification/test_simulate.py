@@ -122,7 +122,8 @@ def test_every_effect_of_the_catalogue_can_be_simulated_on_a_drive_that_has_all_
     columns = {
         "time_s": drive.time_s, "load_N": drive.load_N, "slip": drive.slip, "pass": drive.pass_number,
         "wheel_speed_rad_s": drive.rim_speed_m_s / 0.15, "travel_speed_m_s": drive.travel_speed_m_s,
-        "wheel_angle_rad": drive.wheel_angle_rad, "pitch_rad": drive.pitch_rad, "x_m": drive.place_m,
+        "wheel_angle_rad": drive.wheel_angle_rad, "pitch_rad": drive.pitch_rad, "x_m": drive.x_m,
+        "y_m": drive.y_m,
     }  # fmt: skip
     table = WheelTable(columns, None, None, tmp_path / "drive.csv")
     vehicle = Vehicle(wheels=(situation.wheel,))

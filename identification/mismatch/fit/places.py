@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...effects.effect import Drive
-from ...effects.soil_patch import CELLS, SoilPatch, track_of
+from ...effects.soil_patch import CELLS, SoilPatch, tracks_of
 from .fitting import Fitted, Problem
 from .soil_variation import NoiseModel
 from .steps import normal_equations, scaled_inverse
@@ -25,17 +25,20 @@ _LEAST, _MOST = 5, int(_MOST_OF_ALL * CELLS)
 """Cells that a stretch has at least, and at most."""
 
 
-def stretches_apart(problem: Problem, fitted: Fitted) -> tuple[np.ndarray, ...]:
-    """Give parameter vectors (A, B, from, to) of the patches that a fit's residuals ask for most.
+def stretches_apart(problem: Problem, fitted: Fitted) -> dict[str, list[np.ndarray]]:
+    """Give parameter vectors (A, B, from, to) of the patches that a fit's residuals ask for most, by what they lie
+    along (`tracks_of`).
 
     Each pair of edges on a grid is weighed by the gain of the best A and B there, to first order and with everything
     that was fitted following along: one Gram matrix of the cells' derivatives holds them all. The soil's variation is
     taken as it was fitted, and as little: what was fitted may have explained the patch already.
     """
-    track = track_of(problem.samples.drive)
-    if track is None:
-        return ()
-    where = track[1]
+    drive = problem.samples.drive
+    return {name: _stretches_along(getattr(drive, name), problem, fitted) for name in tracks_of(drive)}
+
+
+def _stretches_along(where: np.ndarray, problem: Problem, fitted: Fitted) -> list[np.ndarray]:
+    """Give the patches that are asked for most along one variable (n,)."""
     edges = np.linspace(np.nanmin(where), np.nanmax(where), CELLS + 1)
     cell = np.clip(np.searchsorted(edges, where, side="right") - 1, 0, CELLS - 1)
     inside = (cell[:, None] == np.arange(CELLS)) & np.isfinite(where)[:, None]
@@ -53,7 +56,7 @@ def stretches_apart(problem: Problem, fitted: Fitted) -> tuple[np.ndarray, ...]:
             first, last = (int(index) for index in np.unravel_index(int(np.argmax(gain)), gain.shape))
             found.append((first, last))
             answer.append(np.array([*change[first, last], edges[first], edges[last]]))
-    return tuple(answer)
+    return answer
 
 
 def everywhere(fitted: Fitted, drive: Drive) -> bool:

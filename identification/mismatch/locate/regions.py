@@ -279,7 +279,9 @@ class Whitened:
             return ((stretch.low, stretch.high, 1.0, float(mean[0]) * unit),)
 
         chance = stretch.chance / len(self._problem.answers)
-        return _Question(position, public_name(stretch.attribute), column[:, None], read, chance)
+        return _Question(
+            position, public_name(self._problem.samples.drive, stretch.attribute), column[:, None], read, chance
+        )
 
     def _periodic(self, angle: np.ndarray, position: int) -> _Question:
         """Ask of one channel whether it repeats with the wheel's rotation; the number of cycles is searched for."""

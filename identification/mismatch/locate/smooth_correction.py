@@ -31,7 +31,7 @@ _FELT = 2.0
 
 _MOST_GROUPS = 6
 
-_WANDERED = ("time_s", "x_m")
+_WANDERED = ("time_s", "x_m", "y_m", "distance_m")
 """Variables along which errors with a memory wander by chance."""
 
 _RIDGE = 1e-9

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 from sklearn.preprocessing import SplineTransformer
 
+from ...effects.effect import Drive
 from ..fit.samples import Samples
 
 _NAMES = {
@@ -26,6 +27,9 @@ _NAMES = {
 }
 """Public name of a variable, and the attribute of `Drive` that holds it."""
 
+_TURNING = {"distance_m": "place_m", "x_m": "x_m", "y_m": "y_m"}
+"""The same of places where the track turns."""
+
 CONSTANT = "constant"
 """Public name of what is the same everywhere."""
 
@@ -34,7 +38,7 @@ LAG = "lag_s"
 
 _USUAL = (
     CONSTANT, "slip", "load_N", "sinkage_m", "pitch_rad", "wheel_angle_rad", "pass", LAG, "rim_speed_m_s",
-    "travel_speed_m_s", "x_m", "acceleration_m_s2", "angular_acceleration_rad_s2", "time_s",
+    "travel_speed_m_s", "x_m", "y_m", "distance_m", "acceleration_m_s2", "angular_acceleration_rad_s2", "time_s",
 )  # fmt: skip
 """What wheels usually depend on, the most usual first."""
 
@@ -91,7 +95,7 @@ def variables(samples: Samples, sinkage_m: np.ndarray) -> list[Variable]:
     Sinkage is the one predicted, (n,) [m]: the measured one shares soil and errors with what it would explain.
     """
     answer = []
-    for name, attribute in _NAMES.items():
+    for name, attribute in names_of(samples.drive).items():
         values = getattr(samples.drive, attribute)
         if samples.drive.has(attribute) and not (name in _OF_A_SIZE and _is_held(values)):
             answer.append(Variable(name, values, _edges(values)))
@@ -107,9 +111,14 @@ def _is_held(values: np.ndarray) -> bool:
     return bool(high - low < _HELD * middle)
 
 
-def public_name(attribute: str) -> str:
-    """Public name of the variable that an attribute of `Drive` holds."""
-    return next(name for name, held in _NAMES.items() if held == attribute)
+def names_of(drive: Drive) -> dict[str, str]:
+    """Public names of the variables of a drive, and the attribute of `Drive` that holds each."""
+    return _NAMES | _TURNING if drive.turns else _NAMES
+
+
+def public_name(drive: Drive, attribute: str) -> str:
+    """Public name of the variable that an attribute of a drive holds."""
+    return next(name for name, held in names_of(drive).items() if held == attribute)
 
 
 def rank(name: str, through: Collection[str]) -> int:
@@ -123,7 +132,8 @@ def rank(name: str, through: Collection[str]) -> int:
         Attributes of `Drive` that the found effects need.
     """
     usual = _USUAL.index(name)
-    of_effect = _NAMES.get(name, name) in through or (name == LAG and "time_s" in through)
+    held = {_NAMES.get(name, name), _TURNING.get(name, name)}
+    of_effect = not held.isdisjoint(through) or (name == LAG and "time_s" in through)
     return usual - len(_USUAL) if of_effect else usual
 
 

@@ -145,15 +145,15 @@ def _hypothetical(drive: Drive, imposed: np.ndarray, plan: dict, usual: float, r
         if np.isfinite(drive.time_s).any()
         else np.full(rows, np.nan)
     )
-    place = (
-        np.linspace(np.nanmin(drive.place_m), np.nanmax(drive.place_m), rows)
-        if np.isfinite(drive.place_m).any()
-        else np.full(rows, np.nan)
+    place, x_m, y_m = (
+        np.linspace(np.nanmin(each), np.nanmax(each), rows) if np.isfinite(each).any() else np.full(rows, np.nan)
+        for each in (drive.place_m, drive.x_m, drive.y_m)
     )
     return Drive(
         load_N=imposed[:, 0], slip=imposed[:, 1], time_s=time_s, travel_speed_m_s=rim * (1.0 - imposed[:, 1]),
         rim_speed_m_s=rim, wheel_angle_rad=np.linspace(0.0, 8.0 * np.pi, rows),
         pitch_rad=plan.get("pitch", np.zeros(rows)), pass_number=plan.get("number", np.ones(rows)), place_m=place,
+        x_m=x_m, y_m=y_m,
         acceleration_m_s2=np.zeros(rows), angular_acceleration_rad_s2=np.zeros(rows), stretch=np.zeros(rows, dtype=int),
     )  # fmt: skip
 

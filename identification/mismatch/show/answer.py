@@ -16,6 +16,7 @@ from ..fit.fitting import Fitted, Problem
 from ..fit.trial import Trial
 from ..locate.noise_floor import noise_floor
 from ..locate.smooth_correction import SmoothCorrection
+from ..locate.variables import names_of
 from ..name.naming import ASSERTED, MENTIONED, UNKNOWN, Naming, instead, why_not
 from ..name.tries import Search
 from ..name.would_tell import would_tell
@@ -308,13 +309,8 @@ def _fits(
 
 def _rows(problem: Problem, before: np.ndarray, after: np.ndarray, chosen: Fitted) -> Rows:
     drive = problem.samples.drive
-    named = {
-        "slip": drive.slip, "load_N": drive.load_N, "rim_speed_m_s": drive.rim_speed_m_s,
-        "travel_speed_m_s": drive.travel_speed_m_s, "pitch_rad": drive.pitch_rad, "pass": drive.pass_number,
-        "acceleration_m_s2": drive.acceleration_m_s2,
-        "angular_acceleration_rad_s2": drive.angular_acceleration_rad_s2, "x_m": drive.place_m,
-        "time_s": drive.time_s, "wheel_angle_rad": drive.wheel_angle_rad, "sinkage_m": chosen.response.channels[:, 2],
-    }  # fmt: skip
+    named = {name: getattr(drive, attribute) for name, attribute in names_of(drive).items()}
+    named |= {"wheel_angle_rad": drive.wheel_angle_rad, "sinkage_m": chosen.response.channels[:, 2]}
     seen = {name: values for name, values in named.items() if np.isfinite(values).any()}
     measured = np.where(problem.seen, problem.measured, np.nan)
     return Rows(

@@ -37,20 +37,23 @@ def smooth(rng, spread: float, length_m: float) -> np.ndarray:
 
 def crossed(
     stiffer: float, variation: float, seed: int = 1, memory_m: float = 1.5, cohesive: float = 0.0,
-    smooth_m: float = 0.0, noise: float = 0.01, offset_Nm: float = 0.0, began_m: float = 0.0,
+    smooth_m: float = 0.0, noise: float = 0.01, offset_Nm: float = 0.0, began_m: float = 0.0, legs: int = 1,
 ):  # fmt: skip
-    """Problem and textbook trial of a drive over ground that varies by itself, another over one stretch."""
+    """Problem and textbook trial of a drive over ground that varies by itself, another over one stretch; to and fro on
+    parallel legs, of which it lies across all.
+    """
     rng = np.random.default_rng(seed)
-    place_m = np.linspace(0.0, LENGTH_M, ROWS)
-    keep = math.exp(-LENGTH_M / ROWS / memory_m)
+    way_m = np.linspace(0.0, legs * LENGTH_M, ROWS)
+    place_m = LENGTH_M - np.abs(way_m % (2.0 * LENGTH_M) - LENGTH_M)
+    keep = math.exp(-legs * LENGTH_M / ROWS / memory_m)
     ground = smooth(rng, variation, smooth_m) if smooth_m else np.zeros(ROWS)
     for row in range(1, 0 if smooth_m else ROWS):
         ground[row] = keep * ground[row - 1] + math.sqrt(1.0 - keep**2) * variation * rng.normal()
     there = (place_m > FROM_M) & (place_m < TO_M)
     ground += stiffer * there
     cohesion_Pa = SOIL.c_Pa * np.exp(cohesive * there)
-    load = 90.0 + 40.0 * np.sin(1.7 * place_m) + 15.0 * np.sin(4.3 * place_m)
-    slip = 0.3 + 0.18 * np.sin(2.9 * place_m) + 0.08 * np.sin(6.1 * place_m)
+    load = 90.0 + 40.0 * np.sin(1.7 * way_m) + 15.0 * np.sin(4.3 * way_m)
+    slip = 0.3 + 0.18 * np.sin(2.9 * way_m) + 0.08 * np.sin(6.1 * way_m)
     states = [
         equilibrium(WHEEL, replace(SOIL, c_Pa=c_Pa, stiffness_Pa=SOIL.stiffness_Pa * math.exp(each)), *imposed)
         for each, c_Pa, *imposed in zip(ground, cohesion_Pa, load, slip, strict=True)
@@ -59,7 +62,8 @@ def crossed(
     answers += noise * np.ptp(answers, axis=0) * rng.normal(size=answers.shape)
     answers[:, 0] += offset_Nm
     columns = {
-        "time_s": 0.1 * np.arange(ROWS), "x_m": began_m + place_m, "load_N": load + 0.5 * rng.normal(size=ROWS),
+        "time_s": 0.1 * np.arange(ROWS), "x_m": began_m + place_m, "y_m": 4.0 * np.floor(way_m / LENGTH_M),
+        "load_N": load + 0.5 * rng.normal(size=ROWS),
         "slip": slip + 0.002 * rng.normal(size=ROWS),
         **dict(zip(("torque_Nm", "sinkage_m", "drawbar_pull_N"), answers.T, strict=True)),
     }  # fmt: skip
@@ -75,7 +79,7 @@ def small_patch():
 
 def test_a_stretch_is_seen_in_ground_that_varies_anyway(small_patch):
     problem, textbook = small_patch
-    starts = stretches_apart(problem, textbook.fitted)
+    starts = stretches_apart(problem, textbook.fitted)["place_m"]
     away = [max(abs(start[2] - FROM_M), abs(start[3] - TO_M)) for start in starts]
     assert min(away) < 2.0 * LENGTH_M / CELLS
     assert starts[int(np.argmin(away))][0] > 0.0
@@ -114,6 +118,20 @@ def test_and_is_told_from_edge_to_edge(small_patch):
     assert region.variable == "x_m"
     assert region.start == pytest.approx(FROM_M, abs=0.05)
     assert region.end == pytest.approx(TO_M, abs=0.05)
+
+
+def test_a_strip_across_the_legs_of_a_drive_is_one_place():
+    problem, textbook = crossed(stiffer=0.15, variation=0.03, legs=4)
+    forms = {form.form: form for form in effects_for(situation(problem, textbook.fitted), ["soil_patch"])}
+    assert set(forms) == {"place", "x", "y"}
+    trials = {form: try_adding(problem, textbook, textbook, patch) for form, patch in forms.items()}
+    best = max(trials.values(), key=lambda trial: trial.gain)
+    assert best is trials["x"]
+    assert best.gain > 12.0
+    assert not best.held_out.untested, "each leg foretells the others"
+    regions = [region for region in locate(problem, best.fitted) if region.variable == "x_m"]
+    assert regions[0].start == pytest.approx(FROM_M, abs=0.1)
+    assert regions[0].end == pytest.approx(TO_M, abs=0.1)
 
 
 @pytest.mark.parametrize("seed", [2, 3, 4])

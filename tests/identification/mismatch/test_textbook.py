@@ -13,13 +13,13 @@ from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.named import parse_effect
 from bevameter.identification.mismatch.fit.fitting import Problem, fit
+from bevameter.identification.mismatch.fit.gained_by_none import of_gross_errors
 from bevameter.identification.mismatch.fit.samples import Samples, gather
 from bevameter.identification.mismatch.fit.soil_variation import NoiseModel
 from bevameter.identification.mismatch.fit.steps import step_of
 from bevameter.identification.mismatch.fit.textbook import coarse_fit, fit_textbook
 from bevameter.identification.mismatch.fit.trial import (
     _by_chance,
-    _of_gross_errors,
     least_errors,
     situation,
     textbook_trial,
@@ -137,10 +137,10 @@ def test_nothing_is_gained_on_a_few_gross_errors(tmp_path):
     before, after = np.zeros((100, 2)), np.zeros((100, 2))
     before[:, 0] = after[:, 0] = 1.0
     before[7, 1], after[7, 1] = 13.0, 7.0
-    assert _of_gross_errors(before, after) == pytest.approx(4.0 * (13.0 - 7.0))
-    assert _of_gross_errors(after, before) == 0.0, "nor is anything lost"
+    assert of_gross_errors(before, after) == pytest.approx(4.0 * (13.0 - 7.0))
+    assert of_gross_errors(after, before) == 0.0, "nor is anything lost"
     after[:, 1] = 7.0
-    assert _of_gross_errors(np.full((100, 2), 13.0), after) == 0.0, "where most are gross the model is wrong"
+    assert of_gross_errors(np.full((100, 2), 13.0), after) == 0.0, "where most are gross the model is wrong"
 
 
 @pytest.mark.parametrize(("wrong", "repeats"), [(0, 3), (2, 3), (2, 2)])
