@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 from scipy.signal import savgol_coeffs, savgol_filter
@@ -13,6 +12,7 @@ from ...framework.core.recording.types import WheelTable
 from ...framework.core.vehicle import Wheel
 from ..noise import NORMAL_MAD
 from .effect import Drive
+from .track import place_of
 
 COLUMNS = {
     "load_N": "load_N",
@@ -107,7 +107,8 @@ def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Dr
         elif not np.isfinite(rate).any():
             rate = np.where(ratio > 0.0, travel / (wheel.radius_m * ratio), math.nan)
     x_m, y_m = (_bridged(column(name), time_s, stretch) for name in ("x_m", "y_m"))
-    drive = kind(
+    passes = column("pass")
+    return kind(
         load_N=table["load_N"],
         slip=table["slip"],
         time_s=time_s,
@@ -115,18 +116,14 @@ def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Dr
         rim_speed_m_s=rate * wheel.radius_m,
         wheel_angle_rad=column("wheel_angle_rad"),
         pitch_rad=column("pitch_rad"),
-        pass_number=column("pass"),
-        place_m=x_m,
+        pass_number=passes,
+        place_m=place_of(x_m, y_m, stretch, passes, wheel.width_m),
         x_m=x_m,
         y_m=y_m,
         acceleration_m_s2=rate_of_change(travel, time_s, stretch),
         angular_acceleration_rad_s2=rate_of_change(rate, time_s, stretch),
         stretch=stretch,
     )
-    if not drive.turns:
-        return drive
-    steps = np.nan_to_num(np.hypot(np.diff(x_m), np.diff(y_m)))
-    return replace(drive, place_m=np.concatenate([[0.0], np.cumsum(steps)]))
 
 
 def _bridged(place: np.ndarray, time_s: np.ndarray, stretch: np.ndarray) -> np.ndarray:

@@ -13,6 +13,7 @@ import numpy as np
 
 from ...framework.core.vehicle import Wheel
 from ..contact_kernel import COLUMN, FIELDS
+from . import track
 
 Kind = Literal["physics", "instrument"]
 
@@ -53,10 +54,6 @@ class Parameter:
     published: tuple[float, float] = (-math.inf, math.inf)
 
 
-_ASIDE = 0.1
-"""Spread of `y_m` as a share of that of `x_m` from which on a track turns [-]."""
-
-
 @dataclass(frozen=True)
 class Drive:
     """What is known of each sample besides the channels that answer, all (n,), NaN where not observed.
@@ -68,7 +65,7 @@ class Drive:
     time_s, travel_speed_m_s, rim_speed_m_s, wheel_angle_rad, pitch_rad, pass_number, x_m, y_m
         Channels; `pass_number` is 1 on fresh ground, `rim_speed_m_s` is r omega.
     place_m
-        Place along the track: `x_m`, or the way gone where it `turns`.
+        Place along the track (`track.place_of`): `x_m` where it runs that way.
     acceleration_m_s2, angular_acceleration_rad_s2
         dV/dt and d(omega)/dt, smoothed.
     stretch
@@ -98,11 +95,10 @@ class Drive:
         """Whether rows follow from one another in time: steady trials do not, each a stretch of its own."""
         return bool(np.isfinite(self.time_s).all() and (np.diff(self.stretch) == 0).any())
 
-    @property
-    def turns(self) -> bool:
-        """Whether the track has no place along one axis."""
-        placed = bool(np.isfinite(self.x_m).all()) and bool(np.isfinite(self.y_m).any())
-        return placed and float(np.nanstd(self.y_m)) > _ASIDE * float(np.std(self.x_m))
+    @cached_property
+    def axis(self) -> np.ndarray | None:
+        """Direction (2,) in which the track runs in the plane; None where it turns."""
+        return track.axis(self.x_m, self.y_m, self.stretch)
 
     @cached_property
     def runs(self) -> tuple[np.ndarray, ...]:

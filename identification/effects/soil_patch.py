@@ -105,7 +105,7 @@ def tracks_of(drive: Drive) -> list[str]:
     axis where it turns, for what lies across its legs is no one place along it.
     """
     present = [name for name in ("place_m", "time_s") if drive.has(name) and (drive.timed or name == "place_m")]
-    return present[:1] + [name for name in ("x_m", "y_m") if drive.turns and drive.timed and drive.has(name)]
+    return present[:1] + [name for name in ("x_m", "y_m") if drive.axis is None and drive.timed and drive.has(name)]
 
 
 def forms(situation: Situation) -> tuple[Effect, ...]:

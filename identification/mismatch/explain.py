@@ -18,7 +18,8 @@ from ..identify import felt_rows, open_recording
 from .explanation import Explanation
 from .fit.fitting import Problem
 from .fit.gross_errors import outlying
-from .fit.samples import Samples, gather, passes_apart
+from .fit.lanes import passes_apart
+from .fit.samples import Samples, gather
 from .fit.simulated import as_differences, attach
 from .fit.trial import ASKED_FOR, Trial, again, least_errors, situation, textbook_trial, without
 from .locate.joint_misfit import joint_correction

@@ -17,6 +17,7 @@ from ...forward import CHANNELS
 from ...gate import LIMITS
 from ...noise import LEAST_SHARE, from_running_median, noise_from_neighbours, sensor_noise
 from ...trials import AS_TRIALS, is_of_trials, without_clock, without_time
+from .lanes import lanes
 
 ANSWERS = (TORQUE, SINKAGE, PULL)
 """Channels that the simulator answers with; load and slip are what the drive imposes."""
@@ -206,7 +207,7 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
     stated = np.array([name in vehicle.noise for name in CHANNELS])
     placed = bool(np.isfinite(drive.place_m).all())
     position = drive.place_m if placed else np.where(drive.timed, drive.time_s, math.nan)
-    lane = _lanes(drive) if placed else drive.stretch
+    lane = lanes(drive, wheel.width_m) if placed else drive.stretch
     samples = Samples(
         wheel, drive, measured, noise, stated, position, lane,
         np.zeros(len(rows), dtype=int), "", tuple(notes), simulated,
@@ -232,24 +233,6 @@ def _usable(table: WheelTable) -> tuple[np.ndarray, list[str]]:
                 notes.append(f"{lost} row{'s' if lost > 1 else ''} {why} {'are' if lost > 1 else 'is'} left out")
             usable &= good
     return usable, notes
-
-
-def _lanes(drive: Drive) -> np.ndarray:
-    """Number the tracks, (n,): a wheel that starts over on fresh ground, or on ground unsaid, is on another."""
-    starts = np.concatenate([[False], np.diff(drive.stretch) != 0])
-    back = np.concatenate([[False], np.diff(drive.place_m) < 0.0])
-    again = np.nan_to_num(drive.pass_number, nan=1.0) > 1.0
-    return np.cumsum(starts & back & ~again)
-
-
-def passes_apart(samples: Samples) -> Samples:
-    """Give the samples with each pass on ground of its own, as where the pass before has stirred it."""
-    number = samples.drive.pass_number
-    if not (np.isfinite(samples.drive.place_m).all() and np.isfinite(number).all()):
-        return samples
-    changes = np.concatenate([[0], np.cumsum(np.diff(number) != 0.0)])
-    lane = np.unique(np.stack([samples.lane, changes]), axis=1, return_inverse=True)[1]
-    return replace(samples, lane=lane.reshape(-1))
 
 
 def _without_gross_errors(

@@ -27,8 +27,11 @@ _NAMES = {
 }
 """Public name of a variable, and the attribute of `Drive` that holds it."""
 
-_TURNING = {"distance_m": "place_m", "x_m": "x_m", "y_m": "y_m"}
-"""The same of places where the track turns."""
+_ALONG = {"distance_m": "place_m"}
+"""The same of the place on a track that does not run along x."""
+
+_TURNING = _ALONG | {"x_m": "x_m", "y_m": "y_m"}
+"""The same of places where it turns."""
 
 CONSTANT = "constant"
 """Public name of what is the same everywhere."""
@@ -113,7 +116,10 @@ def _is_held(values: np.ndarray) -> bool:
 
 def names_of(drive: Drive) -> dict[str, str]:
     """Public names of the variables of a drive, and the attribute of `Drive` that holds each."""
-    return _NAMES | _TURNING if drive.turns else _NAMES
+    if drive.axis is None:
+        return _NAMES | _TURNING
+    along_x = drive.axis[1] == 0.0
+    return _NAMES if along_x else {name: held for name, held in _NAMES.items() if name != "x_m"} | _ALONG
 
 
 def public_name(drive: Drive, attribute: str) -> str:
