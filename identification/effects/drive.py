@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from scipy.signal import savgol_coeffs, savgol_filter
@@ -11,8 +12,8 @@ from scipy.stats import median_abs_deviation
 from ...framework.core.recording.types import WheelTable
 from ...framework.core.vehicle import Wheel
 from ..noise import NORMAL_MAD
-from .effect import Drive
-from .track import place_of
+from .effect import COVARIATES, Drive
+from .track import axis_of, place_of
 
 COLUMNS = {
     "load_N": "load_N",
@@ -71,9 +72,10 @@ def order_of(table: WheelTable) -> tuple[np.ndarray, np.ndarray]:
     number = table.get("pass")
     if number is not None:
         broken |= np.nan_to_num(np.diff(number[order])) != 0.0
-    place = table.get("x_m")
-    if place is not None:
-        moved = np.nan_to_num(np.abs(np.diff(place[order])))
+    if "x_m" in table:
+        # Where either is not known, the other one tells.
+        steps = [np.nan_to_num(np.diff(table[name][order])) for name in ("x_m", "y_m") if name in table]
+        moved = np.linalg.norm(steps, axis=0)
         broken |= moved > _JUMP * np.median(moved[moved > 0.0]) if (moved > 0.0).any() else False
     return order, np.concatenate([[0], np.cumsum(broken)])[: len(order)]
 
@@ -106,7 +108,8 @@ def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Dr
             travel = np.where(np.isfinite(ratio), rate * wheel.radius_m * ratio, math.nan)
         elif not np.isfinite(rate).any():
             rate = np.where(ratio > 0.0, travel / (wheel.radius_m * ratio), math.nan)
-    x_m, y_m = (_bridged(column(name), time_s, stretch) for name in ("x_m", "y_m"))
+    plane = np.column_stack([_bridged(column(name), time_s, stretch) for name in ("x_m", "y_m")])
+    axis = axis_of(plane, stretch)
     passes = column("pass")
     return kind(
         load_N=table["load_N"],
@@ -117,12 +120,13 @@ def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Dr
         wheel_angle_rad=column("wheel_angle_rad"),
         pitch_rad=column("pitch_rad"),
         pass_number=passes,
-        place_m=place_of(x_m, y_m, stretch, passes, wheel.width_m),
-        x_m=x_m,
-        y_m=y_m,
+        place_m=place_of(plane, axis, passes, wheel.width_m),
+        x_m=plane[:, 0],
+        y_m=plane[:, 1],
         acceleration_m_s2=rate_of_change(travel, time_s, stretch),
         angular_acceleration_rad_s2=rate_of_change(rate, time_s, stretch),
         stretch=stretch,
+        axis=axis,
     )
 
 
@@ -148,7 +152,7 @@ def _bridged(place: np.ndarray, time_s: np.ndarray, stretch: np.ndarray) -> np.n
 
 def select_rows(drive: Drive, rows: np.ndarray) -> Drive:
     """Give the rows of a mask or an index array, as a drive of the same kind."""
-    return type(drive)(**{name: getattr(drive, name)[rows] for name in Drive.__dataclass_fields__})
+    return replace(drive, **{name: getattr(drive, name)[rows] for name in COVARIATES})
 
 
 def rate_of_change(values: np.ndarray, time_s: np.ndarray, stretch: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...framework.core.vehicle import Wheel
 from ..contact_kernel import COLUMN, FIELDS
-from . import track
+from .track import ALONG_X, Axis
 
 Kind = Literal["physics", "instrument"]
 
@@ -70,6 +70,8 @@ class Drive:
         dV/dt and d(omega)/dt, smoothed.
     stretch
         Number of the uninterrupted stretch of time that a sample belongs to: one run, pass and wheel.
+    axis
+        Direction in which the track runs in the plane; None where it turns.
     """
 
     load_N: np.ndarray
@@ -86,6 +88,7 @@ class Drive:
     acceleration_m_s2: np.ndarray
     angular_acceleration_rad_s2: np.ndarray
     stretch: np.ndarray
+    axis: Axis | None = ALONG_X
 
     def __len__(self) -> int:
         return len(self.load_N)
@@ -94,11 +97,6 @@ class Drive:
     def timed(self) -> bool:
         """Whether rows follow from one another in time: steady trials do not, each a stretch of its own."""
         return bool(np.isfinite(self.time_s).all() and (np.diff(self.stretch) == 0).any())
-
-    @cached_property
-    def axis(self) -> np.ndarray | None:
-        """Direction (2,) in which the track runs in the plane; None where it turns."""
-        return track.axis(self.x_m, self.y_m, self.stretch)
 
     @cached_property
     def runs(self) -> tuple[np.ndarray, ...]:
@@ -115,6 +113,10 @@ class Drive:
         return bool(seen.mean() > 0.5) and float(np.ptp(values[seen])) > 1e-9 * max(
             float(np.abs(values[seen]).max()), 1e-9
         )
+
+
+COVARIATES = tuple(name for name in Drive.__dataclass_fields__ if name != "axis")
+"""What a drive has of each sample."""
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,10 @@ from ..simulate import soil_vector
 from ..wheel_soil import Soil
 from .catalogue import forms_by_name
 from .drive import PresentDrive
-from .effect import PULL, Contact, Drive, Effect
+from .effect import COVARIATES, PULL, Contact, Drive, Effect
 from .named import pinned, situation_of, smallest_holding
 from .stored import AugmentedSimulator, StoredEffect
+from .track import ALONG_X
 
 GROUND = (
     "slip_sinkage", "stress_peak_shift", "exit_angle", "shear_hump", "hard_layer", "rim_adhesion", "bulldozing",
@@ -137,5 +138,5 @@ def _drawn(effect: Effect, stored: StoredEffect, uniform: np.ndarray) -> np.ndar
 
 def _level_drive(load_N: np.ndarray, slip: np.ndarray) -> PresentDrive:
     nothing = np.full(len(load_N), math.nan)
-    unseen = {name: nothing for name in Drive.__dataclass_fields__ if name not in ("load_N", "slip", "stretch")}
-    return PresentDrive(load_N=load_N, slip=slip, stretch=np.arange(len(load_N)), **unseen)
+    unseen = {name: nothing for name in COVARIATES if name not in ("load_N", "slip", "stretch")}
+    return PresentDrive(load_N=load_N, slip=slip, stretch=np.arange(len(load_N)), axis=ALONG_X, **unseen)

@@ -220,8 +220,9 @@ class Lugs(LugRipple):
             return []
         count, typical, wheel, overtone = self._otherwise
         others = [steady for steady in _steady(self._height, count) if steady.form != self._steady.form]
-        answer: list[Effect] = [Lugs(count, typical, wheel, overtone=overtone, steady=steady) for steady in others]
-        return [Lugs(count, typical, wheel, overtone=overtone, even=True), *answer]
+        shares: list[Effect] = [Lugs(count, typical, wheel, overtone=overtone, steady=steady) for steady in others]
+        # Last: its ripples are sizes, where those of the others are shares.
+        return [*shares, Lugs(count, typical, wheel, overtone=overtone, even=True)]
 
     def unheard_of(self, values: np.ndarray, sd: np.ndarray) -> list[str]:
         if self._stated:

@@ -32,7 +32,6 @@ class SoilPatch(Effect):
     slug = "soil_patch"
     nested = False
     local = True
-    sought = 2.0 * math.log(CELLS)
     source = "definition"
     required = ("from", "to")
     change = Parameter("A", "", -3.0, 3.0, 0.0, 0.5), Parameter("B", "", -2.0, 2.0, 0.0, 0.3)
@@ -42,8 +41,9 @@ class SoilPatch(Effect):
     """What else is another there of cohesion."""
 
     def __init__(
-        self, along: str, values: np.ndarray, starts: Sequence[np.ndarray] = (), *, apart: bool = False
+        self, along: str, values: np.ndarray, starts: Sequence[np.ndarray] = (), *, apart: bool = False, among: int = 1
     ) -> None:
+        self.sought = 2.0 * math.log(CELLS) + math.log(among)
         self.form = along + _APART * apart
         self.freed = apart
         strength = "ln tan phi += B, ln c += B + C" if apart else "ln strength += B"
@@ -64,7 +64,7 @@ class SoilPatch(Effect):
             Parameter("to", unit, low, high + edge, low + 0.6 * wide, wide, low + 0.6 * wide),
             *([self.cohesion] if apart else []),
         )
-        self._freer = None if apart else SoilPatch(along, values, apart=True)
+        self._freer = None if apart else SoilPatch(along, values, apart=True, among=among)
 
     def starts(self) -> list[np.ndarray]:
         return list(self._starts)
@@ -110,13 +110,14 @@ def tracks_of(drive: Drive) -> list[str]:
 
 def forms(situation: Situation) -> tuple[Effect, ...]:
     """Give the forms that these data can show, starting where the ground seems to be another."""
-    drive, form = situation.drive, {name: along for along, name in _ALONG.items()}
+    drive, form, tracks = situation.drive, {name: along for along, name in _ALONG.items()}, tracks_of(situation.drive)
     return tuple(
-        SoilPatch(form[name], getattr(drive, name), situation.places.get(name, ())) for name in tracks_of(drive)
+        SoilPatch(form[name], getattr(drive, name), situation.places.get(name, ()), among=len(tracks))
+        for name in tracks
     )
 
 
 def named(situation: Situation) -> tuple[Effect, ...]:
-    """Give the forms that a simulation may ask for: along the track, or in time."""
+    """Give the forms that a simulation may ask for: along the track, in time, or along an axis."""
     drive = situation.drive
     return tuple(SoilPatch(along, getattr(drive, name)) for along, name in _ALONG.items() if drive.has(name))

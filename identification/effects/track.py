@@ -1,66 +1,158 @@
-"""Where along its track a wheel is: along an axis of the plane where that runs straight, by the way gone where not."""
+"""Where along its track a wheel is: along an axis of the plane where that runs straight, by the way gone where not; and
+which ground a later pass runs on again.
+"""
 
 from __future__ import annotations
 
+import math
+from typing import Literal
+
 import numpy as np
+from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.spatial import KDTree
+from scipy.stats import median_abs_deviation
 
-ASIDE = 0.1
-"""Spread across the main direction as a share of that along it from which on a track turns [-]."""
+from ..noise import NORMAL_MAD
 
-_BESIDE = 3.0
-"""Steps of the earlier pass within which a later one lies on it [-], and one width of the wheel."""
+Axis = tuple[float, float]
+"""Direction in which a track runs in the plane of x and y."""
+
+ALONG_X: Axis = (1.0, 0.0)
+
+_ASIDE = 0.1
+"""Spread across the main direction as a share of that along it from which on a track turns [-]; and as much of one
+axis in the direction of another from which on it does not run along that.
+"""
+
+_NOISES = 3.0
+"""Standard deviations of positions by which two on one track may be apart, beside the width of the wheel [-]."""
+
+_ALONE, _CHORD, _SMOOTH = 5, 10, 4.0
+"""Rows whose median a place that stands alone is not, rows that a step is told by, and how many times the positions'
+noise rows are averaged over, in steps."""
+
+_NEAREST, _PARALLEL = 8, 0.7
+"""Earlier rows that are looked at, and the cosine of the angle from which on both run along one track [-]."""
 
 
-def moved(x_m: np.ndarray, y_m: np.ndarray, stretch: np.ndarray) -> np.ndarray:
-    """Places (n, 2) from the middle of their stretch (n,), NaN where not observed: lanes side by side are one track."""
-    place = np.column_stack([x_m, y_m])
-    number = np.unique(stretch, return_inverse=True)[1]
-    seen = np.asarray(np.isfinite(place).all(axis=1))
-    count = np.bincount(number[seen], minlength=number.max() + 1)
-    middle = np.column_stack([np.bincount(number[seen], each[seen], len(count)) for each in place.T])
-    with np.errstate(invalid="ignore"):
-        return np.where(seen[:, None], place - (middle / count[:, None])[number], np.nan)
+def coordinate(axis: Axis | None) -> Literal["x_m", "y_m", "distance_m"]:
+    """Column that tells the place on a track: the one that runs along it, or the way gone, along the track."""
+    if axis is None:
+        return "distance_m"
+    x, y = map(abs, axis)
+    return "x_m" if y < _ASIDE * x else "y_m" if x < _ASIDE * y else "distance_m"
 
 
-def axis(x_m: np.ndarray, y_m: np.ndarray, stretch: np.ndarray) -> np.ndarray | None:
-    """Direction (2,) in which stretches (n,) run: x where it is nearly that; None where they turn."""
-    away = moved(x_m, y_m, stretch)
-    away = away[np.isfinite(away).all(axis=1)]
-    if not away.any():
-        return np.array([1.0, 0.0])
-    spread, directions = np.linalg.eigh(away.T @ away)
-    if spread[0] > ASIDE**2 * spread[1]:
+def axis_of(plane: np.ndarray, stretch: np.ndarray) -> Axis | None:
+    """Direction in which stretches (n,) run over places (n, 2), that of the first; None where they turn.
+
+    Lanes side by side are one direction. It is x where nothing moves or is seen.
+    """
+    seen = np.isfinite(plane).all(axis=1)
+    if not seen.any():
+        return ALONG_X
+    plane, noise = _calmed(plane[seen])
+    number = np.unique(stretch[seen], return_inverse=True)[1]
+    count = np.bincount(number)
+    middle = np.column_stack([np.bincount(number, each) for each in plane.T]) / count[:, None]
+    away = plane - middle[number]
+    spread, directions = np.linalg.eigh(away.T @ away / len(away))
+    # Positions that only scatter go nowhere.
+    if spread[1] <= (_NOISES * noise) ** 2:
+        return ALONG_X
+    if spread[0] > _ASIDE**2 * spread[1]:
         return None
-    main = directions[:, 1]
-    if abs(main[1]) < ASIDE * abs(main[0]):
-        return np.array([1.0, 0.0])
-    return main * np.sign(main[np.argmax(np.abs(main))])
+    ends = np.diff(away[number == number[0]][[0, -1]] @ directions[:, 1])
+    return tuple((directions[:, 1] * (-1.0 if ends[0] < 0.0 else 1.0)).tolist())
 
 
-def place_of(
-    x_m: np.ndarray, y_m: np.ndarray, stretch: np.ndarray, pass_number: np.ndarray, width_m: float
-) -> np.ndarray:  # fmt: skip
+def place_of(plane: np.ndarray, axis: Axis | None, pass_number: np.ndarray, width_m: float) -> np.ndarray:
     """Place along the track (n,) [m], NaN where not observed.
 
     Parameters
     ----------
-    x_m, y_m, stretch, pass_number : (n,)
-        In the order of time; y NaN where there is none.
+    plane : (n, 2)
+        Places in the plane in the order of time, y NaN where there is none.
+    axis
+        Direction of the track (`axis_of`).
+    pass_number : (n,)
+        1 on fresh ground.
     width_m
-        Of the wheel: a later pass that comes so near to an earlier one, and `_BESIDE` of its steps, is on its track.
+        Of the wheel: a later pass that comes so near to an earlier one runs on its ground.
     """
-    main = axis(x_m, y_m, stretch)
-    if main is not None:
-        return x_m if main[1] == 0.0 else main[0] * (x_m - x_m[0]) + main[1] * (y_m - y_m[0])
-    steps = np.nan_to_num(np.hypot(np.diff(x_m), np.diff(y_m)))
-    way = np.concatenate([[0.0], np.cumsum(steps)])
-    number = np.nan_to_num(pass_number, nan=1.0)
-    plane = np.column_stack([x_m, y_m])
-    seen = np.isfinite(plane).all(axis=1)
-    for later in np.unique(number)[1:]:
-        before, rows = np.flatnonzero(seen & (number < later)), np.flatnonzero(seen & (number == later))
-        near, at = map(np.asarray, KDTree(plane[before]).query(plane[rows]))
-        reached = near < width_m + _BESIDE * float(np.median(steps[steps > 0.0]))
-        way[rows[reached]] = way[before[at[reached]]]
-    return way
+    name = coordinate(axis)
+    if name != "distance_m":
+        return plane[:, 0 if name == "x_m" else 1]
+    seen = np.flatnonzero(np.isfinite(plane).all(axis=1))
+    place = np.full(len(plane), math.nan)
+    if axis is not None:
+        place[seen] = (plane[seen] - plane[seen[0]]) @ axis
+        return place
+    plane, noise = _calmed(plane[seen])
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(plane, axis=0), axis=1))])
+    number = np.nan_to_num(pass_number[seen], nan=1.0)
+    for before, rows in _later_passes(number):
+        way[rows] = _on_ground_of(plane, way, before, rows, width_m + _NOISES * noise)
+    place[seen] = way
+    return place
+
+
+def _calmed(plane: np.ndarray) -> tuple[np.ndarray, float]:
+    """Positions (n, 2) without such as stand alone and without most of their noise, and what noise they had [m]."""
+    noise = _noise(plane)
+    plane = median_filter(plane, (_ALONE, 1), mode="nearest")
+    chord = np.linalg.norm(plane[_CHORD:] - plane[:-_CHORD], axis=1) / _CHORD
+    step = float(np.median(chord)) if len(chord) else 0.0
+    if noise <= _ASIDE * step or not len(chord):
+        return plane, noise
+    half = min(math.ceil(_SMOOTH * noise / max(step, 1e-12)), len(plane) // 4)
+    return uniform_filter1d(plane, 2 * half + 1, axis=0, mode="nearest"), noise
+
+
+def _noise(plane: np.ndarray) -> float:
+    """Standard deviation of the positions (n, 2) [m] by their second differences, of which motion makes little."""
+    if len(plane) < 4:
+        return 0.0
+    bends = np.diff(plane, n=2, axis=0)
+    return float(NORMAL_MAD * np.max(median_abs_deviation(bends, axis=0)) / math.sqrt(6.0))
+
+
+def _later_passes(number: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Rows of each later pass, by the passes' `number` (n,), after those of lower ones since the track was fresh."""
+    runs = np.split(np.arange(len(number)), np.flatnonzero(np.diff(number) != 0.0) + 1)
+    answer = []
+    for each, rows in enumerate(runs):
+        lower: list[np.ndarray] = []
+        for earlier in reversed(runs[:each]):
+            if number[earlier[0]] >= number[rows[0]]:
+                break
+            lower.insert(0, earlier)
+        if lower:
+            answer.append((np.concatenate(lower), rows))
+    return answer
+
+
+def _on_ground_of(
+    plane: np.ndarray, place: np.ndarray, before: np.ndarray, rows: np.ndarray, near: float
+) -> np.ndarray:  # fmt: skip
+    """Places (k,) of some rows: those of the earlier pass where it ran so near and parallel, else their own."""
+    heading = _heading(plane)
+    tree = KDTree(plane[before])
+    _, at = map(np.asarray, tree.query(plane[rows], k=min(_NEAREST, len(before))))
+    at = before[at.reshape(len(rows), -1)]
+    apart = plane[rows][:, None] - plane[at]
+    along = np.sum(apart * heading[at], axis=2)
+    across = np.abs(apart[..., 0] * heading[at][..., 1] - apart[..., 1] * heading[at][..., 0])
+    parallel = np.abs(np.sum(heading[rows][:, None] * heading[at], axis=2)) > _PARALLEL
+    step = np.median(np.linalg.norm(np.diff(plane, axis=0), axis=1))
+    good = parallel & (across < near) & (np.abs(along) <= step + near)
+    first = np.argmax(good, axis=1)
+    each = np.arange(len(rows))
+    return np.where(good.any(axis=1), place[at[each, first]] + along[each, first], place[rows])
+
+
+def _heading(plane: np.ndarray) -> np.ndarray:
+    """Unit vectors (n, 2) along the way, zero where it stands."""
+    gradient = np.gradient(plane, axis=0) if len(plane) > 1 else np.zeros_like(plane)
+    size = np.linalg.norm(gradient, axis=1)
+    return gradient / np.where(size > 0.0, size, 1.0)[:, None]

@@ -10,7 +10,17 @@ import pytest
 from bevameter import InputError
 from bevameter.identification.augmented import AugmentedWheel
 from bevameter.identification.effects.catalogue import INSTRUMENTS, SLUGS, effects_for, forms_by_name
-from bevameter.identification.effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Contact, Drive, Effect
+from bevameter.identification.effects.effect import (
+    COVARIATES,
+    LOAD,
+    PULL,
+    SINKAGE,
+    SLIP,
+    TORQUE,
+    Contact,
+    Drive,
+    Effect,
+)
 from bevameter.identification.effects.named import (
     NamedEffect,
     choose,
@@ -238,7 +248,7 @@ def test_soil_loaded_faster_is_stiffer_or_stronger_about_its_reference_speed():
 
 def test_later_passes_sink_less_and_by_less_and_less():
     numbers = np.array([1.0, 2.0, 3.0, 4.0, 20.0])
-    drive = type(DRIVE)(**{name: getattr(DRIVE, name)[:5] for name in DRIVE.__dataclass_fields__})
+    drive = type(DRIVE)(**{name: getattr(DRIVE, name)[:5] for name in COVARIATES})
     drive = replace(drive, pass_number=numbers, load_N=np.full(5, 100.0), slip=np.full(5, 0.2))
     sinkage = predict("multipass_compaction:A=0.6,N0=1.5", replace(SITUATION, drive=drive))[:, SINKAGE]
     fresh = equilibrium(WHEEL, SOIL, np.array([100.0]), np.array([0.2])).sinkage_m[0]
@@ -255,7 +265,7 @@ def test_ground_is_compacted_where_the_wheel_before_slipped():
     place = np.tile(np.linspace(0.0, 2.0, 100), 2)
     numbers = np.repeat([1.0, 2.0], 100)
     slip = np.where(numbers > 1.0, 0.2, np.where(place < 1.0, 0.1, 0.6))
-    columns = {name: np.resize(getattr(DRIVE, name), 200) for name in DRIVE.__dataclass_fields__}
+    columns = {name: np.resize(getattr(DRIVE, name), 200) for name in COVARIATES}
     drive = replace(
         Drive(**columns), pass_number=numbers, slip=slip, place_m=place, load_N=np.full(200, 100.0), stretch=numbers
     )

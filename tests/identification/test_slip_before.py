@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bevameter.identification.effects.effect import Drive
+from bevameter.identification.effects.effect import COVARIATES, Drive
 from bevameter.identification.effects.multipass_compaction import slip_before
 from bevameter.identification.effects.named import specimen
 
@@ -16,7 +16,7 @@ DRIVE = specimen().drive
 def stretches_of(numbers: list[float], slips: list[float], places: list[float] | None = None) -> Drive:
     """Twenty rows for each number of a pass, with its slip, over one metre from its place on."""
     rows = 20 * len(numbers)
-    columns = {name: np.resize(getattr(DRIVE, name), rows) for name in DRIVE.__dataclass_fields__}
+    columns = {name: np.resize(getattr(DRIVE, name), rows) for name in COVARIATES}
     starts = np.repeat(np.zeros(len(numbers)) if places is None else places, 20)
     place_m = starts + np.tile(np.linspace(0.0, 1.0, 20), len(numbers))
     stretch = np.repeat(np.arange(len(numbers)), 20)

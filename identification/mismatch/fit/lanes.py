@@ -19,28 +19,33 @@ def lanes(drive: Drive, width_m: float) -> np.ndarray:
     """
     first = np.flatnonzero(np.diff(drive.stretch, prepend=drive.stretch[0] - 1) != 0)
     last = np.append(first[1:], len(drive)) - 1
-    beside = _beside(drive, first, width_m)
+    fresh = ~(np.nan_to_num(drive.pass_number[first], nan=1.0) > 1.0)
+    beside = _beside(drive, first, fresh, width_m)
     order = np.argsort(beside, kind="stable")
-    again = np.nan_to_num(drive.pass_number[first[order]], nan=1.0) > 1.0
     back = np.concatenate([[False], drive.place_m[first[order][1:]] < drive.place_m[last[order][:-1]]])
     other = np.diff(beside[order], prepend=beside[order[0]]) != 0
     lane = np.empty(len(first), dtype=int)
-    lane[order] = np.cumsum(other | (back & ~again))
+    lane[order] = np.cumsum(other | (back & fresh[order]))
     return np.repeat(lane, last - first + 1)
 
 
-def _beside(drive: Drive, first: np.ndarray, width_m: float) -> np.ndarray:
-    """Number of the row of lanes, side by side, that each stretch runs on, (s,), by its `first` row (s,)."""
-    alone = np.zeros(len(first), dtype=int)
+def _beside(drive: Drive, first: np.ndarray, fresh: np.ndarray, width_m: float) -> np.ndarray:
+    """Number of the lane, side by side, that each stretch runs on, (s,), by its `first` row (s,).
+
+    Lanes are where stretches on `fresh` ground (s,) ran; a later pass is on the nearest one.
+    """
+    one = np.zeros(len(first), dtype=int)
     if drive.axis is None:
-        return alone
+        return one
     across = drive.axis[0] * drive.y_m - drive.axis[1] * drive.x_m
     seen = np.isfinite(across)
-    with np.errstate(invalid="ignore"):
-        middle = np.add.reduceat(np.where(seen, across, 0.0), first) / np.add.reduceat(seen.astype(float), first)
-    order = np.argsort(middle, kind="stable")
-    alone[order] = np.cumsum(np.diff(middle[order], prepend=middle[order[0]]) > width_m)
-    return alone
+    count = np.add.reduceat(seen.astype(float), first)
+    if not count.all():
+        return one
+    middle = np.add.reduceat(np.where(seen, across, 0.0), first) / count
+    known = np.sort(middle[fresh] if fresh.any() else middle)
+    number = np.cumsum(np.diff(known, prepend=known[0]) > width_m)
+    return number[np.argmin(np.abs(middle[:, None] - known), axis=1)]
 
 
 def passes_apart(samples: Samples) -> Samples:

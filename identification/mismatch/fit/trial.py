@@ -342,7 +342,7 @@ def _trial(
 
 
 def _of_ripples(problem: Problem, fitted: Fitted) -> float:
-    """Nats that a fit is better than one without its ripples, its noise found anew."""
+    """Nats at most that a fit is better than one without its ripples: the noise is found anew, all else stays."""
     rippling = [(effect.ripples, where) for effect, where in fitted.model.slices() if effect.ripples is not None]
     if not rippling:
         return 0.0

@@ -11,6 +11,7 @@ from numpy.polynomial.legendre import legvander
 from sklearn.preprocessing import SplineTransformer
 
 from ...effects.effect import Drive
+from ...effects.track import coordinate
 from ..fit.samples import Samples
 
 _NAMES = {
@@ -27,11 +28,8 @@ _NAMES = {
 }
 """Public name of a variable, and the attribute of `Drive` that holds it."""
 
-_ALONG = {"distance_m": "place_m"}
-"""The same of the place on a track that does not run along x."""
-
-_TURNING = _ALONG | {"x_m": "x_m", "y_m": "y_m"}
-"""The same of places where it turns."""
+_TURNING = {"distance_m": "place_m", "x_m": "x_m", "y_m": "y_m"}
+"""The same of places where the track turns, or runs otherwise than along x."""
 
 CONSTANT = "constant"
 """Public name of what is the same everywhere."""
@@ -118,8 +116,7 @@ def names_of(drive: Drive) -> dict[str, str]:
     """Public names of the variables of a drive, and the attribute of `Drive` that holds each."""
     if drive.axis is None:
         return _NAMES | _TURNING
-    along_x = drive.axis[1] == 0.0
-    return _NAMES if along_x else {name: held for name, held in _NAMES.items() if name != "x_m"} | _ALONG
+    return {name: held for name, held in _NAMES.items() if name != "x_m"} | {coordinate(drive.axis): "place_m"}
 
 
 def public_name(drive: Drive, attribute: str) -> str:
@@ -138,7 +135,7 @@ def rank(name: str, through: Collection[str]) -> int:
         Attributes of `Drive` that the found effects need.
     """
     usual = _USUAL.index(name)
-    held = {_NAMES.get(name, name), _TURNING.get(name, name)}
+    held = {_NAMES.get(name, name), "place_m" if name in _TURNING else name}
     of_effect = not held.isdisjoint(through) or (name == LAG and "time_s" in through)
     return usual - len(_USUAL) if of_effect else usual
 

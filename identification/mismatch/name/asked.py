@@ -47,11 +47,11 @@ def surplus(best: Trial, larger: Trial) -> float:
     """Nats that a larger set gains on a set, less those that it has to; sorted by `worth`, which see.
 
     What is beyond anything published (`Trial.unheard_of`) is asked no share: it stands in for more than one effect. Nor
-    is one asked of what ripples gain: no other effect does what they do. Of what the vehicle's description announces
-    little is asked: one effect beside the vehicle's lugs is no more than one, and what lugs gain that came out as
-    announced tells nothing of how much their form errs. A set that explains what the other one leaves to ground that
-    varies (`rests_on_ground`) need gain no more than one has to alone, and one that leaves to it what the other one
-    explains may gain what it will.
+    is one asked of what ripples gain: no other effect of the catalogue does what they do. Of what the vehicle's
+    description announces little is asked: one effect beside the vehicle's lugs is no more than one, and what lugs gain
+    that came out as announced tells nothing of how much their form errs. A set that explains what the other one leaves
+    to ground that varies (`rests_on_ground`) need gain no more than one has to alone, and one that leaves to it what
+    the other one explains may gain what it will.
     """
     if rests_on_ground(best, larger):
         return larger.gain - ASKED_FOR

@@ -38,6 +38,7 @@ def smooth(rng, spread: float, length_m: float) -> np.ndarray:
 def crossed(
     stiffer: float, variation: float, seed: int = 1, memory_m: float = 1.5, cohesive: float = 0.0,
     smooth_m: float = 0.0, noise: float = 0.01, offset_Nm: float = 0.0, began_m: float = 0.0, legs: int = 1,
+    beside_m: float = 1.0,
 ):  # fmt: skip
     """Problem and textbook trial of a drive over ground that varies by itself, another over one stretch; to and fro on
     parallel legs, of which it lies across all.
@@ -62,7 +63,7 @@ def crossed(
     answers += noise * np.ptp(answers, axis=0) * rng.normal(size=answers.shape)
     answers[:, 0] += offset_Nm
     columns = {
-        "time_s": 0.1 * np.arange(ROWS), "x_m": began_m + place_m, "y_m": 4.0 * np.floor(way_m / LENGTH_M),
+        "time_s": 0.1 * np.arange(ROWS), "x_m": began_m + place_m, "y_m": beside_m * np.floor(way_m / LENGTH_M),
         "load_N": load + 0.5 * rng.normal(size=ROWS),
         "slip": slip + 0.002 * rng.normal(size=ROWS),
         **dict(zip(("torque_Nm", "sinkage_m", "drawbar_pull_N"), answers.T, strict=True)),
@@ -120,13 +121,15 @@ def test_and_is_told_from_edge_to_edge(small_patch):
     assert region.end == pytest.approx(TO_M, abs=0.05)
 
 
-def test_a_strip_across_the_legs_of_a_drive_is_one_place():
-    problem, textbook = crossed(stiffer=0.15, variation=0.03, legs=4)
+@pytest.mark.parametrize(("beside_m", "along", "found"), [(1.0, {"place", "x", "y"}, "x"), (4.0, {"place"}, "place")])
+def test_a_strip_across_the_legs_of_a_drive_is_one_place(beside_m, along, found):
+    """Legs of one drive that turns, and such as the wheel was lifted over to: these are straight lanes."""
+    problem, textbook = crossed(stiffer=0.15, variation=0.03, legs=4, beside_m=beside_m)
     forms = {form.form: form for form in effects_for(situation(problem, textbook.fitted), ["soil_patch"])}
-    assert set(forms) == {"place", "x", "y"}
+    assert set(forms) == along
     trials = {form: try_adding(problem, textbook, textbook, patch) for form, patch in forms.items()}
     best = max(trials.values(), key=lambda trial: trial.gain)
-    assert best is trials["x"]
+    assert best is trials[found]
     assert best.gain > 12.0
     assert not best.held_out.untested, "each leg foretells the others"
     regions = [region for region in locate(problem, best.fitted) if region.variable == "x_m"]

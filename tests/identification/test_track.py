@@ -1,0 +1,138 @@
+"""Where along its track a wheel is, whatever the track's direction, its gaps and its positions' noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bevameter import Wheel
+from bevameter.framework.core.recording.types import WheelTable
+from bevameter.identification.effects.drive import drive_of, order_of, select_rows
+from bevameter.identification.effects.track import coordinate
+from bevameter.identification.mismatch.fit.lanes import lanes
+
+ROWS = 400
+ALONG_M = np.linspace(0.0, 10.0, ROWS)
+AROUND = 2.0 * np.pi * np.arange(ROWS) / 200.0
+TWICE = 1.0 + (np.arange(ROWS) >= 200)
+
+
+def laid_out(x_m, y_m, passes=None, time_s=None):
+    columns = {
+        "time_s": 0.1 * np.arange(ROWS) if time_s is None else time_s, "load_N": np.full(ROWS, 80.0),
+        "slip": np.full(ROWS, 0.2), "x_m": x_m, "y_m": y_m, **({} if passes is None else {"pass": passes}),
+    }  # fmt: skip
+    table = WheelTable(columns, None, None, "made")
+    return drive_of(table, Wheel(radius_m=0.1, width_m=0.1), order_of(table)[1])
+
+
+def around(radius_m, passes=TWICE):
+    return laid_out(radius_m * np.cos(AROUND), radius_m * np.sin(AROUND), passes)
+
+
+def test_where_the_track_turns_its_place_is_the_way_gone():
+    drive = around(4.0, np.ones(ROWS))
+    assert drive.axis is None
+    assert coordinate(drive.axis) == "distance_m"
+    np.testing.assert_allclose(drive.place_m, 4.0 * AROUND, atol=5e-3)
+
+
+@pytest.mark.parametrize(("x", "y", "name"), [(1.0, 0.05, "x_m"), (-0.05, 1.0, "y_m"), (-0.6, -0.8, "distance_m")])
+def test_where_it_is_straight_the_place_is_that_along_it(x, y, name):
+    x_m, y_m = 5e5 + x * ALONG_M, 4e6 + y * ALONG_M
+    drive = laid_out(x_m, y_m)
+    assert coordinate(drive.axis) == name
+    expected = {"x_m": x_m, "y_m": y_m, "distance_m": ALONG_M}[name]
+    np.testing.assert_allclose(drive.place_m, expected, atol=1e-6)
+    late = np.where(np.arange(ROWS) < 60, np.nan, x_m)
+    np.testing.assert_array_equal(np.isfinite(laid_out(late, y_m).place_m), np.arange(ROWS) >= 60 * (name != "y_m"))
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.02, 0.08, 0.2])
+def test_a_clock_that_stops_makes_no_other_lane(slope):
+    time_s = 0.1 * np.arange(ROWS) + 30.0 * (np.arange(ROWS) >= 200)
+    drive = laid_out(ALONG_M, slope * ALONG_M, time_s=time_s)
+    assert len(np.unique(drive.stretch)) == 2
+    assert len(np.unique(lanes(drive, 0.1))) == 1
+
+
+@pytest.mark.parametrize("along_y", [False, True])
+def test_legs_that_a_drive_turns_between_are_one_track_that_turns(along_y):
+    """Of positions along y, with a jitter in x, the drives across were taken for jumps."""
+    leg, across = np.arange(0.0, 10.0, 0.05), np.arange(0.0, 2.0, 0.05)
+    way = [(leg, 0.0 * leg), (10.0 + 0.0 * across, across), (leg[::-1], 2.0 + 0.0 * leg)]
+    there, aside = (np.resize(np.concatenate([each[i] for each in way]), ROWS) for i in (0, 1))
+    jitter = 0.0005 * np.random.default_rng(1).normal(size=(2, ROWS))
+    x_m, y_m = ((aside, there) if along_y else (there, aside)) + jitter
+    drive = laid_out(x_m, y_m)
+    assert len(np.unique(drive.stretch)) == 1
+    assert drive.axis is None
+
+
+def test_places_that_were_not_seen_are_not_made_up():
+    lost = (np.arange(ROWS) >= 100) & (np.arange(ROWS) < 160)
+    x_m = np.where(lost, np.nan, 4.0 * np.cos(AROUND))
+    drive = laid_out(x_m, 4.0 * np.sin(AROUND), np.ones(ROWS))
+    np.testing.assert_array_equal(np.isnan(drive.place_m), lost)
+
+
+def test_a_later_pass_of_a_loop_lies_where_the_one_before_it_was():
+    same = around(4.0 + 0.02 * (TWICE > 1.0)).place_m
+    np.testing.assert_allclose(same[200:], same[:200], atol=5e-3)
+    reverse = np.where(TWICE > 1.0, -AROUND, AROUND)
+    back = laid_out(4.0 * np.cos(reverse), 4.0 * np.sin(reverse), TWICE).place_m
+    assert np.ptp(back) == pytest.approx(8.0 * np.pi, rel=0.02)
+    for beside_m in (0.5, 1.0):
+        other = around(4.0 + beside_m * (TWICE > 1.0)).place_m
+        assert (other[200:] > other[199]).all(), "another track is not the same ground"
+
+
+def test_each_run_on_one_circle_has_its_own_first_pass():
+    four = 2.0 * np.pi * np.arange(ROWS) / 100.0
+    noise = 0.001 * np.random.default_rng(1).normal(size=(2, ROWS))
+    passes = 1.0 + (np.arange(ROWS) // 100) % 2
+    place = laid_out(4.0 * np.cos(four) + noise[0], 4.0 * np.sin(four) + noise[1], passes).place_m
+    for start in (0, 200):
+        np.testing.assert_allclose(place[start + 103 : start + 197], place[start + 3 : start + 97], atol=0.05)
+
+
+def test_where_a_figure_of_eight_crosses_itself_a_later_pass_stays_on_its_branch():
+    noise = 0.01 * np.random.default_rng(2).normal(size=(2, ROWS))
+    drive = laid_out(4.0 * np.sin(AROUND) + noise[0], 2.0 * np.sin(2.0 * AROUND) + noise[1], TWICE)
+    second = drive.place_m[203:397]
+    assert np.abs(np.diff(second)).max() < 0.5
+
+
+def test_noise_of_positions_is_no_way_gone():
+    rng = np.random.default_rng(3)
+    x_m, y_m = 4.0 * np.cos(AROUND), 4.0 * np.sin(AROUND)
+    drive = laid_out(x_m + 0.05 * rng.normal(size=ROWS), y_m + 0.05 * rng.normal(size=ROWS), np.ones(ROWS))
+    assert np.ptp(drive.place_m) == pytest.approx(4.0 * AROUND[-1], rel=0.1)
+    straight = laid_out(0.3 * ALONG_M + 0.02 * rng.normal(size=ROWS), 0.02 * rng.normal(size=ROWS))
+    assert coordinate(straight.axis) == "x_m"
+    standing = laid_out(0.01 * rng.normal(size=ROWS), 0.01 * rng.normal(size=ROWS))
+    assert coordinate(standing.axis) == "x_m"
+    alone = laid_out(ALONG_M, np.where(np.arange(ROWS) == 200, 30.0, 0.0))
+    assert coordinate(alone.axis) == "x_m"
+
+
+def test_what_was_decided_of_a_drive_holds_of_its_rows():
+    drive = laid_out(np.minimum(ALONG_M, 5.0), np.maximum(ALONG_M - 5.0, 0.0))
+    assert drive.axis is None
+    assert select_rows(drive, np.arange(150)).axis is None
+
+
+def test_lanes_side_by_side_are_straight_and_a_later_pass_lies_on_its_own():
+    along, number = np.tile(np.linspace(0.0, 3.0, 50), 8), np.repeat(np.arange(8), 50)
+    passes, y_m = 1.0 + number // 2 % 2, 0.5 * (number % 2) + 2.0 * (number // 4)
+    drive = laid_out(along, y_m, passes)
+    np.testing.assert_array_equal(drive.place_m, along)
+    lane = lanes(drive, 0.1)
+    assert len(np.unique(lane)) == 4
+    assert all(len(np.unique(lane[y_m == each])) == 1 for each in np.unique(y_m))
+
+
+def test_a_later_pass_is_on_the_nearest_lane_however_its_positions_are_off():
+    number = np.repeat(np.arange(8), 50)
+    off = 0.2 * np.random.default_rng(4).normal(size=8)[number] * (number > 0)
+    drive = laid_out(np.tile(np.linspace(0.0, 3.0, 50), 8), off, 1.0 + number)
+    assert len(np.unique(lanes(drive, 0.1))) == 1
