@@ -245,3 +245,21 @@ def test_a_course_that_slip_and_load_foretell_is_offered_by_name_only():
     assert not time_faults.bends_foretold(
         replace(few, load_N=np.linspace(50.0, 90.0, 12)[np.random.default_rng(2).permutation(12)])
     )
+
+
+def test_no_delay_of_slip_is_offered_where_it_rises_at_one_rate():
+    """It would be an offset, for which the differences between published laws are enough."""
+    count = 400
+    longer = select_rows(DRIVE, np.arange(count) % len(DRIVE))
+    along = 4.0 * np.arange(count) / count
+    ramp = along.astype(int)
+
+    def lags(slip: np.ndarray) -> set[str]:
+        drive = replace(longer, time_s=0.1 * np.arange(count), slip=slip, stretch=ramp)
+        forms = time_faults.forms(replace(SITUATION, drive=drive))
+        return {effect.form for effect in forms if effect.slug == "time_lag" and "low-pass" not in effect.form}
+
+    up = lags(0.05 + 0.5 * (along - ramp))
+    up_and_down = lags(0.05 + np.abs(along - ramp - 0.5))
+    assert up_and_down - up == {"slip"}
+    assert "torque_Nm" in up

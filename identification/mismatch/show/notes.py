@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ....framework.core.recording.types import Labels
-from ...effects.time_faults import bends_foretold
+from ...effects.time_faults import bends_foretold, slips_at_one_rate
 from ..fit.fitting import Fitted, Problem
 from ..fit.trial import Trial
 from ..name.naming import MANY
@@ -56,6 +56,7 @@ def notes_of(
         *_repeated(repeated),
         *_crossed_once(best),
         *_foretold(problem, found),
+        *_one_rate(problem, found),
         *(effect.remark for effect in best.effects if effect.remark),
         *([f"{'; '.join(doubted)}: it is believed in no more than half"] if doubted else []),
     ]
@@ -149,13 +150,27 @@ def _repeated(repeated: float) -> list[str]:
 
 def _foretold(problem: Problem, found: Search) -> list[str]:
     """Say where drifts were considered, and such as bend were not."""
-    tried = any("drift" in trial.slugs for trial in found.trials)
-    if not (tried or any("drift" in what for what, _ in found.passed)) or not bends_foretold(problem.samples.drive):
+    if not (_considered("drift", found) and bends_foretold(problem.samples.drive)):
         return []
     return [
         "slip and load, as they went, foretell whatever bends with time: of drifts only those that go straight were "
         "considered; drive the first load again at the end"
     ]
+
+
+def _one_rate(problem: Problem, found: Search) -> list[str]:
+    """Say where delays were considered, and that of slip was not."""
+    if not (_considered("time_lag", found) and slips_at_one_rate(problem.samples.drive)):
+        return []
+    return [
+        "slip changes at one rate: a delay of it, which is no more than an offset then, was not considered; let slip "
+        "fall as well as rise"
+    ]
+
+
+def _considered(slug: str, found: Search) -> bool:
+    """Say whether an effect was tried or passed over."""
+    return any(slug in trial.slugs for trial in found.trials) or any(slug in what for what, _ in found.passed)
 
 
 def _crossed_once(trial: Trial) -> list[str]:
