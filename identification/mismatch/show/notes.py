@@ -25,6 +25,21 @@ _SHARE_OF_ONE = 0.05
 """Share of a drive from which on a kind of ground is worth a word [-]."""
 
 
+_RULED_OUT = (
+    (
+        "drift", bends_foretold,
+        "slip and load, as they went, foretell whatever bends with time: of drifts only those that go straight were "
+        "considered; drive the first load again at the end",
+    ),
+    (
+        "time_lag", slips_at_one_rate,
+        "slip changes at one rate: a delay of it, which is no more than an offset then, was not considered; let slip "
+        "fall as well as rise",
+    ),
+)  # fmt: skip
+"""Of which effects some forms are not offered, on which drives, and what is said of that."""
+
+
 def notes_of(
     problem: Problem, found: Search, best: Trial, residuals: tuple[np.ndarray, np.ndarray], unsure: list[str],
     repeated: float, doubted: Sequence[str],
@@ -55,8 +70,7 @@ def notes_of(
         *_ground(problem, best.fitted),
         *_repeated(repeated),
         *_crossed_once(best),
-        *_foretold(problem, found),
-        *_one_rate(problem, found),
+        *_not_considered(problem, found),
         *(effect.remark for effect in best.effects if effect.remark),
         *([f"{'; '.join(doubted)}: it is believed in no more than half"] if doubted else []),
     ]
@@ -148,29 +162,14 @@ def _repeated(repeated: float) -> list[str]:
     ]
 
 
-def _foretold(problem: Problem, found: Search) -> list[str]:
-    """Say where drifts were considered, and such as bend were not."""
-    if not (_considered("drift", found) and bends_foretold(problem.samples.drive)):
-        return []
+def _not_considered(problem: Problem, found: Search) -> list[str]:
+    """Say which forms of faults that were considered this drive rules out."""
+    considered = {effect.slug for trial in found.trials for effect in trial.effects}
+    passed = " ".join(what for what, _ in found.passed)
     return [
-        "slip and load, as they went, foretell whatever bends with time: of drifts only those that go straight were "
-        "considered; drive the first load again at the end"
-    ]
-
-
-def _one_rate(problem: Problem, found: Search) -> list[str]:
-    """Say where delays were considered, and that of slip was not."""
-    if not (_considered("time_lag", found) and slips_at_one_rate(problem.samples.drive)):
-        return []
-    return [
-        "slip changes at one rate: a delay of it, which is no more than an offset then, was not considered; let slip "
-        "fall as well as rise"
-    ]
-
-
-def _considered(slug: str, found: Search) -> bool:
-    """Say whether an effect was tried or passed over."""
-    return any(slug in trial.slugs for trial in found.trials) or any(slug in what for what, _ in found.passed)
+        told for slug, ruled_out, told in _RULED_OUT
+        if (slug in considered or slug in passed) and ruled_out(problem.samples.drive)
+    ]  # fmt: skip
 
 
 def _crossed_once(trial: Trial) -> list[str]:

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 from bevameter.framework.core.recording.types import Labels
 from bevameter.identification.effects.drive import select_rows
-from bevameter.identification.mismatch.show.notes import _foretold, several_grounds
+from bevameter.identification.mismatch.show.notes import _not_considered, several_grounds
 from effects_tried import DRIVE
 
 TIME_S = np.arange(0.0, 100.0, 0.5)
@@ -40,9 +40,22 @@ def test_drifts_that_bend_are_said_to_be_left_out_where_slip_and_load_foretell_t
     def note(passed="drift[torque_Nm]", **changed):
         drive = replace(select_rows(DRIVE, np.arange(len(third)) % len(DRIVE)), **{**rows, **changed})
         found = SimpleNamespace(trials=(), passed=((passed, 1.0),))
-        return _foretold(SimpleNamespace(samples=SimpleNamespace(drive=drive)), found)
+        return _not_considered(SimpleNamespace(samples=SimpleNamespace(drive=drive)), found)
 
     assert "drive the first load again" in note()[0]
     assert note("load_gain") == []
     assert note(load_N=np.full(len(third), 50.0)) == []
     assert note(time_s=np.full(len(third), np.nan)) == []
+
+
+def test_a_delay_of_slip_is_said_to_be_left_out_where_slip_rises_at_one_rate():
+    rise = np.linspace(0.05, 0.55, 300)
+
+    def note(slip: np.ndarray, passed: str):
+        drive = replace(select_rows(DRIVE, np.arange(len(slip)) % len(DRIVE)), slip=slip, stretch=np.zeros(len(slip)))
+        found = SimpleNamespace(trials=(), passed=((passed, 1.0),))
+        return _not_considered(SimpleNamespace(samples=SimpleNamespace(drive=drive)), found)
+
+    assert "let slip fall" in note(rise, "time_lag[torque_Nm]")[-1]
+    assert not any("let slip fall" in each for each in note(rise, "load_gain"))
+    assert not any("let slip fall" in each for each in note(np.concatenate([rise, rise[::-1]]), "time_lag[torque_Nm]"))
