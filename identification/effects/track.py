@@ -102,7 +102,9 @@ def _calmed(plane: np.ndarray) -> tuple[np.ndarray, float]:
     noise = _noise(plane)
     plane = median_filter(plane, (_ALONE, 1), mode="nearest")
     chord = np.linalg.norm(plane[_CHORD:] - plane[:-_CHORD], axis=1) / _CHORD
-    step = float(np.median(chord)) if len(chord) else 0.0
+    # A wheel that stands most of the time has no step then.
+    moving = chord[chord > 0.5 * noise]
+    step = float(np.median(moving if len(moving) else chord)) if len(chord) else 0.0
     if noise <= _ASIDE * step or not len(chord):
         return plane, noise
     half = min(math.ceil(_SMOOTH * noise / max(step, 1e-12)), len(plane) // 4)

@@ -115,6 +115,14 @@ def test_noise_of_positions_is_no_way_gone():
     assert coordinate(alone.axis) == "x_m"
 
 
+def test_a_wheel_that_stands_most_of_the_time_goes_its_way_all_the_same():
+    around = np.clip(np.arange(ROWS) - 250, 0, 100) * 0.03
+    noise = 0.01 * np.random.default_rng(5).normal(size=(2, ROWS))
+    drive = laid_out(4.0 * np.cos(around) + noise[0], 4.0 * np.sin(around) + noise[1], np.ones(ROWS))
+    assert drive.axis is None
+    assert drive.place_m[345] - drive.place_m[255] == pytest.approx(4.0 * 0.03 * 90.0, rel=0.05)
+
+
 def test_what_was_decided_of_a_drive_holds_of_its_rows():
     drive = laid_out(np.minimum(ALONG_M, 5.0), np.maximum(ALONG_M - 5.0, 0.0))
     assert drive.axis is None
