@@ -7,6 +7,7 @@ seed s, whatever the number of recordings or processes; a study that was cut off
     python docs/studies/concealed_physics.py --recordings 320 --processes 2 --out results.jsonl
     python docs/studies/concealed_physics.py --recordings 60 --leave-one-out --out left_out.jsonl
     python docs/studies/concealed_physics.py --recordings 60 --protocol ramps --out ramps.jsonl
+    python docs/studies/concealed_physics.py --recordings 60 --protocol turns --out turns.jsonl
     python docs/studies/concealed_physics.py --recordings 0 --out results.jsonl        # only the table
 """
 

@@ -58,6 +58,44 @@ def test_a_rig_ramps_slip_once_for_each_load_the_lightest_first(rng):
         draw_plan(rng, "ramps", BODY, GROUND, frozenset({"accelerations"}))
 
 
+def test_tracks_turn_and_later_passes_run_on_the_same_ground(rng):
+    kinds = set()
+    for again in [False] * 12 + [True] * 6:
+        plan = draw_plan(rng, "turns", BODY, GROUND, frozenset({"passes"} if again else ()), samples=400)
+        drive, track = plan.drive, plan.track
+        assert track is not None
+        kinds.add((track.kind, again))
+        assert {"x_m", "y_m"} <= set(plan.columns)
+        assert bool(drive.passes.max() >= 2.0) is (track.kind != "lanes")
+        there = track.at(drive.x_m)
+        steps = np.hypot(*np.diff(there, axis=0).T)
+        gone = 0.5 * np.diff(drive.time_s) * (drive.travel_speed[1:] + drive.travel_speed[:-1])
+        # The chord of a bend, or of the corner at the end of a way back, is the shorter way.
+        assert np.all(steps <= gone * 1.001)
+        assert np.median(steps / gone) > 0.995
+        for number in range(2, int(drive.passes.max()) + 1):
+            rows = drive.passes == number
+            apart = there[rows][:, None] - there[drive.passes == 1.0]
+            assert np.hypot(*np.moveaxis(apart, -1, 0)).min(axis=1).max() <= gone.max()
+        noise = (track.recorded(rng, drive.x_m) - there).std()
+        assert noise == pytest.approx(track.position_sd_m, rel=0.15, abs=1e-9)
+    assert kinds >= {("lanes", False), ("rounds", False), ("rounds", True), ("back", True)}
+
+
+def test_a_patch_on_a_track_that_turns_lies_where_the_track_says():
+    made = conceal(101, ("soil_patch",), "plain", "turns", samples=400)
+    places = made.truth["effects"][0]["places"]
+    start, end = places["distance_m"]
+    columns = made.recorded.columns
+    way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(columns["x_m"]), np.diff(columns["y_m"])))])
+    inside = (way > start) & (way < end) & (columns["pass"] == 1)
+    assert inside.sum() > 10
+    assert set(made.truth["effects"][0]["variables"]) == {"distance_m", "x_m", "y_m"}
+    for name in ("x_m", "y_m"):
+        low, high = places[name]
+        assert np.all((columns[name][inside] > low - 0.05) & (columns[name][inside] < high + 0.05))
+
+
 @pytest.mark.parametrize("level", list(LEVELS))
 def test_the_strength_is_what_was_asked(level):
     made = conceal(2, ("drivetrain_friction",), level, "bench", samples=500)

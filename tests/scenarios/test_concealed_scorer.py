@@ -22,7 +22,7 @@ OFFSET = {
 }  # fmt: skip
 PATCH = {
     "effect": "soil_patch", "kind": "physics", "form": "sharp", "parameters": {"from_m": 1.0, "to_m": 2.0},
-    "channels": ["torque_Nm"], "variables": ["x_m"],
+    "channels": ["torque_Nm"], "variables": ["x_m"], "places": {"x_m": [1.0, 2.0]},
 }  # fmt: skip
 
 
@@ -278,10 +278,11 @@ def test_the_study_asks_scores_and_goes_on_where_it_stopped(study, monkeypatch, 
     study.main()
     assert len(asked) == 4
     assert set(study.done(out)) == {0, 1, 2}
-    ramps = tmp_path / "ramps.jsonl"
-    monkeypatch.setattr("sys.argv", [*command[:-1], str(ramps), "--protocol", "ramps"])
-    study.main()
-    assert {score["protocol"] for score in study.done(ramps).values()} == {"ramps"}
+    for protocol in ("ramps", "turns"):
+        others = tmp_path / f"{protocol}.jsonl"
+        monkeypatch.setattr("sys.argv", [*command[:-1], str(others), "--protocol", protocol])
+        study.main()
+        assert {score["protocol"] for score in study.done(others).values()} == {protocol}
 
 
 def test_a_protocol_that_cannot_show_what_is_hidden_gives_way_to_a_bench_test(study):

@@ -94,7 +94,7 @@ def conceal(
     level
         ``plain``, ``hidden`` or ``buried``: how many nats the true model gains over the refitted textbook one.
     protocol
-        ``bench``, ``field``, ``steady`` or ``ramps``; one of the first three drawn where absent.
+        ``bench``, ``field``, ``steady``, ``ramps`` or ``turns``; one of the first three drawn where absent.
     forms
         Published form of each effect; drawn where absent or None.
     samples
@@ -166,7 +166,7 @@ def _scene(
     lugs = "lugs" in needs or rng.random() < 0.08
     body = draw_body(rng, lugs)
     kind, ground = draw_ground(rng, body)
-    likely = PROTOCOL_SHARES if "time" not in needs else (0.6, 0.4, 0.0, 0.0)
+    likely = PROTOCOL_SHARES if "time" not in needs else (0.6, 0.4, 0.0, 0.0, 0.0)
     chosen = protocol if protocol is not None else str(rng.choice(PROTOCOLS, p=likely))
     plan = draw_plan(rng, chosen, body, ground, needs, samples)
     textbook, theta_1 = simulate(ground, body, plan.drive)

@@ -1,20 +1,21 @@
-"""How experimenters drive a wheel: bench tests in time, slow field drives, steady trials, ramps of slip; at random."""
+"""How experimenters drive a wheel, at random: on benches, in fields, in steady trials, ramps of slip and turns."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from .mechanics import Body, Drive, Ground, loaded, travel_ratio
+from .turns import Track, draw_track
 
-PROTOCOLS = ("bench", "field", "steady", "ramps")
+PROTOCOLS = ("bench", "field", "steady", "ramps", "turns")
 
-PROTOCOL_SHARES = (0.5, 0.25, 0.25, 0.0)
-"""How often each is drawn where none is asked for; ramps are made only where they are."""
+PROTOCOL_SHARES = (0.5, 0.25, 0.25, 0.0, 0.0)
+"""How often each is drawn where none is asked for; ramps and turns are made only where they are."""
 
 LACKED = {"steady": frozenset({"time"}), "ramps": frozenset({"accelerations"})}
 """Needs that a protocol never has."""
@@ -46,12 +47,16 @@ def needs_of(slugs: Iterable[str]) -> frozenset[str]:
 
 @dataclass(frozen=True)
 class Plan:
-    """A drive, its protocol, rate [Hz] (None for steady trials), and which columns its recorder keeps."""
+    """A drive, its protocol, rate [Hz] (None for steady trials), and which columns its recorder keeps.
+
+    `track` says where the place along it lies where it turns; else it is straight, along x.
+    """
 
     drive: Drive
     protocol: str
     rate_Hz: float | None
     columns: tuple[str, ...]
+    track: Track | None = None
 
 
 def draw_plan(
@@ -75,6 +80,8 @@ def draw_plan(
         return _bench(rng, body, loads, needs, samples)
     if protocol == "field":
         return _field(rng, body, loads, needs, samples)
+    if protocol == "turns":
+        return _turns(rng, body, loads, needs, samples)
     raise ValueError(f"no protocol {protocol!r}, only {', '.join(PROTOCOLS)}")
 
 
@@ -218,6 +225,17 @@ def _field(rng: np.random.Generator, body: Body, loads: np.ndarray, needs: froze
     """A slow field drive: load, slip, speed and pitch vary slowly; now and then the same track is driven again."""
     rate = float(rng.choice([5.0, 10.0]))
     passes = int(rng.integers(3, 6)) if "passes" in needs else int(rng.choice([1, 1, 1, 3]))
+    parts = _wandering(rng, loads, needs, samples, rate)
+    bounds = np.linspace(0, samples, passes + 1).astype(int)
+    parts |= {"passes": np.repeat(np.arange(1.0, passes + 1.0), np.diff(bounds))}
+    split = {name: np.split(values, bounds[1:-1]) for name, values in parts.items()}
+    return Plan(_driven(body, split), "field", rate, _columns(rng, needs, True))
+
+
+def _wandering(
+    rng: np.random.Generator, loads: np.ndarray, needs: frozenset[str], samples: int, rate: float
+) -> dict[str, np.ndarray]:
+    """Give load, slip, speed and pitch that vary slowly, on one pass of one lane."""
     hurried = "accelerations" in needs or rng.random() < 0.12
     length = samples / rate
     track = rng.uniform(30.0, 80.0) if hurried else rng.uniform(8.0, 30.0)
@@ -231,15 +249,22 @@ def _field(rng: np.random.Generator, body: Body, loads: np.ndarray, needs: froze
         speed = speed * np.exp(0.3 * np.tanh(_smooth_noise(rng, samples, rate * 0.8)))
     hilly = "pitch" in needs or rng.random() < 0.15
     slope = np.radians(rng.uniform(4.0, 10.0)) * _smooth_noise(rng, samples, rate * rng.uniform(3.0, 8.0))
-    bounds = np.linspace(0, samples, passes + 1).astype(int)
-    parts = {
-        "time_s": [np.arange(samples) / rate], "load_N": [load], "slip": [low + (high - low) * reach], "speed": [speed],
-        "pitch_rad": [np.clip(slope, -0.35, 0.35) if hilly else np.zeros(samples)],
-        "passes": [np.repeat(np.arange(1.0, passes + 1.0), np.diff(bounds))],
-        "lane": [np.zeros(samples, dtype=int)],
+    return {
+        "time_s": np.arange(samples) / rate, "load_N": load, "slip": low + (high - low) * reach, "speed": speed,
+        "pitch_rad": np.clip(slope, -0.35, 0.35) if hilly else np.zeros(samples),
+        "passes": np.ones(samples), "lane": np.zeros(samples, dtype=int),
     }  # fmt: skip
-    split = {name: np.split(values[0], bounds[1:-1]) for name, values in parts.items()}
-    return Plan(_driven(body, split), "field", rate, _columns(rng, needs, True))
+
+
+def _turns(rng: np.random.Generator, body: Body, loads: np.ndarray, needs: frozenset[str], samples: int) -> Plan:
+    """A vehicle in the field on a track that turns, in ruts of its own again where passes are needed or by chance."""
+    rate = float(rng.choice([5.0, 10.0]))
+    parts = _wandering(rng, loads, needs, samples, rate)
+    drive = _driven(body, {name: [values] for name, values in parts.items()})
+    track = draw_track(rng, float(drive.x_m[-1]), body.width_m, "passes" in needs)
+    place, passes = track.on_ground(drive.x_m)
+    columns = (*_columns(rng, needs, True), "y_m")
+    return Plan(replace(drive, x_m=place, passes=passes), "turns", rate, columns, track)
 
 
 def _driven(body: Body, parts: dict[str, list[np.ndarray]]) -> Drive:

@@ -154,14 +154,14 @@ def _location(truth: Mapping[str, Any], answer: Mapping[str, Any]) -> dict[str, 
 
 def _place(truth: Mapping[str, Any], located: Sequence[Mapping[str, Any]]) -> bool | None:
     """Does the interval located along the track overlap the hidden patch by more than half of the shorter of both?"""
-    patches = [e["parameters"] for e in truth["effects"] if e["effect"] == "soil_patch"]
-    spots = [item for item in located if item["variable"] == "x_m"]
+    patches = [effect["places"] for effect in truth["effects"] if effect["effect"] == "soil_patch"]
     if not patches:
         return None
+    spots = [item for item in located if item["variable"] in patches[0]]
     if not spots:
         return False
     low, high = float(spots[0]["from"]), float(spots[0]["to"])
-    start, end = patches[0]["from_m"], patches[0]["to_m"]
+    start, end = patches[0][spots[0]["variable"]]
     return min(high, end) - max(low, start) > 0.5 * min(high - low, end - start)
 
 

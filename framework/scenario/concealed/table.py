@@ -10,7 +10,10 @@ from .drives import Plan
 from .mechanics import ANSWERS, Body, Channels, Drive, travel_ratio
 from .sensors import Sensors, quantise, slip_of
 
-_STEPS = {"time_s": 1e-4, "wheel_speed_rad_s": 1e-5, "travel_speed_m_s": 1e-6, "wheel_angle_rad": 1e-4, "x_m": 1e-4}
+_STEPS = {
+    "time_s": 1e-4, "wheel_speed_rad_s": 1e-5, "travel_speed_m_s": 1e-6, "wheel_angle_rad": 1e-4, "x_m": 1e-4,
+    "y_m": 1e-4,
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,8 @@ def record(rng: np.random.Generator, plan: Plan, body: Body, sensors: Sensors, r
         "travel_speed_m_s": travel, "wheel_angle_rad": _turned(drive, rim / body.radius_m), "x_m": drive.x_m,
         "pitch_rad": drive.pitch_rad + 0.002 * rng.normal(size=count),
     }  # fmt: skip
+    if plan.track is not None:
+        columns["x_m"], columns["y_m"] = plan.track.recorded(rng, drive.x_m).T
     slip_error = travel_ratio(columns["slip"]) / travel_ratio(reported.slip)
     load_error = columns["load_N"] / reported.load_N
     sound = _spoil(rng, sensors, columns)

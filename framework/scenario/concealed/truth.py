@@ -8,9 +8,11 @@ import numpy as np
 
 from .drives import Plan
 from .effects import Effect
+from .effects_ground import SoilPatch
 from .mechanics import Channels, Ground
 from .strength import LEVELS, Found
 from .table import Recorded
+from .turns import Track
 from .weighing import Case, Refit, soil
 
 
@@ -42,7 +44,9 @@ def truth_of(
             "length_m": case.variation.length_m,
         },
         "noise": {name: case.sensors.deviation(name) for name in ("load_N", *case.names)},
-        "effects": [effect_dict(f, case.names, shares[index] if shares else None) for index, f in enumerate(found)],
+        "effects": [
+            effect_dict(f, case.names, shares[index] if shares else None, plan.track) for index, f in enumerate(found)
+        ],
     }
 
 
@@ -51,9 +55,10 @@ def soil_dict(ground: Ground) -> dict[str, float]:
     return {name: float(getattr(ground, name)) for name in ("c_Pa", "phi_rad", "k_m", "stiffness_Pa", "n")}
 
 
-def effect_dict(found: Found, answers: Sequence[str], share: float | None) -> dict:
-    """Give one hidden effect."""
+def effect_dict(found: Found, answers: Sequence[str], share: float | None, track: Track | None) -> dict:
+    """Give one hidden effect, and where its interval lies on a track that turns."""
     effect = found.effect
+    places = _places(effect, track)
     return {
         "effect": effect.slug,
         "kind": effect.kind,
@@ -63,8 +68,20 @@ def effect_dict(found: Found, answers: Sequence[str], share: float | None) -> di
         "nats_alone": found.nats,
         "share_beside_the_other": share,
         "channels": list(right_channels(effect, answers)),
-        "variables": list(effect.variables),
+        "variables": [*places] or list(effect.variables),
+        "places": places,
     }
+
+
+def _places(effect: Effect, track: Track | None) -> dict[str, list[float]]:
+    """Give from where to where a patch lies, by the variables that tell a place; empty for all else."""
+    if not isinstance(effect, SoilPatch):
+        return {}
+    interval = [effect.start_m, effect.end_m]
+    if track is None:
+        return {"x_m": interval}
+    x, y = track.at(np.linspace(effect.start_m, effect.end_m, 100)).T.tolist()
+    return {"distance_m": interval, "x_m": [min(x), max(x)], "y_m": [min(y), max(y)]}
 
 
 def right_channels(effect: Effect, answers: Sequence[str]) -> tuple[str, ...]:
