@@ -6,16 +6,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from bevameter import explain
+from bevameter import Wheel, explain
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.core.recording.write import write_wheel_file
 from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import effects_for
+from bevameter.identification.effects.drive import drive_of, order_of
 from bevameter.identification.identify import felt_rows, open_recording
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.fit.simulated import as_differences, attach
 from bevameter.identification.mismatch.fit.trial import situation, textbook_trial, try_adding
-from bevameter.identification.mismatch.name.would_tell import _expected, would_tell
+from bevameter.identification.mismatch.name.would_tell import _expected, _hypothetical, would_tell
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +54,20 @@ def test_two_parameters_of_which_each_undoes_the_other_are_no_obstacle():
     ]
     scatter = float(np.sum((truth[:, 1] - truth[:, 1].mean()) ** 2))
     assert nats == pytest.approx([0.5 * scatter / 2.0**-48] * 2, rel=1e-9)
+
+
+def test_another_drive_runs_on_the_track_that_is_known():
+    angle = np.linspace(0.0, 2.0 * np.pi, 1000)
+    columns = {
+        "time_s": np.arange(1000.0), "load_N": np.full(1000, 80.0), "slip": np.full(1000, 0.2),
+        "x_m": 5.0 * np.cos(angle), "y_m": 5.0 * np.sin(angle),
+    }  # fmt: skip
+    wheel = Wheel(radius_m=0.1, width_m=0.1)
+    table = WheelTable(columns, None, None, "made")
+    drive = drive_of(table, wheel, order_of(table)[1])
+    other = _hypothetical(drive, np.tile([80.0, 0.2], (240, 1)), {}, 0.1, wheel.radius_m)
+    np.testing.assert_allclose(np.hypot(other.x_m, other.y_m), 5.0)
+    np.testing.assert_allclose(other.place_m, np.linspace(0.0, 10.0 * np.pi, 240), atol=0.05)
 
 
 def test_of_several_wheels_the_one_with_most_rows_is_explained_and_the_others_are_spoken_of(steady, tmp_path):
