@@ -109,7 +109,7 @@ def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Dr
         elif not np.isfinite(rate).any():
             rate = np.where(ratio > 0.0, travel / (wheel.radius_m * ratio), math.nan)
     plane = np.column_stack([_bridged(column(name), time_s, stretch) for name in ("x_m", "y_m")])
-    axis = axis_of(plane, stretch)
+    axis = axis_of(plane, stretch, wheel.width_m)
     passes = column("pass")
     return kind(
         load_N=table["load_N"],

@@ -21,7 +21,8 @@ ALONG_X: Axis = (1.0, 0.0)
 
 _ASIDE = 0.1
 """Spread across the main direction as a share of that along it from which on a track turns [-]; and as much of one
-axis in the direction of another from which on it does not run along that.
+axis in the direction of another from which on it does not run along that; and as much of its way from which on it
+comes back, or beside itself.
 """
 
 _NOISES = 3.0
@@ -43,10 +44,11 @@ def coordinate(axis: Axis | None) -> Literal["x_m", "y_m", "distance_m"]:
     return "x_m" if y < _ASIDE * x else "y_m" if x < _ASIDE * y else "distance_m"
 
 
-def axis_of(plane: np.ndarray, stretch: np.ndarray) -> Axis | None:
-    """Direction in which stretches (n,) run over places (n, 2), that of the first; None where they turn.
+def axis_of(plane: np.ndarray, stretch: np.ndarray, width_m: float) -> Axis | None:
+    """Direction in which stretches (n,) run over places (n, 2), that of the first; None where they turn, or come back
+    more than the width of the wheel beside.
 
-    Lanes side by side are one direction. It is x where nothing moves or is seen.
+    Lanes side by side, each a stretch of its own, are one direction. It is x where nothing moves or is seen.
     """
     seen = np.isfinite(plane).all(axis=1)
     if not seen.any():
@@ -62,8 +64,26 @@ def axis_of(plane: np.ndarray, stretch: np.ndarray) -> Axis | None:
         return ALONG_X
     if spread[0] > _ASIDE**2 * spread[1]:
         return None
+    across, along = (away @ directions).T
+    if _beside_itself(along, across, number, width_m + _NOISES * noise):
+        return None
     ends = np.diff(away[number == number[0]][[0, -1]] @ directions[:, 1])
     return tuple((directions[:, 1] * (-1.0 if ends[0] < 0.0 else 1.0)).tolist())
+
+
+def _beside_itself(along: np.ndarray, across: np.ndarray, number: np.ndarray, near: float) -> bool:
+    """Say whether stretches of a `number` (n,) come back further than `near` beside where they ran before [m]."""
+    for rows in np.split(np.arange(len(along)), np.flatnonzero(np.diff(number)) + 1):
+        steps = np.diff(along[rows])
+        if min(steps.clip(min=0.0).sum(), -steps.clip(max=0.0).sum()) <= _ASIDE * np.ptp(along[rows]):
+            continue
+        order = np.lexsort((across[rows], np.floor(along[rows] / near)))
+        cell, aside = np.floor(along[rows] / near)[order], across[rows][order]
+        first = np.flatnonzero(np.diff(cell, prepend=-np.inf))
+        last = np.append(first[1:], len(rows)) - 1
+        if np.mean(aside[last] - aside[first] > near) > _ASIDE:
+            return True
+    return False
 
 
 def place_of(plane: np.ndarray, axis: Axis | None, pass_number: np.ndarray, width_m: float) -> np.ndarray:

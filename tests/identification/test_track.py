@@ -68,6 +68,17 @@ def test_legs_that_a_drive_turns_between_are_one_track_that_turns(along_y):
     assert drive.axis is None
 
 
+@pytest.mark.parametrize(("apart_m", "turns"), [(0.3, True), (0.04, False), (0.0, False)])
+def test_long_lanes_beside_each_other_in_one_drive_are_a_track_that_turns(rng, apart_m, turns):
+    """The way back is on fresh ground where it is beside, and on the same where it is in the rut."""
+    leg = np.abs((np.linspace(0.0, 3.0, ROWS) + 1.0) % 2.0 - 1.0)
+    aside = apart_m * np.floor(np.linspace(0.0, 2.999, ROWS))
+    noise = 0.005 * rng.normal(size=(2, ROWS))
+    drive = laid_out(20.0 * leg + noise[0], aside + noise[1])
+    assert (drive.axis is None) is turns
+    assert np.nanmax(drive.place_m) == pytest.approx(60.0 if turns else 20.0, rel=0.02)
+
+
 def test_places_that_were_not_seen_are_not_made_up():
     lost = (np.arange(ROWS) >= 100) & (np.arange(ROWS) < 160)
     x_m = np.where(lost, np.nan, 4.0 * np.cos(AROUND))
