@@ -47,8 +47,12 @@ class HeldOut:
 
     def gain(self, other: HeldOut) -> tuple[float, float]:
         """Nats gained over another model, and their standard deviation from the scatter between blocks."""
-        each = self.nats - other.nats
-        return float(each.sum()), float(np.std(each, ddof=1) * np.sqrt(len(each)))
+        return summed(self.nats - other.nats)
+
+
+def summed(each: np.ndarray) -> tuple[float, float]:
+    """Sum what blocks (b,) gain, and give its standard deviation from the scatter between them."""
+    return float(each.sum()), float(np.std(each, ddof=1) * np.sqrt(len(each)))
 
 
 def hold_out(problem: Problem, fitted: Fitted, *, again: bool = True) -> HeldOut:

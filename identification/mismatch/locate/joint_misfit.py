@@ -12,7 +12,7 @@ from scipy.linalg import orth
 from ....framework.core.soil import PARAMETERS
 from ...forward import CHANNELS
 from ..fit.fitting import Fitted, Problem, fit
-from ..fit.held_out import HeldOut
+from ..fit.held_out import HeldOut, summed
 from ..fit.samples import Samples
 from ..fit.soil_variation import HUBER, NoiseModel, huber_loss
 from ..fit.textbook import QUIET
@@ -71,7 +71,8 @@ def joint_correction(problem: Problem, fitted: Fitted, alone: HeldOut) -> Smooth
     alone
         How the fit predicts by itself.
     """
-    without = _weigh(Solver(problem, fitted, []), []) - _cost(problem, fitted, fitted.noise)
+    plain = Solver(problem, fitted, [])
+    without = _weigh(plain, []) - _cost(problem, fitted, fitted.noise)
     groups = _groups(problem)
     solvers = [_beside(problem, each, groups) for each in (fitted, *_told(problem, fitted))]
     solver, cost = max(solvers, key=lambda pair: _weigh(pair[0], list(range(len(groups)))) - pair[1])
@@ -86,7 +87,8 @@ def joint_correction(problem: Problem, fitted: Fitted, alone: HeldOut) -> Smooth
         Term(CHANNELS[problem.answers[groups[index].position]], groups[index].variable, groups[index].at, values, share)
         for index, values in zip(kept, solver.added(kept), strict=True)
     )
-    return SmoothCorrection(terms, gain, alone.residuals - left, solver.left(kept))
+    _, scatter = summed(solver.predicted(kept) - plain.predicted([]))
+    return SmoothCorrection(terms, gain, scatter, alone.residuals - left, solver.left(kept))
 
 
 def _told(problem: Problem, fitted: Fitted) -> list[Fitted]:

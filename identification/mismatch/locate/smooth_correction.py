@@ -15,7 +15,7 @@ import numpy as np
 from ...effects.effect import Effect
 from ...forward import CHANNELS
 from ..fit.fitting import Fitted, Problem
-from ..fit.held_out import HeldOut, of_places, soil_nats, told_alone
+from ..fit.held_out import HeldOut, of_places, soil_nats, summed, told_alone
 from ..fit.soil_variation import huber_loss, huber_weight
 from ..fit.steps import scaled_solve
 from .variables import MOST_CYCLES, cycles, variables
@@ -54,12 +54,14 @@ class Term:
 
 @dataclass(frozen=True)
 class SmoothCorrection:
-    """Terms, what they gain in all on held-out blocks [nats], what they add while held out (n, m), SI, and the whitened
-    residuals (n, m) that they leave. `excused` where terms are left out that a named effect is the cause of.
+    """Terms, what they gain in all on held-out blocks and by how much that scatters between them (standard deviation)
+    [nats], what they add while held out (n, m), SI, and the whitened residuals (n, m) that they leave. `excused` where
+    terms are left out that a named effect is the cause of.
     """
 
     terms: tuple[Term, ...]
     gain: float
+    gain_sd: float
     held_out: np.ndarray
     innovations: np.ndarray
     excused: bool = False
@@ -119,7 +121,8 @@ def smooth_correction(problem: Problem, fitted: Fitted, alone: HeldOut) -> Smoot
         Term(CHANNELS[problem.answers[groups[index].position]], groups[index].variable, groups[index].at, values, gain)
         for index, values, gain in zip(chosen, solver.added(chosen), gains, strict=True)
     )
-    return SmoothCorrection(terms, sum(gains), held_out, solver.left(chosen))
+    _, scatter = summed(solver.predicted(chosen) - solver.predicted([]))
+    return SmoothCorrection(terms, sum(gains), scatter, held_out, solver.left(chosen))
 
 
 def nats_left(problem: Problem, fitted: Fitted, effects: Iterable[Effect]) -> float:
@@ -240,14 +243,19 @@ class Solver:
         answer[free] = scaled_solve(information[np.ix_(free, free)], gradient[free], _RIDGE)
         return answer
 
-    def predictive(self, groups: list[int]) -> float:
-        """Predictive log-likelihood over all blocks, each held out [nats], up to a constant."""
-        which, total = self._chosen(groups), 0.0
-        for block in range(len(self._gradient)):
+    def predicted(self, groups: list[int]) -> np.ndarray:
+        """Predictive log-likelihood of each block, held out (b,) [nats], up to a constant."""
+        which = self._chosen(groups)
+        answer = np.empty(len(self._gradient))
+        for block in range(len(answer)):
             rows = self._block == block
             left = self._innovations[rows] - self._columns[np.ix_(rows, which)] @ self._solve(which, block)
-            total -= float(huber_loss(left).sum())
-        return total
+            answer[block] = -float(huber_loss(left).sum())
+        return answer
+
+    def predictive(self, groups: list[int]) -> float:
+        """Sum `predicted` over all blocks [nats]."""
+        return float(self.predicted(groups).sum())
 
     def soil_nats(self, groups: list[int]) -> float:
         """Predictive log-density of what is known of the soil beside these groups [nats], 0 where nothing is."""

@@ -78,7 +78,7 @@ def assemble(
     fits = _fits(problem, before, after, chosen.fitted, np.random.default_rng(seed))
     gained = (chosen.gain, chosen.held_out.gain(textbook.held_out)[1]) if verdict != "none" else (0.0, 0.0)
     if unknown_wins:
-        gained = gained[0] + remaining.gain, gained[1]
+        gained = gained[0] + remaining.gain, math.hypot(gained[1], remaining.gain_sd)
     best = chosen if verdict != "none" else textbook
     explained = Explanation(
         source=source,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -51,6 +52,7 @@ def test_something_unknown_is_a_rival_only_where_the_effect_is_not_sure(searched
     remaining = SmoothCorrection(
         (Term("torque_Nm", "slip", slip, 0.1 * slip, 12.0),),
         12.0,
+        5.0,
         np.zeros_like(problem.measured),
         np.zeros_like(problem.measured),
     )
@@ -60,6 +62,8 @@ def test_something_unknown_is_a_rival_only_where_the_effect_is_not_sure(searched
     assert answer.verdict == verdict
     assert {missing.effect for missing in answer.missing} == listed
     assert not any("something more" in note for note in answer.notes)
+    scatter = found.chosen.held_out.gain(found.textbook.held_out)[1]
+    assert answer.heldout_nats.sd == pytest.approx(math.hypot(scatter, 5.0) if sure < 0.5 else scatter)
 
 
 def test_whatever_is_probable_is_listed_though_it_takes_more_than_one_effects_place(searched):
@@ -73,7 +77,7 @@ def test_whatever_is_probable_is_listed_though_it_takes_more_than_one_effects_pl
         for base, effect, gain in ((gains, kinds["torque_gain"], 300.0), (found.chosen, shift, 298.0))
     ]
     chosen = Search(found.textbook, tuple(pairs), (), pairs[0])
-    nothing = SmoothCorrection((), 0.0, np.zeros_like(problem.measured), np.zeros_like(problem.measured))
+    nothing = SmoothCorrection((), 0.0, 0.0, np.zeros_like(problem.measured), np.zeros_like(problem.measured))
     naming, before = name(chosen, 0.0), found.textbook.held_out.residuals
     answer = assemble(problem, chosen, naming, nothing, (), source="made", seed=0, began=0.0, before=before)
     assert answer.verdict == "cannot_tell"
@@ -95,7 +99,7 @@ def test_no_more_than_six_are_listed_where_the_data_cannot_tell(searched):
     ]
     together = Search(found.textbook, tuple(trials), (), found.chosen)
     naming, before = name(together, 0.0), found.textbook.held_out.residuals
-    nothing = SmoothCorrection((), 0.0, np.zeros_like(problem.measured), np.zeros_like(problem.measured))
+    nothing = SmoothCorrection((), 0.0, 0.0, np.zeros_like(problem.measured), np.zeros_like(problem.measured))
     answer = assemble(problem, together, naming, nothing, (), source="made", seed=0, began=0.0, before=before)
     assert answer.verdict == "cannot_tell"
     assert {each.effect for each in answer.missing} == {"slip_sinkage", *slugs[:5]}
@@ -109,7 +113,7 @@ def test_what_is_doubted_without_a_look_alike_is_told_how_to_tell_it_from_the_ne
     shift = effects_for(situation(problem, found.textbook.fitted), ["stress_peak_shift"])[0]
     other = try_adding(problem, found.textbook, found.textbook, shift)
     both = replace(found, trials=(*found.trials, other))
-    nothing = SmoothCorrection((), 0.0, np.zeros_like(problem.measured), np.zeros_like(problem.measured))
+    nothing = SmoothCorrection((), 0.0, 0.0, np.zeros_like(problem.measured), np.zeros_like(problem.measured))
     naming = Naming({"slip_sinkage": sure}, 0.035, {"slip_sinkage": ()}, np.array([sure, 0.0]))
     before = found.textbook.held_out.residuals
     answer = assemble(problem, both, naming, nothing, (), source="made", seed=0, began=0.0, before=before)
@@ -187,7 +191,7 @@ def test_one_of_two_that_are_alike_is_told_beside_what_is_sure(searched):
     def told(share: float, *more: str):
         shares = {"slip_sinkage": 0.95, first: share, other: share - 0.01} | dict.fromkeys(more, 0.02)
         naming = Naming(shares, 0.0, {"slip_sinkage": (), first: (other, *more)}, np.zeros(len(together.trials)))
-        remaining = SmoothCorrection((), 0.0, nothing, nothing)
+        remaining = SmoothCorrection((), 0.0, 0.0, nothing, nothing)
         before = found.textbook.held_out.residuals
         return assemble(problem, together, naming, remaining, (), source="made", seed=0, began=0.0, before=before)
 
@@ -409,7 +413,7 @@ def test_candidates_stand_with_the_most_probable_first(searched):
     # One that gains more and was turned down for its size has no say.
     larger = replace(found.chosen, effects=found.chosen.effects * 2, gain=found.chosen.gain + 5.0)
     both = replace(found, trials=(larger, *found.trials))
-    nothing = SmoothCorrection((), 0.0, np.zeros_like(problem.measured), np.zeros_like(problem.measured))
+    nothing = SmoothCorrection((), 0.0, 0.0, np.zeros_like(problem.measured), np.zeros_like(problem.measured))
     naming, before = name(both, 0.0), found.textbook.held_out.residuals
     answer = assemble(problem, both, naming, nothing, (), source="made", seed=0, began=0.0, before=before)
     assert [each.why == "chosen" for each in answer.candidates] == [True, False]
@@ -418,7 +422,7 @@ def test_candidates_stand_with_the_most_probable_first(searched):
 
 def test_noise_in_the_pictures_is_that_of_the_table(searched):
     problem, found = searched
-    nothing = SmoothCorrection((), 0.0, np.zeros_like(problem.measured), np.zeros_like(problem.measured))
+    nothing = SmoothCorrection((), 0.0, 0.0, np.zeros_like(problem.measured), np.zeros_like(problem.measured))
     naming, before = name(found, 0.0), found.textbook.held_out.residuals
     answer = assemble(problem, found, naming, nothing, (), source="made", seed=0, began=0.0, before=before)
     assert answer.rows.noise == pytest.approx([answer.fits[channel].noise for channel in answer.rows.channels])

@@ -97,7 +97,7 @@ def test_one_effect_beside_lugs_and_another_alone_are_rivals(made):
     assert naming.look_alikes["stress_peak_shift"] == ("slip_sinkage",)
     assert instead(found, "stress_peak_shift") == {"slip_sinkage": lugs}
     nothing = np.zeros_like(problem.measured)
-    remaining = SmoothCorrection((), 0.0, nothing, nothing)
+    remaining = SmoothCorrection((), 0.0, 0.0, nothing, nothing)
     before = found.textbook.held_out.residuals
     answer = assemble(problem, found, naming, remaining, (), source="made", seed=0, began=0.0, before=before)
     assert answer.verdict == "cannot_tell"
@@ -111,7 +111,7 @@ def test_what_stands_in_the_same_place_beside_lugs_lists_them_once(made):
     found = Search(textbook, (sinks, shifted), (), sinks)
     naming = name(found, 0.0)
     nothing, before = np.zeros_like(problem.measured), textbook.held_out.residuals
-    remaining = SmoothCorrection((), 0.0, nothing, nothing)
+    remaining = SmoothCorrection((), 0.0, 0.0, nothing, nothing)
     answer = assemble(problem, found, naming, remaining, (), source="made", seed=0, began=0.0, before=before)
     # Not sure, for a doubt that all share, are all three.
     doubted = name(found, 0.0, doubted=True)
