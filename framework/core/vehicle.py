@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from .errors import InputError
 
@@ -38,8 +38,10 @@ class Wheel(_Part):
     grouser_height_m: NonNegative = 0.0
     grouser_count: Annotated[int, Field(ge=0)] = 0
     name: str = "wheel"
-    position_m: tuple[Finite, Finite] = (0.0, 0.0)
-    """Place in the vehicle frame: x forward, y left [m]."""
+    position_m: Annotated[
+        tuple[Finite, Finite], Field(validation_alias=AliasChoices("position_m", "position"))
+    ] = (0.0, 0.0)  # fmt: skip
+    """Place in the vehicle frame: x forward, y left [m]; `position` in a file is the same."""
 
 
 class Camera(_Part):

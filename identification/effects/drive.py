@@ -52,18 +52,20 @@ class PresentDrive(Drive):
 
 
 def order_of(table: WheelTable) -> tuple[np.ndarray, np.ndarray]:
-    """Order by wheel, then time (trials as they stand), (n,), and the stretch that each row in that order is of, (n,).
+    """Order by run, then stretch, the earlier begun first (trials as they stand), (n,), and the stretch of each row in
+    that order, (n,).
 
     A stretch ends where wheel, run or pass change, where time does not go on or jumps by five usual steps, and where
-    place jumps by twenty: the wheel was set down elsewhere.
+    place jumps by twenty: the wheel was set down elsewhere. What one wheel leaves is what one behind it finds.
     """
     time_s = table.get("time_s")
-    labels = np.zeros(len(table), dtype=int)
-    for names in (table.wheel, table.run):
-        if names is not None:
-            labels = labels * (len(names) + 1) + np.unique(names, return_inverse=True)[1]
+    wheel, run = (
+        np.zeros(len(table), dtype=int) if names is None else np.unique(names, return_inverse=True)[1]
+        for names in (table.wheel, table.run)
+    )
     if time_s is None:
         return np.arange(len(table)), np.arange(len(table))
+    labels = wheel * (len(table) + 1) + run
     order = np.lexsort((time_s, labels))
     labels, time_s = labels[order], time_s[order]
     step = np.diff(time_s)
@@ -77,7 +79,11 @@ def order_of(table: WheelTable) -> tuple[np.ndarray, np.ndarray]:
         steps = [np.nan_to_num(np.diff(table[name][order])) for name in ("x_m", "y_m") if name in table]
         moved = np.linalg.norm(steps, axis=0)
         broken |= moved > _JUMP * np.median(moved[moved > 0.0]) if (moved > 0.0).any() else False
-    return order, np.concatenate([[0], np.cumsum(broken)])[: len(order)]
+    stretch = np.concatenate([[0], np.cumsum(broken)])[: len(order)]
+    first = np.flatnonzero(np.diff(stretch, prepend=-1))
+    rank = np.argsort(np.lexsort((wheel[order][first], time_s[first], run[order][first])))
+    again = np.argsort(rank[stretch], kind="stable")
+    return order[again], rank[stretch][again]
 
 
 def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Drive] = Drive) -> Drive:
@@ -120,7 +126,7 @@ def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Dr
         wheel_angle_rad=column("wheel_angle_rad"),
         pitch_rad=column("pitch_rad"),
         pass_number=passes,
-        place_m=place_of(plane, axis, passes, wheel.width_m),
+        place_m=place_of(plane, axis, passes, stretch, wheel.width_m),
         x_m=plane[:, 0],
         y_m=plane[:, 1],
         acceleration_m_s2=rate_of_change(travel, time_s, stretch),

@@ -53,8 +53,8 @@ def axis_of(plane: np.ndarray, stretch: np.ndarray, width_m: float) -> Axis | No
     seen = np.isfinite(plane).all(axis=1)
     if not seen.any():
         return ALONG_X
-    plane, noise = _calmed(plane[seen])
     number = np.unique(stretch[seen], return_inverse=True)[1]
+    plane, noise = _calmed(plane[seen], number)
     count = np.bincount(number)
     middle = np.column_stack([np.bincount(number, each) for each in plane.T]) / count[:, None]
     away = plane - middle[number]
@@ -73,7 +73,7 @@ def axis_of(plane: np.ndarray, stretch: np.ndarray, width_m: float) -> Axis | No
 
 def _beside_itself(along: np.ndarray, across: np.ndarray, number: np.ndarray, near: float) -> bool:
     """Say whether stretches of a `number` (n,) come back further than `near` beside where they ran before [m]."""
-    for rows in np.split(np.arange(len(along)), np.flatnonzero(np.diff(number)) + 1):
+    for rows in _runs(number):
         steps = np.diff(along[rows])
         if min(steps.clip(min=0.0).sum(), -steps.clip(max=0.0).sum()) <= _ASIDE * np.ptp(along[rows]):
             continue
@@ -86,17 +86,21 @@ def _beside_itself(along: np.ndarray, across: np.ndarray, number: np.ndarray, ne
     return False
 
 
-def place_of(plane: np.ndarray, axis: Axis | None, pass_number: np.ndarray, width_m: float) -> np.ndarray:
+def place_of(
+    plane: np.ndarray, axis: Axis | None, pass_number: np.ndarray, stretch: np.ndarray, width_m: float
+) -> np.ndarray:
     """Place along the track (n,) [m], NaN where not observed.
 
     Parameters
     ----------
     plane : (n, 2)
-        Places in the plane in the order of time, y NaN where there is none.
+        Places in the plane, of each stretch in the order of time, y NaN where there is none.
     axis
         Direction of the track (`axis_of`).
     pass_number : (n,)
         1 on fresh ground.
+    stretch : (n,)
+        Number of the stretch, one that began earlier first.
     width_m
         Of the wheel: a later pass that comes so near to an earlier one runs on its ground.
     """
@@ -108,27 +112,37 @@ def place_of(plane: np.ndarray, axis: Axis | None, pass_number: np.ndarray, widt
     if axis is not None:
         place[seen] = (plane[seen] - plane[seen[0]]) @ axis
         return place
-    plane, noise = _calmed(plane[seen])
+    plane, noise = _calmed(plane[seen], stretch[seen])
+    heading = _heading(plane, stretch[seen])
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(plane, axis=0), axis=1))])
     number = np.nan_to_num(pass_number[seen], nan=1.0)
     for before, rows in _later_passes(number):
-        way[rows] = _on_ground_of(plane, way, before, rows, width_m + _NOISES * noise)
+        way[rows] = _on_ground_of(plane, heading, way, before, rows, width_m + _NOISES * noise)
     place[seen] = way
     return place
 
 
-def _calmed(plane: np.ndarray) -> tuple[np.ndarray, float]:
+def _calmed(plane: np.ndarray, stretch: np.ndarray) -> tuple[np.ndarray, float]:
     """Positions (n, 2) without such as stand alone and without most of their noise, and what noise they had [m]."""
     noise = _noise(plane)
-    plane = median_filter(plane, (_ALONE, 1), mode="nearest")
+    plane = plane.copy()
+    for rows in _runs(stretch):
+        plane[rows] = median_filter(plane[rows], (_ALONE, 1), mode="nearest")
     chord = np.linalg.norm(plane[_CHORD:] - plane[:-_CHORD], axis=1) / _CHORD
     # A wheel that stands most of the time has no step then.
     moving = chord[chord > 0.5 * noise]
     step = float(np.median(moving if len(moving) else chord)) if len(chord) else 0.0
     if noise <= _ASIDE * step or not len(chord):
         return plane, noise
-    half = min(math.ceil(_SMOOTH * noise / max(step, 1e-12)), len(plane) // 4)
-    return uniform_filter1d(plane, 2 * half + 1, axis=0, mode="nearest"), noise
+    for rows in _runs(stretch):
+        half = min(math.ceil(_SMOOTH * noise / max(step, 1e-12)), len(rows) // 4)
+        plane[rows] = uniform_filter1d(plane[rows], 2 * half + 1, axis=0, mode="nearest")
+    return plane, noise
+
+
+def _runs(number: np.ndarray) -> list[np.ndarray]:
+    """Rows that follow each other with one number (n,)."""
+    return np.split(np.arange(len(number)), np.flatnonzero(np.diff(number)) + 1)
 
 
 def _noise(plane: np.ndarray) -> float:
@@ -141,8 +155,7 @@ def _noise(plane: np.ndarray) -> float:
 
 def _later_passes(number: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     """Rows of each later pass, by the passes' `number` (n,), after those of lower ones since the track was fresh."""
-    runs = np.split(np.arange(len(number)), np.flatnonzero(np.diff(number) != 0.0) + 1)
-    answer = []
+    runs, answer = _runs(number), []
     for each, rows in enumerate(runs):
         lower: list[np.ndarray] = []
         for earlier in reversed(runs[:each]):
@@ -155,10 +168,9 @@ def _later_passes(number: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
 
 
 def _on_ground_of(
-    plane: np.ndarray, place: np.ndarray, before: np.ndarray, rows: np.ndarray, near: float
+    plane: np.ndarray, heading: np.ndarray, place: np.ndarray, before: np.ndarray, rows: np.ndarray, near: float
 ) -> np.ndarray:  # fmt: skip
     """Places (k,) of some rows: those of the earlier pass where it ran so near and parallel, else their own."""
-    heading = _heading(plane)
     tree = KDTree(plane[before])
     _, at = map(np.asarray, tree.query(plane[rows], k=min(_NEAREST, len(before))))
     at = before[at.reshape(len(rows), -1)]
@@ -173,8 +185,11 @@ def _on_ground_of(
     return np.where(good.any(axis=1), place[at[each, first]] + along[each, first], place[rows])
 
 
-def _heading(plane: np.ndarray) -> np.ndarray:
+def _heading(plane: np.ndarray, stretch: np.ndarray) -> np.ndarray:
     """Unit vectors (n, 2) along the way, zero where it stands."""
-    gradient = np.gradient(plane, axis=0) if len(plane) > 1 else np.zeros_like(plane)
+    gradient = np.zeros_like(plane)
+    for rows in _runs(stretch):
+        if len(rows) > 1:
+            gradient[rows] = np.gradient(plane[rows], axis=0)
     size = np.linalg.norm(gradient, axis=1)
     return gradient / np.where(size > 0.0, size, 1.0)[:, None]

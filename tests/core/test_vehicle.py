@@ -22,3 +22,10 @@ def test_a_fault_is_told_by_its_key_and_value(tmp_path, text, said):
     path.write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=said):
         load_vehicle(path)
+
+
+@pytest.mark.parametrize("key", ["position_m", "position"])
+def test_the_place_of_a_wheel_has_two_names(tmp_path, key):
+    path = tmp_path / "vehicle.toml"
+    path.write_text(f"[[wheels]]\nradius_m = 0.2\nwidth_m = 0.1\n{key} = [0.4, -0.3]\n", encoding="utf-8")
+    assert load_vehicle(path).wheels[0].position_m == (0.4, -0.3)

@@ -7,6 +7,7 @@ import pytest
 from bevameter import Wheel
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.identification.effects.drive import drive_of, order_of, select_rows
+from bevameter.identification.effects.multipass_compaction import slip_before
 from bevameter.identification.effects.track import coordinate
 from bevameter.identification.mismatch.fit.lanes import lanes
 
@@ -104,6 +105,25 @@ def test_each_run_on_one_circle_has_its_own_first_pass():
     place = laid_out(4.0 * np.cos(four) + noise[0], 4.0 * np.sin(four) + noise[1], passes).place_m
     for start in (0, 200):
         np.testing.assert_allclose(place[start + 103 : start + 197], place[start + 3 : start + 97], atol=0.05)
+
+
+def test_a_wheel_behind_another_is_on_its_ground():
+    """Rows by wheel, then time, had all passes of the front wheel before the first of the rear one."""
+    angle, lap = np.concatenate([AROUND, AROUND - 0.2]), np.tile(TWICE, 2)
+    wheel = np.repeat(["front", "rear"], ROWS)
+    passes = 2.0 * lap - (wheel == "front")
+    columns = {
+        "time_s": np.tile(0.1 * np.arange(ROWS), 2), "load_N": np.full(2 * ROWS, 80.0),
+        "slip": 0.1 * passes, "x_m": 4.0 * np.cos(angle), "y_m": 4.0 * np.sin(angle), "pass": passes,
+    }  # fmt: skip
+    table = WheelTable(columns, wheel, None, "made")
+    order, stretch = order_of(table)
+    drive = drive_of(table.select(order), Wheel(radius_m=0.1, width_m=0.1), stretch)
+    np.testing.assert_array_equal(drive.pass_number[np.flatnonzero(np.diff(stretch, prepend=-1))], [1, 2, 3, 4])
+    for number in (2.0, 3.0, 4.0):
+        rows = drive.pass_number == number
+        assert np.ptp(drive.place_m[rows]) < 8.0 * np.pi + 1.0
+        np.testing.assert_allclose(slip_before(drive)[rows], 0.1 * (number - 1.0))
 
 
 def test_where_a_figure_of_eight_crosses_itself_a_later_pass_stays_on_its_branch():
