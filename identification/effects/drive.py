@@ -13,6 +13,7 @@ from ...framework.core.recording.types import WheelTable
 from ...framework.core.vehicle import Wheel
 from ..noise import NORMAL_MAD
 from .effect import COVARIATES, Drive
+from .positions import continuous, set_down
 from .track import axis_of, place_of
 
 COLUMNS = {
@@ -32,12 +33,6 @@ COLUMNS = {
 }
 """The wheel column that each attribute of `Drive` comes from; accelerations need `time_s` as well."""
 
-_JUMP = 20.0
-"""Usual steps [-] by which a place that is reached from one sample to the next cannot have been driven to."""
-
-_SEEN = 0.9
-"""Share of the places of a stretch that have to be known for the others to be put between them [-]."""
-
 _WINDOWS, _DEGREE = (9, 13, 19, 27, 39, 55), 4
 """Samples over which speeds are fitted for their derivative, and by a polynomial of which degree: a parabola over
 nine flattens what a wheel does within a second by some per cent, and masses come out too large by as much."""
@@ -56,7 +51,7 @@ def order_of(table: WheelTable) -> tuple[np.ndarray, np.ndarray]:
     that order, (n,).
 
     A stretch ends where wheel, run or pass change, where time does not go on or jumps by five usual steps, and where
-    place jumps by twenty: the wheel was set down elsewhere. What one wheel leaves is what one behind it finds.
+    the wheel was set down elsewhere (`positions.set_down`). What one wheel leaves is what one behind it finds.
     """
     time_s = table.get("time_s")
     wheel, run = (
@@ -75,10 +70,7 @@ def order_of(table: WheelTable) -> tuple[np.ndarray, np.ndarray]:
     if number is not None:
         broken |= np.nan_to_num(np.diff(number[order])) != 0.0
     if "x_m" in table:
-        # Where either is not known, the other one tells.
-        steps = [np.nan_to_num(np.diff(table[name][order])) for name in ("x_m", "y_m") if name in table]
-        moved = np.linalg.norm(steps, axis=0)
-        broken |= moved > _JUMP * np.median(moved[moved > 0.0]) if (moved > 0.0).any() else False
+        broken |= set_down(np.column_stack([table[name][order] for name in ("x_m", "y_m") if name in table]))
     stretch = np.concatenate([[0], np.cumsum(broken)])[: len(order)]
     first = np.flatnonzero(np.diff(stretch, prepend=-1))
     rank = np.argsort(np.lexsort((wheel[order][first], time_s[first], run[order][first])))
@@ -114,7 +106,7 @@ def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Dr
             travel = np.where(np.isfinite(ratio), rate * wheel.radius_m * ratio, math.nan)
         elif not np.isfinite(rate).any():
             rate = np.where(ratio > 0.0, travel / (wheel.radius_m * ratio), math.nan)
-    plane = np.column_stack([_bridged(column(name), time_s, stretch) for name in ("x_m", "y_m")])
+    plane = continuous(np.column_stack([column("x_m"), column("y_m")]), time_s, stretch)
     axis = axis_of(plane, stretch, wheel.width_m)
     passes = column("pass")
     return kind(
@@ -134,26 +126,6 @@ def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Dr
         stretch=stretch,
         axis=axis,
     )
-
-
-def _bridged(place: np.ndarray, time_s: np.ndarray, stretch: np.ndarray) -> np.ndarray:
-    """Places (n,) [m], those that were not observed on the straight line in time between the ones that were, or on the
-    line through the first and last of a stretch (n,) at its ends; as they are where much of a stretch was not observed.
-    """
-    seen = np.isfinite(place)
-    if seen.all() or not seen.any() or not np.isfinite(time_s).all():
-        return place
-    answer = place.copy()
-    for rows in np.split(np.arange(len(place)), np.flatnonzero(np.diff(stretch)) + 1):
-        known = rows[seen[rows]]
-        if len(known) < max(2.0, _SEEN * len(rows)):
-            continue
-        first, last = known[0], known[-1]
-        speed = (place[last] - place[first]) / (time_s[last] - time_s[first])
-        before, after = time_s[rows] - time_s[first], time_s[rows] - time_s[last]
-        answer[rows] = np.interp(time_s[rows], time_s[known], place[known])
-        answer[rows] += speed * (np.minimum(before, 0.0) + np.maximum(after, 0.0))
-    return answer
 
 
 def select_rows(drive: Drive, rows: np.ndarray) -> Drive:

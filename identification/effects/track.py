@@ -13,6 +13,7 @@ from scipy.spatial import KDTree
 from scipy.stats import median_abs_deviation
 
 from ..noise import NORMAL_MAD
+from .positions import runs_of
 
 Axis = tuple[float, float]
 """Direction in which a track runs in the plane of x and y."""
@@ -73,7 +74,7 @@ def axis_of(plane: np.ndarray, stretch: np.ndarray, width_m: float) -> Axis | No
 
 def _beside_itself(along: np.ndarray, across: np.ndarray, number: np.ndarray, near: float) -> bool:
     """Say whether stretches of a `number` (n,) come back further than `near` beside where they ran before [m]."""
-    for rows in _runs(number):
+    for rows in runs_of(number):
         steps = np.diff(along[rows])
         if min(steps.clip(min=0.0).sum(), -steps.clip(max=0.0).sum()) <= _ASIDE * np.ptp(along[rows]):
             continue
@@ -126,7 +127,7 @@ def _calmed(plane: np.ndarray, stretch: np.ndarray) -> tuple[np.ndarray, float]:
     """Positions (n, 2) without such as stand alone and without most of their noise, and what noise they had [m]."""
     noise = _noise(plane)
     plane = plane.copy()
-    for rows in _runs(stretch):
+    for rows in runs_of(stretch):
         plane[rows] = median_filter(plane[rows], (_ALONE, 1), mode="nearest")
     chord = np.linalg.norm(plane[_CHORD:] - plane[:-_CHORD], axis=1) / _CHORD
     # A wheel that stands most of the time has no step then.
@@ -134,15 +135,10 @@ def _calmed(plane: np.ndarray, stretch: np.ndarray) -> tuple[np.ndarray, float]:
     step = float(np.median(moving if len(moving) else chord)) if len(chord) else 0.0
     if noise <= _ASIDE * step or not len(chord):
         return plane, noise
-    for rows in _runs(stretch):
+    for rows in runs_of(stretch):
         half = min(math.ceil(_SMOOTH * noise / max(step, 1e-12)), len(rows) // 4)
         plane[rows] = uniform_filter1d(plane[rows], 2 * half + 1, axis=0, mode="nearest")
     return plane, noise
-
-
-def _runs(number: np.ndarray) -> list[np.ndarray]:
-    """Rows that follow each other with one number (n,)."""
-    return np.split(np.arange(len(number)), np.flatnonzero(np.diff(number)) + 1)
 
 
 def _noise(plane: np.ndarray) -> float:
@@ -155,7 +151,7 @@ def _noise(plane: np.ndarray) -> float:
 
 def _later_passes(number: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     """Rows of each later pass, by the passes' `number` (n,), after those of lower ones since the track was fresh."""
-    runs, answer = _runs(number), []
+    runs, answer = runs_of(number), []
     for each, rows in enumerate(runs):
         lower: list[np.ndarray] = []
         for earlier in reversed(runs[:each]):
@@ -188,7 +184,7 @@ def _on_ground_of(
 def _heading(plane: np.ndarray, stretch: np.ndarray) -> np.ndarray:
     """Unit vectors (n, 2) along the way, zero where it stands."""
     gradient = np.zeros_like(plane)
-    for rows in _runs(stretch):
+    for rows in runs_of(stretch):
         if len(rows) > 1:
             gradient[rows] = np.gradient(plane[rows], axis=0)
     size = np.linalg.norm(gradient, axis=1)

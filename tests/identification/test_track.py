@@ -146,6 +146,28 @@ def test_noise_of_positions_is_no_way_gone():
     assert coordinate(alone.axis) == "x_m"
 
 
+@pytest.mark.parametrize("away_m", [0.3, 3.0])
+def test_a_single_wrong_position_is_no_other_place(away_m):
+    x_m = 4.0 * np.cos(AROUND)
+    x_m[[50, 130, 270, 333]] += away_m
+    drive = laid_out(x_m, 4.0 * np.sin(AROUND), TWICE)
+    assert len(np.unique(drive.stretch)) == 2
+    np.testing.assert_allclose(drive.place_m, 4.0 * np.mod(AROUND, 2.0 * np.pi), atol=0.15)
+
+
+@pytest.mark.parametrize("every", [2, 10])
+def test_positions_of_a_slower_receiver_are_put_between_its_updates(every):
+    """A wheel at 20 Hz whose positions came at 1 Hz stood, leapt, and never came by the same place again."""
+    held = np.arange(ROWS) // every * every
+    drive = around(4.0)
+    slower = laid_out(drive.x_m[held], drive.y_m[held], TWICE)
+    near = np.abs(np.mod(slower.place_m - drive.place_m + 4.0 * np.pi, 8.0 * np.pi) - 4.0 * np.pi)
+    # A chord cuts its corner, and where a pass begins the position is as old as the last update.
+    assert near.max() < 0.2
+    standing = laid_out(*np.repeat([ALONG_M[::4], 0.0 * ALONG_M[::4]], 4, axis=1))
+    np.testing.assert_allclose(standing.place_m, ALONG_M, atol=1e-9)
+
+
 def test_a_wheel_that_stands_most_of_the_time_goes_its_way_all_the_same():
     around = np.clip(np.arange(ROWS) - 250, 0, 100) * 0.03
     noise = 0.01 * np.random.default_rng(5).normal(size=(2, ROWS))
