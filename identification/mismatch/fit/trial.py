@@ -61,6 +61,9 @@ _BEYOND = 1.64
 _TOLD = 0.125
 """Standard deviation, as a share of what was published, up to which data tell a soil's parameter at all [-]."""
 
+_AT_BOUND = 0.01
+"""Standard deviations off its bound up to which a soil's parameter is stopped by it [-]: a step may end just short."""
+
 
 @dataclass(frozen=True)
 class Trial:
@@ -136,7 +139,8 @@ def unheard_of_soil(vector: np.ndarray, sd: np.ndarray, known: Iterable[str] = (
         at, least, most = vector[index], to_internal(name, low), to_internal(name, high)
         away = max(least - at, at - most)
         # Against its bound it would go on: how far is not known.
-        stopped = at in {to_internal(name, end) for end in PLAUSIBLE[name]} and sd[index] < _TOLD * (most - least)
+        ends = [to_internal(name, end) for end in PLAUSIBLE[name]]
+        stopped = min(abs(at - end) for end in ends) <= _AT_BOUND * sd[index] < _AT_BOUND * _TOLD * (most - least)
         undrained = name == "phi_rad" and at < least and vector[0] > UNDRAINED_C_PA
         if away > 0.0 and (stopped or away > _BEYOND * sd[index]) and not undrained:
             value = from_internal(name, float(at))

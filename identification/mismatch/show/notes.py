@@ -166,8 +166,9 @@ def _repeated(repeated: float) -> list[str]:
 
 def _oscillates(problem: Problem, fitted: Fitted) -> list[str]:
     """Say what swings by the clock, and how often it does so in a turn of the wheel."""
-    speed = problem.samples.drive.rim_speed_m_s
-    turns_Hz = float(np.nanmedian(np.abs(speed))) / (2.0 * math.pi * problem.samples.wheel.radius_m)
+    speed, radius_m = problem.samples.drive.rim_speed_m_s, problem.samples.wheel.radius_m
+    known = np.isfinite(speed).any()
+    turns_Hz = float(np.nanmedian(np.abs(speed))) / (2.0 * math.pi * radius_m) if known else 0.0
     answer = []
     for line in oscillations(problem, fitted):
         how = readable.shown(line.channel)

@@ -299,6 +299,11 @@ def test_what_nobody_has_published_gives_way_to_two_that_gain_as_much(searched, 
     sure = replace(two, gain=320.0)
     ended = Tries(problem, found.textbook, (), print, [bent, sure]).ended(sure)
     assert not any("beyond" in why for why in doubts(problem, ended, 0.0, 1.0))
+    for more, doubted in ((40.0, True), (50.0, False)):  # forms that have been published differ by as much
+        one, both = replace(bent, gain=3000.0), replace(two, gain=3000.0 + more)
+        ended = Tries(problem, found.textbook, (), print, [one, both]).ended(both)
+        assert ended.chosen is both
+        assert any("one effect less" in why for why in doubts(problem, ended, 0.0, 1.0)) == doubted
 
 
 def test_a_search_that_tried_nothing_has_an_answer(searched):

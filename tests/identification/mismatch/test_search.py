@@ -242,6 +242,7 @@ def test_a_peak_where_nobody_has_seen_one_is_told(trials, a0, a1, sd, beyond):
         (20.0, 2.0, 1.0, 0.5, 0.02, ()), (20.0, 55.0, 1.0, 0.5, 0.02, ("phi = 55.0 deg",)),
         (1.0, 30.0, 1.0, 2.2, 0.05, ("n = 2.2",)), (1.0, 30.0, 1.0, 2.2, 0.3, ()),
         (1.0, 0.0, 1.0, 0.1, 0.2, ("phi = 0.0 deg", "n = 0.1")), (1.0, 0.0, 30.0, 0.1, 0.6, ()),
+        (1.0, 30.0, 1.0, 0.10003, 0.12, ("n = 0.1",)), (1.0, 30.0, 1.0, 0.1036, 0.12, ()),
     ],
 )  # fmt: skip
 def test_a_soil_unlike_any_that_was_measured_is_told(c_kPa, phi_deg, sd_deg, n, sd_n, beyond):

@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 from bevameter import Vehicle, Wheel, explain
 from bevameter.framework.core.recording.types import WheelTable
-from bevameter.framework.core.soil import SoilKnowledge
+from bevameter.framework.core.soil import PARAMETERS, SoilKnowledge
 from bevameter.identification.augmented import AugmentedWheel
 from bevameter.identification.effects.soil_patch import SoilPatch
 from bevameter.identification.mismatch.fit.places import everywhere
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.fit.trial import textbook_trial, try_adding
+from bevameter.identification.mismatch.name.evidence import off_what_is_stated
 from bevameter.identification.mismatch.show.told_soil import disagreement
 from bevameter.identification.wheel_soil import Soil, equilibrium
 
@@ -47,6 +48,21 @@ def samples(columns):
 def stated(stiffness_Pa: float) -> SoilKnowledge:
     values = {"phi_rad": SOIL.phi_rad, "stiffness_Pa": stiffness_Pa, "n": SOIL.n}
     return SoilKnowledge(values, {"phi_rad": 0.02, "stiffness_Pa": 0.1 * stiffness_Pa, "n": 0.02})
+
+
+@pytest.mark.parametrize(("off_sd", "doubted"), [(3.0, False), (5.0, True), (-5.0, True)])
+def test_a_set_beside_which_the_soil_is_still_another_one_is_doubted(samples, off_sd, doubted):
+    """Cohesion and friction were 4 and 12 standard deviations off beside a hump that stood in for a cap on the rim."""
+    known = stated(SOIL.stiffness_Pa)
+    problem, textbook = textbook_trial(samples, known)
+    assert not off_what_is_stated(problem, textbook)
+    at = PARAMETERS.index("phi_rad")
+    prior, vector = problem.prior(textbook.fitted.model), textbook.fitted.vector.copy()
+    vector[at] = prior.mean[at] + off_sd / math.sqrt(prior.precision[at])
+    other = replace(textbook, fitted=replace(textbook.fitted, vector=vector))
+    assert off_what_is_stated(problem, other) == doubted
+    exact, _ = textbook_trial(samples, SoilKnowledge(known.values, {}))
+    assert not off_what_is_stated(exact, other), "a soil that is given has no standard deviation to be off by"
 
 
 def test_a_soil_stated_otherwise_than_the_wheel_finds_it_is_said(samples):
