@@ -30,13 +30,14 @@ from .name.evidence import borne_out, doubts, repetition, warranted
 from .name.naming import name
 from .name.search import search
 from .name.tries import Search
+from .show import readable
 from .show.answer import assemble
 from .show.notes import several_grounds
 from .show.told_soil import disagreement
 
 _GROUND_OF_ITS_OWN = (
-    "each pass is taken to be on ground of its own: what passes differ by is explained as well by that as by anything "
-    "that was found with the same ground in all"
+    "each pass is taken to be on ground of its own: what passes differ by is explained as well by that as by what was "
+    "found with the same ground in all, {found}"
 )
 
 _MOST_TOLD = 6
@@ -110,6 +111,7 @@ def explain(
             notes = (*notes, _trials_left_out(samples, kept))
             samples, own = samples.select(kept), None if own is None else own[kept]
         if other := _on_other_ground(samples, known, found, remaining):
+            with_same = " and ".join(readable.effect(each.name) for each in found.chosen.effects) or "which is nothing"
             problem, textbook, gained = other
             found, remaining = _sought(problem, textbook, considered, tell)
             # Other ground is a cause already, unless it is the same once the passes tell from each other.
@@ -118,7 +120,7 @@ def explain(
             if found.chosen.effects and found.chosen.gain < asked_beside(gained) and not alike:
                 found = replace(found, chosen=found.textbook)
                 remaining = _left_over(problem, found, found.chosen)
-            notes = (*notes, _GROUND_OF_ITS_OWN)
+            notes = (*notes, _GROUND_OF_ITS_OWN.format(found=with_same))
         repeated = repetition(problem, found, remaining.innovations, remaining.explained)
         before = least_errors(problem, found.textbook)
         fewer = borne_out(warranted(found, repeated), repeated, before)

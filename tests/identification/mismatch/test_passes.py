@@ -75,7 +75,9 @@ def test_ground_of_its_own_takes_the_place_of_one_of_two_effects(tmp_path, seed)
     vehicle = Vehicle(name="made", wheels=(WHEEL,))
     answer = explain(path, vehicle=vehicle, catalogue=["multipass_compaction", "torque_gain", "drift"])
     assert {each.effect for each in answer.missing} == {"torque_gain"}
-    assert any("ground of its own" in note for note in answer.notes)
+    (note,) = [note for note in answer.notes if "ground of its own" in note]
+    assert "found with the same ground in all, " in note
+    assert "torque gain" in note.partition("in all, ")[2]
 
 
 @pytest.mark.parametrize(("gained", "compaction", "enough"), [(0.0, 0.1, True), (1e5, 0.1, False), (1e5, 0.3, True)])
