@@ -13,7 +13,7 @@ from ...framework.core.recording.types import WheelTable
 from ...framework.core.vehicle import Wheel
 from ..noise import NORMAL_MAD
 from .effect import COVARIATES, Drive
-from .positions import continuous, set_down
+from .positions import continuous, runs_of, set_down
 from .track import axis_of, place_of
 
 COLUMNS = {
@@ -54,12 +54,9 @@ def order_of(table: WheelTable) -> tuple[np.ndarray, np.ndarray]:
     the wheel was set down elsewhere (`positions.set_down`). What one wheel leaves is what one behind it finds.
     """
     time_s = table.get("time_s")
-    wheel, run = (
-        np.zeros(len(table), dtype=int) if names is None else np.unique(names, return_inverse=True)[1]
-        for names in (table.wheel, table.run)
-    )
     if time_s is None:
         return np.arange(len(table)), np.arange(len(table))
+    wheel, run = (_by_appearance(names, len(table)) for names in (table.wheel, table.run))
     labels = wheel * (len(table) + 1) + run
     order = np.lexsort((time_s, labels))
     labels, time_s = labels[order], time_s[order]
@@ -68,7 +65,7 @@ def order_of(table: WheelTable) -> tuple[np.ndarray, np.ndarray]:
     broken = (np.diff(labels) != 0) | (step <= 0.0) | (step > 5.0 * usual)
     number = table.get("pass")
     if number is not None:
-        broken |= np.nan_to_num(np.diff(number[order])) != 0.0
+        broken |= np.nan_to_num(np.diff(_carried(number[order], labels))) != 0.0
     if "x_m" in table:
         broken |= set_down(np.column_stack([table[name][order] for name in ("x_m", "y_m") if name in table]))
     stretch = np.concatenate([[0], np.cumsum(broken)])[: len(order)]
@@ -76,6 +73,27 @@ def order_of(table: WheelTable) -> tuple[np.ndarray, np.ndarray]:
     rank = np.argsort(np.lexsort((wheel[order][first], time_s[first], run[order][first])))
     again = np.argsort(rank[stretch], kind="stable")
     return order[again], rank[stretch][again]
+
+
+def _by_appearance(names: np.ndarray | None, count: int) -> np.ndarray:
+    """Number names (n,) by the row where each appears first."""
+    if names is None:
+        return np.zeros(count, dtype=int)
+    _, first, which = np.unique(names, return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(first))[which]
+
+
+def _carried(number: np.ndarray, label: np.ndarray) -> np.ndarray:
+    """Numbers of passes (n,), where not stated those of the last row with the same label (n,) that states it, or of the
+    next one; NaN where none does.
+    """
+    answer = number.copy()
+    for rows in runs_of(label):
+        stated = np.flatnonzero(np.isfinite(number[rows]))
+        if len(stated):
+            last = np.clip(np.searchsorted(stated, np.arange(len(rows)), side="right") - 1, 0, None)
+            answer[rows] = number[rows][stated[last]]
+    return answer
 
 
 def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Drive] = Drive) -> Drive:
@@ -108,7 +126,7 @@ def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Dr
             rate = np.where(ratio > 0.0, travel / (wheel.radius_m * ratio), math.nan)
     plane = continuous(np.column_stack([column("x_m"), column("y_m")]), time_s, stretch)
     axis = axis_of(plane, stretch, wheel.width_m)
-    passes = column("pass")
+    passes = _carried(column("pass"), stretch)
     return kind(
         load_N=table["load_N"],
         slip=table["slip"],

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from .effect import Contact, Drive, Effect, Parameter, Situation
+from .positions import runs_of
 
-_CELLS = 50
-"""Stretches of the track over which the slip of an earlier pass is averaged: its noise is no compaction."""
+_CELLS, _MOST_CELLS = 50, 10000
+"""Pieces of a stretch over which the slip of an earlier pass is averaged (its noise is no compaction), and the most of
+all places.
+"""
 
 
 class MultipassCompaction(Effect):
@@ -64,45 +69,42 @@ class CompactionBySlip(Effect):
 def slip_before(drive: Drive) -> np.ndarray:
     """Size of the slip of the wheel that ran before at the same place (n,) [-]; on first passes it says nothing.
 
-    Of the stretches before one of a later pass those count that are of the last lower pass since the track was fresh;
-    where none is, or beyond their places, the mean slip stands in.
+    That is the last one of a lower pass in a stretch before. Where none of these ran their mean stands in, and where
+    there is none that of all. Of places that are not known throughout all are one.
     """
     slip = np.abs(drive.slip)
     answer = np.full(len(drive), slip.mean())
-    ends = np.flatnonzero(np.diff(drive.stretch)) + 1
-    stretches = np.split(np.arange(len(drive)), ends)
+    stretches = runs_of(drive.stretch)
     numbers = np.nan_to_num(drive.pass_number[[rows[0] for rows in stretches]], nan=1.0)
+    place = drive.place_m if np.isfinite(drive.place_m).all() else np.zeros(len(drive))
+    cell = _cells(place, stretches)
+    means = [_means(cell[rows], place[rows], slip[rows]) for rows in stretches]
     for each, rows in enumerate(stretches):
-        earlier = _last_pass(numbers[: each + 1])
-        if len(earlier):
-            answer[rows] = _along(drive, np.concatenate([stretches[one] for one in earlier]), rows)
+        last = np.full((2, int(cell.max()) + 1), math.nan)
+        for other in np.flatnonzero(numbers[:each] < numbers[each]).tolist():
+            ran, values = means[other]
+            last[:, ran] = values
+        there = np.flatnonzero(np.isfinite(last[0]))
+        if len(there):
+            at, left = last[:, there]
+            nearest = np.searchsorted(0.5 * (at[1:] + at[:-1]), place[rows])
+            near = np.abs(there[nearest] - cell[rows]) <= 1
+            answer[rows] = np.where(near, left[nearest], left.mean())
     return answer
 
 
-def _last_pass(numbers: np.ndarray) -> np.ndarray:
-    """Which of the stretches before the last one are of the last lower pass on its track, by their passes' numbers."""
-    own = numbers[-1]
-    others = np.flatnonzero(numbers != own)
-    before = numbers[: others[-1] + 1] if len(others) else numbers[:0]
-    fresh = np.flatnonzero(before >= own)
-    start = fresh[-1] + 1 if len(fresh) else 0
-    lower = before[start:]
-    return start + np.flatnonzero(lower == lower.max()) if len(lower) else np.empty(0, dtype=int)
+def _cells(place_m: np.ndarray, stretches: list[np.ndarray]) -> np.ndarray:
+    """Number of the cell of each place (n,), `_CELLS` of them in a usual stretch, and none that a wheel steps over."""
+    usual = float(np.median([np.ptp(place_m[rows]) for rows in stretches]))
+    width = max(usual / _CELLS, 2.0 * float(np.median(np.abs(np.diff(place_m)))), float(np.ptp(place_m)) / _MOST_CELLS)
+    return np.floor((place_m - place_m.min()) / width).astype(int) if width > 0.0 else np.zeros(len(place_m), dtype=int)
 
 
-def _along(drive: Drive, earlier: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Size of the slip of some rows, averaged over equal stretches of their track, at the places of others."""
-    slip, place = np.abs(drive.slip[earlier]), drive.place_m[earlier]
-    mean, here = slip.mean(), drive.place_m[rows]
-    if not np.isfinite(place).all() or not np.ptp(place) > 0.0:
-        return np.full(len(rows), mean)
-    cell = np.minimum(((place - place.min()) / np.ptp(place) * _CELLS).astype(int), _CELLS - 1)
-    count = np.bincount(cell, minlength=_CELLS)
-    there = count > 0
-    at, of = np.array([np.bincount(cell, values, _CELLS)[there] for values in (place, slip)]) / count[there]
-    half = 0.5 * np.ptp(place) / _CELLS
-    covered = (here >= place.min() - half) & (here <= place.max() + half)
-    return np.where(covered, np.interp(here, at, of), mean)
+def _means(cell: np.ndarray, place_m: np.ndarray, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Cells (k,) that a stretch ran through, and its mean places and slips there (2, k)."""
+    ran, which = np.unique(cell, return_inverse=True)
+    count = np.bincount(which)
+    return ran, np.array([np.bincount(which, values) / count for values in (place_m, slip)])
 
 
 def forms(situation: Situation) -> tuple[Effect, ...]:

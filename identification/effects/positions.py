@@ -1,4 +1,4 @@
-"""Positions as they are recorded: set down elsewhere, held between updates, lost for a while."""
+"""Positions as they are recorded: set down elsewhere, wrong for some rows, held between updates, lost for a while."""
 
 from __future__ import annotations
 
@@ -9,11 +9,17 @@ import numpy as np
 _JUMP = 20.0
 """Usual steps [-] by which a place that is reached from one sample to the next cannot have been driven to."""
 
-_SEEN = 0.9
-"""Share of the places of a stretch that have to be known for the others to be put between them [-]."""
+_AWAY, _LONGEST, _BACK = 5.0, 20, 0.5
+"""Usual steps [-] by which wrong positions leave the track at least, rows that they last at most, and how near to where
+they left it they come back, as a share of how far they were away [-]."""
 
-_UPDATED = 0.5
-"""Most of the rows that have a new position where positions are held between updates [-]."""
+_SEEN, _INTERVALS = 0.9, 3.0
+"""Share of the places of a stretch that have to be known for all others to be put between them, and usual intervals
+between those that are known up to which a gap is bridged in any case [-]."""
+
+_UPDATED, _OVERDUE = 0.5, 1.5
+"""Most of the rows that have a new position where positions are held between updates [-], and usual intervals between
+these after which one is overdue: the wheel stands [-]."""
 
 
 def runs_of(number: np.ndarray) -> list[np.ndarray]:
@@ -22,31 +28,47 @@ def runs_of(number: np.ndarray) -> list[np.ndarray]:
 
 
 def set_down(plane: np.ndarray) -> np.ndarray:
-    """Say after which rows (n - 1,) a wheel was set down elsewhere: its position, (n, k) [m], jumps, and does not come
-    back with the next row, as a single one that is wrong does. Where one coordinate is not known, the others tell.
+    """Say after which rows (n - 1,) a wheel was set down elsewhere: its position, (n, k) [m], jumps and is not wrong.
+    Where one coordinate is not known, the others tell.
     """
-    moved = _distance(np.diff(plane, axis=0), 0.0)
+    moved = _distance(np.diff(_believed(plane), axis=0))
     if not (moved > 0.0).any():
         return np.zeros(len(moved), dtype=bool)
-    over_two = np.concatenate([[math.inf], _distance(plane[2:] - plane[:-2], math.inf), [math.inf]])
-    far = _JUMP * np.median(moved[moved > 0.0])
-    return (moved > far) & (over_two[:-1] > far) & (over_two[1:] > far)
+    return moved > _JUMP * np.median(moved[moved > 0.0])
 
 
-def _distance(apart: np.ndarray, unknown: float) -> np.ndarray:
-    known = np.isfinite(apart)
-    return np.where(known.any(axis=1), np.linalg.norm(np.where(known, apart, 0.0), axis=1), unknown)
+def _distance(apart: np.ndarray) -> np.ndarray:
+    """Lengths of the coordinates that are known; zero where none is."""
+    return np.linalg.norm(np.nan_to_num(apart), axis=-1)
+
+
+def _believed(plane: np.ndarray) -> np.ndarray:
+    """Positions (n, k), NaN where they leave the track for some rows and come back to where they left it."""
+    moved = _distance(np.diff(plane, axis=0))
+    if not (moved > 0.0).any():
+        return plane
+    jumps = np.flatnonzero(moved > _AWAY * np.median(moved[moved > 0.0]))
+    if len(jumps) < 2:
+        return plane
+    answer = plane.copy()
+    back = -1
+    for out, home in zip(jumps[:-1].tolist(), jumps[1:].tolist(), strict=True):
+        lasted, away = home - out, min(moved[out], moved[home])
+        if out > back and lasted <= _LONGEST and _distance(plane[home + 1] - plane[out]) < _BACK * away:
+            answer[out + 1 : home + 1] = math.nan
+            back = home
+    return answer
 
 
 def continuous(plane: np.ndarray, time_s: np.ndarray, stretch: np.ndarray) -> np.ndarray:
     """Positions (n, 2) [m] of stretches (n,) as a wheel runs through them: those that a slower receiver or a coarse
-    encoder holds, on the line in time between its updates; lost ones on that between the ones that were seen.
+    encoder holds on the line in time between its updates, and lost and wrong ones between the others.
     """
     if not np.isfinite(time_s).all():
         return plane
     plane = plane.copy()
     for rows in runs_of(stretch):
-        plane[rows] = _between_updates(plane[rows], time_s[rows])
+        plane[rows] = _between_updates(_believed(plane[rows]), time_s[rows])
         for axis in range(plane.shape[1]):
             plane[rows, axis] = _bridged(plane[rows, axis], time_s[rows])
     return plane
@@ -54,26 +76,65 @@ def continuous(plane: np.ndarray, time_s: np.ndarray, stretch: np.ndarray) -> np
 
 def _between_updates(plane: np.ndarray, time_s: np.ndarray) -> np.ndarray:
     """Positions (m, 2) of one stretch, held ones between their updates, and on for no longer than one update."""
-    seen = np.isfinite(plane)
-    new = np.flatnonzero((np.nan_to_num(np.diff(plane, axis=0)) != 0.0).any(axis=1)) + 1
-    if len(new) < 2 or len(new) > _UPDATED * len(plane) or (seen.any(axis=0) != seen.all(axis=0)).any():
+    there = np.isfinite(plane).any(axis=0)
+    seen = np.flatnonzero(np.isfinite(plane[:, there]).all(axis=1))
+    if not there.any() or len(seen) < 3:
         return plane
-    at = time_s[new]
-    first, last = at[1] - at[0], at[-1] - at[-2]
-    ends = np.concatenate([[at[0] - first], at, [at[-1] + last]])
-    there = np.vstack([2.0 * plane[new[0]] - plane[new[1]], plane[new], 2.0 * plane[new[-1]] - plane[new[-2]]])
-    return np.column_stack([np.interp(time_s, ends, axis) for axis in there.T])
+    new = seen[np.flatnonzero((np.diff(plane[seen][:, there], axis=0) != 0.0).any(axis=1)) + 1]
+    if len(new) < 2 or len(new) > _UPDATED * len(seen):
+        return plane
+    updates = _believed(plane[new][:, there])
+    right = np.isfinite(updates).all(axis=1)
+    if right.sum() < 2:
+        return plane
+    at, updates = _knots(time_s, time_s[new][right], updates[right], plane[seen[0], there])
+    answer = plane.copy()
+    near = _near(time_s, at)
+    answer[np.ix_(near, there)] = np.column_stack([np.interp(time_s[near], at, axis) for axis in updates.T])
+    return answer
+
+
+def _knots(
+    time_s: np.ndarray, at: np.ndarray, updates: np.ndarray, first: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Moments (k,) and positions (k, d) between which a wheel ran, from those of updates and its `first` position (d,).
+
+    Where no update comes for longer than usual, the wheel stood until one before the next.
+    """
+    gaps = np.diff(at)
+    usual = float(np.median(gaps))
+    stood = np.flatnonzero(gaps > _OVERDUE * usual)
+    before, after = 2.0 * updates[0] - updates[1], 2.0 * updates[-1] - updates[-2]
+    began, ended = at[0] - usual, at[-1] + usual
+    if at[0] - time_s[0] > _OVERDUE * usual:
+        before = first
+    if time_s[-1] - at[-1] > _OVERDUE * usual:
+        after = updates[-1]
+    moments = np.insert(at, stood + 1, at[stood + 1] - usual)
+    positions = np.insert(updates, stood + 1, updates[stood], axis=0)
+    return np.concatenate([[began], moments, [ended]]), np.vstack([before, positions, after])
 
 
 def _bridged(place: np.ndarray, time_s: np.ndarray) -> np.ndarray:
     """Places (m,) [m] of one stretch, those that were not observed on the straight line in time between the ones that
-    were, or on the line through its first and last at its ends; as they are where much of it was not observed.
+    were, or on the line through its first and last at its ends; as they are in a long gap where much was not observed.
     """
     seen = np.isfinite(place)
-    if seen.all() or seen.sum() < max(2.0, _SEEN * len(place)):
+    if seen.all() or seen.sum() < 2:
         return place
     first, last = np.flatnonzero(seen)[[0, -1]]
     speed = (place[last] - place[first]) / (time_s[last] - time_s[first])
     before, after = time_s - time_s[first], time_s - time_s[last]
     between = np.interp(time_s, time_s[seen], place[seen])
-    return between + speed * (np.minimum(before, 0.0) + np.maximum(after, 0.0))
+    whole = between + speed * (np.minimum(before, 0.0) + np.maximum(after, 0.0))
+    if seen.mean() >= _SEEN:
+        return whole
+    return np.where(_near(time_s, time_s[seen]), whole, place)
+
+
+def _near(time_s: np.ndarray, known_s: np.ndarray) -> np.ndarray:
+    """Say which moments (m,) lie in a gap between known ones (k,), k at least 2, that is no longer than usual."""
+    gaps = np.diff(known_s)
+    gap = np.clip(np.searchsorted(known_s, time_s, side="right") - 1, 0, len(gaps) - 1)
+    inside = (time_s >= known_s[0]) & (time_s <= known_s[-1])
+    return inside & (gaps[gap] <= _INTERVALS * np.median(gaps) * (1.0 + 1e-9))

@@ -33,7 +33,13 @@ _ALONE, _CHORD, _SMOOTH = 5, 10, 4.0
 """Rows whose median a place that stands alone is not, rows that a step is told by, and how many times the positions'
 noise rows are averaged over, in steps."""
 
-_NEAREST, _PARALLEL = 8, 0.7
+_STANDS, _FAST = 0.1, 0.9
+"""Share of the steps at that quantile below which a wheel stands [-]."""
+
+_AFTER = 20.0
+"""Usual steps up to which a stretch goes on from the end of another one [-]."""
+
+_NEAREST, _PARALLEL = 32, 0.7
 """Earlier rows that are looked at, and the cosine of the angle from which on both run along one track [-]."""
 
 
@@ -115,10 +121,12 @@ def place_of(
         return place
     plane, noise = _calmed(plane[seen], stretch[seen])
     heading = _heading(plane, stretch[seen])
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(plane, axis=0), axis=1))])
+    way = _way(plane, stretch[seen])
     number = np.nan_to_num(pass_number[seen], nan=1.0)
+    near = width_m + _NOISES * noise
+    along = near + float(np.median(np.linalg.norm(np.diff(plane, axis=0), axis=1))) if len(plane) > 1 else near
     for before, rows in _later_passes(number):
-        way[rows] = _on_ground_of(plane, heading, way, before, rows, width_m + _NOISES * noise)
+        way[rows] = _on_ground_of(plane, heading, number, way, before, rows, (along, near))
     place[seen] = way
     return place
 
@@ -127,7 +135,7 @@ def _calmed(plane: np.ndarray, stretch: np.ndarray) -> tuple[np.ndarray, float]:
     """Positions (n, 2) without such as stand alone and without most of their noise, and what noise they had [m]."""
     noise = _noise(plane)
     plane = plane.copy()
-    for rows in runs_of(stretch):
+    for rows in (each for each in runs_of(stretch) if len(each) >= _ALONE):
         plane[rows] = median_filter(plane[rows], (_ALONE, 1), mode="nearest")
     chord = np.linalg.norm(plane[_CHORD:] - plane[:-_CHORD], axis=1) / _CHORD
     # A wheel that stands most of the time has no step then.
@@ -135,7 +143,7 @@ def _calmed(plane: np.ndarray, stretch: np.ndarray) -> tuple[np.ndarray, float]:
     step = float(np.median(moving if len(moving) else chord)) if len(chord) else 0.0
     if noise <= _ASIDE * step or not len(chord):
         return plane, noise
-    for rows in runs_of(stretch):
+    for rows in (each for each in runs_of(stretch) if len(each) >= _ALONE):
         half = min(math.ceil(_SMOOTH * noise / max(step, 1e-12)), len(rows) // 4)
         plane[rows] = uniform_filter1d(plane[rows], 2 * half + 1, axis=0, mode="nearest")
     return plane, noise
@@ -149,24 +157,40 @@ def _noise(plane: np.ndarray) -> float:
     return float(NORMAL_MAD * np.max(median_abs_deviation(bends, axis=0)) / math.sqrt(6.0))
 
 
-def _later_passes(number: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Rows of each later pass, by the passes' `number` (n,), after those of lower ones since the track was fresh."""
-    runs, answer = runs_of(number), []
+def _way(plane: np.ndarray, stretch: np.ndarray) -> np.ndarray:
+    """Way gone (n,) [m]; a stretch goes on from the nearest end of an earlier one: several wheels take turns."""
+    steps = np.linalg.norm(np.diff(plane, axis=0, prepend=plane[:1]), axis=1)
+    runs = runs_of(stretch)
+    reach = _AFTER * float(np.median(steps))
+    way, ends, gone = np.empty(len(plane)), np.empty((len(runs), 2)), np.empty(len(runs))
     for each, rows in enumerate(runs):
-        lower: list[np.ndarray] = []
-        for earlier in reversed(runs[:each]):
-            if number[earlier[0]] >= number[rows[0]]:
-                break
-            lower.insert(0, earlier)
-        if lower:
-            answer.append((np.concatenate(lower), rows))
+        began = 0.0
+        if each:
+            apart = np.linalg.norm(ends[:each] - plane[rows[0]], axis=1)
+            last = each - 1 - int(np.argmin(apart[::-1]))
+            began = gone[last] + apart[last] if apart[last] <= reach else gone[:each].max() + steps[rows[0]]
+        way[rows] = began + np.cumsum(steps[rows]) - steps[rows[0]]
+        ends[each], gone[each] = plane[rows[-1]], way[rows[-1]]
+    return way
+
+
+def _later_passes(number: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Rows of each later pass, by the passes' `number` (n,), after all those of lower ones that came before."""
+    answer = []
+    for rows in runs_of(number):
+        lower = np.flatnonzero(number[: rows[0]] < number[rows[0]])
+        if len(lower):
+            answer.append((lower, rows))
     return answer
 
 
 def _on_ground_of(
-    plane: np.ndarray, heading: np.ndarray, place: np.ndarray, before: np.ndarray, rows: np.ndarray, near: float
+    plane: np.ndarray, heading: np.ndarray, number: np.ndarray, place: np.ndarray, before: np.ndarray,
+    rows: np.ndarray, near: tuple[float, float],
 ) -> np.ndarray:  # fmt: skip
-    """Places (k,) of some rows: those of the earlier pass where it ran so near and parallel, else their own."""
+    """Places (k,) of some rows: those of the last earlier pass that ran so near, along and across, and parallel, else
+    their own: where a track is driven anew, what ran there before is gone.
+    """
     tree = KDTree(plane[before])
     _, at = map(np.asarray, tree.query(plane[rows], k=min(_NEAREST, len(before))))
     at = before[at.reshape(len(rows), -1)]
@@ -174,18 +198,24 @@ def _on_ground_of(
     along = np.sum(apart * heading[at], axis=2)
     across = np.abs(apart[..., 0] * heading[at][..., 1] - apart[..., 1] * heading[at][..., 0])
     parallel = np.abs(np.sum(heading[rows][:, None] * heading[at], axis=2)) > _PARALLEL
-    step = np.median(np.linalg.norm(np.diff(plane, axis=0), axis=1))
-    good = parallel & (across < near) & (np.abs(along) <= step + near)
-    first = np.argmax(good, axis=1)
+    good = parallel & (across < near[1]) & (np.abs(along) <= near[0])
+    # Of one pass the nearest row, of several the last.
+    started = np.cumsum(np.diff(number, prepend=number[0]) != 0.0)
+    last = np.argmax(np.where(good, _NEAREST * started[at] - np.arange(at.shape[1]), -_NEAREST), axis=1)
     each = np.arange(len(rows))
-    return np.where(good.any(axis=1), place[at[each, first]] + along[each, first], place[rows])
+    return np.where(good.any(axis=1), place[at[each, last]] + along[each, last], place[rows])
 
 
 def _heading(plane: np.ndarray, stretch: np.ndarray) -> np.ndarray:
-    """Unit vectors (n, 2) along the way, zero where it stands."""
-    gradient = np.zeros_like(plane)
+    """Unit vectors (n, 2) along the way; where a wheel stands, that in which it came, or goes on."""
+    heading = np.zeros_like(plane)
     for rows in runs_of(stretch):
-        if len(rows) > 1:
-            gradient[rows] = np.gradient(plane[rows], axis=0)
-    size = np.linalg.norm(gradient, axis=1)
-    return gradient / np.where(size > 0.0, size, 1.0)[:, None]
+        if len(rows) < 2:
+            continue
+        gradient = np.gradient(plane[rows], axis=0)
+        size = np.linalg.norm(gradient, axis=1)
+        moving = np.flatnonzero(size > _STANDS * np.quantile(size, _FAST))
+        if len(moving):
+            last = np.clip(np.searchsorted(moving, np.arange(len(rows)), side="right") - 1, 0, None)
+            heading[rows] = (gradient[moving] / size[moving, None])[last]
+    return heading

@@ -2,50 +2,82 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...effects.effect import Drive
+from ...effects.positions import runs_of
 
 if TYPE_CHECKING:
     from .samples import Samples
 
+_APART = 0.5
+"""Share of a wheel's width from which on two tracks have less than half of their ground in common [-]."""
 
-def lanes(drive: Drive, width_m: float) -> np.ndarray:
-    """Number the tracks, (n,): a wheel that starts over on fresh ground, or on ground unsaid, is on another, and so is
-    one that runs more than the width of a wheel beside, where tracks are straight.
+
+def lanes(drive: Drive, width_m: float, wheel: np.ndarray | None = None) -> np.ndarray:
+    """Number the tracks, (n,): a wheel that runs on fresh ground, or on ground unsaid, over places where it or another
+    `wheel` (n,) ran before is on another, and so is one that runs half its width beside, where tracks are straight.
     """
-    first = np.flatnonzero(np.diff(drive.stretch, prepend=drive.stretch[0] - 1) != 0)
-    last = np.append(first[1:], len(drive)) - 1
-    fresh = ~(np.nan_to_num(drive.pass_number[first], nan=1.0) > 1.0)
-    beside = _beside(drive, first, fresh, width_m)
-    order = np.argsort(beside, kind="stable")
-    back = np.concatenate([[False], drive.place_m[first[order][1:]] < drive.place_m[last[order][:-1]]])
-    other = np.diff(beside[order], prepend=beside[order[0]]) != 0
-    lane = np.empty(len(first), dtype=int)
-    lane[order] = np.cumsum(other | (back & fresh[order]))
-    return np.repeat(lane, last - first + 1)
+    stretches = runs_of(drive.stretch)
+    names = [""] * len(stretches) if wheel is None else [str(wheel[rows[0]]) for rows in stretches]
+    fresh = np.array([not drive.pass_number[rows[0]] > 1.0 for rows in stretches])
+    beside = _beside(drive, stretches, fresh, width_m)
+    lane, last = np.empty(len(stretches), dtype=int), -1
+    for group in np.unique(beside):
+        covered: dict[str, list[tuple[float, float]]] = {}
+        of_wheel: dict[str, int] = {}
+        last += 1
+        current = last
+        for each in np.flatnonzero(beside == group):
+            low, high = _extent(drive.place_m[stretches[each]])
+            name = names[each]
+            if fresh[each]:
+                own = covered[name] if name in covered else [each for ran in covered.values() for each in ran]
+                if any(min(high, end) - max(low, start) > width_m for start, end in own):
+                    covered[name] = []
+                    last += 1
+                    of_wheel[name] = last
+                covered.setdefault(name, []).append((low, high))
+                current = of_wheel.setdefault(name, current)
+            lane[each] = current
+    return np.repeat(lane, [len(rows) for rows in stretches])
 
 
-def _beside(drive: Drive, first: np.ndarray, fresh: np.ndarray, width_m: float) -> np.ndarray:
-    """Number of the lane, side by side, that each stretch runs on, (s,), by its `first` row (s,).
+def _extent(place_m: np.ndarray) -> tuple[float, float]:
+    """From where to where a stretch runs [m]; nowhere where it was not seen."""
+    seen = place_m[np.isfinite(place_m)]
+    return (float(seen.min()), float(seen.max())) if len(seen) else (math.inf, -math.inf)
 
-    Lanes are where stretches on `fresh` ground (s,) ran; a later pass is on the nearest one.
+
+def _beside(drive: Drive, stretches: list[np.ndarray], fresh: np.ndarray, width_m: float) -> np.ndarray:
+    """Number of the lane, side by side, that each stretch runs on, (s,).
+
+    Lanes are where stretches on `fresh` ground (s,) ran; a later pass is on the nearest one. One whose place across was
+    not seen is on a lane of its own.
     """
-    one = np.zeros(len(first), dtype=int)
+    lane = np.zeros(len(stretches), dtype=int)
     if drive.axis is None:
-        return one
+        return lane
     across = drive.axis[0] * drive.y_m - drive.axis[1] * drive.x_m
-    seen = np.isfinite(across)
-    count = np.add.reduceat(seen.astype(float), first)
-    if not count.all():
-        return one
-    middle = np.add.reduceat(np.where(seen, across, 0.0), first) / count
-    known = np.sort(middle[fresh] if fresh.any() else middle)
-    number = np.cumsum(np.diff(known, prepend=known[0]) > width_m)
-    return number[np.argmin(np.abs(middle[:, None] - known), axis=1)]
+    if not np.isfinite(across).any():
+        return lane
+    middle = np.array([np.nanmean(across[rows]) if np.isfinite(across[rows]).any() else math.nan for rows in stretches])
+    seen = np.isfinite(middle)
+    known = np.sort(middle[fresh & seen] if (fresh & seen).any() else middle[seen])
+    first = [float(known[0])]
+    for each in known.tolist():
+        if each - first[-1] > _APART * width_m:
+            first.append(each)
+    ends = np.searchsorted(first, known, side="right")
+    middles = np.bincount(ends - 1, known) / np.bincount(ends - 1)
+    nearest = np.abs(middle[seen][:, None] - middles).argmin(axis=1)
+    lane[seen] = nearest
+    lane[~seen] = len(middles) + np.arange((~seen).sum())
+    return lane
 
 
 def passes_apart(samples: Samples) -> Samples:

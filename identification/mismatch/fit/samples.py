@@ -205,9 +205,13 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
     simulated = np.column_stack(others)[rows] if any(name.startswith(SIMULATED) for name in table.columns) else None
     measured = measured[rows]
     stated = np.array([name in vehicle.noise for name in CHANNELS])
-    placed = bool(np.isfinite(drive.place_m).all())
+    lost = int((~np.isfinite(drive.place_m)).sum())
+    placed = lost == 0
+    if drive.timed and 0 < lost < len(rows):
+        notes.append(f"{lost} rows have no place: ground is taken to vary with time, and passes to share none of it")
     position = drive.place_m if placed else np.where(drive.timed, drive.time_s, math.nan)
-    lane = lanes(drive, wheel.width_m) if placed else drive.stretch
+    names = None if table.wheel is None else np.asarray(table.wheel)[rows]
+    lane = lanes(drive, wheel.width_m, names) if placed else drive.stretch
     samples = Samples(
         wheel, drive, measured, noise, stated, position, lane,
         np.zeros(len(rows), dtype=int), "", tuple(notes), simulated,

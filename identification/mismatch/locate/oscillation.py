@@ -24,11 +24,12 @@ Electroacoust. 15 (1967), 70-73)."""
 _AROUND = 12
 """Frequencies on each side whose median is the background."""
 
-_SLOWEST = 8
+_SLOWEST = 6
 """Periods in a segment below which an oscillation may be ground or memory."""
 
-_CHANCE = 1e-4
-"""Probability by which noise may look like a line, all frequencies and channels together [-]."""
+_CHANCE, _SHARED = math.log(1e-6), 10.0
+"""Log-probability by which noise may look like a line, all frequencies and channels together, and how many times the
+background load or slip have where they have a line themselves, which a channel follows [-]."""
 
 _WORTH_A_WORD = 0.05
 """Share of what is left of a channel, its variance, below which a line in it is of no interest [-]."""
@@ -49,55 +50,80 @@ class Oscillation:
     amplitude: float
 
 
+@dataclass(frozen=True)
+class _Spectra:
+    """Spectra (k, m) at frequencies (k,) [Hz], the backgrounds of noise (k, m), and the degrees of freedom of both."""
+
+    frequency: np.ndarray
+    power: np.ndarray
+    background: np.ndarray
+    freedom: float
+
+    def chance(self) -> np.ndarray:
+        """Log-probability (k, m) by which noise is as strong at each frequency; 0 where it is not looked at."""
+        answer = np.zeros_like(self.power)
+        searched = slice(_SLOWEST - 1, len(self.frequency) - 2)
+        answer[searched] = chi2.logsf(self.freedom * (self.power / self.background)[searched], self.freedom)
+        return answer
+
+
 def oscillations(problem: Problem, fitted: Fitted) -> tuple[Oscillation, ...]:
-    """Find the strongest line in what a fit leaves of each channel; none where rows do not follow evenly in time."""
-    frequency, power, counted, per_row = _spectra(problem.samples.drive, fitted.innovations)
-    if not counted:
+    """Find the strongest line in what a fit leaves of each channel (n, m), SI.
+
+    None where rows do not follow evenly in time for long enough, as of a recording that was thinned, or where load or
+    slip have a line there, or at half of its frequency.
+    """
+    drive = problem.samples.drive
+    spectra = _spectra(drive, np.nan_to_num(fitted.residuals))
+    imposed = _spectra(drive, np.column_stack([drive.load_N, drive.slip]))
+    if spectra is None or imposed is None:
         return ()
-    freedom = 2.0 * counted / (1.0 + 2.0 * _OVERLAP)
-    flat = _flat(fitted.innovations, per_row)
-    middle = median_filter(power * flat, (2 * _AROUND + 1, 1), mode="reflect")
-    background = np.maximum(middle / flat * freedom / chi2.median(freedom), _NOTHING)
-    searched = slice(_SLOWEST, len(frequency) - 2)
-    chance = chi2.sf(freedom * power[searched] / background[searched], freedom)
+    chance, shared = spectra.chance(), (imposed.power / imposed.background).max(axis=1) > _SHARED
+    shared[: _SLOWEST - 1] = False
     found = []
     for position, answer in enumerate(problem.answers):
-        strongest = int(np.argmin(chance[:, position])) + _SLOWEST
-        line = slice(strongest - 2, strongest + 3)
-        above = float(np.sum((power[line, position] - background[line, position]).clip(min=0.0)))
-        seldom = chance[strongest - _SLOWEST, position] * chance.size < _CHANCE
-        if seldom and above > _WORTH_A_WORD * float(power[:, position].sum()):
-            amplitude = math.sqrt(2.0 * above * float(frequency[0])) * float(fitted.noise.answers[position])
-            found.append(Oscillation(CHANNELS[answer], float(frequency[strongest]), amplitude))
+        seldom = chance[:, position] + math.log(chance.size) < _CHANCE
+        ratio = np.where(seldom, spectra.power[:, position] / spectra.background[:, position], 0.0)
+        at = int(np.argmax(ratio))
+        half = (at + 1) // 2 - 1
+        if ratio[at] == 0.0 or shared[max(at - 1, 0) : at + 2].any() or shared[max(half - 1, 0) : half + 3].any():
+            continue
+        line = slice(at - 2, at + 3)
+        above = (spectra.power[line, position] - spectra.background[line, position]).clip(min=0.0).sum()
+        if above > _WORTH_A_WORD * spectra.power[:, position].sum():
+            amplitude = math.sqrt(2.0 * float(above) * float(spectra.frequency[0]))
+            found.append(Oscillation(CHANNELS[answer], float(spectra.frequency[at]), amplitude))
     return tuple(found)
 
 
-def _spectra(drive: Drive, innovations: np.ndarray) -> tuple[np.ndarray, np.ndarray, int, np.ndarray]:
-    """Frequencies (k,) [Hz], spectra (k, m) of innovations (n, m), over how many segments they are averaged, 0 where
-    there is no clock to tell them by, and frequencies (k,) [1/row].
-    """
-    nothing = np.empty(0), np.empty((0, innovations.shape[1])), 0, np.empty(0)
+def _spectra(drive: Drive, series: np.ndarray) -> _Spectra | None:
+    """Average the spectra of series (n, m) over segments of even time; None where there are none."""
     if not drive.timed:
-        return nothing
+        return None
     step = float(np.median(np.concatenate([np.diff(drive.time_s[rows]) for rows in drive.runs])))
-    runs = [rows for rows in drive.runs if np.all(np.abs(np.diff(drive.time_s[rows]) - step) < _EVEN * step)]
+    uneven = [np.flatnonzero(np.abs(np.diff(drive.time_s[rows]) - step) > _EVEN * step) + 1 for rows in drive.runs]
+    runs = [part for rows, at in zip(drive.runs, uneven, strict=True) for part in np.split(rows, at)]
+    runs = [rows for rows in runs if len(rows) >= _SHORTEST]
     if not runs:
-        return nothing
+        return None
     lengths = np.array([len(rows) for rows in runs])
     size = int(np.clip(min(2 * lengths.sum() // (_SEGMENTS + 1), np.median(lengths)), _SHORTEST, _LONGEST))
     runs = [rows for rows in runs if len(rows) >= size]
-    if not runs:
-        return nothing
     counts = [(len(rows) - size) // (size - size // 2) + 1 for rows in runs]
-    spectra = [welch(innovations[rows], 1.0 / step, nperseg=size, axis=0) for rows in runs]
-    power = np.average([each for _, each in spectra], axis=0, weights=counts)
+    each = [welch(series[rows], 1.0 / step, nperseg=size, axis=0) for rows in runs]
     # Neither the mean nor half the rate is like the others.
-    frequency = spectra[0][0][1:-1]
-    return frequency, power[1:-1], sum(counts), frequency * step
+    frequency = each[0][0][1:-1]
+    power = np.average([spectrum[1:-1] for _, spectrum in each], axis=0, weights=counts)
+    freedom = 2.0 * sum(counts) / (1.0 + 2.0 * _OVERLAP)
+    flat = _flat(series, frequency * step)
+    middle = median_filter(power * flat, (2 * _AROUND + 1, 1), mode="reflect")
+    background = np.maximum(middle / flat * freedom / chi2.median(freedom), _NOTHING)
+    return _Spectra(frequency, power, background, freedom)
 
 
-def _flat(innovations: np.ndarray, per_row: np.ndarray) -> np.ndarray:
+def _flat(series: np.ndarray, per_row: np.ndarray) -> np.ndarray:
     """Factors (k, m) that take the slope out of spectra at frequencies (k,) [1/row]: those of a memory of one row."""
-    size = np.maximum(np.sum(innovations**2, axis=0), _NOTHING)
-    memory = np.sum(innovations[1:] * innovations[:-1], axis=0) / size
+    series = series - series.mean(axis=0)
+    size = np.maximum(np.sum(series**2, axis=0), _NOTHING)
+    memory = np.sum(series[1:] * series[:-1], axis=0) / size
     return np.abs(1.0 - memory * np.exp(-2.0j * np.pi * per_row)[:, None]) ** 2

@@ -135,7 +135,7 @@ def rank(name: str, through: Collection[str]) -> int:
         Attributes of `Drive` that the found effects need.
     """
     usual = _USUAL.index(name)
-    held = {_NAMES.get(name, name), "place_m" if name in _TURNING else name}
+    held = {name, _NAMES.get(name, name), "place_m" if name in _TURNING else name}
     of_effect = not held.isdisjoint(through) or (name == LAG and "time_s" in through)
     return usual - len(_USUAL) if of_effect else usual
 

@@ -140,9 +140,14 @@ def _drives(problem: Problem, right: Trial, other: Trial) -> list[tuple[float, s
 def _hypothetical(drive: Drive, imposed: np.ndarray, plan: dict, usual: float, radius: float) -> Drive:
     rows = len(imposed)
     rim = plan.get("speed", np.full(rows, usual))
-    # On the ground that is known, in the time that it took.
+    time_s = (
+        np.linspace(np.nanmin(drive.time_s), np.nanmax(drive.time_s), rows)
+        if np.isfinite(drive.time_s).any()
+        else np.full(rows, np.nan)
+    )
+    # On the ground that is known.
     along = np.linspace(0, len(drive.slip) - 1, rows).round().astype(int)
-    time_s, place, x_m, y_m = (each[along] for each in (drive.time_s, drive.place_m, drive.x_m, drive.y_m))
+    place, x_m, y_m = (each[along] for each in (drive.place_m, drive.x_m, drive.y_m))
     return Drive(
         load_N=imposed[:, 0], slip=imposed[:, 1], time_s=time_s, travel_speed_m_s=rim * (1.0 - imposed[:, 1]),
         rim_speed_m_s=rim, wheel_angle_rad=np.linspace(0.0, 8.0 * np.pi, rows),

@@ -11,7 +11,7 @@ from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.core.recording.write import write_wheel_file
 from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import effects_for
-from bevameter.identification.effects.drive import drive_of, order_of
+from bevameter.identification.effects.drive import drive_of, order_of, select_rows
 from bevameter.identification.identify import felt_rows, open_recording
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.fit.simulated import as_differences, attach
@@ -68,6 +68,9 @@ def test_another_drive_runs_on_the_track_that_is_known():
     other = _hypothetical(drive, np.tile([80.0, 0.2], (240, 1)), {}, 0.1, wheel.radius_m)
     np.testing.assert_allclose(np.hypot(other.x_m, other.y_m), 5.0)
     np.testing.assert_allclose(other.place_m, np.linspace(0.0, 10.0 * np.pi, 240), atol=0.05)
+    # Of fewer rows than the other drive has, each has a moment of its own all the same.
+    short = select_rows(drive, np.arange(60))
+    assert (np.diff(_hypothetical(short, np.tile([80.0, 0.2], (240, 1)), {}, 0.1, wheel.radius_m).time_s) > 0.0).all()
 
 
 def test_of_several_wheels_the_one_with_most_rows_is_explained_and_the_others_are_spoken_of(steady, tmp_path):

@@ -6,8 +6,11 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
-from bevameter.framework.core.recording.types import Labels
+import pytest
+from bevameter import Vehicle, Wheel
+from bevameter.framework.core.recording.types import Labels, WheelTable
 from bevameter.identification.effects.drive import select_rows
+from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.show.notes import _not_considered, several_grounds
 from effects_tried import DRIVE
 
@@ -59,3 +62,17 @@ def test_a_delay_of_slip_is_said_to_be_left_out_where_slip_rises_at_one_rate():
     assert "let slip fall" in note(rise, "time_lag[torque_Nm]")[-1]
     assert not any("let slip fall" in each for each in note(rise, "load_gain"))
     assert not any("let slip fall" in each for each in note(np.concatenate([rise, rise[::-1]]), "time_lag[torque_Nm]"))
+
+
+@pytest.mark.parametrize(("lost", "told"), [(0, False), (20, False), (60, True), (300, False)])
+def test_places_that_were_lost_for_long_are_told(lost, told):
+    """One stretch without positions took all others' places from the ground that varies, and nothing said so."""
+    rows, wheel = 300, Wheel(radius_m=0.15, width_m=0.1)
+    along = np.arange(rows)
+    columns = {
+        "time_s": 0.1 * along, "load_N": 80.0 + 20.0 * np.sin(0.1 * along), "slip": 0.2 + 0.15 * np.cos(0.07 * along),
+        "torque_Nm": 5.0 + np.cos(0.03 * along), "x_m": np.where(along < rows - lost, 0.01 * along, np.nan),
+    }  # fmt: skip
+    samples = gather(WheelTable(columns, None, None, "made"), wheel, Vehicle(name="made", wheels=(wheel,)))
+    assert any("rows have no place" in note for note in samples.notes) == told
+    assert np.array_equal(samples.position, samples.drive.place_m) == (lost < 30)

@@ -15,11 +15,14 @@ ROWS, STEP_S = 1000, 0.05
 TIME_S = STEP_S * np.arange(ROWS)
 
 
-def left(innovations: np.ndarray, time_s: np.ndarray = TIME_S, runs=None):
-    drive = SimpleNamespace(timed=True, time_s=time_s, runs=(np.arange(len(time_s)),) if runs is None else runs)
+def left(residuals: np.ndarray, time_s: np.ndarray = TIME_S, runs=None, slip=None):
+    rows = len(time_s)
+    drive = SimpleNamespace(
+        timed=True, time_s=time_s, runs=(np.arange(rows),) if runs is None else runs,
+        load_N=80.0 + 20.0 * np.sin(0.3 * time_s), slip=0.2 + 0.1 * np.cos(0.2 * time_s) if slip is None else slip,
+    )  # fmt: skip
     problem = SimpleNamespace(samples=SimpleNamespace(drive=drive), answers=[1, 4])
-    fitted = SimpleNamespace(innovations=innovations, noise=SimpleNamespace(answers=np.array([0.2, 3.0])))
-    return oscillations(problem, fitted)
+    return oscillations(problem, SimpleNamespace(residuals=residuals))
 
 
 @pytest.mark.parametrize("frequency_Hz", [0.8, 3.1, 7.7])
@@ -28,17 +31,32 @@ def test_a_line_that_beats_is_found_with_its_amplitude(rng, frequency_Hz, pieces
     swing = np.sin(2.0 * np.pi * frequency_Hz * TIME_S) * (1.0 + 0.5 * np.sin(0.6 * TIME_S))
     noise = rng.normal(size=(ROWS, 2))
     clock = TIME_S + 100.0 * (np.arange(ROWS) * pieces // ROWS)
-    (line,) = left(noise + [[0.0, 0.7]] * swing[:, None], clock, tuple(np.array_split(np.arange(ROWS), pieces)))
+    residuals = [0.2, 3.0] * (noise + [[0.0, 0.7]] * swing[:, None])
+    (line,) = left(residuals, clock, tuple(np.array_split(np.arange(ROWS), pieces)))
     assert line.channel == "drawbar_pull_N"
     assert line.frequency_Hz == pytest.approx(frequency_Hz, abs=0.1)
     assert line.amplitude == pytest.approx(3.0 * 0.7 * np.sqrt(1.125), rel=0.3)
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.8, -0.5])
-def test_noise_is_no_oscillation(rng, memory):
-    """One in ten thousand may be, white or with a memory; of these 300 none."""
-    noise = lfilter([1.0], [1.0, -memory], rng.normal(size=(300, ROWS, 2)), axis=1)
-    assert sum(bool(left(each)) for each in noise) == 0
+@pytest.mark.parametrize("rows", [130, 300, 1000])
+def test_noise_is_no_oscillation(rng, memory, rows):
+    noise = lfilter([1.0], [1.0, -memory], rng.normal(size=(400, rows, 2)), axis=1)
+    assert sum(bool(left(each, TIME_S[:rows])) for each in noise) == 0
+
+
+def test_the_stronger_of_two_lines_is_told(rng):
+    slow, fast = (np.sin(2.0 * np.pi * frequency_Hz * TIME_S) for frequency_Hz in (3.03, 6.06))
+    residuals = rng.normal(size=(ROWS, 2)) + (2.0 * slow + 8.0 * fast)[:, None]
+    assert [line.frequency_Hz for line in left(residuals)] == pytest.approx([6.06, 6.06], abs=0.1)
+    assert [line.amplitude for line in left(residuals)] == pytest.approx([8.0, 8.0], rel=0.1)
+
+
+def test_what_slip_does_itself_is_no_oscillation(rng):
+    swing = np.sin(2.0 * np.pi * 1.5 * TIME_S)
+    twice = rng.normal(size=(ROWS, 2)) + (swing**2)[:, None] * 3.0
+    assert left(twice)[0].frequency_Hz == pytest.approx(3.0, abs=0.1)
+    assert left(twice, slip=0.2 + 0.1 * swing) == ()
 
 
 def test_rows_without_an_even_clock_have_none(rng):
@@ -48,6 +66,8 @@ def test_rows_without_an_even_clock_have_none(rng):
     assert left(0.0 * swing) == ()
     assert left(swing, np.sort(rng.uniform(0.0, 50.0, ROWS))) == ()
     assert left(swing[:40], TIME_S[:40]) == ()
+    lost = np.delete(np.arange(ROWS), [400, 401])
+    assert left(swing[lost], TIME_S[lost])
 
 
 def test_a_resonance_is_a_note_of_the_answer(tmp_path):

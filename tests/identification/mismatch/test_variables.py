@@ -6,7 +6,7 @@ import numpy as np
 from bevameter import Vehicle, Wheel
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.identification.mismatch.fit.samples import gather
-from bevameter.identification.mismatch.locate.variables import variables
+from bevameter.identification.mismatch.locate.variables import rank, variables
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)
 
@@ -26,3 +26,9 @@ def test_a_speed_that_the_rig_holds_explains_nothing():
     assert {"slip", "load_N"} <= named(0.001)
     assert "travel_speed_m_s" not in named(0.001)
     assert "travel_speed_m_s" in named(0.03)
+
+
+def test_a_place_is_preferred_where_the_found_effect_lies_along_it():
+    for name in ("x_m", "y_m"):
+        assert rank(name, (name,)) < rank("slip", (name,)) < rank(name, ())
+    assert all(rank(name, ("place_m",)) < 0 for name in ("x_m", "y_m", "distance_m"))
