@@ -70,13 +70,18 @@ def slip_before(drive: Drive) -> np.ndarray:
     """Size of the slip of the wheel that ran before at the same place (n,) [-]; on first passes it says nothing.
 
     That is the last one of a lower pass in a stretch before. Where none of these ran their mean stands in, and where
-    there is none that of all. Of places that are not known throughout all are one.
+    there is none that of all. Where places are not known throughout it is the mean of the last lower pass.
     """
     slip = np.abs(drive.slip)
     answer = np.full(len(drive), slip.mean())
     stretches = runs_of(drive.stretch)
     numbers = np.nan_to_num(drive.pass_number[[rows[0] for rows in stretches]], nan=1.0)
-    place = drive.place_m if np.isfinite(drive.place_m).all() else np.zeros(len(drive))
+    place = drive.place_m
+    if not np.isfinite(place).all():
+        for each, rows in enumerate(stretches):
+            if len(last_pass := _last_pass(numbers[: each + 1])):
+                answer[rows] = slip[np.concatenate([stretches[one] for one in last_pass])].mean()
+        return answer
     cell = _cells(place, stretches)
     means = [_means(cell[rows], place[rows], slip[rows]) for rows in stretches]
     for each, rows in enumerate(stretches):
@@ -93,10 +98,22 @@ def slip_before(drive: Drive) -> np.ndarray:
     return answer
 
 
+def _last_pass(numbers: np.ndarray) -> np.ndarray:
+    """Which of the stretches before the last one are of the last lower pass since the track was fresh."""
+    own = numbers[-1]
+    others = np.flatnonzero(numbers != own)
+    before = numbers[: others[-1] + 1] if len(others) else numbers[:0]
+    fresh = np.flatnonzero(before >= own)
+    start = fresh[-1] + 1 if len(fresh) else 0
+    lower = before[start:]
+    return start + np.flatnonzero(lower == lower.max()) if len(lower) else np.empty(0, dtype=int)
+
+
 def _cells(place_m: np.ndarray, stretches: list[np.ndarray]) -> np.ndarray:
     """Number of the cell of each place (n,), `_CELLS` of them in a usual stretch, and none that a wheel steps over."""
     usual = float(np.median([np.ptp(place_m[rows]) for rows in stretches]))
-    width = max(usual / _CELLS, 2.0 * float(np.median(np.abs(np.diff(place_m)))), float(np.ptp(place_m)) / _MOST_CELLS)
+    step = float(np.median(np.abs(np.diff(place_m)))) if len(place_m) > 1 else 0.0
+    width = max(usual / _CELLS, 2.0 * step, float(np.ptp(place_m)) / _MOST_CELLS)
     return np.floor((place_m - place_m.min()) / width).astype(int) if width > 0.0 else np.zeros(len(place_m), dtype=int)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 _JUMP = 20.0
 """Usual steps [-] by which a place that is reached from one sample to the next cannot have been driven to."""
 
-_AWAY, _LONGEST, _BACK = 5.0, 20, 0.5
+_AWAY, _LONGEST, _BACK = 5.0, 5, 0.5
 """Usual steps [-] by which wrong positions leave the track at least, rows that they last at most, and how near to where
 they left it they come back, as a share of how far they were away [-]."""
 

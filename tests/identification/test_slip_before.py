@@ -38,3 +38,9 @@ def test_the_slip_before_is_that_of_the_last_lower_pass_on_the_same_track(number
     found = slip_before(stretches_of(numbers, slips, places))
     for stretch, expected in zip(of, before, strict=True):
         np.testing.assert_allclose(found[20 * stretch : 20 * stretch + 20], expected, atol=1e-12)
+
+
+def test_without_places_it_is_the_mean_of_the_pass_before():
+    ramp = stretches_of([1.0, 1.0, 2.0], [0.1, 0.5, 0.3])
+    unseen = replace(ramp, place_m=np.where(np.arange(60) == 3, np.nan, ramp.place_m))
+    np.testing.assert_allclose(slip_before(unseen)[40:], 0.3)

@@ -159,7 +159,7 @@ def test_noise_of_positions_is_no_way_gone():
     assert coordinate(alone.axis) == "x_m"
 
 
-@pytest.mark.parametrize(("rows", "away_m"), [(1, 0.8), (1, 3.0), (3, 3.0), (10, 3.0), (10, 5e5)])
+@pytest.mark.parametrize(("rows", "away_m"), [(1, 0.8), (1, 3.0), (3, 3.0), (5, 3.0), (5, 5e5)])
 def test_positions_wrong_for_some_rows_are_no_other_place(away_m, rows):
     wrong = np.add.outer([50, 130, 270, 333], np.arange(rows)).ravel()
     straight = ALONG_M.copy()
@@ -281,6 +281,20 @@ def test_wheels_side_by_side_are_each_on_a_lane_of_their_own(every):
     lane = lanes(drive_of(table, Wheel(radius_m=0.1, width_m=0.1), stretch), 0.1, table.wheel)
     assert {len(np.unique(lane[table.wheel == name])) for name in ("left", "right")} == {1}
     assert len(np.unique(lane)) == 2
+
+
+def test_runs_without_a_clock_through_the_same_places_are_each_on_ground_of_their_own():
+    columns = {"load_N": np.full(ROWS, 80.0), "slip": np.full(ROWS, 0.2), "x_m": np.tile(np.linspace(0.0, 3.0, 100), 4)}
+    table = WheelTable(columns, None, None, "made")
+    lane = lanes(drive_of(table, Wheel(radius_m=0.1, width_m=0.1), order_of(table)[1]), 0.1)
+    assert len(np.unique(lane)) == 4
+    np.testing.assert_allclose(np.bincount(lane), 100, atol=12)
+
+
+def test_a_field_drive_that_weaves_and_pauses_is_one_lane():
+    along = np.linspace(0.0, 40.0, ROWS)
+    time_s = 0.1 * np.arange(ROWS) + 30.0 * (np.arange(ROWS) // 10)
+    assert len(np.unique(lanes(laid_out(along, 0.3 * np.sin(along / 6.0), time_s=time_s), 0.1))) == 1
 
 
 def test_a_later_pass_is_on_the_nearest_lane_however_its_positions_are_off():

@@ -28,7 +28,7 @@ def lanes(drive: Drive, width_m: float, wheel: np.ndarray | None = None) -> np.n
     beside = _beside(drive, stretches, fresh, width_m)
     lane, last = np.empty(len(stretches), dtype=int), -1
     for group in np.unique(beside):
-        covered: dict[str, list[tuple[float, float]]] = {}
+        covered: dict[str, tuple[float, float]] = {}
         of_wheel: dict[str, int] = {}
         last += 1
         current = last
@@ -36,12 +36,13 @@ def lanes(drive: Drive, width_m: float, wheel: np.ndarray | None = None) -> np.n
             low, high = _extent(drive.place_m[stretches[each]])
             name = names[each]
             if fresh[each]:
-                own = covered[name] if name in covered else [each for ran in covered.values() for each in ran]
-                if any(min(high, end) - max(low, start) > width_m for start, end in own):
-                    covered[name] = []
+                ran = [covered[name]] if name in covered else list(covered.values())
+                if any(min(end - low, high - start) > width_m for start, end in ran):
+                    covered[name] = low, high
                     last += 1
                     of_wheel[name] = last
-                covered.setdefault(name, []).append((low, high))
+                start, end = covered.get(name, (low, high))
+                covered[name] = min(start, low), max(end, high)
                 current = of_wheel.setdefault(name, current)
             lane[each] = current
     return np.repeat(lane, [len(rows) for rows in stretches])
@@ -68,15 +69,9 @@ def _beside(drive: Drive, stretches: list[np.ndarray], fresh: np.ndarray, width_
     middle = np.array([np.nanmean(across[rows]) if np.isfinite(across[rows]).any() else math.nan for rows in stretches])
     seen = np.isfinite(middle)
     known = np.sort(middle[fresh & seen] if (fresh & seen).any() else middle[seen])
-    first = [float(known[0])]
-    for each in known.tolist():
-        if each - first[-1] > _APART * width_m:
-            first.append(each)
-    ends = np.searchsorted(first, known, side="right")
-    middles = np.bincount(ends - 1, known) / np.bincount(ends - 1)
-    nearest = np.abs(middle[seen][:, None] - middles).argmin(axis=1)
-    lane[seen] = nearest
-    lane[~seen] = len(middles) + np.arange((~seen).sum())
+    number = np.cumsum(np.diff(known, prepend=known[0]) > _APART * width_m)
+    lane[seen] = number[np.abs(middle[seen][:, None] - known).argmin(axis=1)]
+    lane[~seen] = number[-1] + 1 + np.arange((~seen).sum())
     return lane
 
 

@@ -37,6 +37,9 @@ _WORTH_A_WORD = 0.05
 _EVEN = 0.3
 """Share of the step by which rows of one rate may come early or late [-]."""
 
+_LOST = 0.02
+"""Share of a channel's rows from which on those that were not observed make lines of their own [-]."""
+
 _NOTHING = 1e-300
 """What a channel that never varies is divided by."""
 
@@ -82,6 +85,8 @@ def oscillations(problem: Problem, fitted: Fitted) -> tuple[Oscillation, ...]:
     shared[: _SLOWEST - 1] = False
     found = []
     for position, answer in enumerate(problem.answers):
+        if np.isnan(fitted.residuals[:, position]).mean() > _LOST:
+            continue
         seldom = chance[:, position] + math.log(chance.size) < _CHANCE
         ratio = np.where(seldom, spectra.power[:, position] / spectra.background[:, position], 0.0)
         at = int(np.argmax(ratio))

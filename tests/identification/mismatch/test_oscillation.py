@@ -66,6 +66,8 @@ def test_rows_without_an_even_clock_have_none(rng):
     assert left(0.0 * swing) == ()
     assert left(swing, np.sort(rng.uniform(0.0, 50.0, ROWS))) == ()
     assert left(swing[:40], TIME_S[:40]) == ()
+    slow = np.where(np.arange(ROWS)[:, None] % 4 == 0, lfilter([1.0], [1.0, -0.98], swing, axis=0), np.nan)
+    assert left(slow) == ()
     lost = np.delete(np.arange(ROWS), [400, 401])
     assert left(swing[lost], TIME_S[lost])
 
