@@ -83,18 +83,18 @@ def slip_before(drive: Drive) -> np.ndarray:
                 answer[rows] = slip[np.concatenate([stretches[one] for one in last_pass])].mean()
         return answer
     cell = _cells(place, stretches)
-    means = [_means(cell[rows], place[rows], slip[rows]) for rows in stretches]
-    for each, rows in enumerate(stretches):
-        last = np.full((2, int(cell.max()) + 1), math.nan)
-        for other in np.flatnonzero(numbers[:each] < numbers[each]).tolist():
-            ran, values = means[other]
-            last[:, ran] = values
-        there = np.flatnonzero(np.isfinite(last[0]))
+    left = {number: np.full((2, int(cell.max()) + 1), math.nan) for number in np.unique(numbers).tolist()}
+    for number, rows in zip(numbers.tolist(), stretches, strict=True):
+        there = np.flatnonzero(np.isfinite(left[number][0]))
         if len(there):
-            at, left = last[:, there]
+            at, ran = left[number][:, there]
             nearest = np.searchsorted(0.5 * (at[1:] + at[:-1]), place[rows])
             near = np.abs(there[nearest] - cell[rows]) <= 1
-            answer[rows] = np.where(near, left[nearest], left.mean())
+            answer[rows] = np.where(near, ran[nearest], ran.mean())
+        cells, means = _means(cell[rows], place[rows], slip[rows])
+        for later, grid in left.items():
+            if later > number:
+                grid[:, cells] = means
     return answer
 
 
