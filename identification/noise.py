@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.ndimage import median_filter
+from scipy.spatial import KDTree
 
 from ..framework.core.recording.types import WheelTable
 from ..framework.core.vehicle import Vehicle
@@ -67,12 +68,14 @@ def _from_repeats(table: WheelTable, values: np.ndarray, name: str) -> float:
     if load is None or slip is None or len(values) < 3:
         return 0.0
     place = np.column_stack([load / max(float(np.nanmax(np.abs(load))), 1e-12), slip])
-    apart = np.linalg.norm(place[:, None, :] - place[None, :, :], axis=2)
-    np.fill_diagonal(apart, np.inf)
-    apart[~np.isfinite(apart)] = np.inf
-    nearest = np.argmin(apart, axis=1)
-    close = np.min(apart, axis=1) < 0.1
-    difference = (values - values[nearest])[close]
+    seen = np.isfinite(place).all(axis=1)
+    if seen.sum() < 2:
+        return 0.0
+    place, values = place[seen], values[seen]
+    apart, nearest = map(np.asarray, KDTree(place).query(place, k=2))
+    # Of trials at one load and slip either may be the nearer one.
+    other = np.where(nearest[:, 0] == np.arange(len(place)), nearest[:, 1], nearest[:, 0])
+    difference = (values - values[other])[apart[:, 1] < 0.1]
     difference = difference[np.isfinite(difference)]
     return NORMAL_MAD * float(np.median(np.abs(difference))) / np.sqrt(2.0) if difference.size else 0.0
 

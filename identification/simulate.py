@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +66,7 @@ def simulate(
     answers = {name: np.full(len(table), np.nan) for name in ANSWERS}
     slips = np.full(len(table), np.nan)
     names = [None] if table.wheel is None else list(np.unique(table.wheel))
+    parts = []
     for name in names:
         wheel = vehicle.wheel(name)
         rows = np.ones(len(table), dtype=bool) if name is None else np.asarray(table.wheel) == name
@@ -74,7 +76,12 @@ def simulate(
                 raise InputError(table.source, f"no column {column}", expected="load_N, and slip or both speeds")
         check_signs(part, wheel)
         slips[rows] = part["slip"]
-        channels = _augmented(wheel, soil, part, named) if named else _textbook(wheel, soil, part)
+        parts.append((wheel, rows, part))
+    before = _slip_before(replace(table, columns={**table.columns, "slip": slips}), parts[0][0]) if named else None
+    for wheel, rows, part in parts:
+        channels = (
+            _textbook(wheel, soil, part) if before is None else _augmented(wheel, soil, part, named, before[rows])
+        )
         for column, values in zip(ANSWERS, channels, strict=True):
             answers[column][rows] = values
     return WheelTable({**table.columns, "slip": slips, **answers}, table.wheel, table.run, table.source)
@@ -86,8 +93,18 @@ def _textbook(wheel: Wheel, soil: Soil, table: WheelTable) -> tuple[np.ndarray, 
     return state.torque_Nm, state.sinkage_m, state.drawbar_pull_N
 
 
-def _augmented(wheel: Wheel, soil: Soil, table: WheelTable, named: Sequence[NamedEffect]) -> np.ndarray:
-    """Torque [N m], sinkage [m] and drawbar pull [N] with effects, (3, n)."""
+def _slip_before(table: WheelTable, wheel: Wheel) -> np.ndarray:
+    """Size of the slip of the wheel that ran before at the same place, whichever it was (n,) [-]."""
+    order, stretch = order_of(table)
+    answer = np.empty(len(table))
+    answer[order] = drive_of(table.select(order), wheel, stretch, PresentDrive).slip_before
+    return answer
+
+
+def _augmented(
+    wheel: Wheel, soil: Soil, table: WheelTable, named: Sequence[NamedEffect], before: np.ndarray
+) -> np.ndarray:  # fmt: skip
+    """Torque [N m], sinkage [m] and drawbar pull [N] with effects, (3, n), where a slip `before` (n,) has been [-]."""
     order, stretch = order_of(table)
     table = table.select(order)
     load, slip = table["load_N"], table["slip"]
@@ -96,7 +113,8 @@ def _augmented(wheel: Wheel, soil: Soil, table: WheelTable, named: Sequence[Name
     answers = np.full((3, len(table)), np.nan)
     if not usable.any():
         raise InputError(table.source, "no row with load and slip", expected="rows that an effect can act on")
-    drive = select_rows(drive_of(table, wheel, stretch, PresentDrive), usable)
+    drive = replace(drive_of(table, wheel, stretch, PresentDrive), slip_before=before[order])
+    drive = select_rows(drive, usable)
     situation = situation_of(wheel, soil, drive)
     pairs = [build(effect, situation, str(table.source)) for effect in named]
     model = AugmentedWheel(wheel, tuple(effect for effect, _ in pairs))

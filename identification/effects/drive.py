@@ -13,7 +13,8 @@ from ...framework.core.recording.types import WheelTable
 from ...framework.core.vehicle import Wheel
 from ..noise import NORMAL_MAD
 from .effect import COVARIATES, Drive
-from .positions import continuous, runs_of, set_down
+from .passes import side_by_side, slip_before
+from .positions import continuous, set_down
 from .track import axis_of, place_of
 
 COLUMNS = {
@@ -57,7 +58,7 @@ def order_of(table: WheelTable) -> tuple[np.ndarray, np.ndarray]:
     if time_s is None:
         return np.arange(len(table)), np.arange(len(table))
     wheel, run = (_by_appearance(names, len(table)) for names in (table.wheel, table.run))
-    labels = wheel * (len(table) + 1) + run
+    labels = _labels(table)
     order = np.lexsort((time_s, labels))
     labels, time_s = labels[order], time_s[order]
     step = np.diff(time_s)
@@ -67,10 +68,15 @@ def order_of(table: WheelTable) -> tuple[np.ndarray, np.ndarray]:
     if number is not None:
         broken |= np.nan_to_num(np.diff(_carried(number[order], labels))) != 0.0
     if "x_m" in table:
-        broken |= set_down(np.column_stack([table[name][order] for name in ("x_m", "y_m") if name in table]))
+        of_one = np.cumsum(np.append(False, broken))
+        broken |= set_down(np.column_stack([table[name][order] for name in ("x_m", "y_m") if name in table]), of_one)
     stretch = np.concatenate([[0], np.cumsum(broken)])[: len(order)]
     first = np.flatnonzero(np.diff(stretch, prepend=-1))
-    rank = np.argsort(np.lexsort((wheel[order][first], time_s[first], run[order][first])))
+    # Of wheels that begin together the one that is behind comes last.
+    begun = np.sort(time_s[first])
+    together = np.concatenate([[0], np.cumsum(np.diff(begun) > 2.0 * usual)])[np.searchsorted(begun, time_s[first])]
+    passes = np.ones(len(first)) if number is None else np.nan_to_num(_carried(number[order], labels)[first], nan=1.0)
+    rank = np.argsort(np.lexsort((wheel[order][first], time_s[first], passes, together, run[order][first])))
     again = np.argsort(rank[stretch], kind="stable")
     return order[again], rank[stretch][again]
 
@@ -83,12 +89,19 @@ def _by_appearance(names: np.ndarray | None, count: int) -> np.ndarray:
     return np.argsort(np.argsort(first))[which]
 
 
+def _labels(table: WheelTable) -> np.ndarray:
+    """Number (n,) of the wheel in its run that each row is of."""
+    wheel, run = (_by_appearance(names, len(table)) for names in (table.wheel, table.run))
+    return wheel * (len(table) + 1) + run
+
+
 def _carried(number: np.ndarray, label: np.ndarray) -> np.ndarray:
     """Numbers of passes (n,), where not stated those of the last row with the same label (n,) that states it, or of the
     next one; NaN where none does.
     """
+    order = np.argsort(label, kind="stable")
     answer = number.copy()
-    for rows in runs_of(label):
+    for rows in np.split(order, np.flatnonzero(np.diff(label[order])) + 1):
         stated = np.flatnonzero(np.isfinite(number[rows]))
         if len(stated):
             last = np.clip(np.searchsorted(stated, np.arange(len(rows)), side="right") - 1, 0, None)
@@ -126,7 +139,9 @@ def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Dr
             rate = np.where(ratio > 0.0, travel / (wheel.radius_m * ratio), math.nan)
     plane = continuous(np.column_stack([column("x_m"), column("y_m")]), time_s, stretch)
     axis = axis_of(plane, stretch, wheel.width_m)
-    passes = _carried(column("pass"), stretch)
+    passes = _carried(column("pass"), _labels(table))
+    place_m = place_of(plane, axis, passes, stretch, wheel.width_m)
+    lane = side_by_side(axis, plane, passes, stretch, wheel.width_m)
     return kind(
         load_N=table["load_N"],
         slip=table["slip"],
@@ -136,12 +151,13 @@ def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Dr
         wheel_angle_rad=column("wheel_angle_rad"),
         pitch_rad=column("pitch_rad"),
         pass_number=passes,
-        place_m=place_of(plane, axis, passes, stretch, wheel.width_m),
+        place_m=place_m,
         x_m=plane[:, 0],
         y_m=plane[:, 1],
         acceleration_m_s2=rate_of_change(travel, time_s, stretch),
         angular_acceleration_rad_s2=rate_of_change(rate, time_s, stretch),
         stretch=stretch,
+        slip_before=slip_before(slip, passes, place_m, stretch, lane),
         axis=axis,
     )
 

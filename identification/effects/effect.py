@@ -66,6 +66,9 @@ class Drive:
         Channels; `pass_number` is 1 on fresh ground, `rim_speed_m_s` is r omega.
     place_m
         Place along the track (`track.place_of`): `x_m` where it runs that way.
+    slip_before
+        Size of the slip of the wheel that ran before at the same place [-] (`passes.slip_before`); on fresh ground it
+        says nothing.
     acceleration_m_s2, angular_acceleration_rad_s2
         dV/dt and d(omega)/dt, smoothed.
     stretch
@@ -88,6 +91,7 @@ class Drive:
     acceleration_m_s2: np.ndarray
     angular_acceleration_rad_s2: np.ndarray
     stretch: np.ndarray
+    slip_before: np.ndarray
     axis: Axis | None = ALONG_X
 
     def __len__(self) -> int:

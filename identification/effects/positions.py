@@ -5,17 +5,24 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 _JUMP = 20.0
 """Usual steps [-] by which a place that is reached from one sample to the next cannot have been driven to."""
 
 _AWAY, _LONGEST, _BACK = 5.0, 5, 0.5
-"""Usual steps [-] by which wrong positions leave the track at least, rows that they last at most, and how near to where
-they left it they come back, as a share of how far they were away [-]."""
+"""Usual steps [-] by which wrong positions leave the track at least, updates that they last at most, and how near to
+where they left it they come back, as a share of how far they were away [-]."""
+
+_ABOUT = 7
+"""Steps whose median is the usual one about the middle of them: wheels drive fast after they crept."""
 
 _SEEN, _INTERVALS = 0.9, 3.0
 """Share of the places of a stretch that have to be known for all others to be put between them, and usual intervals
 between those that are known up to which a gap is bridged in any case [-]."""
+
+_LESS = 1.0 - 1e-6
+"""Share of a usual interval by which places go on beyond those that are known, one is known for each row or not [-]."""
 
 _UPDATED, _OVERDUE = 0.5, 1.5
 """Most of the rows that have a new position where positions are held between updates [-], and usual intervals between
@@ -27,14 +34,25 @@ def runs_of(number: np.ndarray) -> list[np.ndarray]:
     return np.split(np.arange(len(number)), np.flatnonzero(np.diff(number)) + 1)
 
 
-def set_down(plane: np.ndarray) -> np.ndarray:
+def set_down(plane: np.ndarray, label: np.ndarray) -> np.ndarray:
     """Say after which rows (n - 1,) a wheel was set down elsewhere: its position, (n, k) [m], jumps and is not wrong.
-    Where one coordinate is not known, the others tell.
+
+    Rows with another label (n,) are those of another wheel, run or pass. Where one coordinate is not known, the others
+    tell.
     """
-    moved = _distance(np.diff(_believed(plane), axis=0))
-    if not (moved > 0.0).any():
-        return np.zeros(len(moved), dtype=bool)
-    return moved > _JUMP * np.median(moved[moved > 0.0])
+    answer = np.zeros(max(len(plane) - 1, 0), dtype=bool)
+    for rows in runs_of(label):
+        believed = _believed(plane[rows])
+        new = _updates(believed)
+        if len(new) < 2:
+            continue
+        moved = _distance(np.diff(believed[new], axis=0))
+        # While positions were lost the wheel went on.
+        seen = np.flatnonzero(np.isfinite(believed).any(axis=1))
+        lost = new[1:] - seen[np.searchsorted(seen, new[1:]) - 1]
+        longer = np.maximum(lost / np.median(np.diff(new)), 1.0)
+        answer[rows[new[1:]] - 1] = moved > _JUMP * longer * _usual(moved)
+    return answer
 
 
 def _distance(apart: np.ndarray) -> np.ndarray:
@@ -42,21 +60,45 @@ def _distance(apart: np.ndarray) -> np.ndarray:
     return np.linalg.norm(np.nan_to_num(apart), axis=-1)
 
 
-def _believed(plane: np.ndarray) -> np.ndarray:
-    """Positions (n, k), NaN where they leave the track for some rows and come back to where they left it."""
-    moved = _distance(np.diff(plane, axis=0))
+def _updates(plane: np.ndarray) -> np.ndarray:
+    """Rows (u,) whose position (n, k) was seen and is not that of the row before that was seen."""
+    there = np.isfinite(plane).any(axis=0)
+    seen = np.flatnonzero(np.isfinite(plane[:, there]).all(axis=1)) if there.any() else np.empty(0, dtype=int)
+    if not len(seen):
+        return seen
+    return seen[np.append(True, (np.diff(plane[seen][:, there], axis=0) != 0.0).any(axis=1))]
+
+
+def _usual(moved: np.ndarray) -> np.ndarray:
+    """Usual step (n,) about each of some: the median of its neighbours, or of all where that is more."""
     if not (moved > 0.0).any():
-        return plane
-    jumps = np.flatnonzero(moved > _AWAY * np.median(moved[moved > 0.0]))
-    if len(jumps) < 2:
-        return plane
-    answer = plane.copy()
+        return np.full(len(moved), math.inf)
+    return np.maximum(median_filter(moved, min(_ABOUT, len(moved)), mode="mirror"), np.median(moved[moved > 0.0]))
+
+
+def _believed(plane: np.ndarray) -> np.ndarray:
+    """Positions (n, k), NaN where they leave the track for some updates and come back to where they left it, and where
+    the first update, or the last one, is off it alone.
+    """
+    new = _updates(plane)
+    at = plane[new]
+    moved = _distance(np.diff(at, axis=0))
+    usual = _usual(moved)
+    wrong = np.zeros(len(new), dtype=bool)
+    jumps = np.flatnonzero(moved > _AWAY * usual)
     back = -1
     for out, home in zip(jumps[:-1].tolist(), jumps[1:].tolist(), strict=True):
         lasted, away = home - out, min(moved[out], moved[home])
-        if out > back and lasted <= _LONGEST and _distance(plane[home + 1] - plane[out]) < _BACK * away:
-            answer[out + 1 : home + 1] = math.nan
+        if out > back and lasted <= _LONGEST and _distance(at[home + 1] - at[out]) < _BACK * away:
+            wrong[out + 1 : home + 1] = True
             back = home
+    if len(moved) > _LONGEST:
+        far = moved > _JUMP * usual
+        wrong[0] |= far[0] and not far[1]
+        wrong[-1] |= far[-1] and not far[-2]
+    answer = plane.copy()
+    held = np.searchsorted(new, np.arange(len(plane)), side="right") - 1
+    answer[(held >= 0) & np.append(wrong, False)[held]] = math.nan
     return answer
 
 
@@ -77,17 +119,13 @@ def continuous(plane: np.ndarray, time_s: np.ndarray, stretch: np.ndarray) -> np
 def _between_updates(plane: np.ndarray, time_s: np.ndarray) -> np.ndarray:
     """Positions (m, 2) of one stretch, held ones between their updates, and on for no longer than one update."""
     there = np.isfinite(plane).any(axis=0)
-    seen = np.flatnonzero(np.isfinite(plane[:, there]).all(axis=1))
-    if not there.any() or len(seen) < 3:
+    seen = np.isfinite(plane[:, there]).all(axis=1)
+    new = _updates(plane)
+    # When the first position came nobody knows.
+    first, new = new[:1], new[1:]
+    if len(new) < 2 or len(new) > _UPDATED * seen.sum():
         return plane
-    new = seen[np.flatnonzero((np.diff(plane[seen][:, there], axis=0) != 0.0).any(axis=1)) + 1]
-    if len(new) < 2 or len(new) > _UPDATED * len(seen):
-        return plane
-    updates = _believed(plane[new][:, there])
-    right = np.isfinite(updates).all(axis=1)
-    if right.sum() < 2:
-        return plane
-    at, updates = _knots(time_s, time_s[new][right], updates[right], plane[seen[0], there])
+    at, updates = _knots(time_s, time_s[new], plane[new][:, there], plane[first[0], there])
     answer = plane.copy()
     near = _near(time_s, at)
     answer[np.ix_(near, there)] = np.column_stack([np.interp(time_s[near], at, axis) for axis in updates.T])
@@ -117,7 +155,8 @@ def _knots(
 
 def _bridged(place: np.ndarray, time_s: np.ndarray) -> np.ndarray:
     """Places (m,) [m] of one stretch, those that were not observed on the straight line in time between the ones that
-    were, or on the line through its first and last at its ends; as they are in a long gap where much was not observed.
+    were, or on the line through its first and last at its ends; as they are in a long gap, or by a usual one before
+    or after all, where much was not observed.
     """
     seen = np.isfinite(place)
     if seen.all() or seen.sum() < 2:
@@ -129,7 +168,9 @@ def _bridged(place: np.ndarray, time_s: np.ndarray) -> np.ndarray:
     whole = between + speed * (np.minimum(before, 0.0) + np.maximum(after, 0.0))
     if seen.mean() >= _SEEN:
         return whole
-    return np.where(_near(time_s, time_s[seen]), whole, place)
+    known = time_s[seen]
+    usual = _LESS * float(np.median(np.diff(known)))
+    return np.where(_near(time_s, np.concatenate([[known[0] - usual], known, [known[-1] + usual]])), whole, place)
 
 
 def _near(time_s: np.ndarray, known_s: np.ndarray) -> np.ndarray:

@@ -158,20 +158,28 @@ def _noise(plane: np.ndarray) -> float:
 
 
 def _way(plane: np.ndarray, stretch: np.ndarray) -> np.ndarray:
-    """Way gone (n,) [m]; a stretch goes on from the nearest end of an earlier one: several wheels take turns."""
+    """Way gone (n,) [m]; a stretch goes on from the nearest end of an earlier one, else on a track of its own: several
+    wheels take turns.
+    """
     steps = np.linalg.norm(np.diff(plane, axis=0, prepend=plane[:1]), axis=1)
     runs = runs_of(stretch)
     reach = _AFTER * float(np.median(steps))
     way, ends, gone = np.empty(len(plane)), np.empty((len(runs), 2)), np.empty(len(runs))
+    track = np.arange(len(runs))
     for each, rows in enumerate(runs):
         began = 0.0
         if each:
             apart = np.linalg.norm(ends[:each] - plane[rows[0]], axis=1)
             last = each - 1 - int(np.argmin(apart[::-1]))
-            began = gone[last] + apart[last] if apart[last] <= reach else gone[:each].max() + steps[rows[0]]
+            if apart[last] <= reach:
+                began, track[each] = gone[last] + apart[last], track[last]
         way[rows] = began + np.cumsum(steps[rows]) - steps[rows[0]]
         ends[each], gone[each] = plane[rows[-1]], way[rows[-1]]
-    return way
+    # Tracks one after the other: none runs on where another one is.
+    length = np.zeros(len(runs))
+    np.maximum.at(length, track, gone + reach)
+    start = np.cumsum(length) - length
+    return way + np.repeat(start[track], [len(rows) for rows in runs])
 
 
 def _later_passes(number: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:

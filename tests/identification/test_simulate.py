@@ -153,3 +153,21 @@ def test_the_command_takes_effects(drive_file, tmp_path):
     assert "'n7'" in refused.stderr
     assert "exponent]: n1" in refused.stderr
     assert not out.exists()
+
+
+def test_a_wheel_behind_runs_on_what_the_one_in_front_left():
+    """What one wheel leaves on two passes is what the front one leaves for the rear one."""
+    place = np.tile(np.linspace(0.0, 4.0, 100), 2)
+    later = np.repeat([False, True], 100)
+    columns = {
+        "time_s": np.tile(0.1 * np.arange(100.0), 2), "load_N": np.full(200, 100.0), "x_m": place,
+        "slip": np.where(later, 0.2, np.where(place < 2.0, 0.05, 0.6)), "pass": 1.0 + later,
+    }  # fmt: skip
+    compaction = ["multipass_compaction:form=by slip,A=1.5,i0=0.2,q=0"]
+    alone = {**columns, "time_s": columns["time_s"] + 60.0 * later}
+    expected = simulate(VEHICLE, SOIL, WheelTable(alone, None, None, "one wheel"), effects=compaction)["sinkage_m"]
+    two = Vehicle(wheels=tuple(Wheel(radius_m=0.15, width_m=0.12, name=name) for name in ("front", "rear")))
+    table = WheelTable(columns, np.where(later, "rear", "front"), None, "two wheels")
+    found = simulate(two, SOIL, table, effects=compaction)["sinkage_m"]
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    assert expected[later & (place < 1.5)].mean() > 1.1 * expected[later & (place > 2.5)].mean()

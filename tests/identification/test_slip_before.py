@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from bevameter.identification.effects.effect import COVARIATES, Drive
-from bevameter.identification.effects.multipass_compaction import slip_before
-from bevameter.identification.effects.named import specimen
-
-DRIVE = specimen().drive
+from bevameter.identification.effects.passes import slip_before
 
 
-def stretches_of(numbers: list[float], slips: list[float], places: list[float] | None = None) -> Drive:
-    """Twenty rows for each number of a pass, with its slip, over one metre from its place on."""
-    rows = 20 * len(numbers)
-    columns = {name: np.resize(getattr(DRIVE, name), rows) for name in COVARIATES}
+def stretches_of(numbers: list[float], slips: list[float], places: list[float] | None = None) -> dict[str, np.ndarray]:
+    """Twenty rows for each number of a pass, with its slip, over one metre from its place on, all on one lane."""
     starts = np.repeat(np.zeros(len(numbers)) if places is None else places, 20)
-    place_m = starts + np.tile(np.linspace(0.0, 1.0, 20), len(numbers))
-    stretch = np.repeat(np.arange(len(numbers)), 20)
-    numbers, slips = np.repeat(numbers, 20), np.repeat(slips, 20)
-    return replace(Drive(**columns), pass_number=numbers, slip=slips, place_m=place_m, stretch=stretch)
+    return {
+        "slip": np.repeat(slips, 20),
+        "pass_number": np.repeat(numbers, 20),
+        "place_m": starts + np.tile(np.linspace(0.0, 1.0, 20), len(numbers)),
+        "stretch": np.repeat(np.arange(len(numbers)), 20),
+        "lane": np.zeros(20 * len(numbers), dtype=int),
+    }
 
 
 @pytest.mark.parametrize(
@@ -35,12 +30,46 @@ def stretches_of(numbers: list[float], slips: list[float], places: list[float] |
     ],
 )
 def test_the_slip_before_is_that_of_the_last_lower_pass_on_the_same_track(numbers, slips, places, of, before):
-    found = slip_before(stretches_of(numbers, slips, places))
+    found = slip_before(**stretches_of(numbers, slips, places))
     for stretch, expected in zip(of, before, strict=True):
         np.testing.assert_allclose(found[20 * stretch : 20 * stretch + 20], expected, atol=1e-12)
 
 
 def test_without_places_it_is_the_mean_of_the_pass_before():
     ramp = stretches_of([1.0, 1.0, 2.0], [0.1, 0.5, 0.3])
-    unseen = replace(ramp, place_m=np.where(np.arange(60) == 3, np.nan, ramp.place_m))
-    np.testing.assert_allclose(slip_before(unseen)[40:], 0.3)
+    np.testing.assert_allclose(slip_before(**{**ramp, "place_m": np.full(60, np.nan)})[40:], 0.3)
+
+
+def test_a_row_without_a_place_does_not_cost_the_others_theirs():
+    lost = stretches_of([1.0, 1.0, 2.0, 2.0], [0.1, 0.5, 0.3, 0.3], [0.0, 1.2, 0.0, 1.2])
+    lost["place_m"][[3, 45]] = np.nan
+    found = slip_before(**lost)
+    np.testing.assert_allclose(np.delete(found[40:60], 5), 0.1)
+    assert found[45] == pytest.approx(0.3)
+    np.testing.assert_allclose(found[60:], 0.5)
+
+
+@pytest.mark.parametrize("numbers", [[1.0, 1.0, 1.0, 2.0, 2.0, 2.0], [1.0, 2.0, 1.0, 2.0, 1.0, 2.0]])
+def test_lanes_that_are_passed_in_turn_are_told_apart(numbers):
+    lane = np.array([0, 1, 2, 0, 1, 2]) if numbers[1] == 1.0 else np.array([0, 0, 1, 1, 2, 2])
+    slips = np.where(np.array(numbers) > 1.0, 0.7, 0.1 * (lane + 1.0))
+    found = slip_before(**{**stretches_of(numbers, slips.tolist()), "lane": np.repeat(lane, 20)})
+    later = np.repeat(np.array(numbers) > 1.0, 20)
+    np.testing.assert_allclose(found[later], np.repeat(0.1 * (lane + 1.0), 20)[later])
+
+
+def test_positions_that_drift_from_piece_to_piece_do_not_cost_a_track_its_passes():
+    pieces = stretches_of([1.0, 1.0, 1.0, 2.0, 2.0, 2.0], [0.1, 0.4, 0.7, 0.3, 0.3, 0.3], [0.0, 1.2, 2.4] * 2)
+    drifted = np.repeat([0, 1, 2, 1, 1, 1], 20)
+    np.testing.assert_allclose(slip_before(**{**pieces, "lane": drifted})[60:], np.repeat([0.1, 0.4, 0.7], 20))
+
+
+def test_a_wheel_behind_finds_what_the_one_in_front_left_whichever_began_first():
+    rear_first = stretches_of([2.0, 1.0], [0.3, 0.1])
+    np.testing.assert_allclose(slip_before(**rear_first)[:20], 0.1)
+    # The one in front lost its signal for a while, and began anew after the other one.
+    lost = stretches_of([1.0, 2.0, 1.0], [0.1, 0.3, 0.5], [0.0, 0.0, 1.2])
+    lost["place_m"][20:40] = np.linspace(0.0, 2.2, 20)
+    found = slip_before(**lost)[20:40]
+    np.testing.assert_allclose(found[:9], 0.1)
+    np.testing.assert_allclose(found[11:], 0.5)

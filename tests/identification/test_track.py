@@ -7,7 +7,6 @@ import pytest
 from bevameter import Wheel
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.identification.effects.drive import drive_of, order_of, select_rows
-from bevameter.identification.effects.multipass_compaction import slip_before
 from bevameter.identification.effects.track import coordinate
 from bevameter.identification.mismatch.fit.lanes import lanes
 
@@ -136,7 +135,7 @@ def test_a_wheel_behind_another_is_on_its_ground(names, every):
         np.testing.assert_allclose(drive.place_m[rows], 4.0 * np.mod(turned[rows], 2.0 * np.pi), atol=0.1)
         if number > 1.0:
             # Cells that lie half in what another stretch left are of both.
-            other = np.abs(slip_before(drive)[rows] - 0.1 * (number - 1.0)) > 0.02
+            other = np.abs(drive.slip_before[rows] - 0.1 * (number - 1.0)) > 0.02
             assert other.mean() < 0.1
 
 

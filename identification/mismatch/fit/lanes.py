@@ -9,13 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...effects.effect import Drive
+from ...effects.passes import side_by_side
 from ...effects.positions import runs_of
 
 if TYPE_CHECKING:
     from .samples import Samples
-
-_APART = 0.5
-"""Share of a wheel's width from which on two tracks have less than half of their ground in common [-]."""
 
 
 def lanes(drive: Drive, width_m: float, wheel: np.ndarray | None = None) -> np.ndarray:
@@ -25,7 +23,8 @@ def lanes(drive: Drive, width_m: float, wheel: np.ndarray | None = None) -> np.n
     stretches = runs_of(drive.stretch)
     names = [""] * len(stretches) if wheel is None else [str(wheel[rows[0]]) for rows in stretches]
     fresh = np.array([not drive.pass_number[rows[0]] > 1.0 for rows in stretches])
-    beside = _beside(drive, stretches, fresh, width_m)
+    side = side_by_side(drive.axis, np.column_stack([drive.x_m, drive.y_m]), drive.pass_number, drive.stretch, width_m)
+    beside = side[[rows[0] for rows in stretches]]
     lane, last = np.empty(len(stretches), dtype=int), -1
     for group in np.unique(beside):
         covered: dict[str, tuple[float, float]] = {}
@@ -54,32 +53,10 @@ def _extent(place_m: np.ndarray) -> tuple[float, float]:
     return (float(seen.min()), float(seen.max())) if len(seen) else (math.inf, -math.inf)
 
 
-def _beside(drive: Drive, stretches: list[np.ndarray], fresh: np.ndarray, width_m: float) -> np.ndarray:
-    """Number of the lane, side by side, that each stretch runs on, (s,).
-
-    Lanes are where stretches on `fresh` ground (s,) ran; a later pass is on the nearest one. One whose place across was
-    not seen is on a lane of its own.
-    """
-    lane = np.zeros(len(stretches), dtype=int)
-    if drive.axis is None:
-        return lane
-    across = drive.axis[0] * drive.y_m - drive.axis[1] * drive.x_m
-    if not np.isfinite(across).any():
-        return lane
-    middle = np.array([np.nanmean(across[rows]) if np.isfinite(across[rows]).any() else math.nan for rows in stretches])
-    seen = np.isfinite(middle)
-    known = np.sort(middle[fresh & seen] if (fresh & seen).any() else middle[seen])
-    number = np.cumsum(np.diff(known, prepend=known[0]) > _APART * width_m)
-    lane[seen] = number[np.abs(middle[seen][:, None] - known).argmin(axis=1)]
-    lane[~seen] = number[-1] + 1 + np.arange((~seen).sum())
-    return lane
-
-
 def passes_apart(samples: Samples) -> Samples:
     """Give the samples with each pass on ground of its own, as where the pass before has stirred it."""
     number = samples.drive.pass_number
     if not (np.isfinite(samples.drive.place_m).all() and np.isfinite(number).all()):
         return samples
-    changes = np.concatenate([[0], np.cumsum(np.diff(number) != 0.0)])
-    lane = np.unique(np.stack([samples.lane, changes]), axis=1, return_inverse=True)[1]
+    lane = np.unique(np.stack([samples.lane, number]), axis=1, return_inverse=True)[1]
     return replace(samples, lane=lane.reshape(-1))

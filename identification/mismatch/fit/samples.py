@@ -30,7 +30,12 @@ _FEW_ROWS = 20
 MOST_ROWS = 1500
 """A recording with more rows is thinned to about this number, in stretches so that neighbours stay neighbours."""
 
-_THINNED_STRETCH = 50
+_THINNED_STRETCH, _MOST_TOGETHER = 50, 3
+"""Rows that stay together where others are left out, and of how many passes at most as many do."""
+
+_MOST_LOST = 0.2
+"""Most of the rows that are left out for want of a place where there are several passes [-]."""
+
 _BLOCKS = 12
 _WIDEST = 0.09
 """Slips, or loads as a share of the largest, that are held out as one level lie within this range [-]."""
@@ -195,7 +200,16 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
     drive = drive_of(table, wheel, stretch)
     if timed:
         drive = _smoothed(drive, table, noise)
-    rows, thinned = _thinned(np.flatnonzero(usable))
+    usable, unplaced = _on_known_ground(drive, usable)
+    notes += unplaced
+    rows = np.flatnonzero(usable)
+    placed = bool(np.isfinite(drive.place_m[rows]).all()) and drive.has("place_m")
+    lane = lanes(drive, wheel.width_m, table.wheel) if placed else drive.stretch
+    number = drive.pass_number[rows]
+    passes = len(np.unique(number[np.isfinite(number)])) if placed else 1
+    if passes > 1:
+        rows = rows[np.lexsort((drive.place_m[rows], lane[rows]))]
+    rows, thinned = _thinned(rows, max(passes, 1))
     if thinned:
         notes.append(f"{int(usable.sum())} rows thinned to {len(rows)}, in stretches of {_THINNED_STRETCH}")
     if len(rows) < _FEW_ROWS:
@@ -206,14 +220,11 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
     measured = measured[rows]
     stated = np.array([name in vehicle.noise for name in CHANNELS])
     lost = int((~np.isfinite(drive.place_m)).sum())
-    placed = lost == 0
     if drive.timed and 0 < lost < len(rows):
         notes.append(f"{lost} rows have no place: ground is taken to vary with time, and passes to share none of it")
     position = drive.place_m if placed else np.where(drive.timed, drive.time_s, math.nan)
-    names = None if table.wheel is None else np.asarray(table.wheel)[rows]
-    lane = lanes(drive, wheel.width_m, names) if placed else drive.stretch
     samples = Samples(
-        wheel, drive, measured, noise, stated, position, lane,
+        wheel, drive, measured, noise, stated, position, lane[rows],
         np.zeros(len(rows), dtype=int), "", tuple(notes), simulated,
     )  # fmt: skip
     return _blocked(samples)
@@ -336,13 +347,23 @@ def quietness(lag: float) -> float:
     return float(np.interp(abs(lag), away, ratio))
 
 
-def _thinned(rows: np.ndarray) -> tuple[np.ndarray, bool]:
+def _on_known_ground(drive: Drive, usable: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """Leave out rows (n,) of passes whose few lost places would cost all others the ground that they share."""
+    there = np.isfinite(drive.place_m)
+    lost = int((usable & ~there).sum())
+    if not (drive.timed and drive.has("pass_number") and 0 < lost <= _MOST_LOST * usable.sum()):
+        return usable, []
+    return usable & there, [f"{lost} rows have no place and are left out: passes share their ground by place"]
+
+
+def _thinned(rows: np.ndarray, passes: int) -> tuple[np.ndarray, bool]:
+    """Choose rows (k,) in pieces, of all passes over the same places where `rows` (n,) come in the order of these."""
     if len(rows) <= MOST_ROWS:
-        return rows, False
-    pieces = MOST_ROWS // _THINNED_STRETCH
-    starts = np.linspace(0, len(rows) - _THINNED_STRETCH, pieces).astype(int)
-    kept = np.unique((starts[:, None] + np.arange(_THINNED_STRETCH)).ravel())
-    return rows[kept], True
+        return np.sort(rows), False
+    length = _THINNED_STRETCH * min(passes, _MOST_TOGETHER)
+    starts = np.linspace(0, len(rows) - length, MOST_ROWS // length).astype(int)
+    kept = np.unique((starts[:, None] + np.arange(length)).ravel())
+    return np.sort(rows[kept]), True
 
 
 def _blocked(samples: Samples) -> Samples:

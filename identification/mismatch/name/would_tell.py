@@ -154,6 +154,7 @@ def _hypothetical(drive: Drive, imposed: np.ndarray, plan: dict, usual: float, r
         pitch_rad=plan.get("pitch", np.zeros(rows)), pass_number=plan.get("number", np.ones(rows)), place_m=place,
         x_m=x_m, y_m=y_m,
         acceleration_m_s2=np.zeros(rows), angular_acceleration_rad_s2=np.zeros(rows), stretch=np.zeros(rows, dtype=int),
+        slip_before=np.full(rows, np.abs(imposed[:, 1]).mean()),
     )  # fmt: skip
 
 

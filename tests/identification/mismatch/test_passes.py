@@ -9,6 +9,7 @@ import bevameter.identification.mismatch.explain as module
 import numpy as np
 import pytest
 from bevameter import Vehicle, Wheel, explain
+from bevameter.framework.core.recording.types import WheelTable
 from bevameter.identification.identify import felt_rows, open_recording
 from bevameter.identification.mismatch.fit.lanes import passes_apart
 from bevameter.identification.mismatch.fit.samples import gather
@@ -104,3 +105,41 @@ def test_passes_lie_apart_whichever_way_they_are_driven(tmp_path):
     for place in (samples.drive.place_m, there_and_back):
         apart = passes_apart(replace(samples, drive=replace(samples.drive, place_m=place)))
         assert np.array_equal(apart.lane, second)
+
+
+def passed_twice(rows: int, **columns) -> WheelTable:
+    """A track of twenty metres that is driven twice, its slip a ramp in space the first time."""
+    along = np.tile(np.linspace(0.0, 20.0, rows), PASSES)
+    number = np.repeat([1.0, 2.0], rows)
+    slip = np.where(number > 1.0, 0.2, 0.1 + 0.2 * np.sin(along) ** 2)
+    return WheelTable({
+        "time_s": 0.1 * np.arange(PASSES * rows), "load_N": 80.0 + 5.0 * np.sin(np.arange(PASSES * rows) / 7.0),
+        "slip": slip, "torque_Nm": 3.0 + 4.0 * slip, "x_m": along, "pass": number, **columns,
+    }, None, None, "made")  # fmt: skip
+
+
+@pytest.mark.parametrize("rows", [600, 6000])
+def test_passes_that_are_thinned_keep_their_common_ground_and_what_ran_there(rows):
+    drive = gather(passed_twice(rows), WHEEL, Vehicle(wheels=(WHEEL,))).drive
+    later = drive.pass_number == 2.0
+    first = np.sort(drive.place_m[~later])
+    at = np.clip(np.searchsorted(first, drive.place_m[later]), 1, len(first) - 1)
+    nearest = np.minimum(np.abs(first[at] - drive.place_m[later]), np.abs(first[at - 1] - drive.place_m[later]))
+    assert np.mean(nearest < 0.2) > 0.95
+    np.testing.assert_allclose(drive.slip_before[later], 0.1 + 0.2 * np.sin(drive.place_m[later]) ** 2, atol=0.05)
+
+
+@pytest.mark.parametrize(("lost", "left_out"), [(40, True), (600, False)])
+def test_few_lost_places_do_not_cost_the_passes_their_common_ground(lost, left_out):
+    table = passed_twice(600)
+    table.columns["x_m"][:lost] = np.nan
+    table.columns["x_m"][100:200] = np.where(np.arange(100) % 2, np.nan, table["x_m"][100:200])
+    samples = gather(table, WHEEL, Vehicle(wheels=(WHEEL,)))
+    assert any("have no place and are left out" in note for note in samples.notes) == left_out
+    assert np.array_equal(samples.position, samples.drive.place_m) == left_out
+
+
+def test_a_place_that_never_changes_is_none():
+    still = passed_twice(300, x_m=np.zeros(600))
+    samples = gather(still, WHEEL, Vehicle(wheels=(WHEEL,)))
+    np.testing.assert_array_equal(samples.position, samples.drive.time_s)

@@ -24,6 +24,7 @@ from bevameter.identification.mismatch.fit.trial import Trial, situation, textbo
 from bevameter.identification.mismatch.locate.regions import Whitened, _told, locate
 from bevameter.identification.mismatch.name.naming import name
 from bevameter.identification.mismatch.name.search import search
+from bevameter.identification.noise import sensor_noise
 from scipy.optimize import brentq
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)
@@ -183,6 +184,14 @@ def test_long_recordings_are_thinned_in_stretches_and_say_so():
     assert any("20000 rows thinned" in note for note in samples.notes)
     steps = np.diff(samples.drive.time_s)
     assert np.mean(np.isclose(steps, 0.02)) > 0.95
+
+
+def test_many_trials_need_no_table_of_all_pairs(rng):
+    """The noise was read from distances between all of them: ten thousand asked for gigabytes."""
+    slip, load = rng.uniform(0.05, 0.6, 30_000), rng.uniform(50.0, 150.0, 30_000)
+    columns = {"load_N": load, "slip": slip, "torque_Nm": 3.0 + 4.0 * slip + 0.05 * rng.normal(size=30_000)}
+    noise = sensor_noise(WheelTable(columns, None, None, "made"), Vehicle(wheels=(WHEEL,)))
+    assert noise[1] == pytest.approx(0.05, rel=0.05)
 
 
 @pytest.mark.parametrize("protocol", ["steady", "field"])
