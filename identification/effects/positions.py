@@ -22,7 +22,8 @@ _SEEN, _INTERVALS = 0.9, 3.0
 between those that are known up to which a gap is bridged in any case [-]."""
 
 _LESS = 1.0 - 1e-6
-"""Share of a usual interval by which places go on beyond those that are known, one is known for each row or not [-]."""
+"""Share of a usual interval by which places go on before and after those that are known: of one for each row no row
+further [-]."""
 
 _UPDATED, _OVERDUE = 0.5, 1.5
 """Most of the rows that have a new position where positions are held between updates [-], and usual intervals between
