@@ -48,6 +48,10 @@ def wheel_csv(tmp_path):
         ("time_s,load_N\n0,1\n1,abc\n", "row 3, column load_N: 'abc' .expected a number"),
         ("time_s,load_N\n0,1\n1,True\n", "row 3, column load_N: 'True'"),
         ("time_s,load_N\n0,1_0\n", "row 2, column load_N: '1_0'"),
+        (
+            "time_s,load_N\n0,1\n1,1e300\n",
+            "row 3, column load_N: 1e.300 .expected a number between -1e.12 and 1e.12, SI",
+        ),
         ("time_s,load_N\n0,1\n1,-inf\n", "row 3, column load_N: -inf .expected a finite number"),
         ("time_s,load_N\n0,1e999\n", "row 2, column load_N: inf"),
         ("time_s,load_N\n,1\n", "row 2, column time_s: no value"),

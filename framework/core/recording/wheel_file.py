@@ -18,6 +18,9 @@ SLIP_TOLERANCE = 0.02
 STANDSTILL_M_S = 1e-3
 """Below this, both the rim's speed r omega and the travel speed V count as zero and slip is not defined [m/s]."""
 
+_ABSURD = 1e12
+"""Size that no channel has: what is beyond stands for a missing value, or overflows where it is squared [SI]."""
+
 TEXT_COLUMNS = frozenset({"wheel", "run"})
 _UNITS = frozenset({
     "n", "kn", "mn", "kgf", "lbf", "newton", "newtons", "nm", "knm", "mnm", "nmm", "m", "mm", "cm", "km", "ft", "in",
@@ -46,8 +49,8 @@ def read_wheel_file(path: str | Path) -> WheelTable:
     ------
     InputError
         The file is missing, empty or no table; a column is misspelt, stands twice, or is neither number nor empty; a
-        value is infinite, slip lies outside [-1, 1] or a pass is below 1; time runs backwards within a wheel and run;
-        there is neither `time_s` nor `run`.
+        value is infinite or beyond 1e12, slip lies outside [-1, 1] or a pass is below 1; time runs backwards within a
+        wheel and run; there is neither `time_s` nor `run`.
     """
     return read_wheel(path)[0]
 
@@ -198,6 +201,14 @@ def _check_finite(table: Table, name: str, values: np.ndarray) -> None:
         row = int(np.argmax(infinite))
         shown = "no value" if np.isnan(values[row]) else str(values[row])
         raise InputError(table.source, shown, expected="a finite number", place=table.place(row, name))
+    checked = name in WHEEL_COLUMNS and name != "time_s"
+    absurd = np.abs(values) > (_ABSURD if checked else np.inf)
+    if absurd.any():
+        row = int(np.argmax(absurd))
+        raise InputError(
+            table.source, f"{values[row]:g}", expected=f"a number between {-_ABSURD:g} and {_ABSURD:g}, SI",
+            place=table.place(row, name),
+        )  # fmt: skip
 
 
 def _check_slip(table: Table, columns: dict[str, np.ndarray]) -> None:

@@ -65,7 +65,8 @@ def soil_table(explanation: Explanation) -> tuple[list[str], list[list[str]]]:
     rows = []
     for name in dict.fromkeys([*textbook, *with_it]):
         how = shown(name)
-        values = [textbook.get(name), *([with_it.get(name)] if added else [])]
+        # Where nothing is added both are one fit, and the soil's own interval holds what was not excluded beside it.
+        values = [textbook.get(name), with_it.get(name)] if added else [with_it.get(name, textbook.get(name))]
         cells = ["" if each is None else readable.spread(each.value, each.sd, how.scale) for each in values]
         rows.append([how.name, *cells, how.unit or "-"])
     return headers if added else ["parameter", "value ± standard deviation", "unit"], rows

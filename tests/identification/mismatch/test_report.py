@@ -291,6 +291,9 @@ def test_the_tables_are_in_the_units_of_their_headers():
     assert fit_rows(answer)[1] == ["sinkage z [mm]", "2.8 (2.4 to 3.3)", "0.51 (0.48 to 0.56)", "0.5", "396"]
     headers, rows = soil_table(nothing())
     assert all(len(row) == len(headers) == 3 for row in rows)
+    # Page, text and JSON give one interval.
+    apart = replace(nothing(), soil={**nothing().soil, "c_Pa": Estimate(500.0, 90.0, "Pa")})
+    assert readable.spread(500.0, 90.0, 1e-3) in next(row for row in soil_table(apart)[1] if "c" in row[0].split())
 
 
 def test_the_page_of_the_documentation_lists_every_effect_in_the_same_words():
