@@ -57,8 +57,8 @@ def order_of(table: WheelTable) -> tuple[np.ndarray, np.ndarray]:
     time_s = table.get("time_s")
     if time_s is None:
         return np.arange(len(table)), np.arange(len(table))
-    wheel, run = (_by_appearance(names, len(table)) for names in (table.wheel, table.run))
     labels = _labels(table)
+    wheel, run = np.divmod(labels, len(table) + 1)
     order = np.lexsort((time_s, labels))
     labels, time_s = labels[order], time_s[order]
     step = np.diff(time_s)
@@ -72,10 +72,12 @@ def order_of(table: WheelTable) -> tuple[np.ndarray, np.ndarray]:
         broken |= set_down(np.column_stack([table[name][order] for name in ("x_m", "y_m") if name in table]), of_one)
     stretch = np.concatenate([[0], np.cumsum(broken)])[: len(order)]
     first = np.flatnonzero(np.diff(stretch, prepend=-1))
-    # Of wheels that begin together the one that is behind comes last.
+    # Of several wheels that begin together the one that is behind comes last.
     begun = np.sort(time_s[first])
     together = np.concatenate([[0], np.cumsum(np.diff(begun) > 2.0 * usual)])[np.searchsorted(begun, time_s[first])]
-    passes = np.ones(len(first)) if number is None else np.nan_to_num(_carried(number[order], labels)[first], nan=1.0)
+    passes = np.ones(len(first))
+    if number is not None and wheel.any():
+        passes = np.nan_to_num(_carried(number[order], labels)[first], nan=1.0)
     rank = np.argsort(np.lexsort((wheel[order][first], time_s[first], passes, together, run[order][first])))
     again = np.argsort(rank[stretch], kind="stable")
     return order[again], rank[stretch][again]

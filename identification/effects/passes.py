@@ -67,11 +67,11 @@ def slip_before(
     cell = _cells(place_m, ran, stretch)
     found = np.full(len(size), math.nan)
     # Any lane first: what ran on the same one is then put in its place, and what ran before in that of what ran after.
-    for group in (np.zeros(len(size), dtype=int), lane):
+    for group in (np.zeros_like(lane), lane) if lane.any() else (lane,):
         by_group = np.flatnonzero(ran)[np.argsort(group[ran], kind="stable")]
         for rows in np.split(by_group, np.flatnonzero(np.diff(group[by_group])) + 1):
             for order in (rows[::-1], rows):
-                there = _ran_before(size, number, place_m, cell, stretch, order)
+                there = _ran_before(slip, number, place_m, cell, stretch, order)
                 found[order] = np.where(np.isnan(there), found[order], there)
     return np.where(np.isnan(found), answer, found)
 
@@ -90,9 +90,9 @@ def _of_the_pass_before(size: np.ndarray, number: np.ndarray) -> np.ndarray:
 
 
 def _ran_before(
-    size: np.ndarray, number: np.ndarray, place_m: np.ndarray, cell: np.ndarray, stretch: np.ndarray, rows: np.ndarray
+    slip: np.ndarray, number: np.ndarray, place_m: np.ndarray, cell: np.ndarray, stretch: np.ndarray, rows: np.ndarray
 ) -> np.ndarray:  # fmt: skip
-    """Slips (k,) of the last stretch of a lower pass near the places of `rows` (k,), in their order; NaN where none."""
+    """Sizes of the slip (k,) of the last stretch of a lower pass near the places of `rows` (k,); NaN where none."""
     starts = np.flatnonzero(np.diff(stretch[rows], prepend=-1))
     numbers = number[rows[starts]]
     # What the highest pass leaves nobody finds.
@@ -107,7 +107,7 @@ def _ran_before(
             center, slips = left[own][:, there]
             nearest = np.searchsorted(0.5 * (center[1:] + center[:-1]), places)
             answer[at] = np.where(np.abs(there[nearest] - cells) <= 1, slips[nearest], math.nan)
-        ran, means = _means(cells, places, size[rows[at]])
+        ran, means = _means(cells, places, slip[rows[at]])
         for later, grid in left.items():
             if later > own:
                 grid[:, ran] = means
@@ -127,7 +127,8 @@ def _cells(place_m: np.ndarray, ran: np.ndarray, stretch: np.ndarray) -> np.ndar
 
 
 def _means(cell: np.ndarray, place_m: np.ndarray, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Cells (k,) that a stretch ran through, and its mean places and slips there (2, k)."""
+    """Cells (k,) that a stretch ran through, and its mean places and the sizes of its mean slips there (2, k)."""
     ran, which = np.unique(cell, return_inverse=True)
     count = np.bincount(which)
-    return ran, np.array([np.bincount(which, values) / count for values in (place_m, slip)])
+    # Noise about no slip has a size, and its mean none.
+    return ran, np.array([np.bincount(which, place_m) / count, np.abs(np.bincount(which, slip)) / count])

@@ -73,3 +73,10 @@ def test_a_wheel_behind_finds_what_the_one_in_front_left_whichever_began_first()
     found = slip_before(**lost)[20:40]
     np.testing.assert_allclose(found[:9], 0.1)
     np.testing.assert_allclose(found[11:], 0.5)
+
+
+def test_noise_about_no_slip_compacts_nothing(rng):
+    towed = stretches_of([1.0, 2.0], [0.0, 0.3])
+    towed = {name: np.concatenate([np.repeat(each[:20], 50), np.repeat(each[20:], 50)]) for name, each in towed.items()}
+    towed["slip"] = towed["slip"] + 0.02 * rng.normal(size=2000) * (towed["pass_number"] == 1.0)
+    assert slip_before(**towed)[1000:].mean() < 0.004

@@ -203,7 +203,8 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
     usable, unplaced = _on_known_ground(drive, usable)
     notes += unplaced
     rows = np.flatnonzero(usable)
-    placed = bool(np.isfinite(drive.place_m[rows]).all()) and drive.has("place_m")
+    lost = int((~np.isfinite(drive.place_m[rows])).sum())
+    placed = lost == 0 and drive.has("place_m")
     lane = lanes(drive, wheel.width_m, table.wheel) if placed else drive.stretch
     number = drive.pass_number[rows]
     passes = len(np.unique(number[np.isfinite(number)])) if placed else 1
@@ -219,8 +220,7 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
     simulated = np.column_stack(others)[rows] if any(name.startswith(SIMULATED) for name in table.columns) else None
     measured = measured[rows]
     stated = np.array([name in vehicle.noise for name in CHANNELS])
-    lost = int((~np.isfinite(drive.place_m)).sum())
-    if drive.timed and 0 < lost < len(rows):
+    if drive.timed and 0 < lost < usable.sum():
         notes.append(f"{lost} rows have no place: ground is taken to vary with time, and passes to share none of it")
     position = drive.place_m if placed else np.where(drive.timed, drive.time_s, math.nan)
     samples = Samples(
