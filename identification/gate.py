@@ -14,7 +14,6 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.signal import savgol_filter
 
-from ..framework.core.errors import InputError
 from ..framework.core.recording.types import WheelTable
 from ..framework.core.vehicle import Wheel
 from .forward import CHANNELS
@@ -59,12 +58,6 @@ class Limits:
 
 LIMITS = Limits()
 
-_REVERSED = 0.9
-"""Share of rows below zero from which on a channel is measured the other way round [-]."""
-
-_CLEARLY = 0.03
-"""Sinkage so far below zero is no reading of a sensor whose zero is a little off [radii]."""
-
 
 @dataclass(frozen=True)
 class Stretch:
@@ -74,30 +67,6 @@ class Stretch:
     end_s: float
     rows: np.ndarray
     reason: str = ""
-
-
-def check_signs(table: WheelTable, wheel: Wheel) -> None:
-    """Refuse a load or a sinkage that is measured the other way round.
-
-    Raises
-    ------
-    InputError
-        Nearly all rows of one are below zero.
-    """
-    for name, least, expected in (
-        ("load_N", 0.0, "the wheel's load, positive"),
-        ("sinkage_m", _CLEARLY * wheel.radius_m, "positive downwards"),
-    ):
-        values = table.get(name)
-        seen = np.empty(0) if values is None else values[np.isfinite(values)]
-        if not seen.size or np.median(seen) >= -least:
-            continue
-        share = float(np.mean(seen < 0.0))
-        if share > _REVERSED:
-            raise InputError(
-                table.source, f"{np.median(seen):.3g} (median), {100.0 * share:.0f} % of the rows below 0",
-                expected=expected, place=f"column {name}",
-            )  # fmt: skip
 
 
 def quasi_static(table: WheelTable, wheel: Wheel, limits: Limits = LIMITS) -> np.ndarray:

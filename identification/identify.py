@@ -21,9 +21,10 @@ from . import linearised
 from .changes import split_soils
 from .estimation import Measured, estimate_soil, solve, summarise, usable
 from .forward import CHANNELS
-from .gate import LIMITS, Stretch, check_signs, find_stretches, quasi_static
+from .gate import LIMITS, Stretch, find_stretches, quasi_static
 from .geometry import by_geometry
 from .noise import sensor_noise
+from .plausible import check_signs, check_sizes, without_stuck
 from .slip_check import slip_disagreement
 from .trials import AS_TRIALS, is_of_trials, without_time
 
@@ -222,6 +223,7 @@ def _of_vehicle(recording: Recording) -> FeltRows:
             raise InputError(table.source, f"no column {name}", expected=remedy)
     for rows in gathered:
         check_signs(rows.table, rows.wheel)
+        check_sizes(rows.table, rows.wheel)
     best = max(gathered, key=lambda rows: int((rows.reasons == "").sum()))
     if len(gathered) == 1:
         return best
@@ -245,11 +247,14 @@ def _gather(table: WheelTable, vehicle: Vehicle, names: list[str | None]) -> Fel
     for name in names:
         wheel = vehicle.wheel(name)
         part = table if name is None else table.select(np.asarray(table.wheel) == name)
-        if other_slip := slip_disagreement(part, wheel):
-            problems.append(other_slip if len(names) == 1 else f"wheel {name}: {other_slip}")
+        other_slip = slip_disagreement(part, wheel)
         part = derive(part, wheel)
-        parts.append(part)
+        # Before what is stuck is left out: on ground that does not yield a sinkage may well stay what it is.
         reasons.append(quasi_static(part, wheel))
+        part, stuck = without_stuck(part)
+        parts.append(part)
+        said = stuck if other_slip is None else [other_slip, *stuck]
+        problems.extend(said if len(names) == 1 else [f"wheel {name}: {each}" for each in said])
     wheel = vehicle.wheel(names[0])
     if len(parts) == 1:
         return FeltRows(parts[0], wheel, vehicle, reasons[0], tuple(problems))

@@ -18,7 +18,7 @@ from .augmented import AugmentedWheel
 from .effects.drive import PresentDrive, drive_of, order_of, select_rows
 from .effects.effect import PULL, SINKAGE, TORQUE
 from .effects.named import NamedEffect, build, parse_effect, situation_of
-from .gate import check_signs
+from .plausible import check_signs
 from .wheel_soil import Soil, equilibrium
 
 ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")

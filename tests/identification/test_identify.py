@@ -169,6 +169,41 @@ def test_a_sinkage_whose_zero_is_a_little_off_is_not_refused(rng):
     identify(recording(with_columns(table, sinkage_m=table["sinkage_m"] - np.median(table["sinkage_m"]) - 1e-3)))
 
 
+@pytest.mark.parametrize(("name", "stuck"), [("torque_Nm", 5.0), ("sinkage_m", 0.02)])
+def test_an_answer_that_never_changes_is_left_out_and_said_so(rng, name, stuck):
+    table = drive(rng)
+    result = identify(recording(with_columns(table, **{name: np.full(len(table), stuck)})))
+    assert any(f"{name} never changes" in problem for problem in result.problems)
+    assert result.overall is not None
+    assert name not in result.overall.channels
+    phi = result.overall.parameters["phi_rad"]
+    assert phi.low <= SAND.phi_rad <= phi.high
+
+
+def test_of_two_wheels_only_the_one_whose_sensor_is_stuck_loses_it(rng):
+    table = drive(rng)
+    both = {name: np.concatenate([values, values]) for name, values in table.columns.items()}
+    both["torque_Nm"][: len(table)] = 5.0
+    wheels = tuple(Wheel(radius_m=0.15, width_m=0.12, name=name) for name in ("left", "right"))
+    names = np.repeat(["left", "right"], len(table))
+    result = identify(
+        recording(WheelTable(both, names, None, Path("wheel.csv")), Vehicle(wheels=wheels, noise=VEHICLE.noise))
+    )
+    assert "wheel left: torque_Nm never changes: it is left out, as of a sensor that is stuck or absent" in (
+        result.problems
+    )
+    assert result.overall is not None
+    assert "torque_Nm" in result.overall.channels
+    phi = result.overall.parameters["phi_rad"]
+    assert phi.low <= SAND.phi_rad <= phi.high
+
+
+def test_a_sinkage_in_millimetres_is_refused(rng):
+    table = drive(rng)
+    with pytest.raises(InputError, match=r"column sinkage_m: .* m \(median\) .*the wheel's diameter, 0\.3 m"):
+        identify(recording(with_columns(table, sinkage_m=1e3 * table["sinkage_m"])))
+
+
 def test_thinning_is_said(rng, monkeypatch):
     monkeypatch.setattr("bevameter.identification.identify.MOST_ROWS", 120)
     result = identify(recording(drive(rng)))

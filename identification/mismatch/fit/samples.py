@@ -174,17 +174,6 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
             table.source, f"{int(usable.sum())} rows with load, slip and an answer", expected=f"at least {LEAST_ROWS}"
         )
     measured = np.column_stack([table.columns.get(name, np.full(len(table), math.nan)) for name in CHANNELS])
-    for channel in ANSWERS:
-        seen = np.isfinite(measured[:, channel])
-        if seen.any() and np.ptp(measured[seen, channel]) == 0.0:
-            notes.append(f"{CHANNELS[channel]} never changes: it is left out, as of a sensor that is stuck or absent")
-            measured[:, channel] = math.nan
-    middle = float(np.nanmedian(measured[:, SINKAGE])) if np.isfinite(measured[:, SINKAGE]).any() else 0.0
-    if abs(middle) > 2.0 * wheel.radius_m:
-        raise InputError(
-            table.source, f"sinkage_m is {middle:.3g} m (median)",
-            expected=f"less than the wheel's diameter, {2.0 * wheel.radius_m:.3g} m",
-        )  # fmt: skip
     if not np.isfinite(measured[usable][:, ANSWERS]).any():
         raise InputError(table.source, "nothing to compare", expected="torque, sinkage or drawbar pull that change")
     if timed:

@@ -1,0 +1,91 @@
+"""Whether channels can be what their names say: signs, sizes, and sensors that are stuck."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..framework.core.errors import InputError
+from ..framework.core.recording.types import WheelTable
+from ..framework.core.vehicle import Wheel
+
+_ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
+"""What the ground answers with varies; a load may be the wheel's share of the weight, and a slip may be held."""
+
+_FEWEST_ROWS = 5
+"""Rows of which a sensor that moves does not read the same."""
+
+_REVERSED = 0.9
+"""Share of rows below zero from which on a channel is measured the other way round [-]."""
+
+_CLEARLY = 0.03
+"""Sinkage so far below zero is no reading of a sensor whose zero is a little off [radii]."""
+
+
+def check_signs(table: WheelTable, wheel: Wheel) -> None:
+    """Refuse a load or a sinkage that is measured the other way round.
+
+    Raises
+    ------
+    InputError
+        Nearly all rows of one are below zero.
+    """
+    for name, least, expected in (
+        ("load_N", 0.0, "the wheel's load, positive"),
+        ("sinkage_m", _CLEARLY * wheel.radius_m, "positive downwards"),
+    ):
+        values = table.get(name)
+        seen = np.empty(0) if values is None else values[np.isfinite(values)]
+        if not seen.size or np.median(seen) >= -least:
+            continue
+        share = float(np.mean(seen < 0.0))
+        if share > _REVERSED:
+            raise InputError(
+                table.source, f"{np.median(seen):.3g} (median), {100.0 * share:.0f} % of the rows below 0",
+                expected=expected, place=f"column {name}",
+            )  # fmt: skip
+
+
+def check_sizes(table: WheelTable, wheel: Wheel) -> None:
+    """Refuse a sinkage that no wheel has: it is in another unit.
+
+    Raises
+    ------
+    InputError
+        Half of the rows lie deeper than the wheel is high.
+    """
+    sinkage = table.get("sinkage_m")
+    if sinkage is None or not np.isfinite(sinkage).any():
+        return
+    middle = float(np.nanmedian(sinkage))
+    if abs(middle) > 2.0 * wheel.radius_m:
+        raise InputError(
+            table.source, f"{middle:.3g} m (median)", place="column sinkage_m",
+            expected=f"less than the wheel's diameter, {2.0 * wheel.radius_m:.3g} m",
+        )  # fmt: skip
+
+
+def without_stuck(table: WheelTable) -> tuple[WheelTable, list[str]]:
+    """Leave out answers that never change, and say so in words.
+
+    Parameters
+    ----------
+    table
+        Rows of one wheel.
+
+    Returns
+    -------
+    WheelTable
+        The same rows, NaN where a channel was left out.
+    list
+        A sentence for each of those.
+    """
+    columns, notes = dict(table.columns), []
+    for name in _ANSWERS:
+        values = table.get(name)
+        seen = np.empty(0) if values is None else values[np.isfinite(values)]
+        if len(seen) >= _FEWEST_ROWS and np.ptp(seen) == 0.0:
+            notes.append(f"{name} never changes: it is left out, as of a sensor that is stuck or absent")
+            columns[name] = np.full(len(table), math.nan)
+    return WheelTable(columns, table.wheel, table.run, table.source), notes
