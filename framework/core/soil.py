@@ -130,9 +130,11 @@ def load_soil(path: str | Path) -> SoilKnowledge:
     Raises
     ------
     InputError
-        Missing file, unknown key, a value that is no number or lies outside `PLAUSIBLE`.
+        Missing or empty file, unknown key, a value that is no number or lies outside `PLAUSIBLE`.
     """
     data = load_toml(path)
+    if not data:
+        raise InputError(path, "no value", expected="some of " + ", ".join(_TOML_NAMES))
     values: dict[str, float] = {}
     sds: dict[str, float] = {}
     for key, entry in data.items():

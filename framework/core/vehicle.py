@@ -9,15 +9,42 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    AliasChoices,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    model_validator,
+)
 
 from .errors import InputError
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Length = Annotated[float, Field(gt=0, le=10.0)]
-"""Of a wheel [m]: the largest are two metres in radius, and what is more was given in millimetres."""
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+_LARGEST_M = 10.0
+"""No wheel has a length beyond it: the largest are two metres in radius."""
+
+
+def _number(value: object) -> object:
+    """Refuse what pydantic would take for a number though a file that says it has another meaning."""
+    if isinstance(value, bool | str):
+        raise ValueError(f"{value!r}, expected a number")
+    return value
+
+
+def _length(value: float) -> float:
+    if not 0.0 < value <= _LARGEST_M:
+        raise ValueError(f"{value:g}, expected metres, greater than 0 and less than or equal to {_LARGEST_M:g}")
+    return value
+
+
+Number = Annotated[float, BeforeValidator(_number)]
+Whole = Annotated[int, BeforeValidator(_number)]
+Positive = Annotated[Number, Field(gt=0, allow_inf_nan=False)]
+Length = Annotated[Number, AfterValidator(_length)]
+NonNegative = Annotated[Number, Field(ge=0, allow_inf_nan=False)]
+Finite = Annotated[Number, Field(allow_inf_nan=False)]
 
 NOISY_COLUMNS = (
     "load_N", "torque_Nm", "sinkage_m", "slip", "drawbar_pull_N", "wheel_speed_rad_s", "travel_speed_m_s",
@@ -36,7 +63,7 @@ class Wheel(_Part):
     radius_m: Length
     width_m: Length
     grouser_height_m: NonNegative = 0.0
-    grouser_count: Annotated[int, Field(ge=0)] = 0
+    grouser_count: Annotated[Whole, Field(ge=0)] = 0
     name: str = "wheel"
     position_m: Annotated[
         tuple[Finite, Finite], Field(validation_alias=AliasChoices("position_m", "position"))
@@ -53,10 +80,10 @@ class Camera(_Part):
     """
 
     matrix: tuple[tuple[Finite, Finite, Finite], tuple[Finite, Finite, Finite], tuple[Finite, Finite, Finite]]
-    width_px: Annotated[int, Field(gt=0, le=20000)]
-    height_px: Annotated[int, Field(gt=0, le=20000)]
+    width_px: Annotated[Whole, Field(gt=0, le=20000)]
+    height_px: Annotated[Whole, Field(gt=0, le=20000)]
     height_m: Positive
-    pitch_rad: Annotated[float, Field(gt=0, le=math.pi / 2)]
+    pitch_rad: Annotated[Number, Field(gt=0, le=math.pi / 2)]
     forward_m: Finite = 0.0
     left_m: Finite = 0.0
     distortion: tuple[Finite, ...] = ()
@@ -136,7 +163,7 @@ def load_toml(path: str | Path) -> dict:
     """Read a TOML file; raises `InputError` where it is missing or is not TOML."""
     path = Path(path)
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise InputError(path, "no such file", expected="a TOML file") from None
     except (OSError, UnicodeDecodeError) as error:
@@ -163,11 +190,15 @@ def load_vehicle(path: str | Path) -> Vehicle:
 
 
 def input_error(path: str | Path, error: ValidationError, written: Mapping[str, str] | None = None) -> InputError:
-    """Turn the first fault that pydantic found into one line naming file, key (as it was `written`) and value."""
-    fault = error.errors()[0]
+    """Turn the first fault that pydantic found into one line naming file, key (as it was `written`) and value.
+
+    A key that nothing reads comes before one that is missing: the former is often the latter, misspelt.
+    """
+    fault = min(error.errors(), key=lambda each: each["type"] != "extra_forbidden")
     key = ".".join(str(part) for part in fault["loc"]) or None
     for read, wrote in (written or {}).items():
         key = key and key.replace(read, wrote, 1)
-    value = fault["input"]
-    shown = "" if fault["type"] in ("missing", "value_error") else f"{value!r}: "
+    if fault["type"] == "extra_forbidden":
+        return InputError(path, "no such key", place=key and f"key {key}")
+    shown = "" if fault["type"] in ("missing", "value_error") else f"{fault['input']!r}: "
     return InputError(path, f"{shown}{fault['msg'].removeprefix('Value error, ')}", place=key and f"key {key}")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from bevameter.framework.core.errors import InputError
-from bevameter.framework.core.vehicle import load_vehicle
+from bevameter.framework.core.vehicle import Wheel, load_vehicle
 
 
 @pytest.mark.parametrize(
@@ -14,6 +15,12 @@ from bevameter.framework.core.vehicle import load_vehicle
         ("[wheel]\nradius_m = 0.2\nwidth_m = 0\n", r"key wheel\.width_m: 0.*greater than 0"),
         ("[wheel]\nradius_m = 0.2\n", r"key wheel\.width_m: Field required"),
         ("[[wheels]]\nradius_m = 0.2\nwidth_m = 'b'\n", r"key wheels\.0\.width_m: 'b'"),
+        ("[wheel]\nradius_m = '0.2'\nwidth_m = 0.1\n", r"key wheel\.radius_m: '0\.2', expected a number"),
+        ("[wheel]\nradius_m = true\nwidth_m = 0.1\n", r"key wheel\.radius_m: True, expected a number"),
+        ("[wheel]\nradius_m = nan\nwidth_m = 0.1\n", r"key wheel\.radius_m: nan, expected metres"),
+        ("[wheel]\nradius_m = 0.2\nwidth_m = 0.1\ngrouser_count = true\n", r"grouser_count: True, expected a number"),
+        ("[wheel]\nradus_m = 0.2\nwidth_m = 0.1\n", r"key wheel\.radus_m: no such key"),
+        ("[wheel]\nradius_m = 0.2\nwidth_m = 0.1\n[noise]\nload_N = true\n", r"key noise\.load_N: True"),
     ],
 )
 def test_a_fault_is_told_by_its_key_and_value(tmp_path, text, said):
@@ -22,6 +29,14 @@ def test_a_fault_is_told_by_its_key_and_value(tmp_path, text, said):
     path.write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=said):
         load_vehicle(path)
+
+
+def test_numbers_of_other_libraries_and_a_byte_order_mark_are_taken(tmp_path):
+    path = tmp_path / "vehicle.toml"
+    path.write_text("[wheel]\nradius_m = 0.2\nwidth_m = 0.1\n", encoding="utf-8-sig")
+    wheel = Wheel(radius_m=np.float32(0.25), width_m=np.float64(0.1), grouser_count=np.int64(8))
+    assert load_vehicle(path).wheels[0].radius_m == 0.2
+    assert (wheel.radius_m, wheel.grouser_count) == (0.25, 8)
 
 
 @pytest.mark.parametrize("key", ["position_m", "position"])

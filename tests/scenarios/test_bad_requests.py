@@ -26,6 +26,7 @@ SOIL_FAULTS = {
     "no value": (SOIL.replace("500.0", "{sd = 5}"), ("c_Pa", "value")),
     "not finite": (SOIL.replace("500.0", "nan"), ("c_Pa", "nan")),
     "no TOML": ("c_Pa 500", ("valid TOML",)),
+    "empty": ("", ("no value", "c_Pa")),
 }
 
 

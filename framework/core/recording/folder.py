@@ -35,7 +35,7 @@ import numpy as np
 from pydantic import AliasChoices, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from ..errors import InputError
-from ..vehicle import Vehicle, input_error, load_toml, load_vehicle
+from ..vehicle import Finite, Vehicle, input_error, load_toml, load_vehicle
 from .digest import StreamDigest
 from .media import SoundFileStream
 from .paths import inside
@@ -71,7 +71,7 @@ class _Camera(_Part):
 
 
 class _Sound(_File):
-    start_s: Annotated[float, Field(allow_inf_nan=False)] = 0.0
+    start_s: Finite = 0.0
 
 
 class _Vibration(_File):

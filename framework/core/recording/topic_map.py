@@ -46,7 +46,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from ..errors import InputError
-from ..vehicle import input_error, load_toml
+from ..vehicle import Finite, Positive, Whole, input_error, load_toml
 from .bag_files import Topic
 from .types import WHEEL_COLUMNS
 
@@ -73,8 +73,8 @@ class Reading(_Part):
     """A number of a message: the path of its field, and what makes it SI: scale times value plus offset."""
 
     field: str
-    scale: Annotated[float, Field(allow_inf_nan=False)] = 1.0
-    offset: Annotated[float, Field(allow_inf_nan=False)] = 0.0
+    scale: Finite = 1.0
+    offset: Finite = 0.0
 
 
 AnyReading = Annotated[Reading, BeforeValidator(lambda value: {"field": value} if isinstance(value, str) else value)]
@@ -108,8 +108,8 @@ class SoundTopic(_Part):
     topic: str
     field: str | None = None
     format: SoundFormat | None = None
-    sample_rate_Hz: Annotated[int, Field(ge=1000, le=768_000)] | None = None
-    channels: Annotated[int, Field(ge=1, le=64)] | None = None
+    sample_rate_Hz: Annotated[Whole, Field(ge=1000, le=768_000)] | None = None
+    channels: Annotated[Whole, Field(ge=1, le=64)] | None = None
 
 
 class TopicMap(_Part):
@@ -117,7 +117,7 @@ class TopicMap(_Part):
 
     name: str | None = None
     site: str = ""
-    max_gap_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 0.5
+    max_gap_s: Positive = 0.5
     wheel: Annotated[tuple[WheelTopic, ...], BeforeValidator(lambda v: [v] if isinstance(v, dict) else v)] = ()
     pose: PoseTopic | None = None
     camera: CameraTopic | None = None
