@@ -24,7 +24,7 @@ from .forward import CHANNELS
 from .gate import LIMITS, Stretch, find_stretches, quasi_static
 from .geometry import by_geometry
 from .noise import sensor_noise
-from .plausible import check_signs, check_sizes, without_stuck
+from .plausible import check_signs, check_sizes, slow_clock, without_stuck
 from .slip_check import slip_disagreement
 from .trials import AS_TRIALS, is_of_trials, without_time
 
@@ -247,13 +247,13 @@ def _gather(table: WheelTable, vehicle: Vehicle, names: list[str | None]) -> Fel
     for name in names:
         wheel = vehicle.wheel(name)
         part = table if name is None else table.select(np.asarray(table.wheel) == name)
-        other_slip = slip_disagreement(part, wheel)
+        doubts = [doubt for doubt in (slip_disagreement(part, wheel), slow_clock(part)) if doubt]
         part = derive(part, wheel)
         # Before what is stuck is left out: on ground that does not yield a sinkage may well stay what it is.
         reasons.append(quasi_static(part, wheel))
         part, stuck = without_stuck(part)
         parts.append(part)
-        said = stuck if other_slip is None else [other_slip, *stuck]
+        said = [*doubts, *stuck]
         problems.extend(said if len(names) == 1 else [f"wheel {name}: {each}" for each in said])
     wheel = vehicle.wheel(names[0])
     if len(parts) == 1:

@@ -1,4 +1,4 @@
-"""Whether channels can be what their names say: signs, sizes, and sensors that are stuck."""
+"""Whether channels can be what their names say: signs, sizes, clocks, and sensors that are stuck."""
 
 from __future__ import annotations
 
@@ -9,9 +9,13 @@ import numpy as np
 from ..framework.core.errors import InputError
 from ..framework.core.recording.types import WheelTable
 from ..framework.core.vehicle import Wheel
+from .trials import is_of_trials
 
 _ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
 """What the ground answers with varies; a load may be the wheel's share of the weight, and a slip may be held."""
+
+_SLOWEST_S, _ROWS_OF_A_DRIVE = 2.0, 50
+"""A drive of so many rows is logged more often than at such intervals."""
 
 _FEWEST_ROWS = 5
 """Rows of which a sensor that moves does not read the same."""
@@ -64,6 +68,25 @@ def check_sizes(table: WheelTable, wheel: Wheel) -> None:
             table.source, f"{middle:.3g} m (median)", place="column sinkage_m",
             expected=f"less than the wheel's diameter, {2.0 * wheel.radius_m:.3g} m",
         )  # fmt: skip
+
+
+def slow_clock(table: WheelTable) -> str | None:
+    """Say, in words, that rows (n,) of a drive follow each other as slowly as if time were not in seconds, else None.
+
+    Parameters
+    ----------
+    table
+        Rows of one wheel, in order of time.
+    """
+    if len(table) < _ROWS_OF_A_DRIVE or "time_s" not in table or is_of_trials(table):
+        return None
+    step = float(np.median(np.diff(table["time_s"])))
+    if step <= _SLOWEST_S:
+        return None
+    return (
+        f"rows lie {step:.3g} s apart (median), yet slip and load go on from row to row: if time_s is not in seconds, "
+        "speeds along the drive, accelerations and lags are wrong"
+    )
 
 
 def without_stuck(table: WheelTable) -> tuple[WheelTable, list[str]]:

@@ -204,6 +204,13 @@ def test_a_sinkage_in_millimetres_is_refused(rng):
         identify(recording(with_columns(table, sinkage_m=1e3 * table["sinkage_m"])))
 
 
+@pytest.mark.parametrize(("unit", "said"), [(1e3, True), (1.0, False)])
+def test_a_clock_in_milliseconds_is_doubted(rng, unit, said):
+    table = drive(rng)
+    result = identify(recording(with_columns(table, time_s=unit * table["time_s"])))
+    assert any("rows lie 100 s apart" in problem for problem in result.problems) == said
+
+
 def test_thinning_is_said(rng, monkeypatch):
     monkeypatch.setattr("bevameter.identification.identify.MOST_ROWS", 120)
     result = identify(recording(drive(rng)))
