@@ -7,6 +7,11 @@ import numpy as np
 from ...framework.core.vehicle import Wheel
 from .effect import TORQUE, Contact, Drive, Effect, Parameter, Situation
 
+_ONE_WAY = (
+    "the wheel turns one way only: the constant T_c of the friction may be, or be partly, a wrong zero of the torque "
+    "sensor; read the torque with the wheel lifted and at rest"
+)
+
 
 class DrivetrainFriction(Effect):
     """Coulomb, viscous and load-dependent friction, which of them the form says."""
@@ -14,7 +19,7 @@ class DrivetrainFriction(Effect):
     slug = "drivetrain_friction"
     source = "B. Armstrong-Helouvry et al., Automatica 30 (1994)"
 
-    def __init__(self, form: str, torque_Nm: float, load_N: float, rate_rad_s: float) -> None:
+    def __init__(self, form: str, torque_Nm: float, load_N: float, rate_rad_s: float, *, one_way: bool = False) -> None:
         usual = 0.1 * torque_Nm
         parts = {
             "coulomb": Parameter("T_c", "N m", 0.0, 20.0 * usual, usual, usual),
@@ -25,6 +30,7 @@ class DrivetrainFriction(Effect):
         # What follows neither load nor speed is no more than a wrong zero of the torque.
         self.said_by = "torque_offset" if form == "coulomb" else ""
         self._terms = form.split("+")
+        self.remark = _ONE_WAY if one_way and "coulomb" in self._terms else ""
         self.needs = ("rim_speed_m_s",) if "viscous" in self._terms else ()
         self.parameters = tuple(parts[term] for term in self._terms)
         shown = {"coulomb": "T_c sign(omega)", "viscous": "b_v omega", "load": "mu W sign(omega)"}
@@ -44,10 +50,11 @@ class Stribeck(Effect):
     source = DrivetrainFriction.source
     needs = ("rim_speed_m_s",)
 
-    def __init__(self, torque_Nm: float, rate_rad_s: float, *, viscous: bool = False) -> None:
+    def __init__(self, torque_Nm: float, rate_rad_s: float, *, viscous: bool = False, one_way: bool = False) -> None:
         usual = 0.1 * torque_Nm
         self.form = "stribeck" + "+viscous" * viscous
         self.freed = viscous
+        self.remark = _ONE_WAY if one_way else ""
         self.equation = "T += [T_c + T_s exp(-(omega / omega_s)^2)] sign(omega)" + " + b_v omega" * viscous
         self.parameters = (
             Parameter("T_c", "N m", 0.0, 20.0 * usual, usual, usual),
@@ -56,7 +63,7 @@ class Stribeck(Effect):
                       0.7 * rate_rad_s),
             *([_viscous(usual, rate_rad_s)] if viscous else []),
         )  # fmt: skip
-        self._freer = [] if viscous else [Stribeck(torque_Nm, rate_rad_s, viscous=True)]
+        self._freer = [] if viscous else [Stribeck(torque_Nm, rate_rad_s, viscous=True, one_way=one_way)]
 
     def freer(self) -> list[Effect]:
         return list(self._freer)
@@ -90,7 +97,9 @@ def forms(situation: Situation) -> tuple[Effect, ...]:
     if drive.has("rim_speed_m_s"):
         names += ["viscous", "coulomb+viscous"]
     load, torque, usual = float(np.nanmean(drive.load_N)), float(situation.typical[TORQUE]), max(usual, 1e-6)
-    answer: list[Effect] = [DrivetrainFriction(name, torque, load, usual) for name in names]
+    senses = np.sign(drive.rim_speed_m_s)
+    one_way = not ((senses > 0.0).any() and (senses < 0.0).any())
+    answer: list[Effect] = [DrivetrainFriction(name, torque, load, usual, one_way=one_way) for name in names]
     if drive.has("rim_speed_m_s"):
-        answer.append(Stribeck(torque, usual))
+        answer.append(Stribeck(torque, usual, one_way=one_way))
     return tuple(answer)

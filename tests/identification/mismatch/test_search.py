@@ -184,6 +184,20 @@ def test_of_two_that_do_not_earn_their_places_the_better_one_is_left(trials, mon
     assert module._pruned(tries, both) is alone["soil_patch"]
 
 
+def test_a_constant_friction_says_that_it_may_be_a_wrong_zero_unless_the_wheel_turned_both_ways(trials):
+    problem, textbook, _ = trials(7110, ("slip_sinkage",), "hidden", "bench")
+    seen = situation(problem, textbook.fitted)
+    speed = seen.drive.rim_speed_m_s
+    both_ways = replace(
+        seen, drive=replace(seen.drive, rim_speed_m_s=np.where(np.arange(len(speed)) % 2, speed, -speed))
+    )
+    doubtful = {form.name for form in effects_for(seen, ["drivetrain_friction"]) if "wrong zero" in form.remark}
+    assert doubtful == {f"drivetrain_friction[{form}]" for form in (
+        "coulomb", "coulomb+load", "coulomb+viscous", "stribeck",
+    )}  # fmt: skip
+    assert not any(form.remark for form in effects_for(both_ways, ["drivetrain_friction"]))
+
+
 @pytest.mark.parametrize(
     ("behind", "errs", "kept"), [(3.0, 1.0, False), (9.0, 1.0, True), (3.0, 1.02, False), (3.0, 1.04, True)]
 )
