@@ -114,6 +114,7 @@ def name(
     top = max(0.0, float(np.max(score[admitted], initial=0.0)))
     weights = _by_best_form(search, np.where(admitted, np.exp((score - top) / unit), 0.0))
     weights = _to_whole_laws(search, weights)
+    weights = _with_further(search, weights, repeated)
     nothing = np.exp((0.0 - top) / unit)
     known = weights.sum() + nothing
     # What a smooth correction adds speaks against every set alike.
@@ -189,6 +190,29 @@ def _to_whole_laws(search: Search, weights: np.ndarray) -> np.ndarray:
             answer[number] -= _TO_WHOLE_LAW * weights[number]
             answer[other] += _TO_WHOLE_LAW * weights[number]
     return answer
+
+
+def _with_further(search: Search, weights: np.ndarray, repeated: float) -> np.ndarray:
+    """Weights (t,) of which the chosen set gives each that holds one more effect its share: that gains something, and
+    not what is asked of it, is no proof that it is not there.
+
+    Each has the odds beside the chosen set that the nats leave it which it lacks of what is asked.
+    """
+    chosen, odds = search.chosen, np.zeros_like(weights)
+    if not chosen.effects:
+        return weights
+    own = np.array([trial.slugs == chosen.slugs for trial in search.trials])
+    unit = temperature(chosen.gain / repeated)
+    for number, trial in enumerate(search.trials):
+        one_more = trial.slugs > chosen.slugs and len(trial.unexpected) == len(chosen.unexpected) + 1
+        if not one_more or weights[number] > 0.0 or trial.unheard_of:
+            continue
+        more = trial.gain - chosen.gain
+        asked = more - surplus(chosen, trial)
+        odds[number] = np.exp(min(more / (repeated * search.dispersion) - asked, 0.0) / unit)
+    odds = _by_best_form(search, odds)
+    given = weights[own].sum()
+    return np.where(own, weights / (1.0 + odds.sum()), weights) + given * odds / (1.0 + odds.sum())
 
 
 def _stand_ins(search: Search, slug: str, least: float) -> tuple[str, ...]:

@@ -232,6 +232,28 @@ def test_a_set_beside_which_another_effect_still_gains_is_doubted(searched, effe
     assert not asks_for_more(Search(found.textbook, (chosen, larger), (), found.textbook), repeated)
 
 
+@pytest.mark.parametrize(
+    ("more", "repeated", "least", "most"),
+    [
+        (39.0, 1.0, 0.25, 0.5),
+        (36.0, 1.0, 0.2, 0.4),
+        (15.0, 1.0, 0.0, 0.02),
+        (36.0, 3.0, 0.0, 0.02),
+        (90.0, 1.0, 0.4, 0.5),
+    ],
+)
+def test_what_gains_less_than_is_asked_beside_the_chosen_is_not_ruled_out(searched, more, repeated, least, most):
+    problem, found = searched
+    kinds = effects_for(situation(problem, found.textbook.fitted), ["slip_sinkage", "torque_gain"])
+    further = next(effect for effect in kinds if effect.slug == "torque_gain")
+    chosen = replace(found.chosen, gain=651.0)
+    larger = replace(chosen, effects=(*chosen.effects, further), gain=chosen.gain + more)
+    naming = name(Search(found.textbook, (chosen, larger), (), chosen), 0.0, repeated=repeated)
+    assert least <= naming.effects["torque_gain"] <= most
+    assert naming.effects["slip_sinkage"] > 0.9
+    assert naming.weights.sum() < 1.0
+
+
 @pytest.mark.parametrize(("gained", "sure"), [(100.0, True), (3000.0, False)])
 def test_look_alikes_are_told_apart_less_surely_the_more_is_gained(searched, gained, sure):
     """Published forms of one effect differ: by some nats in thousands, and these are no evidence for another effect."""
