@@ -19,6 +19,7 @@ from ..fit.textbook import best_fit
 from ..fit.together import together
 from ..fit.trial import ASKED_FOR, NOT_EXCLUDED, Trial, again, less, situation, temperature, textbook_trial, without
 from .asked import ROUGH, standing, surplus, worth
+from .hiding_pairs import hiding_pairs
 from .partners import beside_bump, one_more
 from .preferred import as_large
 from .singles import alike, other_forms
@@ -69,10 +70,15 @@ def search(
     best = beside_bump(tries, singles, max(without_bumps(anchored, singles), key=gain_of, default=anchored))
     if best.fitted.noise.spread.max() > ROUGH:
         best = _as_in_quiet_ground(tries, best)
+    hiding = hiding_pairs(tries, singles, best)
     if best.gain < ASKED_FOR:
-        return tries.ended(anchored)
+        best = max([trial for trial in hiding if surplus(anchored, trial) >= ASKED_FOR], key=gain_of, default=best)
+        if len(best.effects) < 2:
+            return tries.ended(anchored)
+        best = _exchanged(tries, singles, best)
     while len(best.effects) < MOST_EFFECTS:
-        challenger = max(one_more(tries, singles, best), key=partial(worth, best), default=best)
+        further = [*one_more(tries, singles, best), *(hiding if len(best.effects) == 1 else [])]
+        challenger = max(further, key=partial(worth, best), default=best)
         if challenger is best or surplus(best, challenger) < 0.0:
             break
         best = _exchanged(tries, singles, challenger)

@@ -1,0 +1,72 @@
+"""Two effects of which either hides the other: little alone, much together."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bevameter import Recording, SoilKnowledge, Vehicle, Wheel, WheelTable, explain
+from bevameter.identification.effects.catalogue import SLUGS, effects_for
+from bevameter.identification.identify import felt_rows
+from bevameter.identification.mismatch.fit.samples import gather
+from bevameter.identification.mismatch.fit.trial import ASKED_FOR, Trial, situation, textbook_trial, try_adding
+from bevameter.identification.mismatch.name.hiding_pairs import hiding_pairs
+from bevameter.identification.mismatch.name.tries import Tries
+from bevameter.identification.simulate import simulate
+
+NOISE = {"load_N": 0.2, "torque_Nm": 0.018, "slip": 0.0014, "sinkage_m": 2.4e-4, "drawbar_pull_N": 0.05}
+VEHICLE = Vehicle(wheels=(Wheel(radius_m=0.09, width_m=0.066),), noise=NOISE)
+SOIL = SoilKnowledge({"c_Pa": 570.0, "phi_rad": 0.488, "k_m": 0.0082, "stiffness_Pa": 7.2e4, "n": 0.72})
+FLATTENS, RUBS = "tyre_deflection:form=circle,compliance=7e-5", "drivetrain_friction:form=coulomb,T_c=0.055"
+
+
+def trials(*effects: str) -> Recording:
+    """A table of 105 steady trials of five loads, in no order, with the sensors' noise."""
+    rng = np.random.default_rng(34)
+    load = rng.permutation(np.tile([10.5, 19.0, 27.0, 35.5, 43.5], 21))
+    slip = rng.uniform(0.03, 0.7, len(load))
+    names = np.array([f"t{number}" for number in range(len(load))])
+    drive = WheelTable({"load_N": load, "slip": slip}, None, names, Path("table.csv"))
+    answers = simulate(VEHICLE, SOIL, drive, effects)
+    noisy = {name: answers[name] + sd * rng.normal(size=len(load)) for name, sd in NOISE.items()}
+    table = WheelTable(noisy, None, names, Path("table.csv"))
+    return Recording("table", Path("table.csv"), VEHICLE, None, "", "0" * 64, wheel=table)
+
+
+def tries_of(recording: Recording, *slugs: str) -> Tries:
+    rows = felt_rows(recording)
+    problem, textbook = textbook_trial(gather(rows.table, rows.wheel, rows.vehicle))
+    return Tries(problem, textbook, effects_for(situation(problem, textbook.fitted), slugs or SLUGS), lambda _: None)
+
+
+def alone_in(tries: Tries) -> list[Trial]:
+    return [try_adding(tries.problem, tries.textbook, tries.textbook, effect) for effect in tries.catalogue]
+
+
+def test_two_effects_are_come_upon_of_which_neither_is_asked_for_alone():
+    tries = tries_of(trials(FLATTENS, RUBS), "tyre_deflection", "drivetrain_friction")
+    alone = alone_in(tries)
+    assert max(trial.gain for trial in alone) < ASKED_FOR
+    (pair,) = hiding_pairs(tries, alone, tries.textbook)
+    assert pair.slugs == {"tyre_deflection", "drivetrain_friction"}
+    assert pair.gain > 3.0 * ASKED_FOR
+    assert pair in tries.trials
+
+
+@pytest.mark.parametrize("effects", [(), (FLATTENS,), (RUBS,)])
+def test_no_pair_is_fitted_where_one_effect_or_none_is_there(effects):
+    tries = tries_of(trials(*effects), "tyre_deflection", "drivetrain_friction", "torque_offset")
+    alone = alone_in(tries)
+    best = max(alone, key=lambda trial: trial.gain)
+    assert (best.gain > 10.0 * ASKED_FOR) == bool(effects)
+    assert hiding_pairs(tries, alone, best if effects else tries.textbook) == []
+
+
+def test_both_are_named_or_listed():
+    answer = explain(trials(FLATTENS, RUBS))
+    assert answer.verdict == "physics"
+    listed = {slug for each in answer.missing for slug in (each.effect, *each.indistinguishable_from)}
+    assert {"tyre_deflection", "drivetrain_friction"} <= listed
+    flattens = next(each for each in answer.missing if each.effect == "tyre_deflection")
+    assert abs(flattens.parameters["compliance"].value - 7e-5) < 3.0 * flattens.parameters["compliance"].sd
