@@ -247,8 +247,8 @@ def _gather(table: WheelTable, vehicle: Vehicle, names: list[str | None]) -> Fel
     for name in names:
         wheel = vehicle.wheel(name)
         part = table if name is None else table.select(np.asarray(table.wheel) == name)
-        doubts = [doubt for doubt in (slip_disagreement(part, wheel), slow_clock(part)) if doubt]
-        part = derive(part, wheel)
+        recorded, part = part, derive(part, wheel)
+        doubts = [doubt for doubt in (slip_disagreement(recorded, wheel), slow_clock(part)) if doubt]
         # Before what is stuck is left out: on ground that does not yield a sinkage may well stay what it is.
         reasons.append(quasi_static(part, wheel))
         part, stuck = without_stuck(part)
@@ -330,8 +330,12 @@ def _linear(table: WheelTable, wheel: Wheel, known: SoilKnowledge) -> SoilEstima
     """The paper's estimate, as a `SoilEstimate`: a negative cohesion is not passed off as a finding."""
     needed = ("load_N", "torque_Nm", "sinkage_m", "slip")
     for name in needed:
-        if name not in table:
-            raise InputError(table.source, f"no column {name}", expected="load, torque, sinkage and slip for Eq. 22")
+        if name not in table or not np.isfinite(table[name]).any():
+            raise InputError(
+                table.source,
+                f"no column {name}, or none that changes",
+                expected="load, torque, sinkage and slip for Eq. 22",
+            )
     load, torque, sinkage, slip = (table[name] for name in needed)
     k_m = known.values.get("k_m", REPRESENTATIVE_K_M)
     result = linearised.estimate(load, torque, sinkage, slip, k_m, wheel)

@@ -76,12 +76,12 @@ def slow_clock(table: WheelTable) -> str | None:
     Parameters
     ----------
     table
-        Rows of one wheel, in order of time.
+        Rows of one wheel, in order of time, slip derived.
     """
     if len(table) < _ROWS_OF_A_DRIVE or "time_s" not in table or is_of_trials(table):
         return None
     step = float(np.median(np.diff(table["time_s"])))
-    if step <= _SLOWEST_S:
+    if not step > _SLOWEST_S:
         return None
     return (
         f"rows lie {step:.3g} s apart (median), yet slip and load go on from row to row: if time_s is not in seconds, "

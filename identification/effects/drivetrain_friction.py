@@ -7,9 +7,12 @@ import numpy as np
 from ...framework.core.vehicle import Wheel
 from .effect import TORQUE, Contact, Drive, Effect, Parameter, Situation
 
+_TURNS_BACK = 0.02
+"""Share of rows in which a wheel turns back from which on it does [-]."""
+
 _ONE_WAY = (
-    "the wheel turns one way only: the constant T_c of the friction may be, or be partly, a wrong zero of the torque "
-    "sensor; read the torque with the wheel lifted and at rest"
+    "as far as was recorded the wheel turns one way only: the constant T_c of the friction may be, or be partly, a "
+    "wrong zero of the torque sensor; read the torque with the wheel lifted and at rest"
 )
 
 
@@ -97,8 +100,8 @@ def forms(situation: Situation) -> tuple[Effect, ...]:
     if drive.has("rim_speed_m_s"):
         names += ["viscous", "coulomb+viscous"]
     load, torque, usual = float(np.nanmean(drive.load_N)), float(situation.typical[TORQUE]), max(usual, 1e-6)
-    senses = np.sign(drive.rim_speed_m_s)
-    one_way = not ((senses > 0.0).any() and (senses < 0.0).any())
+    known = drive.rim_speed_m_s[np.isfinite(drive.rim_speed_m_s)]
+    one_way = not len(known) or min(np.mean(known > 0.0), np.mean(known < 0.0)) < _TURNS_BACK
     answer: list[Effect] = [DrivetrainFriction(name, torque, load, usual, one_way=one_way) for name in names]
     if drive.has("rim_speed_m_s"):
         answer.append(Stribeck(torque, usual, one_way=one_way))

@@ -11,6 +11,7 @@ from bevameter import InputError, Recording, Vehicle, Wheel, WheelTable, identif
 from bevameter.identification.gate import find_stretches, quasi_static
 from bevameter.identification.identify import identify_segments
 from bevameter.identification.report import identification_json
+from bevameter.identification.trials import AS_TRIALS
 from bevameter.identification.wheel_soil import Soil, equilibrium
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.12)
@@ -209,6 +210,26 @@ def test_a_clock_in_milliseconds_is_doubted(rng, unit, said):
     table = drive(rng)
     result = identify(recording(with_columns(table, time_s=unit * table["time_s"])))
     assert any("rows lie 100 s apart" in problem for problem in result.problems) == said
+
+
+def test_trials_that_are_far_apart_in_time_are_no_slow_drive(rng):
+    """Their slip comes from the two speeds."""
+    count = 60
+    slip, load, rim = rng.uniform(0.05, 0.6, count), np.full(count, 110.0), np.full(count, 1.0)
+    state = equilibrium(WHEEL, SAND, load, slip)
+    columns = {
+        "time_s": 30.0 * np.arange(count), "load_N": load, "torque_Nm": state.torque_Nm, "sinkage_m": state.sinkage_m,
+        "wheel_speed_rad_s": rim, "travel_speed_m_s": rim * WHEEL.radius_m * (1.0 - slip),
+    }  # fmt: skip
+    problems = identify(recording(WheelTable(columns, None, None, Path("wheel.csv")))).problems
+    assert AS_TRIALS in problems
+    assert not any("rows lie" in problem for problem in problems)
+
+
+def test_the_linear_method_says_which_channel_it_lacks_that_is_stuck(rng):
+    table = drive(rng)
+    result = identify(recording(with_columns(table, torque_Nm=np.full(len(table), 5.0))), method="linear")
+    assert "no column torque_Nm, or none that changes" in result.segments[0].reason
 
 
 def test_thinning_is_said(rng, monkeypatch):

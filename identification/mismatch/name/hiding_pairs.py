@@ -5,6 +5,7 @@ A search that adds one effect to what gains most alone does not come upon them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import partial
 from itertools import combinations
@@ -17,9 +18,10 @@ from ..fit.fitting import Problem
 from ..fit.steps import Prior, normal_equations, scaled_inverse, scaled_solve
 from ..fit.together import together
 from ..fit.trial import ASKED_FOR, Trial, try_adding
+from .asked import ROUGH
 from .tries import Tries
 
-_MOST = 4
+_MOST = 6
 """Pairs that are fitted."""
 
 _RIDGE = 1e-9
@@ -29,6 +31,8 @@ _RIDGE = 1e-9
 def hiding_pairs(tries: Tries, singles: Sequence[Trial], best: Trial) -> list[Trial]:
     """Fit pairs that promise more than the best single effect gains, and by what is asked of an effect more together
     than both do alone; a pair of effects in the forms that promise most.
+
+    Weighed are effects that a step from nothing foretells, and neither places nor what the vehicle announces.
     """
     effects = [effect for effect in tries.catalogue if effect.nested and not effect.local and not effect.expected]
     first: dict[frozenset[str], tuple[Effect, Effect]] = {}
@@ -121,4 +125,6 @@ def _fitted(tries: Tries, singles: Sequence[Trial], best: Trial, pair: tuple[Eff
     problem, textbook, (first, second) = tries.problem, tries.textbook, pair
     alone = next((trial for trial in singles if trial.names == {first.name}), None)
     alone = alone or try_adding(problem, textbook, textbook, first)
-    return try_adding(problem, textbook, alone, second, best.fitted.score)
+    # A rival that leaves much to the ground ends no fit that may explain it.
+    rival = best.fitted.score if best.fitted.noise.spread.max() <= ROUGH else -math.inf
+    return try_adding(problem, textbook, alone, second, rival)

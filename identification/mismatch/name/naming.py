@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import expit
@@ -199,20 +199,27 @@ def _with_further(search: Search, weights: np.ndarray, repeated: float) -> np.nd
     Each has the odds beside the chosen set that the nats leave it which it lacks of what is asked.
     """
     chosen, odds = search.chosen, np.zeros_like(weights)
-    if not chosen.effects:
+    own = np.array([trial.slugs == chosen.slugs for trial in search.trials], dtype=bool)
+    if not chosen.effects or not own.any():
         return weights
-    own = np.array([trial.slugs == chosen.slugs for trial in search.trials])
-    unit = temperature(chosen.gain / repeated)
+    many, unit = repeated * search.dispersion, temperature(chosen.gain / repeated)
+    # What is chosen may be a form that gains a little less than another of the same effects.
+    best = max((trial for trial, same in zip(search.trials, own, strict=True) if same), key=lambda trial: trial.gain)
+    base = _counting_for(best, many)
     for number, trial in enumerate(search.trials):
-        one_more = trial.slugs > chosen.slugs and len(trial.unexpected) == len(chosen.unexpected) + 1
-        if not one_more or weights[number] > 0.0 or trial.unheard_of:
+        one_more = trial.slugs > chosen.slugs and len(trial.slugs) == len(chosen.slugs) + 1
+        expected = len(trial.unexpected) == len(chosen.unexpected)
+        if not one_more or expected or weights[number] > 0.0 or trial.unheard_of or not np.isfinite(trial.gain):
             continue
-        more = trial.gain - chosen.gain
-        asked = more - surplus(chosen, trial)
-        odds[number] = np.exp(min(more / (repeated * search.dispersion) - asked, 0.0) / unit)
+        odds[number] = np.exp(min(surplus(base, _counting_for(trial, many)), 0.0) / unit)
     odds = _by_best_form(search, odds)
     given = weights[own].sum()
     return np.where(own, weights / (1.0 + odds.sum()), weights) + given * odds / (1.0 + odds.sum())
+
+
+def _counting_for(trial: Trial, many: float) -> Trial:
+    """A trial of whose nats `many` count as one."""
+    return replace(trial, gain=trial.gain / many, rippled=trial.rippled / many)
 
 
 def _stand_ins(search: Search, slug: str, least: float) -> tuple[str, ...]:

@@ -70,7 +70,7 @@ def search(
     best = beside_bump(tries, singles, max(without_bumps(anchored, singles), key=gain_of, default=anchored))
     if best.fitted.noise.spread.max() > ROUGH:
         best = _as_in_quiet_ground(tries, best)
-    hiding = hiding_pairs(tries, singles, best)
+    hiding = hiding_pairs(tries, singles, best) if len(best.effects) < 2 else []
     if best.gain < ASKED_FOR:
         best = max([trial for trial in hiding if surplus(anchored, trial) >= ASKED_FOR], key=gain_of, default=best)
         if len(best.effects) < 2:

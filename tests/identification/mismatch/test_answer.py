@@ -238,7 +238,7 @@ def test_a_set_beside_which_another_effect_still_gains_is_doubted(searched, effe
         (39.0, 1.0, 0.25, 0.5),
         (36.0, 1.0, 0.2, 0.4),
         (15.0, 1.0, 0.0, 0.02),
-        (36.0, 3.0, 0.0, 0.02),
+        (36.0, 3.0, 0.1, 0.2),
         (90.0, 1.0, 0.4, 0.5),
     ],
 )
@@ -251,7 +251,12 @@ def test_what_gains_less_than_is_asked_beside_the_chosen_is_not_ruled_out(search
     naming = name(Search(found.textbook, (chosen, larger), (), chosen), 0.0, repeated=repeated)
     assert least <= naming.effects["torque_gain"] <= most
     assert naming.effects["slip_sinkage"] > 0.9
-    assert naming.weights.sum() < 1.0
+    alone = name(Search(found.textbook, (chosen,), (), chosen), 0.0, repeated=repeated)
+    assert naming.weights.sum() == pytest.approx(alone.weights.sum()), "only the chosen set's share is divided"
+    # Counted for what it says, the same evidence has the same odds.
+    once = [replace(trial, gain=trial.gain / repeated) for trial in (chosen, larger)]
+    same = name(Search(found.textbook, tuple(once), (), once[0]), 0.0)
+    assert naming.effects["torque_gain"] == pytest.approx(same.effects["torque_gain"])
 
 
 @pytest.mark.parametrize(("gained", "sure"), [(100.0, True), (3000.0, False)])
