@@ -101,7 +101,7 @@ def forms(situation: Situation) -> tuple[Effect, ...]:
         names += ["viscous", "coulomb+viscous"]
     load, torque, usual = float(np.nanmean(drive.load_N)), float(situation.typical[TORQUE]), max(usual, 1e-6)
     known = drive.rim_speed_m_s[np.isfinite(drive.rim_speed_m_s)]
-    one_way = not len(known) or min(np.mean(known > 0.0), np.mean(known < 0.0)) < _TURNS_BACK
+    one_way = not len(known) or float(min(np.mean(known > 0.0), np.mean(known < 0.0))) < _TURNS_BACK
     answer: list[Effect] = [DrivetrainFriction(name, torque, load, usual, one_way=one_way) for name in names]
     if drive.has("rim_speed_m_s"):
         answer.append(Stribeck(torque, usual, one_way=one_way))
