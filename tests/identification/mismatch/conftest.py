@@ -1,0 +1,27 @@
+"""A search that found one effect, which several modules look at."""
+
+from __future__ import annotations
+
+import pytest
+from bevameter.framework.scenario.concealed.conceal import conceal
+from bevameter.identification.effects.catalogue import effects_for
+from bevameter.identification.identify import felt_rows, open_recording
+from bevameter.identification.mismatch.fit.samples import gather
+from bevameter.identification.mismatch.fit.trial import (
+    situation,
+    textbook_trial,
+    try_adding,
+)
+from bevameter.identification.mismatch.name.tries import Search
+
+
+@pytest.fixture(scope="module")
+def searched(tmp_path_factory):
+    folder = conceal(7110, ("slip_sinkage",), "plain", protocol="steady").write(
+        tmp_path_factory.mktemp("made") / "sinks"
+    )
+    rows = felt_rows(open_recording(folder, None))
+    problem, textbook = textbook_trial(gather(rows.table, rows.wheel, rows.vehicle))
+    effect = next(iter(effects_for(situation(problem, textbook.fitted), ["slip_sinkage"])))
+    trial = try_adding(problem, textbook, textbook, effect)
+    return problem, Search(textbook, (trial,), (), trial)
