@@ -74,7 +74,7 @@ def test_no_share_is_asked_of_what_ripples_gain(made):
     _, _, alone, _, sensor = made
     rippling = replace(gaining(alone["slip_sinkage"], 700.0), rippled=640.0)
     assert surplus(rippling, gaining(sensor, 730.0)) == pytest.approx(15.0)
-    assert surplus(replace(rippling, rippled=0.0), gaining(sensor, 730.0)) == pytest.approx(-10.0)
+    assert surplus(replace(rippling, rippled=0.0), gaining(sensor, 730.0)) == pytest.approx(5.0)
 
 
 def test_two_effects_without_lugs_confirm_none(made):

@@ -19,7 +19,8 @@ from bevameter.identification.mismatch.fit.trial import (
     try_adding,
 )
 from bevameter.identification.mismatch.locate.noise_floor import noise_floor
-from bevameter.identification.mismatch.name.evidence import asks_for_more, doubts
+from bevameter.identification.mismatch.name.asked import surplus
+from bevameter.identification.mismatch.name.evidence import asks_for_more, doubts, leans_on_little
 from bevameter.identification.mismatch.name.naming import ASSERTED, name, why_not
 from bevameter.identification.mismatch.name.preferred import plainest, says_no_more
 from bevameter.identification.mismatch.name.tries import Search, Tries
@@ -43,13 +44,29 @@ def test_a_set_beside_which_another_effect_still_gains_is_doubted(searched, effe
     assert not asks_for_more(Search(found.textbook, (chosen, larger), (), found.textbook), repeated)
 
 
+@pytest.mark.parametrize(("more", "doubted"), [(26.0, True), (39.0, True), (41.0, False)])
+def test_a_second_effect_that_gains_little_is_named_and_doubted(searched, more, doubted):
+    problem, found = searched
+    kinds = effects_for(situation(problem, found.textbook.fitted), ["slip_sinkage", "torque_gain"])
+    further = next(effect for effect in kinds if effect.slug == "torque_gain")
+    alone = replace(found.chosen, gain=651.0)
+    both = replace(alone, effects=(*alone.effects, further), gain=alone.gain + more)
+    offset = replace(alone, effects=(further,), gain=200.0)
+    assert surplus(alone, both) > 0.0
+    search = Search(found.textbook, (alone, offset, both), (), both)
+    assert leans_on_little(search) == doubted
+    naming = name(search, 0.0, doubted=doubted)
+    assert (naming.effects["torque_gain"] >= ASSERTED) != doubted
+    assert naming.effects["torque_gain"] == pytest.approx(naming.effects["slip_sinkage"], rel=0.01)
+
+
 @pytest.mark.parametrize(
     ("more", "repeated", "least", "most"),
     [
-        (39.0, 1.0, 0.25, 0.5),
-        (36.0, 1.0, 0.2, 0.4),
-        (15.0, 1.0, 0.0, 0.02),
-        (36.0, 3.0, 0.1, 0.2),
+        (24.0, 1.0, 0.25, 0.5),
+        (21.0, 1.0, 0.1, 0.4),
+        (0.0, 1.0, 0.0, 0.02),
+        (36.0, 3.0, 0.05, 0.3),
         (90.0, 1.0, 0.4, 0.5),
     ],
 )

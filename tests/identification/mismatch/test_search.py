@@ -117,7 +117,10 @@ def test_a_further_effect_has_to_gain_more_the_more_is_gained_and_a_place_most(t
         best = replace(alone, gain=gained)
         return -surplus(best, replace(best, effects=(*best.effects, further), sharp=sharp))
 
-    assert [asked(load, gained) for gained in (100.0, 300.0, 1000.0, 4600.0)] == pytest.approx([15.0, 24.0, 40.0, 69.0])
+    assert [asked(load, gained) for gained in (100.0, 300.0, 1000.0, 4600.0)] == pytest.approx([15.0, 24.0, 25.0, 69.0])
+    two = replace(alone, effects=(*alone.effects, load), gain=1000.0)
+    (offset,) = forms("sinkage_offset").values()
+    assert -surplus(two, replace(two, effects=(*two.effects, offset))) == pytest.approx(40.0), "of a third one more"
     # What nothing shows to be a place is none, whatever it gains.
     assert {asked(patch, gained) for gained in (10.0, 100.0, 1800.0)} == {math.inf}
     # A place with edges is no other effect's form, nor is one that the ground varied by.
