@@ -22,7 +22,7 @@ from .asked import ROUGH, standing, surplus, worth
 from .hiding_pairs import hiding_pairs
 from .partners import beside_bump, one_more
 from .preferred import as_large
-from .singles import alike, other_forms
+from .singles import alike, alike_beside, other_forms
 from .tries import LEAST_PROMISE, Search, Tries, gain_of, without_bumps
 
 MOST_EFFECTS = 3
@@ -153,9 +153,15 @@ def _exchanged(tries: Tries, singles: Sequence[Trial], best: Trial) -> Trial:
     for effect in found.effects[:-1]:
         forms = [trial.effects[0] for trial in other_forms(singles, effect)]
         best = max([best, *standing(best, _with_instead(tries, found, effect, forms))], key=gain_of)
-    tried = {trial.names for trial in tries.trials}
+    return _instead_of_each(tries, singles, best)
+
+
+def _instead_of_each(tries: Tries, singles: Sequence[Trial], found: Trial) -> Trial:
+    """Exchange each effect of a set for what does as well alone, or beside the others in other forms; give the best."""
+    best, tried = found, {trial.names for trial in tries.trials}
     for effect in found.effects:
-        same, beside = alike(singles, effect), {each.name for each in found.effects if each is not effect}
+        same = alike(singles, effect) | alike_beside(tries.trials, found, effect)
+        beside = found.names - {effect.name}
         others = [e for e in tries.others(found.slugs) if e.name in same and beside | {e.name} not in tried]
         best = max([best, *standing(best, _with_instead(tries, found, effect, others))], key=gain_of)
     return best

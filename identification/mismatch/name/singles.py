@@ -1,4 +1,4 @@
-"""What effects gained alone: which other ones, and which other forms, a second effect is sought beside."""
+"""What effects gained alone, or beside others: which ones, and which forms, are tried in place of each other."""
 
 from __future__ import annotations
 
@@ -44,3 +44,26 @@ def alike(singles: Sequence[Trial], effect: Effect) -> set[str]:
     near = [trial for trial in others if abs(trial.gain - own) < NOT_EXCLUDED * temperature(own)]
     near.sort(key=lambda trial: abs(trial.gain - own))
     return {trial.effects[0].name for trial in near[:_ALIKE]}
+
+
+def alike_beside(tried: Sequence[Trial], best: Trial, effect: Effect) -> set[str]:
+    """Names of effects, few, that do as well in one's place, whatever the forms of the others of a set were: a form of
+    these that came late may not have been tried beside them.
+    """
+    kept = best.slugs - {effect.slug}
+    own: dict[frozenset[str], float] = {}
+    for trial in tried:
+        beside = frozenset(each.name for each in trial.effects if each.slug in kept)
+        if trial.slugs == best.slugs:
+            own[beside] = max(own.get(beside, 0.0), trial.gain)
+    behind: dict[str, tuple[float, str]] = {}
+    for trial in tried:
+        others = [each for each in trial.effects if each.slug not in best.slugs]
+        beside = frozenset(each.name for each in trial.effects if each.slug in kept)
+        if len(others) != 1 or trial.slugs - best.slugs | kept != trial.slugs or beside not in own:
+            continue
+        nats = own[beside] - trial.gain
+        if nats < NOT_EXCLUDED * temperature(own[beside]):
+            slug = others[0].slug
+            behind[slug] = min(behind.get(slug, (nats, others[0].name)), (nats, others[0].name))
+    return {name for _, name in sorted(behind.values())[:_ALIKE]}

@@ -30,7 +30,7 @@ from bevameter.identification.mismatch.name.asked import calmed, is_bump, surplu
 from bevameter.identification.mismatch.name.partners import one_more
 from bevameter.identification.mismatch.name.preferred import plainest
 from bevameter.identification.mismatch.name.search import search
-from bevameter.identification.mismatch.name.singles import alike
+from bevameter.identification.mismatch.name.singles import alike, alike_beside
 from bevameter.identification.mismatch.name.tries import Tries
 
 
@@ -416,3 +416,28 @@ def test_where_the_textbook_is_wrong_few_rows_are_fitted_from_other_soils_too(sh
     trial = try_adding(problem, textbook, textbook, load)
     assert trial.gain > 400.0
     assert trial.fitted.score > alone.score + 30.0
+
+
+def test_what_did_as_well_beside_another_form_of_a_partner_is_tried_beside_the_chosen_form(trials):
+    _, textbook, forms = trials(7110, ("slip_sinkage",), "hidden", "bench")
+    sinks = forms("slip_sinkage")
+    early, late = sinks["slip_sinkage[exponent]"], sinks["slip_sinkage[ratio]"]
+    gain, load, offset, peak = (
+        next(iter(forms(slug).values())) for slug in ("torque_gain", "load_gain", "sinkage_offset", "stress_peak_shift")
+    )
+
+    def gaining(nats: float, *effects):
+        return replace(textbook, effects=effects, gain=nats)
+
+    best = gaining(340.0, gain, late)
+    tried = [
+        gaining(310.0, early, gain),
+        gaining(305.0, early, load),
+        gaining(290.0, early, offset),
+        gaining(300.0, late, peak),
+        gaining(309.0, load, peak),
+        best,
+    ]
+    # The load's gain is five nats behind, like with like; the offset is twenty, and the peak forty.
+    assert alike_beside(tried, best, gain) == {load.name}
+    assert alike_beside(tried, best, late) == set()
