@@ -14,7 +14,7 @@ from ...effects.effect import Drive
 from ...forward import CHANNELS
 from ..fit.fitting import Fitted, Problem
 
-_SEGMENTS, _SHORTEST, _LONGEST = 8, 64, 512
+_SEGMENTS, _SHORTEST, _LONGEST = 8, 48, 512
 """Into how many segments a recording is cut (they overlap by half), and the fewest and most rows of one."""
 
 _OVERLAP = 1.0 / 36.0
