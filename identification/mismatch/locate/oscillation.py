@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import median_filter
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import welch
-from scipy.stats import chi2
+from scipy.stats import f as ratio_of_variances
 
 from ...effects.effect import Drive
 from ...forward import CHANNELS
@@ -21,8 +21,12 @@ _OVERLAP = 1.0 / 36.0
 """Squared correlation of the spectra of two Hann segments that overlap by half (P. D. Welch, IEEE Trans. Audio
 Electroacoust. 15 (1967), 70-73)."""
 
-_AROUND = 12
-"""Frequencies on each side whose median is the background."""
+_AWAY, _BESIDE = 2, 9
+"""Frequencies on each side that a line reaches into, and those after them whose mean is the background: the side with
+more, for noise behind a filter has a slope or an edge, and a line stands out of both sides."""
+
+_INDEPENDENT = 0.6
+"""Share of neighbouring frequencies of Hann segments that tell independently [-]."""
 
 _SLOWEST = 6
 """Periods in a segment below which an oscillation may be ground or memory."""
@@ -66,15 +70,16 @@ class _Spectra:
         """Log-probability (k, m) by which noise is as strong at each frequency; 0 where it is not looked at."""
         answer = np.zeros_like(self.power)
         searched = slice(_SLOWEST - 1, len(self.frequency) - 2)
-        answer[searched] = chi2.logsf(self.freedom * (self.power / self.background)[searched], self.freedom)
+        ratio = (self.power / self.background)[searched]
+        answer[searched] = ratio_of_variances.logsf(ratio, self.freedom, _INDEPENDENT * _BESIDE * self.freedom)
         return answer
 
 
 def oscillations(problem: Problem, fitted: Fitted) -> tuple[Oscillation, ...]:
     """Find the strongest line in what a fit leaves of each channel (n, m), SI.
 
-    None where rows do not follow evenly in time for long enough, as of a recording that was thinned, or where load or
-    slip have a line there, or at half of its frequency.
+    None where rows do not follow evenly in time for long enough, or where load or slip have a line there, or at half of
+    its frequency.
     """
     drive = problem.samples.drive
     spectra = _spectra(drive, np.nan_to_num(fitted.residuals))
@@ -120,15 +125,12 @@ def _spectra(drive: Drive, series: np.ndarray) -> _Spectra | None:
     frequency = each[0][0][1:-1]
     power = np.average([spectrum[1:-1] for _, spectrum in each], axis=0, weights=counts)
     freedom = 2.0 * sum(counts) / (1.0 + 2.0 * _OVERLAP)
-    flat = _flat(series, frequency * step)
-    middle = median_filter(power * flat, (2 * _AROUND + 1, 1), mode="reflect")
-    background = np.maximum(middle / flat * freedom / chi2.median(freedom), _NOTHING)
-    return _Spectra(frequency, power, background, freedom)
+    return _Spectra(frequency, power, _background(power), freedom)
 
 
-def _flat(series: np.ndarray, per_row: np.ndarray) -> np.ndarray:
-    """Factors (k, m) that take the slope out of spectra at frequencies (k,) [1/row]: those of a memory of one row."""
-    series = series - series.mean(axis=0)
-    size = np.maximum(np.sum(series**2, axis=0), _NOTHING)
-    memory = np.sum(series[1:] * series[:-1], axis=0) / size
-    return np.abs(1.0 - memory * np.exp(-2.0j * np.pi * per_row)[:, None]) ** 2
+def _background(power: np.ndarray) -> np.ndarray:
+    """Mean power (k, m) beside each frequency, on the side that has more."""
+    reach = _AWAY + (_BESIDE + 1) // 2
+    mean = uniform_filter1d(power, _BESIDE, axis=0, mode="reflect")
+    padded = np.pad(mean, ((reach, reach), (0, 0)), mode="reflect")
+    return np.maximum(np.maximum(padded[: len(power)], padded[2 * reach :]), _NOTHING)

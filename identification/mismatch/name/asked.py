@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -91,6 +92,11 @@ def standing(best: Trial, trials: Iterable[Trial]) -> list[Trial]:
 def hardly_asked_for(smaller: Trial, larger: Trial) -> bool:
     """Say whether a second effect gains what it has to, but less than what stands in for what is missing may gain."""
     return surplus(smaller, larger) >= 0.0 > surplus(smaller, larger, MOST_ASKED_FOR)
+
+
+def counting_for(trial: Trial, many: float) -> Trial:
+    """A trial of whose nats `many` count as one."""
+    return replace(trial, gain=trial.gain / many, rippled=trial.rippled / many)
 
 
 def asked_beside(gained: float, most: float = MOST_ASKED_FOR) -> float:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import expit
 
 from ..fit.trial import ASKED_FOR, TEMPERATURE, UNHEARD_OF, Trial, temperature
-from .asked import MOST_ASKED_FOR, is_bump, rests_on_ground, surplus
+from .asked import MOST_ASKED_FOR, counting_for, is_bump, rests_on_ground, surplus
 from .preferred import says_no_more, whole_law
 from .tries import Search
 
@@ -205,21 +205,16 @@ def _with_further(search: Search, weights: np.ndarray, repeated: float) -> np.nd
     many, unit = repeated * search.dispersion, temperature(chosen.gain / repeated)
     # What is chosen may be a form that gains a little less than another of the same effects.
     best = max((trial for trial, same in zip(search.trials, own, strict=True) if same), key=lambda trial: trial.gain)
-    base = _counting_for(best, many)
+    base = counting_for(best, many)
     for number, trial in enumerate(search.trials):
         one_more = trial.slugs > chosen.slugs and len(trial.slugs) == len(chosen.slugs) + 1
         expected = len(trial.unexpected) == len(chosen.unexpected)
         if not one_more or expected or weights[number] > 0.0 or trial.unheard_of or not np.isfinite(trial.gain):
             continue
-        odds[number] = np.exp(min(surplus(base, _counting_for(trial, many)), 0.0) / unit)
+        odds[number] = np.exp(min(surplus(base, counting_for(trial, many)), 0.0) / unit)
     odds = _by_best_form(search, odds)
     given = weights[own].sum()
     return np.where(own, weights / (1.0 + odds.sum()), weights) + given * odds / (1.0 + odds.sum())
-
-
-def _counting_for(trial: Trial, many: float) -> Trial:
-    """A trial of whose nats `many` count as one."""
-    return replace(trial, gain=trial.gain / many, rippled=trial.rippled / many)
 
 
 def _stand_ins(search: Search, slug: str, least: float) -> tuple[str, ...]:
@@ -260,7 +255,8 @@ def why_not(trial: Trial, search: Search, repeated: float) -> str:
     if chosen.effects and rests_on_ground(trial, chosen):
         spread = [100.0 * float(each.fitted.noise.spread.max()) for each in (trial, chosen)]
         return f"leaves to ground that varies by {spread[0]:.0f} % (not {spread[1]:.0f} %) what the chosen set explains"
-    if behind < -MOST_ASKED_FOR and repeated > 1.0:
+    asked_for = behind < -MOST_ASKED_FOR or (trial.slugs > chosen.slugs and surplus(chosen, trial) >= 0.0)
+    if asked_for and repeated > 1.0:
         return f"gains {-behind:.0f} nats more, but neighbouring rows repeat each other: not so many count"
     if trial.slugs > chosen.slugs:
         return f"adds too little to what is chosen ({-behind:+.1f} nats)"

@@ -11,7 +11,7 @@ import numpy as np
 
 from ....framework.core.errors import InputError
 from ...augmented import SOIL_COUNT
-from ...effects.catalogue import effects_for
+from ...effects.catalogue import FROM_RESIDUALS, effects_for
 from ...effects.effect import Effect
 from ..fit.fitting import Problem, fit
 from ..fit.held_out import hold_out
@@ -22,7 +22,7 @@ from .asked import ROUGH, standing, surplus, worth
 from .hiding_pairs import hiding_pairs
 from .partners import beside_bump, one_more
 from .preferred import as_large
-from .singles import alike, alike_beside, other_forms
+from .singles import MOST_ALIKE, alike, alike_beside, other_forms
 from .tries import LEAST_PROMISE, Search, Tries, gain_of, without_bumps
 
 MOST_EFFECTS = 3
@@ -159,11 +159,16 @@ def _exchanged(tries: Tries, singles: Sequence[Trial], best: Trial) -> Trial:
 def _instead_of_each(tries: Tries, singles: Sequence[Trial], found: Trial) -> Trial:
     """Exchange each effect of a set for what does as well alone, or beside the others in other forms; give the best."""
     best, tried = found, {trial.names for trial in tries.trials}
+    offered = tries.others(found.slugs)
     for effect in found.effects:
-        same = alike(singles, effect) | alike_beside(tries.trials, found, effect)
-        beside = found.names - {effect.name}
-        others = [e for e in tries.others(found.slugs) if e.name in same and beside | {e.name} not in tried]
-        best = max([best, *standing(best, _with_instead(tries, found, effect, others))], key=gain_of)
+        beside, same = found.names - {effect.name}, alike(singles, effect)
+        others = {each.name: each for each in offered if each.name in same}
+        # What residuals lay out was tried beside all that was found: it does not stand in for two.
+        near = [each for each in alike_beside(tries.trials, found, effect) if each.slug not in FROM_RESIDUALS]
+        near = [each for each in near if beside | {each.name} not in tried]
+        others |= {each.name: each for each in near[:MOST_ALIKE]}
+        untried = [each for name, each in others.items() if beside | {name} not in tried]
+        best = max([best, *standing(best, _with_instead(tries, found, effect, untried))], key=gain_of)
     return best
 
 

@@ -17,8 +17,8 @@ _RUNNERS_UP = 3
 _FORMS = 3
 """Other forms of an effect beside which a second one is sought."""
 
-_ALIKE = 4
-"""Effects that do as well alone as one of a set and are tried in its place."""
+MOST_ALIKE = 4
+"""Effects that do as well alone as one of a set, or beside the others, and are tried in its place."""
 
 
 def runners_up(singles: Sequence[Trial], best: Trial) -> list[Trial]:
@@ -43,27 +43,32 @@ def alike(singles: Sequence[Trial], effect: Effect) -> set[str]:
     others = [trial for trial in singles if effect.slug not in trial.slugs and trial.gain >= ASKED_FOR]
     near = [trial for trial in others if abs(trial.gain - own) < NOT_EXCLUDED * temperature(own)]
     near.sort(key=lambda trial: abs(trial.gain - own))
-    return {trial.effects[0].name for trial in near[:_ALIKE]}
+    return {trial.effects[0].name for trial in near[:MOST_ALIKE]}
 
 
-def alike_beside(tried: Sequence[Trial], best: Trial, effect: Effect) -> set[str]:
-    """Names of effects, few, that do as well in one's place, whatever the forms of the others of a set were: a form of
-    these that came late may not have been tried beside them.
+def alike_beside(tried: Sequence[Trial], best: Trial, effect: Effect) -> list[Effect]:
+    """Effects that do as well in one's place, the nearest first, whatever the forms of the others of a set were: a form
+    of these that came late may not have been tried beside them.
     """
     kept = best.slugs - {effect.slug}
     own: dict[frozenset[str], float] = {}
     for trial in tried:
-        beside = frozenset(each.name for each in trial.effects if each.slug in kept)
         if trial.slugs == best.slugs:
-            own[beside] = max(own.get(beside, 0.0), trial.gain)
-    behind: dict[str, tuple[float, str]] = {}
+            forms = _forms(trial, kept)
+            own[forms] = max(own.get(forms, 0.0), trial.gain)
+    behind: dict[str, tuple[float, Effect]] = {}
     for trial in tried:
-        others = [each for each in trial.effects if each.slug not in best.slugs]
-        beside = frozenset(each.name for each in trial.effects if each.slug in kept)
-        if len(others) != 1 or trial.slugs - best.slugs | kept != trial.slugs or beside not in own:
+        forms, others = _forms(trial, kept), [each for each in trial.effects if each.slug not in best.slugs]
+        if len(others) != 1 or len(trial.effects) != len(best.effects) or forms not in own:
             continue
-        nats = own[beside] - trial.gain
-        if nats < NOT_EXCLUDED * temperature(own[beside]):
-            slug = others[0].slug
-            behind[slug] = min(behind.get(slug, (nats, others[0].name)), (nats, others[0].name))
-    return {name for _, name in sorted(behind.values())[:_ALIKE]}
+        nats = own[forms] - trial.gain
+        if nats < NOT_EXCLUDED * temperature(own[forms]):
+            nearest = behind.get(others[0].slug)
+            if nearest is None or nats < nearest[0]:
+                behind[others[0].slug] = nats, others[0]
+    return [other for _, other in sorted(behind.values(), key=lambda pair: pair[0])]
+
+
+def _forms(trial: Trial, slugs: frozenset[str]) -> frozenset[str]:
+    """Names of the forms that a set has of some effects."""
+    return frozenset(effect.name for effect in trial.effects if effect.slug in slugs)

@@ -23,7 +23,6 @@ from ..name.would_tell import would_tell
 from . import readable
 from .notes import notes_of
 from .shape import shape_of
-from .swings import swinging, swings
 from .wording import summarise, trust
 
 _MOST_LISTED = 6
@@ -62,8 +61,6 @@ def assemble(
     held = np.nan_to_num(remaining.held_out) if unknown_wins else 0.0
     after = chosen.held_out.residuals - held
     missing = _missing(problem, found, naming, remaining)
-    swing = () if missing else swinging(swings(problem, chosen.fitted))
-    missing = missing or swing
     verdict = _verdict(missing)
     unsure: list[str] = []
     if verdict in ("physics", "instrument"):
@@ -75,7 +72,7 @@ def assemble(
         missing = tuple(replace(e, indistinguishable_from=e.indistinguishable_from[:others]) for e in asserted)
     if verdict == "cannot_tell":
         missing = _most_probable(missing, naming)
-    if verdict == "none" or swing:
+    if verdict == "none":
         after, regions = before, ()
     before = before if simulated is None else simulated[:, problem.answers]
     fits = _fits(problem, before, after, chosen.fitted, np.random.default_rng(seed))
@@ -97,11 +94,7 @@ def assemble(
         fits=fits,
         split=problem.samples.split,
         heldout_nats=Estimate(*gained),
-        notes=(
-            *problems,
-            *notes_of(problem, found, best, (before, after), unsure, repeated, doubted),
-            *([] if swing else swings(problem, best.fitted)),
-        ),
+        notes=(*problems, *notes_of(problem, found, best, (before, after), unsure, repeated, doubted)),
         rows=_rows(problem, before, after, chosen.fitted),
         simulator=best.fitted.model,
         vector=best.fitted.vector,

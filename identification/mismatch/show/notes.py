@@ -11,6 +11,7 @@ from ....framework.core.recording.types import Labels
 from ...effects.time_faults import bends_foretold, slips_at_one_rate
 from ..fit.fitting import Fitted, Problem
 from ..fit.trial import Trial
+from ..locate.oscillation import oscillations
 from ..name.naming import MANY
 from ..name.tries import Search
 from . import readable
@@ -69,6 +70,7 @@ def notes_of(
         *_dispersed(found),
         *_ground(problem, best.fitted),
         *_repeated(repeated),
+        *_oscillates(problem, best.fitted),
         *_crossed_once(best),
         *_not_considered(problem, found),
         *(effect.remark for effect in best.effects if effect.remark),
@@ -160,6 +162,23 @@ def _repeated(repeated: float) -> list[str]:
     return [
         f"what is left repeats itself from row to row, as behind a slow amplifier: {repeated:.1f} rows count as one"
     ]
+
+
+def _oscillates(problem: Problem, fitted: Fitted) -> list[str]:
+    """Say what swings by the clock, and how often it does so in a turn of the wheel."""
+    speed, radius_m = problem.samples.drive.rim_speed_m_s, problem.samples.wheel.radius_m
+    known = np.isfinite(speed).any()
+    turns_Hz = float(np.nanmedian(np.abs(speed))) / (2.0 * math.pi * radius_m) if known else 0.0
+    answer = []
+    for line in oscillations(problem, fitted):
+        how = readable.shown(line.channel)
+        often = f", {line.frequency_Hz / turns_Hz:.3g} times in a usual turn of the wheel" if turns_Hz > 0.0 else ""
+        answer.append(
+            f"what is left of {how.name} oscillates at {line.frequency_Hz:.3g} Hz by "
+            f"{readable.number(line.amplitude, how.scale)} {how.unit}{often}: a resonance, a controller, or lugs whose "
+            "angle was not recorded"
+        )
+    return answer
 
 
 def _not_considered(problem: Problem, found: Search) -> list[str]:

@@ -29,8 +29,7 @@ def summarise(explanation: Explanation) -> str:
     unsure = [each for each in explanation.missing if each.probability < ASSERTED]
     if explanation.verdict == "unknown":
         shape = next(each for each in explanation.missing if each.kind == "unknown")
-        it = "it; what is left" if explanation.located else "this"
-        parts.append(f"Nothing in the catalogue explains {it}: {shape.description}.")
+        parts.append(f"Nothing in the catalogue explains it; what is left: {shape.description}.")
     parts += [_statement(each) for each in sure if each.kind != "unknown"]
     if unsure and explanation.verdict != "unknown":
         listed = ", ".join(
@@ -76,8 +75,6 @@ def _far(explanation: Explanation) -> list[str]:
 
 
 def _where(explanation: Explanation) -> str:
-    if not explanation.located and explanation.verdict == "unknown":
-        return ""
     if not explanation.located:
         return "The channels leave the simulation, but nowhere in particular."
     first = explanation.located[0]

@@ -9,8 +9,7 @@ import pytest
 from bevameter import explain
 from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.mismatch.locate.oscillation import oscillations
-from bevameter.identification.mismatch.show.report import report_html
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter
 
 ROWS, STEP_S = 1000, 0.05
 TIME_S = STEP_S * np.arange(ROWS)
@@ -80,33 +79,33 @@ def test_short_stretches_of_a_thinned_recording_tell_too(rng):
     assert [line.frequency_Hz for line in left(rng.normal(size=(ROWS, 2)) + swing, clock, runs)] == pytest.approx(
         [3.1, 3.1], abs=0.3
     )
-    for memory in (0.0, 0.8, -0.5):
-        noise = lfilter([1.0], [1.0, -memory], rng.normal(size=(200, ROWS, 2)), axis=1)
-        assert sum(bool(left(each, clock, runs)) for each in noise) == 0
 
 
-@pytest.mark.parametrize("catalogue", [["slip_sinkage", "torque_gain"], ["rolling_radius"]])
-def test_a_resonance_alone_is_unknown_and_beside_an_effect_a_note(tmp_path, catalogue):
-    hidden = ("rolling_radius",) if "rolling_radius" in catalogue else ()
-    made = conceal(792031, hidden, "hidden", "bench", samples=600)
+FILTERS = {
+    "white": ([1.0], [1.0]), "memory": ([1.0], [1.0, -0.8]), "Butterworth": butter(2, 0.3), "steep": butter(4, 0.4),
+    "mean": (np.full(3, 1.0 / 3.0), [1.0]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", FILTERS)
+@pytest.mark.parametrize(("rows", "pieces"), [(1000, 20), (300, 1), (150, 3), (50, 1)])
+@pytest.mark.parametrize("white", [0.0, 0.3])
+def test_noise_behind_a_filter_is_no_oscillation(rng, kind, rows, pieces, white):
+    """A slope or an edge of a spectrum is no line, in pieces of a thinned recording either."""
+    clock = STEP_S * np.arange(rows) + 100.0 * (np.arange(rows) * pieces // rows)
+    noise = lfilter(*FILTERS[kind], rng.normal(size=(150, rows + 60, 2)), axis=1)[:, 60:]
+    noise = noise / noise.std() + white * rng.normal(size=noise.shape)
+    assert sum(bool(left(each, clock, tuple(np.array_split(np.arange(rows), pieces)))) for each in noise) == 0
+
+
+def test_a_resonance_is_a_note_of_the_answer(tmp_path):
+    made = conceal(792031, (), "hidden", "bench", samples=600)
     columns, clock = made.recorded.columns, made.recorded.columns["time_s"]
     spread = 1.5 * made.truth["noise"]["torque_Nm"]
     frequency_Hz = 0.3 * made.truth["rate_Hz"]
     columns["torque_Nm"] = columns["torque_Nm"] + spread * np.sin(2.0 * np.pi * frequency_Hz * clock)
-    answer = explain(made.write(tmp_path / "swings"), catalogue=catalogue)
-    if hidden:
-        assert answer.verdict == "instrument"
-        assert [each.effect for each in answer.missing] == ["rolling_radius"]
-        (told,) = [note for note in answer.notes if "oscillates" in note]
-    else:
-        assert answer.verdict == "unknown"
-        assert [each.form for each in answer.missing] == ["oscillation by the clock"]
-        told = answer.missing[0].description
-        assert answer.summary.startswith(f"Nothing in the catalogue explains this: {told}")
-        assert not any("oscillates" in note for note in answer.notes)
-        assert {fit.rmse_before == fit.rmse_after for fit in answer.fits.values()} == {True}
-        page = report_html(answer)
-        assert "oscillation by the clock" in page
-        assert told in page
-    assert f"torque T oscillates at {frequency_Hz:.2g}" in told
-    assert "times in a usual turn of the wheel" in told
+    answer = explain(made.write(tmp_path / "swings"), catalogue=["slip_sinkage", "torque_gain"])
+    assert answer.verdict == "none"
+    (note,) = [note for note in answer.notes if "oscillates" in note]
+    assert f"torque T oscillates at {frequency_Hz:.2g}" in note
+    assert "times in a usual turn of the wheel" in note

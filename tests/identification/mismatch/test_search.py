@@ -433,11 +433,13 @@ def test_what_did_as_well_beside_another_form_of_a_partner_is_tried_beside_the_c
     tried = [
         gaining(310.0, early, gain),
         gaining(305.0, early, load),
+        gaining(308.0, early, peak),
         gaining(290.0, early, offset),
-        gaining(300.0, late, peak),
+        gaining(300.0, late, offset),
         gaining(309.0, load, peak),
         best,
     ]
-    # The load's gain is five nats behind, like with like; the offset is twenty, and the peak forty.
-    assert alike_beside(tried, best, gain) == {load.name}
-    assert alike_beside(tried, best, late) == set()
+    # Two and five nats are lacking, like with like; of the offset twenty beside one form and forty beside the other.
+    assert alike_beside(tried, best, gain) == [peak, load]
+    assert alike_beside(tried, best, late) == []
+    assert alike_beside([*tried, gaining(335.0, gain, peak)], best, late) == [peak]
