@@ -100,7 +100,7 @@ def counting_for(trial: Trial, many: float) -> Trial:
 
 
 def asked_beside(gained: float, most: float = MOST_ASKED_FOR) -> float:
-    """Nats that are asked of a further cause where so many are gained already, `most` as a share of them."""
+    """Nats that are asked of a further cause where so many are gained already; their share comes to `most` at most."""
     return max(_FURTHER_ASKED_FOR, min(_SHARE_ASKED_FOR * gained, most), _LEAST_SHARE * gained)
 
 

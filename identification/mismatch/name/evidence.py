@@ -87,7 +87,7 @@ def doubts(
     if asks_for_more(search, repeated):
         reasons.append("beside what fits best one more effect would still gain more than beside a complete set")
     if leans_on_little(search, repeated):
-        reasons.append("of what fits best one effect gains little beside the other")
+        reasons.append("the two effects that fit best gain little more than one alone")
     gained = search.chosen.gain
     left = remaining > max(REMAINS * repeated, _LEFT * gained) or felt > max(_FELT * repeated, _FELT_SHARE * gained)
     if left or leaves_in_all(problem, search.chosen, repeated):
@@ -201,12 +201,13 @@ def leans_on_little(search: Search, repeated: float) -> bool:
     """Say whether two effects that were chosen gain together hardly what is asked beside a single one, which may be no
     part of them. `repeated` rows count as one.
     """
-    chosen = search.chosen
-    both = counting_for(chosen, repeated)
+    if len(search.chosen.unexpected) != 2:
+        return False
+    both = counting_for(search.chosen, repeated)
     alone = [trial for trial in search.trials if len(trial.unexpected) == 1 and not is_bump(search.textbook, trial)]
-    alone = [counting_for(trial, repeated) for trial in alone if not rests_on_ground(trial, chosen)]
+    alone = [counting_for(trial, repeated) for trial in alone if not rests_on_ground(trial, search.chosen)]
     first = {trial.slugs: trial for trial in sorted(alone, key=lambda trial: trial.gain)}
-    return len(chosen.unexpected) == 2 and any(hardly_asked_for(trial, both) for trial in first.values())
+    return any(hardly_asked_for(trial, both) for trial in first.values())
 
 
 def instead_of(search: Search) -> tuple[str, ...]:

@@ -63,7 +63,7 @@ def test_a_second_effect_that_gains_little_is_named_and_doubted(searched, more, 
     search = Search(found.textbook, (alone, third, offset, both), (), both)
     assert leans_on_little(search, repeated) == doubted
     against = doubts(problem, search, 0.0, repeated)
-    assert ("of what fits best one effect gains little beside the other" in against) == doubted
+    assert ("the two effects that fit best gain little more than one alone" in against) == doubted
     naming = name(search, 0.0, repeated=repeated, doubted=doubted)
     assert (naming.effects["torque_gain"] >= ASSERTED) != doubted
     assert naming.effects["torque_gain"] == pytest.approx(naming.effects["slip_sinkage"], rel=0.02)
