@@ -19,7 +19,8 @@ from .explanation import Explanation
 from .fit.fitting import Problem
 from .fit.gross_errors import outlying
 from .fit.lanes import passes_apart
-from .fit.samples import Samples, gather
+from .fit.load_and_slip import gathered
+from .fit.samples import Samples
 from .fit.simulated import as_differences, attach
 from .fit.trial import ASKED_FOR, Trial, again, least_errors, situation, textbook_trial, without
 from .locate.joint_misfit import joint_correction
@@ -89,9 +90,10 @@ def explain(
     known = load_soil(soil) if isinstance(soil, str | Path) else soil or SoilKnowledge()
     rows = felt_rows(opened)
     table = rows.table if simulated is None else attach(rows.table, simulated)
-    samples, own = gather(table, rows.wheel, rows.vehicle), None
     # The search fills the cores by itself: more of BLAS's own threads beside it only wait for each other.
     with threadpool_limits(1):
+        tell("asking how well load and slip are known")
+        samples, own = gathered(table, rows.wheel, rows.vehicle, known), None
         if simulated is not None:
             tell("fitting the textbook wheel to the other simulator")
             samples, own = as_differences(samples, simulated)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -235,15 +236,19 @@ class Problem:
         Were the parameters held, what they leave unexplained would pass for variation of the soil, and they would not
         move once it does. They follow as far as one step goes: beyond, no line foretells what they would explain.
         """
-        ready = self._ready(response)
-
-        def weigh(noise: NoiseModel) -> Weighed:
-            loss, gradient, information = ready.weighed(noise, self.latent_covariance, self.gap)
-            step, gained = step_from(gradient, information, prior, vector, 0.0)
-            columns = np.stack([ready.columns[..., 0], ready.columns[..., 1:] @ step], axis=-1)
-            return Weighed(loss - gained, replace(ready, columns=columns), at_rest=not is_longest(step))
-
+        weigh = partial(self._weighed_beside, self._ready(response), vector, prior)
         return likeliest(weigh, start, self._noise_known.prior(self.most), self.latent_covariance, self.gap)
+
+    def least_loss(self, response: Response, vector: np.ndarray, start: NoiseModel, prior: Prior) -> float:
+        """Loss [nats] of a response's residuals beside the noise that explains them best (`best_noise`), and its."""
+        noise = self.best_noise(response, vector, start, prior)
+        return self._weighed_beside(self._ready(response), vector, prior, noise).loss + self.noise_loss(noise)
+
+    def _weighed_beside(self, ready: Ready, vector: np.ndarray, prior: Prior, noise: NoiseModel) -> Weighed:
+        loss, gradient, information = ready.weighed(noise, self.latent_covariance, self.gap)
+        step, gained = step_from(gradient, information, prior, vector, 0.0)
+        columns = np.stack([ready.columns[..., 0], ready.columns[..., 1:] @ step], axis=-1)
+        return Weighed(loss - gained, replace(ready, columns=columns), at_rest=not is_longest(step))
 
     def repeated_noise(self, response: Response, repeat: np.ndarray) -> NoiseModel:
         """Noise and variation of the soil that explain how repeats of one trial differ, whatever the model.

@@ -57,6 +57,9 @@ _STANDS_STILL = 0.1
 _REACH = 4
 """Neighbours on each side over which load and slip are averaged."""
 
+_LEAST_AVERAGED = 3
+"""Neighbours in time, itself one, of whose values a sample's is averaged at least."""
+
 _JUMP = 4.0
 """A sample so far from its own average is that of a jump, not of noise [noise]."""
 
@@ -127,7 +130,7 @@ class Samples:
         return np.isfinite(self.measured[:, list(self.answers)])
 
 
-def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
+def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle, shares: tuple[float, float] = (1.0, 1.0)) -> Samples:
     """Choose and lay out the rows.
 
     Parameters
@@ -136,6 +139,8 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
         Rows of wheels of one geometry, slip derived.
     wheel, vehicle
         The wheel, and the vehicle whose sensors' noise may be stated.
+    shares : (2,)
+        Of the noise that neighbours in time show of load and of slip, how much there is [-].
 
     Raises
     ------
@@ -189,6 +194,7 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
     drive = drive_of(table, wheel, stretch)
     if timed:
         drive = _smoothed(drive, table, noise)
+        drive, measured, noise = _restless(drive, measured, noise, shares)
     usable, unplaced = _on_known_ground(drive, usable)
     notes += unplaced
     rows = np.flatnonzero(usable)
@@ -322,6 +328,24 @@ def _averaged(values: np.ndarray, noise: float, stretch: np.ndarray) -> np.ndarr
     if np.nanstd(answer) < noise:
         answer[np.isfinite(answer)] = np.nanmean(answer)
     return answer
+
+
+def _restless(
+    drive: Drive, measured: np.ndarray, noise: np.ndarray, shares: tuple[float, float]
+) -> tuple[Drive, np.ndarray, np.ndarray]:
+    """Give load and slip that really change from row to row as they probably were, and with what error that is known.
+
+    Of how far a row is from its neighbours' average the rest of the variance, beside the noise's, is a real change: so
+    much of it is expected of each row, or what answers would seem to follow too weakly. The average errs, too.
+    """
+    measured, noise = measured.copy(), noise.copy()
+    for channel, name, share in ((LOAD, "load_N", shares[0]), (SLIP, "slip", shares[1])):
+        if share < 1.0:
+            average, real = getattr(drive, name), 1.0 - share**2
+            measured[:, channel] = average + real * (measured[:, channel] - average)
+            noise[channel] *= math.sqrt(share**2 * real + (1.0 - real) ** 2 / _LEAST_AVERAGED)
+            drive = replace(drive, **{name: measured[:, channel]})
+    return drive, measured, noise
 
 
 def quietness(lag: float) -> float:

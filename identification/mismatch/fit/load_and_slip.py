@@ -1,0 +1,88 @@
+"""How well load and slip are known: neighbours show at most how noisy they are, answers that follow them how little.
+
+A slip that really changes from row to row looks like one that is measured badly. What the wheel answers tells them
+apart: it follows the former, and not the latter.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from copy import copy
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from scipy.optimize import minimize_scalar, root_scalar
+
+from ....framework.core.recording.types import WheelTable
+from ....framework.core.soil import SoilKnowledge
+from ....framework.core.vehicle import Vehicle, Wheel
+from ...effects.effect import LOAD, SLIP
+from ...noise import LEAST_SHARE
+from .fitting import Fitted, Problem
+from .samples import Samples, gather
+from .textbook import fit_textbook
+
+_LEAST, _NEAR = math.log(0.05), 0.1
+"""ln of the least share of the noise that neighbours show, and how near it is sought [-]."""
+
+_TOLD, _AS_LIKELY = 25.0, 2.0
+"""Nats that less noise of load or slip has to gain, and by which the one that is taken, the most of those that gain it,
+is less likely than the likeliest. Of the drives of trials 22 and 25 (docs/other-generators.md), which are as noisy as
+neighbours show, less of it gained 19 in one and 11 at most in all others."""
+
+
+def gathered(table: WheelTable, wheel: Wheel, vehicle: Vehicle, known: SoilKnowledge) -> Samples:
+    """Choose and lay out the rows as `gather` does, load and slip with the noise that answers show."""
+    samples = gather(table, wheel, vehicle)
+    if not samples.drive.timed or samples.stated[[LOAD, SLIP]].all():
+        return samples
+    load, slip = noise_shares(*fit_textbook(samples, known)).tolist()
+    if min(load, slip) == 1.0:
+        return samples
+    better = gather(table, wheel, vehicle, (load, slip))
+    return replace(better, notes=(*better.notes, *_told(samples.noise, (load, slip))))
+
+
+def _told(noise: np.ndarray, shares: tuple[float, float]) -> list[str]:
+    """Say in words which of load and slip change by more than their noise, (5,) as neighbours show it."""
+    known = ((LOAD, shares[0], "the load", " N"), (SLIP, shares[1], "slip", ""))
+    return [
+        f"{name} changes from row to row, and what is measured follows it: its noise is "
+        f"{share * noise[channel]:.2g}{unit}, where neighbours show {noise[channel]:.2g}{unit}"
+        for channel, share, name, unit in known
+        if share < 1.0
+    ]
+
+
+def noise_shares(problem: Problem, fitted: Fitted) -> np.ndarray:
+    """Shares (2,) of the noise of load and of slip beside which a fit's residuals are likeliest, 1 where told or none.
+
+    A form that is wrong leaves more than there is: the shares are rather too large.
+    """
+    samples, shares = problem.samples, np.ones(2)
+    for index, channel in ((1, SLIP), (0, LOAD)):
+        least = LEAST_SHARE * float(np.nanmax(np.abs(samples.measured[:, channel])))
+        lowest = max(_LEAST, math.log(max(least, 1e-300) / samples.noise[channel]))
+        if samples.stated[channel] or lowest > -_NEAR:
+            continue
+        loss = partial(_loss, problem, fitted, shares, index)
+        found = minimize_scalar(loss, bounds=(lowest, 0.0), method="bounded", options={"xatol": _NEAR})
+        if loss(0.0) - found.fun > _TOLD:
+            above = partial(_above, loss, found.fun + _AS_LIKELY)
+            shares[index] = math.exp(root_scalar(above, bracket=(found.x, 0.0), xtol=_NEAR).root)
+    return shares
+
+
+def _above(loss: Callable[[float], float], level: float, log_share: float) -> float:
+    return loss(log_share) - level
+
+
+def _loss(problem: Problem, fitted: Fitted, shares: np.ndarray, index: int, log_share: float) -> float:
+    """Loss [nats] of a fit beside the likeliest noise of the answers, with another share of one of load and slip."""
+    tried = shares.copy()
+    tried[index] = math.exp(log_share)
+    other = copy(problem)
+    other.latent_covariance = problem.latent_covariance * np.outer(tried, tried)
+    return other.least_loss(fitted.response, fitted.vector, fitted.noise, problem.prior(fitted.model))

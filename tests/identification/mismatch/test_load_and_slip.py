@@ -1,0 +1,91 @@
+"""How well load and slip are known: what really changes from row to row is no noise of theirs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bevameter import Vehicle, Wheel, explain
+from bevameter.framework.core.recording.types import Recording, WheelTable
+from bevameter.framework.core.soil import SoilKnowledge
+from bevameter.identification.effects.effect import LOAD, SLIP
+from bevameter.identification.mismatch.explanation import Explanation
+from bevameter.identification.mismatch.fit.load_and_slip import gathered
+from bevameter.identification.mismatch.fit.samples import gather
+from bevameter.identification.wheel_soil import Soil, equilibrium
+
+WHEEL = Wheel(radius_m=0.14, width_m=0.1)
+ROWS = 600
+
+
+def drive(
+    seed: int, restless: tuple[float, float], noise: tuple[float, float], friction_Nm: float = 0.0
+) -> WheelTable:  # fmt: skip
+    """A drive whose load and slip really change from row to row by so much [share, -], and are measured so badly."""
+    rng = np.random.default_rng(seed)
+    time = 0.2 * np.arange(ROWS)
+    load = 150.0 * (1.0 + 0.3 * np.sin(0.11 * time)) * (1.0 + restless[0] * rng.normal(size=ROWS))
+    slip = 0.25 + 0.18 * np.sin(0.17 * time + 1.0) + restless[1] * rng.normal(size=ROWS)
+    state = equilibrium(WHEEL, Soil(900.0, 0.52, 0.012, 4e5, 0.95), load, slip)
+    answers = {
+        "torque_Nm": state.torque_Nm + friction_Nm + 0.05 * rng.normal(size=ROWS),
+        "sinkage_m": state.sinkage_m + 2e-4 * rng.normal(size=ROWS),
+        "drawbar_pull_N": state.drawbar_pull_N + 0.4 * rng.normal(size=ROWS),
+    }
+    measured = {
+        "load_N": load * (1.0 + noise[0] * rng.normal(size=ROWS)),
+        "slip": slip + noise[1] * rng.normal(size=ROWS),
+    }
+    return WheelTable({"time_s": time, **measured, **answers}, None, None, "made")
+
+
+def noises(table: WheelTable, stated: dict[str, float] | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """What neighbours show of load and slip, and what answers do."""
+    vehicle = Vehicle(name="made", wheels=(WHEEL,), noise=stated or {})
+    shown = gather(table, WHEEL, vehicle).noise[[LOAD, SLIP]]
+    return shown, gathered(table, WHEEL, vehicle, SoilKnowledge()).noise[[LOAD, SLIP]]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_answers_follow_is_no_noise(seed):
+    shown, told = noises(drive(seed, (0.04, 0.02), (0.0, 0.0)))
+    assert shown[1] > 0.012
+    assert (told < 0.25 * shown).all()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_they_do_not_follow_is(seed):
+    shown, told = noises(drive(seed, (0.0, 0.0), (0.02, 0.012)))
+    np.testing.assert_allclose(told, shown, rtol=0.2)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_of_both_together_the_noise_is_told(seed):
+    shown, told = noises(drive(seed, (0.0, 0.016), (0.0, 0.006)))
+    assert shown[1] > 0.012
+    assert told[1] == pytest.approx(0.006, rel=0.3)
+
+
+def test_what_the_vehicle_states_stands():
+    stated = {"slip": 0.015, "load_N": 6.0}
+    _, told = noises(drive(1, (0.04, 0.02), (0.0, 0.0)), stated)
+    np.testing.assert_array_equal(told, [6.0, 0.015])
+
+
+def explained(table: WheelTable, stated: dict[str, float]) -> Explanation:
+    vehicle = Vehicle(name="made", wheels=(WHEEL,), noise=stated)
+    return explain(Recording("table", Path("table.csv"), vehicle, None, "", "0" * 64, wheel=table))
+
+
+def test_a_wrong_zero_shows_more_clearly_beside_it():
+    table = drive(3, (0.0, 0.02), (0.0, 0.0), friction_Nm=0.08)
+    as_shown, told = explained(table, {"slip": 0.02}), explained(table, {})
+    assert told.missing[0].effect == "torque_offset"
+    assert told.heldout_nats.value > as_shown.heldout_nats.value + 10.0
+    assert any("slip changes from row to row" in note and "neighbours show 0.02" in note for note in told.notes)
+    assert not any("from row to row" in note for note in as_shown.notes)
+
+
+def test_nothing_is_missing_from_a_restless_drive():
+    assert explained(drive(5, (0.03, 0.02), (0.0, 0.003)), {}).verdict == "none"
