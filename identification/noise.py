@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from scipy.ndimage import median_filter
 from scipy.spatial import KDTree
@@ -52,7 +54,16 @@ def noise_from_neighbours(table: WheelTable, values: np.ndarray) -> float:
         wheels = [table.wheel == wheel for wheel in np.unique(table.wheel)]
         measured = [noise_from_neighbours(table.select(one), values[one]) for one in wheels if one.sum() > 2]
         return float(np.median(measured)) if measured else 0.0
-    second = np.diff(values, 2)[same]
+    return _of_second(np.diff(values, 2)[same])
+
+
+def noise_of_series(series: Iterable[np.ndarray]) -> float:
+    """Noise of stretches of neighbours in time, as `noise_from_neighbours`."""
+    return _of_second(np.concatenate([np.empty(0), *(np.diff(values, 2) for values in series)]))
+
+
+def _of_second(second: np.ndarray) -> float:
+    """Standard deviation of the white noise whose second differences are these."""
     second = second[np.isfinite(second)]
     return NORMAL_MAD * float(np.median(np.abs(second))) / np.sqrt(6.0) if second.size else 0.0
 
@@ -78,6 +89,12 @@ def _from_repeats(table: WheelTable, values: np.ndarray, name: str) -> float:
     difference = (values - values[other])[apart[:, 1] < 0.1]
     difference = difference[np.isfinite(difference)]
     return NORMAL_MAD * float(np.median(np.abs(difference))) / np.sqrt(2.0) if difference.size else 0.0
+
+
+def in_time(values: np.ndarray, stretch: np.ndarray) -> list[np.ndarray]:
+    """Series of neighbours in time of values (n,), whose `stretch` (n,) is numbered; such as are too short aside."""
+    ends = np.flatnonzero(np.diff(stretch)) + 1
+    return [each for each in np.split(values, ends) if len(each) > 2]
 
 
 def from_running_median(values: np.ndarray, stretch: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ from ....framework.core.recording.types import WheelTable
 from ....framework.core.soil import SoilKnowledge
 from ....framework.core.vehicle import Vehicle, Wheel
 from ...effects.effect import LOAD, SLIP
-from ...noise import LEAST_SHARE
+from ...noise import LEAST_SHARE, in_time, noise_of_series
 from .fitting import Fitted, Problem
 from .samples import Samples, gather
 from .textbook import fit_textbook
@@ -33,16 +33,35 @@ is less likely than the likeliest. Of the drives of trials 22 and 25 (docs/other
 neighbours show, less of it gained 19 in one and 11 at most in all others."""
 
 
+_MUCH_LESS = 0.7
+"""Share of the noise that neighbours in an answer show below which what is left of them tells it better [-]."""
+
+
 def gathered(table: WheelTable, wheel: Wheel, vehicle: Vehicle, known: SoilKnowledge) -> Samples:
-    """Choose and lay out the rows as `gather` does, load and slip with the noise that answers show."""
+    """Choose and lay out the rows as `gather` does, with the noise of each channel that the answers bear out."""
     samples = gather(table, wheel, vehicle)
-    if not samples.drive.timed or samples.stated[[LOAD, SLIP]].all():
+    if not samples.drive.timed or samples.stated[[LOAD, SLIP, *samples.answers]].all():
         return samples
-    load, slip = noise_shares(*fit_textbook(samples, known)).tolist()
-    if min(load, slip) == 1.0:
-        return samples
-    better = gather(table, wheel, vehicle, (load, slip))
-    return replace(better, notes=(*better.notes, *_told(samples.noise, (load, slip))))
+    problem, fitted = fit_textbook(samples, known)
+    noise = _of_answers(samples, problem, fitted)
+    load, slip = noise_shares(Problem(replace(problem.samples, noise=noise), known), fitted).tolist()
+    if min(load, slip) < 1.0:
+        restless = _told(samples.noise, (load, slip))
+        samples = gather(table, wheel, vehicle, (load, slip))
+        samples = replace(samples, notes=(*samples.notes, *restless))
+        noise[[LOAD, SLIP]] = samples.noise[[LOAD, SLIP]]
+    return replace(samples, noise=noise)
+
+
+def _of_answers(samples: Samples, problem: Problem, fitted: Fitted) -> np.ndarray:
+    """Noise (5,) of all channels, that of the answers much less than neighbours show where load and slip move them."""
+    noise = samples.noise.copy()
+    for position, channel in enumerate(problem.answers):
+        least = LEAST_SHARE * float(np.nanmax(np.abs(samples.measured[:, channel])))
+        left = max(noise_of_series(in_time(fitted.residuals[:, position], samples.drive.stretch)), least)
+        if not samples.stated[channel] and left < _MUCH_LESS * noise[channel]:
+            noise[channel] = left
+    return noise
 
 
 def _told(noise: np.ndarray, shares: tuple[float, float]) -> list[str]:

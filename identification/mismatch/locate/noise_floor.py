@@ -7,6 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from ...noise import in_time
 from ..fit.fitting import Fitted, Problem
 from ..fit.soil_variation import correlation
 from ..fit.trial import Trial
@@ -139,9 +140,3 @@ def ground_apart(problem: Problem, fitted: Fitted, position: int) -> np.ndarray:
         inside = stretch[step:] == stretch[:-step]
         answer.append(float(squares[inside].sum() / max(inside.sum(), 1)))
     return np.array(answer)
-
-
-def in_time(values: np.ndarray, stretch: np.ndarray) -> list[np.ndarray]:
-    """Series of neighbours in time."""
-    ends = np.flatnonzero(np.diff(stretch)) + 1
-    return [each for each in np.split(values, ends) if len(each) > 2]

@@ -11,12 +11,12 @@ from dataclasses import replace
 import numpy as np
 
 from ....framework.core.soil import PARAMETERS
-from ...noise import autocorrelations
+from ...noise import autocorrelations, in_time
 from ..fit.fitting import Problem
 from ..fit.soil_variation import HUBER
 from ..fit.trial import ASKED_FOR, EXPECTED_ASKED_FOR, NOT_EXCLUDED, Trial, temperature
 from ..locate.joint_misfit import WORTH, joint_correction, nats_in_all
-from ..locate.noise_floor import FAR, FEWEST, SHOWN, ground_apart, in_time, noise_floor, rows_alike
+from ..locate.noise_floor import FAR, FEWEST, SHOWN, ground_apart, noise_floor, rows_alike
 from .asked import counting_for, hardly_asked_for, is_bump, of_no_effect, rests_on_ground, surplus
 from .naming import REMAINS
 from .preferred import says_no_more

@@ -9,7 +9,7 @@ import pytest
 from bevameter import Vehicle, Wheel, explain
 from bevameter.framework.core.recording.types import Recording, WheelTable
 from bevameter.framework.core.soil import SoilKnowledge
-from bevameter.identification.effects.effect import LOAD, SLIP
+from bevameter.identification.effects.effect import LOAD, PULL, SLIP, TORQUE
 from bevameter.identification.mismatch.explanation import Explanation
 from bevameter.identification.mismatch.fit.load_and_slip import gathered
 from bevameter.identification.mismatch.fit.samples import gather
@@ -40,11 +40,14 @@ def drive(
     return WheelTable({"time_s": time, **measured, **answers}, None, None, "made")
 
 
-def noises(table: WheelTable, stated: dict[str, float] | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """What neighbours show of load and slip, and what answers do."""
+def noises(
+    table: WheelTable, stated: dict[str, float] | None = None, channels: tuple[int, ...] = (LOAD, SLIP)
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """What neighbours show of load and slip or of other channels, and what answers do."""
     vehicle = Vehicle(name="made", wheels=(WHEEL,), noise=stated or {})
-    shown = gather(table, WHEEL, vehicle).noise[[LOAD, SLIP]]
-    return shown, gathered(table, WHEEL, vehicle, SoilKnowledge()).noise[[LOAD, SLIP]]
+    shown = gather(table, WHEEL, vehicle).noise
+    told = gathered(table, WHEEL, vehicle, SoilKnowledge()).noise
+    return shown[list(channels)], told[list(channels)]
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -71,6 +74,13 @@ def test_what_the_vehicle_states_stands():
     stated = {"slip": 0.015, "load_N": 6.0}
     _, told = noises(drive(1, (0.04, 0.02), (0.0, 0.0)), stated)
     np.testing.assert_array_equal(told, [6.0, 0.015])
+
+
+@pytest.mark.parametrize("stated", [{}, {"load_N": 0.5, "slip": 0.001}])
+def test_what_load_and_slip_do_to_answers_is_no_noise_of_theirs(stated):
+    shown, told = noises(drive(2, (0.04, 0.02), (0.0, 0.0)), stated, (TORQUE, PULL))
+    assert (shown > 4.0 * np.array([0.05, 0.4])).all()
+    np.testing.assert_allclose(told, [0.05, 0.4], rtol=0.2)
 
 
 def explained(table: WheelTable, stated: dict[str, float]) -> Explanation:
