@@ -1,4 +1,4 @@
-"""Noise of the wheel's sensors, from the vehicle's description or from the recording itself, never from a fit."""
+"""Noise of the wheel's sensors, from the vehicle's description or from the recording itself."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from .forward import CHANNELS
 NORMAL_MAD = 1.4826
 """Standard deviation of a normal variable, in median absolute deviations [-]."""
 
-LEAST_SHARE = 2e-3
+_LEAST_SHARE = 2e-3
 """No sensor is taken to be better than this share of the channel's largest value [-]."""
 
-_FEWEST_NEIGHBOURS = 7
+_FEWEST_NEIGHBOURS, _FEWEST_DIFFERENCES = 7, 30
 
 
 def sensor_noise(table: WheelTable, vehicle: Vehicle) -> np.ndarray:
@@ -38,9 +38,13 @@ def _channel_noise(table: WheelTable, name: str, given: float | None) -> float:
         return float("nan")
     if given is not None:
         return given
-    least = LEAST_SHARE * float(np.nanmax(np.abs(values))) or LEAST_SHARE
     measured = noise_from_neighbours(table, values) if "time_s" in table else _from_repeats(table, values, name)
-    return max(measured, least)
+    return max(measured, least_noise(values))
+
+
+def least_noise(values: np.ndarray) -> float:
+    """Least noise that a channel (n,) is taken to have, some of it seen."""
+    return _LEAST_SHARE * float(np.nanmax(np.abs(values))) or _LEAST_SHARE
 
 
 def noise_from_neighbours(table: WheelTable, values: np.ndarray) -> float:
@@ -54,18 +58,21 @@ def noise_from_neighbours(table: WheelTable, values: np.ndarray) -> float:
         wheels = [table.wheel == wheel for wheel in np.unique(table.wheel)]
         measured = [noise_from_neighbours(table.select(one), values[one]) for one in wheels if one.sum() > 2]
         return float(np.median(measured)) if measured else 0.0
-    return _of_second(np.diff(values, 2)[same])
+    second = np.diff(values, 2)[same]
+    second = second[np.isfinite(second)]
+    return _of_second(second) if second.size else 0.0
 
 
 def noise_of_series(series: Iterable[np.ndarray]) -> float:
-    """Noise of stretches of neighbours in time, as `noise_from_neighbours`."""
-    return _of_second(np.concatenate([np.empty(0), *(np.diff(values, 2) for values in series)]))
+    """Noise of stretches of neighbours in time, as `noise_from_neighbours`; NaN where too few tell."""
+    second = np.concatenate([np.empty(0), *(np.diff(values, 2) for values in series)])
+    second = second[np.isfinite(second)]
+    return _of_second(second) if second.size >= _FEWEST_DIFFERENCES else float("nan")
 
 
 def _of_second(second: np.ndarray) -> float:
     """Standard deviation of the white noise whose second differences are these."""
-    second = second[np.isfinite(second)]
-    return NORMAL_MAD * float(np.median(np.abs(second))) / np.sqrt(6.0) if second.size else 0.0
+    return NORMAL_MAD * float(np.median(np.abs(second))) / np.sqrt(6.0)
 
 
 def _from_repeats(table: WheelTable, values: np.ndarray, name: str) -> float:

@@ -3,7 +3,8 @@
 Load and slip are measured with errors, which spread into all answers of a sample at once. The wheel is linearised where
 they probably were, by their neighbours in time, and its answers then taken at what was measured: the errors stay as
 white as the sensors' (R. J. Carroll et al., "Measurement Error in Nonlinear Models" (2006), Ch. 4). In steady trials
-they are shrunk towards the mean instead. The fit is maximum a posteriori by damped Gauss-Newton on whitened residuals.
+they are shrunk towards the mean instead, and where they really change from row to row towards their neighbours'
+(`load_and_slip`). The fit is maximum a posteriori by damped Gauss-Newton on whitened residuals.
 """
 
 from __future__ import annotations

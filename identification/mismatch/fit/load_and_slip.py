@@ -1,4 +1,4 @@
-"""How well load and slip are known: neighbours show at most how noisy they are, answers that follow them how little.
+"""How well load and slip are known: neighbours show how noisy they are at most, answers that follow them how little.
 
 A slip that really changes from row to row looks like one that is measured badly. What the wheel answers tells them
 apart: it follows the former, and not the latter.
@@ -19,7 +19,7 @@ from ....framework.core.recording.types import WheelTable
 from ....framework.core.soil import SoilKnowledge
 from ....framework.core.vehicle import Vehicle, Wheel
 from ...effects.effect import LOAD, SLIP
-from ...noise import LEAST_SHARE, in_time, noise_of_series
+from ...noise import in_time, least_noise, noise_of_series
 from .fitting import Fitted, Problem
 from .samples import Samples, gather
 from .textbook import fit_textbook
@@ -54,13 +54,16 @@ def gathered(table: WheelTable, wheel: Wheel, vehicle: Vehicle, known: SoilKnowl
 
 
 def _of_answers(samples: Samples, problem: Problem, fitted: Fitted) -> np.ndarray:
-    """Noise (5,) of all channels, that of the answers much less than neighbours show where load and slip move them."""
+    """Noise (5,) of all channels, that of the answers less than neighbours show where load and slip make most of it.
+
+    What errors of load and slip leave in them counts with it: it is rather too much.
+    """
     noise = samples.noise.copy()
+    free = 1.0 - len(fitted.vector) / max(np.count_nonzero(problem.seen), len(fitted.vector) + 1)
     for position, channel in enumerate(problem.answers):
-        least = LEAST_SHARE * float(np.nanmax(np.abs(samples.measured[:, channel])))
-        left = max(noise_of_series(in_time(fitted.residuals[:, position], samples.drive.stretch)), least)
+        left = noise_of_series(in_time(fitted.residuals[:, position], samples.drive.stretch)) / math.sqrt(free)
         if not samples.stated[channel] and left < _MUCH_LESS * noise[channel]:
-            noise[channel] = left
+            noise[channel] = max(left, least_noise(samples.measured[:, channel]))
     return noise
 
 
@@ -68,7 +71,7 @@ def _told(noise: np.ndarray, shares: tuple[float, float]) -> list[str]:
     """Say in words which of load and slip change by more than their noise, (5,) as neighbours show it."""
     known = ((LOAD, shares[0], "the load", " N"), (SLIP, shares[1], "slip", ""))
     return [
-        f"{name} changes from row to row, and what is measured follows it: its noise is "
+        f"{name} seems to change from row to row, for the other channels follow it: its noise is taken for "
         f"{share * noise[channel]:.2g}{unit}, where neighbours show {noise[channel]:.2g}{unit}"
         for channel, share, name, unit in known
         if share < 1.0
@@ -76,14 +79,14 @@ def _told(noise: np.ndarray, shares: tuple[float, float]) -> list[str]:
 
 
 def noise_shares(problem: Problem, fitted: Fitted) -> np.ndarray:
-    """Shares (2,) of the noise of load and of slip beside which a fit's residuals are likeliest, 1 where told or none.
+    """Shares (2,) of the noise of load and of slip beside which a fit's residuals are likeliest.
 
-    A form that is wrong leaves more than there is: the shares are rather too large.
+    It is 1 where the noise is stated, or less of it is not much likelier. A form that is wrong leaves more than there
+    is: the shares are rather too large. They are those of all rows together.
     """
     samples, shares = problem.samples, np.ones(2)
     for index, channel in ((1, SLIP), (0, LOAD)):
-        least = LEAST_SHARE * float(np.nanmax(np.abs(samples.measured[:, channel])))
-        lowest = max(_LEAST, math.log(max(least, 1e-300) / samples.noise[channel]))
+        lowest = max(_LEAST, math.log(least_noise(samples.measured[:, channel]) / samples.noise[channel]))
         if samples.stated[channel] or lowest > -_NEAR:
             continue
         loss = partial(_loss, problem, fitted, shares, index)

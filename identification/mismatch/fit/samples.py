@@ -15,7 +15,7 @@ from ...effects.drive import drive_of, order_of, select_rows
 from ...effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Drive
 from ...forward import CHANNELS
 from ...gate import LIMITS
-from ...noise import LEAST_SHARE, from_running_median, noise_from_neighbours, sensor_noise
+from ...noise import from_running_median, least_noise, noise_from_neighbours, sensor_noise
 from ...trials import AS_TRIALS, is_of_trials, without_clock, without_time
 from .lanes import lanes
 
@@ -58,7 +58,7 @@ _REACH = 4
 """Neighbours on each side over which load and slip are averaged."""
 
 _LEAST_AVERAGED = 3
-"""Neighbours in time, itself one, of whose values a sample's is averaged at least."""
+"""Neighbours in time, itself one, of whose values a sample's is averaged at least, but for jumps and ends."""
 
 _JUMP = 4.0
 """A sample so far from its own average is that of a jump, not of noise [noise]."""
@@ -74,11 +74,14 @@ class Samples:
         The wheel.
     drive
         Covariates of each row; in a recording with time, load, slip and speeds are averaged over neighbours that
-        differ by no more than noise: what is asked of a residual must not share its errors.
+        differ by no more than noise: what is asked of a residual must not share its errors. Load and slip that really
+        change from row to row are what they probably were.
     measured : (n, 5)
-        Channels as `forward.CHANNELS`; NaN where not observed, or where a gross error stood.
+        Channels as `forward.CHANNELS`; NaN where not observed, or where a gross error stood. Load and slip that really
+        change from row to row are those of `drive`.
     noise : (5,)
-        Standard deviations of the sensors, from the vehicle or from the data's own scatter; NaN for absent channels.
+        Standard deviations of the sensors, from the vehicle or from the data's own scatter, and those with which load
+        and slip of `drive` are known where they really change from row to row; NaN for absent channels.
     stated : (5,)
         True where the vehicle states the noise.
     position, lane : (n,)
@@ -271,7 +274,7 @@ def _without_ends(measured: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, 
         column = measured[:, channel]
         values, counts = np.unique(column[np.isfinite(column)], return_counts=True)
         # Without noise a plateau is the wheel's, not the sensor's.
-        if len(values) < _FEWEST_LEVELS or noise[channel] <= LEAST_SHARE * np.abs(values).max():
+        if len(values) < _FEWEST_LEVELS or noise[channel] <= least_noise(values):
             continue
         for end, which in ((0, "least"), (-1, "largest")):
             near = counts[1:][:_LEVELS_NEAR] if end == 0 else counts[:-1][-_LEVELS_NEAR:]

@@ -73,7 +73,8 @@ def fit_textbook(
 def coarse_fit(problem: Problem, soil: np.ndarray, theta_1: np.ndarray | None) -> Fitted:
     """Fit the textbook wheel to ground that is the same everywhere, by what it leaves as a share of the scatter."""
     scatter = np.nanstd(problem.measured, axis=0)
-    coarse = replace(problem.first_noise, answers=_COARSE * scatter, spread=np.full(2, 1e-3))
+    shares = np.where(scatter > 0.0, _COARSE * scatter, problem.first_noise.answers)
+    coarse = replace(problem.first_noise, answers=shares, spread=np.full(2, 1e-3))
     return fit(problem, AugmentedWheel(problem.samples.wheel), soil, coarse, theta_1, iterations=15, settle=False)
 
 
