@@ -9,6 +9,7 @@ from copy import copy
 import numpy as np
 
 from .effect import Contact, Drive, Effect, Parameter, Situation
+from .track import coordinate
 
 _ALONG = {"place": "place_m", "time": "time_s", "x": "x_m", "y": "y_m"}
 """What a patch may lie along, by its form's name, and the covariate that says where a sample is."""
@@ -22,6 +23,9 @@ CELLS = 200
 _EDGES = 0.003, 0.01, 0.001, 0.03
 """Widths of a patch's edges as a share of the track [-]: sharp, yet with a derivative; not so sharp; and others."""
 
+_ALONG_AXIS, _ASLANT = 0.5, 0.02
+"""Share of the way that a track has to go along an axis, and of its length by which places along that axis differ
+between its lanes, from which on they are places of their own [-]."""
 
 _APART = ", cohesion apart"
 
@@ -102,10 +106,23 @@ class SoilPatch(Effect):
 
 def tracks_of(drive: Drive) -> list[str]:
     """What a patch may lie along, attributes of the drive: the track, the clock where that is not known, and either
-    axis where it turns, for what lies across its legs is no one place along it.
+    axis where the track turns, for what lies across its legs is no one place along it, or where its lanes lie aslant
+    to the axis: another soil need not begin square to them.
     """
     present = [name for name in ("place_m", "time_s") if drive.has(name) and (drive.timed or name == "place_m")]
-    return present[:1] + [name for name in ("x_m", "y_m") if drive.axis is None and drive.timed and drive.has(name)]
+    return present[:1] + [
+        name
+        for index, name in enumerate(("x_m", "y_m"))
+        if drive.timed and drive.has(name) and (drive.axis is None or _aslant(drive, drive.axis[index], name))
+    ]
+
+
+def _aslant(drive: Drive, share: float, name: str) -> bool:
+    """Say whether places along an axis, a `share` of which the track goes along, are others in each of its lanes."""
+    if abs(share) < _ALONG_AXIS or not drive.has("place_m") or coordinate(drive.axis) != "distance_m":
+        return False
+    away = getattr(drive, name) - share * drive.place_m
+    return float(np.nanstd(away)) > _ASLANT * float(np.nanmax(drive.place_m) - np.nanmin(drive.place_m))
 
 
 def forms(situation: Situation) -> tuple[Effect, ...]:

@@ -11,6 +11,7 @@ from numpy.polynomial.legendre import legvander
 from sklearn.preprocessing import SplineTransformer
 
 from ...effects.effect import Drive
+from ...effects.soil_patch import tracks_of
 from ...effects.track import coordinate
 from ..fit.samples import Samples
 
@@ -116,7 +117,8 @@ def names_of(drive: Drive) -> dict[str, str]:
     """Public names of the variables of a drive, and the attribute of `Drive` that holds each."""
     if drive.axis is None:
         return _NAMES | _TURNING
-    return {name: held for name, held in _NAMES.items() if name != "x_m"} | {coordinate(drive.axis): "place_m"}
+    aslant = {name: name for name in tracks_of(drive) if name in _TURNING}
+    return {name: held for name, held in _NAMES.items() if name != "x_m"} | {coordinate(drive.axis): "place_m"} | aslant
 
 
 def public_name(drive: Drive, attribute: str) -> str:
