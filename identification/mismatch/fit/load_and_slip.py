@@ -7,13 +7,12 @@ apart: it follows the former, and not the latter.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from scipy.optimize import minimize_scalar, root_scalar
+from scipy.optimize import minimize_scalar
 
 from ....framework.core.recording.types import WheelTable
 from ....framework.core.soil import SoilKnowledge
@@ -27,18 +26,29 @@ from .textbook import fit_textbook
 _LEAST, _NEAR = math.log(0.05), 0.1
 """ln of the least share of the noise that neighbours show, and how near it is sought [-]."""
 
-_TOLD, _AS_LIKELY = 25.0, 2.0
-"""Nats that less noise of load or slip has to gain, and by which the one that is taken, the most of those that gain it,
-is less likely than the likeliest. Of the drives of trials 22 and 25 (docs/other-generators.md), which are as noisy as
-neighbours show, less of it gained 19 in one and 11 at most in all others."""
-
+_TOLD = 25.0
+"""Nats that less noise of load or slip has to gain. Of the drives of trials 22 and 25 (docs/other-generators.md), which
+are as noisy as neighbours show, less of it gained 19 in one and 11 at most in all others."""
 
 _MUCH_LESS = 0.7
 """Share of the noise that neighbours in an answer show below which what is left of them tells it better [-]."""
 
 
 def gathered(table: WheelTable, wheel: Wheel, vehicle: Vehicle, known: SoilKnowledge) -> Samples:
-    """Choose and lay out the rows as `gather` does, with the noise of each channel that the answers bear out."""
+    """Choose and lay out the rows as `gather` does, with the noise of each channel that the answers bear out.
+
+    Parameters
+    ----------
+    table, wheel, vehicle
+        As in `gather`; what the vehicle states of the noise stands.
+    known
+        What is known of the soil from elsewhere.
+
+    Raises
+    ------
+    InputError
+        As in `gather`, or no soil carries the load of most rows.
+    """
     samples = gather(table, wheel, vehicle)
     if not samples.drive.timed or samples.stated[[LOAD, SLIP, *samples.answers]].all():
         return samples
@@ -92,13 +102,8 @@ def noise_shares(problem: Problem, fitted: Fitted) -> np.ndarray:
         loss = partial(_loss, problem, fitted, shares, index)
         found = minimize_scalar(loss, bounds=(lowest, 0.0), method="bounded", options={"xatol": _NEAR})
         if loss(0.0) - found.fun > _TOLD:
-            above = partial(_above, loss, found.fun + _AS_LIKELY)
-            shares[index] = math.exp(root_scalar(above, bracket=(found.x, 0.0), xtol=_NEAR).root)
+            shares[index] = math.exp(found.x)
     return shares
-
-
-def _above(loss: Callable[[float], float], level: float, log_share: float) -> float:
-    return loss(log_share) - level
 
 
 def _loss(problem: Problem, fitted: Fitted, shares: np.ndarray, index: int, log_share: float) -> float:
