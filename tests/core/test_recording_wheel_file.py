@@ -235,6 +235,16 @@ def test_each_wheel_is_derived_with_its_own_radius(tmp_path):
         derive_all(WheelTable(columns, np.array(["a", "c"], object), None, tmp_path), vehicle)
 
 
+def test_one_wheel_without_a_name_is_what_all_are_like(tmp_path):
+    columns = {"wheel_speed_rad_s": np.full(2, 10.0), "travel_speed_m_s": np.full(2, 0.5)}
+    table = WheelTable(columns, np.array(["left", "right"], object), None, tmp_path)
+    alike = Vehicle(wheels=(Wheel(radius_m=0.1, width_m=0.1),))
+    np.testing.assert_allclose(derive_all(table, alike)["slip"], [0.5, 0.5])
+    left = Vehicle(wheels=(Wheel(name="left", radius_m=0.1, width_m=0.1),))
+    with pytest.raises(InputError, match=r"column wheel: 'right' .*one of the vehicle's wheels, left"):
+        derive_all(table, left)
+
+
 @pytest.mark.parametrize(("folder", "n", "tolerance"), [("single-wheel-sand", 189, 2e-3), ("granular-wheel", 28, 1e-6)])
 def test_real_wheel_files_and_their_slip(folder, n, tolerance, shared_data):
     table = read_wheel_file(shared_data / folder / "wheel.csv")

@@ -114,8 +114,11 @@ def derive_all(table: WheelTable, vehicle: Vehicle) -> WheelTable:
     InputError
         The table names a wheel that the vehicle does not have, or none where the vehicle has several.
     """
-    if len(vehicle.wheels) == 1 and (table.wheel is None or len(set(table.wheel)) == 1):
-        return derive(table, vehicle.wheels[0])
+    first = vehicle.wheels[0]
+    # A single wheel without a name is what each of them is like.
+    unnamed = "name" not in first.model_fields_set or table.wheel is None or len(set(table.wheel)) == 1
+    if len(vehicle.wheels) == 1 and unnamed:
+        return derive(table, first)
     radius = {wheel.name: wheel.radius_m for wheel in vehicle.wheels}
     known = "one of the vehicle's wheels, " + ", ".join(radius)
     if table.wheel is None:
