@@ -7,6 +7,8 @@ side is searched again (binary segmentation; A. J. Scott, M. Knott, Biometrics 3
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..framework.core.soil import SoilKnowledge
@@ -15,7 +17,7 @@ from .estimation import ANSWERS, WRONG_FORM, Measured, Solution, solve
 
 
 def split_soils(
-    measured: Measured, wheel: Wheel, known: SoilKnowledge, *, least_rows: int
+    measured: Measured, wheel: Wheel, known: SoilKnowledge, whole: Solution, *, least_rows: int
 ) -> list[tuple[slice, Solution]]:
     """Cut samples in order of time into stretches of one soil each, with the fit of each.
 
@@ -27,10 +29,11 @@ def split_soils(
         The wheel.
     known
         What is known of the soil; taken to hold on all of them.
+    whole
+        Their fit as one soil.
     least_rows
         No stretch is shorter [-].
     """
-    whole = solve(measured, wheel, known)
     return _split(measured, wheel, known, least_rows, 0, whole)
 
 
@@ -55,7 +58,7 @@ def _split(
 
 
 def _part(measured: Measured, rows: slice) -> Measured:
-    return Measured(measured.channels[rows], measured.noise, measured.order[rows])
+    return replace(measured, channels=measured.channels[rows], order=measured.order[rows])
 
 
 def _largest_step(residuals: np.ndarray, least_rows: int) -> int:

@@ -10,7 +10,7 @@ the model, its form is uncertain too (`form_error`).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.stats import t as t_distribution
@@ -55,11 +55,14 @@ class Measured:
         Standard deviations of the sensors, SI; NaN for absent channels.
     order : (n,)
         What neighbours are neighbours in: time, or slip for steady-state trials.
+    stated : (5,)
+        True where the noise stands; elsewhere it is what neighbours in time show, and perhaps too much.
     """
 
     channels: np.ndarray
     noise: np.ndarray
     order: np.ndarray
+    stated: np.ndarray = field(default_factory=lambda: np.ones(len(CHANNELS), dtype=bool))
 
 
 @dataclass(frozen=True)
@@ -183,7 +186,7 @@ def usable(measured: Measured) -> Measured:
             expected=f"at least {LEAST_ROWS}",
         )
     order = np.argsort(measured.order[rows], kind="stable")
-    return Measured(measured.channels[rows][order], measured.noise, measured.order[rows][order])
+    return replace(measured, channels=measured.channels[rows][order], order=measured.order[rows][order])
 
 
 def solve(measured: Measured, wheel: Wheel, known: SoilKnowledge) -> Solution:

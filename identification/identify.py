@@ -19,12 +19,13 @@ from ..framework.core.soil import Quantity, ShearStrength, SoilEstimate, SoilKno
 from ..framework.core.vehicle import Vehicle, Wheel, load_vehicle
 from . import linearised
 from .changes import split_soils
-from .estimation import Measured, estimate_soil, solve, summarise, usable
+from .estimation import Measured, estimate_soil, summarise, usable
 from .forward import CHANNELS
 from .gate import LIMITS, Stretch, find_stretches, quasi_static
 from .geometry import by_geometry
 from .noise import sensor_noise
 from .plausible import check_signs, check_sizes, slow_clock, without_stuck
+from .restless import as_answers_tell
 from .slip_check import slip_disagreement
 from .trials import AS_TRIALS, is_of_trials, without_time
 
@@ -284,14 +285,15 @@ def _segments(rows: FeltRows, stretch: Stretch, known: SoilKnowledge, method: Me
 
 
 def _soils(rows: FeltRows, stretch: Stretch, known: SoilKnowledge) -> list[Segment]:
-    kept = usable(measured_rows(rows, stretch.rows))
-    parts = split_soils(kept, rows.wheel, known, least_rows=LIMITS.least_rows)
+    kept, whole, notes = as_answers_tell(usable(measured_rows(rows, stretch.rows)), rows.wheel, known)
+    parts = split_soils(kept, rows.wheel, known, whole, least_rows=LIMITS.least_rows)
     borders = [float(kept.order[part.start]) for part, _ in parts[1:]]
     starts, ends = [stretch.start_s, *borders], [*borders, stretch.end_s]
     segments = []
     for (part, solution), start, end in zip(parts, starts, ends, strict=True):
         own = Measured(kept.channels[part], kept.noise, kept.order[part])
         estimate = summarise(solution, own, rows.wheel)
+        estimate = replace(estimate, problems=(*estimate.problems, *notes))
         segments.append(Segment(start, end, True, "", len(own.channels), estimate))
     return segments
 
@@ -308,10 +310,10 @@ def _overall(
     """Give one estimate over several stretches, and whether it mixes soils: it then misfits as no stretch does."""
     if method == "linear":
         return _estimate(rows, chosen, known, method), False
-    kept = usable(measured_rows(rows, chosen))
-    solution = solve(kept, rows.wheel, known)
+    kept, solution, notes = as_answers_tell(usable(measured_rows(rows, chosen)), rows.wheel, known)
     mixed = solution.misfit > most_misfit
-    return summarise(solution, kept, rows.wheel, one_soil=not mixed), mixed
+    estimate = summarise(solution, kept, rows.wheel, one_soil=not mixed)
+    return replace(estimate, problems=(*estimate.problems, *notes)), mixed
 
 
 def measured_rows(rows: FeltRows, chosen: np.ndarray) -> Measured:
@@ -322,8 +324,10 @@ def measured_rows(rows: FeltRows, chosen: np.ndarray) -> Measured:
     table = rows.table.select(chosen)
     nothing = np.full(len(table), math.nan)
     channels = np.column_stack([table.columns.get(name, nothing) for name in CHANNELS])
-    order = table["time_s"] if "time_s" in table else table["slip"]
-    return Measured(channels, noise, order)
+    if "time_s" not in table:
+        return Measured(channels, noise, table["slip"])
+    stated = np.array([name in rows.vehicle.noise for name in CHANNELS])
+    return Measured(channels, noise, table["time_s"], stated)
 
 
 def _linear(table: WheelTable, wheel: Wheel, known: SoilKnowledge) -> SoilEstimate:

@@ -16,8 +16,9 @@ from scipy.stats import chi2
 from ..framework.core.recording.types import Recording
 from ..framework.core.soil import SoilEstimate, SoilKnowledge
 from ..framework.core.writing import whole
-from .estimation import LEAST_ROWS, Measured, solve
+from .estimation import LEAST_ROWS, Measured, solve, usable
 from .identify import FeltRows, Identification, felt_rows, measured_rows
+from .restless import as_answers_tell
 
 CHECKPOINTS = 24
 """Points of the convergence curve of one stretch."""
@@ -75,7 +76,7 @@ def _cycle(count: int) -> list[str]:
 
 
 def _converge(panels: np.ndarray, rows: FeltRows, chosen: np.ndarray, known: SoilKnowledge, colour: str) -> None:
-    measured = measured_rows(rows, chosen)
+    measured, _, _ = as_answers_tell(usable(measured_rows(rows, chosen)), rows.wheel, known)
     count = len(measured.channels)
     first = min(max(5 * LEAST_ROWS, count // CHECKPOINTS), count)
     ends = np.unique(np.linspace(first, count, CHECKPOINTS).astype(int))

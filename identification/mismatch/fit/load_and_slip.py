@@ -19,16 +19,13 @@ from ....framework.core.soil import SoilKnowledge
 from ....framework.core.vehicle import Vehicle, Wheel
 from ...effects.effect import LOAD, SLIP
 from ...noise import in_time, least_noise, noise_of_series
+from ...restless import TOLD, said
 from .fitting import Fitted, Problem
 from .samples import Samples, gather
 from .textbook import fit_textbook
 
 _LEAST, _NEAR = math.log(0.05), 0.1
 """ln of the least share of the noise that neighbours show, and how near it is sought [-]."""
-
-_TOLD = 25.0
-"""Nats that less noise of load or slip has to gain. Of the drives of trials 22 and 25 (docs/other-generators.md), which
-are as noisy as neighbours show, less of it gained 19 in one and 11 at most in all others."""
 
 _MUCH_LESS = 0.7
 """Share of the noise that neighbours in an answer show below which what is left of them tells it better [-]."""
@@ -56,10 +53,10 @@ def gathered(table: WheelTable, wheel: Wheel, vehicle: Vehicle, known: SoilKnowl
     noise = _of_answers(samples, problem, fitted)
     load, slip = noise_shares(Problem(replace(problem.samples, noise=noise), known), fitted).tolist()
     if min(load, slip) < 1.0:
-        restless = _told(samples.noise, (load, slip))
+        shown = samples.noise[[LOAD, SLIP]]
         samples = gather(table, wheel, vehicle, (load, slip))
-        samples = replace(samples, notes=(*samples.notes, *restless))
         noise[[LOAD, SLIP]] = samples.noise[[LOAD, SLIP]]
+        samples = replace(samples, notes=(*samples.notes, *said(shown, shown * [load, slip])))
     return replace(samples, noise=noise)
 
 
@@ -77,17 +74,6 @@ def _of_answers(samples: Samples, problem: Problem, fitted: Fitted) -> np.ndarra
     return noise
 
 
-def _told(noise: np.ndarray, shares: tuple[float, float]) -> list[str]:
-    """Say in words which of load and slip change by more than their noise, (5,) as neighbours show it."""
-    known = ((LOAD, shares[0], "the load", " N"), (SLIP, shares[1], "slip", ""))
-    return [
-        f"{name} seems to change from row to row, for the other channels follow it: its noise is taken for "
-        f"{share * noise[channel]:.2g}{unit}, where neighbours show {noise[channel]:.2g}{unit}"
-        for channel, share, name, unit in known
-        if share < 1.0
-    ]
-
-
 def noise_shares(problem: Problem, fitted: Fitted) -> np.ndarray:
     """Shares (2,) of the noise of load and of slip beside which a fit's residuals are likeliest.
 
@@ -101,7 +87,7 @@ def noise_shares(problem: Problem, fitted: Fitted) -> np.ndarray:
             continue
         loss = partial(_loss, problem, fitted, shares, index)
         found = minimize_scalar(loss, bounds=(lowest, 0.0), method="bounded", options={"xatol": _NEAR})
-        if loss(0.0) - found.fun > _TOLD:
+        if loss(0.0) - found.fun > TOLD:
             shares[index] = math.exp(found.x)
     return shares
 

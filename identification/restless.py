@@ -1,0 +1,83 @@
+"""How well load and slip are known: neighbours show how noisy they are at most, answers that follow them how little.
+
+A slip that really changes from row to row looks like one that is measured badly. What the wheel answers tells them
+apart: it follows the former, and not the latter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..framework.core.soil import SoilKnowledge
+from ..framework.core.vehicle import Wheel
+from .errors_in_variables import Fit, fit
+from .estimation import ANSWERS, Measured, Solution, solve
+from .noise import least_noise
+
+TOLD = 25.0
+"""Nats that less noise of load or slip has to gain. Of the drives of trials 22 and 25 (docs/other-generators.md), which
+are as noisy as neighbours show, less of it gained 19 in one and 11 at most in all others."""
+
+_IMPOSED = [0, 3]
+"""Load and slip among `forward.CHANNELS`."""
+
+_STEPS, _ENOUGH = 20, 0.5
+"""Steps to where the noise is likeliest, and how little the last of them gains [nats]: many fewer than are asked."""
+
+
+def as_answers_tell(measured: Measured, wheel: Wheel, known: SoilKnowledge) -> tuple[Measured, Solution, list[str]]:
+    """Fit one soil, with less noise than neighbours show where that is much likelier.
+
+    Parameters
+    ----------
+    measured
+        Usable samples in order of time; noise that is `Measured.stated` stands.
+    wheel, known
+        As in `estimation.estimate_soil`.
+
+    Returns
+    -------
+    The samples with the noise that was taken, their fit, and what is to be said of it.
+
+    Raises
+    ------
+    InputError
+        As in `estimation.solve`.
+    """
+    solution = solve(measured, wheel, known)
+    likely = _likeliest(solution, measured)
+    if likely.log_likelihood < solution.fit.log_likelihood + TOLD:
+        return measured, solution, []
+    noise = np.fmin(measured.noise, np.exp(likely.point.log_sd))
+    notes = said(measured.noise[_IMPOSED], noise[_IMPOSED])
+    measured = replace(measured, noise=noise)
+    return measured, solve(measured, wheel, known), notes
+
+
+def said(shown: np.ndarray, taken: np.ndarray) -> list[str]:
+    """Say in words which of load [N] and slip change by more than their noise: (2,) that neighbours show, and taken."""
+    return [
+        f"{name} seems to change from row to row, for the other channels follow it: its noise is taken for "
+        f"{less:.2g}{unit}, where neighbours show {noise:.2g}{unit}"
+        for name, unit, noise, less in zip(("the load", "slip"), (" N", ""), shown, taken, strict=True)
+        if less < noise
+    ]
+
+
+def _likeliest(solution: Solution, measured: Measured) -> Fit:
+    """Fit beside the likeliest noise of all channels, that of load and slip no more than neighbours show."""
+    problem, free = solution.problem, ~measured.stated & solution.problem.seen.any(axis=0)
+    least = np.array([least_noise(channel) for channel in problem.filled.T])
+    while free[_IMPOSED].any():
+        noise = np.where(free, np.fmin(measured.noise, least), measured.noise)
+        likely = fit(
+            replace(problem, noise=noise, answers=problem.answers | free), solution.fit.point, iterations=_STEPS,
+            enough=_ENOUGH,
+        )  # fmt: skip
+        louder = free & ~ANSWERS & (np.exp(likely.point.log_sd) > measured.noise)
+        if not louder.any():
+            return likely
+        free &= ~louder
+    return solution.fit

@@ -1,0 +1,78 @@
+"""Soil from drives whose load and slip really change from row to row: what answers follow is no noise."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bevameter import Vehicle, identify
+from bevameter.framework.core.recording.types import Recording, WheelTable
+from bevameter.framework.core.soil import SoilEstimate, SoilKnowledge
+from bevameter.identification.estimation import usable
+from bevameter.identification.identify import felt_rows, measured_rows
+from bevameter.identification.restless import as_answers_tell
+from restless_drive import ROWS, SOIL, WHEEL, drive
+
+NOTE = "seems to change from row to row"
+
+
+def recording(table: WheelTable, stated: dict[str, float] | None = None) -> Recording:
+    vehicle = Vehicle(name="made", wheels=(WHEEL,), noise=stated or {})
+    return Recording("table", Path("table.csv"), vehicle, None, "", "0" * 64, wheel=table)
+
+
+def estimated(table: WheelTable, stated: dict[str, float] | None = None) -> SoilEstimate:
+    found = identify(recording(table, stated)).overall
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("noise", [(0.0, 0.0), (0.0, 0.006), (0.01, 0.014)])
+def test_the_noise_of_each_channel_is_told(noise):
+    """Torque by 0.05 Nm, sinkage by 0.2 mm and pull by 0.4 N (`restless_drive`)."""
+    rows = felt_rows(recording(drive(1, (0.02, 0.016), noise)))
+    measured = usable(measured_rows(rows, np.arange(ROWS)))
+    told, _, notes = as_answers_tell(measured, WHEEL, SoilKnowledge())
+    assert told.noise[[1, 2, 4]] == pytest.approx([0.05, 2e-4, 0.4], rel=0.25)
+    assert told.noise[0] == pytest.approx(150.0 * noise[0], rel=0.25, abs=0.7)
+    assert told.noise[3] == pytest.approx(noise[1], rel=0.2, abs=0.0012)
+    assert len(notes) == 2
+
+
+def test_intervals_are_as_wide_as_they_have_to_be_and_hold():
+    """20 drives; with the noise that neighbours show the intervals of c are seven times as wide."""
+    held, width = [], []
+    for seed in range(20):
+        found = estimated(drive(seed, (0.04, 0.02), (0.0, 0.0)))
+        each = [(found.parameters[field.name], getattr(SOIL, field.name)) for field in fields(SOIL)]
+        held.append([quantity.low <= true <= quantity.high for quantity, true in each])
+        width.append(found.parameters["c_Pa"].high - found.parameters["c_Pa"].low)
+        assert sum(NOTE in problem for problem in found.problems) == 2
+    assert np.mean(held) >= 0.9
+    shown = estimated(drive(0, (0.04, 0.02), (0.0, 0.0)), {"load_N": 5.8, "slip": 0.019})
+    assert not any(NOTE in problem for problem in shown.problems)
+    assert np.median(width) < 0.25 * (shown.parameters["c_Pa"].high - shown.parameters["c_Pa"].low)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_answers_do_not_follow_is_noise(seed):
+    found = estimated(drive(seed, (0.0, 0.0), (0.02, 0.012)))
+    assert not any(NOTE in problem for problem in found.problems)
+
+
+def test_steady_trials_have_no_neighbours_to_be_restless():
+    table = drive(1, (0.04, 0.02), (0.0, 0.0))
+    trials = WheelTable(
+        {name: values for name, values in table.columns.items() if name != "time_s"}, None,
+        np.array([f"trial {number}" for number in range(ROWS)], dtype=object), "made",
+    )  # fmt: skip
+    assert not any(NOTE in problem for problem in estimated(trials).problems)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_channel_that_is_not_there_has_no_noise():
+    table = drive(1, (0.04, 0.02), (0.0, 0.0))
+    columns = {name: values for name, values in table.columns.items() if name != "drawbar_pull_N"}
+    assert any(NOTE in problem for problem in estimated(replace(table, columns=columns)).problems)
