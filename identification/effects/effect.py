@@ -119,6 +119,9 @@ class Drive:
         )
 
 
+_SHALLOW = 0.05
+"""Least sinkage that the length of the contact is reckoned from, and that where none was seen [wheel radii]."""
+
 COVARIATES = tuple(name for name in Drive.__dataclass_fields__ if name != "axis")
 """What a drive has of each sample."""
 
@@ -155,6 +158,20 @@ class Situation:
     tan_phi: float
     stiffness_Pa: float
     places: Mapping[str, Sequence[np.ndarray]] = field(default_factory=dict)
+
+    @property
+    def depth_m(self) -> float:
+        """Usual sinkage, where none was seen a small one."""
+        least = _SHALLOW * self.wheel.radius_m
+        return max(float(np.nanmedian(self.sinkage_m)), least) if np.isfinite(self.sinkage_m).any() else least
+
+    @property
+    def strength_Pa(self) -> float:
+        """Shear strength of the soil at the mean pressure below the rim."""
+        radius, depth = self.wheel.radius_m, min(self.depth_m, self.wheel.radius_m)
+        length = math.sqrt(depth * (2.0 * radius - depth))
+        pressure = float(np.nanmedian(np.abs(self.drive.load_N))) / (self.wheel.width_m * length)
+        return max(self.c_Pa, 0.0) + pressure * self.tan_phi
 
     def seen(self, *channels: int) -> bool:
         """Say whether one of the channels, by number, was observed."""

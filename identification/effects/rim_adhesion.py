@@ -9,6 +9,9 @@ from .effect import Contact, Drive, Effect, Parameter, Situation
 _STARTS = 0.95, 0.7
 """Shares of the soil's own strength to start from [-]."""
 
+_USUAL = 0.3
+"""Adhesion to a rim, as a share of the soil's strength below it [-]."""
+
 
 class RimAdhesion(Effect):
     """The rim's own adhesion and friction cap the shear strength, or cut the soil's shear stress off."""
@@ -21,7 +24,7 @@ class RimAdhesion(Effect):
     )
     required = ("c_a", "tan_delta")
 
-    def __init__(self, c_Pa: float, tan_phi: float, *, cuts_off: bool = False) -> None:
+    def __init__(self, c_Pa: float, tan_phi: float, usual_Pa: float, *, cuts_off: bool = False) -> None:
         self._cuts_off = cuts_off
         self.form = "cut off" if cuts_off else "strength"
         self.equation = (
@@ -30,7 +33,7 @@ class RimAdhesion(Effect):
             else "tau_max = min(c + sigma tan phi, c_a + sigma tan delta)"
         )
         self.parameters = (
-            Parameter("c_a", "Pa", 0.0, 3e4, 0.8 * c_Pa, 1e3),
+            Parameter("c_a", "Pa", 0.0, 1e5, 0.8 * c_Pa, usual_Pa),
             Parameter("tan_delta", "", 0.02, 1.5, 0.9 * tan_phi, 0.2, 0.45),
         )
         self._within = c_Pa, tan_phi
@@ -49,4 +52,5 @@ class RimAdhesion(Effect):
 
 def forms(situation: Situation) -> tuple[Effect, ...]:
     """Give the forms that these data can show."""
-    return tuple(RimAdhesion(situation.c_Pa, situation.tan_phi, cuts_off=cuts_off) for cuts_off in (False, True))
+    soil = situation.c_Pa, situation.tan_phi, _USUAL * situation.strength_Pa
+    return tuple(RimAdhesion(*soil, cuts_off=cuts_off) for cuts_off in (False, True))

@@ -6,21 +6,38 @@ import numpy as np
 
 from .effect import PULL, TORQUE, Contact, Drive, Effect, Parameter, Situation
 
-_STRESS = Parameter("tau_s", "Pa", 0.0, 1e5, 500.0, 3e3)
-_BY_DEPTH = Parameter("g_s", "Pa/m", 0.0, 1e7, 1e4, 1e5)
+_MOST_Pa, _MOST_Pa_m = 1e5, 1e7
+
+_USUAL = 0.5
+"""Stress on the flanks, which are pressed less than what is below the rim, as a share of the soil's strength there."""
 
 
-class SideWallFriction(Effect):
-    """A shear stress over the buried part of both flanks, by cohesion alike everywhere, brakes rotation and travel."""
+class _Flanks(Effect):
+    """What is common: the stress on the flanks is usually of the size `usual_Pa`, at a depth of `depth_m`."""
 
     slug = "side_wall_friction"
+    _with: tuple[bool, bool] = True, False
+    """Whether there is a stress at the surface, and one that grows with depth."""
+
+    def __init__(self, usual_Pa: float, depth_m: float) -> None:
+        self._usual = usual_Pa, depth_m
+        stress, growth = min(usual_Pa, _MOST_Pa), min(usual_Pa / depth_m, _MOST_Pa_m)
+        every = (
+            Parameter("tau_s", "Pa", 0.0, _MOST_Pa, 0.2 * stress, stress),
+            Parameter("g_s", "Pa/m", 0.0, _MOST_Pa_m, 0.2 * growth, growth),
+        )
+        self.parameters = tuple(each for each, there in zip(every, self._with, strict=True) if there)
+
+
+class SideWallFriction(_Flanks):
+    """A shear stress over the buried part of both flanks, by cohesion alike everywhere, brakes rotation and travel."""
+
     form = "stress"
     equation = "T += 2 tau_s A r, DP -= 2 tau_s A; A the buried area of a flank ahead of the axle"
     source = "statics of a shear stress on the buried flanks, after L. Ding et al. (2009)"
-    parameters = (_STRESS,)
 
     def freer(self) -> list[Effect]:
-        return [FrictionWithDepth()]
+        return [FrictionWithDepth(*self._usual)]
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         theta, radius = contact.theta_1, contact.wheel.radius_m
@@ -39,7 +56,7 @@ class FrictionByDepth(SideWallFriction):
 
     form = "depth"
     equation = "T += 2 g_s z A r, DP -= 2 g_s z A; A the buried area of a flank ahead of the axle"
-    parameters = (_BY_DEPTH,)
+    _with = False, True
 
     def freer(self) -> list[Effect]:
         return []
@@ -54,7 +71,7 @@ class FrictionWithDepth(FrictionByDepth):
     form = "stress and depth"
     freed = True
     equation = "T += 2 tau A r, DP -= 2 tau A, tau = tau_s + g_s z; A the buried area of a flank ahead of the axle"
-    parameters = (_STRESS, _BY_DEPTH)
+    _with = True, True
 
     def stress_Pa(self, contact: Contact, values: np.ndarray) -> float | np.ndarray:
         return values[0] + values[1] * contact.sinkage_m
@@ -66,19 +83,32 @@ _DOWN, _AHEAD = (each.ravel() for each in np.meshgrid(_NODES, _NODES))
 _SHARE = np.outer(_WEIGHTS, _WEIGHTS).ravel()
 
 
-class FlankRubbing(Effect):
+class FlankRubbing(_Flanks):
     """The same stress, but against the way in which each point of a flank moves: below the hub it moves backwards."""
 
-    slug = "side_wall_friction"
     form = "rubbing"
     equation = "F = -2 tau_s integral v/|v| dA over the buried part of a flank, v = omega (V/omega - y, x)"
     source = "Coulomb friction on the flanks (statics); kinematics of a rolling wheel"
-    parameters = (_STRESS,)
+
+    def freer(self) -> list[Effect]:
+        return [RubbingWithDepth(*self._usual)]
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
-        along, _, twist = _rubbed(contact)
-        channels[:, TORQUE] += 2.0 * values[0] * twist
-        channels[:, PULL] -= 2.0 * values[0] * along
+        along, _, twist = _rubbed(contact, values)
+        channels[:, TORQUE] += 2.0 * twist
+        channels[:, PULL] -= 2.0 * along
+
+
+class RubbingWithDepth(FlankRubbing):
+    """The same, by cohesion and by friction, whose pressure grows with depth."""
+
+    form = "rubbing, with depth"
+    freed = True
+    equation = "F = -2 integral (tau_s + g_s z) v/|v| dA over the buried part of a flank, v = omega (V/omega - y, x)"
+    _with = True, True
+
+    def freer(self) -> list[Effect]:
+        return []
 
 
 class CarryingFlanks(FlankRubbing):
@@ -87,13 +117,16 @@ class CarryingFlanks(FlankRubbing):
     form = "rubbing, carrying"
     equation = f"{FlankRubbing.equation}; W += 2 tau_s integral x/|v/omega| dA"
 
+    def freer(self) -> list[Effect]:
+        return []
+
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
-        contact.lift_N = contact.lift_N + 2.0 * values[0] * _rubbed(contact)[1]
+        contact.lift_N = contact.lift_N + 2.0 * _rubbed(contact, values)[1]
 
 
-def _rubbed(contact: Contact) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Integrals over the buried part of a flank, (n,) each, of the direction in which its points move: along [m2] and
-    down [m2], and of its moment about the axle against rotation [m3].
+def _rubbed(contact: Contact, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Integrals over the buried part of a flank, (n,) each, of the stress (`values`: at the surface [Pa] and, where it
+    has one, its growth with depth [Pa/m]) the way its points move: along [N], down [N], and against rotation [N m].
     """
     radius = contact.wheel.radius_m
     surface = radius * np.cos(contact.theta_1)[:, None]
@@ -101,6 +134,7 @@ def _rubbed(contact: Contact) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     reach = np.sqrt(np.maximum(radius**2 - below**2, 0.0))
     forward, down = np.minimum(contact.advance_m, 1e6 * radius)[:, None] - below, reach * _AHEAD
     area = _SHARE * (radius - surface) * reach / np.maximum(np.hypot(forward, down), 1e-12)
+    area *= values[0] if len(values) == 1 else values[0] + values[1] * (below - surface)
     twist = down**2 - forward * below
     return (area * forward).sum(axis=1), (area * down).sum(axis=1), (area * twist).sum(axis=1)
 
@@ -109,4 +143,5 @@ def forms(situation: Situation) -> tuple[Effect, ...]:
     """Give the forms that these data can show: torque or drawbar pull has to be measured."""
     if not situation.seen(TORQUE, PULL):
         return ()
-    return SideWallFriction(), FrictionByDepth(), FlankRubbing(), CarryingFlanks()
+    usual = _USUAL * situation.strength_Pa, situation.depth_m
+    return SideWallFriction(*usual), FrictionByDepth(*usual), FlankRubbing(*usual), CarryingFlanks(*usual)

@@ -15,11 +15,12 @@ from bevameter.identification.simulate import simulate
 from bevameter.identification.wheel_soil import Soil
 
 WHEEL = Wheel(radius_m=0.2, width_m=0.15)
+SOIL = Soil(1000.0, 0.52, 0.015, 3e5, 1.0)
 VEHICLE = Vehicle(name="made", wheels=(WHEEL,))
 ROWS = 240
 
 
-def found(effect: NamedEffect, form: str, least_slip: float = 0.02) -> Trial:
+def found(effect: NamedEffect, form: str, least_slip: float = 0.02, soil: Soil = SOIL) -> Trial:
     """Fit of one form to a noisy drive with an effect."""
     rng = np.random.default_rng(5)
     time_s = np.arange(ROWS) / 10.0
@@ -30,7 +31,7 @@ def found(effect: NamedEffect, form: str, least_slip: float = 0.02) -> Trial:
         "wheel_speed_rad_s": 1.0 + 0.9 * np.sin(0.61 * time_s),
     }
     bare = WheelTable(columns, None, None, "made")
-    made = simulate(VEHICLE, Soil(1000.0, 0.52, 0.015, 3e5, 1.0), bare, [effect])
+    made = simulate(VEHICLE, soil, bare, [effect])
     noise = {"load_N": 2.0, "slip": 0.002, "torque_Nm": 0.15, "sinkage_m": 1e-4, "drawbar_pull_N": 1.0}
     noisy = {name: made[name] + sd * rng.normal(size=ROWS) for name, sd in noise.items()}
     table = WheelTable({**columns, **noisy}, None, None, "made")
@@ -49,6 +50,8 @@ STRIBECK = {"T_c": "1", "T_s": "2.5", "omega_s": "0.4"}
         ("slip_sinkage", {"n1": "0.3"}, "exponent", "exponent"),
         ("drivetrain_friction", {**STRIBECK, "b_v": "1.2"}, "stribeck", "stribeck+viscous"),
         ("drivetrain_friction", STRIBECK, "stribeck", "stribeck"),
+        ("side_wall_friction", {"tau_s": "1000", "g_s": "3e5"}, "rubbing", "rubbing, with depth"),
+        ("side_wall_friction", {"tau_s": "8000"}, "rubbing", "rubbing"),
     ],
 )  # fmt: skip
 def test_a_further_parameter_is_fitted_where_it_is_worth_it(slug, settings, form, freer):
@@ -60,6 +63,20 @@ def test_a_further_parameter_is_fitted_where_it_is_worth_it(slug, settings, form
     truth = [float(settings[parameter.name]) for parameter in effect.parameters]
     # Friction that goes with nothing is part of the soil's, within a few of its standard deviations.
     assert np.all(np.abs(trial.fitted.vector[where] - truth) < 4.0 * sd[where])
+
+
+@pytest.mark.parametrize(
+    ("effect", "stress_Pa"),
+    [
+        (NamedEffect("side_wall_friction", {"tau_s": "28e3"}, "rubbing"), 28e3),
+        (NamedEffect("rim_adhesion", {"c_a": "9e3", "tan_delta": "0.1"}, "strength"), 9e3),
+    ],
+)
+def test_flanks_and_rims_may_hold_as_much_as_the_clay_they_are_in(effect, stress_Pa):
+    trial = found(effect, effect.form, soil=Soil(12.7e3, 0.24, 0.004, 3.8e5, 0.67))
+    ((_, where),) = trial.fitted.model.slices()
+    sd = np.sqrt(np.diag(trial.fitted.covariance))[where]
+    assert abs(trial.fitted.vector[where][0] - stress_Pa) < 2.0 * sd[0] < 0.3 * stress_Pa
 
 
 @pytest.mark.parametrize(
@@ -88,9 +105,9 @@ def test_a_form_of_driven_wheels_leaves_braked_ones_as_they_are(form, settings):
         "time_s": np.arange(2.0), "load_N": np.full(2, 300.0), "slip": np.array([-0.3, 0.3]),
         "wheel_speed_rad_s": np.ones(2),
     }  # fmt: skip
-    bare, soil = WheelTable(columns, None, None, "made"), Soil(1000.0, 0.52, 0.015, 3e5, 1.0)
+    bare = WheelTable(columns, None, None, "made")
     plain, both, driven = (
-        simulate(VEHICLE, soil, bare, effects)["sinkage_m"]
+        simulate(VEHICLE, SOIL, bare, effects)["sinkage_m"]
         for effects in (
             [],
             [NamedEffect("slip_sinkage", settings, form)],
