@@ -47,13 +47,35 @@ def as_answers_tell(measured: Measured, wheel: Wheel, known: SoilKnowledge) -> t
         As in `estimation.solve`.
     """
     solution = solve(measured, wheel, known)
-    likely = _likeliest(solution, measured)
-    if likely.log_likelihood < solution.fit.log_likelihood + TOLD:
+    noise = likeliest_noise(measured, solution)
+    if np.array_equal(noise, measured.noise, equal_nan=True):
         return measured, solution, []
-    noise = np.fmin(measured.noise, np.exp(likely.point.log_sd))
     notes = said(measured.noise[_IMPOSED], noise[_IMPOSED])
     measured = replace(measured, noise=noise)
     return measured, solve(measured, wheel, known), notes
+
+
+def likeliest_noise(measured: Measured, solution: Solution) -> np.ndarray:
+    """Noise (5,) of all channels that is likeliest beside a fit, at most what neighbours show.
+
+    That of load or of slip is less only where that gains much by itself: beside a form that does not fit nothing tells.
+    """
+    fitted, free = solution.fit, ~measured.stated & solution.problem.seen.any(axis=0)
+    while free.any():
+        fitted = beside_any_noise(solution, measured, free)
+        louder = free & ~ANSWERS & (np.exp(fitted.point.log_sd) > measured.noise)
+        if not louder.any():
+            break
+        free &= ~louder
+    for channel in _IMPOSED:
+        if free[channel]:
+            others = free & (np.arange(len(free)) != channel)
+            without = beside_any_noise(solution, measured, others) if others.any() else solution.fit
+            if fitted.log_likelihood < without.log_likelihood + TOLD:
+                free, fitted = others, without
+    if fitted.log_likelihood < solution.fit.log_likelihood + TOLD:
+        return measured.noise
+    return np.where(free, np.fmin(measured.noise, np.exp(fitted.point.log_sd)), measured.noise)
 
 
 def said(shown: np.ndarray, taken: np.ndarray) -> list[str]:
@@ -66,18 +88,10 @@ def said(shown: np.ndarray, taken: np.ndarray) -> list[str]:
     ]
 
 
-def _likeliest(solution: Solution, measured: Measured) -> Fit:
-    """Fit beside the likeliest noise of all channels, that of load and slip no more than neighbours show."""
-    problem, free = solution.problem, ~measured.stated & solution.problem.seen.any(axis=0)
+def beside_any_noise(solution: Solution, measured: Measured, free: np.ndarray) -> Fit:
+    """Fit again, the noise of the channels that are `free` (5,) whatever is likeliest."""
+    problem = solution.problem
     least = np.array([least_noise(channel) for channel in problem.filled.T])
-    while free[_IMPOSED].any():
-        noise = np.where(free, np.fmin(measured.noise, least), measured.noise)
-        likely = fit(
-            replace(problem, noise=noise, answers=problem.answers | free), solution.fit.point, iterations=_STEPS,
-            enough=_ENOUGH,
-        )  # fmt: skip
-        louder = free & ~ANSWERS & (np.exp(likely.point.log_sd) > measured.noise)
-        if not louder.any():
-            return likely
-        free &= ~louder
-    return solution.fit
+    noise = np.where(free, np.fmin(measured.noise, least), measured.noise)
+    problem = replace(problem, noise=noise, answers=problem.answers | free)
+    return fit(problem, solution.fit.point, iterations=_STEPS, enough=_ENOUGH)

@@ -1,34 +1,43 @@
 """How well load and slip are known: neighbours show how noisy they are at most, answers that follow them how little.
 
-A slip that really changes from row to row looks like one that is measured badly. What the wheel answers tells them
-apart: it follows the former, and not the latter.
+`restless` tells it beside one soil that is the same everywhere; here the ground varies, too, and what varies looks like
+errors of load and slip.
 """
 
 from __future__ import annotations
 
 import math
-from copy import copy
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from ....framework.core.errors import InputError
 from ....framework.core.recording.types import WheelTable
 from ....framework.core.soil import SoilKnowledge
 from ....framework.core.vehicle import Vehicle, Wheel
+from ...augmented import Entry
 from ...effects.effect import LOAD, SLIP
+from ...errors_in_variables import Fit
+from ...estimation import Measured, solve, usable
 from ...noise import in_time, least_noise, noise_of_series
-from ...restless import TOLD, said
-from .fitting import Fitted, Problem
+from ...restless import TOLD, beside_any_noise, said
+from .fitting import Fitted, Problem, fit
 from .samples import Samples, gather
-from .textbook import fit_textbook
+from .soil_variation import NoiseModel
+from .textbook import QUIET, fit_textbook
+from .together import together
 
-_LEAST, _NEAR = math.log(0.05), 0.1
-"""ln of the least share of the noise that neighbours show, and how near it is sought [-]."""
+_LEAST, _MOST, _NEAR = math.log(0.05), -1e-3, 0.1
+"""ln of the least share of the noise that neighbours show, of the whole of it, and how near a share is sought [-]."""
 
 _MUCH_LESS = 0.7
 """Share of the noise that neighbours in an answer show below which what is left of them tells it better [-]."""
+
+_FEWEST, _ENOUGH = 30, 300
+"""Rows from which on they tell where to look, and how many do: they know a noise to four parts in a hundred."""
 
 
 def gathered(table: WheelTable, wheel: Wheel, vehicle: Vehicle, known: SoilKnowledge) -> Samples:
@@ -50,52 +59,109 @@ def gathered(table: WheelTable, wheel: Wheel, vehicle: Vehicle, known: SoilKnowl
     if not samples.drive.timed or samples.stated[[LOAD, SLIP, *samples.answers]].all():
         return samples
     problem, fitted = fit_textbook(samples, known)
-    noise = _of_answers(samples, problem, fitted)
-    load, slip = noise_shares(Problem(replace(problem.samples, noise=noise), known), fitted).tolist()
-    if min(load, slip) < 1.0:
-        shown = samples.noise[[LOAD, SLIP]]
-        samples = gather(table, wheel, vehicle, (load, slip))
-        noise[[LOAD, SLIP]] = samples.noise[[LOAD, SLIP]]
-        samples = replace(samples, notes=(*samples.notes, *said(shown, shown * [load, slip])))
-    return replace(samples, noise=noise)
+    alike = _one_soil(samples, known)
+    floors = _of_answers(samples, problem, fitted, alike)
+
+    def laid_out(shares: np.ndarray) -> Samples:
+        """Give the rows with shares (2,) of the noise that neighbours show of load and slip."""
+        quiet = gather(table, wheel, vehicle, tuple(shares.tolist()))
+        noise = floors.copy()
+        noise[[LOAD, SLIP]] = quiet.noise[[LOAD, SLIP]]
+        return replace(quiet, noise=noise)
+
+    shares = noise_shares(samples, laid_out, known, fitted, alike)
+    answer, shown = laid_out(shares), samples.noise[[LOAD, SLIP]]
+    return replace(answer, notes=(*answer.notes, *said(shown, shown * shares)))
 
 
-def _of_answers(samples: Samples, problem: Problem, fitted: Fitted) -> np.ndarray:
+def _of_answers(samples: Samples, problem: Problem, fitted: Fitted, alike: list[Fit]) -> np.ndarray:
     """Noise (5,) of all channels, that of the answers less than neighbours show where load and slip make most of it.
 
-    What errors of load and slip leave in them counts with it: it is rather too much.
+    It is the least that any fit leaves: more is found where more there is.
     """
     noise = samples.noise.copy()
     free = 1.0 - len(fitted.vector) / max(np.count_nonzero(problem.seen), len(fitted.vector) + 1)
     for position, channel in enumerate(problem.answers):
         left = noise_of_series(in_time(fitted.residuals[:, position], samples.drive.stretch)) / math.sqrt(free)
-        if not samples.stated[channel] and left < _MUCH_LESS * noise[channel]:
-            noise[channel] = max(left, least_noise(samples.measured[:, channel]))
+        less = [left] if left < _MUCH_LESS * noise[channel] else []
+        less += [float(np.exp(each.point.log_sd[channel])) for each in alike]
+        if less and not samples.stated[channel]:
+            noise[channel] = max(min(*less, noise[channel]), least_noise(samples.measured[:, channel]))
     return noise
 
 
-def noise_shares(problem: Problem, fitted: Fitted) -> np.ndarray:
-    """Shares (2,) of the noise of load and of slip beside which a fit's residuals are likeliest.
+def _one_soil(samples: Samples, known: SoilKnowledge) -> list[Fit]:
+    """Fit one soil beside the likeliest noise of all channels, and of load and slip alone; none where rows are few."""
+    if len(samples) < _FEWEST:
+        return []
+    rows = np.linspace(0, len(samples) - 1, min(len(samples), _ENOUGH)).astype(int)
+    compared = [LOAD, SLIP, *samples.answers]
+    channels, noise = np.full_like(samples.measured[rows], math.nan), np.full_like(samples.noise, math.nan)
+    channels[:, compared], noise[compared] = samples.measured[rows][:, compared], samples.noise[compared]
+    free = ~samples.stated & np.isfinite(noise)
+    try:
+        measured = usable(Measured(channels, noise, samples.drive.time_s[rows], samples.stated))
+        solution = solve(measured, samples.wheel, known)
+    except InputError:
+        return []
+    imposed = free & np.isin(np.arange(len(free)), [LOAD, SLIP])
+    found = [beside_any_noise(solution, measured, each) for each in (free, imposed) if each.any()]
+    return [each for each in found if each.log_likelihood > solution.fit.log_likelihood + TOLD]
+
+
+def noise_shares(
+    samples: Samples, laid_out: Callable[[np.ndarray], Samples], known: SoilKnowledge, fitted: Fitted, alike: list[Fit]
+) -> np.ndarray:
+    """Shares (2,) of the noise of load and of slip beside which the textbook wheel's residuals are likeliest.
 
     It is 1 where the noise is stated, or less of it is not much likelier. A form that is wrong leaves more than there
     is: the shares are rather too large. They are those of all rows together.
+
+    Parameters
+    ----------
+    samples
+        With the noise that neighbours show.
+    laid_out
+        Gives them with shares of it.
+    known
+        What is known of the soil from elsewhere.
+    fitted, alike
+        The textbook wheel beside that noise, and beside the likeliest on ground that is the same everywhere.
     """
-    samples, shares = problem.samples, np.ones(2)
-    for index, channel in ((1, SLIP), (0, LOAD)):
+    fitted = _likeliest(samples, laid_out, known, fitted, alike)
+    shares = np.ones(2)
+
+    def loss(index: int, log_share: float) -> float:
+        tried = shares.copy()
+        tried[index] = math.exp(log_share)
+        problem = Problem(laid_out(tried), known)
+        response = problem.linearise(fitted.model, fitted.vector, Entry(fitted.theta_1))
+        return problem.least_loss(response, fitted.vector, fitted.noise, problem.prior(fitted.model))
+
+    # Slip once more beside the load that is found: errors of the one hide those of the other.
+    for index, channel in ((1, SLIP), (0, LOAD), (1, SLIP)):
         lowest = max(_LEAST, math.log(least_noise(samples.measured[:, channel]) / samples.noise[channel]))
         if samples.stated[channel] or lowest > -_NEAR:
             continue
-        loss = partial(_loss, problem, fitted, shares, index)
-        found = minimize_scalar(loss, bounds=(lowest, 0.0), method="bounded", options={"xatol": _NEAR})
-        if loss(0.0) - found.fun > TOLD:
-            shares[index] = math.exp(found.x)
+        of_one = partial(loss, index)
+        found = minimize_scalar(of_one, bounds=(lowest, _MOST), method="bounded", options={"xatol": _NEAR})
+        # A share next to one says the same of what really changes, where one itself leaves it open.
+        shares[index] = math.exp(found.x) if of_one(_MOST) - found.fun > TOLD else 1.0
     return shares
 
 
-def _loss(problem: Problem, fitted: Fitted, shares: np.ndarray, index: int, log_share: float) -> float:
-    """Loss [nats] of a fit beside the likeliest noise of the answers, with another share of one of load and slip."""
-    tried = shares.copy()
-    tried[index] = math.exp(log_share)
-    other = copy(problem)
-    other.latent_covariance = problem.latent_covariance * np.outer(tried, tried)
-    return other.least_loss(fitted.response, fitted.vector, fitted.noise, problem.prior(fitted.model))
+def _likeliest(
+    samples: Samples, laid_out: Callable[[np.ndarray], Samples], known: SoilKnowledge, fitted: Fitted, alike: list[Fit]
+) -> Fitted:
+    """Fit beside less noise of load and slip, too: where neighbours show much too much the soil may be wrong."""
+    starts = [(np.ones(2), fitted.vector, fitted.noise)] if alike else []
+    for each in alike:
+        shares = np.fmin(np.exp(each.point.log_sd) / samples.noise, 1.0)[[LOAD, SLIP]]
+        quiet = replace(fitted.noise, spread=np.full(2, QUIET))
+        starts += [(shares, each.vector, quiet), (shares, fitted.vector, fitted.noise)]
+
+    def refitted(start: tuple[np.ndarray, np.ndarray, NoiseModel]) -> Fitted:
+        shares, vector, noise = start
+        return fit(Problem(laid_out(shares), known), fitted.model, vector, noise, fitted.theta_1)
+
+    return max(together(refitted, starts), key=lambda each: each.score, default=fitted)

@@ -34,6 +34,16 @@ def test_what_answers_follow_is_no_noise(seed):
     assert (told < 0.25 * shown).all()
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_rows_far_apart_that_the_average_of_neighbours_has_nothing_of_are_told_too(seed):
+    """Slip leaps by 0.1 from row to row: the soil that is fitted to averages of it is a wrong one."""
+    table = drive(seed, (0.15, 0.1), (0.01, 0.004), friction_Nm=0.2)
+    shown, told = noises(table.select(np.arange(0, ROWS, 4)))
+    assert shown[1] > 0.08
+    assert told[1] == pytest.approx(0.004, abs=0.004)
+    assert told[0] == pytest.approx(1.5, rel=0.5)
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_what_they_do_not_follow_is(seed):
     shown, told = noises(drive(seed, (0.0, 0.0), (0.02, 0.012)))
