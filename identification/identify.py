@@ -291,7 +291,7 @@ def _soils(rows: FeltRows, stretch: Stretch, known: SoilKnowledge) -> list[Segme
     starts, ends = [stretch.start_s, *borders], [*borders, stretch.end_s]
     segments = []
     for (part, solution), start, end in zip(parts, starts, ends, strict=True):
-        own = Measured(kept.channels[part], kept.noise, kept.order[part])
+        own = replace(kept, channels=kept.channels[part], order=kept.order[part])
         estimate = summarise(solution, own, rows.wheel)
         estimate = replace(estimate, problems=(*estimate.problems, *notes))
         segments.append(Segment(start, end, True, "", len(own.channels), estimate))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib
@@ -90,7 +91,7 @@ def _converge(panels: np.ndarray, rows: FeltRows, chosen: np.ndarray, known: Soi
 
 def _at(measured: Measured, end: int, rows: FeltRows, known: SoilKnowledge) -> tuple[float, float, float, float]:
     """Cohesion [Pa] and phi [deg] from the first `end` samples, each with the half of its Wald interval."""
-    part = Measured(measured.channels[:end], measured.noise, measured.order[:end])
+    part = replace(measured, channels=measured.channels[:end], order=measured.order[:end])
     solution = solve(part, rows.wheel, known)
     sd = np.sqrt(np.maximum(np.diag(solution.covariance())[:2], 0.0))
     phi = math.atan(solution.fit.vector[1])

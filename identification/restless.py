@@ -13,12 +13,15 @@ import numpy as np
 from ..framework.core.soil import SoilKnowledge
 from ..framework.core.vehicle import Wheel
 from .errors_in_variables import Fit, fit
-from .estimation import ANSWERS, Measured, Solution, solve
+from .estimation import ANSWERS, WRONG_FORM, Measured, Solution, solve
 from .noise import least_noise
 
 TOLD = 25.0
 """Nats that less noise of load or slip has to gain. Of the drives of trials 22 and 25 (docs/other-generators.md), which
 are as noisy as neighbours show, less of it gained 19 in one and 11 at most in all others."""
+
+FEWEST = 100
+"""Rows from which on they tell the noise of all channels beside five parameters of a soil."""
 
 _IMPOSED = [0, 3]
 """Load and slip among `forward.CHANNELS`."""
@@ -28,7 +31,7 @@ _STEPS, _ENOUGH = 20, 0.5
 
 
 def as_answers_tell(measured: Measured, wheel: Wheel, known: SoilKnowledge) -> tuple[Measured, Solution, list[str]]:
-    """Fit one soil, with less noise than neighbours show where that is much likelier.
+    """Fit one soil, with less noise than neighbours show where that is much likelier and the soil's form then holds.
 
     Parameters
     ----------
@@ -50,32 +53,38 @@ def as_answers_tell(measured: Measured, wheel: Wheel, known: SoilKnowledge) -> t
     noise = likeliest_noise(measured, solution)
     if np.array_equal(noise, measured.noise, equal_nan=True):
         return measured, solution, []
-    notes = said(measured.noise[_IMPOSED], noise[_IMPOSED])
-    measured = replace(measured, noise=noise)
-    return measured, solve(measured, wheel, known), notes
+    quiet = replace(measured, noise=noise)
+    found = solve(quiet, wheel, known)
+    if found.misfit > WRONG_FORM:
+        return measured, solution, []
+    return quiet, found, said(measured.noise[_IMPOSED], noise[_IMPOSED])
 
 
 def likeliest_noise(measured: Measured, solution: Solution) -> np.ndarray:
     """Noise (5,) of all channels that is likeliest beside a fit, at most what neighbours show.
 
-    That of load or of slip is less only where that gains much by itself: beside a form that does not fit nothing tells.
+    It is less only where load or slip gains much by less of it, by itself, and rows are enough to tell.
     """
-    fitted, free = solution.fit, ~measured.stated & solution.problem.seen.any(axis=0)
-    while free.any():
+    free = ~measured.stated & solution.problem.seen.any(axis=0)
+    while len(measured.channels) >= FEWEST and free[_IMPOSED].any():
         fitted = beside_any_noise(solution, measured, free)
-        louder = free & ~ANSWERS & (np.exp(fitted.point.log_sd) > measured.noise)
-        if not louder.any():
-            break
-        free &= ~louder
-    for channel in _IMPOSED:
-        if free[channel]:
-            others = free & (np.arange(len(free)) != channel)
-            without = beside_any_noise(solution, measured, others) if others.any() else solution.fit
-            if fitted.log_likelihood < without.log_likelihood + TOLD:
-                free, fitted = others, without
-    if fitted.log_likelihood < solution.fit.log_likelihood + TOLD:
-        return measured.noise
-    return np.where(free, np.fmin(measured.noise, np.exp(fitted.point.log_sd)), measured.noise)
+        noise = np.exp(fitted.point.log_sd)
+        needless = [
+            channel
+            for channel in np.flatnonzero(free & ~ANSWERS).tolist()
+            if noise[channel] > measured.noise[channel]
+            or fitted.log_likelihood < _held(solution, measured, free, channel).log_likelihood + TOLD
+        ]
+        if not needless:
+            return np.where(free, np.fmin(measured.noise, noise), measured.noise)
+        free[needless[-1]] = False
+    return measured.noise
+
+
+def _held(solution: Solution, measured: Measured, free: np.ndarray, channel: int) -> Fit:
+    """Fit beside the likeliest noise of channels that are `free` (5,), one of them held at what neighbours show."""
+    others = free & (np.arange(len(free)) != channel)
+    return beside_any_noise(solution, measured, others) if others.any() else solution.fit
 
 
 def said(shown: np.ndarray, taken: np.ndarray) -> list[str]:

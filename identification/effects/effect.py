@@ -119,6 +119,9 @@ class Drive:
         )
 
 
+_LEAST_FRICTION = 0.1
+"""Least tan phi that the strength of a soil is reckoned from [-]: a fit may end without any."""
+
 _SHALLOW = 0.05
 """Least sinkage that the length of the contact is reckoned from, and that where none was seen [wheel radii]."""
 
@@ -171,7 +174,7 @@ class Situation:
         radius, depth = self.wheel.radius_m, min(self.depth_m, self.wheel.radius_m)
         length = math.sqrt(depth * (2.0 * radius - depth))
         pressure = float(np.nanmedian(np.abs(self.drive.load_N))) / (self.wheel.width_m * length)
-        return max(self.c_Pa, 0.0) + pressure * self.tan_phi
+        return max(self.c_Pa, 0.0) + pressure * max(self.tan_phi, _LEAST_FRICTION)
 
     def seen(self, *channels: int) -> bool:
         """Say whether one of the channels, by number, was observed."""

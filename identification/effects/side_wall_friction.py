@@ -103,7 +103,7 @@ class RubbingWithDepth(FlankRubbing):
     """The same, by cohesion and by friction, whose pressure grows with depth."""
 
     form = "rubbing, with depth"
-    freed = True
+    freed, usual = True, False
     equation = "F = -2 integral (tau_s + g_s z) v/|v| dA over the buried part of a flank, v = omega (V/omega - y, x)"
     _with = True, True
 

@@ -346,6 +346,18 @@ def test_flanks_rub_by_cohesion_and_by_depth_at_once():
     both = change("side_wall_friction:form=stress and depth,tau_s=800,g_s=4e4")
     each = change("side_wall_friction:form=stress,tau_s=800"), change("side_wall_friction:form=depth,g_s=4e4")
     np.testing.assert_allclose(both, each[0] + each[1], rtol=1e-9)
+    np.testing.assert_array_equal(both, change("side_wall_friction:tau_s=800,g_s=4e4"))
+
+
+def test_flanks_that_rub_along_their_motion_rub_harder_with_depth():
+    alike = change("side_wall_friction:form=rubbing,tau_s=800")[:, TORQUE]
+    by_depth = change("side_wall_friction:form=rubbing, with depth,tau_s=0,g_s=4e4")[:, TORQUE]
+    both = change("side_wall_friction:form=rubbing, with depth,tau_s=800,g_s=4e4")[:, TORQUE]
+    np.testing.assert_allclose(both, alike + by_depth, rtol=1e-9)
+    # Where the wheel spins all points of a flank move alike: by the mean depth of a segment of a circle, 0.4 z.
+    spins = DRIVE.slip > 0.3
+    mean_depth = (by_depth / alike)[spins] * 800.0 / 4e4
+    np.testing.assert_allclose(mean_depth, 0.4 * textbook()[spins, SINKAGE], rtol=0.1)
 
 
 @pytest.mark.parametrize("named", ["side_wall_friction:form=stress,tau_s=800", "side_wall_friction:g_s=4e4"])

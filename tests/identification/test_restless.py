@@ -50,6 +50,7 @@ def test_intervals_are_as_wide_as_they_have_to_be_and_hold():
         held.append([quantity.low <= true <= quantity.high for quantity, true in each])
         width.append(found.parameters["c_Pa"].high - found.parameters["c_Pa"].low)
         assert sum(NOTE in problem for problem in found.problems) == 2
+    assert (np.mean(held, axis=0) >= 0.8).all()
     assert np.mean(held) >= 0.9
     shown = estimated(drive(0, (0.04, 0.02), (0.0, 0.0)), {"load_N": 5.8, "slip": 0.019})
     assert not any(NOTE in problem for problem in shown.problems)
@@ -76,3 +77,20 @@ def test_a_channel_that_is_not_there_has_no_noise():
     table = drive(1, (0.04, 0.02), (0.0, 0.0))
     columns = {name: values for name, values in table.columns.items() if name != "drawbar_pull_N"}
     assert any(NOTE in problem for problem in estimated(replace(table, columns=columns)).problems)
+
+
+@pytest.mark.parametrize("start", [0, 200, 400])
+def test_few_rows_do_not_tell_the_noise_of_five_channels(start):
+    table = drive(1, (0.04, 0.02), (0.0, 0.0)).select(np.arange(start, start + 40))
+    assert not any(NOTE in problem for problem in estimated(table).problems)
+
+
+def test_a_form_that_does_not_fit_tells_no_noise():
+    """A load that is said to be constant, and is not: no noise of slip makes one soil of it."""
+    table = drive(1, (0.0, 0.02), (0.0, 0.0))
+    held = {**table.columns, "load_N": np.full(ROWS, 150.0) + 0.1 * np.random.default_rng(1).normal(size=ROWS)}
+    measured = usable(measured_rows(felt_rows(recording(replace(table, columns=held))), np.arange(ROWS)))
+    told, solution, notes = as_answers_tell(measured, WHEEL, SoilKnowledge())
+    np.testing.assert_array_equal(told.noise, measured.noise)
+    assert not notes
+    assert solution.misfit > 1.5

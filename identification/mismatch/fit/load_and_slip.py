@@ -23,7 +23,7 @@ from ...effects.effect import LOAD, SLIP
 from ...errors_in_variables import Fit
 from ...estimation import Measured, solve, usable
 from ...noise import in_time, least_noise, noise_of_series
-from ...restless import TOLD, beside_any_noise, said
+from ...restless import FEWEST, TOLD, beside_any_noise, said
 from .fitting import Fitted, Problem, fit
 from .samples import Samples, gather
 from .soil_variation import NoiseModel
@@ -36,8 +36,8 @@ _LEAST, _MOST, _NEAR = math.log(0.05), -1e-3, 0.1
 _MUCH_LESS = 0.7
 """Share of the noise that neighbours in an answer show below which what is left of them tells it better [-]."""
 
-_FEWEST, _ENOUGH = 30, 300
-"""Rows from which on they tell where to look, and how many do: they know a noise to four parts in a hundred."""
+_ENOUGH = 300
+"""Rows that tell where to look: they know a noise to four parts in a hundred."""
 
 
 def gathered(table: WheelTable, wheel: Wheel, vehicle: Vehicle, known: SoilKnowledge) -> Samples:
@@ -59,32 +59,43 @@ def gathered(table: WheelTable, wheel: Wheel, vehicle: Vehicle, known: SoilKnowl
     if not samples.drive.timed or samples.stated[[LOAD, SLIP, *samples.answers]].all():
         return samples
     problem, fitted = fit_textbook(samples, known)
-    alike = _one_soil(samples, known)
-    floors = _of_answers(samples, problem, fitted, alike)
+    cleared, alike = problem.samples, _one_soil(problem.samples, known)
+    least = _of_answers(samples, problem, fitted, alike)
 
     def laid_out(shares: np.ndarray) -> Samples:
         """Give the rows with shares (2,) of the noise that neighbours show of load and slip."""
-        quiet = gather(table, wheel, vehicle, tuple(shares.tolist()))
-        noise = floors.copy()
-        noise[[LOAD, SLIP]] = quiet.noise[[LOAD, SLIP]]
-        return replace(quiet, noise=noise)
+        return _with_noise(gather(table, wheel, vehicle, tuple(shares.tolist())), least)
 
-    shares = noise_shares(samples, laid_out, known, fitted, alike)
+    def without_gross_errors(shares: np.ndarray) -> Samples:
+        answer = laid_out(shares)
+        measured = np.where(np.isfinite(cleared.measured), answer.measured, math.nan)
+        return replace(answer, measured=measured)
+
+    shares = noise_shares(samples, without_gross_errors, known, fitted, alike)
+    if shares.min() == 1.0:
+        return _with_noise(samples, _of_answers(samples, problem, fitted, []))
     answer, shown = laid_out(shares), samples.noise[[LOAD, SLIP]]
     return replace(answer, notes=(*answer.notes, *said(shown, shown * shares)))
+
+
+def _with_noise(samples: Samples, noise: np.ndarray) -> Samples:
+    """Give the samples with a noise (5,) of the answers; that of load and slip stays."""
+    noise = noise.copy()
+    noise[[LOAD, SLIP]] = samples.noise[[LOAD, SLIP]]
+    return replace(samples, noise=noise)
 
 
 def _of_answers(samples: Samples, problem: Problem, fitted: Fitted, alike: list[Fit]) -> np.ndarray:
     """Noise (5,) of all channels, that of the answers less than neighbours show where load and slip make most of it.
 
-    It is the least that any fit leaves: more is found where more there is.
+    What errors of load and slip leave in them counts with it, but in the fits beside any noise of these (`alike`).
     """
     noise = samples.noise.copy()
     free = 1.0 - len(fitted.vector) / max(np.count_nonzero(problem.seen), len(fitted.vector) + 1)
     for position, channel in enumerate(problem.answers):
         left = noise_of_series(in_time(fitted.residuals[:, position], samples.drive.stretch)) / math.sqrt(free)
         less = [left] if left < _MUCH_LESS * noise[channel] else []
-        less += [float(np.exp(each.point.log_sd[channel])) for each in alike]
+        less += [float(np.exp(each.point.log_sd[channel])) / math.sqrt(free) for each in alike]
         if less and not samples.stated[channel]:
             noise[channel] = max(min(*less, noise[channel]), least_noise(samples.measured[:, channel]))
     return noise
@@ -92,7 +103,7 @@ def _of_answers(samples: Samples, problem: Problem, fitted: Fitted, alike: list[
 
 def _one_soil(samples: Samples, known: SoilKnowledge) -> list[Fit]:
     """Fit one soil beside the likeliest noise of all channels, and of load and slip alone; none where rows are few."""
-    if len(samples) < _FEWEST:
+    if len(samples) < FEWEST:
         return []
     rows = np.linspace(0, len(samples) - 1, min(len(samples), _ENOUGH)).astype(int)
     compared = [LOAD, SLIP, *samples.answers]
@@ -156,7 +167,8 @@ def _likeliest(
     """Fit beside less noise of load and slip, too: where neighbours show much too much the soil may be wrong."""
     starts = [(np.ones(2), fitted.vector, fitted.noise)] if alike else []
     for each in alike:
-        shares = np.fmin(np.exp(each.point.log_sd) / samples.noise, 1.0)[[LOAD, SLIP]]
+        less = np.where(samples.stated, 1.0, np.fmin(np.exp(each.point.log_sd) / samples.noise, 1.0))
+        shares = less[[LOAD, SLIP]]
         quiet = replace(fitted.noise, spread=np.full(2, QUIET))
         starts += [(shares, each.vector, quiet), (shares, fitted.vector, fitted.noise)]
 

@@ -44,6 +44,24 @@ def test_rows_far_apart_that_the_average_of_neighbours_has_nothing_of_are_told_t
     assert told[0] == pytest.approx(1.5, rel=0.5)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_gross_errors_tell_nothing_of_noise(seed):
+    """Spikes of two rows each in a torque that is known to 0.05 Nm."""
+    table = drive(seed, (0.04, 0.02), (0.01, 0.006))
+    torque, rng = table["torque_Nm"].copy(), np.random.default_rng(seed)
+    for row in rng.choice(ROWS - 1, 12, replace=False):
+        torque[row : row + 2] += 8.0
+    spiked = replace(table, columns={**table.columns, "torque_Nm": torque})
+    _, told = noises(spiked, None, (LOAD, SLIP, TORQUE))
+    assert told == pytest.approx([1.5, 0.006, 0.05], rel=0.45)
+
+
+def test_what_is_stated_of_one_stands_where_the_other_is_told():
+    _, told = noises(drive(2, (0.04, 0.02), (0.01, 0.0)), {"load_N": 1.5})
+    assert told[0] == 1.5
+    assert told[1] < 0.005
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_what_they_do_not_follow_is(seed):
     shown, told = noises(drive(seed, (0.0, 0.0), (0.02, 0.012)))
