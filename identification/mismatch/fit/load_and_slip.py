@@ -149,15 +149,21 @@ def noise_shares(
         response = problem.linearise(fitted.model, fitted.vector, Entry(fitted.theta_1))
         return problem.least_loss(response, fitted.vector, fitted.noise, problem.prior(fitted.model))
 
-    # Slip once more beside the load that is found: errors of the one hide those of the other.
-    for index, channel in ((1, SLIP), (0, LOAD), (1, SLIP)):
+    def likeliest(index: int) -> float:
+        channel = (LOAD, SLIP)[index]
         lowest = max(_LEAST, math.log(least_noise(samples.measured[:, channel]) / samples.noise[channel]))
         if samples.stated[channel] or lowest > -_NEAR:
-            continue
+            return 1.0
         of_one = partial(loss, index)
         found = minimize_scalar(of_one, bounds=(lowest, _MOST), method="bounded", options={"xatol": _NEAR})
         # A share next to one says the same of what really changes, where one itself leaves it open.
-        shares[index] = math.exp(found.x) if of_one(_MOST) - found.fun > TOLD else 1.0
+        return math.exp(found.x) if of_one(_MOST) - found.fun > TOLD else 1.0
+
+    shares[1] = likeliest(1)
+    shares[0] = likeliest(0)
+    if shares[0] < 1.0:
+        # Errors of the one hide those of the other.
+        shares[1] = likeliest(1)
     return shares
 
 
