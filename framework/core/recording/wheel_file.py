@@ -115,9 +115,9 @@ def derive_all(table: WheelTable, vehicle: Vehicle) -> WheelTable:
         The table names a wheel that the vehicle does not have, or none where the vehicle has several.
     """
     first = vehicle.wheels[0]
-    # A single wheel without a name is what each of them is like.
-    unnamed = "name" not in first.model_fields_set or table.wheel is None or len(set(table.wheel)) == 1
-    if len(vehicle.wheels) == 1 and unnamed:
+    # A single wheel without a name is what each of them is like; one with a name is the only one there is.
+    for_all = "name" not in first.model_fields_set or table.wheel is None or len(set(table.wheel)) == 1
+    if len(vehicle.wheels) == 1 and for_all:
         return derive(table, first)
     radius = {wheel.name: wheel.radius_m for wheel in vehicle.wheels}
     known = "one of the vehicle's wheels, " + ", ".join(radius)
