@@ -7,47 +7,82 @@ import numpy as np
 from .effect import Contact, Drive, Effect, Parameter, Situation
 
 
-class MultipassCompaction(Effect):
-    """Stiffness and strength rise with the number of passes, and saturate."""
+class _Compaction(Effect):
+    """Stiffness and strength rise by what the passes before have worked the soil.
+
+    Parameters
+    ----------
+    own
+        Parameters of what they have worked.
+    apart
+        Cohesion and shear modulus change each for themselves.
+    """
 
     slug = "multipass_compaction"
-    equation = "ln stiffness += A [1 - exp(-(N - 1) / N0)], ln strength += B [1 - exp(-(N - 1) / N0)]"
-    source = "after I. C. Holm, J. Terramechanics 6 (1969), and C. Senatore, C. Sandu, J. Terramechanics 48 (2011)"
     needs = ("pass_number",)
+    by: str
+    """The work of the passes before, as the equation has it."""
 
-    def __init__(self, passes: int) -> None:
+    def __init__(self, own: tuple[Parameter, ...], apart: bool) -> None:
+        further = (Parameter("C", "", -2.0, 3.0, 0.0, 0.5), Parameter("D", "", -3.0, 3.0, 0.0, 0.5))
         gains = (Parameter("A", "", 0.0, 4.0, 0.3, 0.6), Parameter("B", "", -1.0, 2.0, 0.0, 0.2))
-        pace = Parameter("N0", "", 0.2, 8.0, 1.0, 1.0, 1.0)
-        self.parameters = (*gains, pace) if passes > 2 else gains
+        self.parameters = (*gains, *own, *further[: 2 * apart])
+        self.freed = apart
+        strength = "ln tan phi += B s, ln c += (B + C) s, ln k += D s" if apart else "ln strength += B s"
+        self.equation = f"ln stiffness += A s, {strength}, s = {self.by}"
+        self._own = own
+        if apart:
+            self.form = f"{self.form}, cohesion and shear modulus apart".removeprefix(", ")
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
-        pace = values[2] if len(values) > 2 else 1.0
-        run = np.where(np.isfinite(drive.pass_number), drive.pass_number, 1.0)
-        worked = -np.expm1(-(run - 1.0) / pace)
+        last = 2 + len(self._own)
+        worked = self.worked(drive, values[2:last])
+        cohesion, modulus = values[last:] if self.freed else (0.0, 0.0)
         contact.stiffness_Pa = contact.stiffness_Pa * np.exp(values[0] * worked)
-        factor = np.exp(values[1] * worked)
-        contact.c_Pa, contact.tan_phi = contact.c_Pa * factor, contact.tan_phi * factor
+        contact.tan_phi = contact.tan_phi * np.exp(values[1] * worked)
+        contact.c_Pa = contact.c_Pa * np.exp((values[1] + cohesion) * worked)
+        contact.k_m = contact.k_m * np.exp(modulus * worked)
+
+    def worked(self, drive: Drive, own: np.ndarray) -> np.ndarray:
+        """Give how far the passes before have worked the soil (n,) [-]."""
+        raise NotImplementedError
 
 
-class CompactionBySlip(Effect):
+class MultipassCompaction(_Compaction):
+    """The soil is worked by the number of passes, until it is worked through."""
+
+    by = "1 - exp(-(N - 1) / N0)"
+    source = "after I. C. Holm, J. Terramechanics 6 (1969), and C. Senatore, C. Sandu, J. Terramechanics 48 (2011)"
+
+    def __init__(self, passes: int, *, apart: bool = False) -> None:
+        super().__init__((Parameter("N0", "", 0.2, 8.0, 1.0, 1.0, 1.0),) if passes > 2 else (), apart)
+        self._passes = passes
+
+    def freer(self) -> list[Effect]:
+        return [] if self.freed else [MultipassCompaction(self._passes, apart=True)]
+
+    def worked(self, drive: Drive, own: np.ndarray) -> np.ndarray:
+        run = np.where(np.isfinite(drive.pass_number), drive.pass_number, 1.0)
+        return -np.expm1(-(run - 1.0) / (own[0] if len(own) else 1.0))
+
+
+class CompactionBySlip(_Compaction):
     """The more a wheel slipped, the more it compacts for the next one."""
 
-    slug = "multipass_compaction"
     form = "by slip"
-    equation = "ln stiffness += A s, ln strength += B s, s = 1 - exp(-|i_before| / i0) + q (N - 1) for N > 1"
+    by = "1 - exp(-|i_before| / i0) + q (N - 1) for N > 1"
     source = "after C. Senatore, C. Sandu, J. Terramechanics 48 (2011): density by the slip of the pass before"
-    needs = ("pass_number",)
-    parameters = (
-        Parameter("A", "", 0.0, 4.0, 0.3, 0.6), Parameter("B", "", -1.0, 2.0, 0.0, 0.2),
-        Parameter("i0", "", 0.02, 2.0, 0.2, 0.3, 0.2), Parameter("q", "", 0.0, 1.0, 0.2, 0.2, 0.2),
-    )  # fmt: skip
 
-    def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+    def __init__(self, *, apart: bool = False) -> None:
+        own = Parameter("i0", "", 0.02, 2.0, 0.2, 0.3, 0.2), Parameter("q", "", 0.0, 1.0, 0.2, 0.2, 0.2)
+        super().__init__(own, apart)
+
+    def freer(self) -> list[Effect]:
+        return [] if self.freed else [CompactionBySlip(apart=True)]
+
+    def worked(self, drive: Drive, own: np.ndarray) -> np.ndarray:
         later = np.nan_to_num(drive.pass_number, nan=1.0) - 1.0
-        worked = np.where(later > 0.0, -np.expm1(-drive.slip_before / values[2]) + values[3] * later, 0.0)
-        contact.stiffness_Pa = contact.stiffness_Pa * np.exp(values[0] * worked)
-        factor = np.exp(values[1] * worked)
-        contact.c_Pa, contact.tan_phi = contact.c_Pa * factor, contact.tan_phi * factor
+        return np.where(later > 0.0, -np.expm1(-drive.slip_before / own[0]) + own[1] * later, 0.0)
 
 
 def forms(situation: Situation) -> tuple[Effect, ...]:

@@ -27,11 +27,25 @@ _ALONG_AXIS, _ASLANT = 0.5, 0.02
 """Share of the way that a track has to go along an axis, and of its length by which places along that axis differ
 between its lanes, from which on they are places of their own [-]."""
 
-_APART = ", cohesion apart"
+_FURTHER = {
+    ", cohesion apart": (Parameter("C", "", -3.0, 3.0, 0.0, 0.5),),
+    ", another class": (
+        Parameter("C", "", -3.0, 3.0, 0.0, 0.5),
+        Parameter("D", "", -3.0, 3.0, 0.0, 0.5),
+        Parameter("E", "", -1.0, 1.0, 0.0, 0.3),
+    ),
+}
+"""What else is another there, by the end of the form's name: of cohesion, of the shear modulus, of the exponent."""
+
+_EQUATION = {
+    "": "ln strength += B",
+    ", cohesion apart": "ln tan phi += B, ln c += B + C",
+    ", another class": "ln tan phi += B, ln c += B + C, ln k += D, ln n += E",
+}
 
 
 class SoilPatch(Effect):
-    """Between two places stiffness and strength are others."""
+    """Between two places the soil is another."""
 
     slug = "soil_patch"
     nested = False
@@ -41,17 +55,13 @@ class SoilPatch(Effect):
     change = Parameter("A", "", -3.0, 3.0, 0.0, 0.5), Parameter("B", "", -2.0, 2.0, 0.0, 0.3)
     """What is another there."""
 
-    cohesion = Parameter("C", "", -3.0, 3.0, 0.0, 0.5)
-    """What else is another there of cohesion."""
-
     def __init__(
-        self, along: str, values: np.ndarray, starts: Sequence[np.ndarray] = (), *, apart: bool = False, among: int = 1
+        self, along: str, values: np.ndarray, starts: Sequence[np.ndarray] = (), *, further: str = "", among: int = 1
     ) -> None:
         self.sought = 2.0 * math.log(CELLS) + math.log(among)
-        self.form = along + _APART * apart
-        self.freed = apart
-        strength = "ln tan phi += B, ln c += B + C" if apart else "ln strength += B"
-        self.equation = f"from < {_SYMBOL.get(along, along)} < to: ln stiffness += A, {strength}"
+        self.form = along + further
+        self.freed = bool(further)
+        self.equation = f"from < {_SYMBOL.get(along, along)} < to: ln stiffness += A, {_EQUATION[further]}"
         self._along = _ALONG[along]
         low, high = float(np.nanmin(values)), float(np.nanmax(values))
         unit = "s" if along == "time" else "m"
@@ -66,9 +76,9 @@ class SoilPatch(Effect):
             *self.change,
             Parameter("from", unit, low - edge, high, low + 0.4 * wide, wide, low + 0.4 * wide),
             Parameter("to", unit, low, high + edge, low + 0.6 * wide, wide, low + 0.6 * wide),
-            *([self.cohesion] if apart else []),
+            *_FURTHER.get(further, ()),
         )
-        self._freer = None if apart else SoilPatch(along, values, apart=True, among=among)
+        self._freer = [] if further else [SoilPatch(along, values, further=each, among=among) for each in _FURTHER]
 
     def starts(self) -> list[np.ndarray]:
         return list(self._starts)
@@ -86,11 +96,12 @@ class SoilPatch(Effect):
         return answer
 
     def freer(self) -> list[Effect]:
-        if self._freer is None:
-            return []
-        other = copy(self._freer)
-        other.constants = self.constants
-        return [other]
+        answer: list[Effect] = []
+        for each in self._freer:
+            other = copy(each)
+            other.constants = self.constants
+            answer.append(other)
+        return answer
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         where, edge = getattr(drive, self._along), self.constants["edge"]
@@ -100,8 +111,10 @@ class SoilPatch(Effect):
         inside = np.where(np.isfinite(where), inside, 0.0)
         contact.stiffness_Pa = contact.stiffness_Pa * np.exp(values[0] * inside)
         contact.tan_phi = contact.tan_phi * np.exp(values[1] * inside)
-        apart = values[4] if len(values) > 4 else 0.0
-        contact.c_Pa = contact.c_Pa * np.exp((values[1] + apart) * inside)
+        cohesion, modulus, exponent = (*values[4:], 0.0, 0.0, 0.0)[:3]
+        contact.c_Pa = contact.c_Pa * np.exp((values[1] + cohesion) * inside)
+        contact.k_m = contact.k_m * np.exp(modulus * inside)
+        contact.n = contact.n * np.exp(exponent * inside)
 
 
 def tracks_of(drive: Drive) -> list[str]:

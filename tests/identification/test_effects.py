@@ -27,7 +27,7 @@ from bevameter.identification.effects.named import (
     values_of,
 )
 from bevameter.identification.simulate import soil_vector
-from bevameter.identification.wheel_soil import equilibrium
+from bevameter.identification.wheel_soil import Soil, equilibrium
 from effects_tried import (
     DRIVE,
     FORMS,
@@ -312,8 +312,28 @@ def test_a_patch_may_have_a_cohesion_of_its_own(form):
     assert (alone[inside, TORQUE] > 0.0).all()
 
 
+def test_a_patch_may_be_another_class_of_soil():
+    """What differs there is the soil of the textbook wheel, which the same numbers describe."""
+    inside = (DRIVE.place_m > 0.45) & (DRIVE.place_m < 0.55)
+    other = Soil(SOIL.c_Pa * math.exp(0.7), math.atan(math.tan(SOIL.phi_rad) * math.exp(-0.2)),
+                 SOIL.k_m * math.exp(-0.6), SOIL.stiffness_Pa * math.exp(0.3), SOIL.n * math.exp(0.25))  # fmt: skip
+    state = equilibrium(WHEEL, other, DRIVE.load_N, DRIVE.slip)
+    there = predict("soil_patch:from=0.4,to=0.6,A=0.3,B=-0.2,C=0.9,D=-0.6,E=0.25,form=place")[inside]
+    np.testing.assert_allclose(there[:, TORQUE], state.torque_Nm[inside], rtol=1e-3)
+    np.testing.assert_allclose(there[:, SINKAGE], state.sinkage_m[inside], rtol=1e-3)
+
+
+@pytest.mark.parametrize("named", ["multipass_compaction:A=0.3,B=-0.2,C=0.9,D=-0.6", "multipass_compaction:A=0,D=-0.6"])
+def test_compaction_may_change_cohesion_and_shear_modulus_by_themselves(named):
+    tied = predict(named.split(",C")[0].split(",D")[0])
+    away = predict(named) - tied
+    later = DRIVE.pass_number > 1.0
+    assert (away[later, TORQUE] > 0.0).all()
+    assert (away[~later] == 0.0).all()
+
+
 def test_forms_that_there_are_are_told_apart():
-    with pytest.raises(InputError, match=r"'place' or 'time' or 'x' or 'y' or 'place, cohesion apart' or 'time, co"):
+    with pytest.raises(InputError, match=r"'place' or 'time' or 'x' or 'y' or 'place, cohesion apart' or 'place, a"):
         change("soil_patch:form=nowhere,from=0.4,to=0.6,A=1")
 
 

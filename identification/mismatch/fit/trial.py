@@ -258,16 +258,16 @@ def _either_way(problem: Problem, base: Trial, trial: Trial) -> bool:
 
 
 def _freed(problem: Problem, base: Trial, best: Fitted, rival: float) -> Fitted:
-    """Fit further parameters of the last effect, and keep them where they are worth it."""
-    tied = best.model.effects[-1]
-    for freer in tied.freer():
-        further = [parameter.null for parameter in freer.parameters[len(tied.parameters) :]]
+    """Fit further parameters of the last effect, and keep them where they are worth it; each form has those before."""
+    for freer in best.model.effects[-1].freer():
+        own = len(best.model.effects[-1].parameters)
+        further = [parameter.null for parameter in freer.parameters[own:]]
         model, start = AugmentedWheel(best.model.wheel, (*base.effects, freer)), np.concatenate([best.vector, further])
         free = fit(problem, model, start, best.noise, best.theta_1, rival=rival)
         if free.score > best.score + WORTH_FURTHER:
             # From where it ended the effect without them may fit better, too.
-            own = free.vector[: len(best.vector)]
-            best = max(best, fit(problem, best.model, own, free.noise, free.theta_1, rival=rival), key=_score)
+            ended = free.vector[: len(best.vector)]
+            best = max(best, fit(problem, best.model, ended, free.noise, free.theta_1, rival=rival), key=_score)
             best = free if free.score > best.score + WORTH_FURTHER else best
     return best
 
