@@ -19,19 +19,24 @@ NODES, WEIGHTS = quadrature(8)
 FIELDS = (
     "theta_1", "theta_2", "theta_m", "advance_m", "c_Pa", "tan_phi", "k_m", "stiffness_Pa", "n", "radius_m",
     "shear_radius_m", "lever_m", "lift_N", "residual", "adhesion_Pa", "tan_delta", "layer_depth_m",
-    "layer_stiffness_Pa", "most_normal_Pa", "rim_cuts_off",
+    "layer_stiffness_Pa", "most_normal_Pa", "rim_cuts_off", "hump",
 )  # fmt: skip
 """Columns of a contact: the three angles [rad], V / omega [m], c [Pa], tan phi, Janosi k [m], stiffness [Pa], n, radius
 of the contact, radius at which soil shears and lever arm of the shear stress [m], what carries load besides the
 stresses on the rim [N], share of the shear strength left after its peak (infinite for Janosi's law, which has no
 peak), adhesion [Pa] and friction of the rim (infinite where soil never slips on it), depth [m] and stiffness [Pa] of a
-layer beneath, the largest normal stress that the wheel transmits [Pa] (infinite for a rigid one), and one where the rim
-cuts the soil's shear stress off instead of its strength."""
+layer beneath, the largest normal stress that the wheel transmits [Pa] (infinite for a rigid one), one where the rim
+cuts the soil's shear stress off instead of its strength, and h of Kacigin & Guskov's law (infinite where it is not
+theirs) [-]."""
 
 COLUMN = {name: index for index, name in enumerate(FIELDS)}
 
-_TEXTBOOK = {"residual": math.inf, "tan_delta": math.inf, "layer_depth_m": math.inf, "most_normal_Pa": math.inf}
+_TEXTBOOK = {"residual": math.inf, "tan_delta": math.inf, "layer_depth_m": math.inf, "most_normal_Pa": math.inf,
+             "hump": math.inf}  # fmt: skip
 """What is not zero where the textbook wheel has no such thing."""
+
+_LEVEL = 40.0
+"""Displacement by which nothing is left of a hump, in moduli [-]."""
 
 SLOPED = 13
 """The fields from `theta_1` to `lift_N`, by which `rim_forces_and_slopes` gives derivatives."""
@@ -135,7 +140,7 @@ def _one_rim(field, width, nodes, weights, scratch, forces, slopes):
                 weight = share_of_rule * abs(theta_m - end)
                 friction, strength = field[5], field[4] + normal * field[5]
                 displacement = shear_radius * (theta_1 - theta) - advance * (sin_1 - sine)
-                mobilised, slope = _mobilised(displacement, field[6], field[13])
+                mobilised, slope = _mobilised(displacement, field[6], field[13], field[20])
                 capped = False
                 if field[15] < math.inf:
                     rim, cuts_off = field[14] + normal * field[15], field[19] > 0.5
@@ -213,14 +218,20 @@ def _flat_from(field, width):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _mobilised(displacement, modulus, residual):
+def _mobilised(displacement, modulus, residual, hump):
     """Mobilised share of the shear strength, odd in the displacement [m], and its derivative by it [1/m].
 
-    Janosi & Hanamoto (1961) where `residual` is infinite, else J. Y. Wong, J. Preston-Thomas, J. Terramechanics 19
-    (1983): a peak at the displacement `modulus`, then a fall to the residual share. By the modulus [m] its derivative
-    is that by the displacement, times -displacement / modulus.
+    Janosi & Hanamoto (1961); where `residual` is finite J. Y. Wong, J. Preston-Thomas, J. Terramechanics 19 (1983): a
+    peak at the displacement `modulus`, then a fall to the residual share; where `hump` is finite V. V. Kacigin, V. V.
+    Guskov, J. Terramechanics 5(3) (1968), over its largest value. By the modulus [m] its derivative is that by the
+    displacement, times -displacement / modulus.
     """
     along = abs(displacement) / modulus
+    if hump < math.inf:
+        share, slope = _hump(min(along, _LEVEL), hump)
+        highest = math.acosh((1.0 + math.sqrt(1.0 + 8.0 * hump * hump)) / (2.0 * hump))
+        most = _hump(highest, hump)[0]
+        return math.copysign(share / most, displacement), slope / most / modulus
     decay = math.exp(-along)
     share, slope = 1.0 - decay, decay
     if residual < math.inf:
@@ -228,3 +239,11 @@ def _mobilised(displacement, modulus, residual):
         slope = decay * (residual + excess) - share * excess
         share *= residual + excess
     return math.copysign(share, displacement), slope / modulus
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _hump(along, hump):
+    """Kacigin & Guskov's stress over what is left of it, and its derivative, at so many moduli."""
+    rising = math.tanh(along)
+    sech = 1.0 / math.cosh(along)
+    return rising * (1.0 + hump * sech), sech * sech * (1.0 + hump * (2.0 * sech - 1.0 / sech))

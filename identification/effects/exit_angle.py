@@ -6,6 +6,9 @@ import numpy as np
 
 from .effect import Contact, Drive, Effect, Parameter, Situation
 
+_MOST = 0.95
+"""Most that the exit angle is of the entry angle [-]."""
+
 
 class ExitAngle(Effect):
     """Exit angle in proportion to the entry angle.
@@ -19,10 +22,14 @@ class ExitAngle(Effect):
     source = (
         "after O. Onafeko, A. R. Reece, J. Terramechanics 4(1) (1967); G. Ishigami et al., J. Field Robotics 24 (2007)"
     )
-    parameters = (Parameter("c2", "", 0.0, 0.95, 0.2, 0.3),)
+    parameters = (Parameter("c2", "", 0.0, _MOST, 0.2, 0.3),)
+
+    def freer(self) -> list[Effect]:
+        return [ExitAngleBySlip()]
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
-        contact.theta_2 = -values[0] * contact.theta_1
+        share = values[0] + (values[1] * drive.slip if len(values) > 1 else 0.0)
+        contact.theta_2 = -np.clip(share, 0.0, _MOST) * contact.theta_1
 
 
 class ExitAngleMidway(ExitAngle):
@@ -30,11 +37,45 @@ class ExitAngleMidway(ExitAngle):
 
     form = "peak midway"
     equation = "theta_2 = -s theta_1, theta_m = (theta_1 + theta_2) / 2"
-    parameters = (Parameter("s", "", 0.0, 0.95, 0.2, 0.3),)
+    parameters = (Parameter("s", "", 0.0, _MOST, 0.2, 0.3),)
+
+    def freer(self) -> list[Effect]:
+        return [ExitAngleMidwayBySlip()]
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         super().contact(contact, drive, values)
         contact.theta_m = contact.theta_m + 0.5 * contact.theta_2
+
+
+_BY_SLIP = Parameter("b1", "", -1.5, 1.5, 0.0, 0.3)
+
+
+class ExitAngleBySlip(ExitAngle):
+    """The share of the entry angle grows or falls with slip."""
+
+    form = "peak kept, by slip"
+    freed = True
+    equation = "theta_2 = -(c2 + b1 i) theta_1, theta_m = theta_1 / 2"
+    source = (
+        "after O. Onafeko, A. R. Reece (1967), linear in slip as the peak's angle of J.-Y. Wong, A. R. Reece (1967)"
+    )
+    parameters = (*ExitAngle.parameters, _BY_SLIP)
+
+    def freer(self) -> list[Effect]:
+        return []
+
+
+class ExitAngleMidwayBySlip(ExitAngleMidway):
+    """The share of the entry angle grows or falls with slip, the peak stress midway of the whole contact."""
+
+    form = "peak midway, by slip"
+    freed = True
+    equation = "theta_2 = -(s + b1 i) theta_1, theta_m = (theta_1 + theta_2) / 2"
+    source = ExitAngleBySlip.source
+    parameters = (*ExitAngleMidway.parameters, _BY_SLIP)
+
+    def freer(self) -> list[Effect]:
+        return []
 
 
 def forms(situation: Situation) -> tuple[Effect, ...]:

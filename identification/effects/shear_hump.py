@@ -32,11 +32,11 @@ class ShearHump(Effect):
     required = ("K_r",)
     parameters = (Parameter("K_r", "", 0.05, 1.3, 0.7, 0.3, 1.0),)
 
-    def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
-        contact.residual = values[0]
-
     def __init__(self, radius_m: float) -> None:
         self._shortest = math.log(_SHORT * radius_m)
+
+    def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        contact.residual = values[0]
 
     def starts(self) -> list[np.ndarray]:
         return [np.array([0.75]), np.array([0.4])]
@@ -51,6 +51,22 @@ class ShearHump(Effect):
         return answer
 
 
+class SechHump(ShearHump):
+    """Peat and undisturbed ground: the more h, the higher the peak above what is left."""
+
+    form = "sech"
+    equation = "tau = tau_max f(j/k) / max f, f(x) = [1 + h / cosh(x)] tanh(x)"
+    source = "V. V. Kacigin, V. V. Guskov, J. Terramechanics 5(3) (1968), 43-66"
+    required = ("h",)
+    parameters = (Parameter("h", "", 0.05, 8.0, 0.8, 0.5),)
+
+    def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        contact.hump = values[0]
+
+    def starts(self) -> list[np.ndarray]:
+        return [np.array([0.6]), np.array([2.0])]
+
+
 def forms(situation: Situation) -> tuple[Effect, ...]:
-    """Give the form that these data can show."""
-    return (ShearHump(situation.wheel.radius_m),)
+    """Give the forms that these data can show."""
+    return ShearHump(situation.wheel.radius_m), SechHump(situation.wheel.radius_m)

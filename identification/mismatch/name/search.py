@@ -30,6 +30,9 @@ MOST_EFFECTS = 3
 _RIVALS = 2
 """Sets as large as the best one and not excluded beside it whose effects are tried in other forms."""
 
+_FORMS_APART = 0.05
+"""Share of what is gained by which forms of one effect may differ, besides what excludes a set [-]."""
+
 _ANCHORS = 3
 """Effects from whose soils the textbook wheel is fitted once more."""
 
@@ -173,25 +176,34 @@ def _instead_of_each(tries: Tries, singles: Sequence[Trial], found: Trial) -> Tr
 
 
 def _rivals_in_other_forms(tries: Tries, singles: Sequence[Trial], best: Trial) -> Trial:
-    """Try other forms of the effects of sets that nats do not exclude, as was done for the best one; give the best."""
+    """Try other forms of the effects of sets that are not excluded, or would not be in another form, as was done for
+    the best one; give the best.
+    """
     causes = without_bumps(tries.textbook, [trial for trial in tries.trials if len(trial.effects) > 1])
     near = [trial for trial in standing(best, causes) if as_large(trial, best) and trial.slugs != best.slugs]
-    near = [trial for trial in near if best.gain - trial.gain < NOT_EXCLUDED * temperature(best.gain)]
+    most = NOT_EXCLUDED * temperature(best.gain) + _FORMS_APART * best.gain
+    near = [trial for trial in near if best.gain - trial.gain < most]
     first = {trial.slugs: trial for trial in sorted(near, key=gain_of)}
     for rival in sorted(first.values(), key=lambda trial: -trial.gain)[:_RIVALS]:
         for effect in rival.effects:
             tried, beside = {trial.names for trial in tries.trials}, rival.names - {effect.name}
             forms = [trial.effects[0] for trial in other_forms(singles, effect)]
-            changed = _with_instead(tries, rival, effect, [e for e in forms if beside | {e.name} not in tried])
+            # What is nothing alone was tried beside the others in the forms that promised most there.
+            known = forms or [each for each in tries.catalogue if each.slug == effect.slug]
+            untried = [each for each in known if beside | {each.name} not in tried]
+            changed = _with_instead(tries, rival, effect, untried, weighed=not forms)
             best = max([best, *standing(best, without_bumps(tries.textbook, changed))], key=gain_of)
     return best
 
 
-def _with_instead(tries: Tries, trial: Trial, dropped: Effect, others: Sequence[Effect]) -> list[Trial]:
-    """Fit a set with each of other effects in the place of one of its own."""
+def _with_instead(
+    tries: Tries, trial: Trial, dropped: Effect, others: Sequence[Effect], *, weighed: bool = False
+) -> list[Trial]:
+    """Fit a set with each of other effects in the place of one of its own, if `weighed` those that promise enough."""
     if not others:
         return []
-    return tries.attempt(_bare(tries.problem, trial, dropped), [(math.inf, other) for other in others])
+    bare = _bare(tries.problem, trial, dropped)
+    return tries.attempt(bare, tries.weigh(bare, others) if weighed else [(math.inf, other) for other in others])
 
 
 def _bare(problem: Problem, trial: Trial, dropped: Effect) -> Trial:

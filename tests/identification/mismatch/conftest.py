@@ -25,3 +25,20 @@ def searched(tmp_path_factory):
     effect = next(iter(effects_for(situation(problem, textbook.fitted), ["slip_sinkage"])))
     trial = try_adding(problem, textbook, textbook, effect)
     return problem, Search(textbook, (trial,), (), trial)
+
+
+@pytest.fixture
+def trials(tmp_path):
+    """What a concealed recording gives to search: its problem, the textbook's trial, and forms of effects by name."""
+
+    def make(seed: int, hidden: tuple[str, ...], level: str, protocol: str):
+        opened = open_recording(conceal(seed, hidden, level, protocol).write(tmp_path), None)
+        rows = felt_rows(opened)
+        problem, textbook = textbook_trial(gather(rows.table, rows.wheel, rows.vehicle))
+
+        def forms(*slugs: str):
+            return {effect.name: effect for effect in effects_for(situation(problem, textbook.fitted), slugs)}
+
+        return problem, textbook, forms
+
+    return make

@@ -9,7 +9,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.augmented import SOIL_COUNT, AugmentedWheel
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.shear_hump import ShearHump
@@ -30,25 +29,8 @@ from bevameter.identification.mismatch.name.asked import calmed, is_bump, surplu
 from bevameter.identification.mismatch.name.partners import one_more
 from bevameter.identification.mismatch.name.preferred import plainest
 from bevameter.identification.mismatch.name.search import search
-from bevameter.identification.mismatch.name.singles import alike, alike_beside
+from bevameter.identification.mismatch.name.singles import alike_beside
 from bevameter.identification.mismatch.name.tries import Tries
-
-
-@pytest.fixture
-def trials(tmp_path):
-    """What a concealed recording gives to search: its problem, the textbook's trial, and forms of effects by name."""
-
-    def make(seed: int, hidden: tuple[str, ...], level: str, protocol: str):
-        opened = open_recording(conceal(seed, hidden, level, protocol).write(tmp_path), None)
-        rows = felt_rows(opened)
-        problem, textbook = textbook_trial(gather(rows.table, rows.wheel, rows.vehicle))
-
-        def forms(*slugs: str):
-            return {effect.name: effect for effect in effects_for(situation(problem, textbook.fitted), slugs)}
-
-        return problem, textbook, forms
-
-    return make
 
 
 def test_a_cap_on_the_rim_is_found_however_far_another_effect_is_ahead(trials):
@@ -299,74 +281,6 @@ def test_the_best_one_is_tried_beside_a_runner_up_where_the_other_way_promised_n
     # what was tried one way is not tried the other way
     assert ("torque_gain", "load_gain") in asked
     assert ("load_gain", "torque_gain") not in asked
-
-
-def test_what_does_as_well_as_an_effect_alone_is_tried_in_its_place(trials, monkeypatch):
-    problem, textbook, forms = trials(7110, ("slip_sinkage",), "hidden", "bench")
-    slugs = ("load_gain", "torque_gain", "torque_offset", "sinkage_offset")
-    effects = [forms(slug)[slug] for slug in slugs]
-    singles = [
-        replace(textbook, effects=(each,), gain=nats)
-        for each, nats in zip(effects, (300.0, 292.0, 250.0, 40.0), strict=True)
-    ]
-    assert alike(singles, effects[0]) == {"torque_gain"}
-    # Nor is what does much better in place of it.
-    assert alike(singles, effects[3]) == set()
-    both = replace(textbook, effects=(effects[0], effects[3]), gain=350.0)
-    handed = []
-
-    def attempt(_tries, _base, promised, *_):
-        handed.append({effect.slug: nats for nats, effect in promised})
-        return []
-
-    monkeypatch.setattr(module, "without", lambda *_: singles[3])
-    monkeypatch.setattr(Tries, "weigh", lambda _tries, _base, others: [(1.0, each) for each in others])
-    monkeypatch.setattr(Tries, "attempt", attempt)
-    monkeypatch.setattr(module, "_bare", lambda *_: singles[3])
-    tries = Tries(problem, textbook, effects, print)
-    module._exchanged(tries, singles, both)
-    assert handed[0] == {"torque_gain": math.inf, "torque_offset": 1.0}
-    # What was not tried after all, and does as well as one of those found, is tried in the end.
-    assert handed[1:] == [{"torque_gain": math.inf}]
-    tries.trials.append(replace(both, effects=(effects[1], effects[3])))
-    handed.clear()
-    module._exchanged(tries, singles, both)
-    assert len(handed) == 1
-
-
-def test_a_rival_that_is_not_excluded_is_tried_in_other_forms_too(trials, monkeypatch):
-    """Only the best set was given its best forms: a rival's may be as good, and the answer too sure without them."""
-    problem, textbook, forms = trials(7110, ("slip_sinkage",), "hidden", "bench")
-    several = forms("slip_sinkage", "load_gain", "torque_gain", "hard_layer")
-    singles = [replace(textbook, effects=(each,), gain=100.0) for each in several.values()]
-
-    def pair(first: str, second: str, gain: float):
-        return replace(textbook, effects=(several[first], several[second]), gain=gain)
-
-    tries = Tries(problem, textbook, tuple(several.values()), print)
-    best, near = pair("load_gain", "torque_gain", 240.0), pair("slip_sinkage[exponent]", "hard_layer", 235.0)
-    tries.trials.extend([best, near, pair("slip_sinkage[exponent]", "torque_gain", 150.0)])
-    handed = []
-
-    def attempt(_tries, base, promised):
-        handed.append((base, {effect.name for _, effect in promised}))
-        return [pair(effect.name, "hard_layer", 250.0 + number) for number, (_, effect) in enumerate(promised)]
-
-    monkeypatch.setattr(module, "_bare", lambda _problem, rival, dropped: rival.names - {dropped.name})
-    monkeypatch.setattr(Tries, "attempt", attempt)
-    better = module._rivals_in_other_forms(tries, singles, best)
-    others = {name for name in several if name.startswith("slip_sinkage")} - {"slip_sinkage[exponent]"}
-    ((beside, tried),) = handed
-    assert beside == {"hard_layer"}
-    assert len(tried) >= 2
-    assert tried <= others
-    # One that overtakes the best set takes its place.
-    assert better.gain == 250.0 + len(tried) - 1
-    assert better.slugs == {"slip_sinkage", "hard_layer"}
-    handed.clear()
-    alone = replace(best, effects=best.effects[:1])
-    assert module._rivals_in_other_forms(tries, singles, alone) is alone
-    assert handed == []
 
 
 def test_what_a_fit_is_told_of_others_does_not_hang_on_which_thread_is_faster(trials, monkeypatch):
