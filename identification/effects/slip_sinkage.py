@@ -107,8 +107,32 @@ class SoilTransport(_SinkageFactor):
     source = "after M. Lyasko, J. Terramechanics 47 (2010), 21-31, slip-sinkage coefficient"
     parameters = (Parameter("p", "", 0.0, 6.0, 0.5, 1.0),)
 
+    def freer(self) -> list[Effect]:
+        return [TransportAndDigOut(driven=self._driven)]
+
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         channels[:, SINKAGE] *= _ratio(self.carrying(drive.slip)) ** values[0]
+
+
+class TransportAndDigOut(SoilTransport):
+    """The rut is deepened both by a power of the ratio and by the layer that each turn digs out."""
+
+    form = "transport and dig-out"
+    freed = True
+    equation = "z = z0 [K^p + h |i| / (1 - |i|)], K = (1 + |i|) / (1 - |i| / 2), |i| at most 0.9, stresses those of z0"
+    source = "after M. Lyasko (2010) and A. R. Reece (1965)"
+    parameters = (*SoilTransport.parameters, Parameter("h", "", 0.0, 5.0, 0.0, 0.5))
+
+    def freer(self) -> list[Effect]:
+        return []
+
+    def variants(self) -> list[Effect]:
+        return []
+
+    def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        away = self.carrying(drive.slip)
+        within = np.minimum(away, _MOST_SLIP)
+        channels[:, SINKAGE] *= _ratio(away) ** values[0] + values[1] * within / (1.0 - within)
 
 
 def _ratio(away: np.ndarray) -> np.ndarray:

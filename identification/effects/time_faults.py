@@ -14,8 +14,8 @@ from .effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Drive, Effect, Parameter,
 _LONGEST_LAG = 40
 """Longest delay that is looked for, in samples."""
 
-_ORDERS = 6
-"""Polynomials of a course that bends."""
+_ORDERS, _GAIN_ORDERS = 6, 3
+"""Polynomials of a course that bends, and of one of a gain."""
 
 _FORETOLD = 0.87
 """Share of such a course that slip and load foretell, from which on no data tell it from a law that leaves out what
@@ -135,12 +135,37 @@ class ChannelDrift(Effect):
             self.any_course = (self.form, "time_s")
             self.form += ", curved"
 
-    def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
+    def course(self, drive: Drive, values: np.ndarray) -> np.ndarray:
+        """Give the polynomials' sum (n,), zero when the drive began."""
         first, last = self.constants["t_first"], self.constants["t_last"]
         along = np.nan_to_num(2.0 * (drive.time_s - first) / (last - first) - 1.0)
         series = np.concatenate([[0.0], values])
-        began = np.polynomial.legendre.legval(-1.0, series)
-        channels[:, self._channel] += np.polynomial.legendre.legval(along, series) - began
+        return np.polynomial.legendre.legval(along, series) - np.polynomial.legendre.legval(-1.0, series)
+
+    def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
+        channels[:, self._channel] += self.course(drive, values)
+
+
+class GainDrift(ChannelDrift):
+    """The constant of a channel wanders with time, as of a motor or an amplifier that warms."""
+
+    def __init__(self, channel: int, time_s: np.ndarray, orders: int = 1, *, bends: bool = False) -> None:
+        super().__init__(channel, 1.0, orders, time_s)
+        name = CHANNELS[channel]
+        courses = " + ".join(f"d{order} (P{order}(t) - P{order}(0))" for order in range(1, orders + 1))
+        self.equation = f"{name} reported = {name} [1 + {courses}]"
+        self.form = f"{name}, gain" + ", curved" * (orders > 1)
+        self.parameters = tuple(
+            Parameter(f"d{order}", "", -0.4, 0.4, 0.0, 0.1 / order) for order in range(1, orders + 1)
+        )
+        self.freed, self.any_course = orders > 1, None
+        self._freer = [GainDrift(channel, time_s, _GAIN_ORDERS)] if bends else []
+
+    def freer(self) -> list[Effect]:
+        return list(self._freer)
+
+    def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
+        channels[:, self._channel] *= 1.0 + self.course(drive, values)
 
 
 def bends_foretold(drive: Drive) -> bool:
@@ -173,16 +198,20 @@ def forms(situation: Situation) -> tuple[Effect, ...]:
     """Give the faults that these data can show: no courses that bend where slip and load foretell them, and no delay of
     a slip that changes at one rate.
     """
-    every, drive = named(situation), situation.drive
-    if bends_foretold(drive):
-        every = tuple(effect for effect in every if effect.any_course is None)
+    drive = situation.drive
+    every = _faults(situation, bends=not bends_foretold(drive))
     if slips_at_one_rate(drive):
         every = tuple(effect for effect in every if effect.name != f"{TimeLag.slug}[{CHANNELS[SLIP]}]")
     return every
 
 
 def named(situation: Situation) -> tuple[Effect, ...]:
-    """Give the faults that a recording may have: there has to be a clock."""
+    """Give the faults that a recording may have."""
+    return _faults(situation, bends=True)
+
+
+def _faults(situation: Situation, *, bends: bool) -> tuple[Effect, ...]:
+    """Give the faults that there may be, of courses those that bend only if asked for: there has to be a clock."""
     drive = situation.drive
     if not drive.has("time_s"):
         return ()
@@ -193,8 +222,9 @@ def named(situation: Situation) -> tuple[Effect, ...]:
     drifts = [
         ChannelDrift(channel, float(situation.typical[channel]), orders, drive.time_s)
         for channel in answers
-        for orders in (1, _ORDERS)
+        for orders in ((1, _ORDERS) if bends else (1,))
     ]
+    drifts += [GainDrift(channel, drive.time_s, bends=bends) for channel in answers]
     low_passes = [LowPass(channel, step) for channel in answers]
     # Where no row follows from another nothing comes late.
     return (*lags, *low_passes, *drifts) if drive.timed else tuple(drifts)

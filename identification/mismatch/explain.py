@@ -104,7 +104,7 @@ def explain(
         time_s = rows.table["time_s"] if "time_s" in rows.table else np.empty(0)
         notes = (*opened.problems, *rows.problems, *several_grounds(opened.labels, time_s))
         kept = np.arange(len(samples))
-        while (far := outlying(problem.samples, found.chosen.fitted, len(samples) - len(kept))).any():
+        while (far := _alone(problem, found, len(samples) - len(kept))).any():
             tell("leaving out what stands alone")
             kept = kept[~far]
             problem, textbook = textbook_trial(samples.select(kept), known)
@@ -149,6 +149,21 @@ def explain(
         problem, found, naming, remaining, regions, source=str(opened.source), seed=seed, began=began, problems=notes,
         before=before, simulated=own, repeated=repeated, doubted=against,
     )  # fmt: skip
+
+
+def _alone(problem: Problem, found: Search, already: int) -> np.ndarray:
+    """(n,) True for trials alone far from what was found, or from the textbook wheel where without them what was found
+    is nothing: it only bends towards them. `already` were left out before.
+    """
+    samples, chosen = problem.samples, found.chosen
+    far = outlying(samples, chosen.fitted, already)
+    if far.any() or not chosen.effects:
+        return far
+    far = outlying(samples, found.textbook.fitted, already)
+    if far.any():
+        others, textbook = textbook_trial(samples.select(np.flatnonzero(~far)), problem.known)
+        far &= again(others, textbook, chosen).gain < ASKED_FOR
+    return far
 
 
 def _trials_left_out(samples: Samples, kept: np.ndarray) -> str:

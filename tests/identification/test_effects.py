@@ -193,6 +193,15 @@ def test_soil_transport_deepens_the_rut_alone_by_the_ratio_of_lyasko():
     np.testing.assert_allclose((away + textbook())[:, SINKAGE], ratio * textbook()[:, SINKAGE], rtol=1e-4)
 
 
+def test_transport_and_digging_deepen_the_rut_by_their_sum():
+    both, lyasko = (predict(f"slip_sinkage:{named}") for named in ("form=transport and dig-out,p=0.4,h=0.3",
+                                                                   "form=transport,p=0.4"))  # fmt: skip
+    away = np.minimum(np.abs(DRIVE.slip), 0.9)
+    dug = 0.3 * away / (1.0 - away) * textbook()[:, SINKAGE]
+    np.testing.assert_allclose(both[:, SINKAGE], lyasko[:, SINKAGE] + dug)
+    np.testing.assert_array_equal(np.delete(both, SINKAGE, axis=1), np.delete(lyasko, SINKAGE, axis=1))
+
+
 def test_the_stress_peak_moves_forward_with_slip_and_costs_pull():
     away = change("stress_peak_shift:a1=0.4")
     assert (away[:, PULL] < 0.0).all()

@@ -172,6 +172,8 @@ def test_constant_faults_change_what_is_reported_and_nothing_else():
     assert np.allclose(change("sinkage_offset:z_0=-0.002")[:, SINKAGE], -0.002, atol=1e-9)
     drift = change("drift:form=torque_Nm,d1=0.3")[:, TORQUE]
     np.testing.assert_allclose(drift, np.linspace(0.0, 0.6, len(DRIVE)), atol=1e-9)
+    warm = predict("drift:form=torque_Nm, gain,d1=0.1")[:, TORQUE] / predict("drift:form=torque_Nm,d1=0")[:, TORQUE]
+    np.testing.assert_allclose(warm, np.linspace(1.0, 1.2, len(DRIVE)), atol=1e-9)
     true = equilibrium(WHEEL, SOIL, DRIVE.load_N / 1.2, DRIVE.slip)
     heavy = predict("load_gain:g=0.2")
     np.testing.assert_allclose(heavy[:, SINKAGE], true.sinkage_m, rtol=1e-5)
@@ -234,6 +236,8 @@ def test_a_course_that_slip_and_load_foretell_is_offered_by_name_only():
         assert choose(parse_effect("drift:d1=0.1,form=torque_Nm, curved"), time_faults.named(situation))
         forms = [effect.form for effect in time_faults.forms(situation) if effect.slug == "drift"]
         assert "torque_Nm" in forms
+        (gain,) = (each for each in time_faults.forms(situation) if each.form == "torque_Nm, gain")
+        assert bool(gain.freer()) == ("torque_Nm, curved" in forms)
         return "torque_Nm, curved" in forms
 
     for loads in ((1.0, 1.5, 2.0), (2.0, 1.0, 1.5), (0.7, 1.0, 1.5, 2.0), (1.0, 0.6, 2.0, 1.4, 3.0)):

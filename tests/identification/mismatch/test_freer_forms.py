@@ -48,6 +48,12 @@ STRIBECK = {"T_c": "1", "T_s": "2.5", "omega_s": "0.4"}
     [
         ("slip_sinkage", {"n1": "0.1", "n2": "0.5"}, "exponent", "exponent, squared"),
         ("slip_sinkage", {"n1": "0.3"}, "exponent", "exponent"),
+        ("slip_sinkage", {"p": "0.1", "h": "0.3"}, "transport", "transport and dig-out"),
+        ("slip_sinkage", {"p": "0.4"}, "transport", "transport"),
+        ("exit_angle", {"c2": "0.4", "b1": "-0.4"}, "peak kept", "peak kept, by slip"),
+        ("exit_angle", {"s": "0.3"}, "peak midway", "peak midway"),
+        ("drift", {"d1": "0.05", "d2": "-0.05", "d3": "0.02"}, "torque_Nm, gain", "torque_Nm, gain, curved"),
+        ("drift", {"d1": "0.05"}, "torque_Nm, gain", "torque_Nm, gain"),
         ("drivetrain_friction", {**STRIBECK, "b_v": "1.2"}, "stribeck", "stribeck+viscous"),
         ("drivetrain_friction", STRIBECK, "stribeck", "stribeck"),
         ("side_wall_friction", {"tau_s": "1000", "g_s": "3e5"}, "rubbing", "rubbing, with depth"),

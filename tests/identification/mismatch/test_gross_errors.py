@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 from bevameter import Vehicle, Wheel, explain
 from bevameter.framework.core.recording.types import WheelTable
+from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.mismatch.explain import _trials_left_out
 from bevameter.identification.mismatch.fit.fitting import Fitted
@@ -196,3 +197,11 @@ def test_a_note_names_the_first_few_trials_that_are_left_out(fitted):
     assert many.startswith("9 of 150 trials")
     assert many.count("slip") == 6
     assert many.endswith("; 3 more")
+
+
+def test_an_effect_that_only_bends_towards_one_wrong_load_is_none(tmp_path):
+    """A flattening tyre makes up for the sinkage of a load that reads half as much more, at 37 nats, not for its torque."""
+    path = conceal(792937, (), protocol="steady").write(tmp_path)
+    answer = explain(path, catalogue=["tyre_deflection", "hard_layer"])
+    assert answer.verdict == "none"
+    assert any(note.startswith("1 of 54 trials left out as gross errors") for note in answer.notes)
