@@ -200,7 +200,7 @@ def test_a_note_names_the_first_few_trials_that_are_left_out(fitted):
 
 
 def test_an_effect_that_only_bends_towards_one_wrong_load_is_none(tmp_path):
-    """A flattening tyre makes up for the sinkage of a load that reads half as much more, at 37 nats, not for its torque."""
+    """A flattening tyre makes up for the sinkage of a load that reads half as much more, not for its torque."""
     path = conceal(792937, (), protocol="steady").write(tmp_path)
     answer = explain(path, catalogue=["tyre_deflection", "hard_layer"])
     assert answer.verdict == "none"
