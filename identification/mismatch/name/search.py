@@ -22,16 +22,13 @@ from .asked import ROUGH, standing, surplus, worth
 from .hiding_pairs import hiding_pairs
 from .partners import beside_bump, one_more
 from .preferred import as_large
-from .singles import MOST_ALIKE, alike, alike_beside, other_forms
+from .singles import FORMS_APART, MOST_ALIKE, alike, alike_beside, other_forms
 from .tries import LEAST_PROMISE, Search, Tries, gain_of, without_bumps
 
 MOST_EFFECTS = 3
 
 _RIVALS = 2
 """Sets as large as the best one and not excluded beside it whose effects are tried in other forms."""
-
-_FORMS_APART = 0.05
-"""Share of what is gained by which forms of one effect may differ, besides what excludes a set [-]."""
 
 _ANCHORS = 3
 """Effects from whose soils the textbook wheel is fitted once more."""
@@ -181,7 +178,7 @@ def _rivals_in_other_forms(tries: Tries, singles: Sequence[Trial], best: Trial) 
     """
     causes = without_bumps(tries.textbook, [trial for trial in tries.trials if len(trial.effects) > 1])
     near = [trial for trial in standing(best, causes) if as_large(trial, best) and trial.slugs != best.slugs]
-    most = NOT_EXCLUDED * temperature(best.gain) + _FORMS_APART * best.gain
+    most = NOT_EXCLUDED * temperature(best.gain) + FORMS_APART * best.gain
     near = [trial for trial in near if best.gain - trial.gain < most]
     first = {trial.slugs: trial for trial in sorted(near, key=gain_of)}
     for rival in sorted(first.values(), key=lambda trial: -trial.gain)[:_RIVALS]:

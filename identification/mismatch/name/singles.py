@@ -17,6 +17,9 @@ _RUNNERS_UP = 3
 _FORMS = 3
 """Other forms of an effect beside which a second one is sought."""
 
+FORMS_APART = 0.05
+"""Share of what is gained by which forms of one effect may differ, besides what excludes a set [-]."""
+
 MOST_ALIKE = 4
 """Effects that do as well alone as one of a set, or beside the others, and are tried in its place."""
 
@@ -41,7 +44,8 @@ def alike(singles: Sequence[Trial], effect: Effect) -> set[str]:
     """Names of the single effects that do as well as an effect alone, few: each may be what it stands in for."""
     own = max((trial.gain for trial in singles if effect.slug in trial.slugs), default=math.inf)
     others = [trial for trial in singles if effect.slug not in trial.slugs and trial.gain >= ASKED_FOR]
-    near = [trial for trial in others if abs(trial.gain - own) < NOT_EXCLUDED * temperature(own)]
+    most = NOT_EXCLUDED * temperature(own) + FORMS_APART * own
+    near = [trial for trial in others if abs(trial.gain - own) < most]
     near.sort(key=lambda trial: abs(trial.gain - own))
     return {trial.effects[0].name for trial in near[:MOST_ALIKE]}
 

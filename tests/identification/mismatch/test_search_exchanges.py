@@ -20,6 +20,9 @@ def test_what_does_as_well_as_an_effect_alone_is_tried_in_its_place(trials, monk
         for each, nats in zip(effects, (300.0, 292.0, 250.0, 40.0), strict=True)
     ]
     assert alike(singles, effects[0]) == {"torque_gain"}
+    # Of so much as hundreds of nats forms of one effect may be apart by more than what excludes a set.
+    more = [replace(each, gain=nats) for each, nats in zip(singles, (1034.0, 1012.0, 960.0, 40.0), strict=True)]
+    assert alike(more, effects[0]) == {"torque_gain"}
     # Nor is what does much better in place of it.
     assert alike(singles, effects[3]) == set()
     both = replace(textbook, effects=(effects[0], effects[3]), gain=350.0)
