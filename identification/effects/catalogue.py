@@ -62,10 +62,10 @@ def effects_for(situation: Situation, slugs: Iterable[str] = SLUGS) -> list[Effe
     return [effect for module in _MODULES for effect in module.forms(situation) if effect.slug in wanted]
 
 
-_NAMED = {
-    module: module.named
-    for module in (slip_sinkage, multipass_compaction, stress_peak_shift, soil_patch, grousers, inertia, time_faults)
-}
+_BY_NAME = (
+    slip_sinkage, multipass_compaction, stress_peak_shift, soil_patch, grousers, tyre_deflection, inertia, time_faults,
+)  # fmt: skip
+_NAMED = {module: module.named for module in _BY_NAME}
 """Modules whose forms depend on more than on which columns there are."""
 
 

@@ -17,24 +17,47 @@ class TyreDeflection(Effect):
     slug = "tyre_deflection"
     form = "circle"
     equation = "r* = r (1 + delta / z), delta = W / k_t"
-    source = "C. Harnisch et al., Vehicle System Dynamics 43 Suppl. (2005); I. C. Schmid, J. Terramechanics 32 (1995)"
+    source = "after C. Harnisch et al., Vehicle System Dynamics 43 Suppl. (2005): a larger circle"
 
     def __init__(self, load_N: float, radius_m: float) -> None:
+        self._of = load_N, radius_m
         # Two per cent of the radius under the mean load is a firm tyre, twenty a soft one.
         usual = 0.05 * radius_m / load_N
         self.parameters = (Parameter("compliance", "m/N", 0.0, 8.0 * usual, usual, usual),)
 
+    def variants(self) -> list[Effect]:
+        return [SubstituteCircle(*self._of)]
+
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         rigid = contact.wheel.radius_m
         deflection = values[0] * np.maximum(drive.load_N, 0.0)
-        # z = r* (1 - cos theta_1) with r* = r (1 + delta / z) is quadratic in z.
         flat = rigid * (1.0 - np.cos(contact.theta_1))
-        sinkage = 0.5 * (flat + np.sqrt(flat**2 + 4.0 * flat * deflection))
-        larger = 1.0 + deflection / np.maximum(sinkage, 1e-9)
+        sinkage = self.sinkage_m(flat, deflection)
+        larger = np.where(flat > 0.0, sinkage / np.maximum(flat, 1e-12), 1.0)
         contact.radius_m = contact.radius_m * larger
         contact.shear_radius_m = contact.shear_radius_m + rigid * (larger - 1.0)
         contact.advance_m = contact.advance_m * larger
         contact.sinkage_m = sinkage
+
+    def sinkage_m(self, flat_m: np.ndarray, deflection_m: np.ndarray) -> np.ndarray:
+        """Give the sinkage (n,) [m] of the larger circle that enters at the angle at which the wheel sinks `flat_m`."""
+        # z = r* (1 - cos theta_1) with r* = r (1 + delta / z) is quadratic in z.
+        return 0.5 * (flat_m + np.sqrt(flat_m**2 + 4.0 * flat_m * deflection_m))
+
+
+class SubstituteCircle(TyreDeflection):
+    """The larger circle's chord is as long as the whole contact, the flat part behind the axle with it."""
+
+    form = "substitute circle"
+    equation = "r* = r [sqrt(1 + delta / z) + sqrt(delta / z)]^2, delta = W / k_t"
+    source = "I. C. Schmid, J. Terramechanics 32 (1995), 3-26: substitution circle"
+
+    def variants(self) -> list[Effect]:
+        return []
+
+    def sinkage_m(self, flat_m: np.ndarray, deflection_m: np.ndarray) -> np.ndarray:
+        # With z = r* (1 - cos theta_1) the squares cancel.
+        return flat_m + 2.0 * np.sqrt(flat_m * deflection_m)
 
 
 class FlatTyre(Effect):
@@ -67,7 +90,7 @@ class FlatTyre(Effect):
 
 
 def forms(situation: Situation) -> tuple[Effect, ...]:
-    """Give the form that these data can show: the load has to vary."""
+    """Give the forms that these data can show: the load has to vary."""
     if not situation.drive.has("load_N"):
         return ()
     load, wheel = float(np.nanmean(situation.drive.load_N)), situation.wheel
@@ -79,3 +102,9 @@ def forms(situation: Situation) -> tuple[Effect, ...]:
         pressures = tuple(float(share * mean) for share in (1.0, 1.3, 1.7))
         answer += tuple(FlatTyre(pressures, of_axle=of_axle) for of_axle in (False, True))
     return answer
+
+
+def named(situation: Situation) -> tuple[Effect, ...]:
+    """Give the forms that a simulation may ask for."""
+    every = forms(situation)
+    return every + tuple(variant for effect in every for variant in effect.variants())

@@ -11,7 +11,7 @@ import pytest
 from bevameter.identification.effects import time_faults
 from bevameter.identification.effects.catalogue import effects_for, forms_by_name
 from bevameter.identification.effects.drive import select_rows
-from bevameter.identification.effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Drive
+from bevameter.identification.effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Contact, Drive
 from bevameter.identification.effects.grousers import _counts
 from bevameter.identification.effects.named import (
     choose,
@@ -137,6 +137,26 @@ def test_a_flattened_wheel_sinks_less():
     away = change("tyre_deflection:compliance=1e-4")
     assert (away[:, SINKAGE] < 0.0).all()
     assert untouched(change("tyre_deflection:compliance=0"), *range(5))
+
+
+@pytest.mark.parametrize(
+    ("form", "larger"),
+    [
+        ("circle", lambda share: 1.0 + share),
+        ("substitute circle", lambda share: (np.sqrt(1.0 + share) + np.sqrt(share)) ** 2),
+    ],
+)
+def test_a_flattened_wheel_is_as_much_larger_as_its_source_prints(form, larger):
+    (effect,) = (each for each in forms_by_name("tyre_deflection", SITUATION) if each.form == form)
+    contact = Contact(len(DRIVE), WHEEL)
+    contact.theta_1, contact.radius_m = np.linspace(0.05, 0.9, len(DRIVE)), WHEEL.radius_m
+    contact.shear_radius_m, contact.advance_m = WHEEL.radius_m, 0.15
+    effect.contact(contact, DRIVE, np.array([2e-5]))
+    by_angle = 1.0 - np.cos(contact.theta_1)
+    np.testing.assert_allclose(contact.sinkage_m, contact.radius_m * by_angle)
+    share = 2e-5 * DRIVE.load_N / contact.sinkage_m
+    np.testing.assert_allclose(contact.radius_m / WHEEL.radius_m, larger(share))
+    np.testing.assert_allclose(contact.advance_m / 0.15, larger(share))
 
 
 def test_a_slope_takes_its_share_of_the_weight():
