@@ -49,6 +49,7 @@ class SubstituteCircle(TyreDeflection):
     """The larger circle's chord is as long as the whole contact, the flat part behind the axle with it."""
 
     form = "substitute circle"
+    usual = False
     equation = "r* = r [sqrt(1 + delta / z) + sqrt(delta / z)]^2, delta = W / k_t"
     source = "I. C. Schmid, J. Terramechanics 32 (1995), 3-26: substitution circle"
 
