@@ -70,7 +70,7 @@ class SoilPatch(Effect):
         edge = max(_EDGES[0] * (high - low), 1e-9)
         self.constants = {"edge": edge}
         self.needs = (self._along,)
-        self._starts = starts
+        self._starts = [np.concatenate([start, np.zeros(len(_FURTHER.get(further, ())))]) for start in starts]
         wide = high - low
         self.parameters = (
             *self.change,
@@ -78,7 +78,9 @@ class SoilPatch(Effect):
             Parameter("to", unit, low, high + edge, low + 0.6 * wide, wide, low + 0.6 * wide),
             *_FURTHER.get(further, ()),
         )
-        self._freer = [] if further else [SoilPatch(along, values, further=each, among=among) for each in _FURTHER]
+        self._freer = (
+            [] if further else [SoilPatch(along, values, starts, further=each, among=among) for each in _FURTHER]
+        )
 
     def starts(self) -> list[np.ndarray]:
         return list(self._starts)

@@ -14,6 +14,7 @@ from bevameter.identification.effects.effect import (
     TORQUE,
     Drive,
 )
+from bevameter.identification.effects.soil_patch import SoilPatch
 from bevameter.identification.wheel_soil import Soil, equilibrium
 from effects_tried import (
     DRIVE,
@@ -112,3 +113,14 @@ def test_compaction_may_change_cohesion_and_shear_modulus_by_themselves(named):
     later = DRIVE.pass_number > 1.0
     assert (away[later, TORQUE] > 0.0).all()
     assert (away[~later] == 0.0).all()
+
+
+def test_all_forms_of_a_patch_start_where_the_ground_seems_to_be_another():
+    """A freer form without a start of its own ended a search in an error where it took another one's place."""
+    patch = SoilPatch("place", np.linspace(0.0, 5.0, 30), [np.array([0.2, -0.1, 1.0, 2.0])])
+    assert [each.form for each in patch.freer()] == ["place, cohesion apart", "place, another class"]
+    for each in (patch, *patch.freer()):
+        (start,) = each.starts()
+        assert len(start) == len(each.parameters)
+        assert start[:4].tolist() == [0.2, -0.1, 1.0, 2.0]
+        assert not start[4:].any()

@@ -186,7 +186,7 @@ def _rivals_in_other_forms(tries: Tries, singles: Sequence[Trial], best: Trial) 
             tried, beside = {trial.names for trial in tries.trials}, rival.names - {effect.name}
             forms = [trial.effects[0] for trial in other_forms(singles, effect)]
             # What is nothing alone was tried beside the others in the forms that promised most there.
-            known = forms or [each for each in tries.catalogue if each.slug == effect.slug]
+            known = forms or [each for each in tries.others(rival.slugs - {effect.slug}) if each.slug == effect.slug]
             untried = [each for each in known if beside | {each.name} not in tried]
             changed = _with_instead(tries, rival, effect, untried, weighed=not forms)
             best = max([best, *standing(best, without_bumps(tries.textbook, changed))], key=gain_of)

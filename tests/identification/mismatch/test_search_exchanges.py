@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import math
+from copy import copy
 from dataclasses import replace
 
 import pytest
+from bevameter.identification.effects.effect import Effect
 from bevameter.identification.mismatch.name import search as module
 from bevameter.identification.mismatch.name.singles import alike
 from bevameter.identification.mismatch.name.tries import Tries
+
+
+def replace_form(effect: Effect, form: str) -> Effect:
+    """Give an effect under the name of another form."""
+    other = copy(effect)
+    other.form = form
+    return other
 
 
 def test_what_does_as_well_as_an_effect_alone_is_tried_in_its_place(trials, monkeypatch):
@@ -80,6 +89,21 @@ def test_a_rival_that_is_not_excluded_is_tried_in_other_forms_too(trials, monkey
     alone = replace(best, effects=best.effects[:1])
     assert module._rivals_in_other_forms(tries, singles, alone) is alone
     assert handed == []
+
+
+def test_of_a_rival_with_a_place_no_other_place_is_tried_that_its_residuals_did_not_lay_out(trials, monkeypatch):
+    problem, textbook, forms = trials(7110, ("slip_sinkage",), "hidden", "bench")
+    several = forms("soil_patch", "load_gain", "torque_gain")
+    places = [effect for effect in several.values() if effect.slug == "soil_patch"]
+    gains = [several[name] for name in ("load_gain", "torque_gain")]
+    tries = Tries(problem, textbook, (*gains, *places, replace_form(places[0], "elsewhere")), print)
+    best = replace(textbook, effects=tuple(gains), gain=700.0)
+    tries.trials.extend([best, replace(textbook, effects=(gains[0], places[0]), gain=690.0)])
+    handed = []
+    monkeypatch.setattr(module, "_bare", lambda *_: textbook)
+    monkeypatch.setattr(Tries, "attempt", lambda _tries, _base, promised: handed.extend(promised) or [])
+    module._rivals_in_other_forms(tries, [replace(textbook, effects=(each,), gain=100.0) for each in gains], best)
+    assert "soil_patch" not in {effect.slug for _, effect in handed}
 
 
 @pytest.mark.parametrize(("behind", "tried"), [(20.0, True), (60.0, False)])
