@@ -223,7 +223,8 @@ class AugmentedWheel:
         contact.theta_1, contact.theta_m = theta_1, PEAK_SHARE * theta_1
         contact.advance_m = radius * ratio
         contact.sinkage_m = radius * (1.0 - np.cos(theta_1))
-        for effect, where in self.slices():
+        # What the soil is comes before what is done to it.
+        for effect, where in sorted(self.slices(), key=lambda pair: not pair[0].of_ground):
             effect.contact(contact, drive, vector[where])
         return contact
 

@@ -93,6 +93,7 @@ def _one_rim(field, width, nodes, weights, scratch, forces, slopes):
     theta_1, theta_2, theta_m, advance = field[0], field[1], field[2], field[3]
     radius, shear_radius = field[9], field[10]
     sin_1, cos_1 = math.sin(theta_1), math.cos(theta_1)
+    top = _top(field[20]) if field[20] < math.inf else 1.0
     forces[:] = 0.0
     slopes[:, :] = 0.0
     sloped = slopes.shape[1] > 0
@@ -140,7 +141,7 @@ def _one_rim(field, width, nodes, weights, scratch, forces, slopes):
                 weight = share_of_rule * abs(theta_m - end)
                 friction, strength = field[5], field[4] + normal * field[5]
                 displacement = shear_radius * (theta_1 - theta) - advance * (sin_1 - sine)
-                mobilised, slope = _mobilised(displacement, field[6], field[13], field[20])
+                mobilised, slope = _mobilised(displacement, field[6], field[13], field[20], top)
                 capped = False
                 if field[15] < math.inf:
                     rim, cuts_off = field[14] + normal * field[15], field[19] > 0.5
@@ -218,20 +219,18 @@ def _flat_from(field, width):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _mobilised(displacement, modulus, residual, hump):
+def _mobilised(displacement, modulus, residual, hump, top):
     """Mobilised share of the shear strength, odd in the displacement [m], and its derivative by it [1/m].
 
     Janosi & Hanamoto (1961); where `residual` is finite J. Y. Wong, J. Preston-Thomas, J. Terramechanics 19 (1983): a
     peak at the displacement `modulus`, then a fall to the residual share; where `hump` is finite V. V. Kacigin, V. V.
-    Guskov, J. Terramechanics 5(3) (1968), over its largest value. By the modulus [m] its derivative is that by the
-    displacement, times -displacement / modulus.
+    Guskov, J. Terramechanics 5(3) (1968), over its largest value, the `top`. By the modulus [m] its derivative is that
+    by the displacement, times -displacement / modulus.
     """
     along = abs(displacement) / modulus
     if hump < math.inf:
         share, slope = _hump(min(along, _LEVEL), hump)
-        highest = math.acosh((1.0 + math.sqrt(1.0 + 8.0 * hump * hump)) / (2.0 * hump))
-        most = _hump(highest, hump)[0]
-        return math.copysign(share / most, displacement), slope / most / modulus
+        return math.copysign(share / top, displacement), slope / top / modulus
     decay = math.exp(-along)
     share, slope = 1.0 - decay, decay
     if residual < math.inf:
@@ -247,3 +246,9 @@ def _hump(along, hump):
     rising = math.tanh(along)
     sech = 1.0 / math.cosh(along)
     return rising * (1.0 + hump * sech), sech * sech * (1.0 + hump * (2.0 * sech - 1.0 / sech))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _top(hump):
+    """Give the largest value of Kacigin & Guskov's stress over what is left of it."""
+    return _hump(math.acosh((1.0 + math.sqrt(1.0 + 8.0 * hump * hump)) / (2.0 * hump)), hump)[0]

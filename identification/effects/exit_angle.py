@@ -55,7 +55,7 @@ class ExitAngleBySlip(ExitAngle):
 
     form = "peak kept, by slip"
     freed = True
-    equation = "theta_2 = -(c2 + b1 i) theta_1, theta_m = theta_1 / 2"
+    equation = "theta_2 = -(c2 + b1 i) theta_1, its share from 0 to 0.95, theta_m = theta_1 / 2"
     source = (
         "after O. Onafeko, A. R. Reece (1967), linear in slip as the peak's angle of J.-Y. Wong, A. R. Reece (1967)"
     )
@@ -70,7 +70,7 @@ class ExitAngleMidwayBySlip(ExitAngleMidway):
 
     form = "peak midway, by slip"
     freed = True
-    equation = "theta_2 = -(s + b1 i) theta_1, theta_m = (theta_1 + theta_2) / 2"
+    equation = "theta_2 = -(s + b1 i) theta_1, its share from 0 to 0.95, theta_m = (theta_1 + theta_2) / 2"
     source = ExitAngleBySlip.source
     parameters = (*ExitAngleMidway.parameters, _BY_SLIP)
 

@@ -8,17 +8,18 @@ from .effect import Contact, Drive, Effect, Parameter, Situation
 
 
 class _Compaction(Effect):
-    """Stiffness and strength rise by what the passes before have worked the soil.
+    """The passes before have worked the soil: it is stiffer, and stronger or weaker.
 
     Parameters
     ----------
     own
-        Parameters of what they have worked.
+        Parameters of `worked`.
     apart
         Cohesion and shear modulus change each for themselves.
     """
 
     slug = "multipass_compaction"
+    of_ground = True
     needs = ("pass_number",)
     by: str
     """The work of the passes before, as the equation has it."""

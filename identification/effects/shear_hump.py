@@ -18,6 +18,10 @@ _SHORT, _LONGER = 0.003, math.log(10.0)
 longer one is that is told."""
 
 
+_LATER_SECH = math.log(1.5)
+"""The same for Kacigin & Guskov's law, (1 + h) over the greatest value of f: 1.4 for h = 0.6, 1.7 for h = 2 [-]."""
+
+
 class ShearHump(Effect):
     """Dense or brittle soil: the share of the strength that is left after the peak; k is where the peak lies.
 
@@ -30,6 +34,9 @@ class ShearHump(Effect):
     equation = "tau = tau_max K_r {1 + [1 / (K_r (1 - 1/e)) - 1] exp(1 - j/k)} [1 - exp(-j/k)]"
     source = "J. Y. Wong, J. Preston-Thomas, J. Terramechanics 19 (1983), 225-234"
     required = ("K_r",)
+    later = _LATER
+    """ln of the share by which k is larger than that of the law without a peak that rises as fast [-]."""
+
     parameters = (Parameter("K_r", "", 0.05, 1.3, 0.7, 0.3, 1.0),)
 
     def __init__(self, radius_m: float) -> None:
@@ -44,7 +51,7 @@ class ShearHump(Effect):
     def beside(self, soil: np.ndarray) -> np.ndarray:
         answer = soil.copy()
         where = PARAMETERS.index("k_m")
-        answer[where] += _LATER
+        answer[where] += self.later
         if answer[where] < self._shortest:
             # A law without a peak makes up for one by rising at once: where it lies is then not to be seen from it.
             answer[where] = self._shortest + _LONGER
@@ -52,12 +59,13 @@ class ShearHump(Effect):
 
 
 class SechHump(ShearHump):
-    """Peat and undisturbed ground: the more h, the higher the peak above what is left."""
+    """Peat and undisturbed ground: the more h, the higher the peak above what is left; it lies at k to 4 k."""
 
     form = "sech"
     equation = "tau = tau_max f(j/k) / max f, f(x) = [1 + h / cosh(x)] tanh(x)"
     source = "V. V. Kacigin, V. V. Guskov, J. Terramechanics 5(3) (1968), 43-66"
     required = ("h",)
+    later = _LATER_SECH
     parameters = (Parameter("h", "", 0.05, 8.0, 0.8, 0.5),)
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:

@@ -117,11 +117,14 @@ class SoilTransport(_SinkageFactor):
 class TransportAndDigOut(SoilTransport):
     """The rut is deepened both by a power of the ratio and by the layer that each turn digs out."""
 
-    form = "transport and dig-out"
     freed = True
-    equation = "z = z0 [K^p + h |i| / (1 - |i|)], K = (1 + |i|) / (1 - |i| / 2), |i| at most 0.9, stresses those of z0"
+    equation = "z = z0 {K^p + h i9 / (1 - i9)}, i9 = min(|i|, 0.9), K = (1 + |i|) / (1 - |i| / 2), stresses those of z0"
     source = "after M. Lyasko (2010) and A. R. Reece (1965)"
     parameters = (*SoilTransport.parameters, Parameter("h", "", 0.0, 5.0, 0.0, 0.5))
+
+    def __init__(self, *, driven: bool = False, told: bool = False) -> None:
+        super().__init__(driven=driven, told=told)
+        self.form = f"{self.form}, and dig-out"
 
     def freer(self) -> list[Effect]:
         return []

@@ -50,6 +50,7 @@ class SoilPatch(Effect):
     slug = "soil_patch"
     nested = False
     local = True
+    of_ground = True
     source = "definition"
     required = ("from", "to")
     change = Parameter("A", "", -3.0, 3.0, 0.0, 0.5), Parameter("B", "", -2.0, 2.0, 0.0, 0.3)

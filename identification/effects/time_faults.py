@@ -17,6 +17,9 @@ _LONGEST_LAG = 40
 _ORDERS, _GAIN_ORDERS = 6, 3
 """Polynomials of a course that bends, and of one of a gain."""
 
+_MOST_GAIN = 0.15
+"""Most of each of a gain's polynomials: it goes on by 30 per cent of itself, and never to nothing [-]."""
+
 _FORETOLD = 0.87
 """Share of such a course that slip and load foretell, from which on no data tell it from a law that leaves out what
 depends on them [-]. Of 60 drives each of the study's generator with one ramp of slip for each of three to five loads
@@ -149,14 +152,16 @@ class ChannelDrift(Effect):
 class GainDrift(ChannelDrift):
     """The constant of a channel wanders with time, as of a motor or an amplifier that warms."""
 
+    source = "definition; polynomials of A.-M. Legendre (1785), from the drive's beginning to its end"
+
     def __init__(self, channel: int, time_s: np.ndarray, orders: int = 1, *, bends: bool = False) -> None:
         super().__init__(channel, 1.0, orders, time_s)
         name = CHANNELS[channel]
-        courses = " + ".join(f"d{order} (P{order}(t) - P{order}(0))" for order in range(1, orders + 1))
+        courses = " + ".join(f"g{order} (P{order}(t) - P{order}(0))" for order in range(1, orders + 1))
         self.equation = f"{name} reported = {name} [1 + {courses}]"
         self.form = f"{name}, gain" + ", curved" * (orders > 1)
         self.parameters = tuple(
-            Parameter(f"d{order}", "", -0.4, 0.4, 0.0, 0.1 / order) for order in range(1, orders + 1)
+            Parameter(f"g{order}", "", -_MOST_GAIN, _MOST_GAIN, 0.0, 0.1 / order) for order in range(1, orders + 1)
         )
         self.freed, self.any_course = orders > 1, None
         self._freer = [GainDrift(channel, time_s, _GAIN_ORDERS)] if bends else []
@@ -206,7 +211,7 @@ def forms(situation: Situation) -> tuple[Effect, ...]:
 
 
 def named(situation: Situation) -> tuple[Effect, ...]:
-    """Give the faults that a recording may have."""
+    """Give the faults that a recording may have: there has to be a clock."""
     return _faults(situation, bends=True)
 
 

@@ -46,7 +46,7 @@ class TyreDeflection(Effect):
 
 
 class SubstituteCircle(TyreDeflection):
-    """The larger circle's chord is as long as the whole contact, the flat part behind the axle with it."""
+    """From its lowest point on the larger circle is as long as the whole contact, the flat behind the axle with it."""
 
     form = "substitute circle"
     usual = False

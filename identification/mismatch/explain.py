@@ -14,6 +14,7 @@ from ...framework.core.recording.types import Recording
 from ...framework.core.soil import SoilKnowledge, load_soil
 from ...framework.core.vehicle import Vehicle
 from ..effects.catalogue import SLUGS, effects_for
+from ..effects.effect import Effect
 from ..identify import felt_rows, open_recording
 from .explanation import Explanation
 from .fit.fitting import Problem
@@ -152,18 +153,28 @@ def explain(
 
 
 def _alone(problem: Problem, found: Search, already: int) -> np.ndarray:
-    """(n,) True for trials alone far from what was found, or from the textbook wheel where without them what was found
-    is nothing: it only bends towards them. `already` were left out before.
+    """(n,) True for trials alone far from what was found, or from it less an effect that only bends towards them.
+    `already` were left out before.
     """
-    samples, chosen = problem.samples, found.chosen
-    far = outlying(samples, chosen.fitted, already)
-    if far.any() or not chosen.effects:
+    chosen = found.chosen
+    far = outlying(problem.samples, chosen.fitted, already)
+    if far.any() or problem.samples.drive.timed:
         return far
-    far = outlying(samples, found.textbook.fitted, already)
-    if far.any():
-        others, textbook = textbook_trial(samples.select(np.flatnonzero(~far)), problem.known)
-        far &= again(others, textbook, chosen).gain < ASKED_FOR
+    for effect in chosen.effects:
+        less = without(problem, found.textbook, chosen, effect)
+        lonely = outlying(problem.samples, less.fitted, already)
+        if lonely.any() and _bends_towards(problem, found, effect, chosen.gain - less.gain, lonely):
+            return lonely
     return far
+
+
+def _bends_towards(problem: Problem, found: Search, effect: Effect, own: float, far: np.ndarray) -> bool:
+    """Say whether an effect that was found is hardly asked for without some trials, (n,) True in `far`, and gains most
+    of its `own` nats by them.
+    """
+    others, textbook = textbook_trial(problem.samples.select(np.flatnonzero(~far)), problem.known)
+    fewer = again(others, textbook, found.chosen)
+    return fewer.gain - without(others, textbook, fewer, effect).gain < min(ASKED_FOR, 0.5 * own)
 
 
 def _trials_left_out(samples: Samples, kept: np.ndarray) -> str:
@@ -172,7 +183,10 @@ def _trials_left_out(samples: Samples, kept: np.ndarray) -> str:
     told = [f"slip {samples.drive.slip[row]:.3g} at {samples.drive.load_N[row]:.4g} N" for row in lost[:_MOST_TOLD]]
     further = [f"{len(lost) - _MOST_TOLD} more"] if len(lost) > _MOST_TOLD else []
     each = "; ".join(told + further)
-    return f"{len(lost)} of {len(samples)} trials left out as gross errors, alone far from what was found: {each}"
+    return (
+        f"{len(lost)} of {len(samples)} trials left out as gross errors, alone far from what was found, or from what "
+        f"it is without an effect that they alone ask for: {each}"
+    )
 
 
 def _sought(

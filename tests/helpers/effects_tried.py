@@ -31,13 +31,14 @@ def textbook() -> np.ndarray:
 
 
 def predict(named: str, situation: Situation = SITUATION, soil: Soil = SOIL) -> np.ndarray:
-    """Channels (n, 5) with one effect, asked for as on the command line."""
-    asked = parse_effect(named)
-    effect = choose(asked, forms_by_name(asked.slug, situation))
-    vector = np.concatenate([soil_vector(soil), values_of(effect, asked)])
-    model = AugmentedWheel(situation.wheel, (pinned(effect, asked),))
+    """Channels (n, 5) with effects asked for as on the command line, " + " between them."""
+    asked = [parse_effect(each) for each in named.split(" + ")]
+    effects = [choose(each, forms_by_name(each.slug, situation)) for each in asked]
+    values = [values_of(effect, each) for effect, each in zip(effects, asked, strict=True)]
+    model = AugmentedWheel(situation.wheel, tuple(map(pinned, effects, asked)))
     drive = situation.drive
-    return model.predict(drive, np.column_stack([drive.load_N, drive.slip]), vector).channels
+    imposed = np.column_stack([drive.load_N, drive.slip])
+    return model.predict(drive, imposed, np.concatenate([soil_vector(soil), *values])).channels
 
 
 def change(named: str) -> np.ndarray:

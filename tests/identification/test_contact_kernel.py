@@ -124,12 +124,16 @@ def test_the_humped_law_peaks_and_falls_to_its_residual():
 def test_the_law_of_kacigin_and_guskov_stands_at_its_peak_and_falls_to_what_is_left(hump):
     at = np.linspace(0.01, 30.0, 3001)
     printed = (1.0 + hump / np.cosh(at)) * np.tanh(at)
-    share = np.array([contact_kernel._mobilised(0.02 * along, 0.02, math.inf, hump)[0] for along in at])
+    top = contact_kernel._top(hump)
+    assert top == pytest.approx(printed.max(), rel=1e-4)
+    share = np.array([contact_kernel._mobilised(0.02 * along, 0.02, math.inf, hump, top)[0] for along in at])
     np.testing.assert_allclose(share, printed / printed.max(), atol=1e-4)
     assert share.max() == pytest.approx(1.0, abs=1e-4)
-    back, ahead = (contact_kernel._mobilised(way, 0.02, math.inf, hump)[0] for way in (-0.02, 0.02))
+    back, ahead = (contact_kernel._mobilised(way, 0.02, math.inf, hump, top)[0] for way in (-0.02, 0.02))
     assert back == -ahead
-    assert contact_kernel._mobilised(1e3, 0.02, math.inf, hump) == pytest.approx((1.0 / printed.max(), 0.0), rel=1e-4)
+    assert contact_kernel._mobilised(1e3, 0.02, math.inf, hump, top) == pytest.approx(
+        (1.0 / printed.max(), 0.0), rel=1e-4
+    )
 
 
 LAWS = {

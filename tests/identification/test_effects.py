@@ -194,7 +194,7 @@ def test_soil_transport_deepens_the_rut_alone_by_the_ratio_of_lyasko():
 
 
 def test_transport_and_digging_deepen_the_rut_by_their_sum():
-    both, lyasko = (predict(f"slip_sinkage:{named}") for named in ("form=transport and dig-out,p=0.4,h=0.3",
+    both, lyasko = (predict(f"slip_sinkage:{named}") for named in ("form=transport, and dig-out,p=0.4,h=0.3",
                                                                    "form=transport,p=0.4"))  # fmt: skip
     away = np.minimum(np.abs(DRIVE.slip), 0.9)
     dug = 0.3 * away / (1.0 - away) * textbook()[:, SINKAGE]
@@ -236,15 +236,19 @@ def test_a_contact_behind_the_wheel_carries_part_of_the_load():
     assert (away[:, SINKAGE] < 0.0).all()
 
 
+@pytest.mark.parametrize("by_slip", [-1.5, -0.5, 1.5])
 @pytest.mark.parametrize("form", ["peak kept", "peak midway"])
-def test_an_exit_angle_may_grow_or_fall_with_slip(form):
+def test_an_exit_angle_may_grow_or_fall_with_slip(form, by_slip):
     """At each slip it is that of the same share, and never more than nearly the entry angle, nor ahead of the axle."""
     name = "c2" if form == "peak kept" else "s"
-    away = predict(f"exit_angle:form={form}, by slip,{name}=0.3,b1=-0.5")
-    for row in range(0, len(DRIVE), 17):
-        share = float(min(max(0.3 - 0.5 * DRIVE.slip[row], 0.0), 0.95))
-        np.testing.assert_allclose(away[row], predict(f"exit_angle:form={form},{name}={share!r}")[row], rtol=1e-6)
-    assert (DRIVE.slip > 0.6).any() or (DRIVE.slip < 0.0).any()
+    away = predict(f"exit_angle:form={form}, by slip,{name}=0.3,b1={by_slip}")
+    rows = range(0, len(DRIVE), 9)
+    wanted = [0.3 + by_slip * DRIVE.slip[row] for row in rows]
+    if abs(by_slip) > 1.0:
+        assert min(wanted) < 0.0 or max(wanted) > 0.95
+    for row, share in zip(rows, wanted, strict=True):
+        same = predict(f"exit_angle:form={form},{name}={float(np.clip(share, 0.0, 0.95))!r}")
+        np.testing.assert_allclose(away[row], same[row], rtol=1e-6)
 
 
 def test_a_hump_takes_from_large_displacements_what_it_gives_to_middle_ones():
@@ -340,6 +344,14 @@ def test_quantities_carry_their_units_and_forms_their_beginnings():
     assert values_of(choose(asked, forms_of("inertia")), asked) == pytest.approx([2.0])
     asked = NamedEffect("grousers", {"a_T": 0.1}, "ripple")
     assert choose(asked, forms_of("grousers")).form == "ripple, 18 lugs"
+    for named, form in (
+        ("drift:form=torque,d1=0.3", "torque_Nm"),
+        ("drift:form=torque_Nm,d1=0.3,d2=0.3", "torque_Nm, curved"),
+        ("drift:form=torque,g1=0.1", "torque_Nm, gain"),
+    ):
+        assert choose(parse_effect(named), forms_of("drift")).form == form
+    braked = choose(parse_effect("slip_sinkage:form=transport, driven,p=0.3,h=0.2"), forms_of("slip_sinkage"))
+    assert braked.form == "transport, driven, and dig-out"
     asked = parse_effect("drift:d1=0.1,form=torque_Nm, curved")
     assert choose(asked, forms_of("drift")).form == "torque_Nm, curved"
 

@@ -192,7 +192,7 @@ def test_constant_faults_change_what_is_reported_and_nothing_else():
     assert np.allclose(change("sinkage_offset:z_0=-0.002")[:, SINKAGE], -0.002, atol=1e-9)
     drift = change("drift:form=torque_Nm,d1=0.3")[:, TORQUE]
     np.testing.assert_allclose(drift, np.linspace(0.0, 0.6, len(DRIVE)), atol=1e-9)
-    warm = predict("drift:form=torque_Nm, gain,d1=0.1")[:, TORQUE] / predict("drift:form=torque_Nm,d1=0")[:, TORQUE]
+    warm = predict("drift:form=torque_Nm, gain,g1=0.1")[:, TORQUE] / predict("drift:form=torque_Nm,d1=0")[:, TORQUE]
     np.testing.assert_allclose(warm, np.linspace(1.0, 1.2, len(DRIVE)), atol=1e-9)
     true = equilibrium(WHEEL, SOIL, DRIVE.load_N / 1.2, DRIVE.slip)
     heavy = predict("load_gain:g=0.2")

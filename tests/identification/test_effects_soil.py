@@ -106,13 +106,31 @@ def test_a_patch_may_be_another_class_of_soil():
     np.testing.assert_allclose(there[:, SINKAGE], state.sinkage_m[inside], rtol=1e-3)
 
 
-@pytest.mark.parametrize("named", ["multipass_compaction:A=0.3,B=-0.2,C=0.9,D=-0.6", "multipass_compaction:A=0,D=-0.6"])
-def test_compaction_may_change_cohesion_and_shear_modulus_by_themselves(named):
-    tied = predict(named.split(",C")[0].split(",D")[0])
-    away = predict(named) - tied
-    later = DRIVE.pass_number > 1.0
-    assert (away[later, TORQUE] > 0.0).all()
-    assert (away[~later] == 0.0).all()
+@pytest.mark.parametrize("form", ["cohesion and shear modulus apart", "by slip, cohesion and shear modulus apart"])
+def test_compaction_may_change_cohesion_and_shear_modulus_by_themselves(form):
+    """What later passes meet is the soil of the textbook wheel, which the same numbers describe."""
+    a, b, c, d = 0.3, -0.2, 0.9, -0.6
+    own, worked = "N0=1.5", -np.expm1(-(DRIVE.pass_number - 1.0) / 1.5)
+    if form.startswith("by slip"):
+        own, again = "i0=0.3,q=0.1", DRIVE.pass_number - 1.0
+        worked = np.where(again > 0.0, -np.expm1(-DRIVE.slip_before / 0.3) + 0.1 * again, 0.0)
+    away = predict(f"multipass_compaction:form={form},A={a},B={b},C={c},D={d},{own}")
+    rows = np.flatnonzero(DRIVE.pass_number > 1.0)[:6]
+    assert len(rows)
+    for row in (0, *rows):
+        s = worked[row]
+        soil = Soil(SOIL.c_Pa * math.exp((b + c) * s), math.atan(math.tan(SOIL.phi_rad) * math.exp(b * s)),
+                    SOIL.k_m * math.exp(d * s), SOIL.stiffness_Pa * math.exp(a * s), SOIL.n)  # fmt: skip
+        state = equilibrium(WHEEL, soil, DRIVE.load_N[row : row + 1], DRIVE.slip[row : row + 1])
+        np.testing.assert_allclose(away[row, [TORQUE, SINKAGE]], [state.torque_Nm[0], state.sinkage_m[0]], rtol=1e-3)
+
+
+@pytest.mark.parametrize("sinks", ["slip_sinkage:form=ratio,p=0.8", "slip_sinkage:n1=0.3"])
+@pytest.mark.parametrize("ground", ["soil_patch:form=place,from=0.3,to=0.8,A=0.2,E=0.4", "multipass_compaction:A=0.8"])
+def test_what_the_soil_is_comes_before_what_is_done_to_it_in_whatever_order_they_are_named(sinks, ground):
+    together = predict(f"{sinks} + {ground}")
+    np.testing.assert_allclose(together, predict(f"{ground} + {sinks}"), rtol=1e-6)
+    assert np.abs(together - predict(ground))[:, SINKAGE].max() > 1e-4
 
 
 def test_all_forms_of_a_patch_start_where_the_ground_seems_to_be_another():

@@ -48,12 +48,12 @@ STRIBECK = {"T_c": "1", "T_s": "2.5", "omega_s": "0.4"}
     [
         ("slip_sinkage", {"n1": "0.1", "n2": "0.5"}, "exponent", "exponent, squared"),
         ("slip_sinkage", {"n1": "0.3"}, "exponent", "exponent"),
-        ("slip_sinkage", {"p": "0.1", "h": "0.3"}, "transport", "transport and dig-out"),
+        ("slip_sinkage", {"p": "0.1", "h": "0.3"}, "transport", "transport, and dig-out"),
         ("slip_sinkage", {"p": "0.4"}, "transport", "transport"),
         ("exit_angle", {"c2": "0.4", "b1": "-0.4"}, "peak kept", "peak kept, by slip"),
         ("exit_angle", {"s": "0.3"}, "peak midway", "peak midway"),
-        ("drift", {"d1": "0.05", "d2": "-0.05", "d3": "0.02"}, "torque_Nm, gain", "torque_Nm, gain, curved"),
-        ("drift", {"d1": "0.05"}, "torque_Nm, gain", "torque_Nm, gain"),
+        ("drift", {"g1": "0.05", "g2": "-0.05", "g3": "0.02"}, "torque_Nm, gain", "torque_Nm, gain, curved"),
+        ("drift", {"g1": "0.05"}, "torque_Nm, gain", "torque_Nm, gain"),
         ("drivetrain_friction", {**STRIBECK, "b_v": "1.2"}, "stribeck", "stribeck+viscous"),
         ("drivetrain_friction", STRIBECK, "stribeck", "stribeck"),
         ("side_wall_friction", {"tau_s": "1000", "g_s": "3e5"}, "rubbing", "rubbing, with depth"),
@@ -69,6 +69,17 @@ def test_a_further_parameter_is_fitted_where_it_is_worth_it(slug, settings, form
     truth = [float(settings[parameter.name]) for parameter in effect.parameters]
     # Friction that goes with nothing is part of the soil's, within a few of its standard deviations.
     assert np.all(np.abs(trial.fitted.vector[where] - truth) < 4.0 * sd[where])
+
+
+@pytest.mark.parametrize(("made", "other"), [("", "sech"), ("sech", "")])
+def test_a_hump_is_told_by_its_law(made, other):
+    settings = {"K_r": "0.6"} if not made else {"h": "1.2"}
+    soil = Soil(1000.0, 0.52, 0.006, 3e5, 1.0)
+    right, wrong = (found(NamedEffect("shear_hump", settings, made), form, soil=soil) for form in (made, other))
+    assert right.gain > max(wrong.gain, 0.0) + 12.0
+    ((_, where),) = right.fitted.model.slices()
+    sd = np.sqrt(np.diag(right.fitted.covariance))[where]
+    assert abs(right.fitted.vector[where][0] - float(next(iter(settings.values())))) < 4.0 * sd[0]
 
 
 @pytest.mark.parametrize(

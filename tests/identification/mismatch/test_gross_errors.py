@@ -68,7 +68,9 @@ def test_loads_that_read_wrong_hide_nothing(tmp_path, wrong):
     if wrong:
         rows = table(wrong)
         each = [f"slip {rows['slip'][row]:.3g} at {rows['load_N'][row]:.4g} N" for row in wrong]
-        assert told == [f"2 of 150 trials left out as gross errors, alone far from what was found: {'; '.join(each)}"]
+        assert len(told) == 1
+        assert told[0].startswith("2 of 150 trials left out as gross errors, alone far from what was found")
+        assert told[0].endswith(f": {'; '.join(each)}")
 
 
 def test_trials_that_agree_with_the_next_are_no_errors(fitted):
@@ -199,9 +201,15 @@ def test_a_note_names_the_first_few_trials_that_are_left_out(fitted):
     assert many.endswith("; 3 more")
 
 
-def test_an_effect_that_only_bends_towards_one_wrong_load_is_none(tmp_path):
-    """A flattening tyre makes up for the sinkage of a load that reads half as much more, not for its torque."""
+@pytest.mark.parametrize(("deeper", "named"), [(0.0, []), (0.2, ["slip_sinkage"])])
+def test_an_effect_that_only_bends_towards_one_wrong_load_is_none(tmp_path, deeper, named):
+    """A flattening tyre makes up for the sinkage of a load that reads half as much more, not for its torque; beside
+    what is there it is found, too.
+    """
     path = conceal(792937, (), protocol="steady").write(tmp_path)
-    answer = explain(path, catalogue=["tyre_deflection", "hard_layer"])
-    assert answer.verdict == "none"
+    rows = pd.read_csv(path / "wheel.csv")
+    rows["sinkage_m"] *= 1.0 + deeper * rows["slip"]
+    rows.to_csv(path / "wheel.csv", index=False)
+    answer = explain(path, catalogue=["tyre_deflection", "hard_layer", "slip_sinkage"])
+    assert [each.effect for each in answer.missing if each.probability > 0.1] == named
     assert any(note.startswith("1 of 54 trials left out as gross errors") for note in answer.notes)
