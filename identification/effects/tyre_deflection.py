@@ -26,7 +26,7 @@ class TyreDeflection(Effect):
         self.parameters = (Parameter("compliance", "m/N", 0.0, 8.0 * usual, usual, usual),)
 
     def variants(self) -> list[Effect]:
-        return [SubstituteCircle(*self._of), TyreAsSpring(*self._of)]
+        return [SubstituteCircle(*self._of)]
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         rigid = contact.wheel.radius_m
@@ -59,24 +59,6 @@ class SubstituteCircle(TyreDeflection):
     def sinkage_m(self, flat_m: np.ndarray, deflection_m: np.ndarray) -> np.ndarray:
         # With z = r* (1 - cos theta_1) the squares cancel.
         return flat_m + 2.0 * np.sqrt(flat_m * deflection_m)
-
-
-class TyreAsSpring(TyreDeflection):
-    """Its axle comes down by as much as the tyre is pressed in, on the contact of a rigid wheel."""
-
-    form = "spring"
-    usual = False
-    equation = "z of the axle = z + W / k_t"
-    source = "definition: a spring in series with the ground"
-
-    def variants(self) -> list[Effect]:
-        return []
-
-    def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
-        """Leave the contact as it is."""
-
-    def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
-        channels[:, SINKAGE] += values[0] * np.maximum(drive.load_N, 0.0)
 
 
 class FlatTyre(Effect):

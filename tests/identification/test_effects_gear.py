@@ -139,12 +139,6 @@ def test_a_flattened_wheel_sinks_less():
     assert untouched(change("tyre_deflection:compliance=0"), *range(5))
 
 
-def test_a_tyre_as_a_spring_lowers_its_axle_alone():
-    away = change("tyre_deflection:form=spring,compliance=2e-5")
-    assert untouched(away, LOAD, TORQUE, SLIP, PULL)
-    np.testing.assert_allclose(away[:, SINKAGE], 2e-5 * DRIVE.load_N, atol=1e-6)
-
-
 @pytest.mark.parametrize(
     ("form", "larger"),
     [

@@ -71,15 +71,6 @@ def test_a_further_parameter_is_fitted_where_it_is_worth_it(slug, settings, form
     assert np.all(np.abs(trial.fitted.vector[where] - truth) < 4.0 * sd[where])
 
 
-@pytest.mark.parametrize("form", ["circle", "substitute circle", "spring"])
-def test_a_tyre_is_told_by_how_it_flattens(form):
-    trial = found(NamedEffect("tyre_deflection", {"compliance": "3e-5"}, form), "circle")
-    assert trial.effects[0].form == form
-    ((_, where),) = trial.fitted.model.slices()
-    sd = np.sqrt(np.diag(trial.fitted.covariance))[where]
-    assert abs(trial.fitted.vector[where][0] - 3e-5) < 4.0 * sd[0]
-
-
 @pytest.mark.parametrize(("made", "other"), [("", "sech"), ("sech", "")])
 def test_a_hump_is_told_by_its_law(made, other):
     settings = {"K_r": "0.6"} if not made else {"h": "1.2"}
