@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 
 import numpy as np
 from scipy.special import exprel
@@ -62,7 +63,7 @@ class LugRadius(Effect):
         contact.lever_m = contact.lever_m + beyond
 
 
-class LugThrust(Effect):
+class LugThrust(Effect, ABC):
     """Lugs in the ground push soil that gives way along with the shear beneath the wheel."""
 
     slug = "grousers"
@@ -79,13 +80,13 @@ class LugThrust(Effect):
         )
         self.parameters = (Parameter("s", "", 0.0, 3.0, 0.3, 0.5),)
 
+    @abstractmethod
     def most(self, contact: Contact, drive: Drive) -> np.ndarray:
         """Thrust (n,) [N] of soil that is sheared to its end."""
-        raise NotImplementedError
 
+    @abstractmethod
     def mobilised(self, sheared: np.ndarray) -> np.ndarray:
         """Share of it (n,) where the soil at the wheel's lowest point is sheared so far, in shear moduli (n,)."""
-        raise NotImplementedError
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         theta_1 = contact.theta_1

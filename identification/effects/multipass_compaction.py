@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+
 import numpy as np
 
 from .effect import Contact, Drive, Effect, Parameter, Situation
 
 
-class _Compaction(Effect):
+class _Compaction(Effect, ABC):
     """The passes before have worked the soil: it is stiffer, and stronger or weaker.
 
     Parameters
@@ -44,9 +46,9 @@ class _Compaction(Effect):
         contact.c_Pa = contact.c_Pa * np.exp((values[1] + cohesion) * worked)
         contact.k_m = contact.k_m * np.exp(modulus * worked)
 
+    @abstractmethod
     def worked(self, drive: Drive, own: np.ndarray) -> np.ndarray:
         """Give how far the passes before have worked the soil (n,) [-]."""
-        raise NotImplementedError
 
 
 class MultipassCompaction(_Compaction):

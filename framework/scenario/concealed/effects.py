@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
@@ -32,7 +33,7 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Effect(Change):
+class Effect(Change, ABC):
     """A change with a name and a magnitude.
 
     Parameters
@@ -58,18 +59,18 @@ class Effect(Change):
     sign: float = 1.0
 
     @property
+    @abstractmethod
     def bounds(self) -> tuple[float, float]:
         """Least and greatest magnitude that is physically plausible."""
-        raise NotImplementedError
 
     @classmethod
     def draw(cls, rng: np.random.Generator, setting: Setting, form: str) -> Self:
         """Draw everything but the magnitude, which is 1 % of what is plausible."""
         return cls(form, 0.0)
 
+    @abstractmethod
     def parameters(self) -> dict[str, float]:
         """Give the true parameters by name, SI."""
-        raise NotImplementedError
 
     def inputs(self, load_N: np.ndarray, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Give the true load and slip of reported ones, as they are if this effect is all that is wrong with them."""
