@@ -99,7 +99,8 @@ def _bare(channel: str) -> str:
 
 def _statement(each: Missing) -> str:
     told = [readable.estimate(name, estimate) for name, estimate in each.parameters.items()]
-    further = [f"and {len(told) - _TOLD} more parameters"] if len(told) > _TOLD else []
+    count = len(told) - _TOLD
+    further = [f"and {count} more parameter{'s' if count > 1 else ''}"] if count > 0 else []
     values = ", ".join(told[:_TOLD] + further)
     fault = "a fault of an instrument or of what is configured: " if each.kind == "instrument" else ""
     return (

@@ -18,7 +18,7 @@ from bevameter.identification.mismatch.name.naming import ASSERTED
 from bevameter.identification.mismatch.show import pictures, readable
 from bevameter.identification.mismatch.show.report import report_html, write_report
 from bevameter.identification.mismatch.show.tables import fit_rows, located_rows, soil_table
-from bevameter.identification.mismatch.show.wording import summarise, trust
+from bevameter.identification.mismatch.show.wording import _statement, summarise, trust
 from explanations import SOUND, cannot_tell, explanation, nothing
 
 VOID = {"meta", "img", "br"}
@@ -309,3 +309,11 @@ def test_the_page_of_the_documentation_lists_every_effect_in_the_same_words():
     parts = (answer["located"][0], answer["missing"][0], answer["candidates"][0], answer["fit"])
     fits = answer["fit"]["channels"]["torque_Nm"]
     assert {*answer, *fits, *(key for part in parts for key in part)} - {"channels"} <= keys
+
+
+@pytest.mark.parametrize(("count", "said"), [(1, ""), (4, "and 1 more parameter."), (6, "and 3 more parameters.")])
+def test_parameters_beyond_the_first_few_are_counted(count, said):
+    values = {f"d{number}": Estimate(0.5, 0.1, "") for number in range(count)}
+    stated = _statement(Missing("drift", "instrument", "torque_Nm", 0.9, values, "", ""))
+    assert stated.endswith(said or "d0 = 0.50 ± 0.10.")
+    assert ("more parameter" in stated) == bool(said)
