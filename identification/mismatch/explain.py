@@ -21,6 +21,7 @@ from .fit.fitting import Problem
 from .fit.gross_errors import outlying
 from .fit.lanes import passes_apart
 from .fit.load_and_slip import gathered
+from .fit.remembering import TOLD, remembering
 from .fit.samples import Samples
 from .fit.simulated import as_differences, attach
 from .fit.trial import ASKED_FOR, Trial, again, least_errors, situation, textbook_trial, without
@@ -110,6 +111,10 @@ def explain(
             kept = kept[~far]
             problem, textbook = textbook_trial(samples.select(kept), known)
             found, remaining = _sought(problem, textbook, considered, tell)
+        if remembered := _as_remembered(samples, problem, found, known):
+            tell("asking again how long sensors remember")
+            samples, problem, textbook = remembered
+            found, remaining = _sought(problem, textbook, considered, tell)
         if len(kept) < len(samples):
             notes = (*notes, _trials_left_out(samples, kept))
             samples, own = samples.select(kept), None if own is None else own[kept]
@@ -175,6 +180,20 @@ def _bends_towards(problem: Problem, found: Search, effect: Effect, own: float, 
     others, textbook = textbook_trial(problem.samples.select(np.flatnonzero(~far)), problem.known)
     fewer = again(others, textbook, found.chosen)
     return fewer.gain - without(others, textbook, fewer, effect).gain < min(ASKED_FOR, 0.5 * own)
+
+
+def _as_remembered(
+    samples: Samples, problem: Problem, found: Search, known: SoilKnowledge
+) -> tuple[Samples, Problem, Trial] | None:
+    """Fit the textbook wheel to sensors that remember more or less than they seemed to before the search, if what was
+    found does much better then: what they remembered was misfit, or misfit hid it.
+    """
+    tried = remembering(samples, problem, found.chosen.fitted)
+    if tried is None:
+        return None
+    there, textbook = textbook_trial(tried, known)
+    better = again(there, textbook, found.chosen).fitted.score > found.chosen.fitted.score + TOLD
+    return (tried, there, textbook) if better else None
 
 
 def _trials_left_out(samples: Samples, kept: np.ndarray) -> str:

@@ -20,6 +20,7 @@ from ...augmented import AugmentedWheel, Entry, Response
 from ...effects.effect import LOAD, SLIP
 from ...forward import slope_of_internal, to_internal
 from .likeliest_noise import NoiseKnown, Weighed, likeliest
+from .memory import Memory
 from .samples import Samples
 from .soil_variation import SMOOTHEST, NoiseModel, Ready, huber_loss, lay_out, neighbours, stretches
 from .steps import Prior, covariance_of, is_longest, step_from, step_of
@@ -108,6 +109,7 @@ class Problem:
         self.group = stretches(self.order, self.gap)
         self.seen = np.ascontiguousarray(samples.seen)
         self.measured = samples.measured[:, self.answers]
+        self.memory = Memory(samples.memory[self.answers], self.seen, samples.drive)
         self._noise_known = self._known_noise()
         self.first_noise = self._noise_known.first
         self.most = self.unbounded
@@ -168,13 +170,14 @@ class Problem:
 
     def _weighed_by(self, weights: Response) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """How far answers are moved by what load and slip deviate, (n, m), SI; and, in the order in which the soil's
-        variation is followed, how they answer that variation, and load and slip, (n, m, 2) each.
+        variation is followed, how what is new in them answers that variation, and load and slip, (n, m, 2) each.
         """
         latest = self._latest
         if latest is None or latest[0] is not weights:
             by_latent = np.nan_to_num(weights.by_latent[:, self.answers])
             vary = np.nan_to_num(weights.by_ground[:, self.answers])
             moved = np.einsum("nca,na->nc", by_latent, self._deviation)
+            vary, by_latent = self.memory.forgotten(vary), self.memory.of_independent(by_latent)
             self._latest = latest = weights, (moved, vary[self.order], by_latent[self.order])
         return latest[1]
 
@@ -191,18 +194,19 @@ class Problem:
         # What was not seen is zero in white columns, too.
         columns, log_scale = columns[self._back], log_scale[self._back]
         innovations = columns[..., 0]
-        return innovations, columns[..., 1:], huber_loss(innovations).sum(axis=1) + log_scale.sum(axis=1)
+        loss = huber_loss(innovations).sum(axis=1) + log_scale.sum(axis=1) + self.memory.log_scale
+        return innovations, columns[..., 1:], loss
 
     def loss(self, residuals: np.ndarray, fitted: Fitted) -> np.ndarray:
         """Loss of each row (n,) [nats] for residuals (n, m), SI, NaN where nothing was predicted, by a fit's noise."""
         ready = self._ready(fitted.response)
         residuals = np.where(np.isfinite(residuals), residuals, self.measured)
-        columns = np.where(ready.seen, residuals[self.order], 0.0)[..., None]
-        ready = replace(ready, columns=columns)
+        new = self.memory.forgotten(np.where(self.seen, residuals, 0.0))
+        ready = replace(ready, columns=new[self.order][..., None])
         columns, log_scale = ready.filter(fitted.noise, self.latent_covariance, self.gap, derivatives=False)
         answer = np.empty(len(residuals))
         answer[self.order] = huber_loss(np.where(ready.seen, columns[..., 0], 0.0)).sum(axis=1) + log_scale.sum(axis=1)
-        return answer
+        return answer + self.memory.log_scale
 
     def whitened_columns(
         self, fitted: Fitted, noise: NoiseModel, extra: np.ndarray
@@ -216,7 +220,7 @@ class Problem:
         return innovations, columns[..., :size], columns[..., size:]
 
     def _ready(self, response: Response, weights: Response | None = None) -> Ready:
-        """Residuals and derivatives in the order in which the soil's variation is followed."""
+        """Residuals and derivatives, of what is new in each row, in the order in which the variation is followed."""
         order, weights = self.order, self.weights or weights or response
         residual, seen = self.residuals(response, weights), self.seen
         carried = np.asarray(np.isfinite(response.channels[:, self.answers]).all(axis=1))
@@ -225,6 +229,8 @@ class Problem:
         columns = np.empty((*seen.shape, 1 + response.by_parameter.shape[-1]))
         lay_out(residual, response.by_parameter, order, np.array(self.answers), seen, carried, columns)
         _, vary, latent = self._weighed_by(weights)
+        if self.memory.any:
+            columns = self.memory.forgotten(columns[self._back])[order]
         return Ready(columns, seen[order], vary, latent)
 
     def noise_loss(self, noise: NoiseModel) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.cluster.hierarchy import fcluster, linkage
@@ -95,6 +95,8 @@ class Samples:
         What was left out, in words.
     simulated : (n, 5)
         Another simulator's answers, where there is one.
+    memory : (5,)
+        How the sensors' errors are correlated with those of the row before [-], 0 where they are independent.
     """
 
     wheel: Wheel
@@ -108,6 +110,7 @@ class Samples:
     made_of: str
     notes: tuple[str, ...] = ()
     simulated: np.ndarray | None = None
+    memory: np.ndarray = field(default_factory=lambda: np.zeros(len(CHANNELS)))
 
     def __len__(self) -> int:
         return len(self.measured)
@@ -189,7 +192,8 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle, shares: tuple[floa
         notes += at_end
     measured, gross = _without_gross_errors(measured, noise, stretch, timed)
     if gross:
-        notes.append(f"{gross} values stand alone far from their neighbours in time: taken for gross errors")
+        which = "1 value stands" if gross == 1 else f"{gross} values stand"
+        notes.append(f"{which} alone far from their neighbours in time: taken for gross errors")
     usable &= np.isfinite(measured[:, [LOAD, SLIP]]).all(axis=1) & np.isfinite(measured[:, ANSWERS]).any(axis=1)
     table = WheelTable(
         {**table.columns, "load_N": measured[:, LOAD], "slip": measured[:, SLIP]}, table.wheel, table.run, table.source

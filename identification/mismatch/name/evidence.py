@@ -13,10 +13,12 @@ import numpy as np
 from ....framework.core.soil import PARAMETERS
 from ...noise import autocorrelations, in_time
 from ..fit.fitting import Problem
+from ..fit.memory import FEWEST, SHOWN, rho_shown, rows_alike
+from ..fit.remembering import ground_apart
 from ..fit.soil_variation import HUBER
 from ..fit.trial import ASKED_FOR, EXPECTED_ASKED_FOR, NOT_EXCLUDED, Trial, temperature
 from ..locate.joint_misfit import WORTH, joint_correction, nats_in_all
-from ..locate.noise_floor import FAR, FEWEST, SHOWN, ground_apart, noise_floor, rows_alike
+from ..locate.noise_floor import FAR, noise_floor
 from .asked import counting_for, hardly_asked_for, is_bump, of_no_effect, rests_on_ground, surplus
 from .naming import REMAINS
 from .preferred import says_no_more
@@ -229,6 +231,8 @@ def repetition(
 ) -> float:  # fmt: skip
     """Number of neighbouring rows that say the same, 1 where they are independent. Trials have no neighbours.
 
+    What the sensors' errors have of those of the row before (`fit.memory`) is taken out.
+
     Each channel's is 1 + 2 sum of autocorrelations (M. S. Bartlett, J. R. Stat. Soc. Suppl. 8 (1946), 27-41), as far as
     they stand out from the first lag on, or (1 + rho) / (1 - rho) with the rho that differences of neighbours show,
     whichever is more: the former misses what a model has followed by chance, the latter a memory of another form.
@@ -249,11 +253,11 @@ def repetition(
     if not problem.samples.drive.timed:
         return 1.0
     fitted, stretch = search.chosen.fitted, problem.samples.drive.stretch
-    left = fitted.residuals - np.nan_to_num(explained)
+    left = problem.memory.forgotten(fitted.residuals - np.nan_to_num(explained))
     times = np.array([
         max(
             _by_autocorrelation(innovations[problem.seen[:, channel], channel]),
-            rows_alike(in_time(left[:, channel], stretch), ground_apart(problem, fitted, channel)),
+            rows_alike(rho_shown(in_time(left[:, channel], stretch), ground_apart(problem, fitted, channel, new=True))),
         )
         for channel in range(len(problem.answers))
     ])  # fmt: skip

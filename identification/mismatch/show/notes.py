@@ -9,6 +9,7 @@ import numpy as np
 
 from ....framework.core.recording.types import Labels
 from ...effects.time_faults import bends_foretold, slips_at_one_rate
+from ...forward import CHANNELS
 from ..fit.fitting import Fitted, Problem
 from ..fit.trial import Trial
 from ..locate.oscillation import oscillations
@@ -69,6 +70,7 @@ def notes_of(
         *_many(found.chosen),
         *_dispersed(found),
         *_ground(problem, best.fitted),
+        *_remembering(problem),
         *_repeated(repeated),
         *_oscillates(problem, best.fitted),
         *_crossed_once(best),
@@ -152,6 +154,18 @@ def _ground(problem: Problem, fitted: Fitted) -> list[str]:
     return [
         f"the ground is taken to vary {where}: stiffness by {100.0 * stiffness:.1f} %, "
         f"strength by {100.0 * strength:.1f} % (standard deviation)"
+    ]
+
+
+def _remembering(problem: Problem) -> list[str]:
+    """Say which sensors' errors last, and that this is counted."""
+    each = zip(problem.answers, problem.memory.rho, strict=True)
+    lasting = [f"{rho:.2f} in {readable.shown(CHANNELS[channel]).name}" for channel, rho in each if rho > 0.0]
+    if not lasting:
+        return []
+    return [
+        f"errors of sensors last: they are correlated with those of the row before, by {', '.join(lasting)}, and rows "
+        "count by what is new in them"
     ]
 
 

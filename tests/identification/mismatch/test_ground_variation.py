@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from bevameter import Vehicle, Wheel
 from bevameter.framework.core.recording.types import WheelTable
+from bevameter.identification.mismatch.fit.memory import rho_shown
+from bevameter.identification.mismatch.fit.remembering import ground_apart
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.fit.textbook import fit_textbook
 from bevameter.identification.mismatch.fit.trial import textbook_trial
-from bevameter.identification.mismatch.locate.noise_floor import ground_apart, in_time, rows_alike
 from bevameter.identification.mismatch.name.evidence import repetition
 from bevameter.identification.mismatch.name.tries import Search
+from bevameter.identification.noise import in_time
 from bevameter.identification.wheel_soil import Soil, equilibrium
 from scipy.signal import lfilter
 
@@ -72,7 +74,7 @@ def test_ground_that_varies_is_no_memory_of_the_noise_where_another_pass_bears_i
     samples = crossed(rough, 0)
     stretch, sinkage = samples.drive.stretch, 1
     problem, textbook = textbook_trial(samples)
-    assert rows_alike(in_time(textbook.fitted.residuals[:, sinkage], stretch)) > 3.0
+    assert rho_shown(in_time(textbook.fitted.residuals[:, sinkage], stretch)) > 0.5
     assert ground_apart(problem, textbook.fitted, sinkage).all()
     assert repetition(problem, Search(textbook, (), (), textbook), textbook.fitted.innovations) < 1.3
     # Crossed once, the same differences may be the noise's.
@@ -86,6 +88,6 @@ def test_noise_with_a_memory_is_told_beside_ground_that_varies():
     noise = lfilter([math.sqrt(1.0 - rho**2)], [1.0, -rho], rng.normal(size=rows))
     ground = 3.0 * lfilter([0.1], [1.0, -math.sqrt(0.99)], rng.normal(size=rows))
     of_ground = np.array([np.mean((ground[step:] - ground[:-step]) ** 2) for step in (1, 2, 3)])
-    assert rows_alike([noise + ground], of_ground) == pytest.approx((1.0 + rho) / (1.0 - rho), rel=0.25)
+    assert rho_shown([noise + ground], of_ground) == pytest.approx(rho, abs=0.07)
     white = rng.normal(size=rows)
-    assert rows_alike([white + ground], of_ground) == 1.0
+    assert rho_shown([white + ground], of_ground) == 0.0

@@ -1,0 +1,95 @@
+"""Whether sensors remember, asked of what a fit leaves: ground that varies and what a model misses may look alike."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ....framework.core.soil import SoilKnowledge
+from ...noise import in_time
+from .fitting import Fitted, Problem
+from .memory import STEPS_APART, of_second_differences, rho_shown
+from .samples import Samples
+from .soil_variation import correlation
+from .textbook import fit_textbook
+
+REMEMBERED = 0.2
+"""Correlation of neighbours from which on noise has a memory [-]: then 1.5 rows say the same."""
+
+TOLD = 25.0
+"""Nats that a memory has to gain over none, or another one."""
+
+_ANOTHER = 0.15
+"""Difference of correlations from which on a memory is another one [-]."""
+
+_BORNE_OUT = 0.5
+"""Share of the neighbours in place that are of different passes, from which on these bear out that the ground varies: a
+memory of the noise would not return with the place [-]."""
+
+
+def fit_remembering(samples: Samples, known: SoilKnowledge) -> tuple[Samples, Problem, Fitted]:
+    """Fit the textbook wheel, to samples whose sensors remember where that is much likelier.
+
+    Raises
+    ------
+    InputError
+        As in `textbook.fit_textbook`.
+    """
+    problem, fitted = fit_textbook(samples, known)
+    tried = remembering(samples, problem, fitted)
+    if tried is not None:
+        there, again = fit_textbook(tried, known)
+        if again.score > fitted.score + TOLD:
+            return tried, there, again
+    return samples, problem, fitted
+
+
+def remembering(samples: Samples, problem: Problem, fitted: Fitted) -> Samples | None:
+    """Give samples with sensors that remember as much as what a fit leaves shows; nothing where they do already.
+
+    Whether they do a fit to them tells, by `TOLD` or more (`Fitted.score`): it takes what is ground, and is foretold
+    by other channels and passes, for what it is.
+    """
+    if not samples.drive.timed:
+        return None
+    rho = np.zeros(len(samples.memory))
+    for position, channel in enumerate(problem.answers):
+        series = in_time(fitted.residuals[:, position], samples.drive.stretch)
+        shown = rho_shown(series, ground_apart(problem, fitted, position) + _imposed_apart(problem, fitted, position))
+        rho[channel] = shown if shown > REMEMBERED else 0.0
+    if np.abs(rho - samples.memory).max() < _ANOTHER:
+        return None
+    # Second differences show what is new in each row, and that less than it is.
+    wider = of_second_differences(rho) / of_second_differences(samples.memory)
+    return replace(samples, memory=rho, noise=np.where(samples.stated, samples.noise, samples.noise * wider))
+
+
+def _imposed_apart(problem: Problem, fitted: Fitted, position: int) -> float:
+    """Mean square, SI, of what rows however near differ by in a channel for the errors of load and slip, which are
+    independent.
+    """
+    slopes = np.nan_to_num((problem.weights or fitted.response).by_latent[:, problem.answers[position]])
+    return 2.0 * float(np.mean(np.einsum("na,ab,nb->n", slopes, problem.latent_covariance, slopes)))
+
+
+def ground_apart(problem: Problem, fitted: Fitted, position: int, *, new: bool = False) -> np.ndarray:
+    """Mean squares (3,), SI, of what neighbours one, two and three rows apart in time differ by in a channel, or in
+    what is `new` in its rows (`Memory.forgotten`), for the ground's varying; nothing where no other passes bear that
+    out, for a memory of the noise passes for it there.
+    """
+    samples, noise = problem.samples, fitted.noise
+    stretch, place = samples.drive.stretch, samples.position
+    beside = np.isfinite(problem.gap[1:])
+    if not beside.any() or np.mean((np.diff(stretch[problem.order]) != 0)[beside]) < _BORNE_OUT:
+        return np.zeros(len(STEPS_APART))
+    by_ground = np.nan_to_num((problem.weights or fitted.response).by_ground[:, problem.answers])
+    by_ground = problem.memory.forgotten(by_ground) if new else by_ground
+    felt, answer = by_ground[:, position] * noise.spread, []
+    for step in STEPS_APART:
+        first, second = felt[:-step], felt[step:]
+        alike = correlation(place[step:] - place[:-step], noise)[:, None]
+        squares = np.sum(first**2 + second**2 - 2.0 * alike * first * second, axis=1)
+        inside = stretch[step:] == stretch[:-step]
+        answer.append(float(squares[inside].sum() / max(inside.sum(), 1)))
+    return np.array(answer)
