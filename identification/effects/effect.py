@@ -233,6 +233,8 @@ class Effect:
     """Parameters that have to be stated where an effect is asked for by name; the others are `Parameter.null` then."""
     local: ClassVar[bool] = False
     """Whether it says what the ground's variation along the track could say too."""
+    edges: ClassVar[slice] = slice(0)
+    """Parameters that say where it begins and ends: no rows but those nearby tell them."""
     of_ground: ClassVar[bool] = False
     """Whether it says what the soil is, from place to place or pass to pass: others act on that."""
     remembers: ClassVar[bool] = False

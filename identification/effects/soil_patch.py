@@ -50,6 +50,7 @@ class SoilPatch(Effect):
     slug = "soil_patch"
     nested = False
     local = True
+    edges = slice(2, 4)
     of_ground = True
     source = "definition"
     required = ("from", "to")

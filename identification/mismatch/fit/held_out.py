@@ -10,13 +10,17 @@ from ....framework.core.soil import PARAMETERS
 from ...augmented import SOIL_COUNT, Response
 from ...effects.drive import select_rows
 from .fitting import Fitted, Problem
+from .samples import Samples
 from .steps import LONGEST, Prior, normal_equations, scaled_inverse, scaled_solve, step_of
 
 _LEAST_LEVERAGE = 1e-9
 
 _ALONE = 0.9
 """A block with more than this share of what is known of a parameter does not test it: nothing else tells it [-]. Of two
-crossings neither has so much."""
+crossings neither has so much. With neighbours in time it has what a crossing tells of an edge between them."""
+
+_OF_AN_EDGE = 0.1
+"""Share of what is known of an edge from which on a block is one of those neighbours [-]."""
 
 _FAR, _LONG = 2.0, 0.2
 """Nats that the other rows gain by a step, and share of the longest ones [-], beyond which it is not taken at its word:
@@ -69,18 +73,17 @@ def hold_out(problem: Problem, fitted: Fitted, *, again: bool = True) -> HeldOut
     samples = problem.samples
     blocks = np.unique(samples.block)
     prior = problem.prior(fitted.model)
-    _, information = normal_equations(fitted.innovations, fitted.jacobian)
-    known, local = np.diag(information).copy(), of_places(fitted)
-    information = information + np.diag(prior.precision)
+    parts = [samples.block == block for block in blocks]
+    told = [normal_equations(fitted.innovations[rows], fitted.jacobian[rows]) for rows in parts]
+    told_by_one = told_alone(fitted, samples, np.array([np.diag(own) for _, own in told]))
+    local = of_places(fitted)
+    information = np.sum([own for _, own in told], axis=0) + np.diag(prior.precision)
     residuals = np.full_like(problem.measured, np.nan)
     nats, untested = np.empty(len(blocks)), False
     response = fitted.response
     at_fit = problem.residuals(response)
     slopes = response.by_parameter[:, problem.answers]
-    for number, block in enumerate(blocks):
-        rows = samples.block == block
-        gradient, own = normal_equations(fitted.innovations[rows], fitted.jacobian[rows])
-        alone = told_alone(local, np.diag(own), known)
+    for number, (rows, (gradient, own), alone) in enumerate(zip(parts, told, told_by_one, strict=True)):
         untested |= bool(alone.any())
         step = _step_without(information - own, gradient, ~alone)
         # What leans on a bound stays there, and the others do not make up for its leaving.
@@ -107,19 +110,30 @@ def hold_out(problem: Problem, fitted: Fitted, *, again: bool = True) -> HeldOut
     return HeldOut(nats, np.where(problem.seen, residuals, np.nan), untested)
 
 
-def of_places(fitted: Fitted) -> np.ndarray:
-    """(p,) True for parameters of a place along the track."""
+def of_places(fitted: Fitted, *, edges: bool = False) -> np.ndarray:
+    """(p,) True for parameters of a place along the track, or for those of its `edges` alone."""
     answer = np.zeros(len(fitted.vector), dtype=bool)
     for effect, where in fitted.model.slices():
-        answer[where] = effect.local
+        own = answer[where]
+        own[effect.edges if edges else slice(None)] = effect.local
     return answer
 
 
-def told_alone(local: np.ndarray, own: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """(p,) True for parameters of a place that a block, with the information `own` (p,) of all that is `known` (p,),
-    tells alone.
+def told_alone(fitted: Fitted, samples: Samples, own: np.ndarray) -> np.ndarray:
+    """(b, p) True for parameters of a place that a block tells alone, of which it has `own` (b, p) information, or an
+    edge that it tells alone with the blocks before and after it on the same way.
     """
-    return local & (own > _ALONE * known)
+    known, edges = own.sum(axis=0), of_places(fitted, edges=True)
+    block, stretch = samples.block, samples.drive.stretch
+    number = np.unique(block, return_inverse=True)[1]
+    ends = np.flatnonzero((np.diff(number) == 1) & (np.diff(stretch) == 0))
+    goes_on = np.zeros((len(own) - 1, 1))
+    goes_on[number[ends]] = 1.0
+    near = own.copy()
+    near[1:] += goes_on * own[:-1]
+    near[:-1] += goes_on * own[1:]
+    shared = edges & (own > _OF_AN_EDGE * known) & (near > _ALONE * known)
+    return (of_places(fitted) & (own > _ALONE * known)) | shared
 
 
 def _step_without(information: np.ndarray, gradient: np.ndarray, free: np.ndarray) -> np.ndarray:

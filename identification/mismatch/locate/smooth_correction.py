@@ -15,7 +15,7 @@ import numpy as np
 from ...effects.effect import Effect
 from ...forward import CHANNELS
 from ..fit.fitting import Fitted, Problem
-from ..fit.held_out import HeldOut, of_places, soil_nats, summed, told_alone
+from ..fit.held_out import HeldOut, soil_nats, summed, told_alone
 from ..fit.soil_variation import huber_loss, huber_weight
 from ..fit.steps import scaled_solve
 from .variables import MOST_CYCLES, cycles, variables
@@ -223,10 +223,10 @@ class Solver:
             self._information.append((part * weight[rows][:, None]).T @ part)
         self._all_gradient = np.sum(self._gradient, axis=0)
         self._all_information = np.sum(self._information, axis=0)
-        known, local = np.diag(self._all_information), np.zeros(len(self._prior), dtype=bool)
-        local[: self._size] = of_places(fitted)
         # No other block tells these: they stay as they were found.
-        self._alone = [told_alone(local, np.diag(own), known) for own in self._information]
+        own = np.array([np.diag(each)[: self._size] for each in self._information])
+        self._alone = np.zeros((blocks, len(self._prior)), dtype=bool)
+        self._alone[:, : self._size] = told_alone(fitted, problem.samples, own)
 
     def _chosen(self, groups: list[int]) -> np.ndarray:
         return np.concatenate([np.arange(self._size), *[self._where[index] for index in groups]])

@@ -36,7 +36,7 @@ def driven(
     load, slip = 90.0 + 40.0 * np.sin(time_s / 3.1) + 15.0 * np.sin(time_s / 1.3), 0.3 + 0.2 * np.sin(time_s / 2.3)
     keep = math.exp(-1.0 / 8.0)
     ground = varies * lfilter([math.sqrt(1.0 - keep**2)], [1.0, -keep], rng.normal(size=(ROWS, 2)), axis=0)
-    ground[(time_s > 27.0) & (time_s < 39.0), 0] += stiffer
+    ground[(time_s > 28.0) & (time_s < 41.0), 0] += stiffer
     channels = np.empty((ROWS, 3))
     for row, (more, stronger) in enumerate(np.exp(ground)):
         phi_rad = math.atan(stronger * math.tan(SOIL.phi_rad))

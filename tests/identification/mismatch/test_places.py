@@ -16,6 +16,7 @@ from bevameter.identification.effects.drive import rate_of_change
 from bevameter.identification.effects.time_faults import filtered
 from bevameter.identification.identify import felt_rows, open_recording
 from bevameter.identification.mismatch.explain import _left_over
+from bevameter.identification.mismatch.fit.held_out import told_alone
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.fit.trial import situation, textbook_trial, try_adding
 from bevameter.identification.mismatch.locate.regions import locate
@@ -89,13 +90,28 @@ def test_a_place_that_was_crossed_once_is_found_though_no_other_rows_tell_it(cro
 def test_what_a_place_is_like_is_paid_for_where_nothing_tests_it(crossed_once):
     problem, _, trial = crossed_once
     blocks = problem.samples.block
-    inside = np.unique(blocks[(problem.samples.drive.time_s > 28.0) & (problem.samples.drive.time_s < 41.0)])
-    own = np.isin(np.unique(blocks), inside)
+    # The block that begins where the place ends tells that end with the one before it.
+    place = (problem.samples.drive.time_s > 28.0) & (problem.samples.drive.time_s < 41.0 + STEP_S)
+    own = np.isin(np.unique(blocks), np.unique(blocks[place]))
     fitted = np.array(
         [-problem.loss(trial.fitted.residuals, trial.fitted)[blocks == b].sum() for b in np.unique(blocks)]
     )
     # Four parameters, each told by one block or by two.
     assert (fitted - trial.held_out.nats)[own].sum() > 4.0
+
+
+def test_an_edge_between_two_blocks_is_told_by_neither_of_them(crossed_once):
+    """Without one of them the place would end anywhere in there: it was predicted to go on, or to end too early."""
+    problem, textbook, trial = crossed_once
+    block, time_s = problem.samples.block, problem.samples.drive.time_s
+    first = int(np.flatnonzero(time_s >= 41.0 - 0.5 * STEP_S)[0])
+    before, after = block[first - 1 : first + 1]
+    assert before != after
+    own = np.array([np.sum(trial.fitted.jacobian[block == each] ** 2, axis=(0, 1)) for each in np.unique(block)])
+    end = -1
+    assert own[:, end].max() < 0.9 * own[:, end].sum()
+    assert told_alone(trial.fitted, problem.samples, own)[[before, after], end].all()
+    assert np.min(trial.held_out.nats - textbook.held_out.nats) > 0.0
 
 
 def test_ground_without_a_place_of_its_own_has_none():
