@@ -23,6 +23,9 @@ TOLD = 25.0
 _ANOTHER = 0.15
 """Difference of correlations from which on a memory is another one [-]."""
 
+_ORDERS = 4
+"""Multiples of the lugs' number that their ripple has: it would look like a memory before anything explains it."""
+
 _BORNE_OUT = 0.5
 """Share of the neighbours in place that are of different passes, from which on these bear out that the ground varies: a
 memory of the noise would not return with the place [-]."""
@@ -54,8 +57,9 @@ def remembering(samples: Samples, problem: Problem, fitted: Fitted) -> Samples |
     if not samples.drive.timed:
         return None
     rho = np.zeros(len(samples.memory))
+    waves = _of_lugs(samples)
     for position, channel in enumerate(problem.answers):
-        series = in_time(fitted.residuals[:, position], samples.drive.stretch)
+        series = in_time(_less(fitted.residuals[:, position], waves), samples.drive.stretch)
         shown = rho_shown(series, ground_apart(problem, fitted, position) + _imposed_apart(problem, fitted, position))
         rho[channel] = shown if shown > REMEMBERED else 0.0
     if np.abs(rho - samples.memory).max() < _ANOTHER:
@@ -63,6 +67,20 @@ def remembering(samples: Samples, problem: Problem, fitted: Fitted) -> Samples |
     # Second differences show what is new in each row, and that less than it is.
     wider = of_second_differences(rho) / of_second_differences(samples.memory)
     return replace(samples, memory=rho, noise=np.where(samples.stated, samples.noise, samples.noise * wider))
+
+
+def _of_lugs(samples: Samples) -> np.ndarray:
+    """Waves (n, k) of the wheel angle that the lugs of the vehicle's description make, none where either is missing."""
+    phase = samples.wheel.grouser_count * samples.drive.wheel_angle_rad[:, None] * np.arange(1, _ORDERS + 1)
+    waves = np.concatenate([np.cos(phase), np.sin(phase)], axis=1)
+    return waves if samples.wheel.grouser_count and np.isfinite(phase).any() else waves[:, :0]
+
+
+def _less(residuals: np.ndarray, waves: np.ndarray) -> np.ndarray:
+    """Residuals (n,) less waves (n, k), as large as they are in them."""
+    good = np.isfinite(residuals) & np.isfinite(waves).all(axis=1)
+    own = np.linalg.lstsq(waves[good], residuals[good], rcond=None)[0]
+    return residuals - np.nan_to_num(waves) @ own
 
 
 def _imposed_apart(problem: Problem, fitted: Fitted, position: int) -> float:

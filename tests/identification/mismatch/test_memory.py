@@ -15,6 +15,7 @@ from bevameter.identification.effects.drive import drive_of
 from bevameter.identification.mismatch.fit.load_and_slip import gathered
 from bevameter.identification.mismatch.fit.memory import Memory
 from bevameter.identification.mismatch.fit.remembering import remembering
+from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.fit.textbook import fit_textbook
 from bevameter.identification.wheel_soil import Soil, equilibrium
 from scipy.linalg import block_diag, toeplitz
@@ -136,6 +137,24 @@ def test_what_seemed_to_last_is_asked_again_of_a_better_fit():
     assert not again.memory.any()
     assert again.noise == pytest.approx(samples.noise, nan_ok=True)
     assert remembering(samples, problem, fitted) is None
+
+
+def test_ripple_of_lugs_that_the_vehicle_announces_is_no_memory_and_hides_none():
+    lugged = WHEEL.model_copy(update={"grouser_count": 18, "grouser_height_m": 0.01})
+    angle = 0.0795 * np.arange(ROWS)
+    for rho in (0.0, 0.6):
+        samples = gather(driven(3, (0.0, 0.0, rho)), WHEEL, vehicle())
+        problem, fitted = fit_textbook(samples)
+        pull = SHARE * np.ptp(problem.measured[:, 2])
+        left = fitted.residuals.copy()
+        left[:, 2] += pull * (3.0 * np.sin(18.0 * angle) + np.cos(36.0 * angle))
+        rippled = replace(fitted, residuals=left)
+        if rho == 0.0:
+            assert remembering(samples, problem, rippled) is not None
+        turning = replace(samples, wheel=lugged, drive=replace(samples.drive, wheel_angle_rad=angle))
+        found = remembering(turning, problem, rippled)
+        shown = 0.0 if found is None else found.memory[samples.answers[2]]
+        assert shown == pytest.approx(rho, abs=0.15)
 
 
 def test_a_patch_is_found_beside_sensors_that_remember_and_none_where_there_is_none():
