@@ -18,6 +18,7 @@ from ..fit.fitting import Fitted, Problem
 from ..fit.held_out import HeldOut, soil_nats, summed, told_alone
 from ..fit.soil_variation import huber_loss, huber_weight
 from ..fit.steps import scaled_solve
+from .play import BEHIND_PLAY, held_back
 from .variables import MOST_CYCLES, cycles, variables
 
 STRENGTH = 20.0
@@ -176,6 +177,8 @@ def _groups(problem: Problem, fitted: Fitted) -> list[Group]:
     if "slip" in bases and "load_N" in bases:
         product = (drive.slip - drive.slip.mean()) * (drive.load_N / drive.load_N.mean() - 1.0)
         bases["slip x load"] = product, product[:, None] / max(float(product.std()), 1e-12)
+    if drive.timed:
+        answer += _held_back(problem, fitted)
     angle = drive.wheel_angle_rad
     if drive.has("wheel_angle_rad"):
         waves = cycles(angle)
@@ -186,6 +189,17 @@ def _groups(problem: Problem, fitted: Fitted) -> list[Group]:
     for name, (at, columns) in bases.items():
         if columns.shape[1]:
             answer += [Group(position, name, at, columns) for position in range(len(problem.answers))]
+    return answer
+
+
+def _held_back(problem: Problem, fitted: Fitted) -> list[Group]:
+    """What play holds back of each answer: a joint of its linkage, or an amplifier that remembers which way it came."""
+    answer = []
+    for position, channel in enumerate(problem.answers):
+        columns = held_back(fitted.response.channels[:, channel], problem.samples.drive.stretch)
+        if columns.any():
+            name = CHANNELS[channel] + BEHIND_PLAY
+            answer.append(Group(position, name, columns[:, 0], columns - columns.mean(axis=0)))
     return answer
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.stats import rankdata
 from sklearn.linear_model import LinearRegression
 
+from ..locate.play import BEHIND_PLAY
 from .readable import Shown, number, shown
 
 _MONOTONIC = 0.9
@@ -42,7 +43,7 @@ def shape_of(channel: str, variable: str, at: np.ndarray, values: np.ndarray) ->
     channel
         What is corrected.
     variable
-        Its name; for a ripple with its number of cycles in brackets.
+        Its name; for a ripple with its number of cycles in brackets, and with `BEHIND_PLAY` of what hangs back.
     at, values : (n,)
         The variable and the correction, SI; NaN where the variable was not observed.
     """
@@ -53,6 +54,10 @@ def shape_of(channel: str, variable: str, at: np.ndarray, values: np.ndarray) ->
     if "cycles a turn" in variable:
         name, _, cycles = variable.partition(" (")
         return Shape(f"{moved.name} ripples with {shown(name).name}, {cycles.rstrip(')')}, {by}", "")
+    if variable.endswith(BEHIND_PLAY):
+        half = 0.5 * float(np.ptp(values))
+        words = f"{moved.name} hangs back by {_with_unit(half, moved)} where it turns round, as by play or hysteresis"
+        return Shape(words, f"play of {half:.3g} in {channel}")
     how = shown(variable)
     return Shape(f"{moved.name} {_movement(at, values, how)} with {how.name} {by}", _formula(variable, at, values))
 
