@@ -25,10 +25,9 @@ from ...estimation import Measured, solve, usable
 from ...noise import in_time, least_noise, noise_of_series
 from ...restless import FEWEST, TOLD, beside_any_noise, said
 from .fitting import Fitted, Problem, fit
-from .remembering import fit_remembering
 from .samples import Samples, gather
 from .soil_variation import NoiseModel
-from .textbook import QUIET
+from .textbook import QUIET, fit_textbook
 from .together import together
 
 _LEAST, _MOST, _NEAR = math.log(0.05), -1e-3, 0.1
@@ -42,7 +41,7 @@ _ENOUGH = 300
 
 
 def gathered(table: WheelTable, wheel: Wheel, vehicle: Vehicle, known: SoilKnowledge) -> Samples:
-    """Choose and lay out the rows as `gather` does, with the noise and memory of each channel that answers bear out.
+    """Choose and lay out the rows as `gather` does, with the noise of each channel that the answers bear out.
 
     Parameters
     ----------
@@ -57,18 +56,15 @@ def gathered(table: WheelTable, wheel: Wheel, vehicle: Vehicle, known: SoilKnowl
         As in `gather`, or no soil carries the load of most rows.
     """
     samples = gather(table, wheel, vehicle)
-    if not samples.drive.timed:
+    if not samples.drive.timed or samples.stated[[LOAD, SLIP, *samples.answers]].all():
         return samples
-    samples, problem, fitted = fit_remembering(samples, known)
-    if samples.stated[[LOAD, SLIP, *samples.answers]].all():
-        return samples
+    problem, fitted = fit_textbook(samples, known)
     cleared, alike = problem.samples, _one_soil(problem.samples, known)
     least = _of_answers(samples, problem, fitted, alike)
 
     def laid_out(shares: np.ndarray) -> Samples:
         """Give the rows with shares (2,) of the noise that neighbours show of load and slip."""
-        laid = gather(table, wheel, vehicle, tuple(shares.tolist()))
-        return replace(_with_noise(laid, least), memory=samples.memory)
+        return _with_noise(gather(table, wheel, vehicle, tuple(shares.tolist())), least)
 
     def without_gross_errors(shares: np.ndarray) -> Samples:
         answer = laid_out(shares)
@@ -96,9 +92,8 @@ def _of_answers(samples: Samples, problem: Problem, fitted: Fitted, alike: list[
     """
     noise = samples.noise.copy()
     free = 1.0 - len(fitted.vector) / max(np.count_nonzero(problem.seen), len(fitted.vector) + 1)
-    new = problem.memory.forgotten(fitted.residuals)
     for position, channel in enumerate(problem.answers):
-        left = noise_of_series(in_time(new[:, position], samples.drive.stretch)) / math.sqrt(free)
+        left = noise_of_series(in_time(fitted.residuals[:, position], samples.drive.stretch)) / math.sqrt(free)
         less = [left] if left < _MUCH_LESS * noise[channel] else []
         less += [float(np.exp(each.point.log_sd[channel])) / math.sqrt(free) for each in alike]
         if less and not samples.stated[channel]:

@@ -6,13 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ....framework.core.soil import SoilKnowledge
 from ...noise import in_time
 from .fitting import Fitted, Problem
 from .memory import STEPS_APART, of_second_differences, rho_shown
 from .samples import Samples
 from .soil_variation import correlation
-from .textbook import fit_textbook
 
 REMEMBERED = 0.2
 """Correlation of neighbours from which on noise has a memory [-]: then 1.5 rows say the same."""
@@ -29,23 +27,6 @@ _ORDERS = 4
 _BORNE_OUT = 0.5
 """Share of the neighbours in place that are of different passes, from which on these bear out that the ground varies: a
 memory of the noise would not return with the place [-]."""
-
-
-def fit_remembering(samples: Samples, known: SoilKnowledge) -> tuple[Samples, Problem, Fitted]:
-    """Fit the textbook wheel, to samples whose sensors remember where that is much likelier.
-
-    Raises
-    ------
-    InputError
-        As in `textbook.fit_textbook`.
-    """
-    problem, fitted = fit_textbook(samples, known)
-    tried = remembering(samples, problem, fitted)
-    if tried is not None:
-        there, again = fit_textbook(tried, known)
-        if again.score > fitted.score + TOLD:
-            return tried, there, again
-    return samples, problem, fitted
 
 
 def remembering(samples: Samples, problem: Problem, fitted: Fitted) -> Samples | None:

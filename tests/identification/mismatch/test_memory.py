@@ -12,11 +12,13 @@ from bevameter import Vehicle, Wheel, explain
 from bevameter.framework.core.recording.types import Recording, WheelTable
 from bevameter.framework.core.soil import SoilKnowledge
 from bevameter.identification.effects.drive import drive_of
+from bevameter.identification.mismatch.explain import _as_remembered
 from bevameter.identification.mismatch.fit.load_and_slip import gathered
 from bevameter.identification.mismatch.fit.memory import Memory
 from bevameter.identification.mismatch.fit.remembering import remembering
-from bevameter.identification.mismatch.fit.samples import gather
+from bevameter.identification.mismatch.fit.samples import Samples, gather
 from bevameter.identification.mismatch.fit.textbook import fit_textbook
+from bevameter.identification.mismatch.fit.trial import textbook_trial
 from bevameter.identification.wheel_soil import Soil, equilibrium
 from scipy.linalg import block_diag, toeplitz
 from scipy.signal import lfilter
@@ -61,8 +63,12 @@ def vehicle(**noise: float) -> Vehicle:
     return Vehicle(name="made", wheels=(WHEEL,), noise=noise)
 
 
-def told(table: WheelTable, **noise: float):
-    return gathered(table, WHEEL, vehicle(**noise), SoilKnowledge())
+def told(table: WheelTable, **noise: float) -> Samples:
+    """Samples as they are before the catalogue is searched."""
+    samples = gathered(table, WHEEL, vehicle(**noise), SoilKnowledge())
+    problem, textbook = textbook_trial(samples)
+    remembered = _as_remembered(samples, problem, textbook, SoilKnowledge(), searched=False)
+    return remembered[0] if remembered else samples
 
 
 def test_what_is_new_in_rows_has_the_likelihood_of_the_full_covariance(rng):
