@@ -29,7 +29,7 @@ from .locate.joint_misfit import joint_correction
 from .locate.regions import locate
 from .locate.smooth_correction import SmoothCorrection, nats_left, smooth_correction
 from .name.asked import asked_beside, calmed
-from .name.evidence import borne_out, doubts, leaves_in_all, repetition, warranted
+from .name.evidence import borne_out, doubts, repetition, warranted
 from .name.naming import name
 from .name.search import search
 from .name.tries import Search
@@ -101,8 +101,6 @@ def explain(
             samples, own = as_differences(samples, simulated)
         tell("refitting the soil")
         problem, textbook = textbook_trial(samples, known)
-        remembered = _as_remembered(samples, problem, textbook, known, searched=False)
-        samples, problem, textbook = remembered or (samples, problem, textbook)
         considered = SLUGS if catalogue is None else tuple(catalogue)
         found, remaining = _sought(problem, textbook, considered, tell)
         time_s = rows.table["time_s"] if "time_s" in rows.table else np.empty(0)
@@ -113,8 +111,8 @@ def explain(
             kept = kept[~far]
             problem, textbook = textbook_trial(samples.select(kept), known)
             found, remaining = _sought(problem, textbook, considered, tell)
-        if remembered := _as_remembered(samples, problem, found.chosen, known, searched=True):
-            tell("asking again how long sensors remember")
+        if remembered := _as_remembered(samples, problem, found.chosen, known):
+            tell("the same with sensors that remember")
             samples, problem, textbook = remembered
             found, remaining = _sought(problem, textbook, considered, tell)
         if len(kept) < len(samples):
@@ -185,12 +183,11 @@ def _bends_towards(problem: Problem, found: Search, effect: Effect, own: float, 
 
 
 def _as_remembered(
-    samples: Samples, problem: Problem, trial: Trial, known: SoilKnowledge, *, searched: bool
+    samples: Samples, problem: Problem, trial: Trial, known: SoilKnowledge
 ) -> tuple[Samples, Problem, Trial] | None:
-    """Fit the textbook wheel to sensors that remember more or less than they seemed to, if a trial does much better.
+    """Fit the textbook wheel to sensors that remember, if a trial that was found does much better then.
 
-    Before the catalogue was `searched` what lasts may be misfit: not where the textbook wheel, its sensors remembering,
-    leaves what follows slip and load.
+    Before anything is found misfit that is as smooth as what it depends on would pass for a memory, which hides it.
     """
     tried = remembering(samples, problem, trial.fitted)
     if tried is None:
@@ -199,7 +196,7 @@ def _as_remembered(
     better = again(there, textbook, trial) if trial.effects else textbook
     if better.fitted.score < trial.fitted.score + TOLD:
         return None
-    return (tried, there, textbook) if searched or not leaves_in_all(there, textbook, 1.0) else None
+    return tried, there, textbook
 
 
 def _trials_left_out(samples: Samples, kept: np.ndarray) -> str:

@@ -64,10 +64,10 @@ def vehicle(**noise: float) -> Vehicle:
 
 
 def told(table: WheelTable, **noise: float) -> Samples:
-    """Samples as they are before the catalogue is searched."""
+    """Samples as they are once nothing was found."""
     samples = gathered(table, WHEEL, vehicle(**noise), SoilKnowledge())
     problem, textbook = textbook_trial(samples)
-    remembered = _as_remembered(samples, problem, textbook, SoilKnowledge(), searched=False)
+    remembered = _as_remembered(samples, problem, textbook, SoilKnowledge())
     return remembered[0] if remembered else samples
 
 
