@@ -81,7 +81,7 @@ class Memory:
         return slopes * larger[..., None]
 
 
-def rho_shown(series: list[np.ndarray], of_others: np.ndarray | float = 0.0) -> float:
+def rho_shown(series: list[np.ndarray], of_ground: np.ndarray | float = 0.0) -> float:
     """Correlation of neighbours in a first-order autoregression, from how much more two steps differ than one: 1 + rho
     times. Three differ 1 + rho + rho^2 times; ground that varies and misfit are smooth, and theirs differ more.
 
@@ -89,9 +89,9 @@ def rho_shown(series: list[np.ndarray], of_others: np.ndarray | float = 0.0) -> 
     ----------
     series
         Stretches of neighbours in time.
-    of_others : (3,)
+    of_ground : (3,)
         Mean squares of differences over one, two and three rows that are known to be the ground's
-        (`remembering.ground_apart`), or those of errors of load and slip.
+        (`remembering.ground_apart`).
     """
     squares, count = np.empty(len(STEPS_APART)), 0
     for index, step in enumerate(STEPS_APART):
@@ -102,7 +102,7 @@ def rho_shown(series: list[np.ndarray], of_others: np.ndarray | float = 0.0) -> 
             return 0.0
         # A gross error is cut off, or it would be most of it.
         squares[index] = np.mean(np.minimum(apart, _GROSS * np.median(apart)) ** 2)
-    left = squares - of_others
+    left = squares - of_ground
     if not left[0] > 0.0:
         return 0.0
     two, three = left[1:] / left[0] - 1.0

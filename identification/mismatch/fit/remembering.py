@@ -41,7 +41,7 @@ def remembering(samples: Samples, problem: Problem, fitted: Fitted) -> Samples |
     waves = _of_lugs(samples)
     for position, channel in enumerate(problem.answers):
         series = in_time(_less(fitted.residuals[:, position], waves), samples.drive.stretch)
-        shown = rho_shown(series, ground_apart(problem, fitted, position) + _imposed_apart(problem, fitted, position))
+        shown = rho_shown(series, ground_apart(problem, fitted, position))
         rho[channel] = shown if shown > REMEMBERED else 0.0
     if np.abs(rho - samples.memory).max() < _ANOTHER:
         return None
@@ -62,14 +62,6 @@ def _less(residuals: np.ndarray, waves: np.ndarray) -> np.ndarray:
     good = np.isfinite(residuals) & np.isfinite(waves).all(axis=1)
     own = np.linalg.lstsq(waves[good], residuals[good], rcond=None)[0]
     return residuals - np.nan_to_num(waves) @ own
-
-
-def _imposed_apart(problem: Problem, fitted: Fitted, position: int) -> float:
-    """Mean square, SI, of what rows however near differ by in a channel for the errors of load and slip, which are
-    independent.
-    """
-    slopes = np.nan_to_num((problem.weights or fitted.response).by_latent[:, problem.answers[position]])
-    return 2.0 * float(np.mean(np.einsum("na,ab,nb->n", slopes, problem.latent_covariance, slopes)))
 
 
 def ground_apart(problem: Problem, fitted: Fitted, position: int, *, new: bool = False) -> np.ndarray:
