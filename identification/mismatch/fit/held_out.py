@@ -36,7 +36,8 @@ _VAGUE = 0.1
 @dataclass(frozen=True)
 class HeldOut:
     """Predictive log-likelihood of each block [nats], what is known of the soil being one more where anything is, and
-    the residuals (n, m), SI, of rows while held out; `untested` where a block alone tells what a place is like.
+    the residuals (n, m), SI, of rows while held out; `untested` where a block alone tells what a place is like,
+    or where it ends, or two neighbours do.
     """
 
     nats: np.ndarray
@@ -121,14 +122,17 @@ def of_places(fitted: Fitted, *, edges: bool = False) -> np.ndarray:
 
 def told_alone(fitted: Fitted, samples: Samples, own: np.ndarray) -> np.ndarray:
     """(b, p) True for parameters of a place that a block tells alone, of which it has `own` (b, p) information, or an
-    edge that it tells alone with the blocks before and after it on the same way.
+    edge that it tells alone with the blocks before and after it, in which the way goes on and does not turn.
     """
     known, edges = own.sum(axis=0), of_places(fitted, edges=True)
     block, stretch = samples.block, samples.drive.stretch
     number = np.unique(block, return_inverse=True)[1]
     ends = np.flatnonzero((np.diff(number) == 1) & (np.diff(stretch) == 0))
     goes_on = np.zeros((len(own) - 1, 1))
-    goes_on[number[ends]] = 1.0
+    for end in number[ends]:
+        # Out and back are two crossings.
+        way = np.diff(samples.position[(number == end) | (number == end + 1)])
+        goes_on[end] = float(not ((way > 0.0).any() and (way < 0.0).any()))
     near = own.copy()
     near[1:] += goes_on * own[:-1]
     near[:-1] += goes_on * own[1:]

@@ -54,13 +54,15 @@ class Memory:
         self._scale = np.sqrt(1.0 - rho**2)
         self._follows = np.zeros_like(seen)
         if self.any:
-            step = np.diff(drive.time_s)
-            inside = (drive.stretch[1:] == drive.stretch[:-1]) & (step < _NEXT * np.median(step[step > 0.0]))
-            self._follows[1:] = inside[:, None] & seen[1:] & seen[:-1] & (rho > 0.0)
+            self._follows[1:] = _next_ones(drive)[:, None] & seen[1:] & seen[:-1] & (rho > 0.0)
             self.log_scale = self._follows @ np.log(self._scale)
 
     def forgotten(self, values: np.ndarray) -> np.ndarray:
-        """What is new in each row of values (n, m, ...), finite where seen, in the size that errors of it have."""
+        """What is new in each row of values (n, m, ...), finite where seen, in the size that errors of it have.
+
+        Of what ground that varies does to a row it takes the row before to stand on the same ground: right where that
+        varies over many rows, and less than there is where it varies over a few.
+        """
         if not self.any:
             return values
         answer = values.copy()
@@ -73,12 +75,24 @@ class Memory:
     def of_independent(self, slopes: np.ndarray) -> np.ndarray:
         """What is new in each row by slopes (n, m, k) along quantities whose own errors are independent: load and slip.
 
-        Each row has the one before it in it, too, so that they are as much larger.
+        Each row has the one before it in it, too, so that they are as much larger; that two rows share one is left
+        aside.
         """
         if not self.any:
             return slopes
         larger = np.where(self._follows, np.sqrt(1.0 + self.rho**2) / self._scale, 1.0)
         return slopes * larger[..., None]
+
+
+def _next_ones(drive: Drive) -> np.ndarray:
+    """(n - 1,) True where a row is the next one of its stretch, by the usual step of that."""
+    step, inside = np.diff(drive.time_s), drive.stretch[1:] == drive.stretch[:-1]
+    usual = np.full(len(step), np.nan)
+    for rows in np.split(np.arange(len(step)), np.flatnonzero(np.diff(drive.stretch[1:])) + 1):
+        forward = rows[inside[rows] & (step[rows] > 0.0)]
+        usual[rows] = np.median(step[forward]) if len(forward) else np.nan
+    with np.errstate(invalid="ignore"):
+        return inside & (step < _NEXT * usual)
 
 
 def rho_shown(series: list[np.ndarray], of_ground: np.ndarray | float = 0.0) -> float:

@@ -37,12 +37,14 @@ def noise_floor(problem: Problem, fitted: Fitted, position: int) -> float:
 
 
 def swallowed(problem: Problem, fitted: Fitted, position: int) -> bool:
-    """Say whether a fit takes for noise of a channel what neighbouring rows do not show and no memory makes."""
+    """Say whether a fit takes for noise of a channel what neighbouring rows do not show and no memory makes
+    that is not counted yet.
+    """
     drive = problem.samples.drive
     if not drive.timed:
         return False
     shown = float(problem.first_noise.answers[position])
-    series = in_time(fitted.residuals[:, position], drive.stretch)
+    series = in_time(problem.memory.forgotten(fitted.residuals)[:, position], drive.stretch)
     return float(fitted.noise.answers[position]) > _SWALLOWED * shown and rho_shown(series) < REMEMBERED
 
 

@@ -164,8 +164,8 @@ def _remembering(problem: Problem) -> list[str]:
     if not lasting:
         return []
     return [
-        f"errors of sensors last: they are correlated with those of the row before, by {', '.join(lasting)}, and rows "
-        "count by what is new in them"
+        "errors of sensors last, or what nothing explains looks so: they are correlated with those of the row before, "
+        f"by {', '.join(lasting)}, and rows count by what is new in them"
     ]
 
 

@@ -19,6 +19,7 @@ from bevameter.identification.mismatch.fit.remembering import remembering
 from bevameter.identification.mismatch.fit.samples import Samples, gather
 from bevameter.identification.mismatch.fit.textbook import fit_textbook
 from bevameter.identification.mismatch.fit.trial import textbook_trial
+from bevameter.identification.mismatch.locate.noise_floor import swallowed
 from bevameter.identification.wheel_soil import Soil, equilibrium
 from scipy.linalg import block_diag, toeplitz
 from scipy.signal import lfilter
@@ -95,8 +96,46 @@ def test_errors_that_do_not_last_are_left_as_they_are(rng):
     memory = Memory(np.zeros(2), np.ones((9, 2), dtype=bool), drive_of(table, WHEEL, np.zeros(9, dtype=int)))
     values = rng.normal(size=(9, 2))
     assert memory.forgotten(values) is values
-    assert memory.of_independent(values[..., None]) is not None
+    slopes = values[..., None]
+    assert memory.of_independent(slopes) is slopes
     assert not memory.log_scale.any()
+
+
+def test_independent_errors_of_load_and_slip_are_in_two_rows():
+    table = WheelTable({"time_s": np.arange(9.0), "load_N": np.ones(9), "slip": np.zeros(9)}, None, None, "made")
+    memory = Memory(np.array([0.6, 0.0]), np.ones((9, 2), dtype=bool), drive_of(table, WHEEL, np.zeros(9, dtype=int)))
+    larger = memory.of_independent(np.ones((9, 2, 1)))[..., 0]
+    assert larger[0] == pytest.approx([1.0, 1.0])
+    assert larger[1:, 0] == pytest.approx(math.sqrt(1.36) / 0.8)
+    assert larger[:, 1] == pytest.approx(1.0)
+
+
+def test_each_run_has_a_step_of_its_own():
+    time_s = np.concatenate([0.1 * np.arange(30), 100.0 + 0.5 * np.arange(20)])
+    table = WheelTable({"time_s": time_s, "load_N": np.ones(50), "slip": np.zeros(50)}, None, None, "made")
+    drive = drive_of(table, WHEEL, np.repeat([0, 1], [30, 20]))
+    memory = Memory(np.array([0.5]), np.ones((50, 1), dtype=bool), drive)
+    assert np.flatnonzero(memory.log_scale == 0.0).tolist() == [0, 30]
+
+
+def test_held_out_rows_are_weighed_as_fitted_ones():
+    samples = told(driven(6, (0.7, 0.0, 0.5), 0.02))
+    assert samples.memory.any()
+    problem, fitted = fit_textbook(samples)
+    assert problem.loss(fitted.residuals, fitted) == pytest.approx(problem.whitened(fitted.response, fitted.noise)[2])
+
+
+def test_noise_far_beyond_what_neighbours_show_is_swallowed_though_sensors_remember():
+    problem, fitted = fit_textbook(told(driven(6, (0.7, 0.7, 0.7))))
+    noisy = replace(fitted, noise=replace(fitted.noise, answers=3.0 * problem.first_noise.answers))
+    assert all(swallowed(problem, noisy, each) for each in range(3))
+    assert not any(swallowed(problem, fitted, each) for each in range(3))
+
+
+@pytest.mark.parametrize("seed", [25, 26])
+def test_no_memory_is_taken_where_ground_varies_over_a_few_rows(seed):
+    """What is new in a row takes the row before to stand on the same ground."""
+    assert not told(driven(seed, (0.8, 0.8, 0.7), 0.06)).memory.any()
 
 
 @pytest.mark.parametrize("varies", [0.0, 0.02])
