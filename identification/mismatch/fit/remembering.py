@@ -30,10 +30,18 @@ memory of the noise would not return with the place [-]."""
 
 
 def remembering(samples: Samples, problem: Problem, fitted: Fitted) -> Samples | None:
-    """Give samples with sensors that remember as much as what a fit leaves shows; nothing where they do already.
+    """Give samples with sensors that remember as much as what a fit leaves shows; nothing where they do, or do not,
+    already, nor of trials.
 
     Whether they do a fit to them tells, by `TOLD` or more (`Fitted.score`): it takes what is ground, and is foretold
     by other channels and passes, for what it is.
+
+    Parameters
+    ----------
+    samples
+        Rows, with a memory that is taken already or none.
+    problem, fitted
+        The same made ready, gross errors blanked, and what is fitted to them.
     """
     if not samples.drive.timed:
         return None
@@ -51,14 +59,16 @@ def remembering(samples: Samples, problem: Problem, fitted: Fitted) -> Samples |
 
 
 def _of_lugs(samples: Samples) -> np.ndarray:
-    """Waves (n, k) of the wheel angle that the lugs of the vehicle's description make, none where either is missing."""
+    """Waves (n, k) of the wheel angle that the lugs of the vehicle's description make, NaN in rows without an angle;
+    none where it announces no lugs or no row has one.
+    """
     phase = samples.wheel.grouser_count * samples.drive.wheel_angle_rad[:, None] * np.arange(1, _ORDERS + 1)
     waves = np.concatenate([np.cos(phase), np.sin(phase)], axis=1)
     return waves if samples.wheel.grouser_count and np.isfinite(phase).any() else waves[:, :0]
 
 
 def _less(residuals: np.ndarray, waves: np.ndarray) -> np.ndarray:
-    """Residuals (n,) less waves (n, k), as large as they are in them."""
+    """Residuals (n,) less waves (n, k), as large as they are in them; rows without waves keep theirs."""
     good = np.isfinite(residuals) & np.isfinite(waves).all(axis=1)
     own = np.linalg.lstsq(waves[good], residuals[good], rcond=None)[0]
     return residuals - np.nan_to_num(waves) @ own

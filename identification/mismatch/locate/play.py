@@ -1,4 +1,7 @@
-"""Which way a quantity came to where it is: play in a linkage and hysteresis depend on it, and on nothing else."""
+"""Which way a quantity came to where it is: play in a linkage and hysteresis depend on it, and on nothing else.
+
+The play operator of M. A. Krasnosel'skii, A. V. Pokrovskii, "Systems with Hysteresis" (1989).
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,7 @@ def held_back(values: np.ndarray, stretch: np.ndarray) -> np.ndarray:
 
 @njit(cache=True, nogil=True)
 def _behind(values, stretch, half):
-    """What play of a half width lets through of values (n,): a stop operator's complement, stretch by stretch."""
+    """What play of a half width lets through of values (n,), stretch by stretch."""
     answer = np.empty(len(values))
     for row in range(len(values)):
         if row == 0 or stretch[row] != stretch[row - 1]:

@@ -88,6 +88,6 @@ def test_noise_with_a_memory_is_told_beside_ground_that_varies():
     noise = lfilter([math.sqrt(1.0 - rho**2)], [1.0, -rho], rng.normal(size=rows))
     ground = 3.0 * lfilter([0.1], [1.0, -math.sqrt(0.99)], rng.normal(size=rows))
     of_ground = np.array([np.mean((ground[step:] - ground[:-step]) ** 2) for step in (1, 2, 3)])
-    assert rho_shown([noise + ground], of_ground) == pytest.approx(rho, abs=0.07)
+    assert rho_shown([noise + ground], of_ground) == pytest.approx(rho, abs=0.06)
     white = rng.normal(size=rows)
     assert rho_shown([white + ground], of_ground) == 0.0
