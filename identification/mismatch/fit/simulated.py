@@ -11,9 +11,16 @@ from ....framework.core.errors import InputError
 from ....framework.core.recording.types import WheelTable
 from ....framework.core.recording.wheel_file import read_wheel_file
 from ...augmented import AugmentedWheel
+from ...effects.effect import LOAD, SLIP
 from ...forward import CHANNELS
 from .samples import ANSWERS, SIMULATED, Samples
 from .textbook import fit_textbook
+
+_IMPOSED = CHANNELS[LOAD], CHANNELS[SLIP]
+"""What a drive imposes on a wheel, and a simulator is given."""
+
+_MOST_SLIP = 0.995
+"""A simulated wheel that slips by so much, either way, has no answer: it is stuck, or locked [-]."""
 
 _APART = 2.05
 """Samples of the recording between two simulated ones at most."""
@@ -21,6 +28,8 @@ _APART = 2.05
 
 def attach(table: WheelTable, path: str | Path) -> WheelTable:
     """Give a recording's table columns with the simulator's answers for each row, by run or by time.
+
+    They come with the load and slip that it simulated: those of its file or, where that has none, those recorded.
 
     Raises
     ------
@@ -31,16 +40,24 @@ def attach(table: WheelTable, path: str | Path) -> WheelTable:
     names = [CHANNELS[channel] for channel in ANSWERS if CHANNELS[channel] in simulated]
     if not names:
         raise InputError(path, "nothing to compare", expected="torque_Nm, sinkage_m or drawbar_pull_N")
+    given = [name for name in _IMPOSED if name in simulated]
     if "time_s" in table and "time_s" in simulated:
-        columns = {SIMULATED + name: _by_time(table, simulated, name) for name in names}
+        columns = {name: _by_time(table, simulated, name) for name in (*names, *given)}
     elif table.run is not None and simulated.run is not None:
-        columns = {SIMULATED + name: _by_run(table.run, simulated.run, simulated[name]) for name in names}
+        columns = {name: _by_run(table.run, simulated.run, simulated[name]) for name in (*names, *given)}
     else:
         raise InputError(
             path, "neither time_s nor run in both files", expected="the clock or the runs of the recording"
         )
-    if not any(np.isfinite(values).any() for values in columns.values()):
+    if not any(np.isfinite(columns[name]).any() for name in names):
         raise InputError(path, "no row has the time or the run of one of the recording's", expected="the same drive")
+    for name in _IMPOSED:
+        own = columns.get(name, np.full(len(table), np.nan))
+        columns[name] = np.where(np.isfinite(own), own, table[name])
+    load, slip = (columns[name] for name in _IMPOSED)
+    stuck = (load <= 0.0) | (np.abs(slip) >= _MOST_SLIP)
+    columns |= {name: np.where(stuck, np.nan, columns[name]) for name in names}
+    columns = {SIMULATED + name: values for name, values in columns.items()}
     return WheelTable({**table.columns, **columns}, table.wheel, table.run, table.source)
 
 
@@ -92,15 +109,16 @@ def _labels(*tables: WheelTable) -> list[np.ndarray]:
 def as_differences(samples: Samples, source: str | Path) -> tuple[Samples, np.ndarray]:
     """Samples whose textbook wheel answers like the other simulator, and that simulator's own residuals (n, 5).
 
-    The textbook wheel is fitted to what the other simulated; what it misses of that is taken off the recording. An
-    effect then counts by its difference: our model with it minus our model without. `source` is the simulator's file.
+    The textbook wheel is fitted to what the other simulated, at the load and slip that this did it for, which have no
+    errors; what it misses of that is taken off the recording. An effect then counts by its difference: our model with
+    it minus our model without. `source` is the simulator's file.
     """
     if samples.simulated is None:
         raise ValueError("no simulated channels attached")
     if not np.isfinite(np.where(_answers(samples), samples.simulated, np.nan)).any():
         names = " or ".join(CHANNELS[channel] for channel in samples.answers)
         raise InputError(source, "has no answer that was recorded", expected=names)
-    imitated = replace(samples, measured=np.where(_answers(samples), samples.simulated, samples.measured))
+    imitated = _simulated(samples, samples.simulated)
     seen = np.isfinite(imitated.measured[:, ANSWERS]).any(axis=1)
     if seen.sum() < 0.5 * len(samples):
         raise InputError(
@@ -111,7 +129,7 @@ def as_differences(samples: Samples, source: str | Path) -> tuple[Samples, np.nd
         raise InputError(source, "gives just what was recorded", expected="what another simulator gives for the drive")
     problem, fitted = fit_textbook(imitated)
     model = AugmentedWheel(samples.wheel)
-    imitation = model.predict(samples.drive, problem.imposed, fitted.vector, fitted.theta_1).channels
+    imitation = model.predict(imitated.drive, problem.imposed, fitted.vector, fitted.theta_1).channels
     residuals = samples.measured - samples.simulated
     measured = np.where(_answers(samples), residuals + imitation, samples.measured)
     short = int((~seen).sum())
@@ -122,6 +140,16 @@ def as_differences(samples: Samples, source: str | Path) -> tuple[Samples, np.nd
             how = "recorded but not simulated" if recorded else "simulated but not recorded"
             left_out.append(f"{CHANNELS[channel]} is {how}: it is left out")
     return replace(samples, measured=measured, notes=(*samples.notes, *left_out)), residuals
+
+
+def _simulated(samples: Samples, simulated: np.ndarray) -> Samples:
+    """Samples of what another simulator gives (n, 5), load and slip with it."""
+    given, noise = simulated[:, [LOAD, SLIP]], samples.noise.copy()
+    noise[[LOAD, SLIP]] = 0.0
+    measured = np.where(_answers(samples), simulated, samples.measured)
+    measured[:, [LOAD, SLIP]] = given
+    drive = replace(samples.drive, load_N=given[:, 0], slip=given[:, 1])
+    return replace(samples, measured=measured, drive=drive, noise=noise)
 
 
 def _answers(samples: Samples) -> np.ndarray:

@@ -12,8 +12,11 @@ from bevameter.framework.core.recording.wheel_file import read_wheel_file
 from bevameter.framework.core.recording.write import write_wheel_file
 from bevameter.framework.core.soil import SoilKnowledge
 from bevameter.framework.scenario.concealed.conceal import conceal
+from bevameter.identification.identify import felt_rows, open_recording
+from bevameter.identification.mismatch.fit.load_and_slip import gathered
 from bevameter.identification.mismatch.fit.samples import SIMULATED
-from bevameter.identification.mismatch.fit.simulated import attach
+from bevameter.identification.mismatch.fit.simulated import as_differences, attach
+from bevameter.identification.mismatch.fit.textbook import fit_textbook
 from bevameter.identification.simulate import simulate
 
 TIME_S = 0.1 * np.arange(300)
@@ -23,7 +26,8 @@ def beside(folder, time_s, wheel=None) -> np.ndarray:
     """Simulated torque (300,) beside a recording's rows, where it is a ramp of time."""
     path = folder / "sim.csv"
     write_wheel_file(WheelTable({"time_s": time_s, "torque_Nm": 2.0 * time_s}, wheel, None, path), path)
-    recorded = WheelTable({"time_s": TIME_S, "torque_Nm": np.zeros(300)}, wheel, None, "made")
+    imposed = {"load_N": np.full(300, 60.0), "slip": np.full(300, 0.1)}
+    recorded = WheelTable({"time_s": TIME_S, "torque_Nm": np.zeros(300), **imposed}, wheel, None, "made")
     return attach(recorded, path)[SIMULATED + "torque_Nm"]
 
 
@@ -75,6 +79,37 @@ def test_what_is_simulated_but_was_not_recorded_is_left_out(tmp_path):
     write_wheel_file(replace(simulated, columns=pull), tmp_path / "sim.csv")
     with pytest.raises(InputError, match=r"has no answer that was recorded \(expected torque_Nm or sinkage_m\)"):
         explain(folder, simulated=tmp_path / "sim.csv", catalogue=["torque_offset"])
+
+
+@pytest.mark.parametrize(("protocol", "at"), [("field", "recorded"), ("bench", "its own"), ("steady", "its own")])
+def test_our_own_wheel_as_the_other_simulator_leaves_what_it_leaves_alone(tmp_path, protocol, at):
+    """Errors of load and slip, which the simulator was given as well, once counted twice."""
+    made = conceal(405, (), "plain", protocol=protocol)
+    folder = made.write(tmp_path / "made")
+    drive = read_wheel_file(folder / "wheel.csv")
+    if at == "its own":
+        drive = replace(drive, columns={**drive.columns, "load_N": 1.1 * drive["load_N"], "slip": 0.9 * drive["slip"]})
+    soil = SoilKnowledge(made.truth["soil"])
+    write_wheel_file(simulate(folder / "vehicle.toml", soil, drive), tmp_path / "sim.csv")
+    rows = felt_rows(open_recording(folder, None))
+    samples = gathered(attach(rows.table, tmp_path / "sim.csv"), rows.wheel, rows.vehicle, SoilKnowledge())
+    differences, own = as_differences(samples, tmp_path / "sim.csv")
+    alone, beside = (fit_textbook(each)[1] for each in (samples, differences))
+    np.testing.assert_allclose(beside.noise.answers, alone.noise.answers, rtol=0.02)
+    assert beside.score == pytest.approx(alone.score, abs=1.0)
+    np.testing.assert_array_equal(own, samples.measured - samples.simulated)
+
+
+def test_a_simulated_wheel_that_is_stuck_answers_nothing(tmp_path):
+    torque, slip, load = np.ones(300), np.linspace(0.0, 1.0, 300), np.full(300, 50.0)
+    load[:3] = -1.0
+    columns = {"time_s": TIME_S, "torque_Nm": torque, "slip": slip, "load_N": load}
+    path = tmp_path / "sim.csv"
+    write_wheel_file(WheelTable(columns, None, None, path), path)
+    recorded = {"time_s": TIME_S, "torque_Nm": np.zeros(300), "slip": np.full(300, 0.1), "load_N": np.full(300, 60.0)}
+    beside_it = attach(WheelTable(recorded, None, None, "made"), path)
+    np.testing.assert_array_equal(np.isfinite(beside_it[SIMULATED + "torque_Nm"]), (slip < 0.995) & (load > 0.0))
+    np.testing.assert_allclose(beside_it[SIMULATED + "slip"], slip)
 
 
 @pytest.fixture
