@@ -20,6 +20,10 @@ _ORDERS, _GAIN_ORDERS = 6, 3
 _MOST_GAIN = 0.15
 """Most of each of a gain's polynomials: it goes on by 30 per cent of itself, and never to nothing [-]."""
 
+_SHORTEST_WARM, _WARMS_IN = 0.01, (0.07, 0.25)
+"""Least time constant of what warms, and those from which it is sought, as shares of the drive [-]: slower ones go
+nearly straight."""
+
 _FORETOLD = 0.87
 """Share of such a course that slip and load foretell, from which on no data tell it from a law that leaves out what
 depends on them [-]. Of 60 drives each of the study's generator with one ramp of slip for each of three to five loads
@@ -173,6 +177,35 @@ class GainDrift(ChannelDrift):
         channels[:, self._channel] *= 1.0 + self.course(drive, values)
 
 
+class WarmUp(Effect):
+    """A channel wanders from when the drive began to where it settles, as of a sensor or an amplifier that warms."""
+
+    slug = "drift"
+    kind = "instrument"
+    needs = ("time_s",)
+    source = "I. Newton, Phil. Trans. R. Soc. 22 (1701), 824: what warms does so by a share of what it lacks"
+
+    def __init__(self, channel: int, usual: float, time_s: np.ndarray) -> None:
+        name = CHANNELS[channel]
+        self.form = f"{name}, warming"
+        self.equation = f"{name} reported = {name} + d (1 - exp(-(t - t_first) / tau))"
+        self._channel = channel
+        self.constants = {"t_first": float(np.nanmin(time_s))}
+        self._long = long = float(np.nanmax(time_s)) - self.constants["t_first"]
+        unit = name.rsplit("_", 1)[-1].replace("Nm", "N m")
+        self.parameters = (
+            Parameter("d", unit, -2.0 * usual, 2.0 * usual, 0.0, 0.1 * usual),
+            Parameter("tau", "s", _SHORTEST_WARM * long, long, 0.2 * long, long, 0.2 * long),
+        )
+
+    def starts(self) -> list[np.ndarray]:
+        return [np.array([0.0, share * self._long]) for share in _WARMS_IN]
+
+    def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
+        since = np.nan_to_num(drive.time_s - self.constants["t_first"])
+        channels[:, self._channel] -= values[0] * np.expm1(-since / values[1])
+
+
 def bends_foretold(drive: Drive) -> bool:
     """Say whether slip, of second degree, and load, of fourth, foretell any course that bends with time."""
     known = np.isfinite(drive.time_s)
@@ -229,6 +262,7 @@ def _faults(situation: Situation, *, bends: bool) -> tuple[Effect, ...]:
         for channel in answers
         for orders in ((1, _ORDERS) if bends else (1,))
     ]
+    drifts += [WarmUp(channel, float(situation.typical[channel]), drive.time_s) for channel in answers if bends]
     drifts += [GainDrift(channel, drive.time_s, bends=bends) for channel in answers]
     low_passes = [LowPass(channel, step) for channel in answers]
     # Where no row follows from another nothing comes late.

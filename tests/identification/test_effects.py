@@ -348,6 +348,7 @@ def test_quantities_carry_their_units_and_forms_their_beginnings():
         ("drift:form=torque,d1=0.3", "torque_Nm"),
         ("drift:form=torque_Nm,d1=0.3,d2=0.3", "torque_Nm, curved"),
         ("drift:form=torque,g1=0.1", "torque_Nm, gain"),
+        ("drift:form=torque,d=0.1,tau=5 s", "torque_Nm, warming"),
     ):
         assert choose(parse_effect(named), forms_of("drift")).form == form
     braked = choose(parse_effect("slip_sinkage:form=transport, driven,p=0.3,h=0.2"), forms_of("slip_sinkage"))

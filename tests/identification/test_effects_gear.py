@@ -242,6 +242,20 @@ def test_lines_of_white_residuals_stand_out_of_noise_and_overtones_are_no_lugs_o
     assert _counts(bare, drive, np.zeros((rows, 5))) == []
 
 
+def test_what_warms_settles():
+    drive = replace(DRIVE, time_s=3.0 + 0.5 * np.arange(len(DRIVE)))
+    (effect,) = (
+        each for each in time_faults.named(replace(SITUATION, drive=drive)) if each.form == "torque_Nm, warming"
+    )
+    channels = np.zeros((len(drive), 5))
+    effect.report(channels, drive, np.array([2.0, 4.0]))
+    assert channels[0, TORQUE] == 0.0
+    assert channels[8, TORQUE] == pytest.approx(2.0 * (1.0 - np.exp(-1.0)))
+    assert (np.diff(channels[:, TORQUE]) > 0.0).all()
+    assert (channels[:, TORQUE] < 2.0).all()
+    np.testing.assert_array_equal(np.delete(channels, TORQUE, axis=1), 0.0)
+
+
 def test_a_course_that_slip_and_load_foretell_is_offered_by_name_only():
     """A ramp of slip for each load, one after the other: whatever bends with time may be what a law leaves out."""
     count = 400
@@ -257,7 +271,7 @@ def test_a_course_that_slip_and_load_foretell_is_offered_by_name_only():
         forms = [effect.form for effect in time_faults.forms(situation) if effect.slug == "drift"]
         assert "torque_Nm" in forms
         (gain,) = (each for each in time_faults.forms(situation) if each.form == "torque_Nm, gain")
-        assert bool(gain.freer()) == ("torque_Nm, curved" in forms)
+        assert bool(gain.freer()) == ("torque_Nm, curved" in forms) == ("torque_Nm, warming" in forms)
         return "torque_Nm, curved" in forms
 
     for loads in ((1.0, 1.5, 2.0), (2.0, 1.0, 1.5), (0.7, 1.0, 1.5, 2.0), (1.0, 0.6, 2.0, 1.4, 3.0)):
