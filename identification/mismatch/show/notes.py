@@ -16,6 +16,7 @@ from ..locate.oscillation import oscillations
 from ..name.naming import MANY
 from ..name.tries import Search
 from . import readable
+from .outside import outside
 
 _VARIES = 0.02
 """Variation of the ground that is worth a word [-]."""
@@ -76,6 +77,7 @@ def notes_of(
         *_crossed_once(best),
         *_not_considered(problem, found),
         *(effect.remark for effect in best.effects if effect.remark),
+        *outside(best.slugs),
         *([f"{'; '.join(doubted)}: it is believed in no more than half"] if doubted else []),
     ]
 

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from bevameter import Vehicle, Wheel
 from bevameter.framework.core.recording.types import Labels, WheelTable
+from bevameter.identification.effects.catalogue import SLUGS
 from bevameter.identification.effects.drive import select_rows
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.show.notes import _not_considered, several_grounds
+from bevameter.identification.mismatch.show.outside import LOOK_ALIKES, outside
 from effects_tried import DRIVE
 
 TIME_S = np.arange(0.0, 100.0, 0.5)
@@ -76,3 +78,12 @@ def test_places_that_were_lost_for_long_are_told(lost, told):
     samples = gather(WheelTable(columns, None, None, "made"), wheel, Vehicle(name="made", wheels=(wheel,)))
     assert any("rows have no place" in note for note in samples.notes) == told
     assert np.array_equal(samples.position, samples.drive.place_m) == (lost < 30)
+
+
+def test_causes_beyond_the_catalogue_that_look_alike_are_told():
+    assert set(LOOK_ALIKES) < set(SLUGS)
+    (note,) = outside({"rim_adhesion", "hard_layer", "soil_patch"})
+    assert "a crust that breaks" in note
+    assert "strength grows by less" in note
+    assert note.index("hard") < note.index("rim")
+    assert outside({"soil_patch"}) == outside(()) == []
