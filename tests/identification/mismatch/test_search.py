@@ -25,7 +25,7 @@ from bevameter.identification.mismatch.fit.trial import (
 )
 from bevameter.identification.mismatch.name import search as module
 from bevameter.identification.mismatch.name import tries as tries_module
-from bevameter.identification.mismatch.name.asked import calmed, is_bump, surplus
+from bevameter.identification.mismatch.name.asked import calmed, hardly_asked_for, is_bump, surplus
 from bevameter.identification.mismatch.name.partners import one_more
 from bevameter.identification.mismatch.name.preferred import plainest
 from bevameter.identification.mismatch.name.search import search
@@ -88,7 +88,7 @@ def test_a_fit_goes_on_along_a_ridge_while_it_gains(trials):
     assert score == pytest.approx(through(iterations=200).score, abs=0.5)
 
 
-def test_a_further_effect_has_to_gain_more_the_more_is_gained_and_a_place_most(trials):
+def test_a_further_effect_has_to_gain_more_the_more_is_gained_and_a_place_most_unless_it_calms_the_ground(trials):
     problem, textbook, forms = trials(7110, ("slip_sinkage",), "hidden", "bench")
     (patch,), (gain,) = forms("soil_patch").values(), forms("torque_gain").values()
     alone = try_adding(problem, textbook, textbook, gain)
@@ -105,11 +105,21 @@ def test_a_further_effect_has_to_gain_more_the_more_is_gained_and_a_place_most(t
     assert -surplus(two, replace(two, effects=(*two.effects, offset))) == pytest.approx(40.0), "of a third one more"
     # What nothing shows to be a place is none, whatever it gains.
     assert {asked(patch, gained) for gained in (10.0, 100.0, 1800.0)} == {math.inf}
-    # A place with edges is no other effect's form, nor is one that the ground varied by.
+    # A place with edges is no other effect's form, but may be a rise of ground that varies as before.
     assert [asked(patch, gained, 13.0) for gained in (100.0, 1000.0, 4600.0)] == pytest.approx([23.0, 40.0, 69.0])
+    # One that the ground's variation goes into is asked what any effect is, however much is gained but by forms' share.
     calm = replace(alone.fitted, noise=replace(alone.fitted.noise, spread=0.4 * alone.fitted.noise.spread))
-    larger = replace(alone, effects=(*alone.effects, patch), fitted=calm, gain=1000.0)
-    assert surplus(replace(alone, gain=1000.0), larger) == pytest.approx(-40.0)
+
+    def calms(base, gained: float, more: float) -> tuple[float, bool]:
+        smaller = replace(base, gain=gained)
+        larger = replace(smaller, effects=(*base.effects, patch), fitted=calm, gain=gained + more)
+        return surplus(smaller, larger), hardly_asked_for(smaller, larger)
+
+    assert calms(alone, 1000.0, 15.5) == (pytest.approx(0.5), True)
+    assert calms(alone, 1000.0, 14.5) == (pytest.approx(-0.5), False)
+    assert calms(alone, 1000.0, 40.5) == (pytest.approx(25.5), False)
+    assert calms(alone, 4600.0, 70.0) == (pytest.approx(1.0), False)
+    assert calms(two, 1000.0, 39.0) == (pytest.approx(-1.0), False), "of a third one more"
 
 
 def test_a_place_with_wide_edges_is_one_where_it_stands_out_of_the_ground_that_varies(trials):
