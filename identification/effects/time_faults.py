@@ -20,9 +20,9 @@ _ORDERS, _GAIN_ORDERS = 6, 3
 _MOST_GAIN = 0.15
 """Most of each of a gain's polynomials: it goes on by 30 per cent of itself, and never to nothing [-]."""
 
-_SHORTEST_WARM, _WARMS_IN = 0.01, (0.07, 0.25)
-"""Least time constant of what warms, and those from which it is sought, as shares of the drive [-]: slower ones go
-nearly straight."""
+_SHORTEST_WARM, _WARMS_IN = 0.1, (0.12, 0.35)
+"""Least time constant of what warms, and those from which it is sought, as shares of the drive [-]: what has settled
+when the drive has hardly begun looks like a wrong zero, and slower ones go nearly straight."""
 
 _FORETOLD = 0.87
 """Share of such a course that slip and load foretell, from which on no data tell it from a law that leaves out what

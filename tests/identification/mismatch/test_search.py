@@ -367,3 +367,13 @@ def test_what_did_as_well_beside_another_form_of_a_partner_is_tried_beside_the_c
     assert alike_beside(tried, best, gain) == [peak, load]
     assert alike_beside(tried, best, late) == []
     assert alike_beside([*tried, gaining(335.0, gain, peak)], best, late) == [peak]
+
+
+def test_a_wrong_zero_is_not_taken_for_a_channel_that_warms(trials):
+    """A channel that has settled before the drive has gone far is off by the same throughout."""
+    problem, textbook, forms = trials(404, ("torque_offset",), "hidden", "bench")
+    (zero,) = forms("torque_offset").values()
+    zero = try_adding(problem, textbook, textbook, zero)
+    warm = try_adding(problem, textbook, textbook, forms("drift")["drift[torque_Nm, warming]"])
+    assert zero.gain > 100.0
+    assert warm.gain < 0.95 * zero.gain
