@@ -194,7 +194,7 @@ def _as_remembered(
 
     Before anything is found misfit that is as smooth as what it depends on would pass for a memory, which hides it. Nor
     is there one beside which the ground varies much more than without: it varies over so few rows that it is no longer
-    told from what sensors remember (`Memory.forgotten`).
+    told from what sensors remember (`Memory.new_in`).
     """
     tried = remembering(samples, problem, trial.fitted)
     if tried is None:

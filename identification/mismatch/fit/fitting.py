@@ -177,7 +177,7 @@ class Problem:
             by_latent = np.nan_to_num(weights.by_latent[:, self.answers])
             vary = np.nan_to_num(weights.by_ground[:, self.answers])
             moved = np.einsum("nca,na->nc", by_latent, self._deviation)
-            vary, by_latent = self.memory.forgotten(vary), self.memory.of_independent(by_latent)
+            vary, by_latent = self.memory.new_in(vary), self.memory.of_independent(by_latent)
             self._latest = latest = weights, (moved, vary[self.order], by_latent[self.order])
         return latest[1]
 
@@ -201,7 +201,7 @@ class Problem:
         """Loss of each row (n,) [nats] for residuals (n, m), SI, NaN where nothing was predicted, by a fit's noise."""
         ready = self._ready(fitted.response)
         residuals = np.where(np.isfinite(residuals), residuals, self.measured)
-        new = self.memory.forgotten(np.where(self.seen, residuals, 0.0))
+        new = self.memory.new_in(np.where(self.seen, residuals, 0.0))
         ready = replace(ready, columns=new[self.order][..., None])
         columns, log_scale = ready.filter(fitted.noise, self.latent_covariance, self.gap, derivatives=False)
         answer = np.empty(len(residuals))
@@ -230,7 +230,7 @@ class Problem:
         lay_out(residual, response.by_parameter, order, np.array(self.answers), seen, carried, columns)
         _, vary, latent = self._weighed_by(weights)
         if self.memory.any:
-            columns = self.memory.forgotten(columns[self._back])[order]
+            columns = self.memory.new_in(columns[self._back])[order]
         return Ready(columns, seen[order], vary, latent)
 
     def noise_loss(self, noise: NoiseModel) -> float:

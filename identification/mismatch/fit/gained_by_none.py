@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ...effects.effect import LOAD, SLIP
+from .averaging import quietness
 from .fitting import Fitted, Problem
-from .samples import quietness
 from .soil_variation import huber_loss
 
 _GROSS, _FEW = 5.0, 0.02

@@ -57,7 +57,7 @@ class Memory:
             self._follows[1:] = _next_ones(drive)[:, None] & seen[1:] & seen[:-1] & (rho > 0.0)
             self.log_scale = self._follows @ np.log(self._scale)
 
-    def forgotten(self, values: np.ndarray) -> np.ndarray:
+    def new_in(self, values: np.ndarray) -> np.ndarray:
         """What is new in each row of values (n, m, ...), finite where seen, in the size that errors of it have.
 
         Of what ground that varies does to a row it takes the row before to stand on the same ground: right where that

@@ -76,7 +76,7 @@ def _less(residuals: np.ndarray, waves: np.ndarray) -> np.ndarray:
 
 def ground_apart(problem: Problem, fitted: Fitted, position: int, *, new: bool = False) -> np.ndarray:
     """Mean squares (3,), SI, of what neighbours one, two and three rows apart in time differ by in a channel, or in
-    what is `new` in its rows (`Memory.forgotten`), for the ground's varying; nothing where no other passes bear that
+    what is `new` in its rows (`Memory.new_in`), for the ground's varying; nothing where no other passes bear that
     out, for a memory of the noise passes for it there.
     """
     samples, noise = problem.samples, fitted.noise
@@ -85,7 +85,7 @@ def ground_apart(problem: Problem, fitted: Fitted, position: int, *, new: bool =
     if not beside.any() or np.mean((np.diff(stretch[problem.order]) != 0)[beside]) < _BORNE_OUT:
         return np.zeros(len(STEPS_APART))
     by_ground = np.nan_to_num((problem.weights or fitted.response).by_ground[:, problem.answers])
-    by_ground = problem.memory.forgotten(by_ground) if new else by_ground
+    by_ground = problem.memory.new_in(by_ground) if new else by_ground
     felt, answer = by_ground[:, position] * noise.spread, []
     for step in STEPS_APART:
         first, second = felt[:-step], felt[step:]

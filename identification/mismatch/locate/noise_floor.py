@@ -44,7 +44,7 @@ def swallowed(problem: Problem, fitted: Fitted, position: int) -> bool:
     if not drive.timed:
         return False
     shown = float(problem.first_noise.answers[position])
-    series = in_time(problem.memory.forgotten(fitted.residuals)[:, position], drive.stretch)
+    series = in_time(problem.memory.new_in(fitted.residuals)[:, position], drive.stretch)
     return float(fitted.noise.answers[position]) > _SWALLOWED * shown and rho_shown(series) < REMEMBERED
 
 

@@ -253,7 +253,7 @@ def repetition(
     if not problem.samples.drive.timed:
         return 1.0
     fitted, stretch = search.chosen.fitted, problem.samples.drive.stretch
-    left = problem.memory.forgotten(fitted.residuals - np.nan_to_num(explained))
+    left = problem.memory.new_in(fitted.residuals - np.nan_to_num(explained))
     times = np.array([
         max(
             _by_autocorrelation(innovations[problem.seen[:, channel], channel]),

@@ -83,7 +83,7 @@ def test_what_is_new_in_rows_has_the_likelihood_of_the_full_covariance(rng):
     seen[25, 0] = False
     memory = Memory(np.array([rho, 0.0]), seen, drive)
     values = np.where(seen, sd * rng.normal(size=(rows, 2)), 0.0)
-    new = memory.forgotten(values)
+    new = memory.new_in(values)
     loss = np.sum(0.5 * (new / sd) ** 2 + (np.log(sd) + 0.5 * math.log(2.0 * math.pi)) * seen) + memory.log_scale.sum()
     pieces = block_diag(*(sd[0] ** 2 * toeplitz(rho ** np.arange(count)) for count in (15, 10, 14)))
     first = multivariate_normal(cov=pieces).logpdf(values[seen[:, 0], 0])
@@ -95,7 +95,7 @@ def test_errors_that_do_not_last_are_left_as_they_are(rng):
     table = WheelTable({"time_s": np.arange(9.0), "load_N": np.ones(9), "slip": np.zeros(9)}, None, None, "made")
     memory = Memory(np.zeros(2), np.ones((9, 2), dtype=bool), drive_of(table, WHEEL, np.zeros(9, dtype=int)))
     values = rng.normal(size=(9, 2))
-    assert memory.forgotten(values) is values
+    assert memory.new_in(values) is values
     slopes = values[..., None]
     assert memory.of_independent(slopes) is slopes
     assert not memory.log_scale.any()
