@@ -20,7 +20,7 @@ _IMPOSED = CHANNELS[LOAD], CHANNELS[SLIP]
 """What a drive imposes on a wheel, and a simulator is given."""
 
 _MOST_SLIP = 0.995
-"""A simulated wheel that slips by so much, either way, has no answer: it is stuck, or locked [-]."""
+"""A simulated wheel that slips by so much has no answer: it is stuck [-]."""
 
 _APART = 2.05
 """Samples of the recording between two simulated ones at most."""
@@ -55,8 +55,13 @@ def attach(table: WheelTable, path: str | Path) -> WheelTable:
         own = columns.get(name, np.full(len(table), np.nan))
         columns[name] = np.where(np.isfinite(own), own, table[name])
     load, slip = (columns[name] for name in _IMPOSED)
-    stuck = (load <= 0.0) | (np.abs(slip) >= _MOST_SLIP)
+    stuck = (load <= 0.0) | (slip >= _MOST_SLIP)
     columns |= {name: np.where(stuck, np.nan, columns[name]) for name in names}
+    if not any(np.isfinite(columns[name]).any() for name in names):
+        raise InputError(
+            path, "no row has an answer of a wheel that carries load and moves",
+            expected=f"load_N above 0 and slip below {_MOST_SLIP}",
+        )  # fmt: skip
     columns = {SIMULATED + name: values for name, values in columns.items()}
     return WheelTable({**table.columns, **columns}, table.wheel, table.run, table.source)
 

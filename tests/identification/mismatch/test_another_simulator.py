@@ -101,7 +101,7 @@ def test_our_own_wheel_as_the_other_simulator_leaves_what_it_leaves_alone(tmp_pa
 
 
 def test_a_simulated_wheel_that_is_stuck_answers_nothing(tmp_path):
-    torque, slip, load = np.ones(300), np.linspace(0.0, 1.0, 300), np.full(300, 50.0)
+    torque, slip, load = np.ones(300), np.linspace(-1.0, 1.0, 300), np.full(300, 50.0)
     load[:3] = -1.0
     columns = {"time_s": TIME_S, "torque_Nm": torque, "slip": slip, "load_N": load}
     path = tmp_path / "sim.csv"
@@ -110,6 +110,10 @@ def test_a_simulated_wheel_that_is_stuck_answers_nothing(tmp_path):
     beside_it = attach(WheelTable(recorded, None, None, "made"), path)
     np.testing.assert_array_equal(np.isfinite(beside_it[SIMULATED + "torque_Nm"]), (slip < 0.995) & (load > 0.0))
     np.testing.assert_allclose(beside_it[SIMULATED + "slip"], slip)
+    columns["slip"] = np.ones(300)
+    write_wheel_file(WheelTable(columns, None, None, path), path)
+    with pytest.raises(InputError, match=r"a wheel that carries load and moves \(expected load_N above 0 and slip"):
+        attach(WheelTable(recorded, None, None, "made"), path)
 
 
 @pytest.fixture
