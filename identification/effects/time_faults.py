@@ -133,9 +133,8 @@ class ChannelDrift(Effect):
         )
         self._channel = channel
         self.constants = {"t_first": float(np.nanmin(time_s)), "t_last": float(np.nanmax(time_s))}
-        unit = self.form.rsplit("_", 1)[-1].replace("Nm", "N m")
         self.parameters = tuple(
-            Parameter(f"d{order}", unit, -2.0 * usual, 2.0 * usual, 0.0, 0.1 * usual / order)
+            Parameter(f"d{order}", _unit(channel), -2.0 * usual, 2.0 * usual, 0.0, 0.1 * usual / order)
             for order in range(1, orders + 1)
         )
         if orders > 1:
@@ -192,9 +191,8 @@ class WarmUp(Effect):
         self._channel = channel
         self.constants = {"t_first": float(np.nanmin(time_s))}
         self._long = long = float(np.nanmax(time_s)) - self.constants["t_first"]
-        unit = name.rsplit("_", 1)[-1].replace("Nm", "N m")
         self.parameters = (
-            Parameter("d", unit, -2.0 * usual, 2.0 * usual, 0.0, 0.1 * usual),
+            Parameter("d", _unit(channel), -2.0 * usual, 2.0 * usual, 0.0, 0.1 * usual),
             Parameter("tau", "s", _SHORTEST_WARM * long, long, 0.2 * long, long, 0.2 * long),
         )
 
@@ -204,6 +202,11 @@ class WarmUp(Effect):
     def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
         since = np.nan_to_num(drive.time_s - self.constants["t_first"])
         channels[:, self._channel] -= values[0] * np.expm1(-since / values[1])
+
+
+def _unit(channel: int) -> str:
+    """Unit of a channel, which its name ends with."""
+    return CHANNELS[channel].rsplit("_", 1)[-1].replace("Nm", "N m")
 
 
 def bends_foretold(drive: Drive) -> bool:

@@ -86,7 +86,7 @@ class Samples:
     notes
         What was left out, in words.
     simulated : (n, 5)
-        Another simulator's answers, where there is one.
+        Another simulator's answers, and the load and slip that they are of, where there is one.
     memory : (5,)
         How the sensors' errors are correlated with those of the row before [-], 0 where they are independent.
     """

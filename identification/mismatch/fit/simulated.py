@@ -29,12 +29,19 @@ _APART = 2.05
 def attach(table: WheelTable, path: str | Path) -> WheelTable:
     """Give a recording's table columns with the simulator's answers for each row, by run or by time.
 
-    They come with the load and slip that it simulated: those of its file or, where that has none, those recorded.
+    They come with the load [N] and slip that it simulated: those of its file or, where that has none, those recorded.
+
+    Parameters
+    ----------
+    table
+        The recording's rows, with load and slip.
+    path
+        The simulator's file.
 
     Raises
     ------
     InputError
-        The file has no answer, or neither the clock nor the runs of the recording.
+        The file has no answer, or neither the clock nor the runs of the recording, or its wheel is stuck throughout.
     """
     simulated = read_wheel_file(Path(path))
     names = [CHANNELS[channel] for channel in ANSWERS if CHANNELS[channel] in simulated]
@@ -51,19 +58,22 @@ def attach(table: WheelTable, path: str | Path) -> WheelTable:
         )
     if not any(np.isfinite(columns[name]).any() for name in names):
         raise InputError(path, "no row has the time or the run of one of the recording's", expected="the same drive")
-    for name in _IMPOSED:
-        own = columns.get(name, np.full(len(table), np.nan))
-        columns[name] = np.where(np.isfinite(own), own, table[name])
-    load, slip = (columns[name] for name in _IMPOSED)
-    stuck = (load <= 0.0) | (slip >= _MOST_SLIP)
-    columns |= {name: np.where(stuck, np.nan, columns[name]) for name in names}
-    if not any(np.isfinite(columns[name]).any() for name in names):
+    load, slip = (_own_or_recorded(columns.get(name), table[name]) for name in _IMPOSED)
+    moves = (load > 0.0) & (slip < _MOST_SLIP)
+    answers = {name: np.where(moves, columns[name], np.nan) for name in names}
+    if not any(np.isfinite(values).any() for values in answers.values()):
         raise InputError(
             path, "no row has an answer of a wheel that carries load and moves",
             expected=f"load_N above 0 and slip below {_MOST_SLIP}",
         )  # fmt: skip
+    columns = {**answers, **dict(zip(_IMPOSED, (load, slip), strict=True))}
     columns = {SIMULATED + name: values for name, values in columns.items()}
     return WheelTable({**table.columns, **columns}, table.wheel, table.run, table.source)
+
+
+def _own_or_recorded(own: np.ndarray | None, recorded: np.ndarray) -> np.ndarray:
+    """Values (n,) of the simulator's own, where it has some, and of the recording's elsewhere."""
+    return recorded if own is None else np.where(np.isfinite(own), own, recorded)
 
 
 def _by_run(wanted: np.ndarray, runs: np.ndarray, values: np.ndarray) -> np.ndarray:
