@@ -263,12 +263,23 @@ def build(named: NamedEffect, situation: Situation, source: str) -> tuple[Effect
             if need.endswith(("acceleration_m_s2", "acceleration_rad_s2")):
                 expected += ", and time_s, in stretches of nine samples at least"
             raise InputError(source, f"no column {column}", expected=expected)
+    if named.bounded and "t_first" in wanted.constants and not _clock_runs(situation.drive.time_s):
+        raise InputError(
+            source, "the same in all rows", place="column time_s",
+            expected=f"a clock that runs, which the effect {named.slug} needs",
+        )  # fmt: skip
     for effect in forms_by_name(named.slug, situation):
         if (effect.form, _names(effect)) == (wanted.form, _names(wanted)):
             return pinned(effect, named), values_of(effect, named)
     raise InputError(
         f"effect {named.slug}", "the vehicle's wheel has no lugs", expected="grouser_height_m and grouser_count"
     )
+
+
+def _clock_runs(time_s: np.ndarray) -> bool:
+    """Say whether times (n,) are not all the same."""
+    known = time_s[np.isfinite(time_s)]
+    return bool(known.size) and float(np.ptp(known)) > 0.0
 
 
 def _names(effect: Effect) -> tuple[str, ...]:

@@ -182,12 +182,13 @@ class WarmUp(Effect):
     slug = "drift"
     kind = "instrument"
     needs = ("time_s",)
+    required = ("d", "tau")
     source = "I. Newton, Phil. Trans. R. Soc. 22 (1701), 824: what warms does so by a share of what it lacks"
 
     def __init__(self, channel: int, usual: float, time_s: np.ndarray) -> None:
         name = CHANNELS[channel]
         self.form = f"{name}, warming"
-        self.equation = f"{name} reported = {name} + d (1 - exp(-(t - t_first) / tau))"
+        self.equation = f"{name} reported = {name} + d (1 - exp(-max(t - t_first, 0) / tau))"
         self._channel = channel
         self.constants = {"t_first": float(np.nanmin(time_s))}
         self._long = long = float(np.nanmax(time_s)) - self.constants["t_first"]
@@ -200,7 +201,8 @@ class WarmUp(Effect):
         return [np.array([0.0, share * self._long]) for share in _WARMS_IN]
 
     def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
-        since = np.nan_to_num(drive.time_s - self.constants["t_first"])
+        # On another drive, which began before, it was as it is at first.
+        since = np.maximum(np.nan_to_num(drive.time_s - self.constants["t_first"]), 0.0)
         channels[:, self._channel] -= values[0] * np.expm1(-since / values[1])
 
 

@@ -17,13 +17,14 @@ from ..effects.catalogue import SLUGS, effects_for
 from ..effects.effect import Effect
 from ..identify import felt_rows, open_recording
 from .explanation import Explanation
+from .fit.beside import attach
 from .fit.fitting import Problem
 from .fit.gross_errors import outlying
 from .fit.lanes import passes_apart
 from .fit.load_and_slip import gathered
 from .fit.remembering import TOLD, remembering
 from .fit.samples import Samples
-from .fit.simulated import as_differences, attach
+from .fit.simulated import as_differences
 from .fit.textbook import QUIET
 from .fit.trial import ASKED_FOR, Trial, again, least_errors, situation, textbook_trial, without
 from .locate.joint_misfit import joint_correction
@@ -96,7 +97,7 @@ def explain(
     opened = open_recording(recording, vehicle)
     known = load_soil(soil) if isinstance(soil, str | Path) else soil or SoilKnowledge()
     rows = felt_rows(opened)
-    table = rows.table if simulated is None else attach(rows.table, simulated)
+    table = rows.table if simulated is None else attach(rows.table, simulated, rows.wheel)
     # The search fills the cores by itself: more of BLAS's own threads beside it only wait for each other.
     with threadpool_limits(1):
         tell("asking how well load and slip are known")

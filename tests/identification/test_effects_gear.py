@@ -256,6 +256,16 @@ def test_what_warms_settles():
     np.testing.assert_array_equal(np.delete(channels, TORQUE, axis=1), 0.0)
 
 
+def test_what_warms_was_cold_on_a_drive_that_began_before():
+    """It was e^(t_first / tau) times as much once."""
+    drive = replace(DRIVE, time_s=3000.0 + 0.5 * np.arange(len(DRIVE)))
+    effect = forms_by_name("drift", replace(SITUATION, drive=drive))
+    effect = next(each for each in effect if each.form == "torque_Nm, warming")
+    channels = np.zeros((len(drive), 5))
+    effect.report(channels, replace(drive, time_s=drive.time_s - 3000.0), np.array([2.0, 4.0]))
+    np.testing.assert_array_equal(channels, 0.0)
+
+
 def test_a_course_that_slip_and_load_foretell_is_offered_by_name_only():
     """A ramp of slip for each load, one after the other: whatever bends with time may be what a law leaves out."""
     count = 400

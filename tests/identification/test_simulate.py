@@ -116,6 +116,14 @@ def test_an_effect_that_the_drive_cannot_show_names_what_it_lacks(drive_file, ef
         simulate(VEHICLE, SOIL, drive_file, effects=[effect])
 
 
+@pytest.mark.parametrize("effect", ["drift:form=torque,d=0.1,tau=5", "drift:form=torque,d1=0.1"])
+def test_what_wanders_with_time_needs_a_clock_that_runs(tmp_path, effect):
+    path = tmp_path / "drive.csv"
+    path.write_text("time_s,load_N,slip\n5,100,0.1\n")
+    with pytest.raises(InputError, match=r"column time_s: the same in all rows \(expected a clock that runs"):
+        simulate(VEHICLE, SOIL, path, effects=[effect])
+
+
 def test_every_effect_of_the_catalogue_can_be_simulated_on_a_drive_that_has_all_columns(tmp_path):
     situation = specimen()
     drive, rows = situation.drive, len(situation.drive)

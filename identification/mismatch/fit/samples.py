@@ -26,6 +26,9 @@ ANSWERS = (TORQUE, SINKAGE, PULL)
 SIMULATED = "simulated_"
 """Prefix of columns that hold another simulator's answers."""
 
+MOST_SLIP = 0.995
+"""A wheel that slips by so much is stuck: its channels say nothing of the soil any longer [-]."""
+
 LEAST_ROWS = 5
 _FEW_ROWS = 20
 MOST_ROWS = 1500
@@ -229,7 +232,7 @@ def _usable(table: WheelTable) -> tuple[np.ndarray, list[str]]:
     checks = [
         (np.isfinite(load) & np.isfinite(slip), "without load or slip"),
         (load > 0.0, "whose wheel carries nothing"),
-        ((slip >= -1.0) & (slip < 0.995), "with a slip outside -1 to 0.995"),
+        ((slip >= -1.0) & (slip < MOST_SLIP), f"with a slip outside -1 to {MOST_SLIP}"),
     ]
     angle = table.get("slip_angle_rad")
     if angle is not None:

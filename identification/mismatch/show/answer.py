@@ -80,6 +80,7 @@ def assemble(
     if unknown_wins:
         gained = gained[0] + remaining.gain, math.hypot(gained[1], remaining.gain_sd)
     best = chosen if verdict != "none" else textbook
+    listed = {each.effect for each in missing}
     explained = Explanation(
         source=source,
         verdict=verdict,
@@ -94,7 +95,7 @@ def assemble(
         fits=fits,
         split=problem.samples.split,
         heldout_nats=Estimate(*gained),
-        notes=(*problems, *notes_of(problem, found, best, (before, after), unsure, repeated, doubted)),
+        notes=(*problems, *notes_of(problem, found, best, (before, after), listed, unsure, repeated, doubted)),
         rows=_rows(problem, before, after, chosen.fitted),
         simulator=best.fitted.model,
         vector=best.fitted.vector,

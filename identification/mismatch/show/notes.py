@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -44,8 +44,8 @@ _RULED_OUT = (
 
 
 def notes_of(
-    problem: Problem, found: Search, best: Trial, residuals: tuple[np.ndarray, np.ndarray], unsure: list[str],
-    repeated: float, doubted: Sequence[str],
+    problem: Problem, found: Search, best: Trial, residuals: tuple[np.ndarray, np.ndarray],
+    listed: Collection[str], unsure: list[str], repeated: float, doubted: Sequence[str],
 ) -> list[str]:  # fmt: skip
     """Give what has to be added to an answer.
 
@@ -57,6 +57,8 @@ def notes_of(
         What the answer rests on.
     residuals : two of (n, m)
         What was left of rows held out before and after.
+    listed
+        Effects that the answer lists.
     unsure
         Effects of which held-out data ask for one.
     repeated
@@ -77,7 +79,7 @@ def notes_of(
         *_crossed_once(best),
         *_not_considered(problem, found),
         *(effect.remark for effect in best.effects if effect.remark),
-        *outside(best.slugs),
+        *outside(listed, problem.answers),
         *([f"{'; '.join(doubted)}: it is believed in no more than half"] if doubted else []),
     ]
 

@@ -2,28 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
+from ...effects.effect import PULL, TORQUE
 from . import readable
 
-LOOK_ALIKES = {
-    "drift": "soil that dries or hardens with time, soil that builds up on the rim",
-    "drivetrain_friction": "cross-talk between torque and pull",
-    "hard_layer": "a crust that breaks, a rim that is not flat across",
-    "load_gain": "a wrong gain of the pull's sensor",
-    "rim_adhesion": "a soil whose own strength grows by less than its share with pressure",
-    "rolling_radius": "soil that builds up on the rim, a wrong gain of the pull's sensor",
-    "sinkage_offset": "a wheel that is tilted",
-    "slip_sinkage": "a frame that bends under the pull, soil that flows out sideways",
-    "stress_peak_shift": "weight that a tow frame shifts",
-    "time_lag": "play or friction in a linkage or a guide",
-    "torque_gain": "a wrong gain of the pull's sensor, cross-talk, or a torque's sensor that saturates",
-    "tyre_deflection": "a crust that breaks, a frame that bends",
-}
+LOOK_ALIKES: dict[str, tuple[str, ...]] = {
+    "drift": ("soil that dries or hardens with time", "soil that builds up on the rim"),
+    "drivetrain_friction": ("cross-talk between torque and pull",),
+    "hard_layer": ("a crust that breaks", "a rim that is not flat across"),
+    "load_gain": ("a wrong gain of the pull's sensor",),
+    "rim_adhesion": ("a soil whose own strength grows by less than its share with pressure",),
+    "rolling_radius": ("soil that builds up on the rim", "a wrong gain of the pull's sensor"),
+    "sinkage_offset": ("a wheel that is tilted",),
+    "slip_sinkage": ("a frame that bends under the pull", "soil that flows out sideways"),
+    "stress_peak_shift": ("weight that a tow frame shifts",),
+    "time_lag": ("play or friction in a linkage or a guide",),
+    "torque_gain": (
+        "a wrong gain of the pull's sensor", "cross-talk between torque and pull", "a torque's sensor that saturates",
+    ),
+    "tyre_deflection": ("a crust that breaks", "a frame that bends"),
+}  # fmt: skip
 """By the effect's slug."""
 
+_OF_CHANNELS = {
+    "a wrong gain of the pull's sensor": {PULL},
+    "cross-talk between torque and pull": {TORQUE, PULL},
+    "a torque's sensor that saturates": {TORQUE},
+}
+"""Channels without which a cause is none of a recording."""
 
-def outside(slugs: Iterable[str]) -> list[str]:
-    """Say what the catalogue lacks and looks like effects that were found."""
-    told = [f"like {readable.effect(slug)} {LOOK_ALIKES[slug]}" for slug in sorted(slugs) if slug in LOOK_ALIKES]
+
+def outside(slugs: Iterable[str], answers: Collection[int]) -> list[str]:
+    """Say what the catalogue lacks and looks like effects that were found, of a recording with these answers."""
+    told = []
+    for slug in sorted(set(slugs)):
+        causes = [each for each in LOOK_ALIKES.get(slug, ()) if _OF_CHANNELS.get(each, set()) <= set(answers)]
+        told += [f"like {readable.effect(slug)} {' or '.join(causes)}"] if causes else []
     return [f"causes that the catalogue lacks may look the same: {'; '.join(told)}"] if told else []

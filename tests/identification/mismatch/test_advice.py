@@ -13,8 +13,9 @@ from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.drive import drive_of, order_of, select_rows
 from bevameter.identification.identify import felt_rows, open_recording
+from bevameter.identification.mismatch.fit.beside import attach
 from bevameter.identification.mismatch.fit.samples import gather
-from bevameter.identification.mismatch.fit.simulated import as_differences, attach
+from bevameter.identification.mismatch.fit.simulated import as_differences
 from bevameter.identification.mismatch.fit.trial import situation, textbook_trial, try_adding
 from bevameter.identification.mismatch.name.would_tell import _expected, _hypothetical, would_tell
 
@@ -93,7 +94,7 @@ def test_a_channel_that_the_other_simulator_lacks_is_named(steady, tmp_path):
     rows = felt_rows(open_recording(folder, None))
     columns = {"torque_Nm": np.asarray(made.oracle.torque_Nm)}
     write_wheel_file(WheelTable(columns, None, made.recorded.run, tmp_path / "sim.csv"), tmp_path / "sim.csv")
-    table = attach(rows.table, tmp_path / "sim.csv")
+    table = attach(rows.table, tmp_path / "sim.csv", rows.wheel)
     samples, _ = as_differences(gather(table, rows.wheel, rows.vehicle), tmp_path / "sim.csv")
     assert "sinkage_m is recorded but not simulated: it is left out" in samples.notes
     assert not np.isfinite(samples.measured[:, 2]).any()

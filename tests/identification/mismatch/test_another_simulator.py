@@ -6,29 +6,38 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bevameter import InputError, explain
+from bevameter import InputError, Wheel, explain, load_vehicle
 from bevameter.framework.core.recording.types import WheelTable
-from bevameter.framework.core.recording.wheel_file import read_wheel_file
+from bevameter.framework.core.recording.wheel_file import derive, read_wheel_file, slip_from_speeds
 from bevameter.framework.core.recording.write import write_wheel_file
 from bevameter.framework.core.soil import SoilKnowledge
 from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.identify import felt_rows, open_recording
+from bevameter.identification.mismatch.fit.beside import attach
 from bevameter.identification.mismatch.fit.load_and_slip import gathered
 from bevameter.identification.mismatch.fit.samples import SIMULATED
-from bevameter.identification.mismatch.fit.simulated import as_differences, attach
+from bevameter.identification.mismatch.fit.simulated import as_differences
 from bevameter.identification.mismatch.fit.textbook import fit_textbook
 from bevameter.identification.simulate import simulate
 
 TIME_S = 0.1 * np.arange(300)
 
 
-def beside(folder, time_s, wheel=None) -> np.ndarray:
-    """Simulated torque (300,) beside a recording's rows, where it is a ramp of time."""
+WHEEL = Wheel(radius_m=0.2, width_m=0.1)
+RECORDED = {"time_s": TIME_S, "torque_Nm": np.zeros(300), "load_N": np.full(300, 60.0), "slip": np.full(300, 0.1)}
+
+
+def attached(folder, columns, recorded=None, **labels) -> WheelTable:
+    """What another simulator gives in a file's columns, beside a recording's rows."""
     path = folder / "sim.csv"
-    write_wheel_file(WheelTable({"time_s": time_s, "torque_Nm": 2.0 * time_s}, wheel, None, path), path)
-    imposed = {"load_N": np.full(300, 60.0), "slip": np.full(300, 0.1)}
-    recorded = WheelTable({"time_s": TIME_S, "torque_Nm": np.zeros(300), **imposed}, wheel, None, "made")
-    return attach(recorded, path)[SIMULATED + "torque_Nm"]
+    write_wheel_file(WheelTable(columns, labels.get("wheel"), labels.get("run"), path), path)
+    columns = RECORDED if recorded is None else recorded
+    return attach(WheelTable(columns, labels.get("wheel"), labels.get("runs"), "made"), path, WHEEL)
+
+
+def beside(folder, time_s) -> np.ndarray:
+    """Simulated torque (300,) beside a recording's rows, where it is a ramp of time."""
+    return attached(folder, {"time_s": time_s, "torque_Nm": 2.0 * time_s})[SIMULATED + "torque_Nm"]
 
 
 @pytest.mark.parametrize("every", [1, 2])
@@ -51,7 +60,7 @@ def test_a_coarser_one_answers_at_its_own_rows_only(tmp_path, every):
 def test_one_that_answers_too_seldom_is_refused(tmp_path, explained):
     folder, write = explained
     write(slice(None, None, 7))
-    with pytest.raises(InputError, match=r"values for \d+ of \d+ rows .*as often as it was recorded"):
+    with pytest.raises(InputError, match=r"moves for \d+ of \d+ rows .*as often as it was recorded"):
         folder_explained(folder)
 
 
@@ -81,39 +90,133 @@ def test_what_is_simulated_but_was_not_recorded_is_left_out(tmp_path):
         explain(folder, simulated=tmp_path / "sim.csv", catalogue=["torque_offset"])
 
 
-@pytest.mark.parametrize(("protocol", "at"), [("field", "recorded"), ("bench", "its own"), ("steady", "its own")])
-def test_our_own_wheel_as_the_other_simulator_leaves_what_it_leaves_alone(tmp_path, protocol, at):
-    """Errors of load and slip, which the simulator was given as well, once counted twice."""
-    made = conceal(405, (), "plain", protocol=protocol)
-    folder = made.write(tmp_path / "made")
-    drive = read_wheel_file(folder / "wheel.csv")
-    if at == "its own":
-        drive = replace(drive, columns={**drive.columns, "load_N": 1.1 * drive["load_N"], "slip": 0.9 * drive["slip"]})
-    soil = SoilKnowledge(made.truth["soil"])
-    write_wheel_file(simulate(folder / "vehicle.toml", soil, drive), tmp_path / "sim.csv")
+def compared(folder, simulated):
+    """Fits of a recording's textbook wheel, by itself and beside another simulator, and what that misses (n, 5)."""
+    path = folder.parent / "sim.csv"
+    write_wheel_file(simulated, path)
     rows = felt_rows(open_recording(folder, None))
-    samples = gathered(attach(rows.table, tmp_path / "sim.csv"), rows.wheel, rows.vehicle, SoilKnowledge())
-    differences, own = as_differences(samples, tmp_path / "sim.csv")
-    alone, beside = (fit_textbook(each)[1] for each in (samples, differences))
-    np.testing.assert_allclose(beside.noise.answers, alone.noise.answers, rtol=0.02)
-    assert beside.score == pytest.approx(alone.score, abs=1.0)
-    np.testing.assert_array_equal(own, samples.measured - samples.simulated)
+    samples = gathered(attach(rows.table, path, rows.wheel), rows.wheel, rows.vehicle, SoilKnowledge())
+    differences, missed = as_differences(samples, path)
+    return differences, *(fit_textbook(each)[1] for each in (samples, differences)), missed
 
 
-def test_a_simulated_wheel_that_is_stuck_answers_nothing(tmp_path):
-    torque, slip, load = np.ones(300), np.linspace(-1.0, 1.0, 300), np.full(300, 50.0)
-    load[:3] = -1.0
-    columns = {"time_s": TIME_S, "torque_Nm": torque, "slip": slip, "load_N": load}
-    path = tmp_path / "sim.csv"
-    write_wheel_file(WheelTable(columns, None, None, path), path)
-    recorded = {"time_s": TIME_S, "torque_Nm": np.zeros(300), "slip": np.full(300, 0.1), "load_N": np.full(300, 60.0)}
-    beside_it = attach(WheelTable(recorded, None, None, "made"), path)
-    np.testing.assert_array_equal(np.isfinite(beside_it[SIMULATED + "torque_Nm"]), (slip < 0.995) & (load > 0.0))
-    np.testing.assert_allclose(beside_it[SIMULATED + "slip"], slip)
-    columns["slip"] = np.ones(300)
-    write_wheel_file(WheelTable(columns, None, None, path), path)
+@pytest.fixture(scope="module", params=["field", "bench", "steady"])
+def ours(request, tmp_path_factory):
+    """A recording without an effect, and our own wheel on its very soil at a load and a slip of any size."""
+    made = conceal(405, (), "plain", protocol=request.param)
+    folder = made.write(tmp_path_factory.mktemp("ours") / "made")
+    drive = read_wheel_file(folder / "wheel.csv")
+    if "slip" not in drive:
+        drive = derive(drive, load_vehicle(folder / "vehicle.toml").wheels[0])
+
+    def simulated(load=1.0, slip=1.0, speed=1.0):
+        changed = {"load_N": load * drive["load_N"], "slip": slip * drive["slip"]}
+        if speed != 1.0:
+            changed["travel_speed_m_s"] = speed * drive["travel_speed_m_s"]
+            radius = load_vehicle(folder / "vehicle.toml").wheels[0].radius_m
+            changed["slip"] = slip_from_speeds(radius * drive["wheel_speed_rad_s"], changed["travel_speed_m_s"])
+        given = replace(drive, columns={**drive.columns, **changed})
+        return simulate(folder / "vehicle.toml", SoilKnowledge(made.truth["soil"]), given)
+
+    return folder, simulated
+
+
+def without(table: WheelTable, *names: str) -> WheelTable:
+    return replace(table, columns={name: values for name, values in table.columns.items() if name not in names})
+
+
+def check_as_alone(folder, table, nats=1.0):
+    differences, alone, together, missed = compared(folder, table)
+    np.testing.assert_allclose(together.noise.answers, alone.noise.answers, rtol=0.02)
+    assert together.score == pytest.approx(alone.score, abs=nats)
+    left = np.sqrt(np.nanmean(missed[:, differences.answers] ** 2, axis=0))
+    np.testing.assert_allclose(left, np.sqrt(np.nanmean(alone.residuals**2, axis=0)), rtol=0.1)
+    return differences
+
+
+def test_our_own_wheel_as_the_other_simulator_leaves_what_it_leaves_alone(ours):
+    """Errors of load and slip, which the simulator was given as well, once counted twice."""
+    folder, simulated = ours
+    assert not any("another load" in note for note in check_as_alone(folder, simulated()).notes)
+    check_as_alone(folder, without(simulated(), "load_N", "slip"))
+
+
+def test_one_that_ran_at_a_load_and_a_slip_of_its_own_is_compared_at_these(ours):
+    """What that makes was once taken for another soil."""
+    folder, simulated = ours
+    notes = check_as_alone(folder, simulated(load=1.1, slip=0.9)).notes
+    assert any(note.startswith("the other simulator ran at another load or slip") for note in notes)
+    assert any("1.1 times the load" in note for note in notes)
+
+
+@pytest.mark.parametrize("ours", ["field"], indirect=True)
+def test_slip_of_the_other_simulator_follows_from_its_speeds(ours):
+    """The recorded slip was once taken for it, and a wheel of another radius found."""
+    folder, simulated = ours
+    check_as_alone(folder, without(simulated(speed=1.08), "slip"))
+
+
+@pytest.mark.parametrize("ours", ["field", "bench"], indirect=True)
+@pytest.mark.parametrize("lacking", [(), ("load_N", "slip")])
+def test_one_at_half_the_rate_leaves_no_less(ours, lacking):
+    """Load and slip of rows between its own are those between theirs, as its answers are."""
+    folder, simulated = ours
+    half = simulated()
+    check_as_alone(folder, without(half.select(np.arange(0, len(half), 2)), *lacking), nats=30.0)
+
+
+def test_of_a_run_means_are_compared(tmp_path):
+    runs = np.array(["a", "a", "b", "b"])
+    recorded = {"torque_Nm": np.zeros(4), "load_N": np.array([10.0, 20.0, 30.0, 50.0]), "slip": np.full(4, 0.1)}
+    table = attached(tmp_path, {"torque_Nm": np.array([1.0, 2.0])}, recorded, run=np.array(["b", "c"]), runs=runs)
+    np.testing.assert_array_equal(table[SIMULATED + "torque_Nm"], [np.nan, np.nan, 1.0, 1.0])
+    np.testing.assert_array_equal(table[SIMULATED + "load_N"], [np.nan, np.nan, 40.0, 40.0])
+
+
+@pytest.mark.parametrize("every", [1, 2])
+def test_a_simulated_wheel_that_is_stuck_answers_nothing(tmp_path, every):
+    """Nor does a row between one that is stuck and one that is not."""
+    stuck = np.arange(300) % 20 == 10
+    load, slip = np.where(np.arange(300) == 40, -1.0, 50.0), np.where(stuck, 1.0, 0.2)
+    columns = {"time_s": TIME_S, "torque_Nm": np.where(stuck, 1e3, 1.0), "slip": slip, "load_N": load}
+    beside_it = attached(tmp_path, {name: values[::every] for name, values in columns.items()})
+    lost = stuck | (load < 0.0)
+    near = np.convolve(lost, np.ones(2 * every - 1), "same") > 0.0
+    near[299] |= every == 2
+    np.testing.assert_array_equal(np.isnan(beside_it[SIMULATED + "torque_Nm"]), near)
+    np.testing.assert_allclose(beside_it[SIMULATED + "torque_Nm"][~near], 1.0)
     with pytest.raises(InputError, match=r"a wheel that carries load and moves \(expected load_N above 0 and slip"):
-        attach(WheelTable(recorded, None, None, "made"), path)
+        attached(tmp_path, {**columns, "slip": np.ones(300)})
+
+
+def test_what_load_or_slip_an_answer_is_of_is_not_guessed(tmp_path):
+    """The recorded slip once stood in for one that the other simulator did not say."""
+    unsaid = np.arange(300) % 3 == 0
+    slip = np.where(unsaid, np.nan, 0.5)
+    beside_it = attached(tmp_path, {"time_s": TIME_S, "torque_Nm": np.ones(300), "slip": slip})
+    np.testing.assert_array_equal(np.isnan(beside_it[SIMULATED + "torque_Nm"]), unsaid)
+    np.testing.assert_array_equal(beside_it[SIMULATED + "slip"], slip)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "said"),
+    [
+        ("load_N", np.full(300, 0.06), r"column load_N: 0.06 N \(median\) where 60 N was recorded"),
+        ("load_N", np.full(300, -60.0), r"column load_N: -60 \(median\), 100 % of the rows below 0"),
+        ("slip", np.full(300, -0.1), r"column slip: -0.1 \(median\) where 0.1 was recorded .expected the same sign"),
+        ("sinkage_m", np.full(300, 20.0), r"column sinkage_m: 20 m \(median\)"),
+    ],
+)
+def test_a_column_that_cannot_be_the_drives_is_refused(tmp_path, name, values, said):
+    with pytest.raises(InputError, match=said):
+        attached(tmp_path, {"time_s": TIME_S, "torque_Nm": np.ones(300), name: values})
+
+
+def test_a_recording_that_is_stuck_is_not_put_down_to_the_other_simulator(tmp_path):
+    beside_it = attached(
+        tmp_path, {"time_s": TIME_S, "torque_Nm": np.ones(300)}, {**RECORDED, "slip": np.ones(300)}
+    )  # fmt: skip
+    assert np.isnan(beside_it[SIMULATED + "torque_Nm"]).all()
 
 
 @pytest.fixture

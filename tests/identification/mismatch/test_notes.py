@@ -11,6 +11,7 @@ from bevameter import Vehicle, Wheel
 from bevameter.framework.core.recording.types import Labels, WheelTable
 from bevameter.identification.effects.catalogue import SLUGS
 from bevameter.identification.effects.drive import select_rows
+from bevameter.identification.effects.effect import PULL, SINKAGE, TORQUE
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.show.notes import _not_considered, several_grounds
 from bevameter.identification.mismatch.show.outside import LOOK_ALIKES, outside
@@ -82,8 +83,16 @@ def test_places_that_were_lost_for_long_are_told(lost, told):
 
 def test_causes_beyond_the_catalogue_that_look_alike_are_told():
     assert set(LOOK_ALIKES) < set(SLUGS)
-    (note,) = outside({"rim_adhesion", "hard_layer", "soil_patch"})
+    answers = (TORQUE, SINKAGE, PULL)
+    (note,) = outside(["rim_adhesion", "hard_layer", "soil_patch"], answers)
     assert "a crust that breaks" in note
     assert "strength grows by less" in note
     assert note.index("hard") < note.index("rim")
-    assert outside({"soil_patch"}) == outside(()) == []
+    assert outside(["soil_patch"], answers) == outside([], answers) == []
+
+
+def test_causes_in_channels_that_a_recording_lacks_are_not_told():
+    (note,) = outside(["torque_gain", "load_gain"], (TORQUE, SINKAGE))
+    assert note.endswith("like torque gain a torque's sensor that saturates")
+    (note,) = outside(["torque_gain", "load_gain"], (TORQUE, PULL))
+    assert "load gain a wrong gain of the pull's sensor; like torque gain a wrong gain of the pull's sensor or" in note
