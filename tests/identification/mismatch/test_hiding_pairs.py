@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bevameter import Recording, SoilKnowledge, Vehicle, Wheel, WheelTable, explain
+from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import SLUGS, effects_for
-from bevameter.identification.identify import felt_rows
+from bevameter.identification.identify import felt_rows, open_recording
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.fit.trial import ASKED_FOR, Trial, situation, textbook_trial, try_adding
-from bevameter.identification.mismatch.name.hiding_pairs import hiding_pairs
+from bevameter.identification.mismatch.name.hiding_pairs import hiding_pairs, pairs_of_weak
 from bevameter.identification.mismatch.name.tries import Tries
 from bevameter.identification.simulate import simulate
 
@@ -70,3 +71,22 @@ def test_both_are_named_or_listed():
     assert {"tyre_deflection", "drivetrain_friction"} <= listed
     flattens = next(each for each in answer.missing if each.effect == "tyre_deflection")
     assert abs(flattens.parameters["compliance"].value - 7e-5) < 3.0 * flattens.parameters["compliance"].sd
+
+
+def test_two_effects_are_told_of_which_each_gains_nearly_what_is_asked(tmp_path):
+    """A concealed pair of 103 nats by the generator's reckoning, which knows how little the ground varies."""
+    made = conceal(793800, ("multipass_compaction", "hard_layer"), "buried", protocol="steady")
+    folder = made.write(tmp_path / "made")
+    tries = tries_of(open_recording(folder, None), "multipass_compaction", "hard_layer")
+    alone = alone_in(tries)
+    assert max(trial.gain for trial in alone) < ASKED_FOR
+    pairs = pairs_of_weak(tries, alone)
+    assert max(trial.gain for trial in pairs) > 2.0 * ASKED_FOR
+    assert tries.trials == pairs
+    assert {each.effect for each in explain(folder).missing} == {"multipass_compaction", "hard_layer"}
+
+
+def test_of_nothing_or_of_one_weak_effect_no_pair_is_made():
+    tries = tries_of(trials(), "tyre_deflection", "drivetrain_friction", "torque_offset")
+    assert pairs_of_weak(tries, alone_in(tries)) == []
+    assert tries.trials == []
