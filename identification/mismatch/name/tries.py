@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -27,6 +27,9 @@ for a fit gains more than its first step promises (11.8, and then 20)."""
 
 _TRIED_IN_SETS = 6
 """Effects tried beside those already found: the most promising ones."""
+
+_FORMS_AT_ONCE = 3
+"""Forms of one effect among those: further ones take no other effect's place."""
 
 _FAR_LESS = 0.1
 """Effects that promise less than this share of what another one gained are not fitted [-]."""
@@ -84,7 +87,7 @@ class Tries:
         # What cannot be weighed takes no other's place, and follows the most promising: a rival ends fits early.
         unweighed = [pair for pair in promised if pair[0] == np.inf]
         weighed = [pair for pair in promised if pair[0] < np.inf]
-        most += len(unweighed)
+        most = _with_room(weighed, most) + len(unweighed)
         first = [pair for pair in weighed[:THREADS] if pair[0] >= least]
         waiting = deque([*first, *unweighed, *weighed[len(first) :]])
         answer: list[Trial] = []
@@ -158,6 +161,17 @@ def gain_of(trial: Trial) -> float:
 def without_bumps(textbook: Trial, trials: Sequence[Trial]) -> list[Trial]:
     """Leave out sets with a place that nothing shows to be one."""
     return [trial for trial in trials if not is_bump(textbook, trial)]
+
+
+def _with_room(promised: Sequence[tuple[float, Effect]], most: int) -> int:
+    """Number of the most promising effects, among which there are so many but for further forms of the same."""
+    room, forms = 0, Counter[str]()
+    for number, (_, effect) in enumerate(promised, start=1):
+        forms[effect.slug] += 1
+        room += forms[effect.slug] <= _FORMS_AT_ONCE
+        if room == most:
+            return number
+    return len(promised)
 
 
 def _named(base: Trial, effect: Effect) -> str:

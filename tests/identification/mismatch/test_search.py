@@ -328,6 +328,24 @@ def test_what_a_fit_is_told_of_others_does_not_hang_on_which_thread_is_faster(tr
     assert ahead[effects[0].name] == textbook.fitted.score + 111.0
 
 
+def test_many_forms_of_one_effect_leave_others_their_places(trials, monkeypatch):
+    """A wrong zero of the torque, once not tried for four forms of friction that promise as much."""
+    problem, textbook, forms = trials(7110, ("slip_sinkage",), "hidden", "bench")
+    rubs = list(forms("drivetrain_friction").values())
+    effects = [*rubs, *(forms(slug)[slug] for slug in ("torque_offset", "torque_gain", "load_gain"))]
+    assert len(rubs) > 4
+    monkeypatch.setattr(tries_module, "try_adding", lambda _p, _t, base, e, *_: replace(base, effects=(e,), gain=50.0))
+
+    def attempted(order, most):
+        tries = Tries(problem, textbook, effects, lambda _: None)
+        answer = tries.attempt(textbook, [(90.0 - n, effect) for n, effect in enumerate(order)], most=most)
+        return [trial.effects[0] for trial in answer]
+
+    assert attempted(effects, 4) == effects[: len(rubs) + 1]
+    assert attempted(effects, 3) == rubs[:3]
+    assert attempted(effects[::-1], 4) == effects[::-1][:4]
+
+
 def test_where_the_textbook_is_wrong_few_rows_are_fitted_from_other_soils_too(shared_data):
     """On real sand a load gain that starts at the textbook's soil ends nearly 40 nats short of its best."""
     folder = shared_data / "single-wheel-sand"
