@@ -19,7 +19,7 @@ from ..fit.soil_variation import HUBER
 from ..fit.trial import ASKED_FOR, EXPECTED_ASKED_FOR, NOT_EXCLUDED, Trial, temperature
 from ..locate.joint_misfit import WORTH, joint_correction, nats_in_all
 from ..locate.noise_floor import FAR, noise_floor
-from .asked import counting_for, hardly_asked_for, is_bump, of_no_effect, rests_on_ground, surplus
+from .asked import is_bump, of_no_effect, rests_on_ground, surplus
 from .naming import REMAINS
 from .preferred import says_no_more
 from .tries import Search
@@ -88,8 +88,6 @@ def doubts(
         reasons.append("what fits best errs much less on rows that it was fitted to than on others")
     if asks_for_more(search, repeated):
         reasons.append("beside what fits best one more effect would still gain more than beside a complete set")
-    if leans_on_little(search, repeated):
-        reasons.append("the two effects that fit best gain little more than one alone")
     gained = search.chosen.gain
     left = remaining > max(REMAINS * repeated, _LEFT * gained) or felt > max(_FELT * repeated, _FELT_SHARE * gained)
     if left or leaves_in_all(problem, search.chosen, repeated):
@@ -197,19 +195,6 @@ def asks_for_more(search: Search, repeated: float) -> bool:
     least = _INCOMPLETE if sum(not effect.expected for effect in chosen.effects) < 2 else ASKED_FOR
     larger = [trial for trial in search.trials if len(trial.effects) == len(chosen.effects) + 1]
     return any(each.gain - chosen.gain >= max(least * repeated, of_no_effect(chosen, each)) for each in larger)
-
-
-def leans_on_little(search: Search, repeated: float) -> bool:
-    """Say whether two effects that were chosen gain together hardly what is asked beside a single one, which may be no
-    part of them. `repeated` rows count as one.
-    """
-    if len(search.chosen.unexpected) != 2:
-        return False
-    both = counting_for(search.chosen, repeated)
-    alone = [trial for trial in search.trials if len(trial.unexpected) == 1 and not is_bump(search.textbook, trial)]
-    alone = [counting_for(trial, repeated) for trial in alone if not rests_on_ground(trial, search.chosen)]
-    first = {trial.slugs: trial for trial in sorted(alone, key=lambda trial: trial.gain)}
-    return any(hardly_asked_for(trial, both) for trial in first.values())
 
 
 def instead_of(search: Search) -> tuple[str, ...]:

@@ -63,7 +63,7 @@ def pairs_of_weak(tries: Tries, singles: Sequence[Trial]) -> list[Trial]:
     if not pairs:
         return []
     tries.tell("pairs of effects that are weak alone")
-    answer = together(partial(_fitted, tries, singles, weak[0]), [*pairs, *(pair[::-1] for pair in pairs)])
+    answer = together(partial(_fitted, tries, singles, weak[0]), [*pairs, *((other, one) for one, other in pairs)])
     tries.trials.extend(answer)
     return answer
 

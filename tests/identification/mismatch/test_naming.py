@@ -19,8 +19,7 @@ from bevameter.identification.mismatch.fit.trial import (
     try_adding,
 )
 from bevameter.identification.mismatch.locate.noise_floor import noise_floor
-from bevameter.identification.mismatch.name.asked import surplus
-from bevameter.identification.mismatch.name.evidence import asks_for_more, doubts, leans_on_little
+from bevameter.identification.mismatch.name.evidence import asks_for_more, doubts
 from bevameter.identification.mismatch.name.naming import ASSERTED, name, why_not
 from bevameter.identification.mismatch.name.preferred import plainest, says_no_more
 from bevameter.identification.mismatch.name.tries import Search, Tries
@@ -42,31 +41,6 @@ def test_a_set_beside_which_another_effect_still_gains_is_doubted(searched, effe
     )
     assert asks_for_more(Search(found.textbook, (chosen, larger), (), chosen), repeated) == asks
     assert not asks_for_more(Search(found.textbook, (chosen, larger), (), found.textbook), repeated)
-
-
-@pytest.mark.parametrize(
-    ("more", "repeated", "doubted"),
-    [(26.0, 1.0, True), (39.0, 1.0, True), (41.0, 1.0, False), (50.0, 2.0, True), (100.0, 2.0, False)],
-)
-@pytest.mark.parametrize("outside", [False, True])
-def test_a_second_effect_that_gains_little_is_named_and_doubted(searched, more, repeated, doubted, outside):
-    problem, found = searched
-    kinds = effects_for(situation(problem, found.textbook.fitted), ["torque_gain", "load_gain"])
-    gain, load = (next(effect for effect in kinds if effect.slug == slug) for slug in ("torque_gain", "load_gain"))
-    best = repeated * 651.0
-    alone = replace(found.chosen, gain=best - 100.0 * outside)
-    # What gains most alone may be no part of the pair.
-    third = replace(alone, effects=(load,), gain=best if outside else 30.0)
-    both = replace(alone, effects=(*alone.effects, gain), gain=best + more)
-    offset = replace(alone, effects=(gain,), gain=200.0)
-    assert surplus(max(alone, third, key=lambda trial: trial.gain), both) > 0.0
-    search = Search(found.textbook, (alone, third, offset, both), (), both)
-    assert leans_on_little(search, repeated) == doubted
-    against = doubts(problem, search, 0.0, repeated)
-    assert ("the two effects that fit best gain little more than one alone" in against) == doubted
-    naming = name(search, 0.0, repeated=repeated, doubted=doubted)
-    assert (naming.effects["torque_gain"] >= ASSERTED) != doubted
-    assert naming.effects["torque_gain"] == pytest.approx(naming.effects["slip_sinkage"], rel=0.02)
 
 
 @pytest.mark.parametrize(

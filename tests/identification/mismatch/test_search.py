@@ -25,7 +25,7 @@ from bevameter.identification.mismatch.fit.trial import (
 )
 from bevameter.identification.mismatch.name import search as module
 from bevameter.identification.mismatch.name import tries as tries_module
-from bevameter.identification.mismatch.name.asked import calmed, hardly_asked_for, is_bump, surplus
+from bevameter.identification.mismatch.name.asked import calmed, is_bump, surplus
 from bevameter.identification.mismatch.name.partners import one_more
 from bevameter.identification.mismatch.name.preferred import plainest
 from bevameter.identification.mismatch.name.search import search
@@ -110,16 +110,14 @@ def test_a_further_effect_has_to_gain_more_the_more_is_gained_and_a_place_most_u
     # One that the ground's variation goes into is asked what any effect is, however much is gained but by forms' share.
     calm = replace(alone.fitted, noise=replace(alone.fitted.noise, spread=0.4 * alone.fitted.noise.spread))
 
-    def calms(base, gained: float, more: float) -> tuple[float, bool]:
+    def calms(base, gained: float, more: float) -> float:
         smaller = replace(base, gain=gained)
-        larger = replace(smaller, effects=(*base.effects, patch), fitted=calm, gain=gained + more)
-        return surplus(smaller, larger), hardly_asked_for(smaller, larger)
+        return surplus(smaller, replace(smaller, effects=(*base.effects, patch), fitted=calm, gain=gained + more))
 
-    assert calms(alone, 1000.0, 15.5) == (pytest.approx(0.5), True)
-    assert calms(alone, 1000.0, 14.5) == (pytest.approx(-0.5), False)
-    assert calms(alone, 1000.0, 40.5) == (pytest.approx(25.5), False)
-    assert calms(alone, 4600.0, 70.0) == (pytest.approx(1.0), False)
-    assert calms(two, 1000.0, 39.0) == (pytest.approx(-1.0), False), "of a third one more"
+    assert calms(alone, 1000.0, 15.5) == pytest.approx(0.5)
+    assert calms(alone, 1000.0, 14.5) == pytest.approx(-0.5)
+    assert calms(alone, 4600.0, 70.0) == pytest.approx(1.0)
+    assert calms(two, 1000.0, 39.0) == pytest.approx(-1.0), "of a third one more"
 
 
 def test_a_place_with_wide_edges_is_one_where_it_stands_out_of_the_ground_that_varies(trials):
