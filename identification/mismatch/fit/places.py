@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -11,6 +13,7 @@ from ...effects.soil_patch import CELLS, SoilPatch, tracks_of
 from .fitting import Fitted, Problem
 from .soil_variation import NoiseModel
 from .steps import normal_equations, scaled_inverse
+from .together import together
 
 _EACH = 2
 """Stretches that are given for each description of the noise."""
@@ -33,19 +36,33 @@ def stretches_apart(problem: Problem, fitted: Fitted) -> dict[str, list[np.ndarr
     that was fitted following along: one Gram matrix of the cells' derivatives holds them all. The soil's variation is
     taken as it was fitted, and as little: what was fitted may have explained the patch already.
     """
-    drive = problem.samples.drive
-    return {name: _stretches_along(getattr(drive, name), problem, fitted) for name in tracks_of(drive)}
+    drive, noises = problem.samples.drive, (fitted.noise, problem.first_noise)
+    edges = {name: _edges(getattr(drive, name)) for name in tracks_of(drive)}
+
+    def weighed(asked: tuple[str, NoiseModel]) -> tuple[np.ndarray, np.ndarray]:
+        name, noise = asked
+        return _gains(*_pulls(problem, fitted, noise, _inside(getattr(drive, name), edges[name])))
+
+    found = iter(together(weighed, product(edges, noises)))
+    return {name: _apart([next(found) for _ in noises], edges[name]) for name in edges}
 
 
-def _stretches_along(where: np.ndarray, problem: Problem, fitted: Fitted) -> list[np.ndarray]:
-    """Give the patches that are asked for most along one variable (n,)."""
-    edges = np.linspace(np.nanmin(where), np.nanmax(where), CELLS + 1)
+def _edges(where: np.ndarray) -> np.ndarray:
+    """Edges (k + 1,) of the cells that a variable (n,) is cut into."""
+    return np.linspace(np.nanmin(where), np.nanmax(where), CELLS + 1)
+
+
+def _inside(where: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """(n, k) True for the cell that each row of a variable (n,) lies in."""
     cell = np.clip(np.searchsorted(edges, where, side="right") - 1, 0, CELLS - 1)
-    inside = (cell[:, None] == np.arange(CELLS)) & np.isfinite(where)[:, None]
+    return (cell[:, None] == np.arange(CELLS)) & np.isfinite(where)[:, None]
+
+
+def _apart(weighed: Sequence[tuple[np.ndarray, np.ndarray]], edges: np.ndarray) -> list[np.ndarray]:
+    """Give the patches that are asked for most, a few of each weighing (`_gains`), none of them near another."""
     found: list[tuple[int, int]] = []
     answer = []
-    for noise in (fitted.noise, problem.first_noise):
-        gain, change = _gains(*_pulls(problem, fitted, noise, inside))
+    for gain, change in weighed:
         for _ in range(_EACH):
             for first, last in found:
                 near = (
