@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -15,23 +16,25 @@ from ....framework.core.vehicle import Wheel
 from ...effects.effect import LOAD, SLIP
 from ...forward import CHANNELS
 from ...plausible import check_signs, check_sizes
+from ...trials import is_of_trials
 from .samples import ANSWERS, MOST_SLIP, SIMULATED
 
 IMPOSED = CHANNELS[LOAD], CHANNELS[SLIP]
 """What a drive imposes on a wheel, and a simulator is given."""
 
-_APART = 2.05
-"""Samples of the recording between two rows at most that a straight line joins."""
+_APART, _AT = 2.05, 1e-3
+"""Samples of the recording between two rows at most that a straight line joins, and between rows at one time."""
 
-_OTHER_UNIT = 10.0
+_OTHER_UNIT = 3.0
 """A load that is so many times the recorded one, or that part of it, is of another drive or in another unit [-]."""
 
-_TURNED_ROUND = 0.1
-"""Slips with the other sign are nearer to the recorded ones by this share, where the sign is the other one [-]."""
+_TURNED_ROUND, _SIGNED = 0.1, 0.03
+"""Slips with the other sign are nearer to the recorded ones by this share, where the sign is the other one, and so
+large, where they have one [-]."""
 
-_Columns = dict[str, np.ndarray]
-_Carry = Callable[[np.ndarray], np.ndarray]
-"""Carries values of one file's rows over to another's; NaN where there are none."""
+_Carry = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""Carries values of one file's rows (m,) over to another's (n,), past holes, True in the former; NaN where there are
+none."""
 
 
 def attach(table: WheelTable, path: str | Path, wheel: Wheel) -> WheelTable:
@@ -65,25 +68,30 @@ def attach(table: WheelTable, path: str | Path, wheel: Wheel) -> WheelTable:
     if not names:
         raise InputError(path, "nothing to compare", expected="torque_Nm, sinkage_m or drawbar_pull_N")
     to_recorded, to_simulated = _carried_over(table, simulated, path)
-    if not np.isfinite(to_recorded(np.zeros(len(simulated)))).any():
+    everywhere, nowhere = np.zeros(len(simulated)), np.zeros(len(simulated), dtype=bool)
+    if not np.isfinite(to_recorded(everywhere, nowhere)).any():
         raise InputError(path, "no row has the time or the run of one of the recording's", expected="the same drive")
-    imposed = {name: simulated[name] if name in simulated else to_simulated(table[name]) for name in IMPOSED}
+    holes = np.zeros(len(table), dtype=bool)
+    imposed = {name: simulated[name] if name in simulated else to_simulated(table[name], holes) for name in IMPOSED}
     load, slip = imposed.values()
-    moves = (load > 0.0) & (slip < MOST_SLIP)
+    # A value that was not logged is one between its neighbours; what a stuck wheel does is none of a moving one's.
+    stuck = (load <= 0.0) | (slip >= MOST_SLIP)
     columns = {**imposed, **{name: simulated[name] for name in names}}
-    beside = {name: to_recorded(np.where(moves, values, np.nan)) for name, values in columns.items()}
+    beside = {name: to_recorded(np.where(stuck, np.nan, values), stuck) for name, values in columns.items()}
+    of_nothing = ~(np.isfinite(beside[IMPOSED[0]]) & np.isfinite(beside[IMPOSED[1]]))
+    beside = {name: np.where(of_nothing, np.nan, values) for name, values in beside.items()}
     given = [name for name in IMPOSED if name in simulated]
     if given and not any(np.isfinite(beside[name]).any() for name in names):
         raise InputError(
-            path, "no row has an answer of a wheel that carries load and moves",
-            expected=f"load_N above 0 and slip below {MOST_SLIP}",
+            path, "no row has an answer with a load and a slip of a wheel that carries load and moves",
+            expected=f"load_N above 0 and slip below {MOST_SLIP} in the rows with an answer",
         )  # fmt: skip
     _check_drive(table, {name: beside[name] for name in given}, path)
     columns = {SIMULATED + name: values for name, values in beside.items()}
     return WheelTable({**table.columns, **columns}, table.wheel, table.run, table.source)
 
 
-def _check_drive(table: WheelTable, given: _Columns, path: str | Path) -> None:
+def _check_drive(table: WheelTable, given: Mapping[str, np.ndarray], path: str | Path) -> None:
     """Refuse a load and a slip (n,) of the simulator's own that cannot be those of the recorded drive."""
     for name, values in given.items():
         both = np.isfinite(values) & np.isfinite(table[name])
@@ -98,7 +106,7 @@ def _check_drive(table: WheelTable, given: _Columns, path: str | Path) -> None:
             )  # fmt: skip
         if name == CHANNELS[SLIP]:
             as_it_is, turned = (float(np.median(np.abs(sign * own - recorded))) for sign in (1.0, -1.0))
-            if turned < _TURNED_ROUND * as_it_is:
+            if usual > _SIGNED and turned < _TURNED_ROUND * as_it_is:
                 raise InputError(
                     path, f"{middle:.3g} (median) where {float(np.median(recorded)):.3g} was recorded",
                     place=f"column {name}", expected="the same sign: positive where the wheel drives",
@@ -108,65 +116,112 @@ def _check_drive(table: WheelTable, given: _Columns, path: str | Path) -> None:
 def _carried_over(table: WheelTable, simulated: WheelTable, path: str | Path) -> tuple[_Carry, _Carry]:
     """Give how values of the simulator's rows are carried over to the recorded ones, and the reverse."""
     if "time_s" in table and "time_s" in simulated:
-        labels, others = _labels(table, simulated)
-        recorded, other = (table["time_s"], labels), (simulated["time_s"], others)
-        farthest_s = _APART * _step(*recorded)
-        return partial(_by_time, recorded, other, farthest_s), partial(_by_time, other, recorded, farthest_s)
+        _check_told_apart(table, simulated, path)
+        recorded, other = _clocks(table, simulated)
+        if (twice := other.twice()) is not None:
+            raise InputError(
+                path, f"{twice:g} s in two rows", place="column time_s",
+                expected="each time once, or columns wheel and run that tell the rows apart",
+            )  # fmt: skip
+        steps = recorded.steps()
+        apart = 0.0 if is_of_trials(table) else _APART
+        return partial(_by_time, recorded, other, steps, apart), partial(_by_time, other, recorded, steps, apart)
     if table.run is not None and simulated.run is not None:
         runs = np.asarray(table.run).astype(str), np.asarray(simulated.run).astype(str)
         return partial(_by_run, *runs), partial(_by_run, *runs[::-1])
     raise InputError(path, "neither time_s nor run in both files", expected="the clock or the runs of the recording")
 
 
-def _by_run(wanted: np.ndarray, runs: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Mean (n,) of the values (m,) of each run that is wanted."""
-    known = np.isfinite(values)
-    names, of = np.unique(runs[known], return_inverse=True)
-    means = np.bincount(of, values[known], len(names)) / np.bincount(of, minlength=len(names))
-    at = np.minimum(np.searchsorted(names, wanted), max(len(names) - 1, 0))
-    return np.where(names[at] == wanted, means[at], np.nan) if len(names) else np.full(len(wanted), np.nan)
+def _check_told_apart(table: WheelTable, simulated: WheelTable, path: str | Path) -> None:
+    """Refuse rows of several wheels, or of several runs at one time, that only one of the files tells apart."""
+    for column in ("wheel", "run"):
+        named = [getattr(each, column) for each in (table, simulated)]
+        if (named[0] is None) == (named[1] is None):
+            continue
+        lacking, labels, clock = (
+            (path, named[0], table["time_s"]) if named[1] is None else (table.source, named[1], simulated["time_s"])
+        )
+        names, of = np.unique(np.asarray(labels).astype(str), return_inverse=True)
+        order = np.argsort(clock, kind="stable")
+        changes = np.count_nonzero(np.diff(of[order]))
+        if len(names) > 1 and (column == "wheel" or changes >= len(names)):
+            several = ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
+            raise InputError(lacking, f"no column {column}", expected=f"which of {several} each row is of")
 
 
-def _by_time(
-    wanted: tuple[np.ndarray, np.ndarray], known: tuple[np.ndarray, np.ndarray], farthest_s: float, values: np.ndarray
-) -> np.ndarray:
-    """Interpolate values (m,) within each wheel and run, (n,), given when [s] and under which label rows stand.
+@dataclass(frozen=True)
+class _Clock:
+    """When rows were taken (n,) [s], and under which label, wheel and run, each stands."""
 
-    NaN outside the time of those, between two that lie too far apart, and beside one without a value: what happens
-    there is not told by a straight line.
-    """
-    answer = np.full(len(wanted[0]), np.nan)
-    for label in np.unique(wanted[1]):
-        rows = np.flatnonzero(wanted[1] == label)
-        there = np.flatnonzero((known[1] == label) & np.isfinite(known[0]))
-        if there.size:
-            there = there[np.argsort(known[0][there], kind="stable")]
-            at_s, time_s, seen = wanted[0][rows], known[0][there], np.isfinite(values[there])
-            line = np.interp(at_s, time_s, np.where(seen, values[there], 0.0), left=np.nan, right=np.nan)
-            whole = np.interp(at_s, time_s, seen.astype(float)) > 1.0 - 1e-6
-            answer[rows] = np.where(whole & _near(at_s, time_s, farthest_s), line, np.nan)
+    time_s: np.ndarray
+    label: np.ndarray
+
+    def of(self, label: str) -> np.ndarray:
+        """Rows (k,) with a time under a label, in its order."""
+        rows = np.flatnonzero((self.label == label) & np.isfinite(self.time_s))
+        return rows[np.argsort(self.time_s[rows], kind="stable")]
+
+    def steps(self) -> dict[str, float]:
+        """Usual time [s] from a row to the next, by label; 0 where there is one row."""
+        each = {label: np.diff(self.time_s[self.of(label)]) for label in np.unique(self.label)}
+        return {
+            label: float(np.median(step[step > 0.0])) if (step > 0.0).any() else 0.0 for label, step in each.items()
+        }
+
+    def twice(self) -> float | None:
+        """A time that stands twice under a label [s]."""
+        for label in np.unique(self.label):
+            time_s = self.time_s[self.of(label)]
+            if (same := np.diff(time_s) == 0.0).any():
+                return float(time_s[1:][same][0])
+        return None
+
+
+def _by_run(wanted: np.ndarray, runs: np.ndarray, values: np.ndarray, _holes: np.ndarray) -> np.ndarray:
+    """Values (m,) of each run that is wanted (n,): row by row where it has as many, else their mean."""
+    answer = np.full(len(wanted), np.nan)
+    for name in np.unique(wanted):
+        rows, there = np.flatnonzero(wanted == name), np.flatnonzero(runs == name)
+        if len(rows) == len(there):
+            answer[rows] = values[there]
+        elif np.isfinite(values[there]).any():
+            answer[rows] = np.nanmean(values[there])
     return answer
 
 
-def _near(wanted: np.ndarray, time_s: np.ndarray, farthest_s: float) -> np.ndarray:
+def _by_time(
+    wanted: _Clock, known: _Clock, steps: Mapping[str, float], apart: float, values: np.ndarray, holes: np.ndarray
+) -> np.ndarray:
+    """Interpolate values (m,) within each wheel and run, (n,), past those that are none, but not past holes.
+
+    NaN outside the time of those, between two more than `apart` of the recording's `steps` [s] from each other, and
+    beside a hole: what happens there is not told by a straight line.
+    """
+    answer = np.full(len(wanted.time_s), np.nan)
+    for label in np.unique(wanted.label):
+        there, rows, step = known.of(label), np.flatnonzero(wanted.label == label), steps.get(label, 0.0)
+        there = there[np.isfinite(values[there]) | holes[there]]
+        if there.size:
+            at_s, time_s, seen = wanted.time_s[rows], known.time_s[there], ~holes[there]
+            line = np.interp(at_s, time_s, np.where(seen, values[there], 0.0))
+            whole = np.interp(at_s, time_s, seen.astype(float)) > 1.0 - 1e-6
+            answer[rows] = np.where(whole & _near(at_s, time_s, apart * step, _AT * step), line, np.nan)
+    return answer
+
+
+def _near(wanted: np.ndarray, time_s: np.ndarray, farthest_s: float, at_s: float) -> np.ndarray:
     """(k,) True for times with one of others (m,), ascending, at them or close by on both sides."""
     after = np.clip(np.searchsorted(time_s, wanted), 0, len(time_s) - 1)
     before = np.maximum(after - 1, 0)
     away = np.minimum(np.abs(time_s[after] - wanted), np.abs(time_s[before] - wanted))
-    return (time_s[after] - time_s[before] <= farthest_s) | (away <= 1e-3 * farthest_s)
+    between = (wanted >= time_s[0]) & (wanted <= time_s[-1])
+    return (between & (time_s[after] - time_s[before] <= farthest_s)) | (away <= at_s)
 
 
-def _step(time_s: np.ndarray, labels: np.ndarray) -> float:
-    """Usual time [s] from a row to the next of the same wheel and run."""
-    order = np.lexsort((time_s, labels))
-    steps = np.diff(time_s[order])[labels[order][1:] == labels[order][:-1]]
-    return float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
-
-
-def _labels(*tables: WheelTable) -> list[np.ndarray]:
-    """Number wheel and run of each row alike in several tables, as far as all of them name them."""
+def _clocks(*tables: WheelTable) -> list[_Clock]:
+    """Give the clocks of tables, their rows under wheel and run as far as all of the tables name them."""
     labels = [np.full(len(table), "", dtype=object) for table in tables]
     for names in ([table.wheel for table in tables], [table.run for table in tables]):
         if all(each is not None for each in names):
             labels = [label + "/" + np.asarray(each, dtype=object) for label, each in zip(labels, names, strict=True)]
-    return [label.astype(str) for label in labels]
+    return [_Clock(table["time_s"], label.astype(str)) for table, label in zip(tables, labels, strict=True)]

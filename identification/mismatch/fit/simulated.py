@@ -12,8 +12,8 @@ from ...augmented import AugmentedWheel
 from ...effects.effect import LOAD, SLIP
 from ...forward import CHANNELS
 from .fitting import Problem
-from .samples import ANSWERS, Samples
-from .textbook import fit_textbook
+from .samples import ANSWERS, LEAST_ROWS, Samples
+from .textbook import FLAT, fit_textbook
 
 _LEAST_SHARE = 0.5
 """Share of the rows that the other simulator has to answer in [-]."""
@@ -43,7 +43,8 @@ def as_differences(samples: Samples, source: str | Path) -> tuple[Samples, np.nd
             source, f"has values of a wheel that carries load and moves for {int(seen.sum())} of {len(samples)} rows",
             expected="the whole drive, as often as it was recorded",
         )  # fmt: skip
-    if np.array_equal(imitated.measured[:, answers], samples.measured[:, answers], equal_nan=True):
+    apart = imitated.measured[:, answers] - samples.measured[:, answers]
+    if not np.any(apart[np.isfinite(apart)]):
         raise InputError(source, "gives just what was recorded", expected="what another simulator gives for the drive")
     problem, fitted = fit_textbook(imitated)
     model = AugmentedWheel(samples.wheel)
@@ -72,13 +73,14 @@ def _simulated(samples: Samples, simulated: np.ndarray) -> Samples:
 
 def _another_drive(samples: Samples, simulated: np.ndarray) -> list[str]:
     """Say by how much the other simulator's load and slip (n, 5) are not those recorded."""
-    load = float(np.nanmedian(simulated[:, LOAD] / samples.drive.load_N))
-    slip = float(np.nanmedian(simulated[:, SLIP] - samples.drive.slip))
-    if abs(load - 1.0) <= _SAME_LOAD and abs(slip) <= _SAME_SLIP:
+    load = float(np.nanmedian(np.abs(simulated[:, LOAD] / samples.measured[:, LOAD] - 1.0)))
+    slip = float(np.nanmedian(np.abs(simulated[:, SLIP] - samples.measured[:, SLIP])))
+    if load <= _SAME_LOAD and slip <= _SAME_SLIP:
         return []
     return [
-        f"the other simulator ran at another load or slip than was recorded (medians: {load:.3g} times the load, slip "
-        f"{slip:+.3f}): what that makes is told by the textbook wheel fitted to it, and is no part of the errors"
+        "the other simulator ran at another load or slip than was recorded (medians of the differences: "
+        f"{100.0 * load:.2g} % of the load, {slip:.2g} of slip): what that makes is told by the textbook wheel fitted "
+        "to it, and is no part of the errors"
     ]
 
 
@@ -87,8 +89,14 @@ def _left_out(samples: Samples, simulated: np.ndarray, seen: np.ndarray) -> list
     short = int((~seen).sum())
     notes = [f"{short} of {len(samples)} rows have no simulated value: they are left out"] if short else []
     for channel in ANSWERS:
-        recorded, known = channel in samples.answers, bool(np.isfinite(simulated[:, channel]).any())
+        recorded, known = channel in samples.answers, np.isfinite(simulated[:, channel]).sum() >= LEAST_ROWS
         if recorded != known and not any(note.startswith(CHANNELS[channel]) for note in samples.notes):
             how = "recorded but not simulated" if recorded else "simulated but not recorded"
             notes.append(f"{CHANNELS[channel]} is {how}: it is left out")
+        elif (
+            known
+            and recorded
+            and not np.nanstd(simulated[:, channel]) > FLAT * np.nanmax(np.abs(simulated[:, channel]))
+        ):
+            notes.append(f"the other simulator's {CHANNELS[channel]} never changes")
     return notes

@@ -19,6 +19,9 @@ from .together import together
 _COARSE = 0.1
 """Share of a channel's scatter that the first search for a soil takes for noise [-]."""
 
+FLAT = 1e-9
+"""Share of its size by which a channel scatters that another simulator gives the same value throughout [-]."""
+
 _LEAST_CARRIED = 0.5
 """Share of the rows whose load some soil has to carry [-]."""
 
@@ -72,8 +75,8 @@ def fit_textbook(
 
 def coarse_fit(problem: Problem, soil: np.ndarray, theta_1: np.ndarray | None) -> Fitted:
     """Fit the textbook wheel to ground that is the same everywhere, by what it leaves as a share of the scatter."""
-    scatter = np.nanstd(problem.measured, axis=0)
-    shares = np.where(scatter > 0.0, _COARSE * scatter, problem.first_noise.answers)
+    scatter, size = np.nanstd(problem.measured, axis=0), np.nanmax(np.abs(problem.measured), axis=0)
+    shares = np.where(scatter > FLAT * size, _COARSE * scatter, problem.first_noise.answers)
     coarse = replace(problem.first_noise, answers=shares, spread=np.full(2, 1e-3))
     return fit(problem, AugmentedWheel(problem.samples.wheel), soil, coarse, theta_1, iterations=15, settle=False)
 
