@@ -36,7 +36,7 @@ class Parameter:
     scale
         Standard deviation of the prior about `null`: how strong the effect usually is.
     null
-        The value at which the effect vanishes.
+        The value at which the effect vanishes, or the usual one where none does so.
     step
         Step of the difference that derivatives are taken by, where a minute one would not do.
     published

@@ -63,6 +63,26 @@ class LugRadius(Effect):
         contact.lever_m = contact.lever_m + beyond
 
 
+class LugTips(LugRadius):
+    """Soil is dragged along, and shears, at the lugs' tips; its stress turns the wheel by the rim's radius.
+
+    A slip that is reckoned with the radius of the tips, and taken for the rim's, looks much the same.
+    """
+
+    nested = False
+    required = ("s",)
+    source = "after L. Ding et al., J. Terramechanics 48 (2011), 27-45: shear displacement of the lugs' tips"
+    parameters = (Parameter("s", "", 0.0, 2.0, 1.0, 0.1, 1.0),)
+
+    def __init__(self, height_m: float) -> None:
+        super().__init__(height_m)
+        self.form, self.usual = "displacement of the tips", False
+        self.equation = "r_s = r + s h: shear displacement and thrust at r_s, torque with the lever r"
+
+    def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
+        contact.shear_radius_m = contact.shear_radius_m + values[0] * self._height
+
+
 class LugThrust(Effect, ABC):
     """Lugs in the ground push soil that gives way along with the shear beneath the wheel."""
 
@@ -272,6 +292,7 @@ def named(situation: Situation) -> tuple[Effect, ...]:
 def _steady(height_m: float, count: int) -> list[Effect]:
     """What lugs do at any angle of the wheel, the usual form first."""
     answer: list[Effect] = [LugRadius(height_m, its_slip=its_slip) for its_slip in (False, True)]
+    answer.append(LugTips(height_m))
     return [*answer, LugFaces(height_m, count), LugSides(height_m)] if count else answer
 
 

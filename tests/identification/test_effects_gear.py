@@ -39,6 +39,14 @@ def test_lugs_shear_farther_out_and_ripple_once_a_lug():
     np.testing.assert_allclose(ripple[:, TORQUE], 0.5 * np.cos(phase) + 0.2 * np.sin(phase), atol=1e-9)
 
 
+def test_lugs_may_drag_soil_along_without_a_longer_lever():
+    tips, radius = (predict(f"grousers:form={form},s=1") for form in ("displacement of the tips", "radius"))
+    longer = 1.0 + WHEEL.grouser_height_m / WHEEL.radius_m
+    np.testing.assert_allclose(radius[:, TORQUE], longer * tips[:, TORQUE], rtol=1e-9)
+    np.testing.assert_allclose(radius[:, [SINKAGE, PULL]], tips[:, [SINKAGE, PULL]], rtol=1e-9)
+    assert (change("grousers:form=displacement of the tips,s=1")[:, [TORQUE, PULL]] > 0.0).all()
+
+
 def test_lugs_may_ripple_evenly_beside_their_radius():
     lugs, ripple = "radius and even ripple, 18 lugs", "a_T=0.5,b_DP=2,a_z=1e-4"
     away = change(f"grousers:form={lugs},s=0.7,{ripple}") - change("grousers:s=0.7")

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bevameter import Recording, SoilKnowledge, Vehicle, Wheel, WheelTable, explain
 from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.grousers import LugRadius
@@ -20,6 +21,7 @@ from bevameter.identification.mismatch.name.naming import instead, name, why_not
 from bevameter.identification.mismatch.name.search import search
 from bevameter.identification.mismatch.name.tries import Search, Tries
 from bevameter.identification.mismatch.show.answer import assemble
+from bevameter.identification.simulate import simulate
 
 
 @pytest.fixture(scope="module")
@@ -207,3 +209,25 @@ def test_beside_lugs_as_announced_what_only_a_fit_tells_is_tried(made, monkeypat
     ((base, effects),) = tried
     assert base is only_lugs
     assert {effect.slug for effect in effects} == slugs
+
+
+def test_a_radius_that_is_wrong_by_the_lugs_height_may_be_the_lugs(tmp_path):
+    """Lugs whose tips drag the soil along were once a wrong radius, 96 %."""
+    noise = {"load_N": 1.0, "torque_Nm": 0.5, "slip": 0.002, "sinkage_m": 3e-4, "drawbar_pull_N": 2.5}
+    wheel = Wheel(radius_m=0.17, width_m=0.17, grouser_height_m=0.0087, grouser_count=16)
+    vehicle = Vehicle(wheels=(wheel,), noise=noise)
+    soil = SoilKnowledge({"c_Pa": 2200.0, "phi_rad": 0.45, "k_m": 0.021, "stiffness_Pa": 6e5, "n": 0.78})
+    rng = np.random.default_rng(35)
+    load, slip = rng.permutation(np.tile([150.0, 250.0, 350.0, 450.0], 30)), rng.uniform(0.03, 0.7, 120)
+    names = np.array([f"t{number}" for number in range(120)])
+    path = tmp_path / "table.csv"
+    drive = WheelTable({"load_N": load, "slip": slip}, None, names, path)
+    answers = simulate(vehicle, soil, drive, ["grousers:form=displacement of the tips,s=1"])
+    noisy = {name: answers[name] + sd * rng.normal(size=120) for name, sd in noise.items()}
+    recording = Recording("table", path, vehicle, None, "", "0" * 64, wheel=WheelTable(noisy, None, names, path))
+    answer = explain(recording, catalogue=["grousers", "rolling_radius", "shear_hump"])
+    listed = {slug for each in answer.missing for slug in (each.effect, *each.indistinguishable_from)}
+    assert {"grousers", "rolling_radius"} <= listed
+    lugs = next(each for each in answer.missing if each.effect == "grousers")
+    assert lugs.form == "displacement of the tips"
+    assert abs(lugs.parameters["s"].value - 1.0) < 3.0 * lugs.parameters["s"].sd
