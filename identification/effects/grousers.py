@@ -270,7 +270,7 @@ def forms(situation: Situation) -> tuple[Effect, ...]:
     wheel, drive = situation.wheel, situation.drive
     answer: list[Effect] = []
     if wheel.grouser_height_m > 0.0 and situation.seen(TORQUE, PULL):
-        answer += _steady(wheel.grouser_height_m, wheel.grouser_count)
+        answer += [*_steady(wheel.grouser_height_m, wheel.grouser_count), LugTips(wheel.grouser_height_m)]
     if drive.has("wheel_angle_rad") and np.nanmax(drive.wheel_angle_rad) - np.nanmin(drive.wheel_angle_rad) > np.pi:
         for count in _counts(wheel, drive, situation.innovations):
             answer += _ripples(wheel, count, situation)
@@ -282,7 +282,7 @@ def named(situation: Situation) -> tuple[Effect, ...]:
     wheel = situation.wheel
     answer: list[Effect] = []
     if wheel.grouser_height_m > 0.0:
-        answer += _steady(wheel.grouser_height_m, wheel.grouser_count)
+        answer += [*_steady(wheel.grouser_height_m, wheel.grouser_count), LugTips(wheel.grouser_height_m)]
     if wheel.grouser_count and situation.drive.has("wheel_angle_rad"):
         for each in _ripples(wheel, wheel.grouser_count, situation):
             answer += [each, *each.variants()]
@@ -292,7 +292,6 @@ def named(situation: Situation) -> tuple[Effect, ...]:
 def _steady(height_m: float, count: int) -> list[Effect]:
     """What lugs do at any angle of the wheel, the usual form first."""
     answer: list[Effect] = [LugRadius(height_m, its_slip=its_slip) for its_slip in (False, True)]
-    answer.append(LugTips(height_m))
     return [*answer, LugFaces(height_m, count), LugSides(height_m)] if count else answer
 
 
