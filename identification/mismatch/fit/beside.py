@@ -57,7 +57,8 @@ def attach(table: WheelTable, path: str | Path, wheel: Wheel) -> WheelTable:
     ------
     InputError
         The file has no answer, or neither the clock nor the runs of the recording; its load, slip or sinkage cannot be
-        what its name says, or is not the drive's; or its wheel is stuck throughout.
+        what its name says, or is not the drive's; a time stands twice in it; only one of the two files tells several
+        wheels or runs apart; or its wheel is stuck throughout.
     """
     simulated = read_wheel_file(Path(path))
     if CHANNELS[SLIP] not in simulated:

@@ -212,7 +212,7 @@ def test_beside_lugs_as_announced_what_only_a_fit_tells_is_tried(made, monkeypat
 
 
 def test_a_radius_that_is_wrong_by_the_lugs_height_may_be_the_lugs(tmp_path):
-    """Lugs whose tips drag the soil along were once a wrong radius, 96 %."""
+    """Lugs whose tips drag the soil along were once a wrong radius, up to 96 %."""
     noise = {"load_N": 1.0, "torque_Nm": 0.5, "slip": 0.002, "sinkage_m": 3e-4, "drawbar_pull_N": 2.5}
     wheel = Wheel(radius_m=0.17, width_m=0.17, grouser_height_m=0.0087, grouser_count=16)
     vehicle = Vehicle(wheels=(wheel,), noise=noise)
