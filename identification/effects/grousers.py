@@ -21,7 +21,7 @@ _BEYOND, _TOLD = 0.1, 2.5
 with lugs that were there one was beyond, in place of a torque gain beside them; of six without there being any one."""
 
 _KNOWN = 0.1
-"""Standard deviation of the share of the lugs' height below which data tell it [-]. That soil shears at their tips it
+"""Standard deviation of the share of the lugs' height, by the data alone, below which they tell it [-]. That soil shears at their tips it
 tells then where it is 1 within `_BEYOND`, or `_TOLD` of its standard deviations: of ten recordings with nothing but
 lugs as stated (the fourteenth generator by another hand) eight came within 0.06."""
 
@@ -53,7 +53,9 @@ class LugRadius(Effect):
         return [f"s = {values[0]:.3g}"] if values[0] > 1.0 + max(_BEYOND, _TOLD * sd[0]) else []
 
     def as_announced(self, values: np.ndarray, sd: np.ndarray) -> bool:
-        return bool(sd[0] < _KNOWN and abs(values[0] - 1.0) < max(_BEYOND, _TOLD * sd[0]))
+        # What the prior tells of it confirms nothing: the data have to know it so well without.
+        known = 1.0 / math.hypot(1.0 / _KNOWN, 1.0 / self.parameters[0].scale)
+        return bool(sd[0] < known and abs(values[0] - 1.0) < max(_BEYOND, _TOLD * sd[0]))
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         beyond = values[0] * self._height

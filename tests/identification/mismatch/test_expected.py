@@ -9,7 +9,7 @@ import pytest
 from bevameter import Recording, SoilKnowledge, Vehicle, Wheel, WheelTable, explain
 from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import effects_for
-from bevameter.identification.effects.grousers import LugRadius
+from bevameter.identification.effects.grousers import LugRadius, LugTips
 from bevameter.identification.identify import felt_rows, open_recording
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.fit.trial import situation, textbook_trial, try_adding
@@ -70,6 +70,13 @@ def test_lugs_that_come_out_as_announced_ask_little_of_what_they_gain(made):
     assert surplus_beside(1800.0, 1.0, 0.01) == pytest.approx(30.0 - 0.015 * 1800.0)
     assert surplus_beside(400.0, 0.85, 0.01) == pytest.approx(-2.0), "another form may be right"
     assert surplus_beside(400.0, 1.0, 0.3) == pytest.approx(-2.0), "data that do not tell confirm nothing"
+
+
+@pytest.mark.parametrize("lugs", [LugRadius(0.01), LugTips(0.01)])
+def test_a_prior_that_knows_the_lugs_confirms_none(lugs):
+    scale = lugs.parameters[0].scale
+    told = [1.0 / np.hypot(1.0 / scale, 1.0 / by_data) for by_data in (0.09, 0.11, 1e6)]
+    assert [lugs.as_announced(np.ones(1), np.array([sd])) for sd in told] == [True, False, False]
 
 
 def test_no_share_is_asked_of_what_ripples_gain(made):
