@@ -151,9 +151,13 @@ class AugmentedWheel:
         along = (self._channels(drive, imposed, further_contact, vector, moved) - base) / (further - angle)[:, None]
 
         def derivative(
-            imposed_there: np.ndarray, vector_there: np.ndarray, step: float | np.ndarray, *, far: bool = False
-        ) -> tuple[np.ndarray, np.ndarray]:
-            """Derivatives of the channels (n, 5), and of the entry angle (n,)."""
+            imposed_there: np.ndarray, vector_there: np.ndarray, step: float | np.ndarray, *, far: bool = False,
+            stands: bool = False,
+        ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+            """Derivatives of the channels (n, 5), and of the entry angle (n,): none where the wheel stands alike."""
+            if stands:
+                channels = self._channels(drive, imposed_there, contact, vector_there, forces)
+                return (channels - base) / np.reshape(step, (-1, 1)), np.zeros(len(base))
             true_there = self._true(drive, imposed_there, vector_there)
             there = self._contact(drive, true_there, vector_there, angle)
             forces_there = self._forces_near(there, contact, forces, None if far else slopes)
@@ -162,6 +166,7 @@ class AugmentedWheel:
             return (channels - base + along * turn[:, None]) / np.reshape(step, (-1, 1)), turn / step
 
         far = [False] * SOIL_COUNT + [each.step > 0.0 for effect in self.effects for each in effect.parameters]
+        stands = np.concatenate([np.zeros(SOIL_COUNT, dtype=bool), *[~effect.moves_wheel for effect in self.effects]])
         by_parameter, turned = np.empty((*base.shape, self.size)), np.empty((len(base), self.size))
         taken_over = 0
         if known is not None and np.allclose(base, known.channels, rtol=_SAME, atol=0.0, equal_nan=True):
@@ -170,7 +175,9 @@ class AugmentedWheel:
         for index, step in list(enumerate(self.steps(vector)))[taken_over:]:
             stepped = vector.copy()
             stepped[index] += step
-            by_parameter[:, :, index], turned[:, index] = derivative(imposed, stepped, step, far=far[index])
+            by_parameter[:, :, index], turned[:, index] = derivative(
+                imposed, stepped, step, far=far[index], stands=stands[index]
+            )  # fmt: skip
         by_ground = np.stack([by_parameter[..., 3], by_parameter[..., :2] @ vector[:2]], axis=-1)
         power = angle * growth / carried
         if not latent:

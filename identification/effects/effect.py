@@ -259,6 +259,17 @@ class Effect:
         """Slug, and form in brackets where there is one."""
         return f"{self.slug}[{self.form}]" if self.form else self.slug
 
+    @property
+    def moves_wheel(self) -> np.ndarray:
+        """(k,) True for parameters that may change how the wheel stands in the ground, with its stresses: the others
+        change forces and sinkage only.
+        """
+        kind = type(self)
+        answer = np.full(len(self.parameters), kind.contact is not Effect.contact or kind.impose is not Effect.impose)
+        if self.ripples is not None:
+            answer[self.ripples] = False
+        return answer
+
     def starts(self) -> list[np.ndarray]:
         """Parameter vectors (k,) at which a search may start."""
         return [np.array([parameter.start for parameter in self.parameters])]

@@ -21,9 +21,9 @@ _BEYOND, _TOLD = 0.1, 2.5
 with lugs that were there one was beyond, in place of a torque gain beside them; of six without there being any one."""
 
 _KNOWN = 0.1
-"""Standard deviation of the share of the lugs' height, by the data alone, below which they tell it [-]. That soil shears at their tips it
-tells then where it is 1 within `_BEYOND`, or `_TOLD` of its standard deviations: of ten recordings with nothing but
-lugs as stated (the fourteenth generator by another hand) eight came within 0.06."""
+"""Standard deviation of the share of the lugs' height, by the data alone, below which they tell it [-]. That soil
+shears at their tips it tells then where it is 1 within `_BEYOND`, or `_TOLD` of its standard deviations: of ten
+recordings with nothing but lugs as stated (the fourteenth generator by another hand) eight came within 0.06."""
 
 _BY_CHANCE = 0.01
 """Probability with which noise has a line of the order spectrum that is looked into [-]."""
@@ -185,6 +185,7 @@ class LugRipple(Effect):
         if overtone:
             self.equation += f" + a2 cos({2 * count} theta_w) + b2 sin({2 * count} theta_w)"
         self._orders = (1, 2) if overtone else (1,)
+        self._latest: tuple[Drive, np.ndarray] | None = None
         # The vehicle's own number was not searched for; multiples of it are its lugs' overtones.
         self.sought = math.log(_MOST_LUGS + 1 - _FEWEST_LUGS) if count != stated else 0.0
         if stated and count % stated:
@@ -204,12 +205,16 @@ class LugRipple(Effect):
 
     def waves(self, drive: Drive, values: np.ndarray) -> np.ndarray:
         """Ripple of each channel, (n, channels), in the unit of the parameters."""
-        sizes = values.reshape(len(self._orders), 2, len(self._channels))
-        answer = np.zeros((len(drive), len(self._channels)))
-        for order, (cosines, sines) in zip(self._orders, sizes, strict=True):
-            phase = order * self.count * np.nan_to_num(drive.wheel_angle_rad)[:, None]
-            answer += np.cos(phase) * cosines + np.sin(phase) * sines
-        return answer
+        return self._turns(drive) @ values.reshape(2 * len(self._orders), len(self._channels))
+
+    def _turns(self, drive: Drive) -> np.ndarray:
+        """Cosine and sine of each order, (n, 2 k): a fit asks for those of one drive again and again."""
+        latest = self._latest
+        if latest is None or latest[0] is not drive:
+            phase = np.outer(np.nan_to_num(drive.wheel_angle_rad), np.multiply(self._orders, self.count))
+            turns = np.stack([np.cos(phase), np.sin(phase)], axis=-1).reshape(len(drive), -1)
+            self._latest = latest = drive, turns
+        return latest[1]
 
 
 class Lugs(LugRipple):

@@ -131,6 +131,21 @@ def test_derivatives_are_those_of_the_prediction(effect):
             assert (error <= share * np.abs(numeric).max(axis=0) + 3e-6 * usual / step).all(), (index, error)
 
 
+@pytest.mark.parametrize("effect", [form for form in FORMS if not form.moves_wheel.all()], ids=identity)
+def test_a_wheel_that_an_effect_does_not_move_stands_alike(effect):
+    model = AugmentedWheel(WHEEL, (effect,))
+    null = np.array([parameter.null for parameter in effect.parameters])
+    changed = np.array([min(p.null + 0.5 * p.scale, p.high) for p in effect.parameters])
+    soil = soil_vector(SOIL)
+    here = model.linearise(DRIVE, IMPOSED, np.concatenate([soil, null]), None)
+    there = model.linearise(
+        DRIVE, IMPOSED, np.concatenate([soil, np.where(effect.moves_wheel, null, changed)]), here.entry(np.zeros(1))
+    )
+    np.testing.assert_array_equal(there.theta_1, here.theta_1)
+    assert not np.array_equal(there.channels, here.channels)
+    assert not here.turned[:, 5:][:, ~effect.moves_wheel].any()
+
+
 @pytest.mark.parametrize("effect", [effect for effect in FORMS if effect.nested], ids=identity)
 def test_where_an_effect_is_nothing_derivatives_of_the_wheel_without_it_are_taken_over(effect):
     soil, null = soil_vector(SOIL), np.array([parameter.null for parameter in effect.parameters])

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
+from scipy.sparse import csr_array
 from scipy.stats import norm as normal
 from scipy.stats import t as student
 
@@ -102,10 +103,11 @@ def covariance_of(innovations: np.ndarray, jacobian: np.ndarray, prior: Prior, g
     # In units of what independent rows would tell.
     sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     weight, jacobian = huber_weight(innovations), jacobian * sd
-    count = int(group.max()) + 1
-    pulls, own = np.zeros((count, len(sd))), np.zeros((count, len(sd), len(sd)))
-    np.add.at(pulls, group, np.einsum("nm,nmp->np", weight * innovations, jacobian))
-    np.add.at(own, group, np.einsum("nm,nmp,nmq->npq", weight, jacobian, jacobian, optimize=True))
+    rows, count = len(group), int(group.max()) + 1
+    in_groups = csr_array((np.ones(rows), group, np.arange(rows + 1)), shape=(rows, count)).T
+    pulls = in_groups @ np.einsum("nm,nmp->np", weight * innovations, jacobian)
+    own = np.einsum("nm,nmp,nmq->npq", weight, jacobian, jacobian, optimize=True)
+    own = (in_groups @ own.reshape(rows, -1)).reshape(count, len(sd), len(sd))
     values, axes = np.linalg.eigh(covariance / np.outer(sd, sd))
     root = (axes * np.sqrt(np.maximum(values, 0.0))) @ axes.T
     share, axes = np.linalg.eigh(root @ own @ root)
