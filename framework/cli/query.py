@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..core.errors import InputError
+from ..core.quantities import magnitude
 from .output import FORMATS, check_format, print_csv, print_json, print_table
 
 if TYPE_CHECKING:
@@ -216,13 +217,9 @@ def _number(name: str, text: str) -> float:
 
 def _pascals(text: str) -> float:
     """Read a pressure; a bare number is in pascals."""
-    import pint
-
     try:
-        quantity = pint.Quantity(text)
-        value = quantity.magnitude if quantity.dimensionless else quantity.m_as("Pa")
-        value = float(value)
-    except Exception as error:  # pint raises its own, and the tokenizer's, errors for what it cannot read
+        value = magnitude(text, "Pa")
+    except ValueError as error:
         raise InputError("--normal-stress", f"{text!r}", expected='a pressure such as "20 kPa"') from error
     if not (math.isfinite(value) and value >= 0):
         raise InputError("--normal-stress", f"{text!r}", expected="a finite pressure, not negative")

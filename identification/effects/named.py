@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...framework.core.errors import InputError
+from ...framework.core.quantities import magnitude
 from ...framework.core.vehicle import Wheel
 from ..forward import CHANNELS
 from ..wheel_soil import Soil, equilibrium
@@ -299,19 +300,17 @@ def _number(named: NamedEffect, parameter: Parameter, given: float | str) -> flo
     try:
         value = float(given)
     except (TypeError, ValueError):
-        value = _quantity(str(given), parameter.unit)
+        value = _magnitude(str(given), parameter.unit)
     if not math.isfinite(value):
         unit = f"a finite number [{parameter.unit}]" if parameter.unit else "a finite number"
         raise InputError(f"effect {named.slug}", f"{given!r}", expected=unit, place=parameter.name)
     return value
 
 
-def _quantity(text: str, unit: str) -> float:
-    """Read a quantity with pint; NaN where it is none, or not of the unit (logarithms have none)."""
-    import pint
-
+def _magnitude(text: str, unit: str) -> float:
+    """Read a quantity; NaN where it is none, or not of the unit (logarithms have none)."""
     unit = re.sub(r"(?<=[a-z])(\d)", r"**\1", "" if unit.startswith("ln ") else unit)
     try:
-        return float(pint.Quantity(text).m_as(unit or "dimensionless"))
-    except Exception:  # pint raises its own, and the tokenizer's, errors for what it cannot read
+        return magnitude(text, unit or "dimensionless")
+    except ValueError:
         return math.nan

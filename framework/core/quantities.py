@@ -1,0 +1,35 @@
+"""Quantities that people write: a number, and its unit."""
+
+from __future__ import annotations
+
+import re
+
+_WRITTEN = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)(?![\d.,_])\s*(.*?)\s*", re.ASCII | re.IGNORECASE)
+_UNIT = re.compile(r"(?:[^\W\d_]|[%° ·*/()]|(?<=[^\W\d])(?:\*\*|\^)?-?\d(?!\d)|(?<!\w)1(?=/))*")
+"""Letters, and powers of these of one digit: no arithmetic, which may take for ever."""
+
+
+def magnitude(text: str, unit: str) -> float:
+    """Read one number with a decimal point, and its unit if it has one of its own.
+
+    Parameters
+    ----------
+    text
+        As written: ``"20 kPa"``.
+    unit
+        Of the answer, as pint spells it, and of the number where it has none.
+
+    Raises
+    ------
+    ValueError
+        It is something else: arithmetic, a decimal comma, another dimension.
+    """
+    import pint
+
+    written = _WRITTEN.fullmatch(text)
+    if written is None or _UNIT.fullmatch(written[2]) is None:
+        raise ValueError(f"{text!r} is no number with a unit")
+    try:
+        return float(pint.Quantity(float(written[1]), written[2] or unit).m_as(unit))
+    except Exception as error:  # pint raises its own, and the tokenizer's, errors for what it cannot read
+        raise ValueError(f"{written[2]!r} is no unit like {unit!r}") from error
