@@ -2,8 +2,9 @@
 
 Each class's soil is drawn many times from what is known of it (`posterior`: a new place of the class, Student t), every
 draw goes through the wheel's full mechanics (`identification.wheel_soil`, and where the class has physics of its own
-through these, with their soil: `identification.effects.ensemble`), and the classes' distributions are mixed by the
-belief over classes. Draws are quasi-random and fixed, so that the same question has the same answer.
+through these, with their soil and what their fit may err by: `identification.effects.ensemble`), and the classes'
+distributions are mixed by the belief over classes. Draws are quasi-random and fixed, so that the same question has the
+same answer.
 """
 
 from __future__ import annotations
@@ -22,10 +23,10 @@ from ..framework.core.soil import PARAMETERS, PLAUSIBLE
 from ..framework.core.vehicle import Vehicle, Wheel
 from ..identification import stress_kernel as kernel
 from ..identification.effects.ensemble import drawbar_pull as augmented_pull
-from ..identification.effects.ensemble import parameter_count
+from ..identification.effects.ensemble import error_count, soils_off
 from ..identification.wheel_soil import PEAK_SHARE, Soil, contact_array, solve_contact
 from .mixture import MixtureTable
-from .physics import about_physics
+from .physics import about_physics, errors_of
 from .posterior import ClassSoil, RandomEffects
 
 if TYPE_CHECKING:
@@ -208,10 +209,11 @@ def _pull(snapshot: Snapshot, name: str, vehicle: Vehicle, loads: tuple[float, .
     if physics is None:
         draws, pull_of = soil_draws(soil), _wheel_pull
     else:
-        draws, uniform = soil_draws(about_physics(soil, physics)), _uniform(_SOIL_NUMBERS + parameter_count(physics))
+        errors = errors_of(physics, ndtri(_uniform(_SOIL_NUMBERS + error_count(physics))[:, _SOIL_NUMBERS:]))
+        draws = soils_off(soil_draws(about_physics(soil, physics)), errors)
 
         def pull_of(wheel: Wheel, draws: np.ndarray, load_N: float, slips: np.ndarray) -> np.ndarray:
-            return augmented_pull(physics, wheel, draws, uniform[:, _SOIL_NUMBERS:], load_N, slips)
+            return augmented_pull(physics, wheel, draws, errors, load_N, slips)
 
     total = np.zeros((DRAWS, len(slips)))
     by_wheel: dict[tuple[tuple[float, float, float], float], np.ndarray] = {}

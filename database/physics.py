@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import uuid
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -13,11 +14,16 @@ import numpy as np
 
 from ..framework.core.errors import InputError
 from ..framework.core.soil import Quantity
-from ..identification.effects.stored import AugmentedSimulator
-from .posterior import ClassSoil, RandomEffects, other_parameters
+from ..identification.effects.ensemble import errors_of_fit
+from ..identification.effects.stored import AugmentedSimulator, Estimated
+from .posterior import LEAST_SCATTER, PRIOR_VARIATION, ClassSoil, RandomEffects, other_parameters
 
 _NAMESPACE = uuid.UUID("0d9a6d0c-6f4e-5d63-8a51-2c1b7f0f3a42")
-_LONGEST_NAME = 200
+_LONGEST_NAME, _LONGEST_SOURCE = 200, 4096
+"""Letters of a name, and of a source: a path may be as long."""
+
+LEAST_PROBABILITY = 0.5
+"""Probability of each effect from which on what was found is kept with a class [-]: less likely than not is a guess."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +46,7 @@ class ClassPhysics:
     Raises
     ------
     InputError
-        A name that is empty or too long.
+        A name that is empty, too long or no text, or a time that is none.
     """
 
     class_name: str
@@ -50,12 +56,18 @@ class ClassPhysics:
     site: str = ""
 
     def __post_init__(self) -> None:
-        for name, least in (("class_name", 1), ("source", 0), ("site", 0)):
+        for name, least, most in (("class_name", 1, _LONGEST_NAME), ("source", 0, _LONGEST_SOURCE),
+                                  ("site", 0, _LONGEST_NAME)):  # fmt: skip
             value = getattr(self, name)
-            if not isinstance(value, str) or not least <= len(value) <= _LONGEST_NAME:
-                raise InputError(name, f"{value!r}"[:80], expected=f"text of {least} to {_LONGEST_NAME} letters")
-        if self.observed_at.tzinfo is None:
-            object.__setattr__(self, "observed_at", self.observed_at.replace(tzinfo=UTC))
+            if not isinstance(value, str) or not least <= len(value.strip()) <= len(value) <= most or not _text(value):
+                raise InputError(name, ascii(value)[:80], expected=f"text of {least} to {most} letters")
+        if not isinstance(self.observed_at, datetime):
+            raise InputError("observed_at", f"{self.observed_at!r}"[:80], expected="a datetime")
+        zone = self.observed_at.tzinfo or UTC
+        try:
+            object.__setattr__(self, "observed_at", self.observed_at.replace(tzinfo=zone).astimezone(UTC))
+        except OverflowError as error:
+            raise InputError("observed_at", str(self.observed_at), expected="a time of the years 1 to 9999") from error
 
     @cached_property
     def id(self) -> uuid.UUID:
@@ -63,6 +75,20 @@ class ClassPhysics:
         key = [self.class_name, self.site, self.source, self.observed_at.astimezone(UTC).isoformat(),
                self.physics.to_json()]  # fmt: skip
         return uuid.uuid5(_NAMESPACE, json.dumps(key, ensure_ascii=True, sort_keys=True, separators=(",", ":")))
+
+
+def check_likely(physics: AugmentedSimulator, source: str) -> None:
+    """Refuse what was found without being likely; raises `InputError`."""
+    for effect in physics.effects:
+        if effect.probability < LEAST_PROBABILITY:
+            raise InputError(source, f"{effect.slug} is there with probability {effect.probability:.2g}",
+                             expected=f"{LEAST_PROBABILITY:g} or more: what cannot be told is nothing to plan on"
+                             )  # fmt: skip
+
+
+def _text(value: str) -> bool:
+    """Say whether every database takes it: it is of characters, none of which is zero."""
+    return "\0" not in value and not any("\ud800" <= letter <= "\udfff" for letter in value)
 
 
 def physics_row(found: ClassPhysics) -> dict[str, Any]:
@@ -88,18 +114,34 @@ def about_physics(soil: ClassSoil, physics: AugmentedSimulator) -> ClassSoil:
 
     The textbook wheel's soil has the effects bent into it: with them in the model it would count them twice. How places
     of the class scatter, and how well its mean is known, stays as the stretches show; a parameter that no stretch could
-    tell is the fitted one, with the scatter that soils of one kind usually show.
+    tell is the fitted one, with the scatter that soils of one kind usually show. What the fit itself errs by comes on
+    top of that (`errors_of`).
     """
     values = physics.soil_values
     centre = {"log_k": np.log(values.k_m), "log_stiffness": np.log(values.stiffness_Pa), "n": values.n}
-    fitted = {
-        name: Quantity(entry.value, entry.sd, entry.value - 1.96 * entry.sd, entry.value + 1.96 * entry.sd)
-        for name, entry in physics.soil.items()
-    }
+    fitted = {name: Quantity(entry.value, 0.0, entry.value, entry.value) for name, entry in physics.soil.items()}
     others = {**other_parameters([fitted], np.ones(1)), **soil.others}
     others = {name: _about(others[name], np.array([centre[name]])) for name in centre if name in others}
     strength = _about(soil.strength, np.array([values.c_Pa, np.tan(values.phi_rad)]))
     return replace(soil, strength=strength, others=others)
+
+
+def errors_of(physics: AugmentedSimulator, normal: np.ndarray) -> np.ndarray:
+    """Draw what a fit errs by (`errors_of_fit`), a soil's parameter of which nobody knows how well it was told by as
+    much as places of one class commonly differ.
+    """
+    values = physics.soil_values
+    slope = math.cos(values.phi_rad) ** 2
+    usual = {
+        "c_Pa": max(PRIOR_VARIATION["c_Pa"] * values.c_Pa, LEAST_SCATTER["c_Pa"]),
+        "phi_rad": max(PRIOR_VARIATION["tan_phi"] * math.tan(values.phi_rad), LEAST_SCATTER["tan_phi"]) * slope,
+        **{name: PRIOR_VARIATION[name] * getattr(values, name) for name in ("k_m", "stiffness_Pa", "n")},
+    }
+    soil = {
+        name: entry if math.isfinite(entry.sd) else Estimated(entry.value, usual[name])
+        for name, entry in physics.soil.items()
+    }
+    return errors_of_fit(replace(physics, soil=soil), normal)
 
 
 def _about(effects: RandomEffects, mean: np.ndarray) -> RandomEffects:

@@ -145,11 +145,13 @@ class TerrainDatabase:
         Raises
         ------
         InputError
-            A number in it is not finite or out of bounds, or the database cannot be written.
+            A number in it is not finite or out of bounds, an effect is less likely than not, or the database cannot be
+            written.
         """
-        from .physics import ClassPhysics, physics_row
+        from .physics import ClassPhysics, check_likely, physics_row
 
         sound = type(physics).from_json(physics.to_json(), f"physics of {class_name}")
+        check_likely(sound, f"physics of {class_name}")
         found = ClassPhysics(class_name, sound, source, time if time is not None else datetime.now(UTC), site)
         with _Written(self) as connection:
             return _add_physics(connection, [physics_row(found)])
@@ -259,6 +261,13 @@ class _Reading:
         return self._connection
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        self._close(error)
+        if isinstance(error, ValueError | RecursionError):
+            # The driver decodes numbers, times and JSON as it goes.
+            what = f"holds what cannot be read: {error}".splitlines()[0][:200]
+            raise InputError(self._database.name, what, expected="what was stored by bevameter") from error
+
+    def _close(self, error: BaseException | None) -> None:
         assert self._connection is not None
         self._connection.close()
         if isinstance(error, DBAPIError):
@@ -277,7 +286,7 @@ class _Written(_Reading):
                 self._connection.rollback()
         except DBAPIError as fault:
             error = fault
-        super().__exit__(kind, error, trace)
+        self._close(error)
 
 
 def _table(row_type: type[Base]) -> Table:

@@ -51,7 +51,10 @@ A soil and the effects that were fitted together with it are one object, `Augmen
   `hard_layer`,
   `rim_adhesion`, `bulldozing`, `side_wall_friction`, and `grousers[radius]` with the height of the lugs of the wheel
   asked about.
-  Parameters are drawn from their standard deviations, apart from each other: a wider bound where two trade off.
+- What the fit may err by is in the bounds: its numbers, soil and effects, are drawn together as they are correlated, on
+  top of how places scatter. A number of an effect whose error nobody stated errs by as much as its prior allows, one of
+  the soil as much as places of one class commonly differ.
+- An effect that is less likely than not is refused: an answer that cannot tell is nothing to plan on.
 - Level ground, steady driving and the first wheel in a rut are asked about: effects that wait for a slope, an
   acceleration, a pass number, a place or another speed than the one they were found at do nothing. Tyres, drivetrains
   and faults of

@@ -10,17 +10,17 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.special import ndtri
 
-from ...framework.core.soil import PARAMETERS
+from ...framework.core.soil import PARAMETERS, PLAUSIBLE
 from ...framework.core.vehicle import Wheel
-from ..augmented import AugmentedWheel
+from ..augmented import SOIL_COUNT, AugmentedWheel
+from ..forward import slope_of_internal
 from ..simulate import soil_vector
 from ..wheel_soil import Soil
 from .catalogue import forms_by_name
 from .drive import PresentDrive
 from .effect import COVARIATES, PULL, Contact, Drive, Effect
-from .named import pinned, situation_of, smallest_holding
+from .named import lugs_of, pinned, situation_of, smallest_holding, specimen
 from .stored import AugmentedSimulator, StoredEffect
 from .track import ALONG_X
 
@@ -29,6 +29,10 @@ GROUND = (
     "side_wall_friction", "grousers",
 )  # fmt: skip
 """Effects that ground has on whatever wheel comes next; lugs shear at a share of that wheel's own height."""
+
+
+_FURTHEST = 50.0
+"""Error of a logarithm beyond which every number is out of bounds."""
 
 
 class _SoilOfRow(Effect):
@@ -64,27 +68,66 @@ class _ValuesOfRow(Effect):
         self._effect.act(channels, contact, drive, self._values)
 
 
-def parameter_count(physics: AugmentedSimulator) -> int:
-    """Count the parameters of the effects that act on planners' predictions."""
-    return sum(len(effect.parameters) for effect in _of_the_ground(physics))
+def error_count(physics: AugmentedSimulator) -> int:
+    """Count the numbers that a planner's prediction takes from a fit: of the soil, and of the effects that act."""
+    return SOIL_COUNT + sum(len(effect.parameters) for effect in _of_the_ground(physics))
+
+
+def errors_of_fit(physics: AugmentedSimulator, normal: np.ndarray) -> np.ndarray:
+    """Draw what a fit errs by, all its numbers together as they are correlated.
+
+    Parameters
+    ----------
+    physics
+        Soil, with its standard deviations, and effects; a parameter of these whose error nobody knows errs by as much
+        as its prior allows.
+    normal : (s, `error_count`)
+        Standard normal numbers.
+
+    Returns
+    -------
+    (s, `error_count`)
+        Errors of c [Pa], tan phi, ln k, ln stiffness, ln n, and of the parameters of the effects that act.
+    """
+    soil = {name: physics.soil[name] for name in PARAMETERS}
+    sd = [entry.sd / slope_of_internal(name, entry.value) for name, entry in soil.items()]
+    taken, start = list(range(SOIL_COUNT)), SOIL_COUNT
+    for stored in physics.effects:
+        if stored.slug in GROUND:
+            taken += range(start, start + len(stored.parameters))
+            scale = _usual_scales(stored)
+            sd += [entry.sd if math.isfinite(entry.sd) else scale[name] for name, entry in stored.parameters.items()]
+        start += len(stored.parameters)
+    correlation = np.array(physics.correlation)[np.ix_(taken, taken)] if physics.correlation else np.eye(len(taken))
+    values, axes = np.linalg.eigh(correlation)
+    return normal @ (axes * np.sqrt(np.maximum(values, 0.0))).T * np.array(sd)
+
+
+def soils_off(soils: np.ndarray, errors: np.ndarray) -> np.ndarray:
+    """Give soils (s, 5), columns as `PARAMETERS`, off by errors (s, 5 or more) as of `errors_of_fit`, yet plausible."""
+    tan_phi = np.tan(soils[:, 1]) + errors[:, 1]
+    logarithmic = soils[:, 2:] * np.exp(np.clip(errors[:, 2:SOIL_COUNT], -_FURTHEST, _FURTHEST))
+    answer = np.column_stack([soils[:, 0] + errors[:, 0], np.arctan(tan_phi), logarithmic])
+    low, high = np.array([PLAUSIBLE[name] for name in PARAMETERS]).T
+    return np.clip(answer, low, high)
 
 
 def drawbar_pull(
-    physics: AugmentedSimulator, wheel: Wheel, soils: np.ndarray, uniform: np.ndarray, load_N: float, slips: np.ndarray
+    physics: AugmentedSimulator, wheel: Wheel, soils: np.ndarray, errors: np.ndarray, load_N: float, slips: np.ndarray
 ) -> np.ndarray:
     """Drawbar pull of one wheel on many soils at many slips.
 
     Parameters
     ----------
     physics
-        Effects, with the uncertainty of their parameters.
+        Effects.
     wheel
         Any wheel.
     soils : (s, 5)
         Columns as `PARAMETERS`, SI.
-    uniform : (s, `parameter_count`)
-        Numbers in (0, 1), of which each soil's parameters of the effects are drawn, each from a normal distribution
-        cut off at its bounds, apart from each other.
+    errors : (s, `error_count`)
+        What the fit errs by on each soil (`errors_of_fit`): of the effects' parameters, which stay within their bounds;
+        soils have theirs in them already.
     load_N
         On the wheel [N].
     slips : (k,)
@@ -100,39 +143,45 @@ def drawbar_pull(
     middle = Soil(**dict(zip(PARAMETERS, np.median(soils, axis=0).tolist(), strict=True)))
     situation = situation_of(wheel, middle, drive)
     effects: list[Effect] = [_SoilOfRow(np.repeat(soils, len(slips), axis=0))]
-    column = 0
+    column = SOIL_COUNT
     for stored in _of_the_ground(physics):
         count = len(stored.parameters)
-        drawn = uniform[:, column : column + count]
+        off = errors[:, column : column + count]
         column += count
         alike = [effect for effect in forms_by_name(stored.slug, situation) if effect.form == stored.form]
         effect = smallest_holding(set(stored.parameters), alike)
         if effect is not None:
-            values = _drawn(effect, stored, drawn)
+            values = _drawn(effect, stored, off)
             effects.append(_ValuesOfRow(pinned(effect, stored.named), np.repeat(values, len(slips), axis=1)))
     model = AugmentedWheel(wheel, tuple(effects))
     channels = model.predict(drive, np.column_stack([drive.load_N, drive.slip]), soil_vector(middle)).channels
     return channels[:, PULL].reshape(len(soils), len(slips))
 
 
+def _usual_scales(stored: StoredEffect) -> dict[str, float]:
+    """How far each of an effect's parameters is from nothing, usually, by name."""
+    known = forms_by_name(stored.slug, specimen(lugs_of(stored.form)))
+    effect = smallest_holding(set(stored.parameters), [each for each in known if each.form == stored.form])
+    assert effect is not None, "what is stored was read"
+    return {parameter.name: parameter.scale for parameter in effect.parameters}
+
+
 def _of_the_ground(physics: AugmentedSimulator) -> list[StoredEffect]:
     return [effect for effect in physics.effects if effect.slug in GROUND]
 
 
-def _drawn(effect: Effect, stored: StoredEffect, uniform: np.ndarray) -> np.ndarray:
-    """Parameters (k, s) in the effect's order."""
+def _drawn(effect: Effect, stored: StoredEffect, off: np.ndarray) -> np.ndarray:
+    """Parameters (k, s) in the effect's order, off by errors (s, k) in the stored one's."""
     order = list(stored.parameters)
     values = []
     for parameter in effect.parameters:
         entry = stored.parameters.get(parameter.name)
         if entry is None:
-            values.append(np.full(len(uniform), parameter.null))
+            values.append(np.full(len(off), parameter.null))
             continue
-        sd = entry.sd if math.isfinite(entry.sd) else 0.0
-        normal = ndtri(np.clip(uniform[:, order.index(parameter.name)], 1e-9, 1.0 - 1e-9))
         # Bounds that follow from the drive that it was found on are not this wheel's; the value itself was in them.
         low, high = min(parameter.low, entry.value), max(parameter.high, entry.value)
-        values.append(np.clip(entry.value + sd * normal, low, high))
+        values.append(np.clip(entry.value + off[:, order.index(parameter.name)], low, high))
     return np.array(values)
 
 

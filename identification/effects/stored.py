@@ -1,7 +1,8 @@
 """The augmented simulator as an object that outlives its fit: soil and effects as numbers, written as JSON.
 
-Nothing in it depends on the wheel that it was found with: effects are built anew for the wheel and the drive asked
-about. What the formulas of effects take from the drive that they were found on (`Effect.constants`) is kept.
+But for the number of lugs that the name of a ripple says, nothing in it depends on the wheel that it was found with:
+effects are built anew for the wheel and the drive asked about. What the formulas of effects take from the drive that
+they were found on (`Effect.constants`) is kept.
 """
 
 from __future__ import annotations
@@ -27,8 +28,11 @@ from .catalogue import SLUGS, forms_by_name
 from .effect import Effect
 from .named import NamedEffect, follows_drive, lugs_of, smallest_holding, specimen
 
-SCHEMA = 1
-"""Version of the document's meaning."""
+SCHEMA = 2
+"""Version of the document's meaning: the second one knows correlations and probabilities, and reads the first."""
+
+_ROUNDING = 1e-9
+"""Negative eigenvalue, for each number, that rounding leaves of correlations [-]."""
 
 MOST_EFFECTS = 32
 """No ground needs more; a document that names more is refused before it costs time."""
@@ -44,12 +48,16 @@ class Estimated:
 
 @dataclass(frozen=True)
 class StoredEffect:
-    """An effect that was found: slug, form, its parameters that were fitted, constants of the formula; by name [SI]."""
+    """An effect that was found: slug, form, its parameters that were fitted, constants of the formula; by name [SI].
+
+    `probability` is that of its being there at all, NaN where nobody asked.
+    """
 
     slug: str
     form: str
     parameters: Mapping[str, Estimated]
     constants: Mapping[str, float] = field(default_factory=dict)
+    probability: float = math.nan
 
     @property
     def named(self) -> NamedEffect:
@@ -68,13 +76,20 @@ class AugmentedSimulator:
         By name, all of `PARAMETERS` [SI], fitted together with the effects.
     effects
         Those found, in the order in which they act; instruments' faults among them.
+    correlation : (p, p)
+        Of the errors of c, tan phi, ln k, ln stiffness, ln n and the effects' parameters, in their order; empty where
+        it is not known.
     """
 
     soil: Mapping[str, Estimated]
     effects: tuple[StoredEffect, ...] = ()
+    correlation: tuple[tuple[float, ...], ...] = ()
 
     @staticmethod
-    def of(model: AugmentedWheel, vector: np.ndarray, covariance: np.ndarray | None = None) -> AugmentedSimulator:
+    def of(
+        model: AugmentedWheel, vector: np.ndarray, covariance: np.ndarray | None = None,
+        probabilities: Mapping[str, float] = MappingProxyType({}),
+    ) -> AugmentedSimulator:  # fmt: skip
         """Take over what was fitted.
 
         Parameters
@@ -83,6 +98,8 @@ class AugmentedSimulator:
             The simulator fitted and its parameters.
         covariance : (p, p), optional
             Of the vector.
+        probabilities
+            Of effects, by slug.
 
         Raises
         ------
@@ -102,8 +119,9 @@ class AugmentedSimulator:
                 raise InputError("effects", repr(effect.slug), expected="one of " + ", ".join(SLUGS))
             numbers = zip(effect.parameters, vector[where].tolist(), spread[where].tolist(), strict=True)
             parameters = {parameter.name: Estimated(value, sd) for parameter, value, sd in numbers}
-            effects.append(StoredEffect(effect.slug, effect.form, parameters, dict(effect.constants)))
-        return AugmentedSimulator(MappingProxyType(soil), tuple(effects))
+            probability = probabilities.get(effect.slug, math.nan)
+            effects.append(StoredEffect(effect.slug, effect.form, parameters, dict(effect.constants), probability))
+        return AugmentedSimulator(MappingProxyType(soil), tuple(effects), _correlation_of(covariance))
 
     @property
     def soil_values(self) -> Soil:
@@ -115,9 +133,14 @@ class AugmentedSimulator:
         return simulate(vehicle, self.soil_values, drive, [effect.named for effect in self.effects])
 
     def to_json(self) -> dict[str, Any]:
-        """Give the document that `from_json` reads; what is not known is None."""
+        """Give the document that `from_json` reads; what is not known is None.
+
+        What knows neither correlations nor probabilities is a document of the first version, as it was.
+        """
+        told = bool(self.correlation) or any(math.isfinite(effect.probability) for effect in self.effects)
+        second = {"correlation": [list(row) for row in self.correlation] or None} if told else {}
         return {
-            "schema": SCHEMA,
+            "schema": SCHEMA if told else 1,
             "soil": {name: _packed(self.soil[name]) for name in PARAMETERS},
             "effects": [
                 {
@@ -125,9 +148,11 @@ class AugmentedSimulator:
                     "form": effect.form,
                     "parameters": {name: _packed(entry) for name, entry in effect.parameters.items()},
                     "constants": {name: float(value) for name, value in effect.constants.items()},
+                    **({"probability": _known(effect.probability)} if told else {}),
                 }
                 for effect in self.effects
             ],
+            **second,
         }
 
     @staticmethod
@@ -140,28 +165,60 @@ class AugmentedSimulator:
             It is not of `to_json`'s form, or holds an unknown effect, form or parameter, a number that is not finite
             or is out of bounds.
         """
-        page = _table(document, {"schema", "soil", "effects"}, source, "document")
-        if isinstance(page["schema"], bool) or page["schema"] != SCHEMA:
-            raise InputError(source, f"schema {page['schema']!r}", expected=str(SCHEMA))
+        schema = document.get("schema") if isinstance(document, dict) else None
+        if isinstance(document, dict) and "schema" in document and (isinstance(schema, bool) or schema not in (1, 2)):
+            raise InputError(source, f"schema {_shown(schema)}", expected="1 or 2")
+        further = {"correlation"} if schema == SCHEMA else set()
+        page = _table(document, {"schema", "soil", "effects"} | further, source, "document")
         soil = _table(page["soil"], set(PARAMETERS), source, "soil")
         effects = page["effects"]
         if not isinstance(effects, list) or len(effects) > MOST_EFFECTS:
             raise InputError(source, "no list of effects", expected=f"at most {MOST_EFFECTS} of them", place="effects")
+        known = tuple(_effect(entry, schema, source, f"effect {index + 1}") for index, entry in enumerate(effects))
+        size = SOIL_COUNT + sum(len(effect.parameters) for effect in known)
         return AugmentedSimulator(
             MappingProxyType({
                 name: _estimated(soil[name], PLAUSIBLE[name], source, f"soil, {name}") for name in PARAMETERS
             }),
-            tuple(_effect(entry, source, f"effect {index + 1}") for index, entry in enumerate(effects)),
+            known,
+            _correlation(page.get("correlation"), size, source),
         )  # fmt: skip
 
 
-def _effect(document: Any, source: str, place: str) -> StoredEffect:
-    page = _table(document, {"slug", "form", "parameters", "constants"}, source, place)
+def _correlation_of(covariance: np.ndarray | None) -> tuple[tuple[float, ...], ...]:
+    """Correlations of a covariance (p, p); of what is known exactly none."""
+    if covariance is None:
+        return ()
+    sd = np.sqrt(np.diag(covariance))
+    scale = np.divide(1.0, sd, out=np.zeros_like(sd), where=sd > 0.0)
+    answer = np.clip(covariance * np.outer(scale, scale), -1.0, 1.0)
+    np.fill_diagonal(answer, 1.0)
+    return tuple(map(tuple, answer.tolist()))
+
+
+def _correlation(document: Any, size: int, source: str) -> tuple[tuple[float, ...], ...]:
+    """Read correlations of so many numbers, or none."""
+    if document is None:
+        return ()
+    square = isinstance(document, list) and len(document) == size
+    if not square or not all(isinstance(row, list) and len(row) == size for row in document):
+        raise InputError(source, "no square", expected=f"{size} rows of {size} numbers", place="correlation")
+    answer = np.array([[_finite(each, (-1.0, 1.0), source, "correlation") for each in row] for row in document])
+    sound = np.array_equal(answer, answer.T) and (np.diag(answer) == 1.0).all()
+    if not sound or np.linalg.eigvalsh(answer)[0] < -_ROUNDING * size:
+        raise InputError(source, "no correlations", expected="a symmetric matrix, ones on its diagonal, without "
+                         "negative eigenvalues", place="correlation")  # fmt: skip
+    return tuple(map(tuple, answer.tolist()))
+
+
+def _effect(document: Any, schema: object, source: str, place: str) -> StoredEffect:
+    further = {"probability"} if schema == SCHEMA else set()
+    page = _table(document, {"slug", "form", "parameters", "constants"} | further, source, place)
     slug, form = page["slug"], page["form"]
     if not isinstance(slug, str) or slug not in SLUGS:
-        raise InputError(source, f"effect {slug!r}"[:80], expected="one of " + ", ".join(SLUGS), place=place)
+        raise InputError(source, f"effect {_shown(slug)}", expected="one of " + ", ".join(SLUGS), place=place)
     if not isinstance(form, str):
-        raise InputError(source, f"form {form!r}"[:80], expected="text", place=place)
+        raise InputError(source, f"form {_shown(form)}", expected="text", place=place)
     known = [effect for effect in forms_by_name(slug, specimen(lugs_of(form))) if effect.form == form]
     if not known:
         raise InputError(source, f"form {form!r} of {slug}"[:120], expected="a form of the catalogue", place=place)
@@ -179,7 +236,9 @@ def _effect(document: Any, source: str, place: str) -> StoredEffect:
         where = f"{place}, {parameter.name}"
         parameters[parameter.name] = _estimated(page["parameters"][parameter.name], bounds, source, where)
     constants = _constants(page["constants"], effect, source, place)
-    return StoredEffect(slug, form, MappingProxyType(parameters), MappingProxyType(constants))
+    believed = page.get("probability")
+    probability = math.nan if believed is None else _finite(believed, (0.0, 1.0), source, f"{place}, probability")
+    return StoredEffect(slug, form, MappingProxyType(parameters), MappingProxyType(constants), probability)
 
 
 def _constants(document: Any, effect: Effect, source: str, place: str) -> dict[str, float]:
@@ -192,7 +251,19 @@ def _constants(document: Any, effect: Effect, source: str, place: str) -> dict[s
 
 
 def _packed(entry: Estimated) -> dict[str, float | None]:
-    return {"value": float(entry.value), "sd": float(entry.sd) if math.isfinite(entry.sd) else None}
+    return {"value": float(entry.value), "sd": _known(entry.sd)}
+
+
+def _shown(value: Any) -> str:
+    """A value for a message: some are too large, or nested too deeply, to be written."""
+    try:
+        return f"{value!r}"[:80]
+    except (ValueError, RecursionError):
+        return f"a {type(value).__name__} too large to be shown"
+
+
+def _known(number: float) -> float | None:
+    return float(number) if math.isfinite(number) else None
 
 
 def _table(document: Any, keys: set[str], source: str, place: str) -> dict[str, Any]:
@@ -217,5 +288,5 @@ def _finite(number: Any, bounds: tuple[float, float], source: str, place: str) -
     slack = 1e-9 * max(abs(low) if math.isfinite(low) else 0.0, abs(high) if math.isfinite(high) else 0.0)
     if not usable or not -1e300 < number < 1e300 or not low - slack <= number <= high + slack:
         span = f"a number from {low:g} to {high:g}" if math.isfinite(low + high) else "a finite number in range"
-        raise InputError(source, f"{number!r}"[:80], expected=span, place=place)
+        raise InputError(source, _shown(number), expected=span, place=place)
     return min(max(float(number), low), high)

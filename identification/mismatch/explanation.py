@@ -144,6 +144,8 @@ class Explanation:
     simulator
         The textbook wheel with what was missing, its parameter vector `vector` (p,), and the vector's `covariance`
         (p, p).
+    believed
+        Probability of each of the simulator's effects, by slug.
     seconds
         Time taken.
     """
@@ -169,16 +171,19 @@ class Explanation:
     seed: int = 0
     n: int = field(default=0)
     covariance: np.ndarray | None = None
+    believed: dict[str, float] = field(default_factory=dict)
     screened: tuple[Screened, ...] = ()
 
     @property
     def physics(self) -> AugmentedSimulator:
         """Soil and effects as found: to simulate and predict with, to save, to keep with a class of ground.
 
-        The textbook wheel's soil alone where nothing was found. A smooth correction that stands in for something
-        unknown is not part of it: it holds nowhere but in the recording.
+        The textbook wheel's soil alone where nothing was found. Each effect has the probability of its being there:
+        where that is low, because these data do not tell what was left out, others would do as well. The soil is known
+        as well as it is if the effects are right; `soil` counts those that may be, too. A smooth correction that stands
+        in for something unknown is not part of it: it holds nowhere but in the recording.
         """
-        return AugmentedSimulator.of(self.simulator, self.vector, self.covariance)
+        return AugmentedSimulator.of(self.simulator, self.vector, self.covariance, self.believed)
 
 
 def _number(value: float) -> float | None:

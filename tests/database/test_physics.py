@@ -6,7 +6,7 @@ import dataclasses
 import math
 import sqlite3
 from contextlib import closing
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime, timedelta, timezone
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def physics(*effects: StoredEffect, soil: Soil = SOIL) -> AugmentedSimulator:
     return AugmentedSimulator({name: Estimated(getattr(soil, name), 0.0) for name in PARAMETERS}, effects)
 
 
-def effect(slug: str, form: str = "", sd: float = math.nan, **parameters: float) -> StoredEffect:
+def effect(slug: str, form: str = "", sd: float = 0.0, **parameters: float) -> StoredEffect:
     return StoredEffect(slug, form, {name: Estimated(value, sd) for name, value in parameters.items()})
 
 
@@ -183,6 +183,88 @@ def test_what_is_not_known_of_the_effect_widens_the_bound(traverse):
     )
     assert unsure.lower[0] < sure.lower[0] - 0.5
     assert unsure.mean[0] == pytest.approx(sure.mean[0], abs=0.3)
+
+
+def test_what_the_fit_does_not_know_of_the_soil_widens_the_bound(traverse):
+    def answer(found: AugmentedSimulator):
+        return Snapshot.derive("q", [traverse], {"sand": found}).along([SAND]).drawbar_pull(ROVER, slip=0.3)
+
+    sure = physics()
+    sd = {"c_Pa": 400.0, "phi_rad": 0.06, "k_m": 0.002, "stiffness_Pa": 4e4, "n": 0.05}
+    unsure = dataclasses.replace(sure, soil={name: Estimated(sure.soil[name].value, sd[name]) for name in PARAMETERS})
+    # Cohesion and friction make up for each other, as a fit to one load has them.
+    ridge = np.eye(5)
+    ridge[0, 1] = ridge[1, 0] = -0.98
+    told = dataclasses.replace(unsure, correlation=tuple(map(tuple, ridge.tolist())))
+    unknown = dataclasses.replace(sure, soil={name: Estimated(sure.soil[name].value) for name in PARAMETERS})
+    exact, wide, narrow, nobody = map(answer, (sure, unsure, told, unknown))
+    assert wide.lower[0] < narrow.lower[0] - 0.5 < exact.lower[0] - 1.0
+    assert nobody.lower[0] < exact.lower[0] - 1.0
+    assert wide.mean[0] == pytest.approx(exact.mean[0], abs=2.0)
+
+
+def test_the_bound_holds_where_soils_are_drawn_from_what_the_fit_knows(traverse):
+    """Of soils that the fit allows, one of twenty pulls less than the bound, or fewer: places differ besides."""
+    sd = {"c_Pa": 400.0, "phi_rad": 0.06, "k_m": 0.004, "stiffness_Pa": 1e5, "n": 0.15}
+    found = AugmentedSimulator({name: Estimated(getattr(SOIL, name), sd[name]) for name in PARAMETERS})
+    view = Snapshot.derive("q", [traverse], {"sand": found}).along([SAND], confidence=0.95)
+    for slip in (0.1, 0.3, 0.6):
+        lower = view.drawbar_pull(ROVER, slip=slip).lower[0]
+        rng = np.random.default_rng(11)
+        soils = [Soil(*(max(getattr(SOIL, name) + sd[name] * rng.normal(), 1e-3) for name in PARAMETERS))
+                 for _ in range(400)]  # fmt: skip
+        pulls = [equilibrium(WHEEL, soil, np.array([80.0]), np.array([slip])).drawbar_pull_N[0] for soil in soils]
+        assert np.mean(np.array(pulls) < lower) <= 0.06
+
+
+def test_what_is_less_likely_than_not_is_not_kept(tmp_path):
+    guess = dataclasses.replace(effect("slip_sinkage", "exponent", n1=0.6), probability=0.4)
+    likely = dataclasses.replace(guess, probability=0.96)
+    with TerrainDatabase(tmp_path / "terrain.db") as database:
+        with pytest.raises(InputError, match=r"slip_sinkage is there with probability 0.4 \(expected 0.5 or more"):
+            database.add_physics("sand", physics(likely, guess), source="x")
+        assert database.add_physics("sand", physics(likely), source="x").new == 1
+        assert database.physics()[0].physics.effects[0].probability == 0.96
+
+
+@pytest.mark.parametrize(
+    ("name", "given"),
+    [
+        ("class_name", {"class_name": " "}), ("class_name", {"class_name": "sa\0nd"}),
+        ("class_name", {"class_name": "sand\ud83d"}), ("source", {"source": "x" * 5000}),
+        ("observed_at", {"time": "today"}), ("observed_at", {"time": 5.0}),
+        ("observed_at", {"time": datetime.max.replace(tzinfo=timezone(timedelta(hours=-5)))}),
+    ],
+)  # fmt: skip
+def test_what_no_database_takes_is_refused_in_one_line(tmp_path, name, given):
+    with TerrainDatabase(tmp_path / "terrain.db") as database:
+        with pytest.raises(InputError, match=name):
+            database.add_physics(**{"class_name": "sand", "physics": SINKS, "source": "x"} | given)
+        assert database.add_physics("sand", SINKS, source="/" + "a/" * 900).new == 1
+
+
+_PHYSICS = "UPDATE class_physics SET physics = ?"
+
+
+@pytest.mark.parametrize(
+    ("statement", "value"),
+    [
+        (_PHYSICS, "{bad"), (_PHYSICS, ""), (_PHYSICS, "[" * 100_000), (_PHYSICS, '{"schema": ' + "9" * 5001 + "}"),
+        ("UPDATE class_physics SET observed_at = ?", "garbage"), ("UPDATE class_physics SET id = ?", "zz"),
+    ],
+)  # fmt: skip
+def test_physics_that_cannot_even_be_decoded_is_one_line(tmp_path, traverse, statement, value):
+    path = tmp_path / "terrain.db"
+    with TerrainDatabase(path) as database:
+        database.add_drive(traverse)
+        database.add_physics("sand", SINKS, source="x", time=FOUND)
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute(statement, (value,))
+        connection.commit()
+    with TerrainDatabase(path) as database, pytest.raises(InputError, match="cannot be read") as caught:
+        database.snapshot()
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 1000
 
 
 def test_mobility_uses_it_and_a_class_whose_k_no_stretch_told_becomes_predictable(make):

@@ -15,7 +15,7 @@ from bevameter.framework.core.soil import PARAMETERS
 from bevameter.identification.augmented import AugmentedWheel
 from bevameter.identification.effects.catalogue import SLUGS, forms_by_name
 from bevameter.identification.effects.effect import PULL, TORQUE, Effect
-from bevameter.identification.effects.ensemble import drawbar_pull, parameter_count
+from bevameter.identification.effects.ensemble import drawbar_pull, error_count, errors_of_fit, soils_off
 from bevameter.identification.effects.named import specimen
 from bevameter.identification.effects.stored import AugmentedSimulator, Estimated, StoredEffect
 from bevameter.identification.simulate import simulate, soil_vector
@@ -73,6 +73,20 @@ def test_what_was_stored_simulates_as_what_was_fitted():
     assert np.abs(other["sinkage_m"] / answer["sinkage_m"] - 1.0).max() > 0.01
 
 
+def crossed() -> list:
+    """Correlations that contradict each other."""
+    answer = np.eye(6)
+    answer[:3, :3] = [[1.0, 0.9, -0.9], [0.9, 1.0, 0.9], [-0.9, 0.9, 1.0]]
+    return answer.tolist()
+
+
+def test_what_knows_no_correlation_is_written_as_it_was():
+    page = physics("slip_sinkage", form="exponent", n1=0.5).to_json()
+    assert page["schema"] == 1
+    assert set(page) == {"schema", "soil", "effects"}
+    assert AugmentedSimulator.from_json(page).correlation == ()
+
+
 def broken() -> dict:
     """Faults by name: how to spoil a good document, and what the message says."""
 
@@ -86,7 +100,7 @@ def broken() -> dict:
 
     effect = ("effects", 0)
     return {
-        "schema": (at("schema", value=2), "schema 2"),
+        "schema": (at("schema", value=3), "schema 3"),
         "schema true": (at("schema", value=True), "schema True"),
         "extra key": (at("code", value="import os"), "code"),
         "no soil": (at("soil", value=None), "an object with"),
@@ -106,6 +120,13 @@ def broken() -> dict:
         "out of bounds": (at(*effect, "parameters", "n1", "value", value=99.0), "from 0 to 3"),
         "not finite": (at(*effect, "parameters", "n1", "value", value=math.nan), "n1"),
         "constant": (at(*effect, "constants", value={"v0": 1.0}), "constants"),
+        "probability": (at(*effect, "probability", value=1.5), "probability"),
+        "no square": (at("correlation", value=[[1.0]]), "6 rows of 6 numbers"),
+        "no rows": (at("correlation", value=[1.0] * 6), "6 rows of 6 numbers"),
+        "not symmetric": (at("correlation", 0, 1, value=0.5), "symmetric"),
+        "negative eigenvalue": (at("correlation", value=crossed()), "negative eigenvalues"),
+        "no correlation": (at("correlation", 0, 1, value=math.nan), "correlation"),
+        "too long a number": (at("schema", value=10**6000), "too large"),
     }
 
 
@@ -138,8 +159,8 @@ def test_many_soils_without_effects_of_the_ground_are_the_textbooks():
     soils = draws()
     for name in (physics("torque_gain", g=0.3), physics("drivetrain_friction", form="coulomb", T_c=0.5),
                  physics("slope_gravity", s=1.0), physics("rate_dependence", form="stiffness", m=0.3)):  # fmt: skip
-        assert parameter_count(name) == 0
-        pulls = drawbar_pull(name, SITUATION.wheel, soils, np.empty((len(soils), 0)), 90.0, SLIPS)
+        assert error_count(name) == 5
+        pulls = drawbar_pull(name, SITUATION.wheel, soils, np.empty((len(soils), 5)), 90.0, SLIPS)
         for row, soil in zip(pulls, soils, strict=True):
             state = equilibrium(SITUATION.wheel, Soil(*soil.tolist()), np.full(3, 90.0), SLIPS)
             np.testing.assert_allclose(row, state.drawbar_pull_N, atol=1e-3)
@@ -148,32 +169,51 @@ def test_many_soils_without_effects_of_the_ground_are_the_textbooks():
 def test_each_soil_and_draw_goes_through_the_effect_of_the_ground():
     soils = draws()
     ground = physics("slip_sinkage", sd=0.1, form="exponent", n1=0.5)
-    uniform = np.linspace(0.05, 0.95, len(soils))[:, None]
-    pulls = drawbar_pull(ground, SITUATION.wheel, soils, uniform, 90.0, SLIPS)
+    errors = np.column_stack([np.zeros((len(soils), 5)), np.linspace(-0.2, 0.2, len(soils))])
+    pulls = drawbar_pull(ground, SITUATION.wheel, soils, errors, 90.0, SLIPS)
     (effect, *_) = forms_by_name("slip_sinkage", SITUATION)
     drive = SITUATION.drive
     rows = type(drive)(**{**{name: values[:3] for name, values in vars(drive).items()},
                           "load_N": np.full(3, 90.0), "slip": SLIPS})  # fmt: skip
     for index in (0, 20, 39):
-        n1 = 0.5 + 0.1 * math.sqrt(2.0) * erfinv(2.0 * float(uniform[index, 0]) - 1.0)
-        vector = np.append(soil_vector(Soil(*soils[index].tolist())), n1)
+        vector = np.append(soil_vector(Soil(*soils[index].tolist())), 0.5 + errors[index, 5])
         imposed = np.column_stack([rows.load_N, rows.slip])
         expected = AugmentedWheel(SITUATION.wheel, (effect,)).predict(rows, imposed, vector).channels[:, PULL]
         np.testing.assert_allclose(pulls[index], expected, rtol=1e-3, atol=1e-3)
 
 
-def erfinv(share: float) -> float:
-    from scipy.special import erfinv as inverse
+def test_a_fit_errs_by_all_its_numbers_together():
+    (lag,), (sinkage, *_) = (forms_by_name(slug, SITUATION)[:1] for slug in ("torque_gain", "slip_sinkage"))
+    model = AugmentedWheel(SITUATION.wheel, (lag, sinkage))
+    root = np.diag([50.0, 0.02, 0.1, 0.2, 0.05, 0.01, 0.04]) @ np.linalg.cholesky(0.3 * np.eye(7) + 0.7)
+    covariance = root @ root.T
+    found = AugmentedSimulator.of(model, np.concatenate([soil_vector(SOIL), [0.02, 0.5]]), covariance)
+    again = AugmentedSimulator.from_json(json.loads(json.dumps(found.to_json())))
+    assert again == found
+    normal = np.random.default_rng(5).normal(size=(40_000, error_count(again)))
+    errors = errors_of_fit(again, normal)
+    kept = [0, 1, 2, 3, 4, 6]  # what the instrument errs by is not the ground's
+    sd = np.sqrt(np.diag(covariance))[kept]
+    np.testing.assert_allclose(np.cov(errors.T) / np.outer(sd, sd), np.full((6, 6), 0.7) + 0.3 * np.eye(6), atol=0.02)
+    moved = soils_off(np.tile([500.0, SOIL.phi_rad, 0.012, 2e5, 0.9], (len(errors), 1)), errors)
+    inside = np.column_stack([moved[:, 0], np.tan(moved[:, 1]), np.log(moved[:, 2:])])
+    np.testing.assert_allclose(inside - soil_vector(SOIL), errors[:, :5], atol=1e-9)
 
-    return float(inverse(share))
+
+def test_errors_that_nobody_knows_are_as_large_as_the_prior_s():
+    ground = physics("slip_sinkage", form="exponent", n1=0.5)
+    (effect, *_) = forms_by_name("slip_sinkage", SITUATION)
+    errors = errors_of_fit(ground, np.eye(6))
+    assert errors[5, 5] == pytest.approx(effect.parameters[0].scale)
+    assert errors[0, 0] == pytest.approx(0.01)
 
 
 def test_lugs_are_those_of_the_wheel_that_comes():
     soils = draws(4)
     ground = physics("grousers", form="radius", s=0.8)
-    uniform = np.full((4, 1), 0.5)
-    smooth = drawbar_pull(ground, Wheel(radius_m=0.15, width_m=0.12), soils, uniform, 90.0, SLIPS)
-    lugged = drawbar_pull(ground, SITUATION.wheel, soils, uniform, 90.0, SLIPS)
+    errors = np.zeros((4, 6))
+    smooth = drawbar_pull(ground, Wheel(radius_m=0.15, width_m=0.12), soils, errors, 90.0, SLIPS)
+    lugged = drawbar_pull(ground, SITUATION.wheel, soils, errors, 90.0, SLIPS)
     assert (lugged > smooth).all()
 
 

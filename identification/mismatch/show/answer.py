@@ -72,6 +72,8 @@ def assemble(
         missing = tuple(replace(e, indistinguishable_from=e.indistinguishable_from[:others]) for e in asserted)
     if verdict == "cannot_tell":
         missing = _most_probable(missing, naming)
+    if verdict == "unknown":
+        missing = tuple(each for each in missing if each.probability >= MENTIONED)
     if verdict == "none":
         after, regions = before, ()
     before = before if simulated is None else simulated[:, problem.answers]
@@ -100,6 +102,7 @@ def assemble(
         simulator=best.fitted.model,
         vector=best.fitted.vector,
         covariance=best.fitted.covariance,
+        believed={slug: float(naming.effects.get(slug, 0.0)) for slug in sorted(best.slugs)},
         seconds=time.perf_counter() - began,
         seed=seed,
         n=int(problem.seen.any(axis=1).sum()),
