@@ -18,7 +18,10 @@ NORMAL_MAD = 1.4826
 _LEAST_SHARE = 2e-3
 """No sensor is taken to be better than this share of the channel's largest value [-]."""
 
-_FEWEST_NEIGHBOURS, _FEWEST_DIFFERENCES = 7, 30
+_FEWEST_NEIGHBOURS, _FEWEST_DIFFERENCES, _FEWEST_BETWEEN = 7, 30, 8
+
+_SAME_LOAD = 0.05
+"""Loads of trials that lie no further apart, sorted by size, are the same (logarithm) [-]."""
 
 
 def sensor_noise(table: WheelTable, vehicle: Vehicle) -> np.ndarray:
@@ -96,6 +99,38 @@ def _from_repeats(table: WheelTable, values: np.ndarray, name: str) -> float:
     difference = (values - values[other])[apart[:, 1] < 0.1]
     difference = difference[np.isfinite(difference)]
     return NORMAL_MAD * float(np.median(np.abs(difference))) / np.sqrt(2.0) if difference.size else 0.0
+
+
+def scatter_along_slip(load_N: np.ndarray, slip: np.ndarray, values: np.ndarray) -> float:
+    """Standard deviation of what single trials scatter by, from how far each lies from the line between its neighbours
+    in slip under the same load; NaN where too few have two.
+
+    Rather too much than too little: what bends over a few of them counts, and so does a standard deviation of what so
+    few can tell (neighbouring differences share trials, and say as much as half as many).
+
+    Parameters
+    ----------
+    load_N, slip : (n,)
+        Of the trials.
+    values : (n,)
+        What they answer, or what a model leaves of it.
+    """
+    seen = np.flatnonzero(np.isfinite(values) & np.isfinite(slip) & (load_N > 0.0))
+    seen = seen[np.argsort(load_N[seen])]
+    away = []
+    for rows in np.split(seen, np.flatnonzero(np.diff(np.log(load_N[seen])) > _SAME_LOAD) + 1):
+        rows = rows[np.argsort(slip[rows])]
+        before, here, after = rows[:-2], rows[1:-1], rows[2:]
+        wide = slip[after] - slip[before]
+        with np.errstate(invalid="ignore"):
+            share = (slip[here] - slip[before]) / wide
+        line = (1.0 - share) * values[before] + share * values[after]
+        apart = (values[here] - line) / np.sqrt(1.0 + share**2 + (1.0 - share) ** 2)
+        away.append(apart[wide > 0.0])
+    away = np.concatenate(away)
+    if len(away) < _FEWEST_BETWEEN:
+        return float("nan")
+    return float(np.sqrt(np.mean(away**2)) * (1.0 + len(away) ** -0.5))
 
 
 def in_time(values: np.ndarray, stretch: np.ndarray) -> list[np.ndarray]:

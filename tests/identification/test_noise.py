@@ -1,0 +1,59 @@
+"""Noise that a recording shows of itself."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bevameter import Recording, Vehicle, Wheel, WheelTable, explain
+from bevameter.identification.noise import scatter_along_slip
+from bevameter.identification.wheel_soil import Soil, equilibrium
+
+SLIPS = np.array([0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
+WHEEL = Wheel(radius_m=0.15, width_m=0.12)
+
+
+def test_trials_scatter_about_the_line_between_their_neighbours_in_slip():
+    rng = np.random.default_rng(2)
+    load, slip = np.repeat([60.0, 100.0, 140.0], 40), np.tile(np.sort(rng.uniform(0.0, 0.6, 40)), 3)
+    found = []
+    for _ in range(200):
+        smooth = 0.05 * load + 3.0 * slip
+        order = rng.permutation(len(load))
+        values = smooth + rng.normal(scale=0.4, size=len(load))
+        weighed = load * (1.0 + 0.01 * rng.uniform(-1.0, 1.0, len(load)))
+        found.append(scatter_along_slip(weighed[order], slip[order], values[order]))
+    # A standard deviation of what 114 differences tell is on top.
+    assert np.median(found) == pytest.approx(0.4 * (1.0 + 114**-0.5), rel=0.03)
+    assert np.std(found) < 0.15 * 0.4
+
+
+def test_what_nobody_answered_and_repeats_do_not_count():
+    load, slip = np.full(30, 60.0), np.linspace(0.0, 0.6, 30)
+    values = np.where(np.arange(30) % 4 == 0, np.nan, 2.0 * slip)
+    assert scatter_along_slip(load, slip, values) < 1e-12
+    assert np.isnan(scatter_along_slip(load, np.full(30, 0.2), np.ones(30)))
+    assert np.isnan(scatter_along_slip(load, slip, np.full(30, np.nan)))
+    assert np.isnan(scatter_along_slip(np.arange(1.0, 31.0) ** 2, slip, np.ones(30)))
+    assert np.isnan(scatter_along_slip(np.empty(0), np.empty(0), np.empty(0)))
+
+
+@pytest.mark.parametrize("channel", ["torque_Nm", "drawbar_pull_N"])
+def test_a_mirrored_channel_of_single_trials_is_not_taken_for_noise(channel):
+    """No two trials are alike: as ground that differs from one to the next it would be noise of nearly its own size."""
+    rng = np.random.default_rng(4)
+    load, slip = np.repeat([60.0, 120.0, 180.0], len(SLIPS)), np.tile(SLIPS, 3)
+    state = equilibrium(WHEEL, Soil(800.0, 0.55, 0.012, 1.2e6, 1.0), load, slip)
+    columns = {"load_N": load, "slip": slip}
+    noise = {"torque_Nm": 0.03, "sinkage_m": 2e-4, "drawbar_pull_N": 0.3}
+    for name, sd in noise.items():
+        columns[name] = getattr(state, name) + rng.normal(scale=sd, size=len(load))
+    columns[channel] = -columns[channel]
+    table = WheelTable(columns, None, None, Path("wheel.csv"))
+    answer = explain(Recording("made", Path(), Vehicle(wheels=(WHEEL,)), None, "", "", wheel=table))
+    fit = answer.fits[channel]
+    assert fit.noise < 0.06 * np.abs(columns[channel]).max()
+    assert fit.rmse_before > 10.0 * fit.noise
+    assert answer.verdict in ("unknown", "cannot_tell")
+    assert "predicted to within noise" not in answer.trust
