@@ -37,19 +37,46 @@ ENOUGH = 5.0
 """Expected nats from which on a measurement is worth proposing."""
 
 
-def would_tell(problem: Problem, right: Trial, other: Trial) -> str:
-    """Propose the measurement that would tell two sets of effects apart best, with its expected nats."""
+_DRIVEN = 0.85
+"""Share of a range that was driven already, from which on it is nothing new to drive it [-]."""
+
+_SHEAR_TEST = "give cohesion and friction from a shear test (--soil)"
+
+
+def would_tell(problem: Problem, right: Trial, *others: Trial) -> str:
+    """Propose the measurement that would tell a set of effects best from others, with its expected nats; from most of
+    them where none tells it from all, and then it says for or against which it is.
+
+    Without others it is the set's form that is doubted: a soil known from elsewhere tells whether it is right.
+    """
+    if not others:
+        return "" if problem.known.values else f"{_SHEAR_TEST}, which the soil found agrees with if the form is right"
     proposals = [
-        *_channels(problem, right, other), *_known_soil(right, other), *_drives(problem, right, other),
-        *_checks(problem, right, other),
-    ]  # fmt: skip
-    nats, text = max(proposals)
-    if nats < ENOUGH:
+        (text, number, nats)
+        for number, other in enumerate(others)
+        for ask in (_channels, _known_soil, _drives, _checks)
+        for nats, text in ask(problem, right, other)
+        if nats >= ENOUGH
+    ]
+    # By text, what it tells from which of the others.
+    told: dict[str, dict[int, float]] = {}
+    for text, number, nats in proposals:
+        told.setdefault(text, {})[number] = nats
+    if not told:
         return (
             "none of the measurements considered (further channels, known soil, other loads, slips and speeds, "
             "checks of instruments)"
         )
-    return f"{text} (expected {nats:.0f} nats)"
+    text, nats = max(told.items(), key=lambda pair: (len(pair[1]), min(pair[1].values())))
+    *names, last = dict.fromkeys(_apart(right, others[number]) for number in nats)
+    told_apart = f"{', '.join(names)} and {last}" if names else last
+    only = "" if len(nats) == len(others) else f", for or against {told_apart}"
+    return f"{text} (expected {min(nats.values()):.0f} nats{only})"
+
+
+def _apart(right: Trial, other: Trial) -> str:
+    """Name what another set has that the right one has not."""
+    return " with ".join(sorted(slug.replace("_", " ") for slug in other.slugs - right.slugs or other.slugs))
 
 
 def _channels(problem: Problem, right: Trial, other: Trial) -> list[tuple[float, str]]:
@@ -68,13 +95,15 @@ def _channels(problem: Problem, right: Trial, other: Trial) -> list[tuple[float,
     return answer
 
 
-def _known_soil(right: Trial, other: Trial) -> list[tuple[float, str]]:
-    """Cohesion and friction from a shear test, good to 10 % of the strength."""
+def _known_soil(problem: Problem, right: Trial, other: Trial) -> list[tuple[float, str]]:
+    """Cohesion and friction from a shear test, good to 10 % of the strength, unless they are known."""
+    if {"c_Pa", "phi_rad"} <= set(problem.known.values):
+        return []
     a, b = right.fitted, other.fitted
     scale = np.array([max(0.1 * a.vector[0], 100.0), 0.1 * a.vector[1]])
     away = (a.vector[:2] - b.vector[:2]) ** 2
     spread = scale**2 + np.diag(b.covariance)[:2] + np.diag(a.covariance)[:2]
-    return [(0.5 * float(np.sum(away / spread)), "give cohesion and friction from a shear test (--soil)")]
+    return [(0.5 * float(np.sum(away / spread)), _SHEAR_TEST)]
 
 
 def _checks(problem: Problem, right: Trial, other: Trial) -> list[tuple[float, str]]:
@@ -93,7 +122,9 @@ def _checks(problem: Problem, right: Trial, other: Trial) -> list[tuple[float, s
 
 
 def _drives(problem: Problem, right: Trial, other: Trial) -> list[tuple[float, str]]:
-    """Other drives with the same sensors: more loads, more slip, more speeds, a second pass, a slope."""
+    """Other drives with the same sensors: more loads, more slip, more speeds, a second pass, a slope; none of what was
+    driven already.
+    """
     samples = problem.samples
     load, slip = problem.imposed[:, 0], problem.imposed[:, 1]
     grid = np.linspace(0.0, 1.0, _ROWS)
@@ -106,35 +137,47 @@ def _drives(problem: Problem, right: Trial, other: Trial) -> list[tuple[float, s
         return first + (last - first) * np.abs((grid * turns * 2.0) % 2.0 - 1.0)
 
     plans = {
-        "drive with loads from half to one and a half of the present ones": dict(
-            load=middle * sweep(0.5, 1.5, 5), slip=sweep(low, high, 13)
+        "drive with loads from half to one and a half of the present ones": (
+            "load", dict(load=middle * sweep(0.5, 1.5, 5), slip=sweep(low, high, 13))
         ),
-        "drive with slips from 0 to 0.6": dict(
-            slip=sweep(0.0, 0.6, 7), load=np.interp(grid, [0, 1], [load.min(), load.max()])
+        "drive with slips from 0 to 0.6": (
+            "slip", dict(slip=sweep(0.0, 0.6, 7), load=np.interp(grid, [0, 1], [load.min(), load.max()]))
         ),
-        "drive at speeds from a third to three times the present one": dict(
-            speed=usual * 3.0 ** sweep(-1.0, 1.0, 3), slip=sweep(low, high, 13)
+        "drive at speeds from a third to three times the present one": (
+            "speed", dict(speed=usual * 3.0 ** sweep(-1.0, 1.0, 3), slip=sweep(low, high, 13))
         ),
-        "drive twice more in the same rut": dict(number=1.0 + np.floor(grid * 2.999), slip=sweep(low, high, 9)),
-        "drive on slopes from -10 to 10 degrees, pitch measured": dict(
-            pitch=np.radians(sweep(-10.0, 10.0, 3)), slip=sweep(low, high, 11)
+        "drive twice more in the same rut": (
+            "number", dict(number=1.0 + np.floor(grid * 2.999), slip=sweep(low, high, 9))
         ),
-    }
+        "drive on slopes from -10 to 10 degrees, pitch measured": (
+            "pitch", dict(pitch=np.radians(sweep(-10.0, 10.0, 3)), slip=sweep(low, high, 11))
+        ),
+    }  # fmt: skip
     noise = np.full(5, np.nan)
     noise[problem.answers] = right.fitted.noise.answers
     answer = []
-    for text, plan in plans.items():
-        if (
-            "number" in plan
-            and np.isfinite(samples.drive.pass_number).all()
-            and np.nanmax(samples.drive.pass_number) > 2
-        ):
+    before = {
+        "load": load, "slip": slip, "speed": np.log(np.abs(speed)), "number": samples.drive.pass_number,
+        "pitch": samples.drive.pitch_rad,
+    }  # fmt: skip
+    for text, (varied, plan) in plans.items():
+        wanted = np.log(plan["speed"]) if varied == "speed" else plan[varied]
+        if _driven(before[varied], wanted):
             continue
         imposed = np.column_stack([plan.get("load", np.full(_ROWS, middle)), plan.get("slip", np.full(_ROWS, 0.2))])
         drive = _hypothetical(samples.drive, imposed, plan, usual, samples.wheel.radius_m)
         nats = _expected(drive, imposed, noise, right.fitted, other.fitted, problem)
         answer.append((nats, text))
     return answer
+
+
+def _driven(before: np.ndarray, wanted: np.ndarray) -> bool:
+    """Say whether values (n,) of a drive, some of which may not be known, take in what is wanted (m,)."""
+    known = before[np.isfinite(before)]
+    if not len(known):
+        return False
+    low, high = np.quantile(known, [0.05, 0.95])
+    return bool(min(high, wanted.max()) - max(low, wanted.min()) > _DRIVEN * np.ptp(wanted))
 
 
 def _hypothetical(drive: Drive, imposed: np.ndarray, plan: dict, usual: float, radius: float) -> Drive:

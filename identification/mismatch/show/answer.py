@@ -13,10 +13,10 @@ from ...effects.effect import Effect
 from ...forward import CHANNELS, from_internal, slope_of_internal
 from ..explanation import Candidate, ChannelFit, Estimate, Explanation, Missing, Region, Rows, Screened, Verdict
 from ..fit.fitting import Fitted, Problem
-from ..fit.trial import Trial
+from ..fit.trial import NOT_EXCLUDED, Trial, temperature
 from ..locate.noise_floor import noise_floor
 from ..locate.smooth_correction import SmoothCorrection
-from ..locate.variables import names_of
+from ..locate.variables import CONSTANT, LAG, names_of
 from ..name.naming import ASSERTED, MENTIONED, UNKNOWN, Naming, instead, why_not
 from ..name.tries import Search
 from ..name.would_tell import would_tell
@@ -28,6 +28,9 @@ from .wording import summarise, trust
 _MOST_LISTED = 6
 """Effects that are listed where the data cannot tell, or that one stands for; all that were considered are among the
 candidates."""
+
+_ANSWERS = (CONSTANT, LAG, "sinkage_m")
+"""Variables that no drive varies by itself."""
 
 _RESAMPLES = 400
 
@@ -130,20 +133,21 @@ def _missing(problem: Problem, found: Search, naming: Naming, remaining: SmoothC
         probability = naming.effects.get(effect.slug, 0.0)
         alike = naming.look_alikes.get(effect.slug, ())
         rivals = instead(found, effect.slug)
-        rival = rivals[alike[0]] if alike else None
-        if rival is None and probability < ASSERTED:
-            rival = _next_best(found)
-        tell = would_tell(problem, chosen, rival) if rival is not None else ""
+        tell = ""
+        if alike or probability < ASSERTED:
+            tell = would_tell(problem, chosen, *([rivals[slug] for slug in alike] or _next_best(found)))
         answer.append(_named(chosen, effect, probability, alike, tell))
         if probability < ASSERTED:
             for slug in alike:
                 share = naming.effects.get(slug, 0.0)
                 if share < MENTIONED or slug in {each.effect for each in answer}:
                     continue
-                others = (effect.slug, *(each for each in alike if each != slug))
+                rest = [each for each in alike if each != slug]
+                others = (effect.slug, *rest)
                 for other in rivals[slug].effects:
                     if other.slug == slug:
-                        answer.append(_named(rivals[slug], other, share, others, tell))
+                        apart = would_tell(problem, rivals[slug], chosen, *(rivals[each] for each in rest))
+                        answer.append(_named(rivals[slug], other, share, others, apart))
                     elif other.expected and other.slug not in chosen.slugs.union(each.effect for each in answer):
                         beside = naming.effects.get(other.slug, 0.0)
                         if beside >= MENTIONED:
@@ -157,11 +161,14 @@ def _missing(problem: Problem, found: Search, naming: Naming, remaining: SmoothC
     return tuple(answer)
 
 
-def _next_best(found: Search) -> Trial | None:
-    """What gains most without all that was chosen: from it is told what is doubted without having a look-alike."""
-    chosen = found.chosen.slugs
-    others = [trial for trial in found.trials if _not_holding(trial, found.chosen) and not trial.slugs <= chosen]
-    return max(others, key=lambda trial: trial.gain, default=None)
+def _next_best(found: Search) -> list[Trial]:
+    """What gains most, if it is not excluded, without all that was chosen: from it is told what is doubted without
+    having a look-alike.
+    """
+    chosen = found.chosen
+    least = chosen.gain - NOT_EXCLUDED * temperature(chosen.gain) * found.dispersion
+    others = [trial for trial in found.trials if _not_holding(trial, chosen) and not trial.slugs <= chosen.slugs]
+    return sorted((trial for trial in others if trial.gain > least), key=lambda trial: -trial.gain)[:1]
 
 
 def _not_holding(trial: Trial, chosen: Trial) -> bool:
@@ -207,9 +214,16 @@ def _unknown(naming: Naming, remaining: SmoothCorrection) -> Missing:
     equation = "; ".join(f"{channel} += {shape.formula or 'a spline'}" for channel, shape in found)
     return Missing(
         UNKNOWN, UNKNOWN, "smooth correction", naming.unknown, {}, equation,
-        "fitted to the data", (), f"a drive that varies {', then '.join(map(_variable, names))} with all else held",
+        "fitted to the data", (), _alone(names),
         f"{shapes} ({remaining.gain:.0f} nats)",
     )  # fmt: skip
+
+
+def _alone(names: list[str]) -> str:
+    """Say which drive would show the shapes of terms of these variables: what a wheel answers cannot be set."""
+    varied = [part for name in names for part in (("slip", "load_N") if name == "slip x load" else (name,))]
+    varied = list(dict.fromkeys(_variable(name) for name in varied if name not in _ANSWERS))
+    return f"a drive that varies {', then '.join(varied)} with all else held" if varied else ""
 
 
 def _variable(name: str) -> str:

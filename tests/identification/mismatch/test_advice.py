@@ -6,18 +6,25 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from bevameter import Wheel, explain
+from bevameter import SoilKnowledge, Wheel, explain
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.core.recording.write import write_wheel_file
 from bevameter.framework.scenario.concealed.conceal import conceal
-from bevameter.identification.effects.catalogue import effects_for
+from bevameter.identification.effects.catalogue import SLUGS, effects_for
 from bevameter.identification.effects.drive import drive_of, order_of, select_rows
 from bevameter.identification.identify import felt_rows, open_recording
 from bevameter.identification.mismatch.fit.beside import attach
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.fit.simulated import as_differences
 from bevameter.identification.mismatch.fit.trial import situation, textbook_trial, try_adding
-from bevameter.identification.mismatch.name.would_tell import _expected, _hypothetical, would_tell
+from bevameter.identification.mismatch.name.would_tell import (
+    _driven,
+    _drives,
+    _expected,
+    _hypothetical,
+    _known_soil,
+    would_tell,
+)
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +46,53 @@ def test_an_offset_and_friction_are_told_apart_with_the_wheel_at_rest(steady):
     assert abs(offset.gain - coulomb.gain) < 1.0
     for pair in ((offset, coulomb), (coulomb, offset)):
         assert "with the wheel lifted and at rest" in would_tell(problem, *pair)
+
+
+@pytest.fixture(scope="module")
+def friction(steady):
+    """Problem, and trials of an offset, of Coulomb friction and of slip-sinkage, on the steady trials."""
+    _, folder = steady
+    rows = felt_rows(open_recording(folder, None))
+    problem, textbook = textbook_trial(gather(rows.table, rows.wheel, rows.vehicle))
+    forms = {each.name: each for each in effects_for(situation(problem, textbook.fitted), SLUGS)}
+    names = ("torque_offset", "drivetrain_friction[coulomb]", "slip_sinkage[exponent]", "torque_gain")
+    return problem, [try_adding(problem, textbook, textbook, forms[name]) for name in names]
+
+
+def test_one_measurement_is_proposed_for_all_that_look_alike_or_it_says_for_which(friction):
+    problem, (offset, coulomb, _, gain) = friction
+    text = would_tell(problem, offset, coulomb, gain)
+    assert text.startswith("read the torque with the wheel lifted and at rest (expected ")
+    assert "for or against" not in text
+    alone = [float(would_tell(problem, offset, each).partition("expected ")[2].split()[0]) for each in (coulomb, gain)]
+    assert f"expected {min(alone):.0f} nats" in text
+    # At rest neither friction nor a gain shows.
+    text = would_tell(problem, coulomb, offset, gain)
+    assert "for or against torque offset)" in text or "for or against" not in text
+
+
+def test_what_was_driven_already_is_not_proposed(friction):
+    problem, (offset, _, sinks, _) = friction
+    slip = problem.imposed[:, 1]
+    assert _driven(slip, np.linspace(slip.min(), slip.max(), 9))
+    assert not _driven(slip, np.linspace(-0.5, 0.9, 9))
+    assert not _driven(np.full(5, np.nan), np.linspace(0.0, 1.0, 9))
+    texts = [text for _, text in _drives(problem, sinks, offset)]
+    quantiles = np.quantile(slip, [0.05, 0.95])
+    assert ("drive with slips from 0 to 0.6" in texts) == (min(quantiles[1], 0.6) - max(quantiles[0], 0.0) < 0.51)
+    wide = SimpleNamespace(
+        samples=problem.samples, answers=problem.answers, known=problem.known,
+        imposed=np.column_stack([problem.imposed[:, 0], np.linspace(-0.05, 0.7, len(slip))]),
+    )  # fmt: skip
+    assert "drive with slips from 0 to 0.6" not in [text for _, text in _drives(wide, sinks, offset)]
+
+
+def test_a_form_that_is_doubted_without_a_rival_is_checked_by_the_soil_if_that_is_not_known(friction):
+    problem, (offset, *_) = friction
+    assert "shear test (--soil), which the soil found agrees with" in would_tell(problem, offset)
+    told = SimpleNamespace(known=SoilKnowledge({"c_Pa": 500.0, "phi_rad": 0.5}))
+    assert would_tell(told, offset) == ""
+    assert _known_soil(told, offset, offset) == []
 
 
 def test_two_parameters_of_which_each_undoes_the_other_are_no_obstacle():

@@ -17,7 +17,7 @@ from bevameter.identification.mismatch.locate.smooth_correction import SmoothCor
 from bevameter.identification.mismatch.name.evidence import doubts
 from bevameter.identification.mismatch.name.naming import ASSERTED, Naming, name
 from bevameter.identification.mismatch.name.tries import Search
-from bevameter.identification.mismatch.show.answer import assemble
+from bevameter.identification.mismatch.show.answer import _alone, _next_best, assemble
 from bevameter.identification.mismatch.show.readable import effect as effect_name
 
 
@@ -85,6 +85,28 @@ def test_no_more_than_six_are_listed_where_the_data_cannot_tell(searched):
     assert {each.effect for each in answer.missing} == {"slip_sinkage", *slugs[:5]}
     assert not any(slugs[5] in each.indistinguishable_from for each in answer.missing)
     assert any(candidate.effect.startswith(slugs[5]) for candidate in answer.candidates)
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        (["slip x load", "sinkage_m"], "a drive that varies slip i, then load W with all else held"),
+        (["sinkage_m", "lag_s", "constant"], ""),
+        (["slip", "slip x load", "rim_speed_m_s"], "a drive that varies slip i, then load W, then speed of the rim with"),
+    ],
+)
+def test_what_is_unknown_is_looked_at_by_what_a_drive_can_vary(names, words):
+    assert _alone(names).startswith(words)
+    assert bool(words) == bool(_alone(names))
+
+
+def test_an_excluded_rival_is_nothing_to_be_told_from(searched):
+    problem, found = searched
+    shift = effects_for(situation(problem, found.textbook.fitted), ["stress_peak_shift"])[0]
+    other = try_adding(problem, found.textbook, found.textbook, shift)
+    near, far = (replace(other, gain=found.chosen.gain - behind) for behind in (1.0, 400.0))
+    assert _next_best(replace(found, trials=(found.chosen, far))) == []
+    assert _next_best(replace(found, trials=(found.chosen, far, near))) == [near]
 
 
 @pytest.mark.parametrize(("sure", "advised"), [(0.48, True), (0.96, False)])
