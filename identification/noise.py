@@ -29,8 +29,8 @@ def sensor_noise(table: WheelTable, vehicle: Vehicle) -> np.ndarray:
 
     What `vehicle.noise` gives is taken. Otherwise, in a recording with time, white noise shows in second differences of
     neighbouring samples; in a file of steady-state trials, in the difference between trials that are nearest in load
-    and slip, or in how far they lie from the line between neighbours in slip if that is less. All take a little of the
-    signal for noise: wide rather than narrow.
+    and slip. Both are robust (median of absolute values), and both take a little of the signal for noise: wide rather
+    than narrow.
     """
     return np.array([_channel_noise(table, name, vehicle.noise.get(name)) for name in CHANNELS])
 
@@ -98,10 +98,7 @@ def _from_repeats(table: WheelTable, values: np.ndarray, name: str) -> float:
     other = np.where(nearest[:, 0] == np.arange(len(place)), nearest[:, 1], nearest[:, 0])
     difference = (values - values[other])[apart[:, 1] < 0.1]
     difference = difference[np.isfinite(difference)]
-    between = NORMAL_MAD * float(np.median(np.abs(difference))) / np.sqrt(2.0) if difference.size else 0.0
-    # Of trials that have no repeats what lies nearest differs by what it answers, too.
-    along = scatter_along_slip(load, slip, table[name])
-    return min(between, along) if np.isfinite(along) else between
+    return NORMAL_MAD * float(np.median(np.abs(difference))) / np.sqrt(2.0) if difference.size else 0.0
 
 
 def scatter_along_slip(load_N: np.ndarray, slip: np.ndarray, values: np.ndarray) -> float:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bevameter import Recording, Vehicle, Wheel, WheelTable, explain
-from bevameter.identification.noise import scatter_along_slip, sensor_noise
+from bevameter.identification.noise import scatter_along_slip
 from bevameter.identification.wheel_soil import Soil, equilibrium
 
 SLIPS = np.array([0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
@@ -57,24 +57,3 @@ def test_a_mirrored_channel_of_single_trials_is_not_taken_for_noise(channel):
     assert fit.rmse_before > 10.0 * fit.noise
     assert answer.verdict in ("unknown", "cannot_tell")
     assert "predicted to within noise" not in answer.trust
-
-
-def test_trials_without_repeats_tell_their_noise_all_the_same():
-    """Neighbours in slip differ by what they answer: of the torque by half of it, where noise is a hundredth."""
-    rng = np.random.default_rng(6)
-    load, slip = np.repeat([60.0, 120.0, 180.0], len(SLIPS)), np.tile(SLIPS, 3)
-    state = equilibrium(WHEEL, Soil(800.0, 0.55, 0.012, 1.2e6, 1.0), load, slip)
-    noise = {"torque_Nm": 0.03, "sinkage_m": 2e-4, "drawbar_pull_N": 0.3}
-    columns = {"load_N": load, "slip": slip}
-    for name, sd in noise.items():
-        columns[name] = getattr(state, name) + rng.normal(scale=sd, size=len(load))
-    table = WheelTable(columns, None, None, Path("wheel.csv"))
-    _, torque, sinkage, _, pull = sensor_noise(table, Vehicle(wheels=(WHEEL,)))
-    # The curve's bend over three slips is in it.
-    assert 0.03 < torque < 0.2
-    assert 1e-4 < sinkage < 3e-4
-    assert 0.3 < pull < 2.0
-    answer = explain(Recording("made", Path(), Vehicle(wheels=(WHEEL,)), None, "", "", wheel=table))
-    assert answer.verdict == "none"
-    for name, sd in noise.items():
-        assert answer.fits[name].noise < 3.0 * sd
