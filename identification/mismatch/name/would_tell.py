@@ -156,9 +156,10 @@ def _drives(problem: Problem, right: Trial, other: Trial) -> list[tuple[float, s
     noise = np.full(5, np.nan)
     noise[problem.answers] = right.fitted.noise.answers
     answer = []
+    driven = samples.drive
     before = {
-        "load": load, "slip": slip, "speed": np.log(np.abs(speed)), "number": samples.drive.pass_number,
-        "pitch": samples.drive.pitch_rad,
+        "load": load, "slip": slip, "speed": np.log(np.where(speed == 0.0, np.nan, np.abs(speed))),
+        "number": driven.pass_number, "pitch": driven.pitch_rad,
     }  # fmt: skip
     for text, (varied, plan) in plans.items():
         wanted = np.log(plan["speed"]) if varied == "speed" else plan[varied]
