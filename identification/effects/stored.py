@@ -191,7 +191,12 @@ def _correlation_of(covariance: np.ndarray | None) -> tuple[tuple[float, ...], .
         return ()
     sd = np.sqrt(np.diag(covariance))
     scale = np.divide(1.0, sd, out=np.zeros_like(sd), where=sd > 0.0)
-    answer = np.clip(covariance * np.outer(scale, scale), -1.0, 1.0)
+    # Rounding leaves a covariance not quite symmetric.
+    answer = np.clip(0.5 * (covariance + covariance.T) * np.outer(scale, scale), -1.0, 1.0)
+    np.fill_diagonal(answer, 1.0)
+    # Nor does it leave all eigenvalues where they cannot be less than zero.
+    short = max(-float(np.linalg.eigvalsh(answer)[0]), 0.0)
+    answer = (answer + short * np.eye(len(sd))) / (1.0 + short)
     np.fill_diagonal(answer, 1.0)
     return tuple(map(tuple, answer.tolist()))
 

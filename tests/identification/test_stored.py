@@ -187,6 +187,7 @@ def test_a_fit_errs_by_all_its_numbers_together():
     model = AugmentedWheel(SITUATION.wheel, (lag, sinkage))
     root = np.diag([50.0, 0.02, 0.1, 0.2, 0.05, 0.01, 0.04]) @ np.linalg.cholesky(0.3 * np.eye(7) + 0.7)
     covariance = root @ root.T
+    covariance[0, 1] *= 1.0 + 1e-15  # as inverting leaves it
     found = AugmentedSimulator.of(model, np.concatenate([soil_vector(SOIL), [0.02, 0.5]]), covariance)
     again = AugmentedSimulator.from_json(json.loads(json.dumps(found.to_json())))
     assert again == found
@@ -198,6 +199,17 @@ def test_a_fit_errs_by_all_its_numbers_together():
     moved = soils_off(np.tile([500.0, SOIL.phi_rad, 0.012, 2e5, 0.9], (len(errors), 1)), errors)
     inside = np.column_stack([moved[:, 0], np.tan(moved[:, 1]), np.log(moved[:, 2:])])
     np.testing.assert_allclose(inside - soil_vector(SOIL), errors[:, :5], atol=1e-9)
+
+
+def test_a_covariance_that_rounding_spoilt_is_read_back():
+    (sinkage, *_) = forms_by_name("slip_sinkage", SITUATION)
+    covariance = np.ones((6, 6))
+    covariance[0, 1] = covariance[1, 0] = 1.0 - 1e-7  # beside ones elsewhere
+    found = AugmentedSimulator.of(
+        AugmentedWheel(SITUATION.wheel, (sinkage,)), np.append(soil_vector(SOIL), 0.5), covariance
+    )
+    again = AugmentedSimulator.from_json(json.loads(json.dumps(found.to_json())))
+    np.testing.assert_allclose(np.array(again.correlation), covariance, atol=1e-6)
 
 
 def test_errors_that_nobody_knows_are_as_large_as_the_prior_s():
