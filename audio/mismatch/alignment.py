@@ -16,6 +16,8 @@ from numba import njit
 from scipy import stats
 from scipy.ndimage import uniform_filter1d
 
+from .line_fit import LineFit, Spectra, fit_line
+
 SURROGATES = 40
 LEAST_BLOCKS = 20
 """A line must be looked for in at least so many blocks to be believed."""
@@ -160,10 +162,8 @@ class HeldOutGain:
 
     Parameters
     ----------
-    multiple, sd
-        Where it stands, and the jackknife's standard deviation of that.
-    excess
-        Its power over that of the noise in one bin [-].
+    line
+        Where it stands and how strong it is, fitted to all blocks.
     nats
         Held-out log-likelihood gained, overlap of the blocks allowed for.
     by_stretch
@@ -172,9 +172,7 @@ class HeldOutGain:
         Sums of squared errors of the log spectrum along the line, and how many blocks.
     """
 
-    multiple: float
-    sd: float
-    excess: float
+    line: LineFit
     nats: float
     by_stretch: np.ndarray
     before_dB2: float
@@ -183,6 +181,7 @@ class HeldOutGain:
 
 
 _CLIP = 30.0
+"""One block counts no more than this as evidence [-]: a line is what stands in many."""
 _OVERLAP = 0.6
 """Half-overlapping Hann blocks are worth so much of as many independent ones (Welch 1967), less a little [-]."""
 _LOG_MEAN_DB = -10.0 * np.euler_gamma / np.log(10.0)
@@ -191,33 +190,39 @@ FOLDS = 5
 
 
 def held_out_gain(family: Aligned, multiple: float) -> HeldOutGain:
-    """Fit a line on four fifths of the stretches and score it on the rest, five times.
+    """Fit a line near a multiple on four fifths of the stretches and score it on the rest, five times.
 
     The power in a bin is taken as exponentially distributed with mean 1 + s; the place is fitted again each time.
     """
     numbers = np.unique(family.stretch)
     fold = np.searchsorted(numbers, family.stretch) % FOLDS
-    fine = multiple + np.linspace(-1.5, 1.5, 13) * family.step
-    values = np.stack([np.minimum(family.along(m), _CLIP) for m in fine])
-    logs, seen = np.log1p(np.nan_to_num(values)), ~np.isnan(values)
+    spectra = Spectra(family.whitened, family.speed * family.per_hz, family.low_bin, family.stretch)
+    turning = family.speed > _LEAST_SHAFT_HZ
+    middle, reach = _roughly(family, multiple), 1.5 * family.step
+    whole = fit_line(spectra, np.flatnonzero(turning), middle, reach)
     total = np.zeros(len(fold))
-    places, excesses, before, after, n = [], [], 0.0, 0.0, 0
+    before, after, n = 0.0, 0.0, 0
     for held in range(FOLDS):
-        train = fold != held
-        best = int(np.argmax((logs * seen)[:, train].sum(axis=1) / np.maximum(seen[:, train].sum(axis=1), 1)))
-        s = max(float(np.mean(values[best, train & seen[best]])) - 1.0, 0.0) if (train & seen[best]).any() else 0.0
-        test = ~train & seen[best]
-        r = values[best, test]
-        total[test] = _OVERLAP * (r * s / (1.0 + s) - np.log1p(s))
-        error = 10.0 * np.log10(np.maximum(r, 1e-4)) - _LOG_MEAN_DB
-        before, after = before + float(np.sum(error**2)), after + float(np.sum((error - 10 * np.log10(1 + s)) ** 2))
+        line = fit_line(spectra, np.flatnonzero(turning & (fold != held)), middle, reach, whole)
+        at = line.multiple * spectra.bins_each
+        values = family.along(line.multiple)
+        seen = ~np.isnan(values)
+        train, test = seen & (fold != held), seen & (fold == held)
+        s = max(float(np.mean(np.minimum(values[train], _CLIP))) - 1.0, 0.0) if train.any() else 0.0
+        total[test] = _OVERLAP * (np.minimum(values[test], _CLIP) * s / (1.0 + s) - np.log1p(s))
+        error = 10.0 * np.log10(np.maximum(values[test], 1e-4)) - _LOG_MEAN_DB
+        told = 10.0 * np.log10(1.0 + line.over_noise(np.floor(at[test] + 0.5) - at[test]))
+        before, after = before + float(np.sum(error**2)), after + float(np.sum((error - told) ** 2))
         n += int(test.sum())
-        places.append(fine[best])
-        excesses.append(s)
-    sd = float(np.sqrt((FOLDS - 1) / FOLDS * np.sum((np.array(places) - np.mean(places)) ** 2)))
-    grain = family.step / np.sqrt(12.0) / 4.0
     by_stretch = np.array([total[family.stretch == number].sum() for number in numbers])
-    return HeldOutGain(
-        float(np.mean(places)), float(np.hypot(sd, grain)), float(np.mean(excesses)), float(total.sum()), by_stretch,
-        before, after, n,
-    )  # fmt: skip
+    return HeldOutGain(whole, float(total.sum()), by_stretch, before, after, n)
+
+
+def _roughly(family: Aligned, multiple: float) -> float:
+    """The middle of the places near a multiple where most of the spectra stand out, to a quarter of a step."""
+    fine = multiple + np.linspace(-1.5, 1.5, 13) * family.step
+    values = np.log1p(np.stack([family.along(place) for place in fine]))
+    seen = ~np.isnan(values)
+    mean = np.where(seen, values, 0.0).sum(axis=1) / np.maximum(seen.sum(axis=1), 1)
+    # All places in one bin stand out alike.
+    return float(fine[mean >= mean.max() - 1e-9].mean())

@@ -36,9 +36,12 @@ KINDS: dict[str, Kind] = {
 
 @dataclass(frozen=True)
 class Parameter:
-    """An estimated number, its standard deviation (None where it was not estimated but given) and their unit."""
+    """An estimated number, its standard deviation (None where it was not estimated but given) and their unit.
 
-    value: float
+    The number itself is None where it cannot be known; a note says why.
+    """
+
+    value: float | None
     sd: float | None
     unit: str
 

@@ -16,7 +16,8 @@ from numba import njit
 
 from ...framework.core.recording.types import SoundBlock, SoundStream
 from ..features import RATE_HZ, resample
-from .drive_spectra import Track
+from .drive_spectra import BLOCK_S, Track
+from .line_fit import NOISE_BINS
 from .resonances import ResonanceFinding
 from .wind import WindModel
 
@@ -30,8 +31,6 @@ beside it stay."""
 _FFT = 1024
 _LEAST_GAIN = 0.03
 _LEAST_APART_HZ = 6.0
-_LINE_BIN_HZ = 1.5
-"""Noise bandwidth of the bin that a line's excess is given for [Hz]: one second's Hann window."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +114,7 @@ def _tracked(samples: np.ndarray, line: TrackedLine, angle: np.ndarray) -> np.nd
     slow = scipy.ndimage.convolve1d(slow, window, axis=1, mode="constant") / norm
     # Of what is tracked, noise of this bandwidth is a part: only the line's share is taken away.
     bandwidth = RATE_HZ / _STEP * float(np.sum(window**2) / window.sum() ** 2)
-    power = np.array(line.excess) * _LINE_BIN_HZ / bandwidth
+    power = np.array(line.excess) * NOISE_BINS / BLOCK_S / bandwidth
     slow *= (2.0 * power / (1.0 + power))[:, None]
     if multiple.size > 1:
         # Where the teeth of a comb are closer than the window resolves, each would take its neighbours' part as well.

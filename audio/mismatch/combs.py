@@ -75,7 +75,7 @@ def find_comb(family: Aligned, null: Null, lug_count: int | None = None) -> Comb
     number = np.round(family.multiples[at] / place).astype(int)
     teeth = [int(k) for k, index in zip(number, at, strict=True) if score[index] > _STANDS]
     gains = tuple(held_out_gain(family, k * place) for k in teeth)
-    measured = np.array([gain.multiple / k for gain, k in zip(gains, teeth, strict=True)])
+    measured = np.array([gain.line.multiple / k for gain, k in zip(gains, teeth, strict=True)])
     weight = np.square(teeth, dtype=float)
     mean = float(np.average(measured, weights=weight))
     sd = float(np.sqrt(np.average((measured - mean) ** 2, weights=weight) / len(teeth)))

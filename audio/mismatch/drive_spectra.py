@@ -35,6 +35,12 @@ ENVELOPE_S = 4.0
 ENVELOPE_RATE_HZ = 250.0
 LONGEST_S = 600.0
 """Longer drives are thinned to this much sound, stretches evenly spread [s]: more changes no answer but its time."""
+LEAST_RATE_HZ = 1000.0
+"""Sound sampled more slowly holds too little of any ground to look for more in it [Hz]."""
+_FLAT_SHARE = 0.9
+"""Resampling, like the filters of recorders, leaves the spectrum as it is up to this share of half the rate [-]."""
+_COARSEST_STEP = 2.0**-7
+"""Step of an 8-bit recorder, the coarsest there is [-]."""
 _GROUP = 16
 _ENVELOPE_GROUP = 8
 _BANDS_PER_OCTAVE = 24
@@ -112,10 +118,11 @@ class DriveSpectra:
         Mean travel speed [m/s].
     fixed, turned : (n, k)
         Whitened spectra over time and over angle, mean 1 where there is noise only; bin j lies at j / BLOCK_S [Hz].
+        They end where the recorder heard no more; NaN where the wheel's speed varied too much to say that of a bin.
     envelope : (m, q)
         Whitened spectra of the envelope over angle; bin j lies at j / ENVELOPE_S [Hz].
     band_hz : (b,)
-        Middle of the bands, 24 an octave [Hz].
+        Middle of the bands, 24 an octave, as far as the recorder heard [Hz].
     band_power : (n, b)
         Power density in them [1/Hz of full scale squared]: the geometric mean over bins, which lines hardly move.
     skipped
@@ -136,6 +143,11 @@ class DriveSpectra:
     skipped: tuple[str, ...]
 
     @property
+    def top_hz(self) -> float:
+        """The highest frequency that lines are looked for at: `TOP_HZ`, or what the recorder heard [Hz]."""
+        return (self.fixed.shape[1] - 1) / BLOCK_S
+
+    @property
     def stretches(self) -> np.ndarray:
         """Numbers of the stretches that hold blocks."""
         return np.unique(self.stretch)
@@ -147,7 +159,21 @@ def stretches_of(sound: SoundStream) -> Iterator[SoundBlock]:
         if block.samples is None or not np.isfinite(block.samples).all():
             yield SoundBlock(block.start_s, None, block.problem or "samples that are no numbers")
         else:
-            yield SoundBlock(block.start_s, resample(block.samples, sound.sample_rate))
+            yield SoundBlock(block.start_s, resample(_centred(block.samples), sound.sample_rate))
+
+
+def observed_hz(rate_hz: float) -> float:
+    """Up to where sound sampled at `rate_hz` [Hz] holds what there was, once it is at `RATE_HZ` [Hz]."""
+    return _FLAT_SHARE * 0.5 * min(rate_hz, RATE_HZ)
+
+
+def _centred(samples: np.ndarray) -> np.ndarray:
+    """Samples (m,) about their mean, zeros where they only rest on a level, or flicker by one step of the recorder."""
+    low, high = samples.min(), samples.max()
+    if high - low <= _COARSEST_STEP and ((samples == low) | (samples == high)).all():
+        return np.zeros_like(samples)
+    # A constant level is no sound, but its rounding errors would be lines.
+    return samples - samples.mean(dtype=np.float64).astype(samples.dtype)
 
 
 def drive_spectra(sound: SoundStream, track: Track) -> DriveSpectra:
@@ -156,8 +182,14 @@ def drive_spectra(sound: SoundStream, track: Track) -> DriveSpectra:
     Raises
     ------
     InputError
-        No stretch holds both sound and speeds.
+        No stretch holds both sound and speeds, or sound is sampled too slowly.
     """
+    heard_hz = observed_hz(sound.sample_rate)
+    if sound.sample_rate < LEAST_RATE_HZ:
+        raise InputError(
+            "sound", f"sampled at {sound.sample_rate:g} Hz: nothing above {heard_hz:g} Hz was observed",
+            expected=f"{LEAST_RATE_HZ:g} Hz or more",
+        )  # fmt: skip
     total = max(int(sound.duration_s // STRETCH_S), 1)
     keep = np.unique(np.linspace(0, total - 1, min(total, int(LONGEST_S // STRETCH_S))).astype(int))
     skipped: dict[str, int] = {}
@@ -171,7 +203,7 @@ def drive_spectra(sound: SoundStream, track: Track) -> DriveSpectra:
         if problem or block.samples is None:
             skipped[problem or "unread"] = skipped.get(problem or "unread", 0) + 1
             continue
-        part = _stretch(block.samples, block.start_s, track)
+        part = _stretch(block.samples, block.start_s, track, heard_hz)
         if part is None:
             skipped["silent"] = skipped.get("silent", 0) + 1
         else:
@@ -182,65 +214,89 @@ def drive_spectra(sound: SoundStream, track: Track) -> DriveSpectra:
             "sound", "; ".join(words) or f"{sound.duration_s:g} s long",
             expected=f"at least {STRETCH_S:g} s of sound while the wheel's speeds were recorded",
         )  # fmt: skip
+    if heard_hz < _HIGHEST_BAND_HZ:
+        words = (f"sampled at {sound.sample_rate:g} Hz: nothing above {heard_hz:g} Hz was observed", *words)
     blocks = [p["start"].size for p in parts]
     pieces = [p["envelope_shaft"].size for p in parts]
     joined = {name: np.concatenate([p[name] for p in parts]) for name in parts[0]}
     return DriveSpectra(
         np.repeat(np.arange(len(parts)), blocks), joined["start"], joined["shaft"], joined["travel"], joined["fixed"],
         joined["turned"], joined["envelope"], np.repeat(np.arange(len(parts)), pieces), joined["envelope_shaft"],
-        _bands()[0], joined["bands"], words,
+        _bands(heard_hz)[0], joined["bands"], words,
     )  # fmt: skip
 
 
-def _stretch(samples: np.ndarray, start_s: float, track: Track) -> dict[str, np.ndarray] | None:
+def _stretch(samples: np.ndarray, start_s: float, track: Track, heard_hz: float) -> dict[str, np.ndarray] | None:
     length, hop = round(BLOCK_S * RATE_HZ), round(HOP_S * RATE_HZ)
     first = np.arange(0, samples.size - length + 1, hop)
     blocks = np.lib.stride_tricks.sliding_window_view(samples, length)[first]
-    loud = np.sqrt(np.mean(np.square(blocks), axis=1)) > SILENT_RMS
+    power = _periodograms(blocks)
+    loud = _is_loud(power, heard_hz)
     if not loud.any():
         return None
-    first, blocks = first[loud], blocks[loud]
+    first, power = first[loud], power[loud]
     angle = track.angle(start_s, samples.size, RATE_HZ)
-    power = _periodograms(blocks)
     turned = np.stack([_turned(samples, angle, at, length) for at in first])
     middle = start_s + (first + length / 2) / RATE_HZ
-    top = round(TOP_HZ * BLOCK_S) + 1
+    top = int(min(TOP_HZ, heard_hz) * BLOCK_S) + 1
+    turned = whitened(_periodograms(turned)[:, :top], _GROUP)
+    for row, at in zip(turned, first, strict=True):
+        row[_last_turned(angle[at : at + length], heard_hz) + 1 :] = np.nan
     envelope, envelope_shaft = _envelopes(samples, angle)
     return {
         "start": start_s + first / RATE_HZ,
-        "shaft": (angle[first + length - 1] - angle[first]) / (2 * np.pi * BLOCK_S),
+        # From the first sample to the last there is one step less than samples.
+        "shaft": (angle[first + length - 1] - angle[first]) * RATE_HZ / (2 * np.pi * (length - 1)),
         "travel": track.travel(middle),
         "fixed": whitened(power[:, :top], _GROUP),
-        "turned": whitened(_periodograms(turned)[:, :top], _GROUP),
-        "bands": _band_power(power),
+        "turned": turned,
+        "bands": _band_power(power, heard_hz),
         "envelope": envelope,
         "envelope_shaft": envelope_shaft,
     }
 
 
+def _is_loud(power: np.ndarray, heard_hz: float) -> np.ndarray:
+    """Whether blocks (n,) of spectra (n, k) hold sound from `LOW_HZ` to `heard_hz`: a level, or its drift, is none."""
+    heard = power[:, round(LOW_HZ * BLOCK_S) : int(heard_hz * BLOCK_S) + 1]
+    return np.sqrt(heard.sum(axis=1) / BLOCK_S) > SILENT_RMS
+
+
+def _last_turned(angle: np.ndarray, heard_hz: float) -> int:
+    """The last bin over angle (length,) that was observed all through the block, whatever the wheel's speed in it."""
+    fastest = float(np.max(np.diff(angle))) * (angle.size - 1)
+    share = (angle[-1] - angle[0]) / fastest if fastest > 0.0 else 1.0
+    last = int(heard_hz * share * BLOCK_S)
+    # Where the wheel's speed varies, the smooth spectrum around the last bins is of what was not observed.
+    return last if share > 0.999 else max(last - 2 * _GROUP, 0)
+
+
 def reference_level(sound: SoundStream) -> np.ndarray:
-    """Mean log level of contact sound known to be clean, in the bands of `DriveSpectra` (b,) [ln].
+    """Mean log level of contact sound known to be clean, in the bands of `DriveSpectra` that it was heard in (b,) [ln].
 
     Raises
     ------
     InputError
         It holds no second of sound.
     """
-    length = round(BLOCK_S * RATE_HZ)
-    total, count = np.zeros(_bands()[0].size), 0
+    length, heard_hz = round(BLOCK_S * RATE_HZ), observed_hz(sound.sample_rate)
+    total, count = np.zeros(_bands(heard_hz)[0].size), 0
     for block in sound.blocks(BLOCK_S, BLOCK_S):
-        samples = None if block.samples is None else resample(block.samples, sound.sample_rate)[:length]
-        if samples is not None and samples.size == length and np.sqrt(np.mean(np.square(samples))) > SILENT_RMS:
-            total += np.log(_band_power(_periodograms(samples[None]))[0])
+        samples = None if block.samples is None else resample(_centred(block.samples), sound.sample_rate)[:length]
+        if samples is None or samples.size < length:
+            continue
+        power = _periodograms(samples[None])
+        if _is_loud(power, heard_hz)[0]:
+            total += np.log(_band_power(power, heard_hz)[0])
             count += 1
     if count == 0:
         raise InputError("reference sound", f"{sound.duration_s:g} s, none of it louder than silence", expected="1 s")
     return total / count
 
 
-def _band_power(power: np.ndarray) -> np.ndarray:
+def _band_power(power: np.ndarray, heard_hz: float) -> np.ndarray:
     """Geometric means (n, b) of spectra (n, k) over the bands: a line counts as one bin of many, not by its power."""
-    return np.exp(np.log(power + np.float32(1e-18)) @ _bands()[1] + np.float32(np.euler_gamma))
+    return np.exp(np.log(power + np.float32(1e-18)) @ _bands(heard_hz)[1] + np.float32(np.euler_gamma))
 
 
 def _periodograms(blocks: np.ndarray) -> np.ndarray:
@@ -277,7 +333,7 @@ def _envelopes(samples: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.n
         if own[-1] - own[0] > 1e-6:
             piece = np.interp(np.interp(even, own, np.arange(length)), np.arange(length), piece)
         pieces.append(piece - piece.mean())
-        shaft.append((own[-1] - own[0]) / (2 * np.pi * ENVELOPE_S))
+        shaft.append((own[-1] - own[0]) * ENVELOPE_RATE_HZ / (2 * np.pi * (length - 1)))
     power = np.square(np.abs(np.asarray(scipy.fft.rfft(np.array(pieces) * np.hanning(length), axis=1))))
     return whitened(power.astype(np.float32)[:, : length // 2], _ENVELOPE_GROUP), np.array(shaft)
 
@@ -300,13 +356,15 @@ def whitened(power: np.ndarray, group: int) -> np.ndarray:
     return (power / np.exp(smooth)).astype(np.float32)
 
 
-@lru_cache(maxsize=1)
-def _bands() -> tuple[np.ndarray, np.ndarray]:
-    """Middles (b,) [Hz] of the bands, and the matrix (RATE_HZ * BLOCK_S / 2 + 1, b) that takes their means."""
+@lru_cache(maxsize=8)
+def _bands(heard_hz: float) -> tuple[np.ndarray, np.ndarray]:
+    """Middles (b,) [Hz] of the bands that end below `heard_hz`, and the matrix (k, b) that takes spectra' means."""
     count = int(np.log2(_HIGHEST_BAND_HZ / LOW_HZ) * _BANDS_PER_OCTAVE)
     middle = LOW_HZ * 2.0 ** ((np.arange(count) + 0.5) / _BANDS_PER_OCTAVE)
     frequency = np.arange(round(RATE_HZ * BLOCK_S / 2) + 1) / BLOCK_S
     # Bands narrower than a bin share it: a triangle at least one bin wide.
     half = np.maximum(middle * (2 ** (0.5 / _BANDS_PER_OCTAVE) - 1.0), 0.5 / BLOCK_S) + 0.5 / BLOCK_S
+    whole = middle + half <= heard_hz
+    middle, half = middle[whole], half[whole]
     weight = np.clip((half - np.abs(frequency[:, None] - middle)) * BLOCK_S, 0.0, 1.0).astype(np.float32)
     return middle, weight / weight.sum(axis=0)

@@ -27,6 +27,7 @@ _LEAST_NATS = 6.0
 """A line that gains less than this, after paying for the places searched, is not worth a statement."""
 _NOISE_DB = 10.0 / np.log(10.0) * np.pi / np.sqrt(6.0)
 """Standard deviation of 10 log10 of an exponential variable [dB]: the scatter of one block's spectrum."""
+_NO_EXCESS = "the excess of what was found at {place} is not known: it stands too high, or wanders too far, for that"
 _ANOTHER_SOURCE = "a tap on the vehicle at rest: the ring of the lugs' blows goes with them, that of the mount stays"
 _ANOTHER_GROUND = "drive on a ground that sounds different: what belongs to the vehicle stays"
 
@@ -125,7 +126,7 @@ def explain_sound(
     causes, tracked = _line_causes(lines, lug_count)
     if comb is not None:
         causes.insert(0, _comb_cause(comb, spectra, lug_count))
-        tracked.append(TrackedLine(comb.place, True, comb.teeth, tuple(gain.excess for gain in comb.gains)))
+        tracked.append(TrackedLine(comb.place, True, comb.teeth, tuple(gain.line.excess for gain in comb.gains)))
     wind = find_wind(spectra, rng)
     tell(0.9)
     notes = list(spectra.skipped)
@@ -136,6 +137,7 @@ def explain_sound(
     lugs = any(cause.explained.effect == "lug_passing" for cause in causes)
     hump_causes = [_resonance_cause(hump, lugs) for hump in humps]
     causes += [cause for cause in hump_causes if cause is not None]
+    notes += [_NO_EXCESS.format(place=_place_in_words(c)) for c in causes if _lacks_excess(c)]
     subtraction = Subtraction(
         tuple(tracked),
         wind.model if not isinstance(wind, str) and _applied(causes, "wind_noise") else None,
@@ -149,11 +151,23 @@ def explain_sound(
     return SoundExplanation(findings, CleanedSound(sound, track, subtraction) if subtraction else sound, subtraction)
 
 
+def _lacks_excess(cause: _Cause) -> bool:
+    excess = cause.explained.parameters.get("excess")
+    return excess is not None and excess.value is None
+
+
+def _place_in_words(cause: _Cause) -> str:
+    variable, low, high, *_ = cause.places[0]
+    middle = 0.5 * (low + high)
+    return f"{middle:.4g} Hz" if variable == "frequency_Hz" else f"order {middle:.4g}"
+
+
 def _comb_cause(comb: Comb, spectra: DriveSpectra, lug_count: int | None) -> _Cause:
     low, high = (float(x) for x in np.quantile(spectra.shaft_hz, [0.02, 0.98]))
+    top = spectra.top_hz
     places = tuple(
-        ("wheel_order", k * (comb.place - 2.0 * comb.sd), k * (comb.place + 2.0 * comb.sd), k * comb.place * low,
-         k * comb.place * high, comb.p_value)
+        ("wheel_order", k * (comb.place - 2.0 * comb.sd), k * (comb.place + 2.0 * comb.sd),
+         min(k * comb.place * low, top), min(k * comb.place * high, top), comb.p_value)
         for k in comb.teeth
     )  # fmt: skip
     return _Cause(comb_cause(comb, lug_count), places, comb.gains, float(_NOISE_DB))

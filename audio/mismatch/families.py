@@ -9,6 +9,8 @@ from scipy import stats
 
 from .answer import Explained, Parameter
 from .combs import MOST_LUGS, Comb
+from .drive_spectra import BLOCK_S, ENVELOPE_S
+from .line_fit import NOISE_BINS, LineFit
 from .lines import Line
 
 SURE = 0.75
@@ -73,9 +75,16 @@ def _steady(group: list[Line]) -> Explained:
     return Explained(
         "steady_tone", float(max(line.probability for line in group)),
         {"frequency": Parameter(first.place, first.sd, "Hz"),
-         "excess": Parameter(float(10 * np.log10(max(first.excess, 1e-3))), None, "dB in 1 Hz")},
+         "excess": _excess(first.gain.line)},
         sum(line.gain.nats for line in group), frequencies_Hz=tuple(line.place for line in group),
     )  # fmt: skip
+
+
+def _excess(line: LineFit, *, envelope: bool = False) -> Parameter:
+    """Power of a line over that of the noise in 1 Hz [dB]; None where the fit does not know."""
+    in_1_hz = line.excess * NOISE_BINS / (ENVELOPE_S if envelope else BLOCK_S)
+    value = float(10.0 * np.log10(max(in_1_hz, 1e-3))) if line.excess_known else None
+    return Parameter(value, None, "dB in 1 Hz" + " of the envelope" * envelope)
 
 
 def _undecided(line: Line) -> list[Explained]:
@@ -183,7 +192,7 @@ def _named(family: Family, lug_count: int | None, *, blows: bool) -> Explained:
     parameters = {"order": Parameter(order, sd, "turns^-1")}
     if name == "lug_passing":
         parameters = {"lug_count": Parameter(float(round(order)), sd, "1")} | parameters
-    parameters["excess"] = Parameter(float(10 * np.log10(max(first.excess, 1e-3))), None, "dB in 1 Hz")
+    parameters["excess"] = _excess(first.gain.line, envelope=first.family == "envelope")
     parameters["harmonics"] = Parameter(float(harmonics), None, "1")
     other = "gear_mesh" if name == "lug_passing" else "lug_passing"
     return Explained(
@@ -220,7 +229,7 @@ def comb_cause(comb: Comb, lug_count: int | None) -> Explained:
     return Explained(
         "lug_passing", 0.99 if known else 0.5,
         {"lug_count": Parameter(float(comb.lugs), comb.sd, "1"),
-         "excess": Parameter(float(10 * np.log10(max(comb.gains[0].excess, 1e-3))), None, "dB in 1 Hz"),
+         "excess": _excess(comb.gains[0].line),
          "harmonics": Parameter(float(len(comb.teeth)), None, "1")},
         nats, orders=tuple(k * comb.place for k in comb.teeth),
     )  # fmt: skip

@@ -13,7 +13,8 @@ from scipy.stats import false_discovery_control
 
 from .alignment import Aligned, HeldOutGain, Null, held_out_gain, null_of
 from .combs import MOST_LUGS, Comb, find_comb
-from .drive_spectra import BLOCK_S, ENVELOPE_RATE_HZ, ENVELOPE_S, LOW_HZ, TOP_HZ, DriveSpectra
+from .drive_spectra import BLOCK_S, ENVELOPE_RATE_HZ, ENVELOPE_S, LOW_HZ, DriveSpectra
+from .line_fit import skirt_bins
 
 FALSE_DISCOVERY_RATE = 0.01
 MOST_LINES = 40
@@ -35,7 +36,7 @@ class Line:
     place, sd
         Order [-] or frequency [Hz], and its standard deviation.
     excess
-        Power over that of contact sound in a bin of 1 Hz [-].
+        Power over that of contact sound in one bin [-].
     p_value
         Against surrogates.
     probability
@@ -73,7 +74,7 @@ def families_of(spectra: DriveSpectra) -> dict[str, Aligned]:
         step = 0.5 / (BLOCK_S * fast)
         families["order"] = Aligned(
             "order", spectra.turned.copy(), spectra.shaft_hz, BLOCK_S, low, spectra.stretch,
-            np.arange(max(3.0, 2 * step), 0.9 * TOP_HZ / fast, step),
+            np.arange(max(3.0, 2 * step), 0.9 * spectra.top_hz / fast, step),
         )  # fmt: skip
         step = 0.5 / (ENVELOPE_S * fast)
         families["envelope"] = Aligned(
@@ -82,7 +83,7 @@ def families_of(spectra: DriveSpectra) -> dict[str, Aligned]:
         )  # fmt: skip
     families["fixed"] = Aligned(
         "fixed", spectra.fixed.copy(), np.ones(len(spectra.fixed)), BLOCK_S, low, spectra.stretch,
-        np.arange(_LEAST_TONE_HZ, TOP_HZ - 50.0, 1.0 / BLOCK_S),
+        np.arange(_LEAST_TONE_HZ, spectra.top_hz - 50.0, 1.0 / BLOCK_S),
     )  # fmt: skip
     return {name: family for name, family in families.items() if family.multiples.size > 40}
 
@@ -142,7 +143,7 @@ def _judged(families: dict[str, Aligned], name: str, place: float, p_value: floa
     rival_name = {"order": "fixed", "fixed": "order"}.get(name)
     rival = None
     if rival_name in families:
-        rival = _best_rival(families[rival_name], families[name], own.multiple)
+        rival = _best_rival(families[rival_name], families[name], own.line.multiple)
     # Places were sought among all multiples of the family: that many chances to be wrong.
     logs = [own.nats - np.log(families[name].multiples.size), 0.0]
     if rival is not None and rival_name is not None:
@@ -152,11 +153,11 @@ def _judged(families: dict[str, Aligned], name: str, place: float, p_value: floa
     if rival is not None and rival_name is not None and share[2] > share[0]:
         name, own, rival_name, rival = rival_name, rival, name, own
         share = share[[2, 1, 0]]
-    speed = families[name].speed
-    reach = np.quantile(own.multiple * speed[speed > 0], [0.02, 0.98]) if (speed > 0).any() else (0.0, 0.0)
+    heard = families[name].speed[~np.isnan(families[name].along(own.line.multiple))]
+    reach = np.quantile(own.line.multiple * heard, [0.02, 0.98]) if heard.size else (0.0, 0.0)
     return Line(
-        name, own.multiple, own.sd, own.excess, p_value, float(share[0]),
-        None if rival is None or rival_name is None else (rival_name, rival.multiple),
+        name, own.line.multiple, own.line.sd, own.line.excess, p_value, float(share[0]),
+        None if rival is None or rival_name is None else (rival_name, rival.line.multiple),
         float(share[2]) if share.size > 2 else 0.0, own, float(reach[0]), float(reach[1]),
     )  # fmt: skip
 
@@ -213,4 +214,4 @@ def _explain(families: dict[str, Aligned], line: Line) -> None:
     for name in ("order", "fixed"):
         if name in families:
             speed = families["order"].speed if line.family == "order" else families["fixed"].speed
-            families[name].mask(line.place * speed, _MASK_BINS)
+            families[name].mask(line.place * speed, max(_MASK_BINS, skirt_bins(line.excess)))

@@ -24,7 +24,9 @@ LEAST_DB = 1.5
 ALONE_DB = 6.0
 """On a single ground only humps as high as this are mentioned at all [dB]."""
 _GROUND_DB = 3.0
-_RANGE_HZ = (80.0, 5500.0)
+_LOW_HZ = 80.0
+_BANDS_ABOVE = 8
+"""A hump needs so many bands above it, a third of an octave, to be told from the end of what was observed."""
 _SIDES = np.array([1.0] * 6 + [0.0] * 11 + [1.0] * 6)
 """What a band is compared with: a quarter octave on either side, a quarter octave away."""
 _LOW_QUANTILE = 0.25
@@ -79,13 +81,15 @@ def find_resonances(
 ) -> list[ResonanceFinding]:
     """Find humps that stand on every ground, or, where there is but one ground, high ones that may be its own.
 
-    With a reference, the level (b,) [ln] of contact sound known to be clean, humps over that count; stretches then
-    stand for themselves, since what the ground has of its own is in the reference.
+    With a reference, the level (b',) [ln] of contact sound known to be clean, humps over that count; stretches then
+    stand for themselves, since what the ground has of its own is in the reference. Of two recorders the one that heard
+    less far counts.
     """
     hz, levels = spectra.band_hz, _levels(spectra, lines)
     ground = _grounds(spectra)
     if reference is not None:
-        levels, ground = levels - reference, np.arange(len(levels))
+        both = min(hz.size, reference.size)
+        hz, levels, ground = hz[:both], levels[:, :both] - reference[:both], np.arange(len(levels))
     if len(levels) < FOLDS:
         return []
     # Both sides weigh the same, so that a slope, however steep, is no relief.
@@ -93,7 +97,7 @@ def find_resonances(
     by_ground = np.stack([relief[ground == number].mean(axis=0) for number in np.unique(ground)])
     alone = len(by_ground) == 1
     lowest = _lowest(by_ground)
-    inside = (hz > _RANGE_HZ[0]) & (hz < _RANGE_HZ[1])
+    inside = (hz > _LOW_HZ) & (np.arange(hz.size) < hz.size - _BANDS_ABOVE)
     limit = ALONE_DB / _DB if alone else LEAST_DB / _DB
     p_value = np.full(hz.size, 1.0) if alone else _p_values(by_ground, lowest, inside, rng)
     found = []

@@ -104,6 +104,11 @@ def find_wind(spectra: DriveSpectra, rng: np.random.Generator) -> WindFinding | 
             "speed hardly varied: wind that grows with it cannot be told from contact sound; "
             "accelerate by a factor of 1.5 or more on one ground"
         )
+    if not _is_contact(bands.hz).any():
+        return (
+            f"nothing above {_CONTACT_HZ[0]:g} Hz was observed, where contact sound is alone: "
+            "wind that grows with speed cannot be told from it"
+        )
     p_value, growth = _test(bands, rng)
     folds = np.searchsorted(np.unique(bands.stretch), bands.stretch) % FOLDS
     fits = [_fit(bands.rows(folds != held)) for held in range(FOLDS)]
@@ -124,6 +129,11 @@ def find_wind(spectra: DriveSpectra, rng: np.random.Generator) -> WindFinding | 
     )  # fmt: skip
 
 
+def _is_contact(hz: np.ndarray) -> np.ndarray:
+    """Bands (b,) in which wind is not heard."""
+    return (hz > _CONTACT_HZ[0]) & (hz < _CONTACT_HZ[1])
+
+
 def _within(values: np.ndarray, stretch: np.ndarray) -> np.ndarray:
     """Values (n,) or (n, b) less their mean over their stretch."""
     _, own = np.unique(stretch, return_inverse=True)
@@ -139,7 +149,7 @@ def _test(bands: Bands, rng: np.random.Generator) -> tuple[float, float]:
     """P value that low bands grow no faster with speed than contact sound may, and their growth exponent."""
     v = _within(bands.log_v, bands.stretch)
     low = (bands.hz > _LOW_HZ[0]) & (bands.hz < _LOW_HZ[1])
-    high = (bands.hz > _CONTACT_HZ[0]) & (bands.hz < _CONTACT_HZ[1])
+    high = _is_contact(bands.hz)
     y = _within(bands.level, bands.stretch)
     slopes = v @ y / (v @ v)
     allowed = max(float(np.median(slopes[high])) + _MARGIN, CONTACT_MOST - 0.4)

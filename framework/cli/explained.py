@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ...identification.mismatch.explanation import Explanation, Missing
 from ...identification.mismatch.show import readable
+from ...identification.mismatch.show.sound_section import sound_lines
 from ...identification.mismatch.show.tables import (
     fit_headers,
     fit_rows,
@@ -18,7 +19,7 @@ _CANDIDATES_PRINTED = 5
 
 
 def print_explanation(answer: Explanation) -> None:
-    """Print the verdict, where the channels differ, what was left out, what it gains, and what can be trusted."""
+    """Print the verdict, where the channels differ, what was left out, what it gains, the sound, and what to trust."""
     print(readable.verdict(answer))
     print(answer.summary)
     print()
@@ -41,6 +42,11 @@ def print_explanation(answer: Explanation) -> None:
     print()
     print_rows(*soil_table(answer), title="Soil")
     print()
+    if answer.sound is not None:
+        print("Sound")
+        for line in sound_lines(answer.sound):
+            print(line)
+        print()
     print(answer.trust)
     for note in (*predicted_worse(answer), *answer.notes):
         print(f"note: {note}")

@@ -1,4 +1,4 @@
-"""The section of the report on contact sound, from the JSON of `audio.mismatch` (a dict, for parts import no other)."""
+"""Contact sound in the report and in print, from the JSON of `audio.mismatch` (a dict, for parts import no other)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from html import escape
 from typing import Any
 
 from ....framework.core.html_page import table
-from .readable import likelihood, number, p_value, shown, spread
+from .readable import KINDS, likelihood, number, p_value, shown, spread
 
 _VERDICTS = {
     "none": "The sound is that of the contact: nothing else was found in it.",
@@ -15,6 +15,47 @@ _VERDICTS = {
     "unknown": "The sound holds something that nothing in the catalogue explains.",
     "cannot_tell": "The sound holds more than the contact, but these data do not tell what.",
 }
+_TOO_LITTLE = "There is too little sound to say what it holds."
+_CAUSES_PRINTED = 5
+
+
+def sound_verdict(sound: dict[str, Any]) -> str:
+    """Put the verdict on the sound in one sentence."""
+    verdict = str(sound.get("verdict", "unknown"))
+    if verdict == "unknown" and not sound.get("missing"):
+        return _TOO_LITTLE
+    return _VERDICTS.get(verdict, verdict)
+
+
+def sound_lines(sound: dict[str, Any]) -> list[str]:
+    """Give the answer in lines of text: verdict, the likeliest causes with their numbers, and the notes."""
+    causes = sorted(sound.get("missing") or (), key=lambda each: -float(each.get("probability", 0.0)))
+    lines = [sound_verdict(sound)]
+    for each in causes[:_CAUSES_PRINTED]:
+        lines += _cause_lines(each)
+    if len(causes) > _CAUSES_PRINTED:
+        lines.append(f"and {len(causes) - _CAUSES_PRINTED} less probable, which JSON and report list")
+    return [*lines, *(f"note: {note}" for note in sound.get("notes") or ())]
+
+
+def _cause_lines(cause: dict[str, Any]) -> list[str]:
+    effect, kind = str(cause.get("effect", "")), str(cause.get("kind", ""))
+    how_sure = likelihood(float(cause.get("probability", 0.0)))
+    lines = [f"{_words(effect)} ({effect}; {KINDS.get(kind, kind)}): {how_sure}"]
+    for name, value in (cause.get("parameters") or {}).items():
+        unit = str(value.get("unit") or "1")
+        middle, sd = _float(value.get("value")), value.get("sd")
+        told = number(middle) if sd is None else spread(middle, _float(sd))
+        lines.append(f"  {_words(name)} = {told}" + (f" {unit}" if unit != "1" else ""))
+    if cause.get("indistinguishable_from"):
+        lines.append(f"  not told from: {', '.join(_words(str(each)) for each in cause['indistinguishable_from'])}")
+    if cause.get("would_tell"):
+        lines.append(f"  what would tell: {cause['would_tell']}")
+    return lines
+
+
+def _words(slug: str) -> str:
+    return slug.replace("_", " ")
 
 
 def sound_section(sound: dict[str, Any]) -> str:
@@ -25,8 +66,7 @@ def sound_section(sound: dict[str, Any]) -> str:
     sound
         Keys as in CONTRACTS.md: verdict, located, missing, fit, notes; those that are absent are passed over.
     """
-    verdict = str(sound.get("verdict", "unknown"))
-    body = f"<h2>Sound</h2><p><strong>{escape(_VERDICTS.get(verdict, verdict))}</strong></p>"
+    body = f"<h2>Sound</h2><p><strong>{escape(sound_verdict(sound))}</strong></p>"
     if sound.get("located"):
         body += table(
             ["depends on", "from", "to", "from [Hz]", "to [Hz]", "share", "p"],

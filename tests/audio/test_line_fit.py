@@ -1,0 +1,143 @@
+"""Where lines are told to stand, how well, and how strong, against tones and orders of known place and power."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bevameter.audio.mismatch.drive_spectra import Track, drive_spectra
+from bevameter.audio.mismatch.explain import explain_sound
+from bevameter.audio.mismatch.line_fit import Spectra, fit_line, hann_power
+from bevameter.audio.mismatch.lines import find_lines
+
+STUDY = Path(__file__).resolve().parents[2] / "docs" / "studies" / "sound_mismatch.py"
+RATE = 16000
+NOISE = 0.03
+SECONDS = 56.0
+AMPLITUDES = (0.001, 0.002, 0.004, 0.02, 0.06)
+"""Amplitudes of tones: 3 to 38 dB over white noise of `NOISE` in 1 Hz."""
+
+
+@pytest.fixture(scope="module")
+def study():
+    spec = importlib.util.spec_from_file_location("sound_mismatch", STUDY)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # dataclasses look themselves up there
+    spec.loader.exec_module(module)
+    return module
+
+
+def excess_dB(amplitude):
+    """Power of a tone over that of the noise in 1 Hz [dB]."""
+    return 10.0 * np.log10(0.5 * amplitude**2 / (NOISE**2 / (RATE / 2)))
+
+
+def varied_speed(rng):
+    time_s = np.arange(0.0, SECONDS + 0.05, 0.1)
+    return time_s, np.interp(time_s, np.arange(0.0, SECONDS + 7.0, 6.0), rng.uniform(4.0, 8.0, int(SECONDS // 6) + 2))
+
+
+def found_in(study, sound, time_s, wheel, rng):
+    return find_lines(drive_spectra(study.ArraySound(sound, RATE), Track.of(time_s, wheel, 0.2 * wheel)), rng)[0]
+
+
+def scored(truths, lines, family):
+    """Standard scores of the told places, and errors of the told excess [dB], each (n,), of lines that are there."""
+    assert 0.8 * len(truths) <= len(lines) <= len(truths), [(line.family, line.place) for line in lines]
+    assert {line.family for line in lines} == {family}
+    z, error = [], []
+    for line in lines:
+        place, amplitude = min(truths, key=lambda truth: abs(truth[0] - line.place))
+        z.append((line.place - place) / line.sd)
+        error.append(10.0 * np.log10(1.5 * line.excess) - excess_dB(amplitude))
+    return np.array(z), np.array(error)
+
+
+def holds(z):
+    """Whether standard scores are those of an honest standard deviation: 95 in a hundred within 2, but for chance."""
+    return np.mean(np.abs(z) < 2.0) >= 0.9 and np.sqrt(np.mean(z**2)) < 1.2
+
+
+def test_steady_tones_of_any_strength_stand_where_they_are_told_to(study, rng):
+    z, error = [], []
+    t = np.arange(int(SECONDS * RATE)) / RATE
+    for _ in range(4):
+        time_s, wheel = varied_speed(rng)
+        places = 150.0 + 450.0 * np.arange(10) + rng.uniform(0.0, 250.0, 10)
+        truths = list(zip(places, rng.permutation(AMPLITUDES * 2), strict=True))
+        sound = NOISE * rng.standard_normal(t.size)
+        sound += sum(a * np.sin(2 * np.pi * f * t + rng.uniform(0, 6)) for f, a in truths)
+        one = scored(truths, found_in(study, sound, time_s, wheel, rng), "fixed")
+        z.append(one[0])
+        error.append(one[1])
+    assert holds(np.concatenate(z)), np.concatenate(z)
+    # The weakest scatter by the noise itself; the smooth spectrum that all stand on is high by a few tenths.
+    assert np.abs(np.concatenate(error)).max() < 3.0
+    assert np.median(np.abs(np.concatenate(error))) < 0.6
+
+
+@pytest.mark.parametrize("place", [100.0, 200.0, 203.3, 999.5, 1000.25])
+def test_a_strong_tone_is_not_told_low(study, rng, place):
+    """It was told half a bin low, by seven standard deviations."""
+    time_s, wheel = varied_speed(rng)
+    t = np.arange(int(SECONDS * RATE)) / RATE
+    sound = NOISE * rng.standard_normal(t.size) + 0.005 * np.sin(2 * np.pi * place * t)
+    found = explain_sound(study.ArraySound(sound, RATE), time_s, wheel, 0.2 * wheel).findings
+    (tone,) = found.missing
+    frequency, excess = tone.parameters["frequency"], tone.parameters["excess"]
+    assert abs(frequency.value - place) < 3.0 * frequency.sd < 0.1
+    assert excess.value == pytest.approx(excess_dB(0.005), abs=1.0)
+
+
+@pytest.mark.parametrize("error", [0.0, 0.003], ids=["exact speed", "noisy speed"])
+def test_orders_of_any_strength_stand_where_they_are_told_to(study, rng, error):
+    z = []
+    t = np.arange(int(SECONDS * RATE)) / RATE
+    for _ in range(4):
+        time_s, wheel = varied_speed(rng)
+        theta = np.cumsum(np.interp(t, time_s, wheel)) / RATE
+        places = 40.0 + 60.0 * np.arange(8) + rng.uniform(0.0, 40.0, 8)
+        truths = list(zip(places, rng.choice(AMPLITUDES[2:], 8), strict=True))
+        # Where in a bin an order falls goes with speed, and so does how loud the ground is beside it.
+        noise = NOISE * np.interp(t, time_s, wheel / wheel.mean()) ** 2 * rng.standard_normal(t.size)
+        sound = noise + sum(a * np.sin(order * theta) for order, a in truths)
+        told = wheel * (1.0 + error * rng.standard_normal(wheel.size))
+        z.append(scored(truths, found_in(study, sound, time_s, told, rng), "order")[0])
+    assert holds(np.concatenate(z)), np.concatenate(z)
+
+
+def test_a_line_that_hides_the_noise_around_it_has_no_excess_and_no_company(study, rng):
+    time_s, wheel = varied_speed(rng)
+    t = np.arange(int(SECONDS * RATE)) / RATE
+    sound = 0.001 * rng.standard_normal(t.size) + 0.9 * np.sin(2 * np.pi * 1777.4 * t)
+    found = explain_sound(study.ArraySound(sound, RATE), time_s, wheel, 0.2 * wheel).findings
+    (tone,) = found.missing
+    assert tone.parameters["excess"].value is None
+    assert any("excess of what was found at 1777 Hz is not known" in note for note in found.notes)
+    assert abs(tone.parameters["frequency"].value - 1777.4) < 2.0 * tone.parameters["frequency"].sd
+
+
+def test_the_hump_is_that_of_the_window():
+    n = 4096
+    window = np.hanning(n + 1)[:-1]
+    tone = np.exp(2j * np.pi * 100.3 * np.arange(n) / n) * window
+    power = np.abs(np.fft.fft(tone)[97:105]) ** 2 / window.sum() ** 2
+    np.testing.assert_allclose(hann_power(np.arange(97, 105) - 100.3), power, rtol=1e-3, atol=1e-9)
+    np.testing.assert_allclose(hann_power(np.array([0.0, 1.0, -1.0, 2.0])), [1.0, 0.25, 0.25, 0.0], atol=1e-5)
+
+
+def test_where_nothing_was_seen_nothing_is_known(rng):
+    nothing = Spectra(np.full((30, 200), np.nan), np.ones(30), 20, np.arange(30) // 5)
+    line = fit_line(nothing, np.arange(30), 90.0, 1.5)
+    assert (line.multiple, line.excess) == (90.0, 0.0)
+    assert line.sd == pytest.approx(3.0 / np.sqrt(12.0))
+
+
+def test_in_noise_the_place_is_known_no_better_than_it_was_sought(rng):
+    noise = Spectra(rng.exponential(size=(60, 200)), np.ones(60), 20, np.arange(60) // 10)
+    for place in range(40, 160, 10):
+        line = fit_line(noise, np.arange(60), float(place), 1.5)
+        assert abs(line.multiple - place) <= 1.5 + 1e-9
+        assert 0.0 < line.sd <= 3.0 / np.sqrt(12.0) + 1e-9
+        assert line.excess < 1.0

@@ -1,0 +1,60 @@
+"""What `bevameter explain` prints of the sound, beside what JSON and report hold."""
+
+import pytest
+from bevameter.framework.cli.main import app
+from bevameter.identification.mismatch.show.sound_section import sound_lines, sound_section
+from explanations import SOUND, explanation
+from typer.testing import CliRunner
+
+TONE = {
+    "effect": "steady_tone", "kind": "instrument", "probability": 0.97,
+    "parameters": {"frequency": {"value": 203.31, "sd": 0.012, "unit": "Hz"},
+                   "excess": {"value": None, "sd": None, "unit": "dB in 1 Hz"},
+                   "harmonics": {"value": 2.0, "sd": None, "unit": "1"}},
+    "equation": "a cos(2 pi f_0 t + phi)", "source": "A sinusoid", "indistinguishable_from": ["gear_mesh"],
+    "would_tell": "drive at varied speed", "subtracted": True,
+}  # fmt: skip
+
+
+def printed(monkeypatch, sound):
+    monkeypatch.setattr("bevameter.framework.explain.explain", lambda *_, **__: explanation(sound=sound))
+    result = CliRunner().invoke(app, ["explain", "wheel.csv"])
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+def test_the_sound_is_printed(monkeypatch):
+    text = printed(
+        monkeypatch, {**SOUND, "verdict": "instrument", "missing": [TONE], "notes": ["one stretch left out"]}
+    )
+    for said in (
+        "\nSound\nThe microphone or its chain adds to the sound.",
+        "steady tone (steady_tone; instrument or configuration): very likely, 97 %",
+        "  frequency = 203.310 ± 0.012 Hz\n", "  excess = unknown dB in 1 Hz\n", "  harmonics = 2\n",
+        "  not told from: gear mesh\n", "  what would tell: drive at varied speed\n", "note: one stretch left out",
+    ):  # fmt: skip
+        assert said in text, said
+
+
+def test_nothing_in_the_sound_is_said_and_no_sound_is_passed_over(monkeypatch):
+    nothing = {**SOUND, "verdict": "none", "missing": [], "located": [], "notes": []}
+    assert "The sound is that of the contact: nothing else was found in it." in printed(monkeypatch, nothing)
+    assert "Sound" not in printed(monkeypatch, None)
+
+
+def test_the_likeliest_causes_are_printed_and_the_rest_counted():
+    many = [{**TONE, "probability": p, "parameters": {}} for p in (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.999)]
+    lines = sound_lines({**SOUND, "missing": many})
+    heads = [line for line in lines if line.startswith("steady tone")]
+    assert len(heads) == 5
+    assert heads[0].endswith("virtually certain, > 99.5 %")
+    assert "and 2 less probable, which JSON and report list" in lines
+
+
+@pytest.mark.parametrize("said", [lambda sound: "\n".join(sound_lines(sound)), sound_section], ids=["print", "report"])
+def test_too_little_sound_is_not_taken_for_an_unknown_cause(said):
+    short = {"verdict": "unknown", "missing": [], "located": [], "fit": None, "notes": ["16 s of sound"]}
+    text = said(short)
+    assert "There is too little sound to say what it holds." in text
+    assert "catalogue" not in text
+    assert "catalogue" in said({**short, "missing": [TONE]})
