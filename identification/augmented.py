@@ -130,6 +130,8 @@ class AugmentedWheel:
         contact = self._contact(drive, true, vector, angle)
         return Response(self._channels(drive, imposed, contact, vector, forces), angle)
 
+    # The load may hardly grow with the entry angle, or fall with it: such rows' derivatives overflow.
+    @np.errstate(over="ignore", invalid="ignore")
     def linearise(
         self, drive: Drive, imposed: np.ndarray, vector: np.ndarray, entry: Entry | None, *, latent: bool = True,
         known: Response | None = None,

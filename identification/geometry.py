@@ -1,4 +1,4 @@
-"""Wheels that the rows describe themselves: files of trials with columns radius_m and width_m, and no vehicle.toml."""
+"""Wheels that the rows describe themselves, in columns radius_m and width_m: in place of a vehicle, or beside one."""
 
 from __future__ import annotations
 
@@ -13,6 +13,9 @@ from ..framework.core.vehicle import Vehicle, Wheel
 
 _COLUMNS = ("radius_m", "width_m", "grouser_height_m", "grouser_count")
 _NEEDED = _COLUMNS[:2]
+
+_SAME = 0.01
+"""Share by which a length in a row differs from the vehicle's at most, where it is that [-]."""
 
 
 def by_geometry(recording: Recording) -> list[Recording]:
@@ -44,6 +47,40 @@ def by_geometry(recording: Recording) -> list[Recording]:
     return parts
 
 
+def of_vehicle(table: WheelTable, vehicle: Vehicle) -> tuple[WheelTable, list[str]]:
+    """Give the rows whose own geometry, where they have one, is that of the vehicle's wheel, and say which are not.
+
+    Raises
+    ------
+    InputError
+        No row is of a wheel of the vehicle.
+    """
+    own = [name for name in _NEEDED if name in table]
+    if not own:
+        return table, []
+    names, which = np.unique(
+        np.full(len(table), "") if table.wheel is None else table.wheel.astype(str), return_inverse=True
+    )
+    wheels = [vehicle.wheel(None if table.wheel is None else str(name)) for name in names]
+    expected = np.array([[getattr(wheel, name) for name in own] for wheel in wheels])[which.ravel()]
+    written = np.column_stack([table[name] for name in own])
+    other = np.abs(written - expected) > _SAME * expected
+    lost = other.any(axis=1)
+    if not lost.any():
+        return table, []
+    if lost.all():
+        column = int(np.argmax(other[0]))
+        raise InputError(
+            table.source, f"{written[0, column]:g}", place=f"sample 1, column {own[column]}",
+            expected=f"{expected[0, column]:g}, the vehicle's wheel, in some row",
+        )  # fmt: skip
+    note = (
+        f"rows of other wheels, by {' and '.join(own)}: only the {np.count_nonzero(~lost)} of {len(table)} of the "
+        "vehicle's wheel were used; give the others in a file of their own"
+    )
+    return table.select(np.flatnonzero(~lost)), [note]
+
+
 def _vehicle(table: WheelTable, geometry: dict[str, float], row: int) -> Vehicle:
     """Build a vehicle whose wheels all have the geometry [m] of a row."""
     names = ["wheel"] if table.wheel is None else [str(name) for name in np.unique(table.wheel)]
@@ -53,7 +90,9 @@ def _vehicle(table: WheelTable, geometry: dict[str, float], row: int) -> Vehicle
     except ValidationError as error:
         fault = error.errors()[0]
         place = f"row {row + 1}, column {fault['loc'][-1]}"
-        raise InputError(table.source, f"{fault['input']!r}: {fault['msg']}", place=place) from None
+        shown = "" if fault["type"] == "value_error" else f"{fault['input']!r}: "
+        problem = shown + fault["msg"].removeprefix("Value error, ")
+        raise InputError(table.source, problem, place=place) from None
 
 
 def describe(geometry: dict[str, float]) -> str:

@@ -18,13 +18,15 @@ from ..framework.core.recording.wheel_file import derive
 from ..framework.core.soil import Quantity, ShearStrength, SoilEstimate, SoilKnowledge, load_soil
 from ..framework.core.vehicle import Vehicle, Wheel, load_vehicle
 from . import linearised
+from .angle_check import angle_disagreement
 from .changes import split_soils
+from .copies import without_copies
 from .estimation import Measured, estimate_soil, summarise, usable
 from .forward import CHANNELS
 from .gate import LIMITS, Stretch, find_stretches, quasi_static
-from .geometry import by_geometry
+from .geometry import by_geometry, of_vehicle
 from .noise import sensor_noise
-from .plausible import check_signs, check_sizes, slow_clock, without_stuck
+from .plausible import check_load, check_signs, check_sizes, slow_clock, without_stuck
 from .restless import as_answers_tell
 from .slip_check import slip_disagreement
 from .trials import AS_TRIALS, is_of_trials, without_time
@@ -206,15 +208,15 @@ def _of_vehicle(recording: Recording) -> FeltRows:
             "no wheel geometry",
             expected="vehicle.toml beside the recording, --vehicle, or columns radius_m and width_m",
         )
-    table, vehicle = recording.wheel, recording.vehicle
-    assert table is not None
+    vehicle = recording.vehicle
+    assert recording.wheel is not None
+    table, others = of_vehicle(recording.wheel, vehicle)
+    table, copies = without_copies(table)
     groups: dict[tuple[float, float], list[str | None]] = {}
     names = [None] if table.wheel is None else [str(name) for name in np.unique(table.wheel)]
     for name in names:
         wheel = vehicle.wheel(name)
         groups.setdefault((wheel.radius_m, wheel.width_m), []).append(name)
-    for name in names:
-        _check_geometry(table, vehicle.wheel(name))
     gathered = [_gather(table, vehicle, members) for members in groups.values()]
     for name, remedy in (
         ("load_N", "load_N: the wheel's share of the weight, if it is not sensed"),
@@ -225,22 +227,12 @@ def _of_vehicle(recording: Recording) -> FeltRows:
     for rows in gathered:
         check_signs(rows.table, rows.wheel)
         check_sizes(rows.table, rows.wheel)
+        check_load(rows.table, rows.wheel)
     best = max(gathered, key=lambda rows: int((rows.reasons == "").sum()))
-    if len(gathered) == 1:
-        return best
-    problem = f"wheels of {len(gathered)} geometries: only those of radius {best.wheel.radius_m:g} m were used"
-    return replace(best, problems=(problem, *best.problems))
-
-
-def _check_geometry(table: WheelTable, wheel: Wheel) -> None:
-    """Refuse rows whose own geometry is not that of the wheel: they are of several wheels, or of another."""
-    for column, expected in (("radius_m", wheel.radius_m), ("width_m", wheel.width_m)):
-        values = table.get(column)
-        if values is not None and np.any(np.abs(values - expected) > 0.01 * expected):
-            other = values[np.abs(values - expected) > 0.01 * expected][0]
-            raise InputError(
-                table.source, f"{other:g}", expected=f"{expected:g}, the vehicle's wheel", place=f"column {column}"
-            )
+    said = [*others, *copies]
+    if len(gathered) > 1:
+        said.append(f"wheels of {len(gathered)} geometries: only those of radius {best.wheel.radius_m:g} m were used")
+    return replace(best, problems=(*said, *best.problems))
 
 
 def _gather(table: WheelTable, vehicle: Vehicle, names: list[str | None]) -> FeltRows:
@@ -249,7 +241,8 @@ def _gather(table: WheelTable, vehicle: Vehicle, names: list[str | None]) -> Fel
         wheel = vehicle.wheel(name)
         part = table if name is None else table.select(np.asarray(table.wheel) == name)
         recorded, part = part, derive(part, wheel)
-        doubts = [doubt for doubt in (slip_disagreement(recorded, wheel), slow_clock(part)) if doubt]
+        checks = (slip_disagreement(recorded, wheel), angle_disagreement(part, wheel), slow_clock(part))
+        doubts = [doubt for doubt in checks if doubt]
         # Before what is stuck is left out: on ground that does not yield a sinkage may well stay what it is.
         reasons.append(quasi_static(part, wheel))
         part, stuck = without_stuck(part)

@@ -23,6 +23,12 @@ _FEWEST_ROWS = 5
 _REVERSED = 0.9
 """Share of rows below zero from which on a channel is measured the other way round [-]."""
 
+_MOST_PULLED, _LARGEST = 20.0, 0.9
+"""Loads that a wheel pulls, or turns against at its rim, at most [-], and which quantiles are compared. On the soils of
+J. Y. Wong, *Terramechanics and Off-Road Vehicle Engineering* (2010), Table 2.3, the textbook wheel reaches 1 where its
+load is 3 kPa of its radius times its width or more, 2 on snow, and 10 where it is 0.1 kPa on the most cohesive snow
+(Sweden, 6 kPa); real sand gave 2.5 (`single-wheel-sand`, a locked wheel). A load in kN shows as 20 to 300."""
+
 _CLEARLY = 0.03
 """Sinkage so far below zero is no reading of a sensor whose zero is a little off [radii]."""
 
@@ -67,6 +73,35 @@ def check_sizes(table: WheelTable, wheel: Wheel) -> None:
         raise InputError(
             table.source, f"{middle:.3g} m (median)", place="column sinkage_m",
             expected=f"less than the wheel's diameter, {2.0 * wheel.radius_m:.3g} m",
+        )  # fmt: skip
+
+
+def check_load(table: WheelTable, wheel: Wheel) -> None:
+    """Refuse a load that no soil lets a wheel pull so much with, or turn against: one of them is in another unit.
+
+    Raises
+    ------
+    InputError
+        The upper tenth of the rows pull, or turn against, too many times the load.
+    """
+    for name, lever_m in (("drawbar_pull_N", 1.0), ("torque_Nm", wheel.radius_m)):
+        _check_load(table, name, lever_m)
+
+
+def _check_load(table: WheelTable, name: str, lever_m: float) -> None:
+    """Refuse a load beside which a channel, over its lever, is larger than any soil makes it."""
+    if "load_N" not in table or name not in table:
+        return
+    both = (table["load_N"] > 0.0) & np.isfinite(table[name])
+    if not both.any():
+        return
+    load, answer = (float(np.quantile(np.abs(table[each][both]), _LARGEST)) for each in ("load_N", name))
+    if answer > _MOST_PULLED * load * lever_m:
+        unit = name.rpartition("_")[2]
+        raise InputError(
+            table.source, f"{load:.3g} N and {answer:.3g} {unit} (upper tenth of the rows)",
+            place=f"columns load_N and {name}",
+            expected=f"both in SI units, for no soil bears more than {_MOST_PULLED * load * lever_m:.3g} {unit} there",
         )  # fmt: skip
 
 

@@ -6,7 +6,11 @@ Nothing heavy is imported here or by a command's module: each command imports it
 
 from __future__ import annotations
 
+import errno
+import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Annotated, Any
 
 import typer
@@ -23,18 +27,63 @@ INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells count it: 128 + SIGINT."""
 
 
+READER_GONE = 141
+"""Exit status where whoever read the output left before its end, as shells count it: 128 + SIGPIPE."""
+
+
+_NO_MORE = (errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+"""Why a stream that is open, and so is no file by name, takes no more."""
+
+
 class _OneLineErrors(TyperGroup):
     """Prints the errors that Bevameter knows as one line; those that it does not know keep their traceback."""
 
+    def make_context(self, *arguments: Any, **further: Any) -> Any:
+        """Read the arguments; help and version are printed here."""
+        with _in_one_line():
+            return super().make_context(*arguments, **further)
+
     def invoke(self, ctx: Any) -> Any:
-        try:
+        """Run the command."""
+        with _in_one_line():
             return super().invoke(ctx)
-        except BevameterError as error:
-            print(f"bevameter: {error}", file=sys.stderr)
-            raise typer.Exit(BAD_INPUT) from error
-        except KeyboardInterrupt:
-            print("bevameter: interrupted; nothing was half-written", file=sys.stderr)
-            raise typer.Exit(INTERRUPTED) from None
+
+
+@contextmanager
+def _in_one_line() -> Iterator[None]:
+    """Turn errors into one line and an exit status, those of writing what was printed, too."""
+    try:
+        try:
+            yield
+        finally:
+            _flush()
+    except BevameterError as error:
+        print(f"bevameter: {error}", file=sys.stderr)
+        raise typer.Exit(BAD_INPUT) from error
+    except KeyboardInterrupt:
+        print("bevameter: interrupted; nothing was half-written", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED) from None
+    except OSError as error:
+        if error.filename is not None or error.errno not in _NO_MORE:
+            raise
+        _write_no_more()
+        if isinstance(error, BrokenPipeError):
+            raise typer.Exit(READER_GONE) from None
+        print(f"bevameter: the output cannot be written: {error.strerror}", file=sys.stderr)
+        raise typer.Exit(BAD_INPUT) from None
+
+
+def _flush() -> None:
+    """Write what was printed; there is no standard output where the shell closed it."""
+    if sys.stdout is not None:
+        sys.stdout.flush()
+
+
+def _write_no_more() -> None:
+    """Let go of what was printed: it would fail once more when Python ends."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
+    os.close(nowhere)
 
 
 app = typer.Typer(

@@ -6,9 +6,12 @@ import csv
 import json
 import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..core.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 FORMATS = ("table", "json", "csv", "geojson")
 """What ``--format`` takes."""
@@ -38,15 +41,25 @@ def print_csv(rows: Sequence[dict[str, Any]], columns: Sequence[str] | None = No
     writer.writerows(rows)
 
 
+def console_of_results(width: int) -> Console:
+    """Give the console for results; `width` columns wide where nobody is watching, so that no line is broken there."""
+    from rich.console import Console
+
+    class Results(Console):
+        def on_broken_pipe(self) -> None:
+            """Leave it to the command line (`main`) what is done where the reader is gone."""
+            raise
+
+    console = Results(highlight=False)
+    return console if console.is_terminal else Results(highlight=False, width=width)
+
+
 def print_table(rows: Sequence[dict[str, str]], empty: str) -> None:
     """Print rows of text under their headings, or the line `empty` where there is none."""
-    from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
-    console = Console(highlight=False)
-    if not console.is_terminal:  # a file or a pipe: never break a line
-        console = Console(highlight=False, width=400)
+    console = console_of_results(400)
     if not rows:
         console.print(Text(empty))
         return

@@ -15,13 +15,12 @@ from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextC
 
 from ..core.writing import check_outputs as check_outputs
 from ..core.writing import write_text as write_text
-from .output import print_table
+from .output import console_of_results, print_table
 
 
 def out() -> Console:
     """Give the console for results; wide where nobody is watching, so that no line is broken in a file."""
-    console = Console(highlight=False)
-    return console if console.is_terminal else Console(highlight=False, width=160)
+    return console_of_results(160)
 
 
 @contextmanager

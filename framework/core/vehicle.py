@@ -17,6 +17,8 @@ from pydantic import (
     ConfigDict,
     Field,
     ValidationError,
+    ValidationInfo,
+    field_validator,
     model_validator,
 )
 
@@ -69,6 +71,14 @@ class Wheel(_Part):
         tuple[Finite, Finite], Field(validation_alias=AliasChoices("position_m", "position"))
     ] = (0.0, 0.0)  # fmt: skip
     """Place in the vehicle frame: x forward, y left [m]; `position` in a file is the same."""
+
+    @field_validator("grouser_height_m")
+    @classmethod
+    def _lower_than_the_wheel(cls, height_m: float, info: ValidationInfo) -> float:
+        radius_m = info.data.get("radius_m", math.inf)  # where the radius is at fault itself, that is what is said
+        if height_m > radius_m:
+            raise ValueError(f"{height_m:g}, expected metres, at most the wheel's radius, {radius_m:g}")
+        return height_m
 
 
 class Camera(_Part):

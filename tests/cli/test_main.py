@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import bevameter
 import pytest
+from bevameter import TerrainDatabase
 from bevameter.framework.cli import main as cli
 from bevameter.framework.core.errors import InputError
 from typer.testing import CliRunner
@@ -87,3 +91,40 @@ def test_the_installed_script_answers(tmp_path):
     assert done.stderr.startswith("bevameter: none.db")
     assert "Traceback" not in done.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+def into(target, *arguments, **options):
+    """Run the command line with its output going somewhere, buffered or not as Python would have it."""
+    code = "from bevameter.framework.cli.main import main; main()"
+    return subprocess.run(
+        [sys.executable, "-c", code, *arguments], stdout=target, stderr=subprocess.PIPE, text=True, **options
+    )  # fmt: skip
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no device that is always full")
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["explain", "--help"], ["query", "classes"]])
+def test_a_full_disk_is_one_line_and_exit_2(arguments, unbuffered, tmp_path):
+    TerrainDatabase(f"sqlite:///{tmp_path}/terrain.db").close()
+    with open("/dev/full", "w") as full:
+        done = into(full, *arguments, cwd=tmp_path, env=os.environ | {"PYTHONUNBUFFERED": unbuffered})
+    assert (done.returncode, done.stderr) == (2, "bevameter: the output cannot be written: No space left on device\n")
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("arguments", [["--help"], ["explain", "--help"], ["query", "classes"]])
+def test_a_reader_that_went_away_is_no_error_and_exit_141(arguments, unbuffered, tmp_path):
+    TerrainDatabase(f"sqlite:///{tmp_path}/terrain.db").close()
+    reader, writer = os.pipe()
+    os.close(reader)
+    try:
+        done = into(writer, *arguments, cwd=tmp_path, env=os.environ | {"PYTHONUNBUFFERED": unbuffered})
+    finally:
+        os.close(writer)
+    assert (done.returncode, done.stderr) == (141, "")
+
+
+def test_a_full_disk_elsewhere_keeps_its_traceback(monkeypatch):
+    """What is written by name is told by name, and a fault of ours is not hidden."""
+    result = failing_with(OSError(errno.ENOSPC, "No space left on device", "part.csv"), monkeypatch)
+    assert isinstance(result.exception, OSError)

@@ -19,6 +19,11 @@ from bevameter.framework.core.vehicle import Wheel, load_vehicle
         ("[wheel]\nradius_m = true\nwidth_m = 0.1\n", r"key wheel\.radius_m: True, expected a number"),
         ("[wheel]\nradius_m = nan\nwidth_m = 0.1\n", r"key wheel\.radius_m: nan, expected metres"),
         ("[wheel]\nradius_m = 0.2\nwidth_m = 0.1\ngrouser_count = true\n", r"grouser_count: True, expected a number"),
+        (
+            "[wheel]\nradius_m = 0.15\nwidth_m = 0.1\ngrouser_height_m = 15.0\n",
+            r"key wheel\.grouser_height_m: 15, expected metres, at most the wheel's radius, 0\.15",
+        ),
+        ("[wheel]\nradius_m = -1\nwidth_m = 0.1\ngrouser_height_m = 15.0\n", r"key wheel\.radius_m: -1, expected"),
         ("[wheel]\nradus_m = 0.2\nwidth_m = 0.1\n", r"key wheel\.radus_m: no such key"),
         ("[wheel]\nradius_m = 0.2\nwidth_m = 0.1\n[noise]\nload_N = true\n", r"key noise\.load_N: True"),
     ],

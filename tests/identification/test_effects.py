@@ -131,6 +131,17 @@ def test_derivatives_are_those_of_the_prediction(effect):
             assert (error <= share * np.abs(numeric).max(axis=0) + 3e-6 * usual / step).all(), (index, error)
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_wheel_that_bears_less_the_deeper_it_stands_has_no_derivatives_and_warns_of_none():
+    """A tyre that is softer than the soil, as a search comes by it."""
+    (tyre,) = (each for each in FORMS if each.name == "tyre_deflection[pressure]")
+    vector = np.array([0.0, 0.0, -4.42284863, 19.3098465, -1.30092787, 3.07e4])
+    imposed = np.column_stack([np.linspace(60.0, 180.0, len(IMPOSED)), np.full(len(IMPOSED), -0.05)])
+    here = AugmentedWheel(WHEEL, (tyre,)).linearise(DRIVE, imposed, vector, None)
+    assert np.isfinite(here.channels).any()
+    assert not np.isfinite(here.by_parameter).all()
+
+
 @pytest.mark.parametrize("effect", [form for form in FORMS if not form.moves_wheel.all()], ids=identity)
 def test_a_wheel_that_an_effect_does_not_move_stands_alike(effect):
     model = AugmentedWheel(WHEEL, (effect,))

@@ -205,6 +205,37 @@ def test_a_sinkage_in_millimetres_is_refused(rng):
         identify(recording(with_columns(table, sinkage_m=1e3 * table["sinkage_m"])))
 
 
+@pytest.mark.parametrize(
+    ("name", "unit", "said"),
+    [
+        ("load_N", 1e-3, r"columns load_N and torque_Nm: 0\.\d+ N and .* Nm .*no soil bears more than"),
+        ("torque_Nm", 1e3, "columns load_N and torque_Nm"),
+    ],
+)
+def test_a_load_that_no_soil_lets_a_wheel_turn_against_is_refused(rng, name, unit, said):
+    table = drive(rng)
+    with pytest.raises(InputError, match=said):
+        identify(recording(with_columns(table, **{name: unit * table[name]})))
+
+
+def test_a_load_in_kilonewtons_shows_by_its_pull_and_one_in_kilograms_does_not(rng):
+    table = with_columns(drive(rng), drawbar_pull_N=0.3 * drive(rng)["load_N"])
+    without = WheelTable(
+        {name: values for name, values in table.columns.items() if name != "torque_Nm"}, None, None, table.source
+    )
+    with pytest.raises(InputError, match="columns load_N and drawbar_pull_N"):
+        identify(recording(with_columns(without, load_N=1e-3 * table["load_N"])))
+    assert identify(recording(with_columns(without, load_N=table["load_N"] / 9.81))).segments
+
+
+def test_a_wheel_that_is_mostly_in_the_air_is_not_refused(rng):
+    """Its load is then nearly nothing beside what a pull's sensor reads."""
+    table = drive(rng)
+    load = table["load_N"].copy()
+    load[: int(0.8 * len(load))] = 0.01
+    assert identify(recording(with_columns(table, load_N=load))).segments
+
+
 @pytest.mark.parametrize(("unit", "said"), [(1e3, True), (1.0, False)])
 def test_a_clock_in_milliseconds_is_doubted(rng, unit, said):
     table = drive(rng)
@@ -251,6 +282,18 @@ def test_rows_of_another_wheel_are_refused(rng):
     table = with_columns(drive(rng), radius_m=np.full(300, 0.157))
     with pytest.raises(InputError, match=r"column radius_m: 0.157 \(expected 0.15"):
         identify(recording(table))
+
+
+def test_beside_a_vehicle_the_rows_of_its_wheel_are_taken(rng):
+    """Of rows that describe several wheels; without a vehicle each is identified by itself."""
+    table = trials(rng)
+    result = identify(recording(table, Vehicle(wheels=(Wheel(radius_m=0.1, width_m=0.08),))))
+    assert result.overall.n == 24
+    assert "only the 24 of 48 of the vehicle's wheel were used" in result.problems[0]
+    alone = identify(recording(table.select(np.arange(24, 48)), Vehicle(wheels=(Wheel(radius_m=0.1, width_m=0.08),))))
+    assert alone.overall.parameters == result.overall.parameters
+    with pytest.raises(InputError, match=r"trials.csv, sample 1, column radius_m: 0.15 \(expected 0.2"):
+        identify(recording(table, Vehicle(wheels=(Wheel(radius_m=0.2, width_m=0.12),))))
 
 
 def test_soils_that_differ_between_stretches_are_not_passed_off_as_one(rng):
@@ -350,6 +393,13 @@ def test_a_wheel_that_no_wheel_can_be_is_one_clear_error(rng, value, message):
     table = trials(rng)
     table.columns["radius_m"][3] = value
     with pytest.raises(InputError, match=message):
+        identify(recording(table, None))
+
+
+def test_lugs_higher_than_the_wheel_are_one_clear_error(rng):
+    """In millimetres."""
+    table = with_columns(trials(rng), grouser_height_m=np.full(48, 10.0), grouser_count=np.full(48, 24.0))
+    with pytest.raises(InputError, match=r"row 1, column grouser_height_m: 10, expected metres, at most the .* 0\.15"):
         identify(recording(table, None))
 
 

@@ -17,6 +17,7 @@ from ...forward import CHANNELS
 from ...gate import LIMITS
 from ...noise import from_running_median, least_noise, sensor_noise
 from ...trials import AS_TRIALS, is_of_trials, without_clock, without_time
+from ...unloaded import carries_nothing
 from .averaging import restless, smoothed
 from .lanes import lanes
 
@@ -165,7 +166,7 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle, shares: tuple[floa
             table.source, f"time_s stands still in {still} of {len(table)} rows",
             expected="a clock that runs, or column run in a file of steady-state trials",
         )  # fmt: skip
-    usable, notes = _usable(table)
+    usable, notes = _usable(table, stretch)
     timed, noise = "time_s" in table, sensor_noise(table, vehicle)
     if is_of_trials(table):
         timed, stretch, noise = False, np.arange(len(table)), sensor_noise(without_time(table), vehicle)
@@ -227,11 +228,12 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle, shares: tuple[floa
     return _blocked(samples)
 
 
-def _usable(table: WheelTable) -> tuple[np.ndarray, list[str]]:
+def _usable(table: WheelTable, stretch: np.ndarray) -> tuple[np.ndarray, list[str]]:
     load, slip = table["load_N"], table["slip"]
     checks = [
         (np.isfinite(load) & np.isfinite(slip), "without load or slip"),
         (load > 0.0, "whose wheel carries nothing"),
+        (~carries_nothing(load, stretch), "among them whose load is the noise of a zero"),
         ((slip >= -1.0) & (slip < MOST_SLIP), f"with a slip outside -1 to {MOST_SLIP}"),
     ]
     angle = table.get("slip_angle_rad")
