@@ -28,5 +28,5 @@ def test_a_number_has_the_unit_written_or_the_usual_one(text, unit, value):
     ],
 )  # fmt: skip
 def test_anything_else_is_refused_at_once(text):
-    with pytest.raises(ValueError, match="no number with a unit|no unit like"):
+    with pytest.raises(ValueError, match=r"no number with a unit|no unit like"):
         magnitude(text, "Pa")

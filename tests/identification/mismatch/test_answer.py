@@ -92,7 +92,7 @@ def test_no_more_than_six_are_listed_where_the_data_cannot_tell(searched):
     [
         (["slip x load", "sinkage_m"], "a drive that varies slip i, then load W with all else held"),
         (["sinkage_m", "lag_s", "constant"], ""),
-        (["slip", "slip x load", "rim_speed_m_s"], "a drive that varies slip i, then load W, then speed of the rim with"),
+        (["slip", "slip x load", "rim_speed_m_s"], "a drive that varies slip i, then load W, then speed of the rim"),
     ],
 )
 def test_what_is_unknown_is_looked_at_by_what_a_drive_can_vary(names, words):
