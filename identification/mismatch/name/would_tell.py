@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from ...effects.drive import select_rows
 from ...effects.effect import PULL, SINKAGE, TORQUE, Drive
 from ...forward import CHANNELS
 from ..fit.fitting import Fitted, Problem
@@ -123,7 +124,7 @@ def _checks(problem: Problem, right: Trial, other: Trial) -> list[tuple[float, s
 
 def _drives(problem: Problem, right: Trial, other: Trial) -> list[tuple[float, str]]:
     """Other drives with the same sensors: more loads, more slip, more speeds, a second pass, a slope; none of what was
-    driven already.
+    driven already, and of each what it tells more than as many rows of the present drive once more.
     """
     samples = problem.samples
     load, slip = problem.imposed[:, 0], problem.imposed[:, 1]
@@ -161,6 +162,10 @@ def _drives(problem: Problem, right: Trial, other: Trial) -> list[tuple[float, s
         "load": load, "slip": slip, "speed": np.log(np.where(speed == 0.0, np.nan, np.abs(speed))),
         "number": driven.pass_number, "pitch": driven.pitch_rad,
     }  # fmt: skip
+    along = np.linspace(0, len(load) - 1, _ROWS).round().astype(int)
+    once_more = _expected(
+        select_rows(driven, along), problem.imposed[along], noise, right.fitted, other.fitted, problem
+    )  # fmt: skip
     for text, (varied, plan) in plans.items():
         wanted = np.log(plan["speed"]) if varied == "speed" else plan[varied]
         if _driven(before[varied], wanted):
@@ -168,7 +173,7 @@ def _drives(problem: Problem, right: Trial, other: Trial) -> list[tuple[float, s
         imposed = np.column_stack([plan.get("load", np.full(_ROWS, middle)), plan.get("slip", np.full(_ROWS, 0.2))])
         drive = _hypothetical(samples.drive, imposed, plan, usual, samples.wheel.radius_m)
         nats = _expected(drive, imposed, noise, right.fitted, other.fitted, problem)
-        answer.append((nats, text))
+        answer.append((nats - once_more, text))
     return answer
 
 

@@ -17,6 +17,7 @@ from bevameter.identification.mismatch.fit.beside import attach
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.fit.simulated import as_differences
 from bevameter.identification.mismatch.fit.trial import situation, textbook_trial, try_adding
+from bevameter.identification.mismatch.name import would_tell as module
 from bevameter.identification.mismatch.name.would_tell import (
     _driven,
     _drives,
@@ -85,6 +86,12 @@ def test_what_was_driven_already_is_not_proposed(friction):
         imposed=np.column_stack([problem.imposed[:, 0], np.linspace(-0.05, 0.7, len(slip))]),
     )  # fmt: skip
     assert "drive with slips from 0 to 0.6" not in [text for _, text in _drives(wide, sinks, offset)]
+
+
+def test_what_the_present_drive_would_tell_once_more_is_nobodys_merit(friction, monkeypatch):
+    problem, (offset, coulomb, _, _) = friction
+    monkeypatch.setattr(module, "_expected", lambda *_: 50.0)
+    assert {nats for nats, _ in _drives(problem, offset, coulomb)} == {0.0}
 
 
 def test_a_form_that_is_doubted_without_a_rival_is_checked_by_the_soil_if_that_is_not_known(friction):
