@@ -19,6 +19,10 @@ _SCALES = 1.0 + np.linspace(-0.005, 0.005, 21)
 """Errors of the wheel speed's scale that are allowed for [-]."""
 _LEAST_TEETH = 6
 _MOST_TEETH = 48
+_MOST_EACH = 4.0
+"""A tooth counts no more than this: two lines of a gear are no comb, however strong [-]."""
+_RUN = 24
+"""So many neighbouring teeth are looked at together."""
 _STANDS = 1.0
 _SEARCH_SHARE = 0.5
 _LEAST_SHARE = 0.6
@@ -53,8 +57,7 @@ class Comb:
 
 def find_comb(family: Aligned, null: Null, lug_count: int | None = None) -> Comb | None:
     """Find the comb that stands out most, or None."""
-    score, _ = null.p_values(*family.means())
-    drawn = null.scores
+    score, drawn = np.minimum(null.p_values(*family.means())[0], _MOST_EACH), np.minimum(null.scores, _MOST_EACH)
     best = (0.0, 0, 1.0, 1.0)
     for lugs in range(LEAST_LUGS, MOST_LUGS + 1) if lug_count is None else (lug_count,):
         for scale in _SCALES:
@@ -62,12 +65,12 @@ def find_comb(family: Aligned, null: Null, lug_count: int | None = None) -> Comb
             if at.size < _LEAST_TEETH:
                 continue
             z = float(score[at].sum() / np.sqrt(at.size))
-            if z <= best[0] or np.mean(score[at[:24]] > _STANDS) < _SEARCH_SHARE:
+            if z <= best[0] or _most_standing(score[at]) < _SEARCH_SHARE:
                 continue
             spread = float(np.std(drawn[:, at].sum(axis=1) / np.sqrt(at.size)))
             best = (z, lugs, float(scale), max(spread, 1.0))
     z, lugs, scale, spread = best
-    lugs = _fewest(family, score, lugs, scale) if lug_count is None else lugs
+    lugs = _fewest(family, score, drawn, null.tail, lugs, scale) if lug_count is None else lugs
     if lugs == 0 or z / spread / null.tail < _LEAST_Z:
         return None
     place = lugs * scale
@@ -82,19 +85,35 @@ def find_comb(family: Aligned, null: Null, lug_count: int | None = None) -> Comb
     return Comb(lugs, mean, max(sd, 1e-3 * mean), tuple(teeth), gains, float(stats.norm.sf(z / spread / null.tail)))
 
 
-def _fewest(family: Aligned, score: np.ndarray, lugs: int, scale: float) -> int:
-    """The least number of lugs whose own teeth, not only those shared with `lugs`, stand out: every other tooth of a
-    comb of 16 is a comb of 32, and seldom a worse one.
+def _fewest(
+    family: Aligned, score: np.ndarray, drawn: np.ndarray, tail: float, lugs: int, scale: float
+) -> int:  # fmt: skip
+    """The least number of lugs whose own teeth, not only those shared with `lugs`, stand out, the first ones or all
+    together: every other tooth of a comb of 16 is a comb of 32, and seldom a worse one.
     """
     for part in range(lugs // LEAST_LUGS, 1, -1):
         if lugs % part:
             continue
         at = _teeth(family, lugs / part * scale)
         number = np.round(family.multiples[at] * part / (lugs * scale)).astype(int)
-        own = score[at[number % part != 0]][:24]
-        if own.size >= _LEAST_TEETH and np.mean(own > _STANDS) >= _LEAST_SHARE:
+        own = at[number % part != 0]
+        if own.size < _LEAST_TEETH:
+            continue
+        root = np.sqrt(own.size)
+        spread = max(float(np.std(drawn[:, own].sum(axis=1) / root)), 1.0)
+        together = float(score[own].sum() / root) / spread / tail
+        few = float(np.mean(score[own[:_RUN]] > _STANDS))
+        if few >= _LEAST_SHARE or (together >= _LEAST_Z and _most_standing(score[own]) >= _LEAST_SHARE):
             return lugs // part
     return lugs
+
+
+def _most_standing(score: np.ndarray) -> float:
+    """Largest share of neighbouring teeth (n,), `_RUN` of them where there are as many, that stand out: a mount or a
+    body rings with them somewhere, and buried ones are heard there first.
+    """
+    run = min(_RUN, len(score))
+    return float(np.convolve(score > _STANDS, np.ones(run) / run, "valid").max())
 
 
 def _teeth(family: Aligned, place: float) -> np.ndarray:
