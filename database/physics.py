@@ -81,7 +81,7 @@ def check_likely(physics: AugmentedSimulator, source: str) -> None:
     """Refuse what was found without being likely; raises `InputError`."""
     for effect in physics.effects:
         if effect.probability < LEAST_PROBABILITY:
-            raise InputError(source, f"{effect.slug} is there with probability {effect.probability:.2g}",
+            raise InputError(source, f"{effect.slug} is there with probability {effect.probability:.6g}",
                              expected=f"{LEAST_PROBABILITY:g} or more: what cannot be told is nothing to plan on"
                              )  # fmt: skip
 

@@ -176,10 +176,12 @@ class TerrainDatabase:
         Raises
         ------
         InputError
-            This database cannot be written, or the other cannot be read.
+            This database cannot be written, or the other cannot be read, or holds physics that `add_physics` refuses:
+            nothing is merged then.
         """
         new = known = 0
         with other._read() as source:
+            found = _found_by_others(source, other.name)
             for drive in source.execute(select(_table(DriveRow)).order_by(DriveRow.id)).all():
                 with _Written(self) as connection:
                     is_new = _is_new(connection, drive._asdict())
@@ -188,7 +190,6 @@ class TerrainDatabase:
                         _insert(connection, table, _rows_of(source, table, drive.id))
                 size = sum(_count(source, table, drive.id) for table in _OBSERVATIONS)
                 new, known = (new + size, known) if is_new else (new, known + size)
-            found = [row._asdict() for row in source.execute(select(_table(PhysicsRow)))]
             with _Written(self) as connection:
                 added = _add_physics(connection, found)
         return Added(new + added.new, known + added.known)
@@ -318,6 +319,18 @@ def _physics(connection: Connection, database: str, site: str | None = None) -> 
     from .physics import class_physics
 
     return [class_physics(row, database) for row in rows]
+
+
+def _found_by_others(connection: Connection, database: str) -> list[dict[str, Any]]:
+    """Rows of another database's physics, read as strictly as they are added."""
+    found = _physics(connection, database)
+    if not found:
+        return []
+    from .physics import check_likely, physics_row
+
+    for each in found:
+        check_likely(each.physics, f"{database}, physics of {each.class_name}")
+    return [physics_row(each) for each in found]
 
 
 def _in_use(connection: Connection, recording_digest: str) -> uuid.UUID | None:

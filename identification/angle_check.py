@@ -84,6 +84,8 @@ def _factors(table: WheelTable, angle: np.ndarray, speed: np.ndarray, time_s: np
     """
     step_s = np.diff(time_s)
     turned = 0.5 * (speed[1:] + speed[:-1]) * step_s
+    if not np.isfinite(turned).any():
+        return np.empty(0)
     usual_s, usual = float(np.median(step_s)), float(np.nanmedian(np.abs(turned)))
     if not (usual_s > 0.0 and usual > 0.0):
         return np.empty(0)

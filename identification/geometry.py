@@ -56,7 +56,7 @@ def of_vehicle(table: WheelTable, vehicle: Vehicle) -> tuple[WheelTable, list[st
         No row is of a wheel of the vehicle.
     """
     own = [name for name in _NEEDED if name in table]
-    if not own:
+    if not own or not len(table):
         return table, []
     names, which = np.unique(
         np.full(len(table), "") if table.wheel is None else table.wheel.astype(str), return_inverse=True

@@ -179,17 +179,20 @@ class FeltRows:
         ]
 
 
-def felt_rows(recording: Recording) -> FeltRows:
+def felt_rows(recording: Recording, *, every_row: bool = False) -> FeltRows:
     """Gather the wheel rows to identify from: of one wheel geometry, that with most rows to use, which it says.
+
+    Copies are left out and rows of wheels that are not the vehicle's, unless `every_row` is to be matched with those of
+    another file.
 
     Raises
     ------
     InputError
-        There are no wheel channels or no geometry.
+        There are no wheel channels or no geometry, or rows of other wheels where `every_row` is needed.
     """
     if recording.wheel is None or len(recording.wheel) == 0:
         raise InputError(recording.source, "no wheel channels", expected="wheel.csv or wheel.parquet")
-    of_wheel = [_of_vehicle(part) for part in by_geometry(recording)]
+    of_wheel = [_of_vehicle(part, every_row) for part in by_geometry(recording)]
     best = max(of_wheel, key=lambda rows: int((rows.reasons == "").sum()))
     if len(of_wheel) == 1:
         return best
@@ -200,7 +203,7 @@ def felt_rows(recording: Recording) -> FeltRows:
     return replace(best, problems=(*best.problems, note))
 
 
-def _of_vehicle(recording: Recording) -> FeltRows:
+def _of_vehicle(recording: Recording, every_row: bool) -> FeltRows:
     """Gather the rows of a vehicle's wheels of one geometry, that with most rows to use."""
     if recording.vehicle is None:
         raise InputError(
@@ -211,7 +214,9 @@ def _of_vehicle(recording: Recording) -> FeltRows:
     vehicle = recording.vehicle
     assert recording.wheel is not None
     table, others = of_vehicle(recording.wheel, vehicle)
-    table, copies = without_copies(table)
+    if every_row and others:
+        raise InputError(recording.source, others[0], expected="rows of the vehicle's wheel only, beside another file")
+    table, copies = (table, []) if every_row else without_copies(table)
     groups: dict[tuple[float, float], list[str | None]] = {}
     names = [None] if table.wheel is None else [str(name) for name in np.unique(table.wheel)]
     for name in names:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba import njit
 
 _IN_THE_AIR, _LOADED = 0.5, 0.15
 """Share of readings at or below zero where the wheel carries nothing, and the most where it carries a little: one noise
@@ -52,11 +53,13 @@ def carries_nothing(load_N: np.ndarray, stretch: np.ndarray) -> np.ndarray:
     return answer
 
 
+@njit(cache=True)
 def _in_the_air(below: np.ndarray) -> np.ndarray:
     """(n,) True from the first to the last row of each run of rows that are too often `below` zero, (n,) of bool."""
-    answer = np.zeros(len(below), dtype=bool)
+    answer = np.zeros(len(below), dtype=np.bool_)
     first, last, nats, most = 0, 0, 0.0, 0.0
-    for row, each in enumerate(below.tolist()):
+    for row in range(len(below)):
+        each = below[row]
         if nats <= 0.0:
             first, nats, most = row, 0.0, 0.0
         nats += _BELOW if each else _ABOVE

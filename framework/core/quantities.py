@@ -5,8 +5,11 @@ from __future__ import annotations
 import re
 
 _WRITTEN = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)(?![\d.,_])\s*(.*?)\s*", re.ASCII | re.IGNORECASE)
-_UNIT = re.compile(r"(?:[^\W\d_]|[%° ·*/()]|(?<=[^\W\d])(?:\*\*|\^)?-?\d(?!\d)|(?<!\w)1(?=/))*")
+_UNIT = re.compile(r"(?:[^\W\d]|[%° ·*/()⁻]|(?<=[^\W\d])(?:\*\*|\^)?-?\d(?!\d)|(?<!\w)1(?=/))*")
 """Letters, and powers of these of one digit: no arithmetic, which may take for ever."""
+
+_LONGEST = 80
+"""Letters of a quantity: of many more it takes minutes to say that they are no unit."""
 
 
 def magnitude(text: str, unit: str) -> float:
@@ -26,7 +29,7 @@ def magnitude(text: str, unit: str) -> float:
     """
     import pint
 
-    written = _WRITTEN.fullmatch(text)
+    written = _WRITTEN.fullmatch(text) if len(text) <= _LONGEST else None
     if written is None or _UNIT.fullmatch(written[2]) is None:
         raise ValueError(f"{text!r} is no number with a unit")
     try:

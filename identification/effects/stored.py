@@ -186,8 +186,8 @@ class AugmentedSimulator:
 
 
 def _correlation_of(covariance: np.ndarray | None) -> tuple[tuple[float, ...], ...]:
-    """Correlations of a covariance (p, p); of what is known exactly none."""
-    if covariance is None:
+    """Correlations of a covariance (p, p), those of what is known exactly zero; empty where it is none."""
+    if covariance is None or not np.isfinite(covariance).all() or (np.diag(covariance) < 0.0).any():
         return ()
     sd = np.sqrt(np.diag(covariance))
     scale = np.divide(1.0, sd, out=np.zeros_like(sd), where=sd > 0.0)

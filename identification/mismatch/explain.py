@@ -96,7 +96,7 @@ def explain(
     tell = progress or (lambda _: None)
     opened = open_recording(recording, vehicle)
     known = load_soil(soil) if isinstance(soil, str | Path) else soil or SoilKnowledge()
-    rows = felt_rows(opened)
+    rows = felt_rows(opened, every_row=simulated is not None)
     table = rows.table if simulated is None else attach(rows.table, simulated, rows.wheel)
     # The search fills the cores by itself: more of BLAS's own threads beside it only wait for each other.
     with threadpool_limits(1):

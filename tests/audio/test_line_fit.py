@@ -134,6 +134,16 @@ def test_where_nothing_was_seen_nothing_is_known(rng):
     assert line.sd == pytest.approx(3.0 / np.sqrt(12.0))
 
 
+def test_few_stretches_do_not_tell_how_well_a_line_is_placed(rng):
+    for groups, known in ((1, False), (2, False), (8, True)):
+        power = np.ones((15 * groups, 200))
+        power[:, 98:103] += 20.0 * hann_power(np.arange(98, 103) - 100.0)
+        seen = Spectra(rng.exponential(power), np.ones(len(power)), 20, np.arange(len(power)) // 15)
+        line = fit_line(seen, np.arange(len(power)), 100.2, 1.5)
+        assert (line.sd < 0.1) == known
+        assert line.sd <= 3.0 / np.sqrt(12.0) + 1e-9
+
+
 def test_in_noise_the_place_is_known_no_better_than_it_was_sought(rng):
     noise = Spectra(rng.exponential(size=(60, 200)), np.ones(60), 20, np.arange(60) // 10)
     for place in range(40, 160, 10):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 import sqlite3
 from contextlib import closing
@@ -225,6 +226,21 @@ def test_what_is_less_likely_than_not_is_not_kept(tmp_path):
             database.add_physics("sand", physics(likely, guess), source="x")
         assert database.add_physics("sand", physics(likely), source="x").new == 1
         assert database.physics()[0].physics.effects[0].probability == 0.96
+
+
+def test_a_merge_takes_no_physics_that_is_not_added(tmp_path, traverse):
+    guess = dataclasses.replace(effect("slip_sinkage", "exponent", n1=0.6), probability=0.4965)
+    for name, spoilt in (("likely", physics(guess).to_json()), ("no physics", {"schema": 1})):
+        with TerrainDatabase(tmp_path / f"{name}.db") as other, TerrainDatabase(tmp_path / f"{name} own.db") as own:
+            other.add_drive(traverse)
+            other.add_physics("sand", SINKS, source="a", time=FOUND)
+            with closing(sqlite3.connect(tmp_path / f"{name}.db")) as connection:
+                connection.execute("UPDATE class_physics SET physics = ?", (json.dumps(spoilt),))
+                connection.commit()
+            with pytest.raises(InputError, match="0.4965" if name == "likely" else "physics of sand, document"):
+                own.merge(other)
+            assert list(own.drives()) == []
+            assert own.physics() == []
 
 
 @pytest.mark.parametrize(

@@ -119,3 +119,14 @@ def test_a_recording_says_so(rng):
         "test", table.source, Vehicle(wheels=(WHEEL,)), None, "", "0" * 64, wheel=changed(table, **columns)
     )
     assert any("probably in degrees" in problem for problem in felt_rows(opened).problems)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_wheel_whose_turning_nobody_saw_is_not_judged(rng):
+    table = recorded(rng)
+    assert angle_disagreement(table.select(np.arange(1)), WHEEL) is None
+    unseen = np.full(len(table), np.nan)
+    assert angle_disagreement(changed(table, wheel_speed_rad_s=unseen), WHEEL) is None
+    locked = {name: values for name, values in table.columns.items() if name != "wheel_speed_rad_s"}
+    locked |= {"slip": np.ones(len(table)), "travel_speed_m_s": np.zeros(len(table))}
+    assert angle_disagreement(replace(table, columns=locked), WHEEL) is None

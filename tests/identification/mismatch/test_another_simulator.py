@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bevameter import InputError, Wheel, explain, load_vehicle
+from bevameter import InputError, Vehicle, Wheel, explain, load_vehicle
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.core.recording.wheel_file import derive, read_wheel_file, slip_from_speeds
 from bevameter.framework.core.recording.write import write_wheel_file
@@ -19,6 +19,7 @@ from bevameter.identification.mismatch.fit.samples import SIMULATED
 from bevameter.identification.mismatch.fit.simulated import as_differences
 from bevameter.identification.mismatch.fit.textbook import fit_textbook
 from bevameter.identification.simulate import simulate
+from bevameter.identification.wheel_soil import Soil, equilibrium
 
 TIME_S = 0.1 * np.arange(300)
 
@@ -323,3 +324,27 @@ def explained(tmp_path):
 
 def folder_explained(folder):
     return explain(folder, simulated=folder.parent / "sim.csv", catalogue=["slope_gravity", "torque_offset"])
+
+
+def test_rows_that_stand_twice_or_are_of_another_wheel_do_not_shift_those_compared(tmp_path):
+    """Row by row they belong together: left out of one file only, means of runs would be compared."""
+    rng = np.random.default_rng(3)
+    load, slip = np.repeat([60.0, 120.0, 180.0], 8), np.tile(np.linspace(0.05, 0.6, 8), 3)
+    wheel = Wheel(radius_m=0.15, width_m=0.12)
+    state = equilibrium(wheel, Soil(800.0, 0.55, 0.012, 1.2e6, 1.0), load, slip)
+    true = {"load_N": load, "slip": slip, "torque_Nm": state.torque_Nm, "sinkage_m": state.sinkage_m}
+    rows = np.sort(np.r_[np.arange(24), 3, 11, 19])
+    run = np.repeat(["a", "b", "c"], 8)[rows]
+    noisy = true | {"torque_Nm": state.torque_Nm + rng.normal(scale=0.03, size=24)}
+    for name, columns in (("wheel.csv", noisy), ("other.csv", true)):
+        table = WheelTable({key: values[rows] for key, values in columns.items()}, None, run, tmp_path / name)
+        write_wheel_file(table, tmp_path / name)
+    answer = explain(tmp_path / "wheel.csv", vehicle=Vehicle(wheels=(wheel,)), simulated=tmp_path / "other.csv")
+    assert answer.verdict == "none"
+    assert answer.fits["torque_Nm"].rmse_before == pytest.approx(0.03, rel=0.5)
+    radius = np.where(np.arange(len(rows)) < 8, 0.1, 0.15)
+    both = WheelTable({k: v[rows] for k, v in noisy.items()} | {"radius_m": radius, "width_m": np.full(27, 0.12)},
+                      None, run, tmp_path / "both.csv")  # fmt: skip
+    write_wheel_file(both, tmp_path / "both.csv")
+    with pytest.raises(InputError, match="rows of other wheels"):
+        explain(tmp_path / "both.csv", vehicle=Vehicle(wheels=(wheel,)), simulated=tmp_path / "other.csv")
