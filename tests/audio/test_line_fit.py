@@ -1,9 +1,5 @@
 """Where lines are told to stand, how well, and how strong, against tones and orders of known place and power."""
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from bevameter.audio.mismatch.drive_spectra import Track, drive_spectra
@@ -11,21 +7,11 @@ from bevameter.audio.mismatch.explain import explain_sound
 from bevameter.audio.mismatch.line_fit import Spectra, fit_line, hann_power
 from bevameter.audio.mismatch.lines import find_lines
 
-STUDY = Path(__file__).resolve().parents[2] / "docs" / "studies" / "sound_mismatch.py"
 RATE = 16000
 NOISE = 0.03
 SECONDS = 56.0
 AMPLITUDES = (0.001, 0.002, 0.004, 0.02, 0.06)
 """Amplitudes of tones: 3 to 38 dB over white noise of `NOISE` in 1 Hz."""
-
-
-@pytest.fixture(scope="module")
-def study():
-    spec = importlib.util.spec_from_file_location("sound_mismatch", STUDY)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # dataclasses look themselves up there
-    spec.loader.exec_module(module)
-    return module
 
 
 def excess_dB(amplitude):

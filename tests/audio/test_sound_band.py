@@ -1,9 +1,5 @@
 """What `explain_sound` says of sound that was sampled slowly, and of microphones that heard nothing."""
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from bevameter.audio.mismatch.drive_spectra import Track, drive_spectra, observed_hz, reference_level
@@ -12,20 +8,10 @@ from bevameter.audio.mismatch.resonances import find_resonances
 from bevameter.audio.mismatch.wind import find_wind
 from bevameter.framework.core.errors import InputError
 
-STUDY = Path(__file__).resolve().parents[2] / "docs" / "studies" / "sound_mismatch.py"
 SECONDS = 64.0
 TIME_S = np.arange(0.0, SECONDS + 0.05, 0.1)
 WHEEL = 6.0 + 2.0 * np.sin(TIME_S / 3.0) + 0.5 * np.sin(TIME_S)
 TRAVEL = 0.2 * WHEEL
-
-
-@pytest.fixture(scope="module")
-def study():
-    spec = importlib.util.spec_from_file_location("sound_mismatch", STUDY)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # dataclasses look themselves up there
-    spec.loader.exec_module(module)
-    return module
 
 
 def noise_at(rate, rng):

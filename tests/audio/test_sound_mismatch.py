@@ -1,9 +1,6 @@
 """What `explain_sound` says of drives made by another generator (docs/studies/sound_mismatch.py)."""
 
-import importlib.util
 import json
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,17 +12,6 @@ from bevameter.audio.mismatch.explain import explain_sound
 from bevameter.audio.mismatch.wind import WindModel
 from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.recording.types import SoundBlock
-
-STUDY = Path(__file__).resolve().parents[2] / "docs" / "studies" / "sound_mismatch.py"
-
-
-@pytest.fixture(scope="module")
-def study():
-    spec = importlib.util.spec_from_file_location("sound_mismatch", STUDY)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # dataclasses look themselves up there
-    spec.loader.exec_module(module)
-    return module
 
 
 def drive_with(study, effect, level_dB, seed=5, **options):
