@@ -58,3 +58,11 @@ def test_too_little_sound_is_not_taken_for_an_unknown_cause(said):
     assert "There is too little sound to say what it holds." in text
     assert "catalogue" not in text
     assert "catalogue" in said({**short, "missing": [TONE]})
+
+
+def test_stretches_that_all_count_at_their_most_give_a_bound():
+    page = sound_section({**SOUND, "fit": {**SOUND["fit"], "nats_gained": 1380.0, "nats_sd": 0.0}})
+    assert "at least 1380 nats gained" in page
+    assert "given" not in page
+    scattered = sound_section({**SOUND, "fit": {**SOUND["fit"], "nats_gained": 1380.0, "nats_sd": 80.0}})
+    assert "1380 ± 80 nats gained" in scattered

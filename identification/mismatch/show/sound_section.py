@@ -111,11 +111,16 @@ def _cause(cause: dict[str, Any]) -> str:
 
 def _fit(fit: dict[str, Any]) -> str:
     before, after, noise, cells = (_cell(fit.get(key)) for key in ("rms_before_dB", "rms_after_dB", "noise_dB", "n"))
-    gained = spread(_float(fit.get("nats_gained")), _float(fit.get("nats_sd")))
+    gained = _gained(_float(fit.get("nats_gained")), _float(fit.get("nats_sd")))
     return (
         f"<p>Held-out spectra ({escape(str(fit.get('split', '')))}): error {before} dB before, {after} dB after, where "
         f"a perfect model would leave {noise} dB; {gained} nats gained over {cells} cells.</p>"
     )
+
+
+def _gained(nats: float, sd: float) -> str:
+    """Give the nats gained, as a bound where all stretches gained alike: each at the most that one may count."""
+    return f"at least {number(nats)}" if sd <= 1e-9 * abs(nats) else spread(nats, sd)
 
 
 def _float(value: Any) -> float:
