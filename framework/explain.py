@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from ..audio.mismatch.explain import explain_sound
-from ..identification.identify import felt_rows, open_recording
+from ..identification.felt_rows import felt_rows
+from ..identification.identify import open_recording
 from ..identification.mismatch.explain import explain as explain_wheel
 from ..identification.mismatch.explanation import Explanation
 from .core.errors import InputError

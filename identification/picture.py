@@ -18,7 +18,8 @@ from ..framework.core.recording.types import Recording
 from ..framework.core.soil import SoilEstimate, SoilKnowledge
 from ..framework.core.writing import whole
 from .estimation import LEAST_ROWS, Measured, solve, usable
-from .identify import FeltRows, Identification, felt_rows, measured_rows
+from .felt_rows import FeltRows, felt_rows
+from .identify import Identification, measured_rows
 from .restless import as_answers_tell
 
 CHECKPOINTS = 24

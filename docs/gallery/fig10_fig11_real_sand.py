@@ -17,7 +17,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from bevameter import identify, read_recording
-from bevameter.identification.identify import felt_rows
+from bevameter.identification.felt_rows import felt_rows
 from bevameter.identification.wheel_soil import Soil, equilibrium
 
 

@@ -14,7 +14,8 @@ import numpy as np
 from bevameter import InputError, Vehicle, WheelTable, explain
 from bevameter.framework.core.recording.types import Recording
 from bevameter.framework.core.recording.wheel_file import read_wheel_file
-from bevameter.identification.identify import felt_rows, open_recording
+from bevameter.identification.felt_rows import felt_rows
+from bevameter.identification.identify import open_recording
 from bevameter.identification.mismatch.explanation import Explanation
 from bevameter.identification.mismatch.fit.fitting import fit
 from bevameter.identification.mismatch.fit.held_out import hold_out

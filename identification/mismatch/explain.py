@@ -15,7 +15,9 @@ from ...framework.core.soil import SoilKnowledge, load_soil
 from ...framework.core.vehicle import Vehicle
 from ..effects.catalogue import SLUGS, effects_for
 from ..effects.effect import Effect
-from ..identify import felt_rows, open_recording
+from ..felt_rows import felt_rows
+from ..identify import open_recording
+from ..run_in import without_run_in
 from .explanation import Explanation
 from .fit.beside import attach
 from .fit.fitting import Problem
@@ -97,7 +99,9 @@ def explain(
     opened = open_recording(recording, vehicle)
     known = load_soil(soil) if isinstance(soil, str | Path) else soil or SoilKnowledge()
     rows = felt_rows(opened, every_row=simulated is not None)
-    table = rows.table if simulated is None else attach(rows.table, simulated, rows.wheel)
+    table, settling = rows.table, []
+    if simulated is not None:
+        table, settling = without_run_in(attach(rows.table, simulated, rows.wheel))
     # The search fills the cores by itself: more of BLAS's own threads beside it only wait for each other.
     with threadpool_limits(1):
         tell("asking how well load and slip are known")
@@ -110,7 +114,7 @@ def explain(
         considered = SLUGS if catalogue is None else tuple(catalogue)
         found, remaining = _sought(problem, textbook, considered, tell)
         time_s = rows.table["time_s"] if "time_s" in rows.table else np.empty(0)
-        notes = (*opened.problems, *rows.problems, *several_grounds(opened.labels, time_s))
+        notes = (*opened.problems, *rows.problems, *settling, *several_grounds(opened.labels, time_s))
         kept = np.arange(len(samples))
         while (far := _alone(problem, found, len(samples) - len(kept))).any():
             tell("leaving out what stands alone")

@@ -11,7 +11,8 @@ from bevameter import explain
 from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.augmented import AugmentedWheel
 from bevameter.identification.effects.catalogue import effects_for
-from bevameter.identification.identify import felt_rows, open_recording
+from bevameter.identification.felt_rows import felt_rows
+from bevameter.identification.identify import open_recording
 from bevameter.identification.mismatch.fit.fitting import fit
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.fit.trial import situation, textbook_trial

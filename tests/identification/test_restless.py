@@ -11,7 +11,8 @@ from bevameter import Vehicle, identify
 from bevameter.framework.core.recording.types import Recording, WheelTable
 from bevameter.framework.core.soil import SoilEstimate, SoilKnowledge
 from bevameter.identification.estimation import usable
-from bevameter.identification.identify import felt_rows, measured_rows
+from bevameter.identification.felt_rows import felt_rows
+from bevameter.identification.identify import measured_rows
 from bevameter.identification.restless import as_answers_tell
 from restless_drive import ROWS, SOIL, WHEEL, drive
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bevameter import Recording, Vehicle, Wheel, WheelTable, explain, identify
-from bevameter.identification.identify import felt_rows
+from bevameter.identification.felt_rows import felt_rows
 from bevameter.identification.slip_check import slip_disagreement
 from bevameter.identification.wheel_soil import Soil, equilibrium
 

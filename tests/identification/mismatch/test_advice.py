@@ -12,7 +12,8 @@ from bevameter.framework.core.recording.write import write_wheel_file
 from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import SLUGS, effects_for
 from bevameter.identification.effects.drive import drive_of, order_of, select_rows
-from bevameter.identification.identify import felt_rows, open_recording
+from bevameter.identification.felt_rows import felt_rows
+from bevameter.identification.identify import open_recording
 from bevameter.identification.mismatch.fit.beside import attach
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.fit.simulated import as_differences

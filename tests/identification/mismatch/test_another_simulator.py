@@ -12,7 +12,8 @@ from bevameter.framework.core.recording.wheel_file import derive, read_wheel_fil
 from bevameter.framework.core.recording.write import write_wheel_file
 from bevameter.framework.core.soil import SoilKnowledge
 from bevameter.framework.scenario.concealed.conceal import conceal
-from bevameter.identification.identify import felt_rows, open_recording
+from bevameter.identification.felt_rows import felt_rows
+from bevameter.identification.identify import open_recording
 from bevameter.identification.mismatch.fit.beside import attach
 from bevameter.identification.mismatch.fit.load_and_slip import gathered
 from bevameter.identification.mismatch.fit.samples import SIMULATED

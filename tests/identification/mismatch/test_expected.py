@@ -10,7 +10,8 @@ from bevameter import Recording, SoilKnowledge, Vehicle, Wheel, WheelTable, expl
 from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.grousers import LugRadius, LugTips
-from bevameter.identification.identify import felt_rows, open_recording
+from bevameter.identification.felt_rows import felt_rows
+from bevameter.identification.identify import open_recording
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.fit.trial import situation, textbook_trial, try_adding
 from bevameter.identification.mismatch.locate.smooth_correction import SmoothCorrection

@@ -9,7 +9,8 @@ import pytest
 from bevameter import Recording, SoilKnowledge, Vehicle, Wheel, WheelTable, explain
 from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import SLUGS, effects_for
-from bevameter.identification.identify import felt_rows, open_recording
+from bevameter.identification.felt_rows import felt_rows
+from bevameter.identification.identify import open_recording
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.fit.trial import ASKED_FOR, Trial, situation, textbook_trial, try_adding
 from bevameter.identification.mismatch.name.hiding_pairs import hiding_pairs, pairs_of_weak

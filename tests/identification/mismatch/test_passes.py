@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from bevameter import Vehicle, Wheel, explain
 from bevameter.framework.core.recording.types import WheelTable
-from bevameter.identification.identify import felt_rows, open_recording
+from bevameter.identification.felt_rows import felt_rows
+from bevameter.identification.identify import open_recording
 from bevameter.identification.mismatch.fit.lanes import passes_apart
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.wheel_soil import Soil, equilibrium

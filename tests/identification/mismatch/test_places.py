@@ -14,7 +14,8 @@ from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import SLUGS, effects_for
 from bevameter.identification.effects.drive import rate_of_change
 from bevameter.identification.effects.time_faults import filtered
-from bevameter.identification.identify import felt_rows, open_recording
+from bevameter.identification.felt_rows import felt_rows
+from bevameter.identification.identify import open_recording
 from bevameter.identification.mismatch.explain import _left_over
 from bevameter.identification.mismatch.fit.held_out import told_alone
 from bevameter.identification.mismatch.fit.samples import gather

@@ -1,0 +1,152 @@
+"""What settles where a wheel starts is left out of runs at constant slip, and nothing else of them is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bevameter import Recording, Vehicle, Wheel, WheelTable, explain, identify
+from bevameter.identification.run_in import without_run_in
+from bevameter.identification.wheel_soil import Soil, equilibrium
+
+WHEEL = Wheel(radius_m=0.15, width_m=0.1)
+ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
+ROWS, STEP_S = 60, 0.2
+SETTLING = np.exp(-np.arange(ROWS) / 4.0)
+"""As over 5 cm of the rim's way at 12 mm a row."""
+
+
+def runs(change=lambda number, answers: None, *, seed=0, slips=(0.05, 0.1, 0.2, 0.3, 0.45, 0.6), varied=0.02):
+    """Runs at constant slips and three loads, on soil of their own; `change` alters the answers (k, 3) of each run."""
+    rng = np.random.default_rng(seed)
+    columns: dict[str, list[np.ndarray]] = {}
+    labels = []
+    for load_N in (60.0, 100.0, 140.0):
+        for slip in slips:
+            soil = Soil(600.0, np.radians(31.0), 0.012, 6e5 * np.exp(varied * rng.normal()), 1.0)
+            load, slips_felt = load_N * (1.0 + 0.01 * rng.normal(size=ROWS)), slip + 0.003 * rng.normal(size=ROWS)
+            state = equilibrium(WHEEL, soil, load, slips_felt)
+            answers = np.column_stack([state.torque_Nm, state.sinkage_m, state.drawbar_pull_N])
+            change(len(labels), answers)
+            answers += rng.normal(size=answers.shape) * [0.05, 4e-5, 0.25]
+            channels = (np.arange(ROWS) * STEP_S, load, slips_felt, np.full(ROWS, 0.4), *answers.T)
+            names = ("time_s", "load_N", "slip", "wheel_speed_rad_s", *ANSWERS)
+            for name, values in zip(names, channels, strict=True):
+                columns.setdefault(name, []).append(values)
+            labels.append(f"{load_N:.0f} N at {slip:g}")
+    together = {name: np.concatenate(parts) for name, parts in columns.items()}
+    return WheelTable(together, None, np.repeat(labels, ROWS), "rig.csv")
+
+
+def starts(share=0.4):
+    def change(_, answers):
+        answers[:, :2] *= 1.0 - share * SETTLING[:, None]
+        answers[:, 2] -= 8.0 * share * SETTLING
+
+    return change
+
+
+def recording(table: WheelTable) -> Recording:
+    return Recording("rig", "rig.csv", Vehicle(wheels=(WHEEL,)), None, "", "0" * 64, wheel=table)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.4])
+def test_what_settles_is_left_out(share):
+    table, said = without_run_in(runs(starts(share)))
+    assert len(said) == 1
+    assert "of 18 runs are left out, where the wheel starts" in said[0]
+    assert "torque_Nm, sinkage_m" in said[0]
+    first = table["time_s"].min()
+    # Less than half a standard deviation is left of it, and more than half of each run.
+    sizes = np.array([0.4 * 5.0 / 0.05, 0.4 * 0.006 / 4e-5]) * share / 0.4
+    assert np.all(sizes * np.exp(-first / STEP_S / 4.0) < 0.5)
+    assert len(table) >= 18 * ROWS // 2
+    assert first < 0.5 * ROWS * STEP_S
+
+
+def test_it_is_found_without_names_of_runs_and_rows_in_any_order():
+    table = runs(starts())
+    shuffled = table.select(np.random.default_rng(1).permutation(len(table)))
+    expected = len(without_run_in(table)[0])
+    assert len(without_run_in(shuffled)[0]) == expected
+    time_s = table["time_s"] + np.repeat(np.arange(18) * 40.0, ROWS)
+    assert len(without_run_in(WheelTable({**table.columns, "time_s": time_s}, None, None, "rig.csv"))[0]) == expected
+
+
+def plateau(_, answers):
+    answers[:12] *= 0.8
+
+
+def drift(_, answers):
+    answers[:, 0] += np.linspace(0.0, 2.0, ROWS)
+
+
+def wanders(number, answers):
+    walk = np.cumsum(np.random.default_rng(100 + number).normal(size=ROWS)) * 0.01
+    answers[:, 1] *= 1.0 + walk
+
+
+def ripples(_, answers):
+    answers[:, 0] += 0.5 * np.cos(2.0 * np.pi * np.arange(ROWS) / 7.0)
+
+
+def one_starts(number, answers):
+    if number == 4:
+        starts()(number, answers)
+
+
+@pytest.mark.parametrize("change", [lambda *_: None, plateau, drift, wanders, ripples, one_starts])
+@pytest.mark.parametrize("seed", range(4))
+def test_nothing_else_is_left_out(change, seed):
+    table = runs(change, seed=seed)
+    fewer, said = without_run_in(table)
+    assert fewer is table
+    assert said == []
+
+
+def test_runs_whose_slip_or_load_goes_on_changing_are_left_as_they_are():
+    table = runs(starts())
+    for name, change in (("slip", np.linspace(0.0, 0.2, ROWS)), ("load_N", np.linspace(0.0, 30.0, ROWS))):
+        changing = {**table.columns, name: table[name] + np.tile(change, 18)}
+        assert without_run_in(WheelTable(changing, None, table.run, "rig.csv"))[1] == []
+
+
+def test_few_runs_tell_nothing_and_trials_have_no_start():
+    table = runs(starts(), slips=(0.2,))
+    assert without_run_in(table)[1] == []
+    trials = {name: values for name, values in runs(starts()).columns.items() if name != "time_s"}
+    assert without_run_in(WheelTable(trials, None, None, "rig.csv"))[1] == []
+
+
+def test_holes_are_no_settling():
+    table = runs(starts())
+    pull = np.full(len(table), np.nan)
+    holes = {**table.columns, "drawbar_pull_N": pull}
+    holes["torque_Nm"] = np.where(np.arange(len(table)) % ROWS < 30, np.nan, holes["torque_Nm"])
+    said = without_run_in(WheelTable(holes, None, table.run, "rig.csv"))[1]
+    assert "(sinkage_m)" in said[0]
+
+
+def test_the_soil_is_that_of_the_steady_part():
+    found = identify(recording(runs(starts(), varied=0.0)))
+    assert found.overall is not None
+    phi = found.overall.parameters["phi_rad"]
+    assert phi.low < np.radians(31.0) < phi.high
+    assert phi.high - phi.low < np.radians(1.0)
+    assert any("where the wheel starts" in problem for problem in found.problems)
+
+
+def test_a_start_is_taken_neither_for_physics_nor_for_an_instrument(tmp_path):
+    table = runs(starts())
+    mistaken = ("soil_patch", "drift", "torque_offset", "time_lag")
+    answer = explain(recording(table), catalogue=mistaken)
+    assert answer.verdict == "none"
+    assert any("where the wheel starts" in note for note in answer.notes)
+    # Beside another simulator, which has no start.
+    steady = runs(varied=0.0)
+    path = tmp_path / "simulated.csv"
+    header = ",".join(("run", *steady.columns))
+    rows = zip(steady.run, *steady.columns.values(), strict=True)
+    path.write_text("\n".join([header, *(",".join(map(str, row)) for row in rows)]) + "\n")
+    beside = explain(recording(table), simulated=path, catalogue=mistaken)
+    assert any("where the wheel starts" in note for note in beside.notes)
+    assert beside.verdict == "none"
