@@ -17,7 +17,7 @@ from .gate import Stretch, find_stretches, quasi_static
 from .geometry import by_geometry, of_vehicle
 from .plausible import check_load, check_signs, check_sizes, slow_clock, without_stuck
 from .run_in import without_run_in
-from .slip_check import slip_disagreement
+from .slip_check import slip_disagreement, speeds_in_another_unit
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,12 @@ def _gather(table: WheelTable, vehicle: Vehicle, names: list[str | None]) -> Fel
         wheel = vehicle.wheel(name)
         part = table if name is None else table.select(np.asarray(table.wheel) == name)
         recorded, part = part, derive(part, wheel)
-        checks = (slip_disagreement(recorded, wheel), angle_disagreement(part, wheel), slow_clock(part))
+        checks = (
+            slip_disagreement(recorded, wheel),
+            speeds_in_another_unit(recorded, wheel),
+            angle_disagreement(part, wheel),
+            slow_clock(part),
+        )
         doubts = [doubt for doubt in checks if doubt]
         # Before what is stuck is left out: on ground that does not yield a sinkage may well stay what it is.
         reasons.append(quasi_static(part, wheel))

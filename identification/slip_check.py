@@ -1,6 +1,8 @@
-"""Whether the recorded slip is the one that the two speeds give."""
+"""Whether the recorded slip is the one that the two speeds give, and whether these can be in their units."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -11,6 +13,57 @@ from ..framework.core.vehicle import Wheel
 _FAR, _PARTS, _LEAST_ROWS = 0.02, 10, 20
 """A difference of slip that matters [-]; parts of the rows in each of which it has to lie to the same side, so that it
 is not noise (by chance once in 512, where parts err independently); and how many rows that takes."""
+
+_STRANGE, _USUAL, _MOST = (-0.5, 0.8), (-0.3, 0.75), 0.95
+"""Slips beyond which hardly any drive stays all along, slips that drives have, and the share of rows that do [-]."""
+
+_UNITS = (
+    ("wheel_speed_rad_s", "revolutions per minute", math.pi / 30.0),
+    ("wheel_speed_rad_s", "degrees per second", math.pi / 180.0),
+    ("wheel_speed_rad_s", "revolutions per second", 2.0 * math.pi),
+    ("travel_speed_m_s", "km/h", 1.0 / 3.6),
+    ("travel_speed_m_s", "cm/s", 0.01),
+    ("travel_speed_m_s", "mm/s", 0.001),
+)
+"""Units that speeds are recorded in, and what makes SI of each."""
+
+
+def speeds_in_another_unit(table: WheelTable, wheel: Wheel) -> str | None:
+    """Say, in words, in which unit a speed probably is, where the slip that follows from the two is hardly any drive's
+    all along, and would be a usual one; None where it is not so, or slip was recorded (`slip_disagreement`).
+
+    Parameters
+    ----------
+    table
+        Channels of one wheel as recorded: `wheel_speed_rad_s` [rad/s] and `travel_speed_m_s` [m/s].
+    wheel
+        Its radius [m].
+    """
+    rim, travel = table.get("wheel_speed_rad_s"), table.get("travel_speed_m_s")
+    if "slip" in table or rim is None or travel is None:
+        return None
+    moving = (rim * travel) > 0.0
+    speeds = {"wheel_speed_rad_s": rim[moving], "travel_speed_m_s": travel[moving]}
+    if moving.sum() < _LEAST_ROWS or _share_within(speeds, wheel, _STRANGE) > 1.0 - _MOST:
+        return None
+    likely = [
+        f"{name} in {unit}"
+        for name, unit, to_si in _UNITS
+        if _share_within({**speeds, name: to_si * speeds[name]}, wheel, _USUAL) >= _MOST
+    ]
+    if not likely:
+        return None
+    slip = float(np.median(slip_from_speeds(speeds["wheel_speed_rad_s"] * wheel.radius_m, speeds["travel_speed_m_s"])))
+    return (
+        f"the two speeds give slips about {slip:.2g} all along, which would be usual ones were {' or '.join(likely)}: "
+        "check the units; the speeds are used as they are"
+    )
+
+
+def _share_within(speeds: dict[str, np.ndarray], wheel: Wheel, limits: tuple[float, float]) -> float:
+    """Share of rows [-] whose slip, by speeds (n,) [rad/s, m/s], lies within limits."""
+    slip = slip_from_speeds(speeds["wheel_speed_rad_s"] * wheel.radius_m, speeds["travel_speed_m_s"])
+    return float(np.mean((slip >= limits[0]) & (slip <= limits[1])))
 
 
 def slip_disagreement(table: WheelTable, wheel: Wheel) -> str | None:

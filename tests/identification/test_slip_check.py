@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from bevameter import Recording, Vehicle, Wheel, WheelTable, explain, identify
 from bevameter.identification.felt_rows import felt_rows
-from bevameter.identification.slip_check import slip_disagreement
+from bevameter.identification.slip_check import slip_disagreement, speeds_in_another_unit
 from bevameter.identification.wheel_soil import Soil, equilibrium
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.12)
@@ -93,3 +93,45 @@ def test_identify_and_explain_say_so(rng):
     drive = replace(drive, columns={**columns, "slip": table["slip"]})
     assert any(said in note for note in identify(replace(recording, wheel=drive)).problems)
     assert any(said in note for note in explain(recording, catalogue=()).notes)
+
+
+def without_slip(table: WheelTable) -> WheelTable:
+    columns = {name: values for name, values in table.columns.items() if name != "slip"}
+    return WheelTable(columns, None, None, table.source)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "factor"),
+    [
+        ("wheel_speed_rad_s", "revolutions per minute", 30.0 / np.pi), ("travel_speed_m_s", "km/h", 3.6),
+        ("wheel_speed_rad_s", "degrees per second", 180.0 / np.pi), ("travel_speed_m_s", "cm/s", 100.0),
+        ("wheel_speed_rad_s", "revolutions per second", 0.5 / np.pi), ("travel_speed_m_s", "mm/s", 1000.0),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("braking", [False, True])
+def test_a_speed_in_another_unit_is_told(rng, name, unit, factor, braking):
+    table = without_slip(recorded(rng, braking=braking))
+    assert speeds_in_another_unit(table, WHEEL) is None
+    other = WheelTable({**table.columns, name: factor * table[name]}, None, None, table.source)
+    assert f"{name} in {unit}" in speeds_in_another_unit(other, WHEEL)
+
+
+def test_wheels_that_dig_in_or_stand_and_recorded_slips_are_in_no_other_unit(rng):
+    digging = without_slip(recorded(rng))
+    digging.columns["travel_speed_m_s"] *= np.linspace(1.0, 0.02, 200)
+    assert speeds_in_another_unit(digging, WHEEL) is None
+    stuck = without_slip(recorded(rng))
+    stuck.columns["travel_speed_m_s"][:] = 0.0
+    assert speeds_in_another_unit(stuck, WHEEL) is None
+    told = recorded(rng)
+    told.columns["wheel_speed_rad_s"] *= 9.55
+    assert speeds_in_another_unit(told, WHEEL) is None
+
+
+def test_the_unit_is_noted(rng):
+    table = without_slip(recorded(rng))
+    table.columns["wheel_speed_rad_s"] *= 9.55
+    table.columns["load_N"] = np.full(200, 80.0)
+    vehicle = Vehicle(wheels=(WHEEL,))
+    problems = felt_rows(Recording("test", Path("wheel.csv"), vehicle, None, "", "0" * 64, wheel=table)).problems
+    assert any("revolutions per minute" in problem for problem in problems)
