@@ -6,14 +6,16 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.signal import find_peaks
 
 from ..framework.core.recording.types import WheelTable
 from .effects.drive import order_of
 
 _ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
 
-_HELD = {"load_N": (0.0, 0.05), "slip": (0.03, 0.0), "wheel_speed_rad_s": (0.0, 0.1), "travel_speed_m_s": (0.0, 0.1)}
-"""How far a condition may be off that is held: by so much, or by this share of it [-]."""
+_HELD_LOAD, _HELD_SLIP, _HELD_SPEED = 0.05, 0.03, 0.1
+"""How far load and speeds that are held may be off, as shares of them, and how far slip [-]."""
 
 _FEWEST_ROWS, _FEWEST_RUNS = 15, 6
 """Rows of a run that can show it, and runs that tell a settling that all share from ground that varies along each."""
@@ -23,6 +25,10 @@ _MOST_RUNS = 0.8
 
 _STARTING = 2
 """Rows in which a wheel may be got up to its speed."""
+
+_BESIDE_STEP, _STEPS = 5, 5.0
+"""Rows before a step, and after it, by whose medians it is found, and standard deviations by which a channel steps that
+would show whether it settles [-]."""
 
 _FIRST = 0.05
 """Share of a run by which it is told that its first rows are off [-]."""
@@ -44,10 +50,26 @@ _MARGIN = 1.25
 
 @dataclass(frozen=True)
 class _Runs:
-    """Runs at constant conditions: rows of the table by run (s, k), -1 where there is none; the step of time [s]."""
+    """Runs at constant conditions.
+
+    Parameters
+    ----------
+    rows : (s, k)
+        Rows of the table by run, -1 where there is none.
+    after : (s,)
+        The run from which each goes on by a step, where most runs do; else -1.
+    step_s
+        Time from row to row [s].
+    """
 
     rows: np.ndarray
+    after: np.ndarray
     step_s: float
+
+    @property
+    def stepped(self) -> bool:
+        """Whether the runs are steps of drives."""
+        return bool((self.after >= 0).any())
 
     def of(self, values: np.ndarray) -> np.ndarray:
         """Give a channel (n,) by run (s, k), NaN where there is no row."""
@@ -58,8 +80,9 @@ def without_run_in(table: WheelTable) -> tuple[WheelTable, list[str]]:
     """Leave out the first rows of runs in which torque, sinkage or pull settle though nothing that drives them changes.
 
     A test at constant slip begins with a wheel that sinks in and shears its way to a steady state, which is all that
-    the textbook describes. All runs have to settle alike, more than their ground varies: what one of them does alone
-    may be the ground, and what goes on at load, slip or speed that change may be the wheel.
+    the textbook describes; so does each step of a drive whose slip goes up in steps. All runs have to settle alike,
+    more than their ground varies: what one of them does alone may be the ground, and what goes on at load, slip or
+    speed that change may be the wheel. After steps all answers have to, each from where it was: one may be late.
 
     Parameters
     ----------
@@ -76,16 +99,18 @@ def without_run_in(table: WheelTable) -> tuple[WheelTable, list[str]]:
     runs = _runs_at_constant_conditions(table)
     if runs is None:
         return table, []
-    settling = {name: _settling(runs.of(table[name])) for name in _ANSWERS if name in table}
+    channels = {name: runs.of(table[name]) for name in _ANSWERS if name in table}
+    settling = {name: _settling(values, runs.after) for name, values in channels.items()}
     longest = max(settling.values(), default=0)
-    if longest == 0:
+    if longest == 0 or (runs.stepped and _late(channels, settling, runs.after)):
         return table, []
     first = runs.rows[:, : math.ceil(_MARGIN * longest)]
     kept = np.ones(len(table), dtype=bool)
     kept[first[first >= 0]] = False
     names = ", ".join(name for name, rows in settling.items() if rows)
+    what, where = ("steps", "gets from one state to the next") if runs.stepped else ("runs", "starts")
     said = (
-        f"the first {first.shape[1] * runs.step_s:.3g} s of {len(first)} runs are left out, where the wheel starts: "
+        f"the first {first.shape[1] * runs.step_s:.3g} s of {len(first)} {what} are left out, where the wheel {where}: "
         f"load, slip and speed stay the same there, and what follows from them still settles ({names})"
     )
     return table.select(kept), [said]
@@ -96,53 +121,123 @@ def _runs_at_constant_conditions(table: WheelTable) -> _Runs | None:
     if "time_s" not in table:
         return None
     order, stretch = order_of(table)
-    pieces = np.split(order, np.flatnonzero(np.diff(stretch)) + 1)
-    held = [piece for piece in pieces if len(piece) >= _FEWEST_ROWS and _is_held(table, piece)]
+    imposed, conditions = _conditions(table)
+    held: list[np.ndarray] = []
+    after: list[int] = []
+    for whole in np.split(order, np.flatnonzero(np.diff(stretch)) + 1):
+        before = -1
+        for piece in np.split(whole, _steps(imposed, whole)):
+            good = len(piece) >= _FEWEST_ROWS and _is_held(conditions, piece)
+            if good:
+                held.append(piece)
+                after.append(before)
+            before = len(held) - 1 if good else -1
     if len(held) < _FEWEST_RUNS or sum(map(len, held)) < _MOST_RUNS * len(table):
         return None
     usual = int(np.median([len(piece) for piece in held]))
     rows = np.full((len(held), usual), -1)
     for number, piece in enumerate(held):
         rows[number, : len(piece)] = piece[:usual]
-    return _Runs(rows, float(np.median(np.diff(table["time_s"][rows[:, :2]]))))
+    stepped = np.mean(np.array(after) >= 0) > 0.5
+    return _Runs(
+        rows,
+        np.array(after) if stepped else np.full(len(held), -1),
+        float(np.median(np.diff(table["time_s"][rows[:, :2]]))),
+    )
 
 
-def _is_held(table: WheelTable, rows: np.ndarray) -> bool:
-    """Say whether what drives the wheel stays the same in the rows of a run (k,), the very first aside."""
-    parts = np.array_split(rows[_STARTING:], 6)
-    for name, (absolute, relative) in _HELD.items():
-        if name not in table:
-            continue
-        values = [table[name][part] for part in parts]
-        if not all(np.isfinite(part).any() for part in values):
+def _conditions(table: WheelTable) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Give what is imposed on the wheel, load and slip, and that and the speeds: (n,) each, in units of how far it may
+    be off where it is held.
+    """
+    rim, travel = table.get("wheel_speed_rad_s"), table.get("travel_speed_m_s")
+    imposed = []
+    if "load_N" in table:
+        imposed.append(np.log(np.maximum(np.abs(table["load_N"]), 1e-9)) / _HELD_LOAD)
+    if "slip" in table:
+        imposed.append(table["slip"] / _HELD_SLIP)
+    elif rim is not None and travel is not None:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.where(rim != 0.0, travel / rim, math.nan)
+        # One less slip, as far as the radius goes.
+        imposed.append(ratio / max(float(np.nanmax(np.abs(ratio), initial=1e-9)), 1e-9) / _HELD_SLIP)
+    speeds = [np.log(np.maximum(np.abs(each), 1e-9)) / _HELD_SPEED for each in (rim, travel) if each is not None]
+    return imposed, imposed + speeds
+
+
+def _steps(imposed: list[np.ndarray], rows: np.ndarray) -> np.ndarray:
+    """Find where what is imposed (n,) steps in rows that follow one another (k,): the numbers of rows."""
+    if len(rows) < 2 * _BESIDE_STEP:
+        return np.empty(0, dtype=int)
+    size, leap = np.zeros(len(rows) - 2 * _BESIDE_STEP + 1), np.zeros(len(rows))
+    for values in imposed:
+        middles = np.median(sliding_window_view(values[rows], _BESIDE_STEP), axis=1)
+        size = np.fmax(size, np.abs(middles[_BESIDE_STEP:] - middles[:-_BESIDE_STEP]))
+        leap = np.fmax(leap, np.abs(np.diff(values[rows], prepend=values[rows[:1]])))
+    about = find_peaks(size, height=1.0, distance=_BESIDE_STEP)[0] + _BESIDE_STEP
+    # Medians tell that there is a step, to two rows where.
+    near = about[:, None] + np.arange(-_STARTING, _STARTING + 1)
+    return about - _STARTING + np.argmax(leap[near], axis=1)
+
+
+def _is_held(conditions: list[np.ndarray], rows: np.ndarray) -> bool:
+    """Say whether what drives the wheel, (n,) each, stays the same in the rows of a run (k,), the very first aside."""
+    for values in conditions:
+        parts = [values[part] for part in np.array_split(rows[_STARTING:], 6)]
+        if not all(np.isfinite(part).any() for part in parts):
             return False
-        middles = np.array([np.nanmedian(part) for part in values])
-        if np.ptp(middles) > absolute + relative * abs(float(np.median(middles))):
+        if np.ptp([np.nanmedian(part) for part in parts]) > 1.0:
             return False
     return True
 
 
-def _settling(values: np.ndarray) -> int:
-    """Count the first rows in which a channel (s, k) settles in all runs alike; 0 where it does not."""
+def _levels(values: np.ndarray) -> tuple[np.ndarray, float]:
+    """Give where a channel (s, k) ends in each run (s,), NaN where that was not seen, and how it scatters there."""
+    rest = values[:, values.shape[1] // 2 :]
+    seen = np.isfinite(rest).sum(axis=1) > rest.shape[1] // 2
+    level = np.full(len(values), math.nan)
+    level[seen] = np.nanmedian(rest[seen], axis=1)
+    away = rest[seen] - level[seen, None]
+    return level, math.sqrt(float(np.nanmean(away**2))) if seen.any() else 0.0
+
+
+def _late(channels: dict[str, np.ndarray], settling: dict[str, int], after: np.ndarray) -> bool:
+    """Say whether after steps only some of the channels (s, k) that step settle: they come late, by their own fault."""
+    if sum(rows > 0 for rows in settling.values()) < 2:
+        return True
+    for name, values in channels.items():
+        level, sd = _levels(values)
+        steps = (level - level[after])[after >= 0]
+        steps = steps[np.isfinite(steps)]
+        if not settling[name] and len(steps) and math.sqrt(float(np.mean(steps**2))) > _STEPS * sd:
+            return True
+    return False
+
+
+def _settling(values: np.ndarray, after: np.ndarray) -> int:
+    """Count the first rows in which a channel (s, k) settles in all runs alike; 0 where it does not.
+
+    Runs that go on `after` others (s,) settle from where these were, whichever way that is.
+    """
     count = values.shape[1]
-    half, first = count // 2, max(math.ceil(_FIRST * count), 2)
+    first = max(math.ceil(_FIRST * count), 2)
     there = np.isfinite(values)
-    told = (there[:, half:].sum(axis=1) > half // 2) & there[:, :first].any(axis=1)
-    if told.sum() < _FEWEST_RUNS:
+    level, sd = _levels(values)
+    told = np.isfinite(level) & there[:, :first].any(axis=1)
+    way = np.ones(len(values))
+    if (after >= 0).any():
+        way = np.where(after >= 0, np.sign(level[after] - level), math.nan)
+        told &= np.isfinite(way)
+    if told.sum() < _FEWEST_RUNS or sd == 0.0:
         return 0
-    values = values[told]
-    away = values - np.nanmedian(values[:, half:], axis=1, keepdims=True)
-    sd = math.sqrt(float(np.nanmean(away[:, half:] ** 2)))
-    if sd == 0.0:
-        return 0
+    away = ((values - level[:, None]) * way[:, None])[told]
     began = np.nanmean(away[:, :first], axis=1) / sd
     size = math.sqrt(float(np.mean(began**2)))
     if size < _OFF or abs(float(began.mean())) / size < max(_ALIKE, _SURE / math.sqrt(len(began))):
         return 0
     # Each run by how far off it begins: what they share counts, and their noise averages out.
-    course = np.nansum(began[:, None] * away / sd, axis=0) / np.sum(began[:, None] ** 2 * there[told], axis=0).clip(
-        1e-9
-    )
+    weight = np.sum(began[:, None] ** 2 * there[told], axis=0)
+    course = np.nansum(began[:, None] * away / sd, axis=0) / np.maximum(weight, 1e-9)
     return _length(course, size, first)
 
 

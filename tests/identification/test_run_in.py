@@ -45,6 +45,21 @@ def starts(share=0.4):
     return change
 
 
+def in_steps(late=(), order=None):
+    """Three drives of one load whose slip goes up in steps, all answers behind by first order, or only those late."""
+    table = runs(varied=0.0)
+    rows = np.arange(len(table)).reshape(3, 6, ROWS)
+    rows = rows[:, np.arange(6) if order is None else order].ravel()
+    columns = {name: values[rows] for name, values in table.columns.items()}
+    columns["time_s"] = np.tile(np.arange(6 * ROWS) * STEP_S, 3)
+    for name in late or ANSWERS:
+        behind = columns[name].reshape(3, 6, ROWS)
+        ends = np.median(behind, axis=2)
+        for step in range(1, 6):
+            behind[:, step] += (ends[:, step - 1] - ends[:, step])[:, None] * SETTLING
+    return WheelTable(columns, None, np.repeat(["a", "b", "c"], 6 * ROWS), "rig.csv")
+
+
 def recording(table: WheelTable) -> Recording:
     return Recording("rig", "rig.csv", Vehicle(wheels=(WHEEL,)), None, "", "0" * 64, wheel=table)
 
@@ -70,6 +85,26 @@ def test_it_is_found_without_names_of_runs_and_rows_in_any_order():
     assert len(without_run_in(shuffled)[0]) == expected
     time_s = table["time_s"] + np.repeat(np.arange(18) * 40.0, ROWS)
     assert len(without_run_in(WheelTable({**table.columns, "time_s": time_s}, None, None, "rig.csv"))[0]) == expected
+
+
+@pytest.mark.parametrize("order", [None, [0, 4, 1, 5, 2, 3]])
+def test_steps_settle_from_where_the_wheel_was(order):
+    table, said = without_run_in(in_steps(order=order))
+    assert len(said) == 1
+    assert "of 18 steps are left out, where the wheel gets from one state to the next" in said[0]
+    assert 18 * ROWS // 2 <= len(table) <= 18 * (ROWS - 12)
+
+
+def test_without_slip_steps_show_in_the_speeds():
+    table = in_steps()
+    columns = {name: values for name, values in table.columns.items() if name != "slip"}
+    columns["travel_speed_m_s"] = 0.06 * (1.0 - table["slip"])
+    assert "of 18 steps" in without_run_in(WheelTable(columns, None, table.run, "rig.csv"))[1][0]
+
+
+@pytest.mark.parametrize("late", [("torque_Nm",), ("drawbar_pull_N",)])
+def test_an_instrument_that_is_late_after_steps_is_left_to_be_found(late):
+    assert without_run_in(in_steps(late))[1] == []
 
 
 def plateau(_, answers):
