@@ -10,6 +10,12 @@ from .effect import TORQUE, Contact, Drive, Effect, Parameter, Situation
 _TURNS_BACK = 0.02
 """Share of rows in which a wheel turns back from which on it does [-]."""
 
+_HELD = 0.02
+"""Scatter of a load that is held, a share of its mean [-]."""
+
+_WHOLE = "coulomb+viscous+load"
+"""The form with all three parts."""
+
 _ONE_WAY = (
     "as far as was recorded the wheel turns one way only: the constant T_c of the friction may be, or be partly, a "
     "wrong zero of the torque sensor; read the torque with the wheel lifted and at rest"
@@ -22,7 +28,10 @@ class DrivetrainFriction(Effect):
     slug = "drivetrain_friction"
     source = "B. Armstrong-Helouvry et al., Automatica 30 (1994)"
 
-    def __init__(self, form: str, torque_Nm: float, load_N: float, rate_rad_s: float, *, one_way: bool = False) -> None:
+    def __init__(
+        self, form: str, torque_Nm: float, load_N: float, rate_rad_s: float, *, one_way: bool = False,
+        whole: bool = False,
+    ) -> None:  # fmt: skip
         usual = 0.1 * torque_Nm
         parts = {
             "coulomb": Parameter("T_c", "N m", 0.0, 20.0 * usual, usual, usual),
@@ -30,6 +39,8 @@ class DrivetrainFriction(Effect):
             "load": Parameter("mu", "m", 0.0, 20.0 * usual / load_N, 0.0, usual / load_N),
         }  # fmt: skip
         self.form = form
+        self.freed = form == _WHOLE
+        self._freer = [DrivetrainFriction(_WHOLE, torque_Nm, load_N, rate_rad_s, one_way=one_way)] if whole else []
         # What follows neither load nor speed is no more than a wrong zero of the torque.
         self.said_by = "torque_offset" if form == "coulomb" else ""
         self._terms = form.split("+")
@@ -38,6 +49,9 @@ class DrivetrainFriction(Effect):
         self.parameters = tuple(parts[term] for term in self._terms)
         shown = {"coulomb": "T_c sign(omega)", "viscous": "b_v omega", "load": "mu W sign(omega)"}
         self.equation = "T += " + " + ".join(shown[term] for term in self._terms)
+
+    def freer(self) -> list[Effect]:
+        return list(self._freer)
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         rate, sense = _turning(drive, contact.wheel)
@@ -102,7 +116,11 @@ def forms(situation: Situation) -> tuple[Effect, ...]:
     load, torque, usual = float(np.nanmean(drive.load_N)), float(situation.typical[TORQUE]), max(usual, 1e-6)
     known = drive.rim_speed_m_s[np.isfinite(drive.rim_speed_m_s)]
     one_way = not len(known) or float(min(np.mean(known > 0.0), np.mean(known < 0.0))) < _TURNS_BACK
-    answer: list[Effect] = [DrivetrainFriction(name, torque, load, usual, one_way=one_way) for name in names]
+    # A load that is held is no other part than Coulomb's.
+    whole = {"coulomb+viscous"} if np.nanstd(drive.load_N) > _HELD * load else set()
+    answer: list[Effect] = [
+        DrivetrainFriction(name, torque, load, usual, one_way=one_way, whole=name in whole) for name in names
+    ]
     if drive.has("rim_speed_m_s"):
         answer.append(Stribeck(torque, usual, one_way=one_way))
     return tuple(answer)

@@ -40,6 +40,7 @@ def found(effect: NamedEffect, form: str, least_slip: float = 0.02, soil: Soil =
     return try_adding(problem, textbook, textbook, next(each for each in forms if each.form == form))
 
 
+PARTS = {"T_c": "0.5", "b_v": "1", "mu": "0.008"}
 STRIBECK = {"T_c": "1", "T_s": "2.5", "omega_s": "0.4"}
 
 
@@ -56,6 +57,8 @@ STRIBECK = {"T_c": "1", "T_s": "2.5", "omega_s": "0.4"}
         ("drift", {"g1": "0.05"}, "torque_Nm, gain", "torque_Nm, gain"),
         ("drivetrain_friction", {**STRIBECK, "b_v": "1.2"}, "stribeck", "stribeck+viscous"),
         ("drivetrain_friction", STRIBECK, "stribeck", "stribeck"),
+        ("drivetrain_friction", PARTS, "coulomb+viscous", "coulomb+viscous+load"),
+        ("drivetrain_friction", {"T_c": "1", "b_v": "1"}, "coulomb+viscous", "coulomb+viscous"),
         ("side_wall_friction", {"tau_s": "1000", "g_s": "3e5"}, "rubbing", "rubbing, with depth"),
         ("side_wall_friction", {"tau_s": "8000"}, "rubbing", "rubbing"),
     ],

@@ -190,7 +190,7 @@ def test_a_constant_friction_says_that_it_may_be_a_wrong_zero_unless_the_wheel_t
         forms = [each for form in usual for each in (form, *form.freer())]
         return {form.form for form in forms if "wrong zero" in form.remark}
 
-    constant = {"coulomb", "coulomb+load", "coulomb+viscous", "stribeck", "stribeck+viscous"}
+    constant = {"coulomb", "coulomb+load", "coulomb+viscous", "coulomb+viscous+load", "stribeck", "stribeck+viscous"}
     assert doubtful(speed) == doubtful(np.where(number == 3, -speed, speed)) == constant
     assert doubtful(np.where(number % 2, speed, -speed)) == set()
 
