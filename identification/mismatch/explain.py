@@ -273,6 +273,7 @@ def _left_over(problem: Problem, found: Search, trial: Trial) -> SmoothCorrectio
     ]
     own = trial.gain - max(without_it, default=0.0)
     left = smooth_correction(problem, trial.fitted, trial.held_out).beyond(trial.effects, own)
-    if trial.effects or left.terms:
+    if trial.effects:
         return left
-    return joint_correction(problem, trial.fitted, trial.held_out) or left
+    joint = joint_correction(problem, trial.fitted, trial.held_out, turning=True)
+    return left if joint is None or left.gain > joint.gain else joint

@@ -16,6 +16,7 @@ from ..fit.held_out import HeldOut, summed
 from ..fit.samples import Samples
 from ..fit.soil_variation import HUBER, NoiseModel, huber_loss
 from ..fit.textbook import QUIET
+from .coming_round import coming_round
 from .smooth_correction import NO_WORSE, STRENGTH, Group, SmoothCorrection, Solver, Term
 
 _DEGREE = 3
@@ -58,7 +59,9 @@ def nats_in_all(problem: Problem, fitted: Fitted, repeated: float = 1.0) -> floa
     return 0.5 * (float(np.sum((further.T @ (left - own @ (own.T @ left))) ** 2)) / repeated - further.shape[1])
 
 
-def joint_correction(problem: Problem, fitted: Fitted, alone: HeldOut) -> SmoothCorrection | None:
+def joint_correction(
+    problem: Problem, fitted: Fitted, alone: HeldOut, *, turning: bool = False
+) -> SmoothCorrection | None:  # fmt: skip
     """Find what a fit leaves of slip and load in all channels together, the noise following; None where too little.
 
     A misfit that no channel shows by itself may pass for ground that varies, and is none beside the ground that is left
@@ -70,14 +73,16 @@ def joint_correction(problem: Problem, fitted: Fitted, alone: HeldOut) -> Smooth
         The samples, and the fit that leaves it.
     alone
         How the fit predicts by itself.
+    turning
+        Whether to look for what comes round with the wheel or along the track, too (`coming_round`).
     """
     plain = Solver(problem, fitted, [])
     without = _weigh(plain, []) - _cost(problem, fitted, fitted.noise)
-    groups = _groups(problem)
+    groups = _groups(problem) + (coming_round(problem, fitted) if turning else [])
     solvers = [_beside(problem, each, groups) for each in (fitted, *_told(problem, fitted))]
     solver, cost = max(solvers, key=lambda pair: _weigh(pair[0], list(range(len(groups)))) - pair[1])
-    kept = _needed(solver, len(groups))
-    gain = _weigh(solver, kept) - cost - without
+    kept = _needed(solver, groups)
+    gain = _worth(solver, groups, kept) - cost - without
     left = solver.held_out(kept)
     growth = replace(alone, residuals=left).error(problem) - alone.error(problem)
     if not kept or gain < WORTH or growth > math.log(NO_WORSE):
@@ -146,12 +151,17 @@ def _cost(problem: Problem, fitted: Fitted, noise: NoiseModel) -> float:
     return float(loss.sum() - huber_loss(innovations).sum()) + problem.noise_loss(noise)
 
 
-def _needed(solver: Solver, count: int) -> list[int]:
+def _worth(solver: Solver, groups: list[Group], kept: list[int]) -> float:
+    """Weigh some of the groups (`_weigh`), less the chance that the search for each had [nats]."""
+    return _weigh(solver, kept) - sum(groups[index].sought for index in kept)
+
+
+def _needed(solver: Solver, groups: list[Group]) -> list[int]:
     """Drop groups one by one while held-out blocks lose next to nothing by it; the numbers of those that are left."""
-    kept = list(range(count))
-    best = _weigh(solver, kept)
+    kept = list(range(len(groups)))
+    best = _worth(solver, groups, kept)
     while kept:
-        reached = {each: _weigh(solver, [other for other in kept if other != each]) for each in kept}
+        reached = {each: _worth(solver, groups, [other for other in kept if other != each]) for each in kept}
         least = max(kept, key=lambda each: reached[each])
         if best - reached[least] > _NEXT_TO_NOTHING:
             break

@@ -85,17 +85,20 @@ class SmoothCorrection:
 
 @dataclass(frozen=True)
 class Group:
-    """Columns (n, k) of a variable, `at` (n,), that may be missing from one of the answers, by its position."""
+    """Columns (n, k) of a variable, `at` (n,), that may be missing from one of the answers, by its position; they are
+    the strongest of so many.
+    """
 
     position: int
     variable: str
     at: np.ndarray
     columns: np.ndarray
+    of_many: int = 1
 
     @property
     def sought(self) -> float:
-        """Nats of chance that the search for its number of cycles had."""
-        return math.log(MOST_CYCLES) if "cycles a turn" in self.variable else 0.0
+        """Nats of chance that the search for the strongest had."""
+        return math.log(self.of_many)
 
 
 def smooth_correction(problem: Problem, fitted: Fitted, alone: HeldOut) -> SmoothCorrection:
@@ -179,17 +182,27 @@ def _groups(problem: Problem, fitted: Fitted) -> list[Group]:
         bases["slip x load"] = product, product[:, None] / max(float(product.std()), 1e-12)
     if drive.timed:
         answer += _held_back(problem, fitted)
-    angle = drive.wheel_angle_rad
-    if drive.has("wheel_angle_rad"):
-        waves = cycles(angle)
-        residual = np.nan_to_num(fitted.residuals / fitted.noise.answers)
-        power = np.sum(np.einsum("nkc,nm->kcm", waves, residual) ** 2, axis=(1, 2))
-        strongest = int(np.argmax(power))
-        bases[f"wheel_angle_rad ({strongest + 1} cycles a turn)"] = angle, waves[:, strongest]
+    ripples = (
+        ripples_with_angle(problem, fitted.residuals / fitted.noise.answers) if drive.has("wheel_angle_rad") else []
+    )
+    positions = range(len(problem.answers))
     for name, (at, columns) in bases.items():
         if columns.shape[1]:
-            answer += [Group(position, name, at, columns) for position in range(len(problem.answers))]
-    return answer
+            answer += [Group(position, name, at, columns) for position in positions]
+    return answer + ripples
+
+
+def ripples_with_angle(problem: Problem, left: np.ndarray) -> list[Group]:
+    """A ripple on each channel with the wheel's angle, of the number of cycles a turn that is strongest in what is left
+    (n, m).
+    """
+    angle = problem.samples.drive.wheel_angle_rad
+    waves = cycles(angle)
+    power = np.sum(np.einsum("nkc,nm->kcm", waves, np.nan_to_num(left)) ** 2, axis=(1, 2))
+    count = int(np.argmax(power)) + 1
+    name = f"wheel_angle_rad ({count} cycle{'s' if count > 1 else ''} a turn)"
+    positions = range(len(problem.answers))
+    return [Group(position, name, angle, waves[:, count - 1], MOST_CYCLES) for position in positions]
 
 
 def _held_back(problem: Problem, fitted: Fitted) -> list[Group]:

@@ -43,7 +43,8 @@ def shape_of(channel: str, variable: str, at: np.ndarray, values: np.ndarray) ->
     channel
         What is corrected.
     variable
-        Its name; for a ripple with its number of cycles in brackets, and with `BEHIND_PLAY` of what hangs back.
+        Its name; for a ripple with its number of cycles or its period in brackets, and with `BEHIND_PLAY` of what hangs
+        back.
     at, values : (n,)
         The variable and the correction, SI; NaN where the variable was not observed.
     """
@@ -51,9 +52,12 @@ def shape_of(channel: str, variable: str, at: np.ndarray, values: np.ndarray) ->
     at, values = at[good], values[good]
     moved = shown(channel)
     by = f"by {_with_unit(float(np.ptp(values)), moved)}"
-    if "cycles a turn" in variable:
+    if variable.endswith(" a turn)"):
         name, _, cycles = variable.partition(" (")
         return Shape(f"{moved.name} ripples with {shown(name).name}, {cycles.rstrip(')')}, {by}", "")
+    if variable.endswith(" m)"):
+        every = variable.partition(" (")[2].rstrip(")")
+        return Shape(f"{moved.name} goes up and down along the track, {every}, {by}", "")
     if variable.endswith(BEHIND_PLAY):
         half = 0.5 * float(np.ptp(values))
         words = f"{moved.name} hangs back by {_with_unit(half, moved)} where it turns round, as by play or hysteresis"

@@ -1,0 +1,72 @@
+"""What comes round again, with the wheel or along the track: lugs, a wheel that is out of round, a washboard.
+
+Ground that varies makes up for it where it is let: what it leaves of foregoing rows still has the line.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from ..fit.fitting import Fitted, Problem
+from ..fit.soil_variation import HUBER
+from .smooth_correction import Group, ripples_with_angle
+
+_TURNS = 3.0
+"""Turns of the wheel in which what comes round with it is told from ground that varies."""
+
+_PERIODS, _ROWS = 6.0, 4.0
+"""Periods that there are along the track at least, and rows in one."""
+
+_FINE = 0.2
+"""Step from one wave number to the next, in those of one period along the whole track."""
+
+_BESIDE = 101
+"""Wave numbers whose median is the background of the one in their middle."""
+
+_IMPOSED = 0.02
+"""Share of load or slip, its variance, that a line may have which they do not bring about [-]."""
+
+
+def coming_round(problem: Problem, fitted: Fitted) -> list[Group]:
+    """Give waves (n, 2) on each channel with the wheel's angle and along the track, each the likeliest of its kind."""
+    drive, left = problem.samples.drive, np.clip(np.nan_to_num(fitted.innovations), -HUBER, HUBER)
+    angle, groups = drive.wheel_angle_rad, []
+    if drive.has("wheel_angle_rad") and np.nanmax(angle) - np.nanmin(angle) >= 2.0 * np.pi * _TURNS:
+        groups += ripples_with_angle(problem, left)
+    if drive.has("place_m") and np.isfinite(drive.place_m).all():
+        groups += _along_track(problem, left)
+    return groups
+
+
+def _along_track(problem: Problem, left: np.ndarray) -> list[Group]:
+    """Waves along the track at the wave number that stands out most of what is left (n, m); none that load or slip
+    have, or where the track is short.
+    """
+    drive = problem.samples.drive
+    place, length = drive.place_m, float(np.ptp(drive.place_m))
+    most = len(place) / _ROWS
+    if most <= _PERIODS or length == 0.0:
+        return []
+    periods = np.arange(_PERIODS, most, _FINE)
+    power = _power(place / length, periods, left)
+    ratio = power / np.maximum(median_filter(power, (_BESIDE, 1), mode="reflect"), 1e-300)
+    imposed = np.column_stack([drive.load_N, drive.slip])
+    scale = np.maximum(imposed.std(axis=0), 1e-300)
+    shared = _power(place / length, periods, (imposed - imposed.mean(axis=0)) / scale) > _IMPOSED * len(place)
+    strength = np.where(shared.any(axis=1), 0.0, ratio.max(axis=1))
+    best = int(np.argmax(strength))
+    if strength[best] == 0.0:
+        return []
+    phase = 2.0 * np.pi * periods[best] * place / length
+    waves = np.column_stack([np.cos(phase), np.sin(phase)])
+    name = f"place_m (every {length / periods[best]:.3g} m)"
+    positions = range(len(problem.answers))
+    independent = max(int(_FINE * len(periods)), 1)
+    return [Group(position, name, place, waves, independent) for position in positions]
+
+
+def _power(along: np.ndarray, periods: np.ndarray, series: np.ndarray) -> np.ndarray:
+    """Power (k, m) of series (n, m) at so many periods (k,) along the track, where rows are at (n,) [-]."""
+    waves = np.exp(-2j * np.pi * np.outer(periods, along))
+    return np.abs(waves @ series) ** 2 / len(along)

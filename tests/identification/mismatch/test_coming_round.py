@@ -1,0 +1,66 @@
+"""What comes round with the wheel or along the track is not left to ground that varies."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from bevameter import Vehicle, Wheel
+from bevameter.framework.core.recording.types import WheelTable
+from bevameter.identification.mismatch.fit.samples import gather
+from bevameter.identification.mismatch.fit.trial import textbook_trial
+from bevameter.identification.mismatch.locate.joint_misfit import joint_correction
+from bevameter.identification.mismatch.show.shape import shape_of
+from bevameter.identification.simulate import simulate
+from bevameter.identification.wheel_soil import Soil
+
+WHEEL = Wheel(radius_m=0.15, width_m=0.1)
+VEHICLE = Vehicle(name="made", wheels=(WHEEL,))
+SAND = Soil(c_Pa=300.0, phi_rad=math.radians(31.0), k_m=0.008, stiffness_Pa=6e4, n=0.9)
+ROWS = 500
+
+
+def driven(seed: int, *, by_turn_m: float = 0.0, by_place_m: float = 0.0, varied: float = 0.0):
+    """Fit the textbook wheel to its own answers under noise, the sinkage off by a wave with the wheel or the place."""
+    rng, time_s = np.random.default_rng(seed), 0.25 * np.arange(ROWS)
+    slip, load = np.linspace(0.03, 0.5, ROWS), 100.0 * (1.0 + 0.2 * np.sin(time_s / 9.1))
+    angle = 0.3 * time_s
+    place = np.cumsum(0.3 * 0.25 * WHEEL.radius_m * (1.0 - slip))
+    columns = {"time_s": time_s, "load_N": load, "slip": slip, "wheel_angle_rad": angle, "x_m": place}
+    answer = simulate(VEHICLE, SAND, WheelTable(columns, None, None, "made"))
+    walk = np.convolve(rng.normal(size=ROWS + 40), np.hanning(41) / math.sqrt(np.sum(np.hanning(41) ** 2)), "valid")
+    sinkage = answer["sinkage_m"] * (1.0 + varied * walk)
+    sinkage = sinkage + by_turn_m * np.cos(angle + 1.0) + by_place_m * np.cos(2.0 * math.pi * place / 0.35)
+    measured = {name: answer[name] for name in ("torque_Nm", "drawbar_pull_N")} | {"sinkage_m": sinkage}
+    noise = {name: 0.01 * np.abs(answer[name]).max() for name in measured}
+    made = {name: values + noise[name] * rng.normal(size=ROWS) for name, values in measured.items()}
+    return textbook_trial(gather(WheelTable({**columns, **made}, None, None, "made"), WHEEL, VEHICLE))
+
+
+@pytest.mark.parametrize(
+    ("hidden", "what"),
+    [
+        ({"by_turn_m": 4e-4}, "sinkage z ripples with wheel angle, 1 cycle a turn"),
+        ({"by_place_m": 4e-4}, "sinkage z goes up and down along the track, every 0.3"),
+    ],
+)
+def test_a_wave_is_found(hidden, what):
+    problem, textbook = driven(1, **hidden)
+    found = joint_correction(problem, textbook.fitted, textbook.held_out, turning=True)
+    assert found is not None
+    assert found.gain > 25.0
+    told = [shape_of(term.channel, term.variable, term.at, term.values).words for term in found.terms]
+    (words,) = [each for each in told if each.startswith(what)]
+    if "every" in words:
+        assert float(words.partition("every ")[2].partition(" m")[0]) == pytest.approx(0.35, abs=0.005)
+    amplitude = 0.5 * float(words.rpartition(" by ")[2].removesuffix(" mm"))
+    assert amplitude == pytest.approx(0.4, abs=0.06)
+
+
+@pytest.mark.parametrize("varied", [0.0, 0.02])
+def test_ground_that_varies_and_noise_do_not_come_round(varied):
+    for seed in range(5):
+        problem, textbook = driven(seed, varied=varied)
+        found = joint_correction(problem, textbook.fitted, textbook.held_out, turning=True)
+        assert found is None or not any("(" in term.variable for term in found.terms)
