@@ -179,7 +179,9 @@ def _draw_track(axes: Axes, recording: Recording, soils: Sequence[SoilObservatio
     track = track_of(recording)
     if track is None:
         return
-    axes.plot(track.x_m, track.y_m, color=_SLOW_COLOUR, linewidth=0.8, alpha=0.8, zorder=3)
+    holes = np.searchsorted(track.time_s, track.holes_s[:, 0], side="right")
+    x_m, y_m = (np.insert(values, holes, np.nan) for values in (track.x_m, track.y_m))  # no line leads over a hole
+    axes.plot(x_m, y_m, color=_SLOW_COLOUR, linewidth=0.8, alpha=0.8, zorder=3)
     used = [soil for soil in soils if soil.estimate is not None and not soil.gate_reason]
     lines = []
     for soil in used:

@@ -26,7 +26,7 @@ Progress = Callable[[str, float], None]
 """Called with the name of a stage and the share of it that is done, in [0, 1]. What it raises ends the work."""
 
 _POLL_S = 0.1
-_OUTSIDE = "outside the recorded track"
+_NOWHERE = "where no place was recorded"
 
 _Batch = tuple[np.ndarray, ClassEvidence, np.ndarray]
 """Cells (m, 2), m looks, and their times (m,) [s]."""
@@ -195,7 +195,7 @@ def _heard_below(
         middle = 0.5 * (batch.start_s + batch.end_s)
         nowhere = len(batch.evidence) - len(np.unique(window))
         if nowhere:
-            record.doubted[_OUTSIDE] += nowhere
+            record.doubted[_NOWHERE] += nowhere
         yield cells, take(batch.evidence, window), middle[window]
 
 

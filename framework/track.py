@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from .core.recording.streams import pose_from_wheel
 from .core.recording.types import Recording, WheelTable
@@ -14,6 +15,16 @@ RECORDED, DEAD_RECKONING = "recorded", "dead reckoning"
 
 _REACH_S = 0.5
 """How far beyond the first and last pose a place is still given [s]."""
+
+_BRIDGED_S = 2 * _REACH_S
+"""Poses this close are always joined by a straight line: every time between them is near one, and a bend of 4 m/s^2
+strays from the line by half a metre at most, v^2 / r times the time squared over 8 [s]."""
+
+_BRIDGED_STEPS = 3.5
+"""Poses are joined as well over so many of the usual steps between them: a slow sensor that lost two in a row [-]."""
+
+_STOOD_M, _STOOD_RAD = 0.1, 0.1
+"""A vehicle that has moved and turned less between two poses stood still [m], [rad]."""
 
 _SPEED_WINDOW_S = 0.5
 """Speed from places is taken over this time [s], so that the noise of a pose does not become speed."""
@@ -33,6 +44,8 @@ class Track:
         a full turn [rad], travel speed [m/s].
     origin
         What the places come from: `RECORDED`, or `DEAD_RECKONING` from the travel speed along x.
+    holes_s : (h, 2)
+        From when to when nobody knows where the vehicle was, in order of time [s].
     """
 
     time_s: np.ndarray
@@ -41,6 +54,18 @@ class Track:
     yaw_rad: np.ndarray
     speed_m_s: np.ndarray
     origin: str
+    holes_s: np.ndarray
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """Say how long the holes are, where there are any."""
+        if not len(self.holes_s):
+            return ()
+        length = np.diff(self.holes_s, axis=1)[:, 0]
+        start, end = self.holes_s[np.argmax(length)]
+        many = f", in {len(length)} holes, the longest" if len(length) > 1 else ""
+        span = f"no places for {length.sum():.1f} s{many} from {start:.1f} s to {end:.1f} s"
+        return (f"{span}: what was seen, heard and felt then lies on no map",)
 
     @property
     def distance_m(self) -> float:
@@ -53,17 +78,19 @@ class Track:
         return np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(self.x_m), np.diff(self.y_m)))])
 
     def place_at(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Give x [m], y [m] and heading [rad] at times of any shape [s]; NaN well outside the recording."""
+        """Give x [m], y [m] and heading [rad] at times of any shape [s]; NaN in a hole and well outside."""
         return self._at(time_s, self.x_m), self._at(time_s, self.y_m), self._at(time_s, self.yaw_rad)
 
     def speed_at(self, time_s: np.ndarray) -> np.ndarray:
-        """Give the travel speed [m/s] at times of any shape [s]; NaN well outside the recording."""
+        """Give the travel speed [m/s] at times of any shape [s]; NaN in a hole and well outside."""
         return self._at(time_s, self.speed_m_s)
 
     def _at(self, time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
         time_s = np.asarray(time_s, dtype=float)
         inside = (time_s >= self.time_s[0] - _REACH_S) & (time_s <= self.time_s[-1] + _REACH_S)
-        return np.where(inside, np.interp(time_s, self.time_s, values), np.nan)
+        began = np.searchsorted(self.holes_s[:, 0], time_s)
+        in_hole = time_s < np.append(-np.inf, self.holes_s[:, 1])[began]
+        return np.where(inside & ~in_hole, np.interp(time_s, self.time_s, values), np.nan)
 
     def every(self, step_m: float) -> np.ndarray:
         """Give times at which the way grows by `step_m` [m], the first and last of the track included: (m,) [s]."""
@@ -115,7 +142,31 @@ def _track(
         travel = np.hypot(dx, dy) / (late - early)
     else:
         travel = np.abs(np.interp(time_s, *speed))
-    return Track(time_s, x_m, y_m, np.unwrap(yaw_rad), travel, origin)
+    yaw_rad = np.unwrap(yaw_rad)
+    hole = _too_far_apart(time_s) & ~_stood(time_s, x_m, y_m, yaw_rad, speed)
+    holes_s = np.column_stack([time_s[:-1][hole], time_s[1:][hole]])
+    return Track(time_s, x_m, y_m, yaw_rad, travel, origin, holes_s)
+
+
+def _too_far_apart(time_s: np.ndarray) -> np.ndarray:
+    """Tell between which neighbours too much time passed for a straight line, (n - 1,), by the usual step of all."""
+    step = np.diff(time_s)
+    return step > max(_BRIDGED_S, _BRIDGED_STEPS * float(np.quantile(step, 0.5, method="lower")))
+
+
+def _stood(
+    time_s: np.ndarray,
+    x_m: np.ndarray,
+    y_m: np.ndarray,
+    yaw_rad: np.ndarray,
+    speed: tuple[np.ndarray, np.ndarray] | None,
+) -> np.ndarray:
+    """Tell between which neighbours the vehicle stood, (n - 1,): it is where it was, and its wheels say no other."""
+    stood = (np.hypot(np.diff(x_m), np.diff(y_m)) < _STOOD_M) & (np.abs(np.diff(yaw_rad)) < _STOOD_RAD)
+    if speed is None:
+        return stood
+    way = np.concatenate([[0.0], cumulative_trapezoid(np.abs(speed[1]), speed[0])])
+    return stood & (np.diff(np.interp(time_s, speed[0], way)) < _STOOD_M)
 
 
 def _wheel_speed(wheel: WheelTable | None) -> tuple[np.ndarray, np.ndarray] | None:

@@ -36,7 +36,7 @@ CELL_SIZE_M = 0.5
 """Edge of a ground cell where nothing else is asked for [m]: about the width of a rut and of what a camera patch
 covers a few metres ahead."""
 
-METHOD = f"bevameter {version('bevameter')}, traverse 1"
+METHOD = f"bevameter {version('bevameter')}, traverse 2"
 """Version of what a run makes of a recording; a change of it is another processing of the same drive."""
 
 _SENSE_MODELS = {"camera": "vision", "microphone": "audio"}
@@ -104,7 +104,7 @@ def run_traverse(
     about = _about(recording, drive, models, track, url)
     known = _recall(database, drive)
     if known is not None:
-        return _recalled_summary(*known, about, recording, began)
+        return _recalled_summary(*known, about, _problems(recording, track), began)
     records = perceive(recording, track, recording.vehicle, models.classifiers, cell_size_m, progress=tell)
     belief = _believe(records, track, recording.vehicle, cell_size_m)
     along = classes_along(belief, track, recording.vehicle, cell_size_m) if track is not None else None
@@ -130,7 +130,7 @@ def run_traverse(
         used_s=soil.used_s,
         observations_new=added.new,
         observations_known=added.known,
-        problems=(*recording.problems, *soil.problems),
+        problems=(*_problems(recording, track), *soil.problems),
         seconds=time.monotonic() - began,
     )
 
@@ -182,7 +182,7 @@ def _recall(database: TerrainDatabase | str | Path, drive: Drive) -> tuple[Drive
 
 
 def _recalled_summary(
-    stored: Drive, added: Added, about: dict[str, Any], recording: Recording, began: float
+    stored: Drive, added: Added, about: dict[str, Any], problems: tuple[str, ...], began: float
 ) -> TraverseSummary:
     """Sum up a drive from what the database holds of it; how the senses did on the way is not kept there."""
     soil = recall_soil(stored.soils)
@@ -198,7 +198,7 @@ def _recalled_summary(
         used_s=soil.used_s,
         observations_new=added.new,
         observations_known=added.known,
-        problems=recording.problems,
+        problems=problems,
         seconds=time.monotonic() - began,
     )
 
@@ -243,6 +243,11 @@ def _to_be_observed(recording: Recording, models: Models, cell_size_m: float, tr
         method=f"{METHOD}, vehicle {described}, places {track.origin if track else 'none'}",
         terrain=TerrainObservations.nothing(cell_size_m),
     )
+
+
+def _problems(recording: Recording, track: Track | None) -> tuple[str, ...]:
+    """Say what of the recording could not be read, and where nobody knows the place."""
+    return recording.problems + (track.problems if track is not None else ())
 
 
 def _duration_s(recording: Recording, track: Track | None) -> float:

@@ -73,6 +73,47 @@ def test_heading_is_followed_over_a_full_turn():
     np.testing.assert_allclose(yaw, np.linspace(0.0, 19.0, 57) + np.pi / 2, atol=1e-9)
 
 
+def curve(time_s, *, without=(np.inf, np.inf), stood=(np.inf, np.inf)):
+    """Poses at 1 m/s on a circle, none within one stretch of time, and on the same spot in another."""
+    time_s = time_s[(time_s <= without[0]) | (time_s >= without[1])]
+    way = time_s - np.clip(time_s - stood[0], 0.0, stood[1] - stood[0]) if np.isfinite(stood[0]) else time_s
+    return Pose(time_s, 10 * np.sin(way / 10), 10 - 10 * np.cos(way / 10), way / 10)
+
+
+def test_no_straight_line_leads_over_a_hole_in_the_poses():
+    track = track_of(recording(pose=curve(np.arange(0.0, 100.0, 0.05), without=(30.0, 60.0))))
+    np.testing.assert_allclose(track.holes_s, [[30.0, 60.0]])
+    assert "no places for 30.0 s from 30.0 s to 60.0 s" in track.problems[0]
+    times = np.array([[29.99, 30.01], [59.99, 60.01]])
+    np.testing.assert_array_equal(np.isnan(track.place_at(times)[0]), [[False, True], [True, False]])
+    np.testing.assert_array_equal(np.isnan(track.speed_at(times)), [[False, True], [True, False]])
+    window, cells = cells_under_wheels(track, None, np.array([20.0, 40.0]), np.array([21.0, 41.0]), 0.5)
+    assert len(cells) > 0
+    assert not window.any()
+
+
+def test_several_holes_are_summed_up():
+    time_s = np.arange(0.0, 100.0, 0.05)
+    track = track_of(recording(pose=curve(time_s[(time_s < 10.01) | (time_s >= 11.99)], without=(30.0, 60.0))))
+    assert "no places for 32.0 s, in 2 holes, the longest from 30.0 s to 60.0 s" in track.problems[0]
+
+
+@pytest.mark.parametrize("lost", [(0.0, 0.0), (4.5, 6.5)])
+def test_slow_poses_with_two_lost_are_no_hole(lost):
+    pose = curve(np.arange(0.0, 30.0) + 0.05 * np.sin(np.arange(30.0)), without=lost)
+    track = track_of(recording(pose=pose))
+    assert not track.problems
+    x, y, _ = track.place_at(np.linspace(0.0, 29.0, 300))
+    assert np.abs(np.hypot(x, y - 10.0) - 10.0).max() < 0.15
+
+
+def test_poses_that_come_only_while_the_vehicle_moves_leave_no_hole():
+    pose = curve(np.arange(0.0, 100.0, 0.05), without=(30.0, 60.0), stood=(30.0, 60.0))
+    assert not track_of(recording(pose=pose)).problems
+    turning = {"time_s": np.array([0.0, 100.0]), "travel_speed_m_s": np.array([1.0, 1.0])}
+    assert track_of(recording(pose=pose, wheel=turning)).problems
+
+
 def test_every_steps_along_the_way_also_where_the_vehicle_stands():
     t = np.arange(0.0, 30.0, 0.1)
     x = np.where(t < 10, t, np.where(t < 20, 10.0, t - 10.0))

@@ -130,6 +130,19 @@ def test_a_drive_goes_in_and_a_map_comes_out(world, tmp_path):
     assert not ahead.known[3:].any()
 
 
+def test_nothing_is_put_on_the_map_in_a_hole_of_the_poses_which_is_said(world, tmp_path):
+    t = np.concatenate([np.arange(0.0, 25.0, 0.1), np.arange(35.0, 40.0, 0.1)])
+    holed = recording(pose=Pose(t, t, np.zeros_like(t), np.zeros_like(t)))
+    first, again = (run_traverse(holed, tmp_path / "t.db", models=MODELS) for _ in range(2))
+    assert first.problems[0].startswith("no places for 10.1 s from 24.9 s to 35.0 s")
+    assert again.problems[0] == first.problems[0]
+    assert first.senses[1].doubted == {"where no place was recorded": 20}
+    assert first.track_m["unknown"] > 6.0  # the camera looks 3 m into the hole
+    with TerrainDatabase(tmp_path / "t.db") as database:
+        ahead = database.snapshot().along(np.array([[20.2, 0.2], [31.2, 0.2], [37.2, 0.2]]))
+    np.testing.assert_array_equal(np.isnan(ahead.class_probability[:, 0]), [False, True, False])
+
+
 def test_the_summary_says_how_far_each_sense_was_trusted(world, tmp_path):
     camera, microphone = run_traverse(recording(), tmp_path / "t.db", models=MODELS).senses
     assert camera.closed == {"blurred": camera.items - round(camera.trusted_share * camera.items)}
