@@ -10,7 +10,8 @@ import numpy as np
 from ..framework.core.errors import InputError
 from ..framework.core.evidence import ClassEvidence
 from ..framework.core.learning import TerrainClassifier
-from ..framework.core.recording.media import read_sound
+from ..framework.core.recording.channels import mixed
+from ..framework.core.recording.media import read_channels
 from .features import FEATURE_NAMES, HOP_S, RATE_HZ, WINDOW_S, cut_windows, resample, window_features
 from .quality import MEASURES, NoiseModel, assess, noise_measures, recording_faults
 from .rows import evidence_rows
@@ -49,8 +50,8 @@ def sound_evidence(
 
     Parameters
     ----------
-    samples : (m,)
-        Mono sound in [-1, 1] at `rate_hz` [Hz], m > 0.
+    samples : (m,) or (m, c)
+        Sound in [-1, 1] at `rate_hz` [Hz], m > 0; what is classified of c channels is their mix.
     model
         A classifier of modality ``"audio"``.
     noise
@@ -69,7 +70,7 @@ def sound_evidence(
         The model is no sound classifier of this version.
     """
     noise = noise or noise_model(model)
-    windows, start_s = cut_windows(resample(samples, rate_hz))
+    windows, start_s = cut_windows(resample(mixed(samples), rate_hz))
     end_s = np.minimum(start_s + WINDOW_S, len(samples) / rate_hz)
     features, measures = window_features(windows), noise_measures(windows)
     quality, reasons = assess(features, measures, recording_faults(samples, rate_hz, start_s, end_s), noise)
@@ -94,6 +95,6 @@ def classify_sounds(files: Iterable[str | Path] | Sequence[Path], model: Terrain
     noise = noise_model(model)
     rows: list[dict] = []
     for file in map(Path, files):
-        samples, rate_hz = read_sound(file)
+        samples, rate_hz = read_channels(file)
         rows += evidence_rows(file, *sound_evidence(samples, rate_hz, model, noise))
     return rows

@@ -68,7 +68,8 @@ def listen(sound_stream: SoundStream, model: TerrainClassifier) -> Iterator[Soun
 
 
 def _hear(run: list[SoundBlock], rate: int, model: TerrainClassifier, noise: NoiseModel) -> SoundEvidence:
-    samples = np.concatenate([block.samples for block in run if block.samples is not None])
+    recorded = [block.samples if block.channels is None else block.channels for block in run]
+    samples = np.concatenate([piece for piece in recorded if piece is not None])
     start_s, end_s, evidence = sound_evidence(samples, rate, model, noise)
     return SoundEvidence(run[0].start_s + start_s, run[0].start_s + end_s, evidence)
 

@@ -12,12 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..framework.core.recording.channels import mixed
 from .features import frequencies, power_spectra
 
 SILENT_RMS = 1e-4
 """Root mean square below which a window holds nothing but the rounding of a 16-bit recorder: -80 dB of full scale."""
 GAP_S = 0.02
 """Samples that stay exactly the same for so long are no sound but a gap [s]."""
+_FULL_SCALE = 0.9995
+_LEAST_CLIP = 0.02
 _WIND_HZ = 150.0
 _TONE_BINS = slice(1, 97)
 _LIMIT = 6.0
@@ -39,30 +42,62 @@ def recording_faults(samples: np.ndarray, rate_hz: float, start_s: np.ndarray, e
 
     Parameters
     ----------
-    samples : (m,)
-        Mono sound in [-1, 1] at `rate_hz` [Hz].
+    samples : (m,) or (m, c)
+        Sound in [-1, 1] at `rate_hz` [Hz]. Silence and gaps are those of the mix; clipping is that of the channel that
+        is clipped most, since a mix hides it.
     start_s, end_s : (n,)
         The windows [s], counted from the first sample.
     """
-    samples = np.asarray(samples, dtype=np.float64)
-    first = np.clip(np.round(np.asarray(start_s) * rate_hz).astype(int), 0, samples.size)
-    last = np.clip(np.round(np.asarray(end_s) * rate_hz).astype(int), first, samples.size)
-    finite = np.isfinite(samples)
-    clean = np.where(finite, samples, 0.0)
+    channels = np.asarray(samples).reshape(len(samples), -1)
+    first = np.clip(np.round(np.asarray(start_s) * rate_hz).astype(int), 0, len(channels))
+    last = np.clip(np.round(np.asarray(end_s) * rate_hz).astype(int), first, len(channels))
+    sound = mixed(channels).astype(np.float64)
+    finite = np.isfinite(sound)
+    sound[~finite] = 0.0
 
     def share(flags: np.ndarray) -> np.ndarray:
         total = np.concatenate([[0.0], np.cumsum(flags, dtype=np.float64)])
         return (total[last] - total[first]) / np.maximum(last - first, 1)
 
-    held = np.concatenate([[False], clean[1:] == clean[:-1]])
-    size = np.abs(clean)
-    peak = size.max(initial=0.0)
-    # A recorder that overdrives flattens the peaks: full scale reached, or neighbours that share the highest value.
-    level = np.concatenate([[False], size[1:] == size[:-1]])
-    flat = (size >= 0.9995 * peak) & (level | np.append(level[1:], False)) & (peak > 0.02)
+    clipped = [
+        max(_clipped_share(channel, rate_hz) for channel in channels[begin:end].T)
+        for begin, end in zip(first.tolist(), last.tolist(), strict=True)
+    ]
     return RecordingFaults(
-        np.sqrt(share(clean**2)), share((size >= 0.9995) | flat), share(_in_gap(held, rate_hz) | ~finite)
+        np.sqrt(share(sound**2)), np.array(clipped, dtype=float), share(_in_gap(_held(sound), rate_hz) | ~finite)
     )
+
+
+def _clipped_share(window: np.ndarray, rate_hz: float) -> float:
+    """Give the share of the samples of one channel (m,) that stand at full scale or at a level that cut them off."""
+    window = np.nan_to_num(window.astype(np.float64), nan=0.0, posinf=0.0, neginf=0.0)
+    if not window.size:
+        return 0.0
+    cut = np.abs(window) >= _FULL_SCALE
+    held = _held(window)
+    beside = (held | np.append(held[1:], False)) & ~_in_gap(held, rate_hz)
+    swing = window - window.mean()
+    return float(np.mean(cut | _flattened(swing, beside) | _flattened(-swing, beside)))
+
+
+def _flattened(side: np.ndarray, beside: np.ndarray) -> np.ndarray:
+    """Mark where a recorder cut off one side of a swing (m,), before or after a louder sound went through whole.
+
+    There neighbours share one level, more than share the level below, and ten times as many as there are samples beyond
+    it; `beside` marks samples that equal a neighbour.
+    """
+    above = np.sort(side[side > 0.0])
+    level, count = np.unique(side[beside & (side > 0.0)], return_counts=True)
+    piled = (level > _LEAST_CLIP) & (count > np.append(0, count[:-1]))
+    piled &= count >= 10 * (above.size - np.searchsorted(above, level, side="right"))
+    if not piled.any():
+        return np.zeros(side.shape, bool)
+    return side == level[np.argmax(np.where(piled, count, 0))]
+
+
+def _held(samples: np.ndarray) -> np.ndarray:
+    """Mark the samples (m,) that equal the one before."""
+    return np.concatenate([[False], samples[1:] == samples[:-1]])
 
 
 def _in_gap(held: np.ndarray, rate_hz: float) -> np.ndarray:

@@ -48,6 +48,41 @@ def test_clipping_is_measured_at_full_scale_and_below(rng, level):
     assert faults_of(driven).clipped[0] == pytest.approx(np.mean(np.abs(driven) >= level), rel=0.4)
 
 
+@pytest.mark.parametrize(("low", "high", "offset"), [(-0.4, 0.4, 0.1), (-0.4, 0.8, 0.0), (-9.0, 0.3, -0.2)])
+def test_clipping_is_measured_on_each_side_by_itself(rng, low, high, offset):
+    sound = np.convolve(rng.normal(0, 0.25, 22050), np.ones(8) / 8, "same")
+    driven = np.clip(3 * sound, low, high) + offset
+    assert faults_of(driven).clipped[0] == pytest.approx(np.mean((3 * sound <= low) | (3 * sound >= high)), rel=0.05)
+
+
+def test_a_louder_moment_hides_no_clipping(rng):
+    sound = np.clip(rng.normal(0, 1.0, 4 * 22050), -0.5, 0.5)
+    starts = np.arange(4.0)
+    before = recording_faults(sound, 22050, starts, starts + 1).clipped
+    sound[30000] = 0.95
+    sound[60000:60100] *= 1.9
+    np.testing.assert_allclose(recording_faults(sound, 22050, starts, starts + 1).clipped, before, atol=0.005)
+
+
+@pytest.mark.parametrize("steps", [128, 32768])
+def test_quiet_and_coarse_sound_is_not_called_clipped(rng, steps):
+    sound = np.convolve(rng.normal(0, 0.05, 22050), np.ones(8) / 8, "same")
+    assert faults_of(np.round(sound * steps) / steps).clipped[0] < 0.005
+
+
+def test_clipping_of_one_channel_shows_beside_others(rng):
+    whole = rng.normal(0, 0.1, 22050)
+    driven = np.clip(10 * whole, -0.6, 0.6)
+    alone = faults_of(driven).clipped[0]
+    for channels in ([driven, whole], [whole, driven], [whole, driven, whole, whole]):
+        assert faults_of(np.stack(channels, axis=1)).clipped[0] == pytest.approx(alone)
+
+
+def test_channels_that_cancel_are_not_called_silent(rng):
+    sound = rng.normal(0, 0.2, 22050)
+    assert faults_of(np.stack([sound, -sound], axis=1)).rms[0] == pytest.approx(0.2, rel=0.05)
+
+
 def test_a_pure_tone_is_not_called_clipped():
     tone = 0.8 * np.sin(2 * np.pi * 90 * np.arange(22050) / 22050)
     assert faults_of(np.round(tone * 32767) / 32768).clipped[0] < 0.02

@@ -92,6 +92,16 @@ def test_listening_hears_what_classifying_the_file_says(outcome, tmp_path):
     assert np.mean([a == b for a, b in zip(labels, whole.labels(), strict=True)]) > 0.95
 
 
+def test_one_clipped_channel_of_two_is_heard_in_a_file_and_in_a_stream(outcome, tmp_path):
+    sound = ground("gravel", np.random.default_rng(12), 4.0)
+    both = np.stack([np.clip(40 * sound, -0.5, 0.5), sound], axis=1)
+    soundfile.write(tmp_path / "drive.wav", both, RATE)
+    rows = classify_sounds([tmp_path / "drive.wav"], outcome.classifier)
+    (heard,) = listen(SoundFileStream(tmp_path / "drive.wav"), outcome.classifier)
+    for reasons in (*(row["reasons"] for row in rows), *heard.evidence.reasons):
+        assert any(reason.startswith("clipped") for reason in reasons)
+
+
 class Broken:
     """A microphone that loses 5 s (one block given as a problem, the rest not at all)."""
 

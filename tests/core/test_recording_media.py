@@ -8,7 +8,13 @@ import pytest
 import soundfile as sf
 from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.recording import media
-from bevameter.framework.core.recording.media import SoundFileStream, decode_image, read_image, read_sound
+from bevameter.framework.core.recording.media import (
+    SoundFileStream,
+    decode_image,
+    read_channels,
+    read_image,
+    read_sound,
+)
 
 RATE = 8000
 
@@ -107,6 +113,17 @@ def test_channels_become_their_mean_and_loud_floats_are_clipped(tone, tmp_path):
     np.testing.assert_allclose(read_sound(path)[0], tone / 4, atol=1e-7)
     sf.write(path, tone * 10, RATE, subtype="FLOAT")
     assert np.abs(read_sound(path)[0]).max() == 1.0
+
+
+def test_where_channels_cancel_the_loudest_is_heard(tone, tmp_path):
+    path = tmp_path / "x.wav"
+    sf.write(path, np.stack([tone, -0.95 * tone], axis=1), RATE, subtype="FLOAT")
+    np.testing.assert_array_equal(read_sound(path)[0], tone)
+    block = next(SoundFileStream(path).blocks(1.0, 1.0))
+    np.testing.assert_array_equal(block.samples, tone[:RATE])
+    np.testing.assert_array_equal(block.channels, read_channels(path, 0.0, 1.0)[0])
+    sf.write(path, np.stack([tone, 0 * tone], axis=1), RATE, subtype="FLOAT")
+    np.testing.assert_allclose(read_sound(path)[0], tone / 2, atol=1e-7)
 
 
 def test_a_text_file_named_flac(tmp_path):

@@ -73,6 +73,22 @@ def test_missing_sound_messages_leave_a_gap_that_is_said(tmp_path, rng):
     assert any("sample rate" in problem for problem in without.problems)
 
 
+def test_channels_of_a_topic_stay_beside_their_mix(tmp_path, rng):
+    types = typestore()
+    kind = "std_msgs/msg/Float32MultiArray"
+    layout = types.types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
+    left = rng.uniform(-0.5, 0.5, 2000).astype(np.float32)
+    both = np.stack([left, -left], axis=1)
+    messages = [
+        (10**9 + i * 10**8, types.types[kind](layout, both[i * 100 : (i + 1) * 100].ravel())) for i in range(20)
+    ]
+    path = small_bag(tmp_path / "b", "/mic", kind, messages)
+    topics = write(tmp_path, '[sound]\ntopic = "/mic"\nsample_rate_Hz = 1000\nchannels = 2')
+    blocks = list(read_recording(path.parent / "b", topics=topics).sound.blocks(0.5, 0.5))
+    np.testing.assert_array_equal(blocks[1].channels, both[500:1000])
+    np.testing.assert_array_equal(blocks[1].samples, left[500:1000])
+
+
 def write(folder, text):
     path = folder / "map.toml"
     path.write_text(text)

@@ -162,10 +162,11 @@ class BagSound:
         """Yield blocks of `block_s` seconds whose starts are `hop_s` apart [s]; the last, shorter rest is left out."""
         size, hop = block_hop(block_s, hop_s, self.sample_rate)
         start, base = 0, 0
-        held, there = np.empty(0, np.float32), np.empty(0, bool)
+        channels = self._layout.channels
+        held, there = np.empty((0, channels), np.float32), np.empty(0, bool)
         for place, samples in self._pieces():
             gap = place - (base + len(held))
-            held = np.concatenate([held, np.zeros(gap, np.float32), samples])
+            held = np.concatenate([held, np.zeros((gap, channels), np.float32), samples])
             there = np.concatenate([there, np.zeros(gap, bool), np.ones(len(samples), bool)])
             while start + size <= base + len(held):
                 part = slice(start - base, start - base + size)
@@ -179,13 +180,13 @@ class BagSound:
             held, there, base = held[drop:], there[drop:], base + drop
 
     def _pieces(self) -> Iterator[tuple[int, np.ndarray]]:
-        """Yield each message's place and samples; a long gap is filled in steps, so that it needs no memory."""
+        """Yield each message's place and samples (m, c); a long gap is filled in steps, so that it needs no memory."""
         step = self.sample_rate
         end = 0
         for place, message in zip(self._places.tolist(), self._bag.messages({self._layout.topic}), strict=False):
             while place - end > step:
                 end += step
-                yield end, np.empty(0, np.float32)
+                yield end, np.empty((0, self._layout.channels), np.float32)
             try:
                 samples = samples_of(decode(message), self._layout.field, self._layout.format, self._layout.channels)
             except DecodeError:
@@ -195,7 +196,7 @@ class BagSound:
 
 
 def samples_of(content: Any, path: str, form: SoundFormat, channels: int) -> np.ndarray:
-    """Give the samples of a sound message, (m,) float32, the mean of its channels; raises `DecodeError`."""
+    """Give the samples of a sound message, (m, channels) float32; raises `DecodeError`."""
     values = np.asarray(field(content, path))
     kind, zero, scale = _SCALE[form]
     if values.dtype == np.uint8 and form != "pcm8":
@@ -204,8 +205,7 @@ def samples_of(content: Any, path: str, form: SoundFormat, channels: int) -> np.
         values = values.view(kind) if values.flags.c_contiguous else values.copy().view(kind)
     if values.dtype.kind not in "iuf" or len(values) % channels:
         raise DecodeError(f"{len(values)} samples of {values.dtype} in {channels} channels")
-    samples = (values.astype(np.float32) - np.float32(zero)) / np.float32(scale)
-    return samples if channels == 1 else samples.reshape(-1, channels).mean(axis=1)
+    return ((values.astype(np.float32) - np.float32(zero)) / np.float32(scale)).reshape(-1, channels)
 
 
 def is_mp3(message: Message, content: Any, path: str) -> bool:

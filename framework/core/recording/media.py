@@ -18,6 +18,7 @@ import numpy as np
 import soundfile as sf
 
 from ..errors import InputError
+from .channels import mixed
 from .types import SoundBlock
 
 MAX_IMAGE_BYTES = 64 * 2**20
@@ -27,7 +28,8 @@ MAX_IMAGE_PIXELS = 64_000_000
 """No image is decoded that has more pixels by its header [-]."""
 
 MAX_SOUND_SAMPLES = 2**27
-"""No more sound than this is read into memory at once: 46 minutes of 48 kHz [-]."""
+"""No more sound than this is read into memory at once, less where it has more than two channels: 46 minutes of 48 kHz
+[-]."""
 
 SAMPLE_RATES = (1_000, 768_000)
 """Sample rates that a sound may have [Hz]."""
@@ -168,7 +170,7 @@ def read_sound(path: str | Path, start_s: float = 0.0, end_s: float | None = Non
     Returns
     -------
     samples : (m,)
-        float32 in [-1, 1], the mean of the channels.
+        float32 in [-1, 1], the channels as `mixed` mixes them.
     sample_rate
         [Hz].
 
@@ -178,6 +180,12 @@ def read_sound(path: str | Path, start_s: float = 0.0, end_s: float | None = Non
         The file is missing, no sound, empty, cut off, too long for memory, or holds samples that are no finite
         numbers; the stretch lies outside of the file.
     """
+    channels, rate = read_channels(path, start_s, end_s)
+    return mixed(channels), rate
+
+
+def read_channels(path: str | Path, start_s: float = 0.0, end_s: float | None = None) -> tuple[np.ndarray, int]:
+    """Read a sound file as `read_sound` does, each channel by itself: (m, c) float32 in [-1, 1], and the rate [Hz]."""
     stream = SoundFileStream(path)
     if stream.problems:
         raise InputError(path, stream.problems[0].removeprefix(f"{stream.path.name}: "), expected="a whole sound file")
@@ -191,14 +199,15 @@ def read_sound(path: str | Path, start_s: float = 0.0, end_s: float | None = Non
             expected=f"a stretch within its {stream.duration_s:.3f} s",
         )
     last = min(last, stream.frames)
-    if last - first > MAX_SOUND_SAMPLES:
-        raise InputError(path, f"{last - first} samples", expected=f"no more than {MAX_SOUND_SAMPLES} at once")
-    samples = np.empty(last - first, dtype=np.float32)
     with stream.open() as file:
+        most = 2 * MAX_SOUND_SAMPLES // max(file.channels, 2)
+        if last - first > most:
+            raise InputError(path, f"{last - first} samples", expected=f"no more than {most} at once")
+        samples = np.empty((last - first, file.channels), dtype=np.float32)
         file.seek(first)
         for place in range(0, len(samples), _READ_FRAMES):
             piece = samples[place : place + _READ_FRAMES]
-            read = _mono(file, len(piece))
+            read = _frames(file, len(piece))
             if len(read) < len(piece):
                 raise InputError(
                     path,
@@ -208,9 +217,9 @@ def read_sound(path: str | Path, start_s: float = 0.0, end_s: float | None = Non
             piece[:] = read
     bad = ~np.isfinite(samples)
     if bad.any():
-        where = int(np.argmax(bad))
+        where = int(np.argmax(bad.any(axis=1)))
         raise InputError(
-            path, f"sample {samples[where]}", expected="finite samples", place=f"{(first + where) / rate:.4f} s"
+            path, f"sample {samples[bad][0]}", expected="finite samples", place=f"{(first + where) / rate:.4f} s"
         )
     return np.clip(samples, -1.0, 1.0, out=samples), rate
 
@@ -300,7 +309,7 @@ class SoundFileStream:
             pass  # cut off, or damaged on the way: count what there is
         count = 0
         with self.open() as again:
-            while read := len(_mono(again, _COUNT_FRAMES)):
+            while read := len(_frames(again, _COUNT_FRAMES)):
                 count += read
         return count
 
@@ -311,10 +320,10 @@ class SoundFileStream:
         """
         size, hop = block_hop(block_s, hop_s, self._sample_rate)
         with self.open() as file:
-            held, start = np.empty(0, np.float32), 0
+            held, start = np.empty((0, file.channels), np.float32), 0
             while start + size <= self.frames:
                 wanted = size - len(held)
-                fresh = _mono(file, wanted)
+                fresh = _frames(file, wanted)
                 if len(fresh) < wanted:
                     return
                 held = np.concatenate([held, fresh])
@@ -333,21 +342,20 @@ def block_hop(block_s: float, hop_s: float, sample_rate: int) -> tuple[int, int]
     return size, hop
 
 
-def sound_block(start_s: float, samples: np.ndarray) -> SoundBlock:
-    """Make a block of samples (m,), or say why it cannot be used."""
-    if not np.isfinite(samples).all():
+def sound_block(start_s: float, channels: np.ndarray) -> SoundBlock:
+    """Make a block of samples (m, c), or say why it cannot be used."""
+    if not np.isfinite(channels).all():
         return SoundBlock(start_s, None, f"sound at {start_s:.2f} s: samples that are no finite numbers")
-    return SoundBlock(start_s, np.clip(samples, -1.0, 1.0))
+    channels = np.clip(channels, -1.0, 1.0)
+    return SoundBlock(start_s, mixed(channels), channels=channels if channels.shape[1] > 1 else None)
 
 
-def _mono(file: sf.SoundFile, frames: int) -> np.ndarray:
-    """Read up to so many frames as the mean of their channels, fewer where the file ends or is damaged."""
+def _frames(file: sf.SoundFile, frames: int) -> np.ndarray:
+    """Read up to so many frames (m, c), fewer where the file ends or is damaged."""
     try:
-        samples = file.read(frames, dtype="float32", always_2d=True)
+        return file.read(frames, dtype="float32", always_2d=True)
     except (sf.SoundFileError, RuntimeError):
-        return np.empty(0, np.float32)
-    with np.errstate(invalid="ignore", over="ignore"):
-        return samples[:, 0] if samples.shape[1] == 1 else samples.mean(axis=1)
+        return np.empty((0, file.channels), np.float32)
 
 
 def _ogg_cut(path: Path) -> bool:

@@ -101,11 +101,15 @@ class Frame:
 
 @dataclass(frozen=True)
 class SoundBlock:
-    """A stretch of mono sound: samples (m,) float32 in [-1, 1], the first at `start_s`; or None with the problem."""
+    """A stretch of mono sound: samples (m,) float32 in [-1, 1], the first at `start_s`; or None with the problem.
+
+    `channels`, (m, c), are what it was mixed of, where there were several: clipping shows in them and not in the mix.
+    """
 
     start_s: float
     samples: np.ndarray | None
     problem: str | None = None
+    channels: np.ndarray | None = None
 
 
 class CameraStream(Protocol):
