@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -125,16 +126,17 @@ def classify_vibration(files: Iterable[str | Path], model: TerrainClassifier) ->
 
 def wheel_file_of(file: Path) -> Path | None:
     """Find the wheel drives' file of the run of a vibration file through the `index.csv` beside or above it, if any."""
-    for folder in file.resolve().parents[:2]:
+    file = Path(os.path.realpath(file))
+    for folder in file.parents[:2]:
         index = folder / "index.csv"
-        if not index.is_file():
+        if not os.path.isfile(index):
             continue
         table = read_table(index)
         if not {"file", "wheel_file"} <= set(table.text):
             continue
         for name, wheel in zip(table.text["file"], table.text["wheel_file"], strict=True):
-            found = (folder / str(wheel)).resolve()
-            if wheel and (folder / str(name)).resolve() == file.resolve() and found.is_relative_to(folder):
+            found = Path(os.path.realpath(folder / str(wheel)))
+            if wheel and os.path.realpath(folder / str(name)) == str(file) and found.is_relative_to(folder):
                 return found
     return None
 

@@ -11,7 +11,7 @@ from sqlalchemy import URL, Connection, Engine, create_engine, event, inspect, m
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, SQLAlchemyError
 from sqlalchemy.pool import NullPool
 
-from ..framework.core.errors import InputError
+from ..framework.core.errors import InputError, reading
 from .tables import Base
 
 REVISIONS = ("0001", "0002")
@@ -149,6 +149,11 @@ def _prepare_sqlite(connection: sqlite3.Connection, _record: object) -> None:
 
 def _check_file(path: Path, must_exist: bool) -> bool:
     """Look at an SQLite file without ever writing to it or making it; tell whether there are tables of ours in it."""
+    with reading(path, EXPECTED):
+        return _holds_tables(path, must_exist)
+
+
+def _holds_tables(path: Path, must_exist: bool) -> bool:
     if path.is_dir():
         raise InputError(path, "is a folder", expected=EXPECTED)
     if not path.exists():

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 
@@ -37,3 +40,20 @@ class InputError(BevameterError):
         where = self.source if place is None else f"{self.source}, {place}"
         tail = "" if expected is None else f" (expected {expected})"
         super().__init__(f"{where}: {self.problem}{tail}")
+
+
+_SAID = {
+    errno.ENOENT: "no such file",
+    errno.ENOTDIR: "no such file",
+    errno.ELOOP: "a link that leads to itself",
+}
+
+
+@contextmanager
+def reading(path: str | Path, expected: str) -> Iterator[None]:
+    """Raise `InputError` where the system refuses a file or folder: the one that it names, or `path`."""
+    try:
+        yield
+    except OSError as error:
+        problem = _SAID.get(error.errno or 0) or error.strerror or str(error)
+        raise InputError(str(error.filename or path), problem, expected=expected) from error

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .errors import InputError
+from .errors import InputError, reading
 from .evidence import UNKNOWN
 from .recording.paths import inside
 from .recording.tables import Table, read_table
@@ -18,6 +18,7 @@ MEDIA_SUFFIXES = (
 )  # fmt: skip
 """Files that count where sub-folders name the classes; others, such as a licence, are passed over."""
 
+_FOLDER = "a folder with index.csv, or with sub-folders named by class"
 _OWN = frozenset({"file", "class", "group", "start_s", "end_s"})
 
 
@@ -71,9 +72,13 @@ def read_labelled(folder: str | Path) -> list[LabelledFile]:
         before it starts, or there are fewer than two classes.
     """
     folder = Path(folder)
+    with reading(folder, _FOLDER):
+        return _read(folder)
+
+
+def _read(folder: Path) -> list[LabelledFile]:
     if not folder.is_dir():
-        problem = "a file" if folder.exists() else "no such folder"
-        raise InputError(folder, problem, expected="a folder with index.csv, or with sub-folders named by class")
+        raise InputError(folder, "a file" if folder.exists() else "no such folder", expected=_FOLDER)
     index = folder / "index.csv"
     labelled = _from_index(folder, index) if index.is_file() else _from_folders(folder)
     classes = sorted({item.class_name for item in labelled})

@@ -27,7 +27,7 @@ def check_outputs(written: Iterable[Path | None], read: Iterable[Path | None]) -
     for number, path in enumerate(outputs):
         _check_writable(path)
         for source in read:
-            if source is not None and source.exists() and _would_replace(path, source):
+            if source is not None and os.path.exists(source) and _would_replace(path, source):
                 raise InputError(path, f"would be written over {source}, which is read", expected="another file")
         for other in outputs[:number]:
             if os.path.realpath(path) == os.path.realpath(other) and not _is_device(path):
@@ -35,10 +35,10 @@ def check_outputs(written: Iterable[Path | None], read: Iterable[Path | None]) -
 
 
 def _check_writable(path: Path) -> None:
-    if path.is_dir():
+    if os.path.isdir(path):
         raise InputError(path, "is a folder", expected="the name of a file to write")
     folder = path.parent
-    if not folder.is_dir():
+    if not os.path.isdir(folder):
         raise InputError(path, f"there is no folder {folder}", expected="a file in a folder that exists")
     if not os.access(folder, os.W_OK) and not _is_device(path):
         raise InputError(path, f"the folder {folder} may not be written to", expected="a folder that may be written to")

@@ -198,6 +198,19 @@ def test_a_link_out_of_the_folder_is_refused(drive, tmp_path):
         read_recording(drive)
 
 
+def test_an_image_that_is_a_link_to_itself_is_a_frame_without_one(drive):
+    (drive / "camera" / "1.png").unlink()
+    try:
+        (drive / "camera" / "1.png").symlink_to("1.png")
+    except OSError:
+        pytest.skip("this system makes no symbolic links")
+    recording = read_recording(drive)
+    assert "camera: 1 of 4 images are missing, first 1.png" in recording.problems
+    frames = list(recording.camera.frames())
+    assert [frame.image is None for frame in frames] == [False, True, False, False]
+    assert "a link that leads to itself" in frames[1].problem
+
+
 def test_what_is_no_recording(tmp_path):
     with pytest.raises(InputError, match="no such file or folder"):
         read_recording(tmp_path / "nowhere")

@@ -148,7 +148,7 @@ CLASSIFY_FAULTS = {
     "empty image": ("vision", lambda path: picture(path / "x.jpg", 0.0), ("x.jpg", "an empty file")),
     "text image": ("vision", lambda path: text_of(path / "x.png"), ("x.png", "b'Dear dia'", "JPEG or PNG")),
     "missing image": ("vision", lambda path: path / "x.jpg", ("x.jpg", "no such file")),
-    "folder": ("vision", lambda path: folder_of(path / "x"), ("x", "no such file")),
+    "folder": ("vision", lambda path: folder_of(path / "x"), ("x", "a folder")),
     "empty sound": ("audio", lambda path: sound(path / "x.wav", 0.0), ("x.wav", "no sample")),
     "text sound": ("audio", lambda path: text_of(path / "x.flac"), ("x.flac", "no sound that can be read")),
     "missing sound": ("audio", lambda path: path / "x.wav", ("x.wav", "no such file")),

@@ -17,8 +17,9 @@ import cv2
 import numpy as np
 import soundfile as sf
 
-from ..errors import InputError
+from ..errors import InputError, reading
 from .channels import mixed
+from .paths import file_size
 from .types import SoundBlock
 
 MAX_IMAGE_BYTES = 64 * 2**20
@@ -52,15 +53,11 @@ def read_image(path: str | Path) -> np.ndarray:
         The file is missing, too large, or no whole JPEG or PNG.
     """
     path = Path(path)
-    if not path.is_file():
-        raise InputError(path, "no such file", expected="a JPEG or PNG image")
-    size = path.stat().st_size
+    size = file_size(path, "a JPEG or PNG image")
     if size > MAX_IMAGE_BYTES:
         raise InputError(path, f"{size} bytes", expected=f"an image of no more than {MAX_IMAGE_BYTES} bytes")
-    try:
+    with reading(path, "a readable file"):
         data = path.read_bytes()
-    except OSError as error:
-        raise InputError(path, error.strerror or str(error), expected="a readable file") from error
     return decode_image(data, path)
 
 
@@ -276,9 +273,7 @@ class SoundFileStream:
 
     def open(self) -> sf.SoundFile:
         """Open the file; raises `InputError` where it is missing, no sound, or beyond the limits."""
-        if not self.path.is_file():
-            raise InputError(self.path, "no such file", expected="a sound file")
-        if not self.path.stat().st_size:
+        if not file_size(self.path, "a sound file"):
             raise InputError(self.path, "an empty file", expected="a sound file")
         try:
             file = sf.SoundFile(self.path)

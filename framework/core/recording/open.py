@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..errors import InputError
+from ..errors import InputError, reading
 from ..vehicle import Vehicle, load_vehicle
 from .digest import StreamDigest
 from .folder import read_folder, vibration_stream
@@ -41,8 +41,14 @@ def read_recording(
         Nothing of a recording is there, or what is there is at fault: file, place, value and expectation are named.
     """
     path = Path(path)
-    if not path.exists():
+    with reading(path, _KINDS):
+        return _read(path, vehicle, topics)
+
+
+def _read(path: Path, vehicle: Vehicle | str | Path | None, topics: str | Path | None) -> Recording:
+    if not path.exists() and not path.is_symlink():
         raise InputError(path, "no such file or folder", expected=_KINDS)
+    path.stat()  # a link that leads nowhere, or to itself
     if vehicle is not None and not isinstance(vehicle, Vehicle):
         vehicle = load_vehicle(vehicle)
     is_bag = path.suffix.lower() in (".bag", ".mcap", ".db3") or (path.is_dir() and _is_bag_folder(path))

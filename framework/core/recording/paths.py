@@ -1,10 +1,12 @@
-"""Names of files that stand in somebody else's table: none may lead out of the folder."""
+"""Files by their names, also such as stand in somebody else's table: none of those may lead out of the folder."""
 
 from __future__ import annotations
 
+import os
+import stat
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
-from ..errors import InputError
+from ..errors import InputError, reading
 
 
 def inside(folder: Path, name: str, source: Path, place: str) -> Path:
@@ -21,6 +23,17 @@ def inside(folder: Path, name: str, source: Path, place: str) -> Path:
     if windows.drive or windows.root or posix.is_absolute() or ".." in windows.parts or ".." in posix.parts:
         raise InputError(source, f"{name!r} leads out of the folder", expected="a file inside of it", place=place)
     path = folder / name
-    if not path.resolve().is_relative_to(folder.resolve()):
+    if not Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder)):
         raise InputError(source, f"{name!r} leads out of the folder", expected="a file inside of it", place=place)
     return path
+
+
+def file_size(path: Path, expected: str) -> int:
+    """Give the size of a file [bytes]; raises `InputError`, which says what it is, where it is no file to be read."""
+    with reading(path, expected):
+        status = path.stat()
+    if stat.S_ISDIR(status.st_mode):
+        raise InputError(path, "a folder", expected=expected)
+    if not stat.S_ISREG(status.st_mode):
+        raise InputError(path, "a pipe or a device", expected=expected)
+    return status.st_size

@@ -22,6 +22,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from ..errors import InputError
+from .paths import file_size
 
 MAX_TABLE_BYTES = 256 * 2**20
 """No table is read whose text is longer than this, after unpacking: a gzip bomb ends here [bytes]."""
@@ -103,10 +104,7 @@ def read_table(
     path = Path(path)
     if not is_table(path):
         raise InputError(path, f"a file of kind {path.suffix!r}", expected="a .csv, .csv.gz or .parquet file")
-    if path.is_dir():
-        raise InputError(path, "a folder", expected="a table file")
-    if not path.is_file():
-        raise InputError(path, "no such file", expected="a table file")
+    file_size(path, "a table file")
     if path.name.lower().endswith(".parquet"):
         table = _from_parquet(path, numbers, text)
     else:
