@@ -111,7 +111,7 @@ def test_the_lock_holds_names_and_versions_only_and_all_that_is_needed():
 def test_every_library_imported_is_a_dependency():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     needed = {normal(re.split(r"[\[<>=~!; ]", need)[0]) for need in project["dependencies"]}
-    called = {"cv2": "opencv-python-headless", "sklearn": "scikit-learn"}
+    called = {"cv2": "opencv-python-headless", "PIL": "pillow", "sklearn": "scikit-learn"}
     imported = set()
     for folder in code_folders(ROOT):
         for file in (ROOT / folder).glob("*.py"):

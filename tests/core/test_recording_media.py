@@ -48,6 +48,39 @@ def test_half_a_jpeg_is_an_error_and_no_grey_picture(picture, share, options, tm
         read_image(path)
 
 
+BASELINE = [(), (cv2.IMWRITE_JPEG_OPTIMIZE, 1), (cv2.IMWRITE_JPEG_RST_INTERVAL, 5)]
+
+
+@pytest.mark.parametrize("options", BASELINE)
+@pytest.mark.parametrize("share", [0.05, 0.5, 0.97])
+def test_half_a_jpeg_with_an_end_marker_is_an_error(picture, share, options):
+    data = encoded(picture, ".jpg", *options)
+    start = data.index(b"\xff\xda") + 14
+    half = data[: start + int(share * (len(data) - start))].rstrip(b"\xff")
+    with pytest.raises(InputError, match=r"half\.jpg: a JPEG cut off: its \d+ bytes of coded data are less"):
+        decode_image(half + b"\xff\xd9", "half.jpg")
+
+
+def test_a_jpeg_whose_data_were_overwritten_is_an_error(picture):
+    data = encoded(picture, ".jpg")
+    half = len(data) // 2
+    with pytest.raises(InputError, match=r"x\.jpg: .* bytes of coded data are (less|more) than the image"):
+        decode_image(data[:half] + bytes(len(data) - half - 2) + data[-2:], "x.jpg")
+    with pytest.raises(InputError, match=r"x\.jpg: damaged JPEG: its \d+ bytes of coded data are more"):
+        decode_image(data[:half] + data[half - 1000 : half] + data[half:], "x.jpg")
+
+
+@pytest.mark.parametrize("options", [*BASELINE, (cv2.IMWRITE_JPEG_PROGRESSIVE, 1)])
+@pytest.mark.parametrize("quality", [5, 95, 100])
+@pytest.mark.parametrize("colour", [None, 128])
+def test_whole_jpegs_are_taken_with_what_cameras_put_behind_their_data(picture, options, quality, colour):
+    shown = picture if colour is None else np.full_like(picture, colour)
+    data = encoded(shown, ".jpg", cv2.IMWRITE_JPEG_QUALITY, quality, *options)
+    expected = decode_image(data, "x.jpg")
+    for whole in (data[:-2] + bytes(40) + data[-2:], data + bytes(1000)):
+        np.testing.assert_array_equal(decode_image(whole, "x.jpg"), expected)
+
+
 @pytest.mark.parametrize("share", [0.001, 0.5, 0.999])
 def test_half_a_png_is_an_error(picture, share):
     data = encoded(picture, ".png")

@@ -1,8 +1,8 @@
 """Images and sound from files that somebody else made: checked before they are decoded, and decoded within limits.
 
 Images are JPEG or PNG. Neither decoder that OpenCV brings says so when a file ends early (a JPEG then has its lower
-part filled with grey), so that the end of the file is looked at here: JPEG by its end marker (ITU-T T.81, B.1.1.3),
-PNG by its chunks and their check sums (ISO/IEC 15948, 5.3).
+part filled with grey), so that it is looked at here: JPEG by the module `jpeg`, PNG by its chunks and their check sums
+(ISO/IEC 15948, 5.3).
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import soundfile as sf
 
 from ..errors import InputError, reading
 from .channels import mixed
+from .jpeg import jpeg_layout, refuse_damage
 from .paths import file_size
 from .types import SoundBlock
 
@@ -85,8 +86,10 @@ def decode_image(data: bytes, source: str | Path) -> np.ndarray:
         raise InputError(source, "an empty file", expected="a JPEG or PNG image")
     if len(data) > MAX_IMAGE_BYTES:
         raise InputError(source, f"{len(data)} bytes", expected=f"an image of no more than {MAX_IMAGE_BYTES} bytes")
+    jpeg = None
     if data.startswith(b"\xff\xd8"):
-        width, height = _jpeg_size(data, source)
+        jpeg = jpeg_layout(data, source)
+        width, height = jpeg.width, jpeg.height
     elif data.startswith(b"\x89PNG\r\n\x1a\n"):
         width, height = _png_size(data, source)
     else:
@@ -99,40 +102,9 @@ def decode_image(data: bytes, source: str | Path) -> np.ndarray:
         raise InputError(source, f"cannot be decoded: {error.err}", expected="a whole JPEG or PNG image") from error
     if image is None or image.shape[:2] != (height, width):
         raise InputError(source, "cannot be decoded", expected="a whole JPEG or PNG image")
+    if jpeg is not None:
+        refuse_damage(jpeg, source)
     return np.asarray(image, dtype=np.uint8)
-
-
-def _jpeg_size(data: bytes, source: str | Path) -> tuple[int, int]:
-    """Walk a JPEG's segments to its first scan; give width and height, and refuse a file without an end."""
-    place, size = 2, None
-    while place + 4 <= len(data):
-        if data[place] != 0xFF:
-            raise InputError(source, f"damaged JPEG: no marker at byte {place}", expected="a whole JPEG image")
-        marker = data[place + 1]
-        if marker == 0xFF:  # a fill byte
-            place += 1
-            continue
-        if marker == 0x01 or 0xD0 <= marker <= 0xD7:  # markers without a segment
-            place += 2
-            continue
-        length = struct.unpack_from(">H", data, place + 2)[0]
-        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC) and place + 9 <= len(data):
-            height, width = struct.unpack_from(">HH", data, place + 5)
-            size = (width, height)
-        if marker == 0xDA:  # the first scan: coded pixels follow, in which 0xFFD9 cannot occur
-            if size is None:
-                raise InputError(source, "damaged JPEG: a scan before its frame", expected="a whole JPEG image")
-            if data.find(b"\xff\xd9", place) < 0:
-                raise InputError(
-                    source, f"a JPEG cut off after {len(data)} bytes: no end marker", expected="a whole JPEG image"
-                )
-            return size
-        if marker == 0xD9:
-            break
-        place += 2 + length
-    raise InputError(
-        source, f"a JPEG cut off after {len(data)} bytes, within its header", expected="a whole JPEG image"
-    )
 
 
 def _png_size(data: bytes, source: str | Path) -> tuple[int, int]:
