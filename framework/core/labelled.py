@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from .class_names import check_class_name, check_class_names
 from .errors import InputError, reading
-from .evidence import UNKNOWN
 from .recording.paths import inside
 from .recording.tables import Table, read_table
 
@@ -68,8 +68,9 @@ def read_labelled(folder: str | Path) -> list[LabelledFile]:
     Raises
     ------
     InputError
-        The folder or a file is missing, a name leads out of the folder, a class or group is blank, a stretch ends
-        before it starts, or there are fewer than two classes.
+        The folder or a file is missing, a name leads out of the folder, a class or group is blank, a class has a name
+        that none may have or that only case or spaces tell from another's, a stretch ends before it starts, or there
+        are fewer than two classes.
     """
     folder = Path(folder)
     with reading(folder, _FOLDER):
@@ -82,6 +83,7 @@ def _read(folder: Path) -> list[LabelledFile]:
     index = folder / "index.csv"
     labelled = _from_index(folder, index) if index.is_file() else _from_folders(folder)
     classes = sorted({item.class_name for item in labelled})
+    check_class_names(classes, index if index.is_file() else folder)
     if len(classes) < 2:
         raise InputError(
             index if index.is_file() else folder, f"one class only, {classes[0]!r}", expected="two classes or more"
@@ -99,11 +101,7 @@ def _from_index(folder: Path, index: Path) -> list[LabelledFile]:
     labelled: list[LabelledFile] = []
     for row in range(len(table)):
         class_name = _filled(table, row, "class")
-        if class_name == UNKNOWN:
-            raise InputError(
-                index, repr(UNKNOWN), expected="a class; this is the answer of a closed gate",
-                place=table.place(row, "class"),
-            )  # fmt: skip
+        check_class_name(class_name, index, table.place(row, "class"))
         start_s, end_s = _stretch(table, row)
         extra: dict[str, str | Path] = {name: table.text[name][row] for name in extras}
         if extra.get("wheel_file"):
@@ -150,8 +148,7 @@ def _stretch(table: Table, row: int) -> tuple[float | None, float | None]:
 def _from_folders(folder: Path) -> list[LabelledFile]:
     labelled: list[LabelledFile] = []
     for class_folder in sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith(".")):
-        if class_folder.name == UNKNOWN:
-            raise InputError(class_folder, "a class of this name", expected="a class; this is a closed gate's answer")
+        check_class_name(class_folder.name, class_folder)
         files = sorted(path for path in class_folder.iterdir() if path.name.lower().endswith(MEDIA_SUFFIXES))
         for file in files:
             name = f"{class_folder.name}/{file.name}"

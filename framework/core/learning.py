@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .class_names import check_class_names
 from .errors import InputError
 from .evidence import ClassEvidence
 from .learning_fit import CANDIDATES, USUAL, Fitted, Rows, fit, folds, pooled, row_weights
@@ -94,7 +95,7 @@ class TerrainClassifier:
         Raises
         ------
         InputError
-            Fewer than two classes are left, or the shapes do not agree.
+            Fewer than two classes are left, a class has a name that none may have, or the shapes do not agree.
         """
         from .learning_store import content_digest
 
@@ -130,7 +131,8 @@ class TerrainClassifier:
         -------
         ClassEvidence
             Calibrated probabilities. An item is unknown where its quality is 0, a feature is not finite, or it is
-            unlike anything trained on; quality falls to 0 over the last fifth before that gate.
+            unlike anything trained on; quality falls to 0 over the last fifth before that gate, and a reason says so
+            where that costs a fifth of it or more.
 
         Raises
         ------
@@ -158,16 +160,20 @@ class TerrainClassifier:
                 probabilities[index[inside]] = self.fitted.probabilities(z[inside])
         outside = distance > self.fitted.threshold
         unknown = outside | ~finite | (trusted <= 0)
-        with np.errstate(invalid="ignore"):
-            trusted *= np.where(unknown, 0.0, np.clip(5.0 * (1.0 - distance / self.fitted.threshold), 0.0, 1.0))
+        room = np.clip(5.0 * (1.0 - distance / self.fitted.threshold), 0.0, 1.0)
+        trusted *= np.where(unknown, 0.0, room)
         for index in np.flatnonzero(~finite):
             said[index] = (*said[index], "features are not finite")
         for index in np.flatnonzero(outside & np.isfinite(distance)):
-            far = f"unlike anything trained on (distance {distance[index]:.1f}, gate {self.fitted.threshold:.1f})"
-            said[index] = (*said[index], far)
+            said[index] = (*said[index], f"unlike anything trained on ({self._place(distance[index])})")
+        for index in np.flatnonzero(~unknown & (room < 0.8)):
+            said[index] = (*said[index], f"nearly unlike anything trained on ({self._place(distance[index])})")
         for index in np.flatnonzero(finite & unknown):
             said[index] = said[index] or ("quality is 0",)
         return ClassEvidence(self.classes, probabilities, trusted, unknown, tuple(said))
+
+    def _place(self, distance: float) -> str:
+        return f"distance {distance:.1f}, gate {self.fitted.threshold:.1f}"
 
     def pool(self, evidence: ClassEvidence, unit: np.ndarray, n_units: int | None = None) -> ClassEvidence:
         """Join the evidence of items that are near copies: patches of a photograph, windows of a clip.
@@ -240,6 +246,7 @@ def _checked(features, labels, groups, made, feature_names, source):
     if len(classes) < 2:
         found = f"only class {str(classes[0])!r}" if len(classes) else "no usable item"
         raise InputError(source, found, expected="items of at least two classes")
+    check_class_names(map(str, classes), source)
     _, group = np.unique(groups[finite], return_inverse=True)
     return x[finite], y, group, made[finite], tuple(str(name) for name in classes), int((~finite).sum())
 

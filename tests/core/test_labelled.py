@@ -40,6 +40,9 @@ def test_an_index_gives_classes_groups_stretches_and_more(folder):
         ("sand/a.png,,1", "row 2, column class: an empty cell"),
         ("sand/a.png,sand,", "row 2, column group: an empty cell"),
         ("sand/a.png,unknown,1", "row 2, column class: 'unknown'"),
+        ("sand/a.png,UnKnown,1", "row 2, column class: 'UnKnown'"),
+        ('sand/a.png,"sa\nnd",1', r"row 2, column class: a class named 'sa\\nnd'"),
+        ("sand/a.png,Wet sand,1\nsand/b.PNG,wetsand,2", "classes 'Wet sand' and 'wetsand'"),
         ("sand/a.png,sand,1\nsand/b.PNG,sand,1", "one class only, 'sand'"),
         ("", "a header without rows"),
     ],
@@ -78,6 +81,20 @@ def test_what_is_no_labelled_folder(tmp_path):
         read_labelled(tmp_path)
     with pytest.raises(InputError, match="a file"):
         read_labelled(tmp_path / "sand" / "a.wav")
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [("Unknown", "Unknown: 'Unknown'"), ("Sand", "'Sand' and 'sand'"), ("sand ", "'sand' and 'sand '")],
+)
+def test_folders_whose_names_no_class_may_have(name, says, folder):
+    try:
+        (folder / name).mkdir()
+    except FileExistsError:
+        pytest.skip("file system without case or trailing spaces")
+    (folder / name / "d.png").write_bytes(b"d")
+    with pytest.raises(InputError, match=says):
+        read_labelled(folder)
 
 
 @pytest.mark.parametrize(

@@ -142,6 +142,17 @@ def test_what_is_unlike_training_is_unknown(outcome, rng):
     assert huge.unknown[0]
 
 
+def test_quality_that_falls_near_the_gate_says_why(outcome, rng):
+    """From well inside to far outside: as soon as nearness to the gate costs a fifth, a reason names it."""
+    x, _, _ = blobs(rng, classes=1, groups=1, rows=1)
+    evidence = outcome.classifier.evidence(x + np.linspace(0, 12, 400)[:, None], np.ones(400))
+    close = ~evidence.unknown & (evidence.quality < 0.8)
+    assert close.any()
+    for index in range(400):
+        named = any("nearly unlike anything trained on" in text for text in evidence.reasons[index])
+        assert named == close[index]
+
+
 def test_gate_keeps_its_false_rejection_rate_on_fresh_groups(rng):
     x, y, g = blobs(rng, groups=25)
     trained = train(x, y, g)
@@ -195,6 +206,13 @@ def test_unknown_candidate_and_disagreeing_rows_are_input_errors(rng):
         train(x, y, g, candidates=("oracle",))
     with pytest.raises(InputError, match="one label and one group"):
         train(x, y[:-1], g)
+
+
+@pytest.mark.parametrize(("name", "says"), [("Unknown", "'Unknown'"), ("Class1", "'Class1' and 'class1'")])
+def test_names_that_no_class_may_have_are_input_errors(name, says, rng):
+    x, y, g = blobs(rng)
+    with pytest.raises(InputError, match=says):
+        train(x, np.where(y == "class2", name, y), g)
 
 
 def test_class_with_a_single_group_is_said_not_scored(rng):

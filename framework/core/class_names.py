@@ -1,0 +1,47 @@
+"""Names of terrain classes: what may be one, and which two are the same name written in two ways."""
+
+from __future__ import annotations
+
+import unicodedata
+from collections.abc import Iterable
+from pathlib import Path
+
+from .errors import InputError
+from .evidence import UNKNOWN
+
+_UNPRINTABLE = frozenset({"Cc", "Cs", "Zl", "Zp"})
+
+
+def check_class_name(name: str, source: str | Path, place: str | None = None) -> None:
+    """Refuse a name that is blank, breaks a line or steers a terminal, or means that a gate closed.
+
+    Raises
+    ------
+    InputError
+        It names `source` and `place`.
+    """
+    if not _key(name) or any(unicodedata.category(character) in _UNPRINTABLE for character in name):
+        raise InputError(source, f"a class named {name!r}", expected="a name on one line", place=place)
+    if _key(name) == UNKNOWN:
+        raise InputError(source, repr(name), expected="a class; this is the answer of a closed gate", place=place)
+
+
+def check_class_names(names: Iterable[str], source: str | Path, place: str | None = None) -> None:
+    """Refuse names as `check_class_name` does, and two that only case, spaces or the encoding of accents tell apart.
+
+    Raises
+    ------
+    InputError
+        It names `source` and `place`, and both names.
+    """
+    seen: dict[str, str] = {}
+    for name in names:
+        check_class_name(name, source, place)
+        if (other := seen.setdefault(_key(name), name)) != name:
+            raise InputError(
+                source, f"classes {other!r} and {name!r}", expected="one spelling for each class", place=place
+            )
+
+
+def _key(name: str) -> str:
+    return "".join(unicodedata.normalize("NFKC", name).split()).casefold()
