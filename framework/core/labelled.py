@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from .class_names import check_class_name, check_class_names
 from .errors import InputError, reading
+from .labelled_copies import without_copies
 from .recording.paths import inside
 from .recording.tables import Table, read_table
 
@@ -49,7 +51,7 @@ class LabelledFile:
     extra: Mapping[str, str | Path] = field(default_factory=dict)
 
 
-def read_labelled(folder: str | Path) -> list[LabelledFile]:
+def read_labelled(folder: str | Path, notes: list[str] | None = None) -> list[LabelledFile]:
     """Read a labelled folder: by its `index.csv`, or by its sub-folders, each named by a class.
 
     `index.csv` has columns `file`, `class`, `group`, and may have `start_s`, `end_s` and others. Without it each file
@@ -59,39 +61,46 @@ def read_labelled(folder: str | Path) -> list[LabelledFile]:
     ----------
     folder
         The folder.
+    notes
+        What was passed over, and why, is added to these, for people to read.
 
     Returns
     -------
     list of LabelledFile
-        In the order of the index, or sorted by class and name.
+        In the order of the index, or sorted by class and name; what stands there twice in one class and group is
+        given once.
 
     Raises
     ------
     InputError
         The folder or a file is missing, a name leads out of the folder, a class or group is blank, a class has a name
-        that none may have or that only case or spaces tell from another's, a stretch ends before it starts, or there
-        are fewer than two classes.
+        that none may have or that only case or spaces tell from another's, a stretch ends before it starts, the same
+        material is in two classes or groups, a sub-folder holds nothing that can be used, or there are fewer than two
+        classes.
     """
     folder = Path(folder)
     with reading(folder, _FOLDER):
-        return _read(folder)
+        return _read(folder, [] if notes is None else notes)
 
 
-def _read(folder: Path) -> list[LabelledFile]:
+def _read(folder: Path, notes: list[str]) -> list[LabelledFile]:
     if not folder.is_dir():
         raise InputError(folder, "a file" if folder.exists() else "no such folder", expected=_FOLDER)
     index = folder / "index.csv"
-    labelled = _from_index(folder, index) if index.is_file() else _from_folders(folder)
+    by_index = index.is_file()
+    labelled, places = _from_index(folder, index) if by_index else _from_folders(folder, notes)
     classes = sorted({item.class_name for item in labelled})
-    check_class_names(classes, index if index.is_file() else folder)
+    source = index if by_index else folder
+    check_class_names(classes, source)
     if len(classes) < 2:
-        raise InputError(
-            index if index.is_file() else folder, f"one class only, {classes[0]!r}", expected="two classes or more"
-        )
-    return labelled
+        raise InputError(source, f"one class only, {classes[0]!r}", expected="two classes or more")
+    kept = without_copies(labelled, places, source, groups_matter=by_index)
+    if copies := len(labelled) - len(kept):
+        notes.append(f"Left out, being copies of others of their class: {copies} of {len(labelled)} labelled files.")
+    return kept
 
 
-def _from_index(folder: Path, index: Path) -> list[LabelledFile]:
+def _from_index(folder: Path, index: Path) -> tuple[list[LabelledFile], list[str]]:
     table = read_table(index, numbers=frozenset({"start_s", "end_s"}), text=None)
     for name in ("file", "class", "group"):
         if name not in table.text:
@@ -111,7 +120,7 @@ def _from_index(folder: Path, index: Path) -> list[LabelledFile]:
                 _existing(folder, table, row, "file"), class_name, _filled(table, row, "group"), start_s, end_s, extra
             )
         )
-    return labelled
+    return labelled, [table.place(row, "file") for row in range(len(table))]
 
 
 def _filled(table: Table, row: int, name: str) -> str:
@@ -145,11 +154,18 @@ def _stretch(table: Table, row: int) -> tuple[float | None, float | None]:
     return start_s, end_s
 
 
-def _from_folders(folder: Path) -> list[LabelledFile]:
+def _from_folders(folder: Path, notes: list[str]) -> tuple[list[LabelledFile], list[str]]:
     labelled: list[LabelledFile] = []
+    barren: list[tuple[Path, str]] = []
     for class_folder in sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith(".")):
         check_class_name(class_folder.name, class_folder)
-        files = sorted(path for path in class_folder.iterdir() if path.name.lower().endswith(MEDIA_SUFFIXES))
+        there = sorted(path for path in class_folder.iterdir() if not path.name.startswith("."))
+        files = [path for path in there if _is_media(path)]
+        over = _passed_over([path for path in there if not _is_media(path)])
+        if not files:
+            barren.append((class_folder, f"no file that can be used; passed over: {over}" if over else "no file"))
+        elif over:
+            notes.append(f"Passed over in {class_folder.name}: {over}; used: {len(files)}.")
         for file in files:
             name = f"{class_folder.name}/{file.name}"
             labelled.append(LabelledFile(inside(folder, name, folder, "a sub-folder"), class_folder.name, name))
@@ -157,4 +173,16 @@ def _from_folders(folder: Path) -> list[LabelledFile]:
         raise InputError(
             folder, "neither index.csv nor images, sounds or tables in sub-folders", expected="a labelled folder"
         )
-    return labelled
+    if barren:
+        raise InputError(*barren[0], expected="images, sounds or tables of this class, not in sub-folders")
+    return labelled, [item.group for item in labelled]
+
+
+def _is_media(path: Path) -> bool:
+    return path.name.lower().endswith(MEDIA_SUFFIXES) and not path.is_dir()
+
+
+def _passed_over(paths: Sequence[Path]) -> str:
+    """Count what is no image, sound or table, by kind: ``".bmp (4), sub-folder (1)"``."""
+    kinds = Counter("sub-folder" if path.is_dir() else path.suffix.lower() or "without a suffix" for path in paths)
+    return ", ".join(f"{kind} ({count})" for kind, count in sorted(kinds.items()))

@@ -8,7 +8,7 @@ from bevameter.framework.core.labelled import read_labelled
 def folder(tmp_path):
     for name in ("sand/a.png", "sand/b.PNG", "clay/c.png", "clay/LICENSE.txt", ".cache/x.png"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_bytes(b"x")
+        (tmp_path / name).write_bytes(name.encode())
     return tmp_path
 
 
@@ -81,6 +81,81 @@ def test_what_is_no_labelled_folder(tmp_path):
         read_labelled(tmp_path)
     with pytest.raises(InputError, match="a file"):
         read_labelled(tmp_path / "sand" / "a.wav")
+
+
+SOUNDS = "file,class,group,start_s,end_s\n"
+
+
+@pytest.fixture
+def sounds(tmp_path):
+    """Two sounds, and a copy of the first."""
+    for name, content in (("a.wav", b"long"), ("b.wav", b"grit"), ("copy.wav", b"long")):
+        (tmp_path / name).write_bytes(content)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("rows", "says"),
+    [
+        ("a.wav,sand,1,,\na.wav,sand,2,,", "row 3, column file: a.wav is of group '2' here and of '1' in row 2"),
+        ("a.wav,sand,1,,\na.wav,clay,1,,", "a.wav is of class 'clay' here and of 'sand' in row 2"),
+        ("a.wav,sand,1,,\nb.wav,clay,2,,\ncopy.wav,sand,3,,", "row 4, .*copy.wav, the same as a.wav, is of group '3'"),
+        ("a.wav,sand,1,0,3\na.wav,clay,2,3,9\na.wav,clay,2,2.9,4", "row 4, .*of class 'clay' here and of 'sand'"),
+        ("a.wav,sand,1,5,\na.wav,clay,2,0,6", "row 2, .*of class 'sand' here and of 'clay' in row 3"),
+        ("a.wav,sand,1,0,9\na.wav,sand,1,1,2\na.wav,clay,2,3,4", "of class 'clay' here and of 'sand' in row 2"),
+    ],
+)
+def test_the_same_material_in_two_classes_or_groups_is_named(rows, says, sounds):
+    (sounds / "index.csv").write_text(f"{SOUNDS}{rows}\nb.wav,clay,9,,\n")
+    with pytest.raises(InputError, match=says):
+        read_labelled(sounds)
+
+
+def test_stretches_may_touch_and_lie_over_each_other_in_one_group(sounds):
+    rows = "a.wav,sand,1,0,2\na.wav,sand,1,1,3\na.wav,clay,2,3,4\na.wav,clay,3,4,\n"
+    (sounds / "index.csv").write_text(SOUNDS + rows)
+    assert len(read_labelled(sounds)) == 4
+
+
+def test_stretches_do_not_part_a_photograph(folder):
+    (folder / "index.csv").write_text(f"{SOUNDS}sand/a.png,sand,1,0,1\nsand/a.png,clay,2,1,2\n")
+    with pytest.raises(InputError, match="a.png is of class 'clay' here"):
+        read_labelled(folder)
+
+
+def test_copies_in_one_class_and_group_are_left_out_with_a_note(sounds):
+    notes = []
+    (sounds / "index.csv").write_text(SOUNDS + "a.wav,sand,1,,\ncopy.wav,sand,1,,\nb.wav,clay,2,,\n")
+    assert [item.file.name for item in read_labelled(sounds, notes)] == ["a.wav", "b.wav"]
+    assert notes == ["Left out, being copies of others of their class: 1 of 3 labelled files."]
+
+
+def test_copies_among_sub_folders(folder):
+    copy = folder / "sand" / "copy.png"
+    copy.write_bytes((folder / "sand" / "a.png").read_bytes())
+    notes = []
+    assert len(read_labelled(folder, notes)) == 3
+    assert "1 of 4 labelled files" in notes[-1]
+    copy.rename(folder / "clay" / "copy.png")
+    with pytest.raises(InputError, match=r"sand/a\.png: a\.png, the same as copy\.png, is of class 'sand' here and"):
+        read_labelled(folder)
+
+
+def test_a_class_folder_without_a_usable_file_is_named(folder):
+    (folder / "rock").mkdir()
+    with pytest.raises(InputError, match="rock: no file "):
+        read_labelled(folder)
+    (folder / "rock" / "day1").mkdir()
+    for name in ("x.bmp", "y.BMP", "README"):
+        (folder / "rock" / name).write_bytes(b"")
+    with pytest.raises(InputError, match=r"passed over: \.bmp \(2\), sub-folder \(1\), without a suffix \(1\)"):
+        read_labelled(folder)
+
+
+def test_what_is_passed_over_beside_usable_files_is_noted(folder):
+    notes = []
+    read_labelled(folder, notes)
+    assert notes == ["Passed over in clay: .txt (1); used: 1."]
 
 
 @pytest.mark.parametrize(
