@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -39,6 +41,8 @@ def train_audio(
     labelled: Sequence[LabelledFile],
     rng: np.random.Generator,
     progress: Callable[[float], None] | None = None,
+    *,
+    notes: Sequence[str] = (),
 ) -> TrainingOutcome:
     """Train a sound classifier on labelled files.
 
@@ -51,22 +55,24 @@ def train_audio(
         Varies the copies and draws the splits.
     progress
         Called with the share done, 0 to 1.
+    notes
+        What the report is to say of the material among its warnings.
 
     Raises
     ------
     InputError
-        A file is missing, damaged or no sound; fewer than two classes are left.
+        A file is missing, damaged or no sound; a class is silent; there are fewer than two classes.
     """
     waves = []
     for index, item in enumerate(labelled):
         waves.append(_read(item))
         if progress:
             progress(0.2 * (index + 1) / len(labelled))
-    source = Path(labelled[0].file).parent if labelled else "labelled sounds"
+    source = os.path.commonpath([item.file for item in labelled]) if labelled else "labelled sounds"
     rest = None if progress is None else (lambda share: progress(0.2 + 0.8 * share))
     return train_audio_arrays(
         waves, [item.class_name for item in labelled], [item.group for item in labelled], rng,
-        progress=rest, source=source,
+        progress=rest, source=source, notes=notes,
     )  # fmt: skip
 
 
@@ -82,6 +88,7 @@ def train_audio_arrays(
     *,
     progress: Callable[[float], None] | None = None,
     source: str | Path = "labelled sounds",
+    notes: Sequence[str] = (),
 ) -> TrainingOutcome:
     """Train a sound classifier on sounds in memory.
 
@@ -93,19 +100,33 @@ def train_audio_arrays(
         Class, and what must stay on one side of a split (source, site, take).
     source
         What to name in an error.
+    notes
+        What the report is to say of the material among its warnings.
 
     Raises
     ------
     InputError
-        Fewer than two classes are left, or no sound.
+        There are fewer than two classes, or no sound, or none of a class.
     """
     material = _Material.gather(waves, labels, groups)
     if not material.pieces:
         raise InputError(source, "no sound that is louder than silence", expected="labelled contact sounds")
+    notes = [*notes, *_silence(material.silent, Counter(labels), source)]
     windows, origin, snr_dB = material.varied(rng)
     label, group = np.asarray(material.labels)[origin], np.asarray(material.groups)[origin]
     as_recorded = np.arange(len(windows)) < len(material.pieces)
-    return _train(windows, label, group, snr_dB, as_recorded, rng, progress, source)
+    return _train(windows, label, group, snr_dB, as_recorded, rng, progress, source, notes=notes)
+
+
+def _silence(silent: Counter[str], there: Counter[str], source: str | Path) -> list[str]:
+    """Say how many sounds of each class are silent; raises `InputError` where all are."""
+    for name, count in silent.items():
+        if count == there[name]:
+            raise InputError(
+                source, f"{count} of {count} sounds are silent", expected="contact sound of every class",
+                place=f"class {name!r}",
+            )  # fmt: skip
+    return [f"Silent and left out in {name}: {count} of {there[name]} sounds." for name, count in silent.items()]
 
 
 def train_audio_windows(
@@ -150,6 +171,7 @@ def _train(
     progress: Callable[[float], None] | None,
     source: str | Path,
     candidates: Sequence[str] | None = None,
+    notes: Sequence[str] = (),
 ) -> TrainingOutcome:
     features, measures = window_features(windows), noise_measures(windows)
     usable = np.isfinite(features).all(axis=1)
@@ -158,34 +180,33 @@ def _train(
     return TerrainClassifier.train(
         features[taught], label[taught], group[taught],
         modality="audio", feature_names=FEATURE_NAMES, settings=SETTINGS | {"noise": noise.settings()},
-        rng=rng, candidates=candidates or CANDIDATES, degraded=~as_recorded[taught], source=source, progress=progress,
+        rng=rng, candidates=candidates or CANDIDATES, degraded=~as_recorded[taught], source=source, notes=notes,
+        progress=progress,
     )  # fmt: skip
 
 
 class _Material:
-    """Pieces of labelled sound at the working rate, each a little longer than a window where the sound is."""
+    """Pieces of labelled sound at the working rate, each a little longer than a window where the sound is.
+
+    `silent` counts by class the sounds that have none.
+    """
 
     def __init__(self) -> None:
         self.pieces: list[np.ndarray] = []
         self.labels: list[str] = []
         self.groups: list[str] = []
+        self.silent: Counter[str] = Counter()
 
     @staticmethod
     def gather(waves: Sequence[tuple[np.ndarray, float]], labels: Sequence[str], groups: Sequence[str]) -> _Material:
         material = _Material()
-        window = round(WINDOW_S * RATE_HZ)
         for (samples, rate_hz), label, group in zip(waves, labels, groups, strict=True):
-            sound = resample(samples, rate_hz)
-            if sound.size == 0:
-                continue
-            starts = np.round(cut_windows(sound)[1] * RATE_HZ).astype(int)
-            keep = np.unique(np.linspace(0, starts.size - 1, min(starts.size, FILE_WINDOWS)).astype(int))
-            for start in starts[keep]:
-                piece = sound[start : start + window + window // 3]
-                if np.sqrt(np.mean(np.square(piece))) >= SILENT_RMS:
-                    material.pieces.append(piece)
-                    material.labels.append(label)
-                    material.groups.append(group)
+            pieces = _loud_pieces(resample(samples, rate_hz))
+            material.pieces += pieces
+            material.labels += [label] * len(pieces)
+            material.groups += [group] * len(pieces)
+            if not pieces:
+                material.silent[label] += 1
         return material
 
     def varied(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -207,3 +228,14 @@ class _Material:
                 varied = add_noise(varied, snr_dB[row], rng)
             windows[row] = varied
         return windows, origin, snr_dB
+
+
+def _loud_pieces(sound: np.ndarray) -> list[np.ndarray]:
+    """Cut sound (m,) at the working rate where its windows begin, and leave out what is silent."""
+    if sound.size == 0:
+        return []
+    window = round(WINDOW_S * RATE_HZ)
+    starts = np.round(cut_windows(sound)[1] * RATE_HZ).astype(int)
+    keep = np.unique(np.linspace(0, starts.size - 1, min(starts.size, FILE_WINDOWS)).astype(int))
+    pieces = [sound[start : start + window + window // 3] for start in starts[keep]]
+    return [piece for piece in pieces if np.sqrt(np.mean(np.square(piece))) >= SILENT_RMS]

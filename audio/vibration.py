@@ -33,6 +33,8 @@ def train_vibration(
     labelled: Sequence[LabelledFile],
     rng: np.random.Generator,
     progress: Callable[[float], None] | None = None,
+    *,
+    notes: Sequence[str] = (),
 ) -> TrainingOutcome:
     """Train a classifier of vibration on labelled runs.
 
@@ -48,11 +50,14 @@ def train_vibration(
         Draws the splits.
     progress
         Called with the share done, 0 to 1.
+    notes
+        What the report is to say of the material among its warnings.
 
     Raises
     ------
     InputError
-        A file cannot be read, the files share no channel, or fewer than two classes are left.
+        A file cannot be read, the files share no channel, no stretch of a class holds a window, or there are fewer than
+        two classes.
     """
     if not labelled:
         raise InputError("labelled vibration", "no file", expected="vibration files of at least two classes")
@@ -72,6 +77,7 @@ def train_vibration(
         blocks.append(rows)
         label += [item.class_name] * len(rows)
         group += [item.group] * len(rows)
+    _refuse_without_window(labelled, set(label))
     features = np.concatenate(blocks)
     fill = _usual(features)
     full = _filled(features, fill)
@@ -88,7 +94,7 @@ def train_vibration(
         np.concatenate([full, without]), np.asarray(label)[order], np.asarray(group)[order],
         modality="vibration", feature_names=channels.names, settings=settings, rng=rng, candidates=CANDIDATES,
         degraded=np.arange(len(order)) >= len(features), source=Path(labelled[0].file).parent,
-        progress=None if progress is None else (lambda share: progress(0.3 + 0.7 * share)),
+        notes=notes, progress=None if progress is None else (lambda share: progress(0.3 + 0.7 * share)),
     )  # fmt: skip
 
 
@@ -139,6 +145,16 @@ def wheel_file_of(file: Path) -> Path | None:
             if wheel and os.path.realpath(folder / str(name)) == str(file) and found.is_relative_to(folder):
                 return found
     return None
+
+
+def _refuse_without_window(labelled: Sequence[LabelledFile], taught: set[str]) -> None:
+    """Name the first file of a class of which no stretch holds a window: the class would be missing without a word."""
+    for item in labelled:
+        if item.class_name not in taught:
+            raise InputError(
+                item.file, f"no window of class {item.class_name!r} in its stretch, nor in others of the class",
+                expected=f"a stretch of {WINDOW_S:g} s or more",
+            )  # fmt: skip
 
 
 def _shared_channels(runs: Sequence[VibrationRun]) -> VibrationChannels:

@@ -37,18 +37,19 @@ def train_from_folder(modality: Modality, folder: str | Path, *, seed: int = 0) 
         The folder, its index, or a file in it cannot be used; the text names it.
     """
     rng = np.random.default_rng(seed)
-    labelled = read_labelled(Path(folder))
+    notes: list[str] = []
+    labelled = read_labelled(Path(folder), notes)
     if modality == "vision":
         from ..vision.train import train_vision
 
-        return train_vision(labelled, rng)
+        return train_vision(labelled, rng, notes=notes)
     if modality == "audio":
         from ..audio.train import train_audio
 
-        return train_audio(labelled, rng)
+        return train_audio(labelled, rng, notes=notes)
     from ..audio.vibration import train_vibration
 
-    return train_vibration(labelled, rng)
+    return train_vibration(labelled, rng, notes=notes)
 
 
 def classify_files(modality: Modality, files: Sequence[str | Path], model: str | Path) -> list[dict]:

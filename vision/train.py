@@ -37,7 +37,11 @@ def reduced(image: np.ndarray) -> np.ndarray:
 
 
 def train_vision(
-    labelled: Sequence[LabelledFile], rng: np.random.Generator, progress: Progress | None = None
+    labelled: Sequence[LabelledFile],
+    rng: np.random.Generator,
+    progress: Progress | None = None,
+    *,
+    notes: Sequence[str] = (),
 ) -> TrainingOutcome:
     """Train on labelled photographs of ground, seen from above or nearly so.
 
@@ -49,6 +53,8 @@ def train_vision(
         Decides on patches, their variations and the splits.
     progress
         Told the share done, 0 to 1.
+    notes
+        What the report is to say of the material among its warnings.
 
     Raises
     ------
@@ -57,7 +63,7 @@ def train_vision(
     """
     images = ((read_image(item.file), item.file) for item in labelled)
     names = [item.class_name for item in labelled]
-    return _train(images, len(labelled), names, [item.group for item in labelled], rng, progress)
+    return _train(images, len(labelled), names, [item.group for item in labelled], rng, progress, notes)
 
 
 def train_vision_arrays(
@@ -94,6 +100,7 @@ def _train(
     groups: Sequence[str],
     rng: np.random.Generator,
     progress: Progress | None,
+    notes: Sequence[str] = (),
 ) -> TrainingOutcome:
     tell = progress or (lambda share: None)
     each = int(np.clip(ROWS_WANTED // max(count, 1), *PATCHES))
@@ -119,6 +126,7 @@ def _train(
         candidates=CANDIDATES,
         degraded=kind != AS_IT_IS,
         source="labelled photographs",
+        notes=notes,
         progress=lambda share: tell(0.5 + 0.5 * share),
     )
 

@@ -72,6 +72,7 @@ class TerrainClassifier:
         candidates: Sequence[str] | None = None,
         degraded: np.ndarray | None = None,
         source: str | Path = "training data",
+        notes: Sequence[str] = (),
         progress: Callable[[float], None] | None = None,
     ) -> TrainingOutcome:
         """Train on labelled features.
@@ -89,13 +90,16 @@ class TerrainClassifier:
             teach as all rows do; their scores are reported apart, under ``"degraded"``.
         source
             What to name in an error.
+        notes
+            What the report is to say of the material first, among its warnings.
         progress
             Called with the share done, 0 to 1.
 
         Raises
         ------
         InputError
-            Fewer than two classes are left, a class has a name that none may have, or the shapes do not agree.
+            A class has no row whose values are finite, or a name that none may have; there are fewer than two classes,
+            or the shapes do not agree.
         """
         from .learning_store import content_digest
 
@@ -109,7 +113,7 @@ class TerrainClassifier:
         held = _outer_predictions(rows, names, rng, step)
         fitted, chosen, losses = fit(rows, names, rng)
         step(1.0)
-        report = training_report(rows, classes, modality, held, made, fitted, chosen, losses, dropped, rng)
+        report = training_report(rows, classes, modality, held, made, fitted, chosen, losses, dropped, rng, notes)
         model = TerrainClassifier(modality, classes, tuple(feature_names), dict(settings), report, fitted)
         object.__setattr__(model, "version", content_digest(model))
         return TrainingOutcome(model, report)
@@ -246,6 +250,11 @@ def _checked(features, labels, groups, made, feature_names, source):
     if len(classes) < 2:
         found = f"only class {str(classes[0])!r}" if len(classes) else "no usable item"
         raise InputError(source, found, expected="items of at least two classes")
+    if lost := sorted(set(labels.tolist()) - set(classes.tolist())):
+        raise InputError(
+            source, f"none of {int((labels == lost[0]).sum())} items has features that are finite",
+            expected="usable items of every class", place=f"class {lost[0]!r}",
+        )  # fmt: skip
     check_class_names(map(str, classes), source)
     _, group = np.unique(groups[finite], return_inverse=True)
     return x[finite], y, group, made[finite], tuple(str(name) for name in classes), int((~finite).sum())

@@ -43,11 +43,12 @@ def training_report(
     losses: dict[str, float],
     dropped: int,
     rng: np.random.Generator,
+    notes: Sequence[str] = (),
 ) -> dict:
     """Sum up a training (JSON-able).
 
     The scores on top are of items as they came; those of items made from them, marked in `degraded` (n,), stand
-    apart under ``"degraded"`` (absent where there are none).
+    apart under ``"degraded"`` (absent where there are none). `notes` on the material stand first among the warnings.
     """
     groups_of = [len(np.unique(rows.group[rows.y == i])) for i in range(len(classes))]
     asked = ~degraded if not degraded.all() else np.ones(len(degraded), dtype=bool)
@@ -65,7 +66,7 @@ def training_report(
         "temperature and gate are chosen within the training side of each fold by a second split of the same kind.",
         "validated": bool(scored.any()),
         "not_validated": untested,
-        "warnings": _warnings(classes, groups_of, untested, dropped, bool(losses)),
+        "warnings": [*notes, *_warnings(classes, groups_of, untested, dropped, bool(losses))],
         "model": chosen,
         "selection": losses,
         "temperature": fitted.temperature,

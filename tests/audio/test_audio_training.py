@@ -16,6 +16,7 @@ from bevameter.framework.core.labelled import LabelledFile
 from bevameter.framework.core.learning import TerrainClassifier
 from bevameter.framework.core.recording.media import SoundFileStream, read_sound
 from bevameter.framework.core.recording.types import SoundBlock
+from bevameter.framework.training import train_from_folder
 
 RATE = 22050
 
@@ -154,6 +155,27 @@ def test_training_needs_sound_and_two_classes(tmp_path, rng):
     (tmp_path / "text.flac").write_text("no sound")
     with pytest.raises(InputError, match=r"text\.flac"):
         train_audio([LabelledFile(tmp_path / "text.flac", "sand", "a")], rng)
+
+
+def test_silent_sounds_are_counted_and_a_silent_class_is_refused(tmp_path):
+    rng = np.random.default_rng(12)
+    for name in ("sand", "gravel"):
+        (tmp_path / name).mkdir()
+        for index in range(3):
+            soundfile.write(tmp_path / name / f"{index}.wav", ground(name, rng, 1.5), RATE)
+    for index in range(2):
+        soundfile.write(tmp_path / "sand" / f"quiet {index}.wav", np.zeros(RATE + index), RATE)
+    (tmp_path / "sand" / "notes.txt").write_text("made up")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(train, "CANDIDATES", ("logistic",))
+        warnings = train_from_folder("audio", tmp_path).report["warnings"]
+    assert warnings[:2] == [
+        "Passed over in sand: .txt (1); used: 5.", "Silent and left out in sand: 2 of 5 sounds."
+    ]  # fmt: skip
+    for path in (tmp_path / "sand").glob("?.wav"):
+        path.unlink()
+    with pytest.raises(InputError, match="class 'sand': 2 of 2 sounds are silent"):
+        train_from_folder("audio", tmp_path)
 
 
 def footsteps(folder, keep=lambda row: True):

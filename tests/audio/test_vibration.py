@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import gzip
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -45,6 +46,12 @@ def labelled(tmp_path_factory):
 @pytest.fixture(scope="module")
 def outcome(labelled):
     return train_vibration(read_labelled(labelled), np.random.default_rng(2))
+
+
+def test_a_class_without_a_window_is_named(labelled):
+    runs = [replace(item, start_s=24.99) if item.class_name == "smooth" else item for item in read_labelled(labelled)]
+    with pytest.raises(InputError, match=r"imu_1\.csv\.gz: no window of class 'smooth'"):
+        train_vibration(runs, np.random.default_rng(2))
 
 
 def test_a_speed_of_zero_is_missing_and_not_standstill(labelled):

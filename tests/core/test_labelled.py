@@ -119,7 +119,7 @@ def test_stretches_may_touch_and_lie_over_each_other_in_one_group(sounds):
 
 def test_stretches_do_not_part_a_photograph(folder):
     (folder / "index.csv").write_text(f"{SOUNDS}sand/a.png,sand,1,0,1\nsand/a.png,clay,2,1,2\n")
-    with pytest.raises(InputError, match="a.png is of class 'clay' here"):
+    with pytest.raises(InputError, match=r"a\.png is of class 'clay' here"):
         read_labelled(folder)
 
 

@@ -243,6 +243,19 @@ def test_rows_left_out_are_counted(rng):
     assert any(text.startswith("5 items") for text in report["warnings"])
 
 
+def test_a_class_whose_rows_are_all_left_out_is_named(rng):
+    x, y, g = blobs(rng)
+    x[y == "class1", 2] = np.nan
+    with pytest.raises(InputError, match="class 'class1': none of 72 items has features that are finite"):
+        train(x, y, g)
+
+
+def test_notes_on_the_material_stand_first_among_the_warnings(rng):
+    x, y, g = blobs(rng)
+    x[:5, 2] = np.nan
+    assert train(x, y, g, notes=["Two were lost."]).report["warnings"][0] == "Two were lost."
+
+
 def test_weights_make_classes_even_and_large_groups_modest():
     y = np.array([0] * 100 + [0] + [1] * 10)
     group = np.array([0] * 100 + [1] + [2] * 10)
