@@ -31,7 +31,7 @@ def noise_model(model: TerrainClassifier) -> NoiseModel:
     InputError
         The classifier is not one of sound, or its features were made in another way than this version makes them.
     """
-    source = f"model of {model.modality}"
+    source = model.source
     if model.modality != "audio":
         raise InputError(source, "does not listen", expected="a model of modality 'audio'")
     made = {name: model.settings.get(name) for name in SETTINGS}
@@ -40,7 +40,8 @@ def noise_model(model: TerrainClassifier) -> NoiseModel:
     try:
         return NoiseModel.from_settings(model.settings.get("noise"), len(FEATURE_NAMES) + len(MEASURES))
     except (TypeError, ValueError) as error:
-        raise InputError(source, str(error), expected="a model that `bevameter train audio` wrote") from None
+        expected = "a model that `bevameter train audio` wrote"
+        raise InputError(source, str(error), expected=expected, place="key settings.noise") from None
 
 
 def sound_evidence(

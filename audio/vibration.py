@@ -220,7 +220,7 @@ def _rated(
 
 def _opened(model: TerrainClassifier) -> tuple[VibrationChannels, np.ndarray, float]:
     """Take channels, filling and threshold out of a model, or say that it is not one of vibration."""
-    source = f"model of {model.modality}"
+    source = model.source
     if model.modality != "vibration":
         raise InputError(source, "does not feel vibration", expected="a model of modality 'vibration'")
     made = {name: model.settings.get(name) for name in SETTINGS}

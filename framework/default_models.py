@@ -21,7 +21,7 @@ from sqlalchemy.exc import ArgumentError
 
 from .core.errors import InputError
 from .core.learning import TerrainClassifier
-from .core.learning_store import FORMAT_VERSION
+from .core.learning_metadata import FORMAT_VERSION
 
 CACHE_VARIABLE = "BEVAMETER_CACHE"
 """Environment variable that names another folder for the cache."""

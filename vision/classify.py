@@ -13,7 +13,7 @@ from ..framework.core.evidence import ClassEvidence
 from ..framework.core.learning import TerrainClassifier
 from ..framework.core.recording.media import read_image
 from .features import FEATURE_NAMES, PATCH_PX, patch_features
-from .quality import patch_quality
+from .quality import check_limits, patch_quality
 from .train import MIN_SIDE_PX, MODALITY, reduced
 
 SIDES = ((0.19, 3), (0.31, 3), (0.5, 2))
@@ -37,13 +37,16 @@ def image_patches(image: np.ndarray) -> np.ndarray:
 
 
 def check_model(model: TerrainClassifier) -> None:
-    """Refuse a model whose features are not those made here; raises `InputError`."""
-    if model.modality != MODALITY or model.feature_names != FEATURE_NAMES or "limits" not in model.settings:
-        raise InputError(
-            f"model for {model.modality}",
-            "made for other features than this version of Bevameter measures",
-            expected="a model that `bevameter train vision` of this version wrote",
-        )
+    """Refuse a model whose features are not those made here, or whose limits are damaged; raises `InputError`."""
+    expected = "a model that `bevameter train vision` of this version wrote"
+    made = model.modality, model.feature_names, model.settings.get("patch_px")
+    if made != (MODALITY, FEATURE_NAMES, PATCH_PX):
+        problem = "made for other features than this version of Bevameter measures"
+        raise InputError(model.source, problem, expected=expected)
+    try:
+        check_limits(model.settings.get("limits"))
+    except ValueError as error:
+        raise InputError(model.source, str(error), expected=expected, place="key settings.limits") from None
 
 
 def patch_evidence(model: TerrainClassifier, patches: np.ndarray, **known: np.ndarray) -> ClassEvidence:

@@ -53,6 +53,17 @@ def learn_limits(features: np.ndarray, sharp: np.ndarray) -> dict[str, float]:
     return {"sharp": low, "blurred": min(floor, low - 0.5)}
 
 
+def check_limits(limits: object) -> None:
+    """Refuse what `learn_limits` cannot have given; raises `ValueError`."""
+    if not isinstance(limits, dict) or set(limits) != {"sharp", "blurred"}:
+        raise ValueError(f"{limits!r} where sharp and blurred should be")
+    for name, value in limits.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+            raise ValueError(f"{name} is {value!r}, no finite number")
+    if limits["sharp"] <= limits["blurred"]:
+        raise ValueError(f"sharp, {limits['sharp']:g}, is not above blurred, {limits['blurred']:g}")
+
+
 def patch_quality(
     patches: np.ndarray,
     features: np.ndarray,

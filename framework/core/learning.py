@@ -49,6 +49,8 @@ class TerrainClassifier:
         Held-out scores (JSON-able).
     version
         SHA-256 of everything in the model, hexadecimal; the same after saving and loading.
+    file
+        Where it was read from; None where it was trained just now.
     """
 
     modality: str
@@ -58,6 +60,12 @@ class TerrainClassifier:
     report: dict
     fitted: Fitted
     version: str = field(default="")
+    file: Path | None = field(default=None, compare=False)
+
+    @property
+    def source(self) -> str:
+        """What to name in an error: the file, or the sense."""
+        return str(self.file or f"model for {self.modality}")
 
     @staticmethod
     def train(

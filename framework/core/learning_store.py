@@ -21,10 +21,9 @@ from sklearn.pipeline import Pipeline
 from .errors import InputError
 from .learning import TerrainClassifier
 from .learning_fit import Fitted, Gate
+from .learning_metadata import FORMAT, FORMAT_VERSION, checked_metadata
 from .writing import whole
 
-FORMAT = "bevameter terrain classifier"
-FORMAT_VERSION = 1
 MAX_FILE_BYTES = 128 * 2**20
 MAX_CONTENT_BYTES = 1024 * 2**20
 MAX_SCHEMA_BYTES = 64 * 2**20
@@ -193,35 +192,44 @@ def _checked_schema(archive: zipfile.ZipFile, path: Path) -> dict:
 
 
 def _rebuild(payload: dict, path: Path, version: str) -> TerrainClassifier:
-    meta = json.loads(payload["metadata"])
-    if meta["format"] != FORMAT:
-        raise InputError(path, "another program's file", expected="a model that `bevameter train` wrote")
-    if meta["format_version"] != FORMAT_VERSION:
-        raise InputError(path, f"format version {meta['format_version']}", expected=f"version {FORMAT_VERSION}")
-    k, d = len(meta["classes"]), len(meta["feature_names"])
+    meta = checked_metadata(json.loads(payload["metadata"]), path)
+    k, d = len(meta.classes), len(meta.feature_names)
     shapes = {"mean": (d,), "scale": (d,), "whitening": (d, d), "centres": (k, d)}
     arrays = {name: np.asarray(payload["arrays"][name], dtype=float) for name in _ARRAYS}
     for name, values in arrays.items():
         if values.shape != shapes[name] or not np.isfinite(values).all():
             raise InputError(path, f"{name} of shape {values.shape}", expected=f"finite numbers, {shapes[name]}")
-    temperature, threshold = float(meta["temperature"]), float(meta["threshold"])
-    softening = tuple(float(value) for value in meta["member_temperatures"])
-    correlation = float(meta["correlation"])
-    temperate = 0 <= correlation <= 1 and all(0 < value < 1e3 for value in (temperature, *softening))
-    if not (arrays["scale"] > 0).all() or not temperate or not 0 < threshold < 1e6:
-        raise InputError(path, "numbers out of range", expected="positive finite numbers")
+    if not (arrays["scale"] > 0).all():
+        raise InputError(path, "scales out of range", expected="positive finite numbers")
     members = tuple(payload["members"])
     for member in members:
         _check_member(member, k, d)
-    gate = Gate(arrays["whitening"], arrays["centres"])
-    fitted = Fitted(arrays["mean"], arrays["scale"], members, softening, k, gate, temperature, threshold, correlation)
+    if len(meta.member_temperatures) != len(members):
+        problem = f"{len(meta.member_temperatures)} temperatures of {len(members)} members"
+        raise InputError(path, problem, expected="one for each", place="key member_temperatures")
+    fitted = Fitted(
+        arrays["mean"],
+        arrays["scale"],
+        members,
+        tuple(meta.member_temperatures),
+        k,
+        Gate(arrays["whitening"], arrays["centres"]),
+        meta.temperature,
+        meta.threshold,
+        meta.correlation,
+    )
     probe = fitted.probabilities(np.zeros((1, d)))
     if probe.shape != (1, k) or not np.isfinite(probe).all():
         raise InputError(path, "the model gives no probabilities", expected="a whole model")
-    classes = tuple(str(name) for name in meta["classes"])
-    names = tuple(str(name) for name in meta["feature_names"])
     return TerrainClassifier(
-        str(meta["modality"]), classes, names, dict(meta["settings"]), dict(meta["report"]), fitted, version
+        meta.modality,
+        tuple(meta.classes),
+        tuple(meta.feature_names),
+        meta.settings,
+        meta.report,
+        fitted,
+        version,
+        path,
     )
 
 

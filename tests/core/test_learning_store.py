@@ -162,6 +162,44 @@ def test_metadata_that_do_not_fit_are_refused(saved, change):
         TerrainClassifier.load(saved)
 
 
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"settings": [1, 2]}, "key settings: "),
+        ({"report": []}, "key report: "),
+        ({"modality": ["audio"]}, "key modality"),
+        ({"classes": "ab"}, "key classes: 'ab'"),
+        ({"classes": [{"a": 1}, None]}, r"key classes\.0: "),
+        ({"classes": ["sand", "sand"]}, "key classes: 'sand' stands twice"),
+        ({"classes": ["grass", "Unknown"]}, "key classes: 'Unknown'"),
+        ({"classes": ["sand", "Sand"]}, "key classes: classes 'sand' and 'Sand'"),
+        ({"classes": ["sa\nnd", "\x1b[31m"]}, r"key classes: a class named 'sa\\nnd'"),
+        ({"feature_names": list("aacde")}, "key feature_names: 'a' stands twice"),
+        ({"temperature": "1.0"}, "key temperature: '1.0'"),
+        ({"threshold": float("inf")}, "key threshold: inf"),
+        ({"member_temperatures": [1, 1, 1, 1]}, "key member_temperatures: 4 temperatures"),
+        ({"member_temperatures": 1.0}, "key member_temperatures: 1.0"),
+    ],
+)
+def test_metadata_of_another_kind_are_refused_by_key(saved, change, says):
+    content = payload(saved)
+    content["metadata"] = json.dumps(json.loads(content["metadata"]) | change)
+    skops.io.dump(content, saved)
+    with pytest.raises(InputError, match=rf"model\.skops, {says}"):
+        TerrainClassifier.load(saved)
+
+
+@pytest.mark.parametrize("key", ["classes", "settings", "correlation"])
+def test_metadata_that_lack_a_key_are_refused(saved, key):
+    content = payload(saved)
+    meta = json.loads(content["metadata"])
+    del meta[key]
+    content["metadata"] = json.dumps(meta)
+    skops.io.dump(content, saved)
+    with pytest.raises(InputError, match=f"key {key}: Field required"):
+        TerrainClassifier.load(saved)
+
+
 def test_arrays_that_are_not_finite_are_refused(saved):
     content = payload(saved)
     content["arrays"]["mean"] = np.full(5, np.nan)

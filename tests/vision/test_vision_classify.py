@@ -2,6 +2,7 @@
 
 import csv
 import math
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -99,6 +100,23 @@ def test_models_of_other_senses_are_refused(tmp_path, rng):
     ).classifier
     with pytest.raises(InputError, match="other features"):
         classify_images([], other)
+
+
+@pytest.mark.parametrize(
+    ("limits", "says"),
+    [
+        (None, "None where"),
+        ({}, "{} where"),
+        ({"sharp": "x", "blurred": -3.0}, "sharp is 'x'"),
+        ({"sharp": math.inf, "blurred": -3.0}, "sharp is inf"),
+        ({"sharp": -4.0, "blurred": -3.0}, "sharp, -4, is not above blurred, -3"),
+    ],
+)
+def test_damaged_limits_of_sharpness_are_named(limits, says, model, tmp_path, rng):
+    picture = written(tmp_path, "a.png", ground(rng, "fine"))
+    damaged = replace(model, settings=model.settings | {"limits": limits}, file=tmp_path / "m.skops")
+    with pytest.raises(InputError, match=rf"m\.skops, key settings\.limits: {says}"):
+        classify_images([picture], damaged)
 
 
 def test_training_refuses_what_it_cannot_use(tmp_path, rng):
