@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections import Counter, defaultdict
 from collections.abc import Hashable, Sequence
 from pathlib import Path
@@ -60,7 +61,7 @@ def without_copies(
 
 def _contents(files: Sequence[Path]) -> list[Hashable]:
     """Give what is the same for files of the same bytes; only files of equal size are read."""
-    paths = [file.resolve() for file in files]
+    paths = [Path(os.path.realpath(file)) for file in files]
     sizes = {path: _size(path) for path in paths}
     shared = Counter(sizes.values())
     contents = {path: _digest(path) if size and shared[size] > 1 else path for path, size in sizes.items()}

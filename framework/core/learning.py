@@ -121,7 +121,7 @@ class TerrainClassifier:
         held = _outer_predictions(rows, names, rng, step)
         fitted, chosen, losses = fit(rows, names, rng)
         step(1.0)
-        report = training_report(rows, classes, modality, held, made, fitted, chosen, losses, dropped, rng, notes)
+        report = training_report(rows, classes, modality, held, made, fitted, chosen, losses, dropped, notes)
         model = TerrainClassifier(modality, classes, tuple(feature_names), dict(settings), report, fitted)
         object.__setattr__(model, "version", content_digest(model))
         return TrainingOutcome(model, report)

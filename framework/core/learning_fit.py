@@ -26,6 +26,11 @@ INTRA_GROUP_CORRELATION = 0.1
 PROBABILITY_FLOOR = 0.01
 """Mass spread evenly over all classes, so that no single item can rule a class out."""
 CLIP = 8.0
+LOG_TEMPERATURE_SD = 0.4
+"""How far the logarithm of a temperature is from 0, before a group was held out [-]: the prior that few groups are
+weighed against, lest two photographs that happen to be told apart make a model sure of everything."""
+CORRELATION_MEAN, CORRELATION_SD = 0.85, 0.25
+"""What is taken for the correlation within groups before a group was held out [-]: items of one are nearly copies."""
 
 
 def _logistic(d: int, seed: int) -> LogisticRegression:
@@ -217,20 +222,24 @@ def _loss(raw: np.ndarray, y: np.ndarray, weight: np.ndarray, temperature: float
     return float(-(weight * np.log(chosen)).sum() / weight.sum())
 
 
-def _temperature(raw: np.ndarray, y: np.ndarray, weight: np.ndarray) -> float:
-    """The temperature of the least weighted log loss."""
-    best = minimize_scalar(lambda log_t: _loss(raw, y, weight, np.exp(log_t)), bounds=(-2.0, 3.0), method="bounded")
+def _temperature(raw: np.ndarray, y: np.ndarray, weight: np.ndarray, n_units: int) -> float:
+    """The likeliest temperature, where each of the units that rows come from counts as one item."""
+
+    def loss(log_t: float) -> float:
+        return n_units * _loss(raw, y, weight, np.exp(log_t)) + 0.5 * (log_t / LOG_TEMPERATURE_SD) ** 2
+
+    best = minimize_scalar(loss, bounds=(-2.0, 3.0), method="bounded")
     return float(np.exp(best.x))
 
 
 def _choose(
-    raw: dict[str, np.ndarray], y: np.ndarray, weight: np.ndarray
+    raw: dict[str, np.ndarray], y: np.ndarray, weight: np.ndarray, n_units: int
 ) -> tuple[dict[str, np.ndarray], dict[str, float], dict[str, float]]:
     """Held-out probabilities, the committee's among them, the best temperature of each, and its log loss then."""
-    temperatures = {name: _temperature(values, y, weight) for name, values in raw.items()}
+    temperatures = {name: _temperature(values, y, weight, n_units) for name, values in raw.items()}
     if len(raw) > 1:
         raw = raw | {COMMITTEE: np.mean([_softened(raw[name], t) for name, t in temperatures.items()], axis=0)}
-        temperatures[COMMITTEE] = _temperature(raw[COMMITTEE], y, weight)
+        temperatures[COMMITTEE] = _temperature(raw[COMMITTEE], y, weight, n_units)
     losses = {name: _loss(values, y, weight, temperatures[name]) for name, values in raw.items()}
     return raw, temperatures, losses
 
@@ -270,15 +279,16 @@ def pooled(
 
 
 def _correlation(probabilities: np.ndarray, y: np.ndarray, unit: np.ndarray) -> float:
-    """The correlation within groups under which pooled probabilities have the least log loss, classes even."""
+    """The likeliest correlation within groups, by the log loss of pooled probabilities, classes even."""
     first, unit = np.unique(unit, return_index=True, return_inverse=True)[1:]
     truth = y[first]
-    weight = 1.0 / np.bincount(truth)[truth]
+    by_class = np.bincount(truth)
+    weight = len(truth) / np.count_nonzero(by_class) / by_class[truth]
     even = np.ones(len(y))
 
     def loss(rho: float) -> float:
         chosen = pooled(probabilities, unit, even, len(first), rho)[np.arange(len(first)), truth]
-        return float(-(weight * np.log(chosen)).sum())
+        return float(-(weight * np.log(chosen)).sum() + 0.5 * ((rho - CORRELATION_MEAN) / CORRELATION_SD) ** 2)
 
     return float(minimize_scalar(loss, bounds=(1e-3, 1.0), method="bounded").x)
 
@@ -325,10 +335,12 @@ def fit(rows: Rows, names: Sequence[str], rng: np.random.Generator) -> tuple[Fit
     held = np.isfinite(distance)
     if held.any():
         y, weight = few.y[held], few.weight[held]
-        pooled, temperatures, losses = _choose({name: values[held] for name, values in raw.items()}, y, weight)
+        unit = units(y, few.group[held])
+        candidates = {name: values[held] for name, values in raw.items()}
+        pooled, temperatures, losses = _choose(candidates, y, weight, len(np.unique(unit)))
         chosen = min(losses, key=lambda name: losses[name])
         calibrated = _calibrated(pooled[chosen], temperatures[chosen])
-        correlation = _correlation(calibrated, y, units(y, few.group[held]))
+        correlation = _correlation(calibrated, y, unit)
         threshold = _weighted_quantile(distance[held], weight, 1 - FALSE_REJECTION_RATE)
     else:
         chosen, temperatures, losses, threshold, correlation = names[0], {names[0]: 2.0}, {}, np.nan, 1.0

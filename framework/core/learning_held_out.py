@@ -7,8 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .learning_fit import FALSE_REJECTION_RATE, FOLDS, Fitted, Rows, pooled, row_weights, units
+from .learning_fit import FALSE_REJECTION_RATE, FOLDS, Fitted, Gate, Rows, pooled, row_weights, units
 from .learning_report import scores
+
+FEW_GROUPS = 5
+"""A class of fewer groups is scored roughly."""
 
 
 @dataclass
@@ -42,7 +45,6 @@ def training_report(
     chosen: str,
     losses: dict[str, float],
     dropped: int,
-    rng: np.random.Generator,
     notes: Sequence[str] = (),
 ) -> dict:
     """Sum up a training (JSON-able).
@@ -53,6 +55,7 @@ def training_report(
     groups_of = [len(np.unique(rows.group[rows.y == i])) for i in range(len(classes))]
     asked = ~degraded if not degraded.all() else np.ones(len(degraded), dtype=bool)
     scored = held.scored & asked
+    others = _other_ground_rejection(rows, fitted, asked)
     untested = [name for i, name in enumerate(classes) if not scored[rows.y == i].any()]
     report = {
         "modality": modality,
@@ -66,7 +69,7 @@ def training_report(
         "temperature and gate are chosen within the training side of each fold by a second split of the same kind.",
         "validated": bool(scored.any()),
         "not_validated": untested,
-        "warnings": [*notes, *_warnings(classes, groups_of, untested, dropped, bool(losses))],
+        "warnings": [*notes, *_warnings(classes, groups_of, untested, dropped, bool(losses), others)],
         "model": chosen,
         "selection": losses,
         "temperature": fitted.temperature,
@@ -75,35 +78,66 @@ def training_report(
             "threshold": fitted.threshold,
             "false_rejection_rate": FALSE_REJECTION_RATE,
             "held_out_rejection": _rejection(rows, held, scored),
+            "other_ground_rejection": others,
         },
     }
     if scored.any():
-        part = _part_scores(rows, held, scored, classes, rng)
+        part = _part_scores(rows, held, scored, classes)
         report |= part | {"n_scored": part["n"], "n": len(rows.y)}
-        report["by_group"] = _scores_by_group(rows, held, scored, classes, rng)
+        report["by_group"] = _scores_by_group(rows, held, scored, classes)
     made = held.scored & ~asked
     if made.any():
-        worse = _part_scores(rows, held, made, classes, rng)
+        worse = _part_scores(rows, held, made, classes)
         report["degraded"] = worse | {"held_out_rejection": _rejection(rows, held, made)}
     return report
 
 
 def _warnings(
-    classes: Sequence[str], groups_of: Sequence[int], untested: Sequence[str], dropped: int, validated: bool
+    classes: Sequence[str],
+    groups_of: Sequence[int],
+    untested: Sequence[str],
+    dropped: int,
+    validated: bool,
+    others: float | None,
 ) -> list[str]:
     warnings = []
     if untested:
         warnings.append(f"Not validated, for want of a second group: {', '.join(untested)}.")
     if dropped:
         warnings.append(f"{dropped} items had features that are not finite and were left out.")
-    thin = [name for name, count in zip(classes, groups_of, strict=True) if 1 < count < 5]
+    thin = [name for name, count in zip(classes, groups_of, strict=True) if 1 < count < FEW_GROUPS]
     if thin:
         warnings.append(f"Fewer than five groups, so scores are rough: {', '.join(thin)}.")
     if not validated:
         warnings.append(
             "No group could be held out: the model is neither chosen, calibrated nor gated on unseen groups."
         )
+    if others is not None and others < 0.5:
+        warnings.append(
+            f"Ground of no class is mostly answered as one of these: the gate turned away {others:.0%} of items of "
+            "classes that it had not seen."
+        )
+    elif others is None or min(groups_of) < FEW_GROUPS:
+        warnings.append("Whether ground of no class is turned away is untested: it takes three classes of five groups.")
     return warnings
+
+
+def _other_ground_rejection(rows: Rows, fitted: Fitted, asked: np.ndarray) -> float | None:
+    """Share of a class's items, of those `asked` (n,), that the gate turns away when it has not seen the class.
+
+    The mean over all classes, each left out of the gate in turn; None where fewer than two would be left.
+    """
+    if rows.n_classes < 3:
+        return None
+    z = fitted.standardise(rows.x)
+    shares = []
+    for left_out in range(rows.n_classes):
+        own = rows.y == left_out
+        gate = Gate.fit(z[~own], rows.y[~own], rows.weight[~own], rows.n_classes)
+        if (own & asked).any():
+            away = gate.distance(z[own & asked]) > fitted.threshold
+            shares.append(np.average(away, weights=rows.weight[own & asked]))
+    return float(np.mean(shares))
 
 
 def _rejection(rows: Rows, held: HeldOut, part: np.ndarray) -> float | None:
@@ -111,14 +145,12 @@ def _rejection(rows: Rows, held: HeldOut, part: np.ndarray) -> float | None:
     return float(np.average(held.rejected[part], weights=rows.weight[part])) if part.any() else None
 
 
-def _part_scores(rows: Rows, held: HeldOut, part: np.ndarray, classes: Sequence[str], rng: np.random.Generator) -> dict:
+def _part_scores(rows: Rows, held: HeldOut, part: np.ndarray, classes: Sequence[str]) -> dict:
     y, group = rows.y[part], rows.group[part]
-    return scores(held.probabilities[part], y, group, row_weights(y, group), classes, rng)
+    return scores(held.probabilities[part], y, group, row_weights(y, group), classes)
 
 
-def _scores_by_group(
-    rows: Rows, held: HeldOut, part: np.ndarray, classes: Sequence[str], rng: np.random.Generator
-) -> dict:
+def _scores_by_group(rows: Rows, held: HeldOut, part: np.ndarray, classes: Sequence[str]) -> dict:
     """Scores of whole groups, the items of each pooled."""
     y, group, correlation = rows.y[part], rows.group[part], held.correlation[part]
     first, inverse = np.unique(units(y, group), return_index=True, return_inverse=True)[1:]
@@ -127,4 +159,4 @@ def _scores_by_group(
     for rho in np.unique(correlation):
         own = correlation[first] == rho
         joined[own] = pooled(held.probabilities[part], inverse, np.ones(len(y)), len(first), rho)[own]
-    return scores(joined, y[first], group[first], np.ones(len(first)), classes, rng)
+    return scores(joined, y[first], group[first], np.ones(len(first)), classes)

@@ -8,8 +8,8 @@ from html import escape
 import numpy as np
 
 from .html_page import page
+from .learning_interval import accuracy_intervals
 
-BOOTSTRAP_DRAWS = 1000
 CALIBRATION_BINS = 10
 
 
@@ -32,28 +32,6 @@ def confusion_by_unit(truth: np.ndarray, predicted: np.ndarray, unit: np.ndarray
     counts = np.zeros((n_units, n_classes, n_classes))
     np.add.at(counts, (unit, truth, predicted), 1.0)
     return counts
-
-
-def _rates(confusion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Accuracy and balanced accuracy of confusion matrices (..., k, k); classes without rows are left out."""
-    total = confusion.sum(axis=-1)
-    hits = np.diagonal(confusion, axis1=-2, axis2=-1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        accuracy = hits.sum(axis=-1) / total.sum(axis=-1)
-        seen = total > 0
-        recall = np.where(seen, hits / np.where(seen, total, 1.0), 0.0)
-        balanced = recall.sum(axis=-1) / seen.sum(axis=-1)
-    return accuracy, balanced
-
-
-def _bootstrap(by_unit: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Accuracies of bootstrap draws of whole units, drawn within each unit's main class so that none goes missing."""
-    main = by_unit.sum(axis=2).argmax(axis=1)
-    drawn = np.zeros((BOOTSTRAP_DRAWS, len(by_unit)))
-    for index in np.unique(main):
-        members = np.flatnonzero(main == index)
-        drawn[:, members] = rng.multinomial(len(members), np.full(len(members), 1 / len(members)), BOOTSTRAP_DRAWS)
-    return _rates(np.tensordot(drawn, by_unit, axes=1))
 
 
 def calibration_error(probabilities: np.ndarray, truth: np.ndarray, weight: np.ndarray) -> tuple[float, list[dict]]:
@@ -89,9 +67,8 @@ def scores(
     unit: np.ndarray,
     weight: np.ndarray,
     classes: Sequence[str],
-    rng: np.random.Generator,
 ) -> dict:
-    """Score predictions on held-out rows; intervals come from a bootstrap over whole units.
+    """Score predictions on held-out rows; intervals are of whole units (`accuracy_intervals`).
 
     Parameters
     ----------
@@ -111,18 +88,12 @@ def scores(
     _, unit = np.unique(unit, return_inverse=True)
     by_unit = confusion_by_unit(truth, predicted, unit, len(classes))
     confusion = by_unit.sum(axis=0)
-    value = _rates(confusion)
-    drawn = _bootstrap(by_unit, rng)
-    intervals = [np.nanpercentile(draws, [2.5, 97.5]) for draws in drawn]
     error, table = calibration_error(probabilities, truth, weight)
     chosen = np.maximum(probabilities[np.arange(len(truth)), truth], 1e-12)
     totals = confusion.sum(axis=1)
     return {
         "n": len(truth),
-        **{
-            name: {"value": float(v), "low": float(low), "high": float(high)}
-            for name, v, (low, high) in zip(("accuracy", "balanced_accuracy"), value, intervals, strict=True)
-        },
+        **accuracy_intervals(by_unit),
         "log_loss": float(-(weight * np.log(chosen)).sum() / weight.sum()),
         "calibration_error": error,
         "reliability": table,
@@ -203,10 +174,12 @@ def report_html(report: dict) -> str:
         f"<tr><th>{escape(name)}</th><td>{loss:.3f}</td></tr>" for name, loss in report["selection"].items()
     )
     gate = report["gate"]
-    rejected = gate["held_out_rejection"]
+    rejected, others = gate["held_out_rejection"], gate["other_ground_rejection"]
     gate_text = f"Items further than {gate['threshold']:.2f} from what was trained on are answered 'unknown'" + (
         "." if rejected is None else f": {rejected:.1%} of held-out items were."
     )
+    if others is not None:
+        gate_text += f" Of classes that the gate had not seen, each left out in turn, {others:.1%} of items were."
     body = (
         f"<h1>Terrain classifier: {escape(report['modality'])}</h1>"
         f"<p>{report['n']} items ({report['n_degraded']} of them degraded copies), {report['groups']} groups, "

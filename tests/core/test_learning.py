@@ -81,6 +81,29 @@ def test_degraded_copies_are_scored_apart(rng):
     assert "degraded" not in train(x, y, g).report
 
 
+def test_few_groups_make_no_model_sure_of_everything(rng):
+    """Two groups of each of two classes far apart: all is right on groups held out, and that is little to go by."""
+    x, y, g = blobs(rng, classes=2, groups=2, distance=6.0)
+    trained = train(x, y, g, candidates=("logistic", "trees"))
+    report = trained.report
+    assert report["accuracy"]["value"] > 0.95
+    assert report["accuracy"]["low"] < 0.5
+    assert report["temperature"] > 0.8
+    assert report["correlation_within_groups"] > 0.6
+    between = (x[y == "class0"] + x[y == "class1"]) / 2
+    evidence = trained.classifier.evidence(between, np.ones(len(between)))
+    assert (evidence.probabilities.max(axis=1) > 0.9).mean() < 0.2
+
+
+def test_many_groups_outweigh_what_was_taken_for_granted(rng):
+    """Labels wrong at random in a third of the groups: the prior at a temperature of 1 gives way."""
+    x, y, g = blobs(rng, groups=40, rows=4, shift=0.1, distance=8.0)
+    wrong = np.isin(g, rng.permutation(np.unique(g))[:40])
+    shifted = np.char.add("class", ((np.char.replace(y, "class", "").astype(int) + 1) % 3).astype(str))
+    report = train(x, np.where(wrong, shifted, y), g, candidates=("trees",)).report
+    assert report["calibration_error"] < 0.08
+
+
 def test_labels_without_meaning_score_as_chance(rng):
     """Groups that the features identify, with labels at random: leaking a group over a split would score high."""
     groups = np.repeat(np.arange(24), 15)
@@ -160,6 +183,18 @@ def test_gate_keeps_its_false_rejection_rate_on_fresh_groups(rng):
     evidence = trained.classifier.evidence(fresh, np.ones(len(fresh)))
     assert evidence.unknown.mean() < 0.06
     assert trained.report["gate"]["held_out_rejection"] < 0.06
+
+
+def test_the_report_says_how_ground_of_no_class_fares(rng):
+    far = train(*blobs(rng, distance=25.0)).report
+    assert far["gate"]["other_ground_rejection"] > 0.9
+    assert not any("no class" in text for text in far["warnings"])
+    near = train(*blobs(rng, distance=1.0)).report
+    assert near["gate"]["other_ground_rejection"] < 0.2
+    assert any("mostly answered as one of these" in text for text in near["warnings"])
+    assert "each left out in turn" in report_html(near)
+    for few in (blobs(rng, classes=2), blobs(rng, groups=3, distance=25.0)):
+        assert any("turned away is untested" in text for text in train(*few).report["warnings"])
 
 
 def test_gate_distance_is_mahalanobis(rng):

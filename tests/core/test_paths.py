@@ -17,7 +17,7 @@ def loop(tmp_path):
     """A link that leads to itself, in a labelled folder."""
     for name in ("sand", "clay"):
         (tmp_path / name).mkdir()
-        (tmp_path / name / "a.csv").write_text("time_s\n")
+        (tmp_path / name / "a.csv").write_text(f"{name}\n")
     path = tmp_path / "sand" / "loop.csv"
     try:
         path.symlink_to(path.name)
