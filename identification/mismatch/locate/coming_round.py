@@ -12,6 +12,9 @@ from ..fit.fitting import Fitted, Problem
 from ..fit.soil_variation import HUBER
 from .smooth_correction import Group, ripples_with_angle
 
+ALONG_TRACK = "place_m"
+"""Name of what a wave along the track depends on; its period follows in brackets."""
+
 _TURNS = 3.0
 """Turns of the wheel in which what comes round with it is told from ground that varies."""
 
@@ -60,7 +63,7 @@ def _along_track(problem: Problem, left: np.ndarray) -> list[Group]:
         return []
     phase = 2.0 * np.pi * periods[best] * place / length
     waves = np.column_stack([np.cos(phase), np.sin(phase)])
-    name = f"place_m (every {length / periods[best]:.3g} m)"
+    name = f"{ALONG_TRACK} (every {length / periods[best]:.3g} m)"
     positions = range(len(problem.answers))
     independent = max(int(_FINE * len(periods)), 1)
     return [Group(position, name, place, waves, independent) for position in positions]

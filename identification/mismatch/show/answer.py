@@ -14,6 +14,7 @@ from ...forward import CHANNELS, from_internal, slope_of_internal
 from ..explanation import Candidate, ChannelFit, Estimate, Explanation, Missing, Region, Rows, Screened, Verdict
 from ..fit.fitting import Fitted, Problem
 from ..fit.trial import NOT_EXCLUDED, Trial, temperature
+from ..locate.coming_round import ALONG_TRACK
 from ..locate.noise_floor import noise_floor
 from ..locate.smooth_correction import SmoothCorrection
 from ..locate.variables import CONSTANT, LAG, names_of
@@ -208,10 +209,13 @@ def _named(trial: Trial, effect: Effect, probability: float, alike: tuple[str, .
 
 
 def _unknown(naming: Naming, remaining: SmoothCorrection) -> Missing:
-    found = [(term.channel, shape_of(term.channel, term.variable, term.at, term.values)) for term in remaining.terms]
+    found = [(term, shape_of(term.channel, term.variable, term.at, term.values)) for term in remaining.terms]
     shapes = "; ".join(shape.words for _, shape in found)
     names = list(dict.fromkeys(term.variable for term in remaining.terms))
-    equation = "; ".join(f"{channel} += {shape.formula or 'a spline'}" for channel, shape in found)
+    equation = "; ".join(
+        f"{term.channel} += {shape.formula or ('a wave' if ' (' in term.variable else 'a spline')}"
+        for term, shape in found
+    )
     return Missing(
         UNKNOWN, UNKNOWN, "smooth correction", naming.unknown, {}, equation,
         "fitted to the data", (), _alone(names),
@@ -221,9 +225,13 @@ def _unknown(naming: Naming, remaining: SmoothCorrection) -> Missing:
 
 def _alone(names: list[str]) -> str:
     """Say which drive would show the shapes of terms of these variables: what a wheel answers cannot be set."""
+    waves = any(name.startswith(f"{ALONG_TRACK} (") for name in names)
     varied = [part for name in names for part in (("slip", "load_N") if name == "slip x load" else (name,))]
-    varied = list(dict.fromkeys(_variable(name) for name in varied if name not in _ANSWERS))
-    return f"a drive that varies {', then '.join(varied)} with all else held" if varied else ""
+    varied = [name for name in varied if name not in _ANSWERS and not name.startswith(f"{ALONG_TRACK} (")]
+    varied = list(dict.fromkeys(_variable(name) for name in varied))
+    told = [f"a drive that varies {', then '.join(varied)} with all else held"] if varied else []
+    told += ["the same way once more, and beside it: a wave of the ground stays where it is"] if waves else []
+    return "; ".join(told)
 
 
 def _variable(name: str) -> str:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from bevameter import Vehicle, Wheel
+from bevameter import Recording, Vehicle, Wheel, explain
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.fit.trial import textbook_trial
@@ -21,8 +21,8 @@ SAND = Soil(c_Pa=300.0, phi_rad=math.radians(31.0), k_m=0.008, stiffness_Pa=6e4,
 ROWS = 500
 
 
-def driven(seed: int, *, by_turn_m: float = 0.0, by_place_m: float = 0.0, varied: float = 0.0):
-    """Fit the textbook wheel to its own answers under noise, the sinkage off by a wave with the wheel or the place."""
+def made(seed: int, *, by_turn_m: float = 0.0, by_place_m: float = 0.0, varied: float = 0.0) -> WheelTable:
+    """Answers of the textbook wheel under noise, the sinkage off by a wave with the wheel or the place."""
     rng, time_s = np.random.default_rng(seed), 0.25 * np.arange(ROWS)
     slip, load = np.linspace(0.03, 0.5, ROWS), 100.0 * (1.0 + 0.2 * np.sin(time_s / 9.1))
     angle = 0.3 * time_s
@@ -34,8 +34,12 @@ def driven(seed: int, *, by_turn_m: float = 0.0, by_place_m: float = 0.0, varied
     sinkage = sinkage + by_turn_m * np.cos(angle + 1.0) + by_place_m * np.cos(2.0 * math.pi * place / 0.35)
     measured = {name: answer[name] for name in ("torque_Nm", "drawbar_pull_N")} | {"sinkage_m": sinkage}
     noise = {name: 0.01 * np.abs(answer[name]).max() for name in measured}
-    made = {name: values + noise[name] * rng.normal(size=ROWS) for name, values in measured.items()}
-    return textbook_trial(gather(WheelTable({**columns, **made}, None, None, "made"), WHEEL, VEHICLE))
+    noisy = {name: values + noise[name] * rng.normal(size=ROWS) for name, values in measured.items()}
+    return WheelTable({**columns, **noisy}, None, None, "made")
+
+
+def driven(seed: int, **hidden: float):
+    return textbook_trial(gather(made(seed, **hidden), WHEEL, VEHICLE))
 
 
 @pytest.mark.parametrize(
@@ -64,3 +68,15 @@ def test_ground_that_varies_and_noise_do_not_come_round(varied):
         problem, textbook = driven(seed, varied=varied)
         found = joint_correction(problem, textbook.fitted, textbook.held_out, turning=True)
         assert found is None or not any("(" in term.variable for term in found.terms)
+
+
+def test_the_answer_is_something_unknown_and_says_how_to_tell_a_wave_of_the_ground(tmp_path):
+    table = made(1, by_place_m=5e-4)
+    recording = Recording("rig", tmp_path, VEHICLE, None, "", "0" * 64, wheel=table)
+    answer = explain(recording, catalogue=["slip_sinkage", "drift"])
+    assert answer.verdict == "unknown"
+    (unknown,) = answer.missing
+    assert "sinkage z goes up and down along the track, every 0.3" in unknown.description
+    assert "sinkage_m += a wave" in unknown.equation
+    assert "a wave of the ground stays where it is" in unknown.would_tell
+    assert "place_m" not in unknown.would_tell
