@@ -52,6 +52,9 @@ _FEW_LEVELS = 8
 _OF_A_SIZE, _HELD = ("load_N", "rim_speed_m_s", "travel_speed_m_s"), 0.02
 """Variables with a zero of their own, and the share of their size by which they vary where they are held [-]."""
 
+_UNFELT_M_S2 = 1e-3
+"""Acceleration, of the wheel or of its rim, that no channel shows: a ten-thousandth of the weight [m/s^2]."""
+
 
 @dataclass(frozen=True)
 class Variable:
@@ -99,7 +102,8 @@ def variables(samples: Samples, sinkage_m: np.ndarray) -> list[Variable]:
     answer = []
     for name, attribute in names_of(samples.drive).items():
         values = getattr(samples.drive, attribute)
-        if samples.drive.has(attribute) and not (name in _OF_A_SIZE and _is_held(values)):
+        held = name in _OF_A_SIZE and _is_held(values)
+        if samples.drive.has(attribute) and not held and not _is_unfelt(name, values, samples.wheel.radius_m):
             answer.append(Variable(name, values, _edges(values)))
     carried = sinkage_m[np.isfinite(sinkage_m)]
     if carried.size and np.ptp(carried) > 0.0:
@@ -111,6 +115,12 @@ def _is_held(values: np.ndarray) -> bool:
     """Say whether a size (n,) is held so constant that what is left of it explains nothing."""
     low, middle, high = np.nanquantile(np.abs(values), [0.05, 0.5, 0.95])
     return bool(high - low < _HELD * middle)
+
+
+def _is_unfelt(name: str, values: np.ndarray, radius_m: float) -> bool:
+    """Say whether an acceleration (n,) is so small throughout that what is left of a channel cannot follow it."""
+    lever_m = {"acceleration_m_s2": 1.0, "angular_acceleration_rad_s2": radius_m}.get(name)
+    return lever_m is not None and bool(np.nanmax(np.abs(values)) * lever_m < _UNFELT_M_S2)
 
 
 def names_of(drive: Drive) -> dict[str, str]:
