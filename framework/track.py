@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
+from .core.errors import InputError
+from .core.recording.jumps import FASTEST_M_S
 from .core.recording.streams import pose_from_wheel
 from .core.recording.types import Recording, WheelTable
 from .core.vehicle import Vehicle
@@ -104,11 +106,16 @@ def track_of(recording: Recording) -> Track | None:
     """Find the track of a recording: from its poses or the places in its wheel rows, else by its travel speed along x.
 
     None where the recording holds none of these.
+
+    Raises
+    ------
+    InputError
+        The places jump for good, or the travel speed that is all there is goes beyond that of any ground vehicle.
     """
     wheel = recording.wheel
     pose = recording.pose
     if pose is None and wheel is not None:
-        pose = pose_from_wheel(wheel, recording.vehicle)
+        pose, _ = pose_from_wheel(wheel, recording.vehicle)
     if pose is not None:
         track = _track(pose.time_s, pose.x_m, pose.y_m, pose.yaw_rad, _wheel_speed(wheel), RECORDED)
         if track is not None:
@@ -117,8 +124,19 @@ def track_of(recording: Recording) -> Track | None:
     if speed is None:
         return None
     time_s, travel = speed
+    _check_speed(recording, time_s, travel)
     x = np.concatenate([[0.0], np.cumsum(0.5 * (travel[1:] + travel[:-1]) * np.diff(time_s))])
     return _track(time_s, x, np.zeros_like(x), np.zeros_like(x), speed, DEAD_RECKONING)
+
+
+def _check_speed(recording: Recording, time_s: np.ndarray, travel_m_s: np.ndarray) -> None:
+    """Refuse travel speeds that would carry the way, added up from them, off for good."""
+    row = int(np.argmax(np.abs(travel_m_s)))
+    if abs(travel_m_s[row]) > FASTEST_M_S:
+        raise InputError(
+            recording.source, f"{travel_m_s[row]:g} m/s", place=f"{time_s[row]:.9g} s, column travel_speed_m_s",
+            expected=f"no more than {FASTEST_M_S:g} m/s, for the way is added up from it",
+        )  # fmt: skip
 
 
 def _track(

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.recording.types import Pose, Recording, WheelTable
 from bevameter.framework.core.vehicle import Vehicle, Wheel
 from bevameter.framework.track import DEAD_RECKONING, RECORDED, cells_under_wheels, track_of
@@ -55,6 +56,12 @@ def test_travel_speed_is_added_up_where_there_are_no_places():
     assert track.origin == DEAD_RECKONING
     assert track.distance_m == pytest.approx(0.5 + 2.0)
     assert not track.y_m.any()
+
+
+def test_a_travel_speed_that_no_vehicle_has_places_nothing():
+    wheel = {"time_s": np.arange(4.0), "travel_speed_m_s": np.array([0.0, 1.0, 1e10, 1.0])}
+    with pytest.raises(InputError, match=r"2 s, column travel_speed_m_s: 1e\+10 m/s .expected no more than 50 m/s"):
+        track_of(recording(wheel=wheel))
 
 
 def test_nothing_places_steady_trials_or_a_standing_start():

@@ -19,6 +19,7 @@ from .bag_messages import field as field_of
 from .bag_streams import BagCamera, BagSound, SoundLayout, is_mp3, message_time, samples_of
 from .bag_wheel import WheelChannels, merge, reading
 from .digest import StreamDigest
+from .jumps import without_jumps
 from .media import MAX_CHANNELS, SAMPLE_RATES
 from .streams import pose_from_wheel
 from .topic_map import PoseTopic, Recognised, SoundTopic, TopicMap, complete, load_topic_map, recognise, short_type
@@ -95,10 +96,13 @@ def read_bag(path: Path, *, vehicle: Vehicle | None = None, topics: Path | None 
     ]
     wheel, found = merge(gathered.wheel, origin, known.topics.max_gap_s, path)
     problems += found
-    pose = _pose(gathered, origin)
+    pose, found = _pose(gathered, origin, path)
+    problems += found
     if wheel is not None:
         wheel = wheel if vehicle is None else derive_all(wheel, vehicle)
-        pose = pose or pose_from_wheel(wheel, vehicle)
+    if wheel is not None and pose is None:
+        pose, found = pose_from_wheel(wheel, vehicle)
+        problems += found
     return Recording(
         name=known.topics.name or path.resolve().name.split(".")[0],
         source=path,
@@ -219,14 +223,18 @@ def _pose_of(content: Any, source: PoseTopic) -> tuple[float, float, float]:
     return number(pose, "position.x"), number(pose, "position.y"), float(yaw)
 
 
-def _pose(gathered: _Gathered, origin: int) -> Pose | None:
+def _pose(gathered: _Gathered, origin: int, path: Path) -> tuple[Pose | None, tuple[str, ...]]:
     if not gathered.poses:
-        return None
+        return None, ()
     time = (np.array(gathered.pose_times, dtype=np.int64) - origin) * 1e-9
     rows = np.array(gathered.poses)
     order = np.argsort(time, kind="stable")
     order = order[np.isfinite(rows[order]).all(axis=1)]
-    return Pose(time[order], rows[order, 0], rows[order, 1], np.unwrap(rows[order, 2])) if len(order) else None
+    if not len(order):
+        return None, ()
+    time, rows = time[order], rows[order]
+    pose = Pose(time, rows[:, 0], rows[:, 1], np.unwrap(rows[:, 2]))
+    return without_jumps(pose, path, lambda row: f"pose at {time[row]:.3f} s")
 
 
 def _camera(bag: BagFile, known: Recognised, gathered: _Gathered, origin: int) -> BagCamera | None:

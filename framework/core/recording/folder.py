@@ -218,7 +218,9 @@ def _pose(
     path: Path | None, wheel: WheelTable | None, vehicle: Vehicle | None, digest: StreamDigest, problems: list[str]
 ) -> Pose | None:
     if path is None:
-        return None if wheel is None else pose_from_wheel(wheel, vehicle)
+        pose, found = (None, ()) if wheel is None else pose_from_wheel(wheel, vehicle)
+        problems += found
+        return pose
     pose, found = read_pose(path)
     problems += found
     digest.add_columns("pose", vars(pose))

@@ -93,7 +93,8 @@ def _single_table(path: Path, vehicle: Vehicle | None) -> Recording:
     digest.add_columns("wheel", {**table.columns, "wheel": table.wheel, "run": table.run})
     if vehicle is not None:
         table = derive_all(table, vehicle)
-    pose = pose_from_wheel(table, vehicle)
+    pose, found = pose_from_wheel(table, vehicle)
+    problems += found
     return Recording(
         name, path, vehicle, None, "", digest.hexdigest(), wheel=table, pose=pose, problems=tuple(problems)
     )

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..vehicle import Vehicle, Wheel
+from .jumps import without_jumps
 from .media import read_image
 from .paths import inside
 from .tables import Table, read_table
@@ -19,7 +20,7 @@ _HEADING_STEP_M = 0.1
 
 
 def read_pose(path: Path) -> tuple[Pose, tuple[str, ...]]:
-    """Read `pose.csv` or `pose.parquet`; rows without a pose are left out.
+    """Read `pose.csv` or `pose.parquet`; rows without a pose, or with an impossible one, are left out.
 
     Returns
     -------
@@ -28,7 +29,8 @@ def read_pose(path: Path) -> tuple[Pose, tuple[str, ...]]:
     Raises
     ------
     InputError
-        A column is missing, a value infinite, time runs backwards, or no row has a whole pose.
+        A column is missing, a value infinite, time runs backwards, no row has a whole pose, or the places jump for
+        good.
     """
     table = read_table(path, numbers=frozenset(_POSE))
     columns = _need(table, _POSE)
@@ -43,23 +45,32 @@ def read_pose(path: Path) -> tuple[Pose, tuple[str, ...]]:
         raise InputError(path, "no row has a whole pose", expected="x_m, y_m and yaw_rad")
     lost = len(table) - int(whole.sum())
     problems = (f"{path.name}: {lost} of {len(table)} rows without a whole pose",) if lost else ()
-    return Pose(*(columns[name][whole] for name in _POSE)), table.problems + problems
+    rows = np.flatnonzero(whole)
+    pose, jumps = without_jumps(
+        Pose(*(columns[name][whole] for name in _POSE)), path, lambda row: table.place(rows[row], "x_m")
+    )
+    return pose, table.problems + problems + jumps
 
 
-def pose_from_wheel(table: WheelTable, vehicle: Vehicle | None) -> Pose | None:
+def pose_from_wheel(table: WheelTable, vehicle: Vehicle | None) -> tuple[Pose | None, tuple[str, ...]]:
     """Make poses of the places in wheel rows; the yaw is that of the path, which a vehicle drives nose first.
 
-    The places are those of one wheel, the first named in the table; its position in the vehicle is taken off.
+    The places are those of one wheel, the first named in the table; its position in the vehicle is taken off. Places
+    that are impossible are left out, as problems say; `InputError` where they jump for good.
+
+    Returns
+    -------
+    Pose or None, problems
     """
-    if any(table.get(name) is None for name in ("time_s", "x_m", "y_m")):
-        return None
+    if table.run is not None or any(table.get(name) is None for name in ("time_s", "x_m", "y_m")):
+        return None, ()
     name = None
     if table.wheel is not None:
         name = str(table.wheel[0])
         table = table.select(table.wheel == name)
     rows = ~(np.isnan(table["x_m"]) | np.isnan(table["y_m"]))
     if rows.sum() < 2:
-        return None
+        return None, ()
     time, x, y = (table[column][rows] for column in ("time_s", "x_m", "y_m"))
     recorded = table.get("yaw_rad")
     yaw = _heading(x, y) if recorded is None or np.isnan(recorded[rows]).any() else recorded[rows]
@@ -68,7 +79,7 @@ def pose_from_wheel(table: WheelTable, vehicle: Vehicle | None) -> Pose | None:
         forward, left = wheel.position_m
         x = x - (np.cos(yaw) * forward - np.sin(yaw) * left)
         y = y - (np.sin(yaw) * forward + np.cos(yaw) * left)
-    return Pose(time, x, y, yaw)
+    return without_jumps(Pose(time, x, y, yaw), table.source, lambda row: f"{time[row]:.9g} s, column x_m")
 
 
 def _wheel_named(vehicle: Vehicle | None, name: str | None) -> Wheel | None:
