@@ -178,6 +178,8 @@ def usable(measured: Measured) -> Measured:
     for channel, remedy in ((3, "slip, or both speeds"), (0, "load_N: the wheel's share of the weight, if not sensed")):
         if not seen[:, channel].any():
             raise InputError("wheel channels", f"no {CHANNELS[channel]} was observed", expected=remedy)
+    if not np.nanmedian(measured.channels[:, 0]) > 0.0:
+        raise InputError("wheel channels", "load_N is 0 or less in most rows", expected="a wheel that carries a load")
     rows = seen[:, 3] & (seen[:, 0] | seen[:, 2]) & (seen.sum(axis=1) >= 3)
     if rows.sum() < LEAST_ROWS:
         raise InputError(

@@ -77,13 +77,19 @@ def check_sizes(table: WheelTable, wheel: Wheel) -> None:
 
 
 def check_load(table: WheelTable, wheel: Wheel) -> None:
-    """Refuse a load that no soil lets a wheel pull so much with, or turn against: one of them is in another unit.
+    """Refuse a load that is never there, and one that no soil lets a wheel pull so much with, or turn against.
 
     Raises
     ------
     InputError
-        The upper tenth of the rows pull, or turn against, too many times the load.
+        No row has a load above 0, or the upper tenth of the rows pull, or turn against, too many times the load: one of
+        them is in another unit.
     """
+    load = table.get("load_N")
+    if load is not None and np.isfinite(load).any() and not np.nanmax(load) > 0.0:
+        raise InputError(
+            table.source, f"{np.nanmax(load):.3g} at most", expected="the wheel's load, positive", place="column load_N"
+        )
     for name, lever_m in (("drawbar_pull_N", 1.0), ("torque_Nm", wheel.radius_m)):
         _check_load(table, name, lever_m)
 

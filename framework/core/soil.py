@@ -34,6 +34,10 @@ UNDRAINED_C_PA = 5e3
 """From this cohesion [Pa] on a soil may have no friction: saturated clay that does not drain."""
 
 
+_LEAST_SD = 1e-12
+"""Of a parameter's largest plausible value [-]: a standard deviation below it is lost in the rounding of the value."""
+
+
 @dataclass(frozen=True)
 class Quantity:
     """An estimated number with its standard deviation and its 95 % interval, all in one unit."""
@@ -130,7 +134,8 @@ def load_soil(path: str | Path) -> SoilKnowledge:
     Raises
     ------
     InputError
-        Missing or empty file, unknown key, a value that is no number or lies outside `PLAUSIBLE`.
+        Missing or empty file, unknown key, a value that is no number or lies outside `PLAUSIBLE`, or a
+        standard deviation too small to compute with.
     """
     data = load_toml(path)
     if not data:
@@ -158,7 +163,9 @@ def load_soil(path: str | Path) -> SoilKnowledge:
             )
         values[name] = value
         if "sd" in table:
-            if table["sd"] <= 0:
-                raise InputError(path, f"{table['sd']!r}", expected="a positive number", place=f"key {key}, sd")
+            least = _LEAST_SD * high / scale
+            if table["sd"] < least:
+                expected = f"at least {least:.1g}, or no sd for a value that is exact"
+                raise InputError(path, f"{table['sd']!r}", expected=expected, place=f"key {key}, sd")
             sds[name] = float(table["sd"]) * scale
     return SoilKnowledge(values, sds)

@@ -165,6 +165,19 @@ def test_a_channel_that_is_measured_the_other_way_round_is_refused(rng, name, ex
         identify(recording(with_columns(table, **{name: -table[name]})))
 
 
+def test_a_load_cell_that_reads_nothing_is_refused(rng):
+    table = drive(rng)
+    with pytest.raises(InputError, match=r"column load_N: 0 at most \(expected the wheel's load, positive\)"):
+        identify(recording(with_columns(table, load_N=np.zeros(len(table)))))
+
+
+def test_a_stretch_in_most_of_which_the_load_cell_reads_nothing_is_not_used(rng):
+    table = drive(rng)
+    load = np.where(np.arange(len(table)) % 4 == 0, table["load_N"], 0.0)
+    result = identify(recording(with_columns(table, load_N=load)))
+    assert {segment.reason for segment in result.segments} == {"load_N is 0 or less in most rows"}
+
+
 def test_a_sinkage_whose_zero_is_a_little_off_is_not_refused(rng):
     table = drive(rng)
     identify(recording(with_columns(table, sinkage_m=table["sinkage_m"] - np.median(table["sinkage_m"]) - 1e-3)))
