@@ -15,7 +15,7 @@ from .angle_check import angle_disagreement
 from .copies import without_copies
 from .gate import Stretch, find_stretches, quasi_static
 from .geometry import by_geometry, of_vehicle
-from .plausible import check_load, check_signs, check_sizes, slow_clock, without_stuck
+from .plausible import check_load, check_signs, check_sizes, check_torque, slow_clock, without_stuck
 from .run_in import without_run_in
 from .slip_check import slip_disagreement, speeds_in_another_unit
 
@@ -98,6 +98,7 @@ def _of_vehicle(recording: Recording, every_row: bool) -> FeltRows:
         check_signs(rows.table, rows.wheel)
         check_sizes(rows.table, rows.wheel)
         check_load(rows.table, rows.wheel)
+        check_torque(rows.table, rows.wheel, rows.reasons)
     best = max(gathered, key=lambda rows: int((rows.reasons == "").sum()))
     said = [*others, *copies, *settling]
     if len(gathered) > 1:

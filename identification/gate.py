@@ -15,6 +15,7 @@ from scipy.ndimage import median_filter
 from scipy.signal import savgol_filter
 
 from ..framework.core.recording.types import WheelTable
+from ..framework.core.recording.wheel_file import STANDSTILL_M_S
 from ..framework.core.vehicle import Wheel
 from .forward import CHANNELS
 
@@ -98,6 +99,7 @@ def _checks(table: WheelTable, wheel: Wheel, limits: Limits) -> Iterator[tuple[s
         yield "not straight ahead (slip angle beyond 2 deg)", np.abs(angle) > limits.slip_angle_rad
     if passes is not None:
         yield "in the rut of an earlier wheel", passes > 1
+    yield "rolling backwards", _backwards(table, wheel)
     if "time_s" in table:
         speed = _smooth_speed(table, wheel)
         if speed is not None:
@@ -114,6 +116,18 @@ def _checks(table: WheelTable, wheel: Wheel, limits: Limits) -> Iterator[tuple[s
         smooth = _running_median(sinkage, 11) if "time_s" in table else sinkage
         yield f"ground too hard to feel (sinkage below {1000 * shallow:.1f} mm)", smooth < shallow
         yield f"wheel buried (sinkage above {1000 * deep:.0f} mm)", smooth > deep
+
+
+def _backwards(table: WheelTable, wheel: Wheel) -> np.ndarray:
+    """Tell rows, (n,), in which rim and travel, as far as they were measured, both go backwards.
+
+    Torque and pull have the other sign there, which no soil gives them, and the ground is what the wheel has compacted
+    before where it goes back the way that it came.
+    """
+    speeds = [table[name] * scale for name, scale in (("wheel_speed_rad_s", wheel.radius_m), ("travel_speed_m_s", 1.0))
+              if name in table]  # fmt: skip
+    smooth = [_running_median(speed, 11) if "time_s" in table else speed for speed in speeds]
+    return np.all([speed < -STANDSTILL_M_S for speed in smooth], axis=0) if smooth else np.zeros(len(table), bool)
 
 
 def _smooth_speed(table: WheelTable, wheel: Wheel) -> np.ndarray | None:

@@ -30,7 +30,11 @@ load is 3 kPa of its radius times its width or more, 2 on snow, and 10 where it 
 (Sweden, 6 kPa); real sand gave 2.5 (`single-wheel-sand`, a locked wheel). A load in kN shows as 20 to 300."""
 
 _CLEARLY = 0.03
-"""Sinkage so far below zero is no reading of a sensor whose zero is a little off [radii]."""
+"""Sinkage so far below zero, or torque, is no reading of a sensor whose zero is a little off [radii, loads at the
+rim]."""
+
+_DRIVEN = 0.1
+"""From this slip on a wheel is driven, whatever its radius is off by [-]: the shear stress under it is forwards."""
 
 
 def check_signs(table: WheelTable, wheel: Wheel) -> None:
@@ -55,6 +59,36 @@ def check_signs(table: WheelTable, wheel: Wheel) -> None:
                 table.source, f"{np.median(seen):.3g} (median), {100.0 * share:.0f} % of the rows below 0",
                 expected=expected, place=f"column {name}",
             )  # fmt: skip
+
+
+def check_torque(table: WheelTable, wheel: Wheel, reasons: np.ndarray) -> None:
+    """Refuse a torque that brakes a wheel which its slip says is driven: one of them is measured the other way round.
+
+    Parameters
+    ----------
+    table, wheel
+        Rows of one wheel's geometry, and the wheel.
+    reasons : (n,)
+        Why each row is not used, ``""`` where it is.
+
+    Raises
+    ------
+    InputError
+        Of the rows that are used and slip, nearly all have a torque below zero, and clearly so.
+    """
+    torque, slip, load = table.get("torque_Nm"), table.get("slip"), table.get("load_N")
+    if torque is None or slip is None or load is None:
+        return
+    driven = (reasons == "") & (slip > _DRIVEN) & np.isfinite(torque) & (load > 0.0)
+    if driven.sum() < _FEWEST_ROWS:
+        return
+    middle, share = float(np.median(torque[driven])), float(np.mean(torque[driven] < 0.0))
+    if share > _REVERSED and middle < -_CLEARLY * wheel.radius_m * float(np.median(load[driven])):
+        raise InputError(
+            table.source,
+            f"{middle:.3g} (median), {100.0 * share:.0f} % of the rows with a slip above {_DRIVEN:g} below 0",
+            expected="torque and slip both positive where the wheel drives", place="column torque_Nm",
+        )  # fmt: skip
 
 
 def check_sizes(table: WheelTable, wheel: Wheel) -> None:

@@ -72,6 +72,7 @@ def test_a_change_of_soil_that_nobody_told_of_is_found_from_the_wheels(rng):
         ({"sinkage_m": 0.2}, "buried"),
         ({"slip": 0.99}, "digging"),
         ({"slip": -0.4}, "braked"),
+        ({"travel_speed_m_s": -0.15}, "rolling backwards"),
         ({"slip": np.nan}, "slip was not observed"),
         ({"pass": 2.0}, "rut of an earlier wheel"),
         ({"slip_angle_rad": 0.3}, "straight ahead"),
@@ -163,6 +164,39 @@ def test_a_channel_that_is_measured_the_other_way_round_is_refused(rng, name, ex
     table = drive(rng)
     with pytest.raises(InputError, match=rf"column {name}: -.*100 % of the rows below 0 \(expected .*{expected}"):
         identify(recording(with_columns(table, **{name: -table[name]})))
+
+
+def test_where_a_drive_goes_backwards_it_is_not_used(rng):
+    table = drive(rng)
+    turned = np.where(table["time_s"] < 15.0, 1.0, -1.0)
+    torque, travel = table["torque_Nm"] * turned, table["travel_speed_m_s"] * turned
+    rim = travel / (1.0 - table["slip"]) / WHEEL.radius_m
+    result = identify(recording(with_columns(table, torque_Nm=torque, travel_speed_m_s=travel, wheel_speed_rad_s=rim)))
+    assert [segment.used for segment in result.segments if segment.reason != "accelerating (above 0.49 m/s2)"] == [
+        True, False,
+    ]  # fmt: skip
+    assert result.segments[-1].reason == "rolling backwards"
+    phi = result.overall.parameters["phi_rad"]
+    assert phi.low <= SAND.phi_rad <= phi.high
+
+
+def test_a_wheel_that_spins_on_a_slope_down_which_it_slides_does_not_roll_backwards(rng):
+    table = drive(rng)
+    sliding = with_columns(table, travel_speed_m_s=-table["travel_speed_m_s"], wheel_speed_rad_s=np.ones(len(table)))
+    assert "rolling backwards" not in quasi_static(sliding, WHEEL)
+
+
+def test_a_torque_that_brakes_a_driven_wheel_is_refused(rng):
+    table = drive(rng)
+    with pytest.raises(InputError, match=r"column torque_Nm: -.*100 % of the rows with a slip above 0.1 below 0"):
+        identify(recording(with_columns(table, torque_Nm=-table["torque_Nm"])))
+
+
+def test_a_wheel_without_torque_or_braked_is_not_refused(rng):
+    table = drive(rng)
+    identify(recording(with_columns(table, torque_Nm=-0.1 + 0.01 * rng.normal(size=len(table)))))
+    braked = with_columns(table, torque_Nm=-table["torque_Nm"], slip=-table["slip"])
+    assert "braked" in identify(recording(braked)).segments[0].reason
 
 
 def test_a_load_cell_that_reads_nothing_is_refused(rng):
