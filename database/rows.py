@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
 from ..framework.core.evidence import ClassEvidence
-from ..framework.core.soil import Quantity, ShearStrength, SoilEstimate
+from ..framework.core.soil import PLAUSIBLE, Quantity, ShearStrength, SoilEstimate
 from .observations import Drive, SoilEffect, SoilObservation, TerrainObservations
 
 _PROBABILITY = np.dtype("<f4")
+
+_C_PA, _TAN_PHI = PLAUSIBLE["c_Pa"][1], math.tan(PLAUSIBLE["phi_rad"][1])
 
 
 def drive_row(drive: Drive) -> dict[str, Any]:
@@ -119,10 +122,13 @@ def pack_estimate(estimate: SoilEstimate) -> dict[str, Any]:
 
 
 def unpack_estimate(packed: Mapping[str, Any]) -> SoilEstimate:
-    """Undo `pack_estimate`."""
+    """Undo `pack_estimate`; raises ValueError where cohesion and tan phi are those of no soil."""
+    c_Pa, tan_phi = (float(value) for value in packed["mean_c_tan_phi"])
+    if abs(c_Pa) > _C_PA or tan_phi < 0.0 or tan_phi > _TAN_PHI * (1.0 + 1e-9):
+        raise ValueError(f"mean_c_tan_phi [{c_Pa:g}, {tan_phi:g}] of no soil")
     return SoilEstimate(
         parameters={name: Quantity(*map(float, entry)) for name, entry in packed["parameters"].items()},
-        mean_c_tan_phi=np.array([float(value) for value in packed["mean_c_tan_phi"]]),
+        mean_c_tan_phi=np.array([c_Pa, tan_phi]),
         covariance_c_tan_phi=np.array([float(value) for value in packed["covariance_c_tan_phi"]]).reshape(2, 2),
         correlation={pair: float(value) for pair, value in packed["correlation"].items()},
         shear_strength=tuple(ShearStrength(*map(float, at)) for at in packed["shear_strength"]),
@@ -136,18 +142,64 @@ def unpack_estimate(packed: Mapping[str, Any]) -> SoilEstimate:
     )
 
 
+def drive_of(row: Any, looks: Sequence[Any], stretches: Sequence[Any]) -> Drive:
+    """Read a `drive` row, with its rows of `terrain_observation` and `soil_observation`.
+
+    Raises
+    ------
+    ValueError
+        One of them is damaged, and which.
+    """
+    with _reading(f"drive {row.name!r}"):
+        if not all(isinstance(name, str) for name in row.classes):
+            raise ValueError(f"classes {row.classes!r:.60}, expected names")
+        return Drive(
+            recording_digest=row.recording_digest,
+            name=row.name,
+            site=row.site,
+            vehicle_name=row.vehicle_name,
+            start_time=row.start_time,
+            models=dict(row.models),
+            method=row.method,
+            terrain=terrain_observations(looks, row.classes, row.cell_size_m),
+            soils=tuple(soil_observation(entry) for entry in stretches),
+        )
+
+
+@contextmanager
+def _reading(what: str) -> Iterator[None]:
+    """Say of what is not as it was stored what it belongs to, as a ValueError."""
+    try:
+        yield
+    except KeyError as error:
+        raise ValueError(f"{what}: no {error}") from error
+    except (AttributeError, OverflowError, TypeError, ValueError) as error:
+        raise ValueError(f"{what}: {error}") from error
+
+
 def soil_observation(row: Any) -> SoilObservation:
-    """Read a `soil_observation` row."""
+    """Read a `soil_observation` row; raises ValueError where it is damaged."""
+    with _reading(f"soil from {row.start_s} s to {row.end_s} s"):
+        return _soil_observation(row)
+
+
+def _soil_observation(row: Any) -> SoilObservation:
+    with _reading("class_probabilities"):
+        probabilities = {name: float(share) for name, share in row.class_probabilities.items()}
+    with _reading("effects"):
+        effects = tuple(SoilEffect(effect["slug"], dict(effect["parameters"])) for effect in row.effects)
+    with _reading("estimate"):
+        estimate = None if row.estimate is None else unpack_estimate(row.estimate)
     return SoilObservation(
         start_s=row.start_s,
         end_s=row.end_s,
         x_m=_float(row.x_m),
         y_m=_float(row.y_m),
-        class_probabilities=dict(row.class_probabilities),
-        estimate=None if row.estimate is None else unpack_estimate(row.estimate),
+        class_probabilities=probabilities,
+        estimate=estimate,
         normal_stress_Pa=(_float(row.normal_stress_low_Pa), _float(row.normal_stress_high_Pa)),
         load_N=_float(row.load_N),
-        effects=tuple(SoilEffect(effect["slug"], effect["parameters"]) for effect in row.effects),
+        effects=effects,
         gate_reason=row.gate_reason,
     )
 

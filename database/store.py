@@ -17,7 +17,7 @@ from sqlalchemy.exc import DBAPIError
 
 from ..framework.core.errors import InputError
 from .observations import Drive
-from .rows import drive_row, soil_observation, soil_rows, terrain_observations, terrain_rows
+from .rows import drive_of, drive_row, soil_rows, terrain_rows
 from .schema import holds_database, open_engine, shown, unreachable
 from .snapshot import Snapshot
 from .tables import Base, DriveRow, ImportRow, PhysicsRow, SoilRow, TerrainRow
@@ -392,14 +392,4 @@ def _read_drive(connection: Connection, row: Any, senses: tuple[str, ...] | None
     if senses is not None:
         looks = looks.where(terrain.c.sense.in_(senses))
     stretches = select(soil).where(soil.c.drive_id == row.id).order_by(soil.c.start_s, soil.c.id)
-    return Drive(
-        recording_digest=row.recording_digest,
-        name=row.name,
-        site=row.site,
-        vehicle_name=row.vehicle_name,
-        start_time=row.start_time,
-        models=row.models,
-        method=row.method,
-        terrain=terrain_observations(connection.execute(looks).all(), row.classes, row.cell_size_m),
-        soils=tuple(soil_observation(entry) for entry in connection.execute(stretches)),
-    )
+    return drive_of(row, connection.execute(looks).all(), connection.execute(stretches).all())

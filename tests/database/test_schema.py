@@ -109,6 +109,50 @@ def test_a_truncated_database_is_one_line(tmp_path, felt_drive):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("table", "column", "value", "said"),
+    [
+        ("soil_observation", "estimate", "{}", "soil from 0.0 s to 5.0 s: estimate: no 'mean_c_tan_phi'"),
+        ("soil_observation", "estimate", "[]", "estimate: "),
+        ("soil_observation", "class_probabilities", "[1]", "class_probabilities: "),
+        ("soil_observation", "class_probabilities", "null", "class_probabilities: "),
+        ("soil_observation", "class_probabilities", '{"sand": [1]}', "class_probabilities: "),
+        ("soil_observation", "effects", "3", "effects: "),
+        ("soil_observation", "effects", '[{"slug": "x"}]', "effects: no 'parameters'"),
+        ("drive", "classes", "[1, 2, 3]", "classes .*expected names"),
+        ("drive", "classes", "null", "drive 'drive d1': "),
+        ("drive", "models", "4", "drive 'drive d1': "),
+    ],
+)
+def test_what_is_damaged_is_named_in_one_line(tmp_path, felt_drive, table, column, value, said):
+    path = tmp_path / "t.db"
+    with TerrainDatabase(path) as database:
+        database.add_drive(felt_drive)
+    with closing(sqlite3.connect(path)) as connection, connection:
+        connection.execute(f"UPDATE {table} SET {column} = ?", (value,))
+    with (
+        TerrainDatabase(path, must_exist=True) as database,
+        pytest.raises(InputError, match=rf"t.db: holds what cannot be read: .*{said}") as caught,
+    ):
+        database.snapshot()
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("mean", [[-5000, -3], [1e9, 0.5], [500, 40]])
+def test_an_estimate_of_no_soil_is_not_answered(tmp_path, felt_drive, mean):
+    path = tmp_path / "t.db"
+    with TerrainDatabase(path) as database:
+        database.add_drive(felt_drive)
+    with closing(sqlite3.connect(path)) as connection, connection:
+        told = "UPDATE soil_observation SET estimate = json_set(estimate, '$.mean_c_tan_phi', json(?))"
+        connection.execute(told, (str(mean),))
+    with (
+        TerrainDatabase(path, must_exist=True) as database,
+        pytest.raises(InputError, match=r"mean_c_tan_phi .*no soil"),
+    ):
+        database.snapshot()
+
+
 def test_a_missing_folder_is_said(tmp_path):
     with pytest.raises(InputError, match="no such folder"):
         TerrainDatabase(tmp_path / "nowhere" / "terrain.db")
