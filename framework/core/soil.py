@@ -151,10 +151,10 @@ def load_soil(path: str | Path) -> SoilKnowledge:
         table = entry if isinstance(entry, dict) else {"value": entry}
         extra = sorted(set(table) - {"value", "sd"})
         if extra or "value" not in table:
-            raise InputError(path, f"{table!r}", expected="a number or {value = ..., sd = ...}", place=f"key {key}")
+            raise InputError(path, f"{table!r:.80}", expected="a number or {value = ..., sd = ...}", place=f"key {key}")
         for part, number in table.items():
             if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
-                raise InputError(path, f"{number!r}", expected="a finite number", place=f"key {key}, {part}")
+                raise InputError(path, f"{number!r:.80}", expected="a finite number", place=f"key {key}, {part}")
         low, high = PLAUSIBLE[name]
         value = float(table["value"]) * scale
         if not low <= value <= high:

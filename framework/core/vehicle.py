@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -24,6 +25,9 @@ from pydantic import (
 
 from .errors import InputError
 
+_SHOWN = 80
+"""Characters of a value that are shown at most [-]."""
+
 _LARGEST_M = 10.0
 """No wheel has a length beyond it: the largest are two metres in radius."""
 
@@ -31,7 +35,7 @@ _LARGEST_M = 10.0
 def _number(value: object) -> object:
     """Refuse what pydantic would take for a number though a file that says it has another meaning."""
     if isinstance(value, bool | str):
-        raise ValueError(f"{value!r}, expected a number")
+        raise ValueError(f"{value!r:.{_SHOWN}}, expected a number")
     return value
 
 
@@ -169,17 +173,37 @@ class Vehicle(_Part):
         )
 
 
+_INTEGERS = "one of no more than 64 bits; write it with a decimal point"
+
+
 def load_toml(path: str | Path) -> dict:
-    """Read a TOML file; raises `InputError` where it is missing or is not TOML."""
+    """Read a TOML file; raises `InputError` where it is missing, no TOML, or holds a number of more than 64 bits."""
     path = Path(path)
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        _check_integers(path, data)
     except FileNotFoundError:
         raise InputError(path, "no such file", expected="a TOML file") from None
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(path, str(error), expected="a readable TOML text file") from error
     except tomllib.TOMLDecodeError as error:
         raise InputError(path, str(error), expected="valid TOML") from error
+    except RecursionError:
+        raise InputError(path, "nested too deeply", expected="valid TOML, a few tables deep") from None
+    except ValueError:  # Python turns no longer text into a whole number
+        limit = sys.get_int_max_str_digits()
+        raise InputError(path, f"a whole number of more than {limit} digits", expected=_INTEGERS) from None
+    return data
+
+
+def _check_integers(path: Path, value: object, key: str = "") -> None:
+    """Refuse whole numbers that TOML does not have, in tables and arrays however deep: no float may hold them."""
+    parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for name, part in parts:
+        _check_integers(path, part, f"{key}.{name}" if key else str(name))
+    if isinstance(value, int) and value.bit_length() > 63:
+        digits = f"a whole number of {len(str(abs(value)))} digits"
+        raise InputError(path, digits, expected=_INTEGERS, place=f"key {key}")
 
 
 def load_vehicle(path: str | Path) -> Vehicle:
@@ -210,5 +234,5 @@ def input_error(path: str | Path, error: ValidationError, written: Mapping[str, 
         key = key and key.replace(read, wrote, 1)
     if fault["type"] == "extra_forbidden":
         return InputError(path, "no such key", place=key and f"key {key}")
-    shown = "" if fault["type"] in ("missing", "value_error") else f"{fault['input']!r}: "
+    shown = "" if fault["type"] in ("missing", "value_error") else f"{fault['input']!r:.{_SHOWN}}: "
     return InputError(path, f"{shown}{fault['msg'].removeprefix('Value error, ')}", place=key and f"key {key}")

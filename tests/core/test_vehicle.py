@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from bevameter.framework.core.errors import InputError
+from bevameter.framework.core.recording.topic_map import load_topic_map
+from bevameter.framework.core.soil import load_soil
 from bevameter.framework.core.vehicle import Wheel, load_vehicle
 
 
@@ -34,6 +38,27 @@ def test_a_fault_is_told_by_its_key_and_value(tmp_path, text, said):
     path.write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=said):
         load_vehicle(path)
+
+
+@pytest.mark.parametrize(
+    ("width", "said"),
+    [
+        ("1" + 400 * "0", r"key wheel\.width_m: a whole number of 401 digits .*no more than 64 bits"),
+        ("[0, [9223372036854775808]]", r"key wheel\.width_m\.1\.0: a whole number of 19 digits"),
+        (5001 * "1", r"x\.toml: a whole number of more than \d+ digits .*no more than 64 bits"),
+        (3000 * "[" + 3000 * "]", r"x\.toml: nested too deeply"),
+        (f"'{400 * 'a'}'", r"key wheel\.width_m: 'a{79}, expected a number$"),
+    ],
+)
+@pytest.mark.parametrize("read", [load_vehicle, load_soil, load_topic_map])
+def test_numbers_and_nesting_that_toml_does_not_have_are_one_short_line(tmp_path, width, said, read):
+    path = tmp_path / "x.toml"
+    path.write_text(f"[wheel]\nradius_m = 0.2\nwidth_m = {width}\n", encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        read(path)
+    assert len(str(caught.value)) < len(str(path)) + 200
+    if read is load_vehicle or "'" not in said:
+        assert re.search(said, str(caught.value))
 
 
 def test_numbers_of_other_libraries_and_a_byte_order_mark_are_taken(tmp_path):
