@@ -39,6 +39,12 @@ def _number(value: object) -> object:
     return value
 
 
+def _coefficients(values: tuple[float, ...]) -> tuple[float, ...]:
+    if len(values) not in (0, 4, 5):
+        raise ValueError(f"{len(values)} numbers, expected k1, k2, p1, p2, or these and k3")
+    return values
+
+
 def _length(value: float) -> float:
     if not 0.0 < value <= _LARGEST_M:
         raise ValueError(f"{value:g}, expected metres, greater than 0 and less than or equal to {_LARGEST_M:g}")
@@ -100,7 +106,7 @@ class Camera(_Part):
     pitch_rad: Annotated[Number, Field(gt=0, le=math.pi / 2)]
     forward_m: Finite = 0.0
     left_m: Finite = 0.0
-    distortion: tuple[Finite, ...] = ()
+    distortion: Annotated[tuple[Finite, ...], AfterValidator(_coefficients)] = ()
     exposure_s: Positive | None = None
     """Exposure time [s], if known: motion blur is travel speed times exposure."""
 

@@ -61,6 +61,21 @@ def test_numbers_and_nesting_that_toml_does_not_have_are_one_short_line(tmp_path
         assert re.search(said, str(caught.value))
 
 
+@pytest.mark.parametrize("coefficients", ["0.1", "1e300, 1e300", "0.1, 0.1, 0.1, 0.1, 0.1, 0.1"])
+def test_a_lens_has_four_or_five_coefficients(tmp_path, coefficients):
+    path = tmp_path / "vehicle.toml"
+    camera = (
+        "matrix = [[400.0, 0, 320], [0, 400, 240], [0, 0, 1]]\nwidth_px = 640\nheight_px = 480\nheight_m = 1\n"
+        "pitch_rad = 0.4\n"
+    )
+    wheel = "[wheel]\nradius_m = 0.2\nwidth_m = 0.1\n"
+    path.write_text(f"{wheel}[camera]\n{camera}distortion = [{coefficients}]\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"key camera\.distortion: \d numbers, expected k1, k2, p1, p2"):
+        load_vehicle(path)
+    path.write_text(f"{wheel}[camera]\n{camera}distortion = [0.1, 0, 0, 0, 0.01]\n", encoding="utf-8")
+    assert load_vehicle(path).camera.distortion[0] == 0.1
+
+
 def test_numbers_of_other_libraries_and_a_byte_order_mark_are_taken(tmp_path):
     path = tmp_path / "vehicle.toml"
     path.write_text("[wheel]\nradius_m = 0.2\nwidth_m = 0.1\n", encoding="utf-8-sig")
