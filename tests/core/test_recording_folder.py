@@ -152,6 +152,14 @@ def copy(old, new):
             replace("recording.toml", "start_time = 2024-05-01T10:00:00Z", "start = 12.5"),
             "key start: a number, expected",
         ),
+        (
+            replace("recording.toml", "2024-05-01T10:00:00Z", "0001-01-01T00:00:00+14:00"),
+            "recording.toml, key start_time: 0001-01-01 .*within the years 1 to 9999 of UTC",
+        ),
+        (
+            replace("recording.toml", "2024-05-01T10:00:00Z", "9999-12-31T23:59:59-14:00"),
+            "recording.toml, key start_time: 9999-12-31 .*within the years 1 to 9999 of UTC",
+        ),
         (replace("recording.toml", '"labels"', '"smell"'), "key streams.4: 'smell'"),
         (replace("recording.toml", "2024-05-01T10:00:00Z", '"noon"'), "key start_time: 'noon'"),
         (replace("recording.toml", "start_s = 1.5", "start_s = inf"), "key sound.start_s"),

@@ -32,7 +32,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import AliasChoices, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, AliasChoices, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from ..errors import InputError
 from ..vehicle import Finite, Vehicle, input_error, load_toml, load_vehicle
@@ -85,12 +85,24 @@ def _no_number(time: object) -> object:
     return time
 
 
+def _with_zone(time: datetime) -> datetime:
+    """Take a time that names no offset for UTC; refuse one that UTC has no year for, in which databases keep it."""
+    time = time if time.tzinfo is not None else time.replace(tzinfo=UTC)
+    try:
+        time.astimezone(UTC)
+    except OverflowError:
+        raise ValueError(f"{time}, expected a time within the years 1 to 9999 of UTC") from None
+    return time
+
+
 class _About(_Part):
     """What `recording.toml` says."""
 
     name: str | None = None
     start_time: Annotated[
-        datetime | None, BeforeValidator(_no_number), Field(validation_alias=AliasChoices("start_time", "start"))
+        Annotated[datetime, AfterValidator(_with_zone)] | None,
+        BeforeValidator(_no_number),
+        Field(validation_alias=AliasChoices("start_time", "start")),
     ] = None
     site: str = ""
     notes: str = ""
@@ -144,7 +156,7 @@ def read_folder(folder: Path, vehicle: Vehicle | None = None) -> Recording:
         name=about.name or folder.resolve().name,
         source=folder,
         vehicle=vehicle,
-        start_time=with_zone(about.start_time),
+        start_time=about.start_time,
         site=about.site,
         digest=digest.hexdigest(),
         wheel=wheel,
@@ -155,11 +167,6 @@ def read_folder(folder: Path, vehicle: Vehicle | None = None) -> Recording:
         problems=tuple(problems),
         vibration=vibration,
     )
-
-
-def with_zone(time: datetime | None) -> datetime | None:
-    """Take a time that names no offset for UTC."""
-    return time if time is None or time.tzinfo is not None else time.replace(tzinfo=UTC)
 
 
 def _about(folder: Path) -> tuple[_About, list[str]]:
