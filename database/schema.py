@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -40,6 +41,8 @@ def parse_url(url_or_path: str | Path) -> URL:
     InputError
         It is no URL, or names a kind of database that is neither SQLite in a file nor PostgreSQL.
     """
+    if not isinstance(url_or_path, str | os.PathLike | URL):
+        raise InputError("database", f"{url_or_path!r:.80}", expected="a path or an SQLAlchemy URL")
     given = str(url_or_path)
     if "://" not in given:
         if not given.strip():
@@ -53,10 +56,19 @@ def parse_url(url_or_path: str | Path) -> URL:
     if backend == "sqlite":
         if not url.database or url.database == ":memory:" or url.database.startswith("file:"):
             raise InputError(given, "no file is named", expected="sqlite:///FILE, which outlives the program")
+        _check_options(url)
         return url.set(drivername="sqlite+pysqlite")
     if backend == "postgresql":
         return url.set(drivername="postgresql+psycopg")
     raise InputError("database", f"{backend!r}", expected="sqlite:///FILE or postgresql://...")
+
+
+def _check_options(url: URL) -> None:
+    """Refuse options of an SQLite URL that are of the wrong kind, before any work is done."""
+    try:
+        url.get_dialect()().create_connect_args(url)
+    except (SQLAlchemyError, TypeError, ValueError) as error:
+        raise InputError(str(url), f"an option that cannot be read: {error}", expected="sqlite:///FILE") from None
 
 
 def shown(url: URL) -> str:

@@ -115,7 +115,7 @@ class Snapshot:
         InputError
             A path that is not (n, 2), a stress that is negative or not finite, a confidence out of range.
         """
-        places = np.asarray(path, dtype=float)
+        places = _numbers("path", path, "(n, 2): x, y [m]")
         if places.ndim != 2 or places.shape[1] != 2:
             raise InputError("path", f"shape {places.shape}", expected="(n, 2): x, y [m]")
         return self._answer(places[:, 0], places[:, 1], self._find(places), normal_stress, confidence, now)
@@ -130,7 +130,10 @@ class Snapshot:
         now: float | datetime | None = None,
     ) -> GroundAnswer:
         """Say what the ground can bear at one place, or at many (arrays of equal size) [m]; else as `along`."""
-        places = np.stack(np.broadcast_arrays(np.ravel(x), np.ravel(y)), axis=1)
+        xs, ys = (np.ravel(_numbers(name, each, "numbers [m]")) for name, each in (("x", x), ("y", y)))
+        if 1 != len(xs) != len(ys) != 1:
+            raise InputError("x and y", f"{len(xs)} and {len(ys)} places", expected="as many of each [m]")
+        places = np.stack(np.broadcast_arrays(xs, ys), axis=1)
         return self.along(places, normal_stress=normal_stress, confidence=confidence, now=now)
 
     def box(
@@ -159,6 +162,7 @@ class Snapshot:
         now: float | datetime | None = None,
     ) -> GroundAnswer:
         """Give all cells that somebody has seen whose centres lie within a radius [m]; else as `along`."""
+        x, y, radius = (_number(*each, "a number [m]") for each in (("x", x), ("y", y), ("radius", radius)))
         if not (math.isfinite(radius) and radius >= 0):
             raise InputError("radius", f"{radius!r}", expected="a finite length, not negative [m]")
         rows, cell_x, cell_y = self._within(x - radius, y - radius, x + radius, y + radius)
@@ -201,6 +205,7 @@ class Snapshot:
 
     def _within(self, x0: float, y0: float, x1: float, y1: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Rows and centres [m] of the seen cells between two corners."""
+        x0, y0, x1, y1 = (_number("box", each, "a number [m]") for each in (x0, y0, x1, y1))
         if not all(map(math.isfinite, (x0, y0, x1, y1))):
             raise InputError("box", f"corners {(x0, y0, x1, y1)}", expected="finite numbers [m]")
         farthest = LARGEST_CELL_INDEX - 1
@@ -238,7 +243,8 @@ class Snapshot:
         return GroundAnswer.of(self, table, (x, y), probability, (code, reasons), age, looks)
 
     def _table(self, normal_stress: float, confidence: float) -> StrengthTable:
-        stress, level = float(normal_stress), float(confidence)
+        stress = _number("normal stress", normal_stress, "a number [Pa]")
+        level = _number("confidence", confidence, "a number")
         if not (math.isfinite(stress) and stress >= 0):
             raise InputError("normal stress", f"{normal_stress!r}", expected="a finite number, not negative [Pa]")
         if not 0.5 <= level < 1.0:
@@ -254,6 +260,22 @@ class Snapshot:
                 self._memory.clear()
             self._memory[key] = found
         return found
+
+
+def _numbers(name: str, values: ArrayLike, expected: str) -> np.ndarray:
+    """Give an array of numbers; raises `InputError` where it is none."""
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(name, f"{values!r:.80}", expected=expected) from None
+
+
+def _number(name: str, value: float, expected: str) -> float:
+    """Give one number; raises `InputError` where it is none."""
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise InputError(name, f"{value!r:.80}", expected=expected) from None
 
 
 def _posix(now: float | datetime | None) -> float:

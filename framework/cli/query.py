@@ -15,6 +15,8 @@ from ..core.quantities import magnitude
 from .output import FORMATS, check_format, print_csv, print_json, print_table
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from ...database.answer import GroundAnswer
     from ...database.snapshot import Snapshot
 
@@ -226,31 +228,25 @@ def _pascals(text: str) -> float:
     return value
 
 
-def _read_path(file: Path) -> list[tuple[float, float]]:
-    import csv
+def _read_path(file: Path) -> np.ndarray:
+    """Read the places of a path, (n, 2) [m], as strictly as the tables of a recording."""
+    import numpy as np
 
-    try:
-        with file.open(newline="", encoding="utf-8-sig") as stream:
-            rows = csv.DictReader(stream)
-            for name in ("x_m", "y_m"):
-                if name not in (rows.fieldnames or ()):
-                    found = ", ".join(rows.fieldnames or ()) or "no columns"
-                    raise InputError(file, f"no column {name}", expected=f"columns x_m, y_m, found {found[:200]}")
-            path = [tuple(_cell(file, rows.line_num, name, row[name]) for name in ("x_m", "y_m")) for row in rows]
-    except FileNotFoundError:
-        raise InputError(file, "no such file", expected="a CSV file with columns x_m, y_m") from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(file, str(error), expected="a CSV text file with columns x_m, y_m") from error
-    if not path:
-        raise InputError(file, "no rows", expected="at least one place")
-    return [(x, y) for x, y in path]
+    from ..core.recording.tables import read_table
 
-
-def _cell(file: Path, row: int, name: str, text: str | None) -> float:
-    try:
-        value = float(text or "")
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise InputError(file, f"{text!r}", expected="a finite number [m]", place=f"row {row}, column {name}")
-    return value
+    names = ("x_m", "y_m")
+    table = read_table(file, numbers=frozenset(names))
+    if table.problems:
+        raise InputError(
+            file, "cut off in mid-row", expected="a whole row", place=f"row {len(table) + table.first_row}"
+        )
+    for name in names:
+        if name not in table.numbers:
+            found = ", ".join((*table.numbers, *table.text))
+            raise InputError(file, f"no column {name}", expected=f"columns x_m, y_m, found {found[:200]}")
+        strange = ~np.isfinite(table.numbers[name])
+        if strange.any():
+            row = int(np.argmax(strange))
+            value = f"'{table.numbers[name][row]:g}'"
+            raise InputError(file, value, expected="a finite number [m]", place=table.place(row, name))
+    return np.column_stack([table.numbers[name] for name in names])

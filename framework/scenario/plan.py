@@ -16,7 +16,7 @@ from .soils import SOILS
 STEP_S = 0.01
 """Time step in which a drive is laid out [s]."""
 
-LEAST_DURATION_S = 5.0
+LEAST_DURATION_S, MOST_DURATION_S = 5.0, 86_400.0
 _ACCELERATION_M_S2 = 1.5
 _LEAST_SLIP, _GREATEST_SLIP = 0.05, 0.60
 
@@ -106,11 +106,12 @@ def make_plan(preset: Preset, seed: int, duration_s: float | None = None) -> Pla
     Raises
     ------
     InputError
-        The duration is too short or no number.
+        The duration is too short, too long or no number.
     """
     wanted = preset.duration_s if duration_s is None else duration_s
-    if not (math.isfinite(wanted) and wanted >= LEAST_DURATION_S):
-        raise InputError("scenario", f"duration {duration_s!r} s", expected=f"at least {LEAST_DURATION_S:g} s")
+    if not LEAST_DURATION_S <= wanted <= MOST_DURATION_S:
+        expected = f"at least {LEAST_DURATION_S:g} s and at most {MOST_DURATION_S:g} s, a day"
+        raise InputError("scenario", f"duration {duration_s!r} s", expected=expected)
     rounds = math.ceil(wanted / preset.duration_s - 1e-9)
     rng = np.random.default_rng([seed, 0])
     legs = preset.legs * rounds

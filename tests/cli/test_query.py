@@ -168,10 +168,17 @@ def test_several_sites(query):
         (["near", "0", "0", "--radius", "-1"], "radius"),
         (["along", "missing.csv"], "missing.csv: no such file"),
         (["along", "."], "."),
-        (["along", "notes.txt"], "no column x_m"),
+        (["along", "notes.txt"], "notes.txt: a file of kind '.txt'"),
+        (["along", "other.csv"], "other.csv: no column x_m (expected columns x_m, y_m, found x, y_m)"),
         (["along", "bad.csv"], "bad.csv, row 3, column y_m: 'abc'"),
-        (["along", "short.csv"], "short.csv, row 2, column y_m: None"),
-        (["along", "nothing.csv"], "no rows"),
+        (["along", "short.csv"], "short.csv, row 2: 1 cell"),
+        (["along", "cut.csv"], "cut.csv, row 3: cut off in mid-row"),
+        (["along", "long.csv"], "long.csv, row 3: 3 cells"),
+        (["along", "blank.csv"], "blank.csv, row 3: "),
+        (["along", "twice.csv"], "twice.csv, row 1: column x_m stands twice"),
+        (["along", "grouped.csv"], "grouped.csv, row 2, column x_m: '1_0'"),
+        (["along", "empty.csv"], "empty.csv, row 2, column y_m: 'nan'"),
+        (["along", "nothing.csv"], "nothing.csv: a header without rows"),
         (["along", "binary.csv"], "binary.csv"),
     ],
 )
@@ -179,6 +186,13 @@ def test_bad_input_is_one_line_and_writes_nothing(query, tmp_path, arguments, sa
     (tmp_path / "notes.txt").write_text("dear diary")
     (tmp_path / "bad.csv").write_text("x_m,y_m\n1,2\n3,abc\n")
     (tmp_path / "short.csv").write_text("x_m,y_m\n1\n")
+    (tmp_path / "other.csv").write_text("x,y_m\n1,2\n")
+    (tmp_path / "cut.csv").write_text("x_m,y_m\n1,2\n3")
+    (tmp_path / "long.csv").write_text("x_m,y_m\n1,2\n3,4,5\n")
+    (tmp_path / "blank.csv").write_text("x_m,y_m\n1,2\n\n3,4\n")
+    (tmp_path / "twice.csv").write_text("x_m,x_m,y_m\n1,2,3\n")
+    (tmp_path / "grouped.csv").write_text("x_m,y_m\n1_0,2\n")
+    (tmp_path / "empty.csv").write_text("x_m,y_m\n1,\n")
     (tmp_path / "nothing.csv").write_text("x_m,y_m\n")
     (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00\x01" * 50)
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}

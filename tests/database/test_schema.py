@@ -177,11 +177,17 @@ def test_a_file_that_may_not_be_written_is_said(tmp_path, felt_drive):
         ("sqlite:///:memory:", "no file is named"),
         ("mysql://root@host/terrain", "'mysql'"),
         ("://nonsense", "not a URL"),
+        ("sqlite:///x.db?timeout=abc", "x.db.*: an option that cannot be read: .*'abc'"),
+        ("sqlite:///x.db?timeout=1&timeout=2", "x.db.*: an option that cannot be read"),
+        ({}, "database: {} .expected a path or an SQLAlchemy URL"),
+        (None, "database: None"),
     ],
 )
-def test_urls_that_cannot_be_used(url, said):
+def test_urls_that_cannot_be_used(url, said, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match=said):
         TerrainDatabase(url)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_server_that_does_not_answer_is_one_line_without_its_password():

@@ -31,6 +31,26 @@ def arrays(thing, seen=None):
             yield from arrays(value)
 
 
+@pytest.mark.parametrize(
+    ("ask", "said"),
+    [
+        (lambda view: view.along([[0, 1], [0]]), r"path: \[\[0, 1\], \[0\]\] .expected \(n, 2\)"),
+        (lambda view: view.along([("a", "b")]), "path: .*'a'"),
+        (lambda view: view.along(None), "path: shape"),
+        (lambda view: view.at("here", 1), "x: 'here' .expected numbers"),
+        (lambda view: view.at([0, 1, 2], [0, 1]), "x and y: 3 and 2 places"),
+        (lambda view: view.at(0, 1, normal_stress="20 kPa"), r"normal stress: '20 kPa' .expected a number \[Pa\]"),
+        (lambda view: view.at(0, 1, confidence=None), "confidence: None"),
+        (lambda view: view.near(0, "b", 1), "y: 'b'"),
+        (lambda view: view.near(0, 1, "far"), "radius: 'far'"),
+        (lambda view: view.box(0, 0, "a", 1), "box: 'a'"),
+    ],
+)
+def test_what_is_no_number_is_one_clear_error(view, ask, said):
+    with pytest.raises(InputError, match=said):
+        ask(view)
+
+
 def test_known_and_unknown_ground(view):
     ahead = view.along([SAND, CLAY, DARK, ASPHALT, NOWHERE, (math.nan, 0.0), (1e300, 0.0)])
     assert ahead.known.tolist() == [True, True, False, False, False, False, False]

@@ -240,6 +240,9 @@ def test_scenarios_that_cannot_be_written(tmp_path):
     (tmp_path / "file").write_text("mine")
     refused(tmp_path, ["scenario", "moon", tmp_path / "s"], "'moon'", "demo")
     refused(tmp_path, ["scenario", "short"], "OUT missing")
+    for duration in ("1", "1e12", "inf", "nan"):
+        asked = ["scenario", "testbed", tmp_path / "s", "--duration", duration]
+        refused(tmp_path, asked, f"duration {float(duration)!r} s", "at least 5 s and at most 86400 s")
     refused(tmp_path, ["scenario", "short", tmp_path / "full"], "full")
     refused(tmp_path, ["scenario", "short", tmp_path / "file"], "file")
     for duration in ("-5", "nan", "0"):
