@@ -66,6 +66,16 @@ def test_places_in_wheel_rows_are_looked_at_as_well(tmp_path):
     assert "2.5 s, column x_m: x_m 0" in recording.problems[0]
 
 
+def test_places_in_wheel_rows_that_jump_for_good_cost_the_places_only(tmp_path):
+    table = np.column_stack([T, np.full(N, 100.0), np.where(np.arange(N) < N // 2, X, X + 5e4), Y])
+    file = tmp_path / "wheel.csv"
+    np.savetxt(file, table, "%.10g", ",", header="time_s,load_N,x_m,y_m", comments="")
+    recording = read_recording(file)
+    assert recording.pose is None
+    assert len(recording.wheel) == N
+    assert "no place of the vehicle is taken from its wheels' rows: " in recording.problems[0]
+
+
 def test_what_a_vehicle_does_is_possible():
     """Driving fast, with times of receipt that bunch up, a clock of whole seconds, a rest, a correction, a long gap."""
     x = 30.0 * np.arange(0.0, 20.0, 0.1)

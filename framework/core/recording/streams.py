@@ -56,13 +56,15 @@ def pose_from_wheel(table: WheelTable, vehicle: Vehicle | None) -> tuple[Pose | 
     """Make poses of the places in wheel rows; the yaw is that of the path, which a vehicle drives nose first.
 
     The places are those of one wheel, the first named in the table; its position in the vehicle is taken off. Places
-    that are impossible are left out, as problems say; `InputError` where they jump for good.
+    that are impossible are left out, as problems say, and all of them where they jump for good: the rows still tell of
+    the soil. Rows of several runs are no neighbours in time.
 
     Returns
     -------
     Pose or None, problems
     """
-    if table.run is not None or any(table.get(name) is None for name in ("time_s", "x_m", "y_m")):
+    several_runs = table.run is not None and len(set(table.run)) > 1
+    if several_runs or any(table.get(name) is None for name in ("time_s", "x_m", "y_m")):
         return None, ()
     name = None
     if table.wheel is not None:
@@ -79,7 +81,10 @@ def pose_from_wheel(table: WheelTable, vehicle: Vehicle | None) -> tuple[Pose | 
         forward, left = wheel.position_m
         x = x - (np.cos(yaw) * forward - np.sin(yaw) * left)
         y = y - (np.sin(yaw) * forward + np.cos(yaw) * left)
-    return without_jumps(Pose(time, x, y, yaw), table.source, lambda row: f"{time[row]:.9g} s, column x_m")
+    try:
+        return without_jumps(Pose(time, x, y, yaw), Path(table.source), lambda row: f"{time[row]:.9g} s, column x_m")
+    except InputError as error:
+        return None, (f"no place of the vehicle is taken from its wheels' rows: {error}",)
 
 
 def _wheel_named(vehicle: Vehicle | None, name: str | None) -> Wheel | None:
