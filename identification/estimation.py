@@ -16,7 +16,7 @@ import numpy as np
 from scipy.stats import t as t_distribution
 
 from ..framework.core.errors import InputError
-from ..framework.core.soil import PARAMETERS, PLAUSIBLE, SoilEstimate, SoilKnowledge
+from ..framework.core.soil import PARAMETERS, PLAUSIBLE, WRONG_FORM, SoilEstimate, SoilKnowledge
 from ..framework.core.vehicle import Wheel
 from . import form_error
 from .errors_in_variables import Fit, best_start, fit
@@ -24,7 +24,7 @@ from .forward import CHANNELS, TextbookWheel, from_internal, slope_of_internal, 
 from .identifiability import advise, separable, strengths
 from .intervals import consistent, hull, parameter_intervals
 from .marginal_likelihood import Problem
-from .noise import autocorrelations
+from .noise import alike, correlation_time, memory
 from .wheel_soil import Soil, contact_array, entry_angle, rim_forces
 
 ANSWERS = np.array([False, True, True, False, True])
@@ -32,9 +32,6 @@ ANSWERS = np.array([False, True, True, False, True])
 
 _EXPLAINED = 1.1
 """A channel whose standard deviation comes out within this factor of the sensor's is explained by the model [-]."""
-
-WRONG_FORM = 1.5
-"""A misfit beyond this many times the sensors' noise is reported as an error of the model's form [-]."""
 
 LEAST_ROWS = len(PARAMETERS)
 """Samples below which nothing is estimated: fewer than there are parameters."""
@@ -57,12 +54,15 @@ class Measured:
         What neighbours are neighbours in: time, or slip for steady-state trials.
     stated : (5,)
         True where the noise stands; elsewhere it is what neighbours in time show, and perhaps too much.
+    timed
+        Neighbours are so in time: their noise may last.
     """
 
     channels: np.ndarray
     noise: np.ndarray
     order: np.ndarray
     stated: np.ndarray = field(default_factory=lambda: np.ones(len(CHANNELS), dtype=bool))
+    timed: bool = True
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,8 @@ class Solution:
     """The fit behind a `SoilEstimate`.
 
     `inflation` multiplies the covariance, `widening` (p,) each parameter's variance where the form is wrong; `quantile`
-    is Student's t at 97.5 %, `misfit`, of the textbook's form, as in `SoilEstimate`.
+    is Student's t at 97.5 %, `misfit`, of the textbook's form, as in `SoilEstimate`; `repeated` neighbouring rows say
+    the same for the noise's memory.
     """
 
     problem: Problem
@@ -79,6 +80,7 @@ class Solution:
     quantile: float
     misfit: float
     widening: np.ndarray | None = None
+    repeated: float = 1.0
 
     @property
     def free(self) -> np.ndarray:
@@ -198,12 +200,13 @@ def solve(measured: Measured, wheel: Wheel, known: SoilKnowledge) -> Solution:
     if dof < 1.0:
         raise InputError("wheel channels", f"{int(problem.seen.sum())} observations", expected="more than unknowns")
     best = converge(problem, wheel, known)
-    correlation = unexplained(problem, best)
+    correlation, repeated = unexplained(problem, best), _repeated(problem, best) if measured.timed else 1.0
     if correlation == 0.0:
         return Solution(problem, best, 1.0, _two_sided(dof), misfit(problem, best))
     # The maximum-likelihood variance spends no degrees of freedom on the parameters; neighbours repeat each other.
     quantile = _two_sided(max(dof / correlation, 1.0))
-    return Solution(problem, best, observations / dof * correlation, quantile, misfit(problem, best))
+    inflation = observations / dof * correlation
+    return Solution(problem, best, inflation, quantile, misfit(problem, best), repeated=repeated)
 
 
 def _two_sided(dof: float) -> float:
@@ -218,11 +221,23 @@ def _counts(problem: Problem) -> tuple[float, float]:
 
 
 def unexplained(problem: Problem, best: Fit) -> float:
-    """How many neighbouring samples say the same of what a fit leaves unexplained; 0 where noise explains all."""
+    """How many neighbouring samples say the same of what a fit leaves; 0 where independent noise explains all."""
     ratio = np.exp(best.point.log_sd[problem.answers]) / problem.noise[problem.answers]
+    residuals = _weighted(problem, best)
     if not (ratio > _EXPLAINED).any():
-        return 0.0
-    return _correlation_time(best.residuals[:, problem.answers] * np.sqrt(best.weights)[:, None])
+        residuals = residuals[:, alike(residuals)]
+    return correlation_time(residuals) if residuals.size else 0.0
+
+
+def _weighted(problem: Problem, best: Fit) -> np.ndarray:
+    """Residuals (n, m) of the answers, gross errors made small."""
+    return best.residuals[:, problem.answers] * np.sqrt(best.weights)[:, None]
+
+
+def _repeated(problem: Problem, best: Fit) -> float:
+    """How many neighbouring samples say the same because the noise lasts from row to row."""
+    driven = problem.measured[:, problem.answers] * np.exp(-best.point.log_sd[problem.answers])
+    return memory(_weighted(problem, best), driven)
 
 
 def converge(problem: Problem, wheel: Wheel, known: SoilKnowledge) -> Fit:
@@ -311,23 +326,6 @@ def _start(
         low, high = PLAUSIBLE["stiffness_Pa"]
         values["stiffness_Pa"] = float(np.clip(1e5 * share, low, high)) if share > 0.0 else 1e5
     return TextbookWheel(wheel).to_vector(values), theta_1
-
-
-def _correlation_time(residuals: np.ndarray) -> float:
-    """Number of neighbouring samples that say the same: 1 + 2 sum of autocorrelations, the largest over channels.
-
-    The sum runs while pairs of autocorrelations are positive (C. J. Geyer, Statist. Sci. 7 (1992), Sec. 3.3).
-    """
-    longest = 1.0
-    for column in residuals.T:
-        values = column[np.isfinite(column)]
-        if len(values) < 8 or float(values @ values) == 0.0:
-            continue
-        correlation = autocorrelations(values)
-        pairs = correlation[1:-1:2] + correlation[2::2]
-        positive = int(np.argmax(pairs <= 0.0)) if (pairs <= 0.0).any() else len(pairs)
-        longest = max(longest, 1.0 + 2.0 * float(pairs[:positive].sum()))
-    return min(longest, max(len(residuals) / 4.0, 1.0))
 
 
 def _correlations(covariance: np.ndarray, free: np.ndarray) -> dict[str, float]:

@@ -47,7 +47,8 @@ def rejected(solution: Solution, wrong_form: float) -> bool:
     """Say whether the samples contradict the textbook's form: by its misfit, or by the score test of the freedoms."""
     if solution.misfit > wrong_form:
         return True
-    return bool(score_statistic(solution) > chi2.ppf(1.0 - FALSE_ALARMS, len(FREEDOMS)))
+    # Rows that repeat each other make the score's variance as many times what it is of independent ones.
+    return bool(score_statistic(solution) / solution.repeated > chi2.ppf(1.0 - FALSE_ALARMS, len(FREEDOMS)))
 
 
 def score_statistic(solution: Solution) -> float:

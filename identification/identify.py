@@ -23,6 +23,7 @@ from .felt_rows import FeltRows, felt_rows
 from .forward import CHANNELS
 from .gate import LIMITS, Stretch, quasi_static
 from .geometry import by_geometry
+from .lasting import as_rows_repeat, said
 from .noise import sensor_noise
 from .restless import as_answers_tell
 from .trials import AS_TRIALS, is_of_trials, without_time
@@ -173,14 +174,14 @@ def _segments(rows: FeltRows, stretch: Stretch, known: SoilKnowledge, method: Me
 
 def _soils(rows: FeltRows, stretch: Stretch, known: SoilKnowledge) -> list[Segment]:
     kept, whole, notes = as_answers_tell(usable(measured_rows(rows, stretch.rows)), rows.wheel, known)
-    parts = split_soils(kept, rows.wheel, known, whole, least_rows=LIMITS.least_rows)
+    parts = split_soils(kept, rows.wheel, known, whole, LIMITS)
     borders = [float(kept.order[part.start]) for part, _ in parts[1:]]
     starts, ends = [stretch.start_s, *borders], [*borders, stretch.end_s]
     segments = []
     for (part, solution), start, end in zip(parts, starts, ends, strict=True):
         own = replace(kept, channels=kept.channels[part], order=kept.order[part])
         estimate = summarise(solution, own, rows.wheel)
-        estimate = replace(estimate, problems=(*estimate.problems, *notes))
+        estimate = replace(estimate, problems=(*estimate.problems, *notes, *said(kept, solution)))
         segments.append(Segment(start, end, True, "", len(own.channels), estimate))
     return segments
 
@@ -198,9 +199,10 @@ def _overall(
     if method == "linear":
         return _estimate(rows, chosen, known, method), False
     kept, solution, notes = as_answers_tell(usable(measured_rows(rows, chosen)), rows.wheel, known)
+    solution = as_rows_repeat(kept, solution, rows.wheel, known)
     mixed = solution.misfit > most_misfit
     estimate = summarise(solution, kept, rows.wheel, one_soil=not mixed)
-    return replace(estimate, problems=(*estimate.problems, *notes)), mixed
+    return replace(estimate, problems=(*estimate.problems, *notes, *said(kept, solution))), mixed
 
 
 def measured_rows(rows: FeltRows, chosen: np.ndarray) -> Measured:
@@ -212,7 +214,7 @@ def measured_rows(rows: FeltRows, chosen: np.ndarray) -> Measured:
     nothing = np.full(len(table), math.nan)
     channels = np.column_stack([table.columns.get(name, nothing) for name in CHANNELS])
     if "time_s" not in table:
-        return Measured(channels, noise, table["slip"])
+        return Measured(channels, noise, table["slip"], timed=False)
     stated = np.array([name in rows.vehicle.noise for name in CHANNELS])
     return Measured(channels, noise, table["time_s"], stated)
 

@@ -10,10 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..framework.core.soil import SoilKnowledge
+from ..framework.core.soil import WRONG_FORM, SoilKnowledge
 from ..framework.core.vehicle import Wheel
 from .errors_in_variables import Fit, fit
-from .estimation import ANSWERS, WRONG_FORM, Measured, Solution, solve
+from .estimation import ANSWERS, Measured, Solution, solve
 from .noise import least_noise
 
 TOLD = 25.0

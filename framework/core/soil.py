@@ -30,6 +30,9 @@ PUBLISHED = {"phi_rad": (math.radians(5.0), math.radians(50.0)), "n": (0.105, 1.
 to 1.6 (snow) in Wong 2010, Table 2.3; dense lunar soil has up to 50 degrees (G. Heiken et al., "Lunar Sourcebook"
 (1991), Ch. 9)."""
 
+WRONG_FORM = 1.5
+"""A misfit beyond this many times the sensors' noise is reported as an error of the model's form [-]."""
+
 UNDRAINED_C_PA = 5e3
 """From this cohesion [Pa] on a soil may have no friction: saturated clay that does not drain."""
 
