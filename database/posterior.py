@@ -27,8 +27,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..framework.core.soil import PLAUSIBLE, Quantity
+from ..framework.core.soil import PLAUSIBLE, WRONG_FORM, Quantity
 from .observations import SoilObservation
+from .places import as_places
 
 LEAST_CLASS_PROBABILITY = 0.5
 """A stretch that is more probably something else tells nothing of a class."""
@@ -155,11 +156,13 @@ class ClassSoil:
     stretches
         Number of stretches that it rests on.
     weight
-        The same, each counted by the probability that it was of this class.
+        Number of places that these are of (`places`), each counted by the probability that it was of this class.
     normal_stress_Pa
         Least and greatest normal stress driven [Pa]; NaN where unknown.
     load_N
         Mean load on one wheel [N]; NaN where unknown.
+    misfits
+        Does the textbook's form hold on none of the stretches?
     """
 
     name: str
@@ -169,13 +172,16 @@ class ClassSoil:
     weight: float
     normal_stress_Pa: tuple[float, float]
     load_N: float
+    misfits: bool = False
 
 
 def class_soils(soils: Sequence[SoilObservation]) -> dict[str, ClassSoil]:
     """Derive what is known of every class that wheels have felt; the others are absent.
 
     A stretch counts for the class that it most probably was of, if that is at least `LEAST_CLASS_PROBABILITY` probable,
-    and by that probability; one whose gate closed, or whose estimate is not finite, counts for none.
+    and by that probability; one whose gate closed, or whose estimate is not finite, counts for none. Stretches of one
+    drive follow one another in order of time: those that a cut alone divides count as one place, and so do all where
+    the textbook's form holds on none (`places`).
     """
     felt: dict[str, list[tuple[SoilObservation, float]]] = {}
     for soil in soils:
@@ -191,8 +197,9 @@ def class_soils(soils: Sequence[SoilObservation]) -> dict[str, ClassSoil]:
 
 
 def _class_soil(name: str, stretches: list[tuple[SoilObservation, float]]) -> ClassSoil:
-    weight = np.array([probability for _, probability in stretches])
-    estimates = [soil.estimate for soil, _ in stretches if soil.estimate is not None]
+    places = as_places(stretches)
+    weight = np.array([probability for _, probability in places])
+    estimates = [soil.estimate for soil, _ in places if soil.estimate is not None]
     means = np.array([estimate.mean_c_tan_phi for estimate in estimates])
     noise = _positive(np.array([estimate.covariance_c_tan_phi for estimate in estimates]))
     # The prior's size rests on the best-known stretches: by precision, in either direction.
@@ -203,8 +210,8 @@ def _class_soil(name: str, stretches: list[tuple[SoilObservation, float]]) -> Cl
             for index, which in enumerate(("c_Pa", "tan_phi"))
         ]
     )
-    stresses = np.array([soil.normal_stress_Pa for soil, _ in stretches])
-    loads = np.array([soil.load_N for soil, _ in stretches])
+    stresses = np.array([soil.normal_stress_Pa for soil, _ in places])
+    loads = np.array([soil.load_N for soil, _ in places])
     seen = np.isfinite(loads)
     return ClassSoil(
         name,
@@ -214,6 +221,7 @@ def _class_soil(name: str, stretches: list[tuple[SoilObservation, float]]) -> Cl
         float(np.sum(weight)),
         (_nan_extreme(np.min, stresses[:, 0]), _nan_extreme(np.max, stresses[:, 1])),
         float(np.average(loads[seen], weights=weight[seen])) if np.any(seen) else math.nan,
+        misfits=all(estimate.misfit > WRONG_FORM for estimate in estimates),
     )
 
 

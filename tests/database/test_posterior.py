@@ -121,3 +121,34 @@ def test_a_singular_covariance_is_fine(make):
     location, scale, _ = fit.predict(GRADIENT)  # 20 kPa is where the trade-off is exact: all three agree there
     assert location == pytest.approx(13000.0, rel=0.01)
     assert scale < 3500.0
+
+
+def lower_bound(soils) -> float:
+    location, scale, freedom = class_soils(soils)["sand"].strength.predict(GRADIENT)
+    return location + scale * stdtrit(freedom, 0.05)
+
+
+def test_pieces_of_one_stretch_are_one_place_however_finely_it_is_cut(make):
+    pieces = [make.felt({"sand": 1.0}, 1000.0 + 100.0 * (-1) ** each, at_s=5.0 * each) for each in range(16)]
+    whole = make.felt({"sand": 1.0})
+    assert class_soils(pieces)["sand"].weight == 1.0
+    assert class_soils(pieces)["sand"].stretches == 16
+    assert lower_bound(pieces) <= lower_bound([whole])
+    apart = [dataclasses.replace(each, start_s=2.0 * each.start_s, end_s=2.0 * each.start_s + 5.0) for each in pieces]
+    assert class_soils(apart)["sand"].weight == 16.0
+
+
+def misfitting(soil):
+    return dataclasses.replace(soil, estimate=dataclasses.replace(soil.estimate, misfit=4.0))
+
+
+def test_estimates_of_a_wrong_form_never_tighten_the_bound(make):
+    fitting = [make.felt({"sand": 1.0}, 1000.0 + 150.0 * one, at_s=20.0 * one) for one in range(3)]
+    wrong = [misfitting(make.felt({"sand": 1.0}, 1100.0, at_s=100.0 + 20.0 * one)) for one in range(9)]
+    assert lower_bound(fitting + wrong) == lower_bound(fitting)
+    assert lower_bound(wrong) <= lower_bound(wrong[:1])
+    between = [make.felt({"sand": 1.0}, at_s=5.0 * one) for one in range(3)]
+    between[1] = misfitting(between[1])
+    assert class_soils(between)["sand"].weight == 1.0
+    assert class_soils(wrong)["sand"].misfits
+    assert not class_soils(fitting + wrong)["sand"].misfits
