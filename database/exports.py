@@ -100,6 +100,7 @@ def _soil_row(snapshot: Snapshot, soil: ClassSoil, normal_stress: float, confide
         "n": _other(soil, "n"),
         "normal_stress_driven_Pa": [_finite(stress) for stress in soil.normal_stress_Pa],
         "load_N": _finite(soil.load_N),
+        "misfits": soil.misfits,
     }
 
 

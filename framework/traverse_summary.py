@@ -87,6 +87,10 @@ class LearntSoil:
         By parameter: do the data determine it?
     advice
         What driving would determine what these data do not.
+    misfit
+        Root of the mean squared residual in units of the sensors' noise [-].
+    problems
+        What is to be minded in using the estimate, such as a model that does not fit.
     """
 
     class_name: str | None
@@ -97,6 +101,8 @@ class LearntSoil:
     parameters: Mapping[str, Quantity]
     separable: Mapping[str, bool]
     advice: str
+    misfit: float
+    problems: tuple[str, ...]
 
     @staticmethod
     def of(estimate: SoilEstimate, belief: Mapping[str, float], start_s: float, end_s: float) -> LearntSoil:
@@ -111,6 +117,8 @@ class LearntSoil:
             parameters=dict(estimate.parameters),
             separable=dict(estimate.separable),
             advice=estimate.advice,
+            misfit=estimate.misfit,
+            problems=estimate.problems,
         )
 
 

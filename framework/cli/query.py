@@ -150,6 +150,11 @@ def _print_notes(rows: list[dict[str, Any]], stress: float, confidence: float) -
             f"± one standard deviation; shear strength at {stress / 1e3:g} kPa normal stress, "
             f"lower bound at confidence {confidence:.4g}"
         )
+    for row in rows:
+        if row.get("misfits"):
+            print(
+                f"note: {row['class']}: the textbook wheel does not fit what was felt; its stretches count as one place"
+            )
     reasons = Counter(row["unknown"] for row in rows if not row["known"])
     for reason, count in reasons.items():
         print(f"unknown: {reason}" + (f" ({count} of {len(rows)})" if count > 1 else ""))

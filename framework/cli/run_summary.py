@@ -97,6 +97,9 @@ def _print_soils(summary: TraverseSummary) -> None:
             rows,
             title="\nsoil learnt",
         )
+    for soil in summary.soils:
+        for problem in soil.problems:
+            out().print(f"note, {soil.start_s:.0f} to {soil.end_s:.0f} s: {escape(problem)}", soft_wrap=True)
     for advice in dict.fromkeys(soil.advice for soil in summary.soils if soil.advice):
         out().print(f"to learn more: {escape(advice)}", soft_wrap=True)
     closed = [[f"{seconds:.0f}", reason] for reason, seconds in list(summary.closed_s.items())[:_REASONS_SHOWN]]

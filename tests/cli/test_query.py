@@ -13,7 +13,7 @@ from bevameter.framework.cli.main import main
 from bevameter.framework.core.soil import Quantity
 
 
-def some_drive(site: str = "quarry") -> Drive:
+def some_drive(site: str = "quarry", misfit: float = 1.0) -> Drive:
     """Sand with soil at cell (0, 0), asphalt without at (1, 0), something dark at (-7, 4)."""
     evidence = ClassEvidence(
         ("asphalt", "sand"), np.array([[0.0, 1.0], [1.0, 0.0], [0.5, 0.5]]), np.ones(3), np.array([False, False, True]),
@@ -25,7 +25,7 @@ def some_drive(site: str = "quarry") -> Drive:
     names = {"c_Pa": 800.0, "phi_rad": 0.5, "k_m": 0.02, "stiffness_Pa": 5e5, "n": 1.0}
     estimate = SoilEstimate(
         {name: Quantity(value, 0.02 * value, value, value) for name, value in names.items()},
-        np.array([800.0, 0.55]), np.diag([20.0**2, 0.01**2]), {}, (), {}, "", "ml", ("load_N",), 50, 1.0,
+        np.array([800.0, 0.55]), np.diag([20.0**2, 0.01**2]), {}, (), {}, "", "ml", ("load_N",), 50, misfit,
     )  # fmt: skip
     soils = tuple(SoilObservation(i, i + 1, 0, 0, {"sand": 1.0}, estimate, (5e3, 3e4), 80.0) for i in range(6))
     return Drive(f"digest of {site}", "drive", site, "rover", None, {}, "m", terrain, soils)
@@ -210,3 +210,13 @@ def test_the_command_loads_nothing_heavy():
     assert "'typer'" in heavy
     assert "'sqlalchemy'" not in heavy
     assert "'pint'" not in heavy
+
+
+def test_a_class_that_the_model_does_not_fit_is_said_so(query, tmp_path):
+    assert "does not fit" not in query("classes")[1]
+    with TerrainDatabase(str(tmp_path / "wrong.db")) as database:
+        database.add_drive(some_drive(misfit=4.0))
+    assert "sand: the textbook wheel does not fit" in query("classes", "--db", "wrong.db")[1]
+    asphalt, sand = json.loads(query("classes", "--db", "wrong.db", "--format", "json")[1])["classes"]
+    assert sand["misfits"]
+    assert "misfits" not in asphalt

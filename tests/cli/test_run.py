@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
+from bevameter import SoilEstimate
 from bevameter.framework.cli.main import app
+from bevameter.framework.cli.run_summary import print_summary
+from bevameter.framework.core.soil import Quantity
+from bevameter.framework.traverse_summary import LearntSoil, TraverseSummary
 from typer.testing import CliRunner
 
 WHEEL = "time_s,load_N,slip,torque_Nm\n0.0,500,0.1,12\n0.1,500,0.2,13\n"
@@ -77,3 +82,19 @@ def test_wheels_alone_make_a_summary_that_says_what_is_missing(tmp_path, folder)
     assert "no camera in the recording" in result.output
     assert "no sound in the recording" in result.output
     assert "no places" in result.output
+
+
+def test_a_model_that_does_not_fit_is_said_and_written(capsys):
+    estimate = SoilEstimate(
+        {"c_Pa": Quantity(1e3, 1e2, 8e2, 12e2)}, np.array([1e3, 0.5]), np.eye(2), {}, (), {"c_Pa": False}, "", "ml",
+        ("load_N",), 50, 4.2, ("the textbook's form does not hold",),
+    )  # fmt: skip
+    soils = (LearntSoil.of(estimate, {"sand": 1.0}, 3.0, 9.0),)
+    summary = TraverseSummary(
+        "drive", "drive", "0", "", "", "t.db", False, 9.0, 1.0, "", 0.5, False, {}, {}, 0, (), soils, {}, 6.0, 1, 0,
+        (), (), 1.0,
+    )  # fmt: skip
+    print_summary(summary)
+    assert "note, 3 to 9 s: the textbook's form does not hold" in capsys.readouterr().out
+    (soil,) = summary.as_dict()["soils"]
+    assert (soil["misfit"], soil["problems"]) == (4.2, estimate.problems)
