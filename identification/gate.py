@@ -42,7 +42,9 @@ class Limits:
     least_s, least_rows
         A shorter stretch is not used.
     bridge_s
-        A shorter closure does not end a stretch; its rows are left out.
+        A shorter closure does not end a stretch; its rows are left out. Nor does a shorter gap of the clock.
+    gap_steps
+        A gap of so many usual steps of the clock is a pause, and ends a stretch [-].
     """
 
     froude: float = 0.35
@@ -55,6 +57,7 @@ class Limits:
     least_s: float = 5.0
     least_rows: int = 30
     bridge_s: float = 0.5
+    gap_steps: float = 5.0
 
 
 LIMITS = Limits()
@@ -163,7 +166,7 @@ def _rate(time_s: np.ndarray, speed: np.ndarray) -> np.ndarray:
 def find_stretches(
     time_s: np.ndarray, reasons: np.ndarray, boundaries_s: np.ndarray, limits: Limits = LIMITS
 ) -> list[Stretch]:
-    """Cut a drive into stretches that can be used and stretches that cannot.
+    """Cut a drive into stretches that can be used and stretches that cannot; a pause of the clock is in none.
 
     Parameters
     ----------
@@ -181,15 +184,24 @@ def find_stretches(
     np.logical_or.at(opened, index, reasons == "")
     opened = _bridged(instants, opened, limits.bridge_s)
     cell = np.searchsorted(np.sort(boundaries_s), instants, side="right")
-    change = np.flatnonzero((np.diff(opened.astype(int)) != 0) | (np.diff(cell) != 0)) + 1
+    paused = _paused(instants, limits)
+    change = np.flatnonzero((np.diff(opened.astype(int)) != 0) | (np.diff(cell) != 0) | paused) + 1
     edges = [0, *change.tolist(), len(instants)]
     answer = []
     for first, last in pairwise(edges):
         inside = (index >= first) & (index < last)
         rows = np.flatnonzero(inside & (reasons == ""))
-        start, end = float(instants[first]), float(instants[min(last, len(instants) - 1)])
+        goes_on = last < len(instants) and not paused[last - 1]
+        start, end = float(instants[first]), float(instants[last if goes_on else last - 1])
         answer.append(Stretch(start, end, rows, _verdict(opened[first], reasons[inside], rows, end - start, limits)))
     return answer
+
+
+def _paused(instants: np.ndarray, limits: Limits) -> np.ndarray:
+    """Say of instants (n,) [s] where the next one comes after a pause: (n - 1,)."""
+    step = np.diff(instants)
+    usual = float(np.median(step)) if len(step) else 0.0
+    return step > max(limits.gap_steps * usual, limits.bridge_s)
 
 
 def _bridged(instants: np.ndarray, opened: np.ndarray, bridge_s: float) -> np.ndarray:

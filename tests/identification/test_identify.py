@@ -117,6 +117,16 @@ def test_short_closures_do_not_cut_a_stretch_and_short_stretches_are_not_used():
     assert len(stretches[0].rows) == 117
 
 
+def test_a_pause_of_the_clock_ends_a_stretch_and_is_no_driving():
+    time_s = np.arange(200) / 10.0
+    time_s[34:] += 3600.0
+    time_s[100:] += 0.3
+    before, after = find_stretches(time_s, np.full(200, "", dtype=object), np.empty(0))
+    assert before.reason == "too short (3.3 s, 34 rows)"
+    assert after.reason == ""
+    assert (before.end_s, after.start_s, after.end_s) == pytest.approx((3.3, 3603.4, 3620.2))
+
+
 def test_fast_driving_is_never_identified_from(rng):
     slow, fast = drive(rng), drive(rng, (CLAY,), speed=2.5)
     columns = {name: np.concatenate([slow[name], fast[name]]) for name in slow.columns}
