@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..framework.core.soil import PARAMETERS, PLAUSIBLE, Quantity, ShearStrength
+from ..framework.core.soil import PARAMETERS, PLAUSIBLE, PUBLISHED, Quantity, ShearStrength
 from .forward import TextbookWheel
 from .stress_kernel import NODES, WEIGHTS
 from .wheel_soil import PEAK_SHARE
@@ -24,6 +24,11 @@ _TWO_SIDED = 1.96
 
 GROSSLY_WRONG = 3.0
 """Misfit beyond which nothing counts as determined: what is left out of the model weighs more than the noise [-]."""
+
+MOST_OF_SOILS = 0.5
+"""Nothing whose interval spans more than this share of what soils have is separable, however little it matters [-]."""
+
+_SOILS_HAVE = {"c_Pa": PLAUSIBLE["c_Pa"], **PUBLISHED}
 
 FACTOR = 2.0
 """k, stiffness or n is separable if its interval is within this factor of its value [-]."""
@@ -88,6 +93,8 @@ def separable(
         quantity = quantities[name]
         if not free[index]:
             answer[name] = True
+        elif _spans_soils(name, quantity):
+            answer[name] = False
         elif name == "c_Pa":
             answer[name] = _TWO_SIDED * quantity.sd <= most
         elif name == "phi_rad":
@@ -96,6 +103,14 @@ def separable(
         else:
             answer[name] = quantity.high <= FACTOR * quantity.value and quantity.low >= quantity.value / FACTOR
     return answer
+
+
+def _spans_soils(name: str, quantity: Quantity) -> bool:
+    """Say whether an interval holds most of the values that soils have; of k and stiffness `FACTOR` says enough."""
+    if name not in _SOILS_HAVE:
+        return False
+    low, high = _SOILS_HAVE[name]
+    return min(quantity.high, high) - max(quantity.low, low) > MOST_OF_SOILS * (high - low)
 
 
 def advise(channels: np.ndarray, determined: Mapping[str, bool], covariance: np.ndarray, misfit: float) -> str:

@@ -7,7 +7,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from bevameter.framework.core.soil import Quantity, ShearStrength
 from bevameter.identification import intervals
+from bevameter.identification.identifiability import separable
 
 QUANTILE = 1.96
 
@@ -67,3 +69,19 @@ def test_a_profile_that_breaks_off_ends_at_its_edge(monkeypatch, edge):
 
 def test_a_flat_profile_ends_at_the_bound(monkeypatch):
     assert end(monkeypatch, lambda at: -1e-4 * at**2, bound=3.0)[0] == pytest.approx(3.0)
+
+
+def test_a_friction_that_may_be_nearly_any_is_not_determined_however_little_it_matters():
+    """A cohesive soil: 50 degrees of friction are worth little of its strength."""
+    strength = (ShearStrength(1e3, 12e3, 11.5e3, 12.5e3),)
+    quantities = {
+        "c_Pa": Quantity(12e3, 300.0, 11.4e3, 12.6e3),
+        "phi_rad": Quantity(0.2, 0.3, 0.0, 0.918),
+        "k_m": Quantity(0.01, 0.001, 0.008, 0.012),
+        "stiffness_Pa": Quantity(1e5, 1e4, 8e4, 1.2e5),
+        "n": Quantity(1.0, 0.1, 0.8, 1.2),
+    }
+    told = separable(quantities, strength, np.ones(5, dtype=bool), 1.0)
+    assert told == {"c_Pa": True, "phi_rad": False, "k_m": True, "stiffness_Pa": True, "n": True}
+    narrow = {**quantities, "phi_rad": Quantity(0.2, 0.1, 0.0, 0.39)}
+    assert separable(narrow, strength, np.ones(5, dtype=bool), 1.0)["phi_rad"]
