@@ -129,6 +129,8 @@ def _one_wheel(recording: Recording, known: SoilKnowledge, method: Method) -> Id
     chosen = [stretch.rows for stretch in stretches if not stretch.reason]
     found = [segment.estimate for segment in segments if segment.used]
     overall, problems = None, rows.problems
+    if rows.wheel.grouser_count and rows.wheel.grouser_height_m:
+        problems = (*problems, "the wheel's lugs are left out, as the textbook wheel has none: `explain` models them")
     if found and any(len(each) > MOST_ROWS for each in chosen):
         problems = (*problems, f"stretches of more than {MOST_ROWS} rows are thinned evenly to so many")
     if len(found) == 1:

@@ -66,6 +66,11 @@ def simulate(
     answers = {name: np.full(len(table), np.nan) for name in ANSWERS}
     slips = np.full(len(table), np.nan)
     names = [None] if table.wheel is None else list(np.unique(table.wheel))
+    if names == [None] and len(vehicle.wheels) > 1:
+        which = " or ".join(wheel.name for wheel in vehicle.wheels)
+        raise InputError(
+            table.source, "no column wheel", expected=f"which wheel of the vehicle each row is of: {which}"
+        )
     parts = []
     for name in names:
         wheel = vehicle.wheel(name)
@@ -85,6 +90,35 @@ def simulate(
         for column, values in zip(ANSWERS, channels, strict=True):
             answers[column][rows] = values
     return WheelTable({**table.columns, "slip": slips, **answers}, table.wheel, table.run, table.source)
+
+
+def notes(vehicle: Vehicle, simulated: WheelTable, effects: Sequence[str | NamedEffect] = ()) -> list[str]:
+    """Say in words in how many rows of a simulation there is no answer and why, and what was left out of it.
+
+    Parameters
+    ----------
+    vehicle, effects
+        As in `simulate`.
+    simulated
+        What it gave.
+    """
+    load, slip = simulated["load_N"], simulated["slip"]
+    left = ~np.all([np.isfinite(simulated[name]) for name in ANSWERS], axis=0)
+    found = []
+    for why, rows in (
+        ("load or slip is missing", ~(np.isfinite(load) & np.isfinite(slip))),
+        ("the load is not above 0 N", load <= 0.0),
+        ("slip is beyond -1 to 1", np.abs(slip) > 1.0),
+        ("the soil does not carry the load, or an effect lacks what it needs", left),
+    ):
+        count = int(np.sum(left & rows))
+        left &= ~rows
+        if count:
+            found.append(f"{count} of {len(simulated)} rows have no answer: {why}")
+    slugs = [(parse_effect(each) if isinstance(each, str) else each).slug for each in effects]
+    if any(wheel.grouser_count and wheel.grouser_height_m for wheel in vehicle.wheels) and "grousers" not in slugs:
+        found.append("the vehicle's lugs are left out, as the textbook wheel has none: --effect grousers adds them")
+    return found
 
 
 def _textbook(wheel: Wheel, soil: Soil, table: WheelTable) -> tuple[np.ndarray, ...]:

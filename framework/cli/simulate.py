@@ -25,11 +25,15 @@ def command(
     ] = None,
 ) -> None:
     """Add torque, sinkage and drawbar pull to a drive."""
-    from ...identification.simulate import simulate
+    from ...identification.simulate import notes, simulate
     from ..core.recording.write import write_wheel_file
+    from ..core.vehicle import load_vehicle
     from .printing import check_outputs
 
     check_outputs([out], [drive, vehicle, soil])
-    table = simulate(vehicle, soil, drive, tuple(effect or ()))
+    driven, effects = load_vehicle(vehicle), tuple(effect or ())
+    table = simulate(driven, soil, drive, effects)
     write_wheel_file(table, out)
     print(f"{len(table)} rows written to {out}")
+    for note in notes(driven, table, effects):
+        print(f"note: {note}")

@@ -453,6 +453,13 @@ def test_a_wheel_that_no_wheel_can_be_is_one_clear_error(rng, value, message):
         identify(recording(table, None))
 
 
+def test_lugs_that_are_left_out_are_said(rng):
+    lugged = Wheel(radius_m=0.15, width_m=0.12, grouser_height_m=0.01, grouser_count=12)
+    problems = identify(recording(drive(rng), Vehicle(wheels=(lugged,), noise=VEHICLE.noise))).problems
+    assert any("lugs are left out" in problem for problem in problems)
+    assert not any("lugs" in problem for problem in identify(recording(drive(rng))).problems)
+
+
 def test_lugs_higher_than_the_wheel_are_one_clear_error(rng):
     """In millimetres."""
     table = with_columns(trials(rng), grouser_height_m=np.full(48, 10.0), grouser_count=np.full(48, 24.0))

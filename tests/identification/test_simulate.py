@@ -12,6 +12,7 @@ from bevameter.framework.core.recording.write import write_wheel_file
 from bevameter.framework.core.vehicle import Vehicle, Wheel
 from bevameter.identification.effects.catalogue import SLUGS, forms_by_name
 from bevameter.identification.effects.named import NamedEffect, specimen
+from bevameter.identification.simulate import notes
 from bevameter.identification.wheel_soil import Soil, equilibrium
 from typer.testing import CliRunner
 
@@ -179,3 +180,37 @@ def test_a_wheel_behind_runs_on_what_the_one_in_front_left():
     found = simulate(two, SOIL, table, effects=compaction)["sinkage_m"]
     np.testing.assert_allclose(found, expected, rtol=1e-9)
     assert expected[later & (place < 1.5)].mean() > 1.1 * expected[later & (place > 2.5)].mean()
+
+
+def test_rows_without_an_answer_are_counted_and_the_reason_is_said(tmp_path):
+    for name, text in (
+        ("vehicle.toml", "[wheel]\nradius_m = 0.15\nwidth_m = 0.12\n"),
+        ("soil.toml", "c_Pa = 300\nphi_deg = 31\nk_m = 0.012\nstiffness_Pa = 9e4\nn = 0.9\n"),
+        ("drive.csv", "time_s,load_N,slip\n0,-100,.2\n1,0,.2\n2,100,.2\n3,1e6,.2\n4,100,\n5,,0.2\n"),
+    ):
+        (tmp_path / name).write_text(text)
+    files = [str(tmp_path / name) for name in ("drive.csv", "vehicle.toml", "soil.toml", "out.csv")]
+    options = ("--vehicle", "--soil", "--out")
+    asked = [files[0], *(each for pair in zip(options, files[1:], strict=True) for each in pair)]
+    result = CliRunner().invoke(app, ["simulate", *asked])
+    assert result.exit_code == 0, result.output
+    assert "2 of 6 rows have no answer: load or slip is missing" in result.output
+    assert "2 of 6 rows have no answer: the load is not above 0 N" in result.output
+    assert "1 of 6 rows have no answer: the soil does not carry the load" in result.output
+    assert "lugs" not in result.output
+
+
+def test_lugs_that_are_stated_and_left_out_are_said(drive_file):
+    lugged = Vehicle(wheels=(Wheel(radius_m=0.15, width_m=0.12, grouser_height_m=0.01, grouser_count=12),))
+    table = simulate(lugged, SOIL, drive_file)
+    assert any("lugs are left out" in note for note in notes(lugged, table))
+    assert not any("lugs" in note for note in notes(lugged, table, ["grousers"]))
+    assert not any("lugs" in note for note in notes(VEHICLE, table))
+
+
+def test_several_wheels_need_a_column_that_tells_them_apart(drive_file):
+    two = Vehicle(
+        wheels=(Wheel(radius_m=0.15, width_m=0.12, name="front"), Wheel(radius_m=0.2, width_m=0.12, name="rear"))
+    )
+    with pytest.raises(InputError, match=r"drive\.csv: no column wheel.*front or rear"):
+        simulate(two, SOIL, drive_file)
