@@ -18,6 +18,11 @@ if TYPE_CHECKING:
     from .snapshot import Snapshot
 
 
+FAR_FROM_DRIVEN = 2.0
+"""Beyond so many times the greatest normal stress driven, or as much below the least, strength is extrapolated [-]: the
+bound holds the error of the line through c and tan phi there, and not that soils' strength bends away from it."""
+
+
 @dataclass(frozen=True)
 class StrengthTable:
     """Every class's soil at one normal stress and one confidence, ready for mixing.
@@ -36,6 +41,8 @@ class StrengthTable:
         Covariance of a new place plus the mean's outer product, flattened.
     mixture
         Distribution of the shear strength by class, only of those with soil; None where no class has.
+    extrapolated : (k,) bool
+        Is the normal stress far from those driven on this class (`FAR_FROM_DRIVEN`)?
     """
 
     normal_stress: float
@@ -44,6 +51,7 @@ class StrengthTable:
     mean: np.ndarray
     second_moment: np.ndarray
     mixture: MixtureTable | None
+    extrapolated: np.ndarray
 
     @staticmethod
     def of(
@@ -63,7 +71,14 @@ class StrengthTable:
         if predicted:
             location, scale, freedom = np.array(predicted).T
             mixture = MixtureTable.of_student(location, scale, freedom, 1.0 - confidence)
-        return StrengthTable(normal_stress, confidence, has_soil, mean, second, mixture)
+        far = np.array([name in soils and _far(normal_stress, soils[name]) for name in class_names], dtype=bool)
+        return StrengthTable(normal_stress, confidence, has_soil, mean, second, mixture, far)
+
+
+def _far(normal_stress: float, soil: ClassSoil) -> bool:
+    """Say whether a normal stress [Pa] is far from those driven; where these are not known, nobody can say so."""
+    least, greatest = soil.normal_stress_Pa
+    return normal_stress > FAR_FROM_DRIVEN * greatest or normal_stress * FAR_FROM_DRIVEN < least
 
 
 @dataclass(frozen=True)
@@ -128,6 +143,12 @@ class GroundAnswer:
         """Class probabilities among the classes with soil, (n, k), summing to one; zero where unknown."""
         table = self.snapshot._table(self.normal_stress, self.confidence)
         return _soil_weight(self.class_probability, self.known, table)[0]
+
+    @property
+    def extrapolated(self) -> np.ndarray:
+        """(n,) bool: is the strength asked far from the normal stresses driven on a class that may well be here?"""
+        table = self.snapshot._table(self.normal_stress, self.confidence)
+        return np.any(self.soil_weight[:, table.extrapolated] > 1.0 - self.confidence, axis=1)
 
     def labels(self) -> list[str]:
         """Give the most probable class of each place, or ``"unknown"``."""

@@ -16,6 +16,7 @@ from .snapshot import Snapshot
 SCHEMA = 1
 """Version of the JSON's meaning (CONTRACTS.md)."""
 
+EXTRAPOLATED = "the normal stress is far from those driven: the strength is extrapolated along a straight line"
 
 _PLACE_FIELDS = (
     "x_m",
@@ -32,13 +33,14 @@ _PLACE_FIELDS = (
     "shear_strength_lower_Pa",
     "age_s",
     "observations",
+    "note",
 )
 """What `answer_rows` says of a place, in its order."""
 
 
 def answer_rows(answer: GroundAnswer) -> list[dict[str, Any]]:
     """Give one row a place: probabilities of classes as a dict, (c, tan phi)'s covariance as [[., .], [., .]]."""
-    labels = answer.labels()
+    labels, extrapolated = answer.labels(), answer.extrapolated
     rows = []
     for index, label in enumerate(labels):
         known = bool(answer.known[index])
@@ -60,6 +62,7 @@ def answer_rows(answer: GroundAnswer) -> list[dict[str, Any]]:
                 "shear_strength_lower_Pa": _finite(answer.shear_strength_lower[index]),
                 "age_s": _finite(answer.age[index]),
                 "observations": int(answer.observation_count[index]),
+                "note": EXTRAPOLATED if extrapolated[index] else None,
             }
         )
     return rows
@@ -101,6 +104,7 @@ def _soil_row(snapshot: Snapshot, soil: ClassSoil, normal_stress: float, confide
         "normal_stress_driven_Pa": [_finite(stress) for stress in soil.normal_stress_Pa],
         "load_N": _finite(soil.load_N),
         "misfits": soil.misfits,
+        "note": EXTRAPOLATED if sure.extrapolated[0] else None,
     }
 
 

@@ -150,6 +150,8 @@ def _print_notes(rows: list[dict[str, Any]], stress: float, confidence: float) -
             f"± one standard deviation; shear strength at {stress / 1e3:g} kPa normal stress, "
             f"lower bound at confidence {confidence:.4g}"
         )
+    for note in dict.fromkeys(row["note"] for row in rows if row.get("note")):
+        print(f"note: {note}")
     for row in rows:
         if row.get("misfits"):
             print(

@@ -220,3 +220,11 @@ def test_a_class_that_the_model_does_not_fit_is_said_so(query, tmp_path):
     asphalt, sand = json.loads(query("classes", "--db", "wrong.db", "--format", "json")[1])["classes"]
     assert sand["misfits"]
     assert "misfits" not in asphalt
+
+
+def test_strength_that_is_extrapolated_is_noted(query):
+    near, far = (query("at", "0.1", "0.1", "--normal-stress", stress)[1] for stress in ("20 kPa", "1e9 Pa"))
+    assert "extrapolated" not in near
+    assert "note: the normal stress is far from those driven" in far
+    (place,) = json.loads(query("at", "0.1", "0.1", "--normal-stress", "1e9 Pa", "--format", "json")[1])["places"]
+    assert "extrapolated" in place["note"]
