@@ -9,6 +9,7 @@ from bevameter.audio.features import HOP_S, RATE_HZ, WINDOW_S
 from bevameter.audio.quality import MEASURES
 from bevameter.framework.core.learning import TerrainClassifier
 from bevameter.vision.features import FEATURE_NAMES as IMAGE_FEATURES
+from bevameter.vision.features import PATCH_PX
 from refusals import VEHICLE, WHEEL, picture, sound
 
 
@@ -38,7 +39,7 @@ def models(tmp_path_factory):
         "usual_mean": [0.0] * len(MEASURES), "usual_sd": [1.0] * len(MEASURES), "low_dB": 0.0, "high_dB": 10.0,
     }  # fmt: skip
     settings = {
-        "vision": {"limits": {"sharp": 0.0, "blurred": -3.0}},
+        "vision": {"patch_px": PATCH_PX, "limits": {"sharp": 0.0, "blurred": -3.0}},
         "audio": {"rate_hz": RATE_HZ, "window_s": WINDOW_S, "hop_s": HOP_S, "noise": noise},
         "vibration": {},
     }
