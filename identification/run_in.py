@@ -40,9 +40,19 @@ the same way, and how many standard errors that share is [-]."""
 _SETTLED = 0.3
 """Standard deviations that are no longer off [-]."""
 
-_FALLS, _FLAT = 0.5, 0.12
-"""How large what settles is at most in the second half of its time, where a patch of other ground stays as it is, and
-what goes on in the rest of the run, as where a sensor drifts: shares of what it began with [-]."""
+_FLAT, _SHORTEST = 0.12, 5
+"""What goes on in the rest of the run, as where a sensor drifts, as a share of what it began with [-]; and rows in
+which a settling shows."""
+
+_STAYS = 1.2
+"""Widths of its edge by which a patch of other ground goes on from the start [-]."""
+
+_LEAST, _LEAST_IMPOSED = 1e-4, 0.01
+"""Scatter that counts at least, of an answer and of what is imposed, as shares of their levels: that of a command, say,
+is none [-]."""
+
+_ONE_RATE = 0.2
+"""Share of the usual time from row to row by which a run's may differ [-]."""
 
 _MARGIN = 1.25
 """Times which so long is left out."""
@@ -81,8 +91,9 @@ def without_run_in(table: WheelTable) -> tuple[WheelTable, list[str]]:
 
     A test at constant slip begins with a wheel that sinks in and shears its way to a steady state, which is all that
     the textbook describes; so does each step of a drive whose slip goes up in steps. All runs have to settle alike,
-    more than their ground varies: what one of them does alone may be the ground, and what goes on at load, slip or
-    speed that change may be the wheel. After steps all answers have to, each from where it was: one may be late.
+    more than their ground varies, in two answers at least: what one run does alone may be the ground, one answer alone
+    an instrument, and what goes on while load, slip or speed settle the wheel. After steps all answers that step have
+    to, each from where it was: one may be late.
 
     Parameters
     ----------
@@ -101,9 +112,13 @@ def without_run_in(table: WheelTable) -> tuple[WheelTable, list[str]]:
         return table, []
     channels = {name: runs.of(table[name]) for name in _ANSWERS if name in table}
     settling = {name: _settling(values, runs.after) for name, values in channels.items()}
-    longest = max(settling.values(), default=0)
-    if longest == 0 or (runs.stepped and _late(channels, settling, runs.after)):
+    begin = sum(np.isfinite(values[:, :_SHORTEST]).any(axis=1).sum() >= _FEWEST_RUNS for values in channels.values())
+    # One alone that settles is an instrument that warms up.
+    if sum(rows > 0 for rows in settling.values()) < max(1, min(2, begin)):
         return table, []
+    if _imposed(table, runs) or (runs.stepped and _late(channels, settling, runs.after)):
+        return table, []
+    longest = max(settling.values())
     first = runs.rows[:, : math.ceil(_MARGIN * longest)]
     kept = np.ones(len(table), dtype=bool)
     kept[first[first >= 0]] = False
@@ -114,6 +129,13 @@ def without_run_in(table: WheelTable) -> tuple[WheelTable, list[str]]:
         f"load, slip and speed stay the same there, and what follows from them still settles ({names})"
     )
     return table.select(kept), [said]
+
+
+def _imposed(table: WheelTable, runs: _Runs) -> bool:
+    """Say whether load, slip or a speed settles, too: what the answers do then may follow from it."""
+    names = ("load_N", "slip", "wheel_speed_rad_s", "travel_speed_m_s")
+    seen = [runs.of(table[name]) for name in names if name in table]
+    return any(_settling(values, runs.after, _LEAST_IMPOSED) > 0 for values in seen)
 
 
 def _runs_at_constant_conditions(table: WheelTable) -> _Runs | None:
@@ -132,6 +154,9 @@ def _runs_at_constant_conditions(table: WheelTable) -> _Runs | None:
                 held.append(piece)
                 after.append(before)
             before = len(held) - 1 if good else -1
+    steps = np.array([np.median(np.diff(table["time_s"][piece])) for piece in held])
+    if not len(held) or np.ptp(steps) > _ONE_RATE * np.median(steps):
+        return None
     if len(held) < _FEWEST_RUNS or sum(map(len, held)) < _MOST_RUNS * len(table):
         return None
     usual = int(np.median([len(piece) for piece in held]))
@@ -191,20 +216,22 @@ def _is_held(conditions: list[np.ndarray], rows: np.ndarray) -> bool:
     return True
 
 
-def _levels(values: np.ndarray) -> tuple[np.ndarray, float]:
-    """Give where a channel (s, k) ends in each run (s,), NaN where that was not seen, and how it scatters there."""
+def _levels(values: np.ndarray, least: float = _LEAST) -> tuple[np.ndarray, float]:
+    """Give where a channel (s, k) ends in each run (s,), NaN where that was not seen, and how it scatters there, that
+    share of its level at `least`.
+    """
     rest = values[:, values.shape[1] // 2 :]
     seen = np.isfinite(rest).sum(axis=1) > rest.shape[1] // 2
     level = np.full(len(values), math.nan)
     level[seen] = np.nanmedian(rest[seen], axis=1)
-    away = rest[seen] - level[seen, None]
-    return level, math.sqrt(float(np.nanmean(away**2))) if seen.any() else 0.0
+    if not seen.any():
+        return level, math.nan
+    scatter = math.sqrt(float(np.nanmean((rest[seen] - level[seen, None]) ** 2)))
+    return level, max(scatter, least * float(np.abs(level[seen]).max()))
 
 
 def _late(channels: dict[str, np.ndarray], settling: dict[str, int], after: np.ndarray) -> bool:
     """Say whether after steps only some of the channels (s, k) that step settle: they come late, by their own fault."""
-    if sum(rows > 0 for rows in settling.values()) < 2:
-        return True
     for name, values in channels.items():
         level, sd = _levels(values)
         steps = (level - level[after])[after >= 0]
@@ -214,7 +241,7 @@ def _late(channels: dict[str, np.ndarray], settling: dict[str, int], after: np.n
     return False
 
 
-def _settling(values: np.ndarray, after: np.ndarray) -> int:
+def _settling(values: np.ndarray, after: np.ndarray, least: float = _LEAST) -> int:
     """Count the first rows in which a channel (s, k) settles in all runs alike; 0 where it does not.
 
     Runs that go on `after` others (s,) settle from where these were, whichever way that is.
@@ -222,13 +249,13 @@ def _settling(values: np.ndarray, after: np.ndarray) -> int:
     count = values.shape[1]
     first = max(math.ceil(_FIRST * count), 2)
     there = np.isfinite(values)
-    level, sd = _levels(values)
+    level, sd = _levels(values, least)
     told = np.isfinite(level) & there[:, :first].any(axis=1)
     way = np.ones(len(values))
     if (after >= 0).any():
         way = np.where(after >= 0, np.sign(level[after] - level), math.nan)
         told &= np.isfinite(way)
-    if told.sum() < _FEWEST_RUNS or sd == 0.0:
+    if told.sum() < _FEWEST_RUNS or not sd > 0.0:
         return 0
     away = ((values - level[:, None]) * way[:, None])[told]
     began = np.nanmean(away[:, :first], axis=1) / sd
@@ -253,5 +280,19 @@ def _length(course: np.ndarray, size: float, first: int) -> int:
     if abs(middle - end) > _FLAT or not len(off):
         return 0
     length = int(off[np.argmax(np.diff(off, append=len(course)) > first)]) + 1
-    begun, ended = (np.abs(part).mean() for part in (course[: -(-length // 2)], course[length // 2 : length]))
-    return length if math.ceil(_MARGIN * length) <= half and ended < _FALLS * begun else 0
+    if length < _SHORTEST or math.ceil(_MARGIN * length) > half:
+        return 0
+    return length if _dies_away(course[:half]) else 0
+
+
+def _dies_away(course: np.ndarray) -> bool:
+    """Say whether a mean course (k,) falls off from the first row on, by an exponential, rather than stays as it is and
+    ends at an edge, as a patch of other ground does, or an answer that comes late: by the squares that each leaves.
+    """
+    rows = np.arange(len(course))
+    by_time = np.exp(-rows / np.geomspace(1.0, 0.5 * len(rows), 40)[:, None])
+    centre, width = (each.ravel() for each in np.meshgrid(rows[2:], np.geomspace(0.5, 0.5 * len(rows), 20)))
+    stays = centre >= _STAYS * width
+    by_edge = 0.5 * (1.0 - np.tanh((rows - centre[stays, None]) / width[stays, None]))
+    told = [float(np.max((each @ course) ** 2 / np.sum(each**2, axis=1))) for each in (by_time, by_edge)]
+    return told[0] > told[1]

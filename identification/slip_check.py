@@ -42,7 +42,7 @@ def speeds_in_another_unit(table: WheelTable, wheel: Wheel) -> str | None:
     rim, travel = table.get("wheel_speed_rad_s"), table.get("travel_speed_m_s")
     if "slip" in table or rim is None or travel is None:
         return None
-    moving = (rim * travel) > 0.0
+    moving = ((rim * travel) > 0.0) & np.isfinite(slip_from_speeds(rim * wheel.radius_m, travel))
     speeds = {"wheel_speed_rad_s": rim[moving], "travel_speed_m_s": travel[moving]}
     if moving.sum() < _LEAST_ROWS or _share_within(speeds, wheel, _STRANGE) > 1.0 - _MOST:
         return None
@@ -63,7 +63,8 @@ def speeds_in_another_unit(table: WheelTable, wheel: Wheel) -> str | None:
 def _share_within(speeds: dict[str, np.ndarray], wheel: Wheel, limits: tuple[float, float]) -> float:
     """Share of rows [-] whose slip, by speeds (n,) [rad/s, m/s], lies within limits."""
     slip = slip_from_speeds(speeds["wheel_speed_rad_s"] * wheel.radius_m, speeds["travel_speed_m_s"])
-    return float(np.mean((slip >= limits[0]) & (slip <= limits[1])))
+    slip = slip[np.isfinite(slip)]
+    return float(np.mean((slip >= limits[0]) & (slip <= limits[1]))) if len(slip) else 0.0
 
 
 def slip_disagreement(table: WheelTable, wheel: Wheel) -> str | None:

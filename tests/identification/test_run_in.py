@@ -107,8 +107,42 @@ def test_an_instrument_that_is_late_after_steps_is_left_to_be_found(late):
     assert without_run_in(in_steps(late))[1] == []
 
 
+@pytest.mark.parametrize("rows", range(1, 9))
+def test_channels_that_arrive_late_are_left_to_be_found(rows):
+    columns = dict(in_steps(()).columns)
+    steady = runs(varied=0.0)
+    for name in ANSWERS:
+        columns[name] = steady[name].copy()
+    for name in ("torque_Nm", "drawbar_pull_N"):
+        by_drive = columns[name].reshape(3, 6 * ROWS)
+        by_drive[:, rows:] = by_drive[:, :-rows].copy()
+    assert without_run_in(WheelTable(columns, None, np.repeat(["a", "b", "c"], 6 * ROWS), "rig.csv"))[1] == []
+
+
+def test_what_load_slip_or_speed_do_first_is_no_start():
+    table = runs(starts())
+    settling = np.tile(SETTLING, 18)
+    for name, change in (("load_N", 1.0 - 0.08 * settling), ("wheel_speed_rad_s", 1.0 - 0.09 * settling)):
+        changing = {**table.columns, name: table[name] * change}
+        assert without_run_in(WheelTable(changing, None, table.run, "rig.csv"))[1] == []
+
+
+def test_runs_of_several_rates_are_left_as_they_are():
+    table = runs(starts())
+    slow = np.isin(np.arange(len(table)) // ROWS, (2, 5, 8, 11, 14, 17)) & (np.arange(len(table)) % 2 == 1)
+    assert without_run_in(table.select(~slow))[1] == []
+
+
 def plateau(_, answers):
     answers[:12] *= 0.8
+
+
+def soft_patch(_, answers):
+    answers *= 1.0 - 0.1 * (1.0 - np.tanh((np.arange(ROWS) - 8.0) / 4.0))[:, None]
+
+
+def warms_up(_, answers):
+    answers[:, 0] += 1.0 - SETTLING
 
 
 def drift(_, answers):
@@ -129,7 +163,9 @@ def one_starts(number, answers):
         starts()(number, answers)
 
 
-@pytest.mark.parametrize("change", [lambda *_: None, plateau, drift, wanders, ripples, one_starts])
+@pytest.mark.parametrize(
+    "change", [lambda *_: None, plateau, soft_patch, warms_up, drift, wanders, ripples, one_starts]
+)
 @pytest.mark.parametrize("seed", range(4))
 def test_nothing_else_is_left_out(change, seed):
     table = runs(change, seed=seed)

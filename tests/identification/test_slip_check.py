@@ -128,6 +128,15 @@ def test_wheels_that_dig_in_or_stand_and_recorded_slips_are_in_no_other_unit(rng
     assert speeds_in_another_unit(told, WHEEL) is None
 
 
+def test_rows_that_nearly_stand_do_not_hide_the_unit(rng):
+    table = without_slip(recorded(rng))
+    table.columns["wheel_speed_rad_s"] *= 180.0 / np.pi
+    table.columns["wheel_speed_rad_s"][7], table.columns["travel_speed_m_s"][7] = 1e-5, 1e-6
+    told = speeds_in_another_unit(table, WHEEL)
+    assert "slips about 0.9" in told
+    assert "degrees per second" in told
+
+
 def test_the_unit_is_noted(rng):
     table = without_slip(recorded(rng))
     table.columns["wheel_speed_rad_s"] *= 9.55

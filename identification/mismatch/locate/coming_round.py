@@ -5,6 +5,8 @@ Ground that varies makes up for it where it is let: what it leaves of foregoing 
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy.ndimage import median_filter
 
@@ -30,6 +32,9 @@ _BESIDE = 101
 _IMPOSED = 0.02
 """Share of load or slip, its variance, that a line may have which they do not bring about [-]."""
 
+_BY_CHANCE = 3.0
+"""Power that noise reaches no more often than once in twenty, beyond the logarithm of how many are looked at."""
+
 
 def coming_round(problem: Problem, fitted: Fitted) -> list[Group]:
     """Give waves (n, 2) on each channel with the wheel's angle and along the track, each the likeliest of its kind."""
@@ -48,15 +53,20 @@ def _along_track(problem: Problem, left: np.ndarray) -> list[Group]:
     """
     drive = problem.samples.drive
     place, length = drive.place_m, float(np.ptp(drive.place_m))
-    most = len(place) / _ROWS
-    if most <= _PERIODS or length == 0.0:
+    # Where several passes share their places, one of them tells how short a wave can be.
+    order = np.lexsort((place, drive.stretch))
+    steps = np.diff(place[order])[np.diff(drive.stretch[order]) == 0]
+    spacing = float(np.median(steps)) if len(steps) else 0.0
+    if length <= _PERIODS * _ROWS * spacing or spacing == 0.0:
         return []
-    periods = np.arange(_PERIODS, most, _FINE)
+    periods = np.arange(_PERIODS, length / (_ROWS * spacing), _FINE)
     power = _power(place / length, periods, left)
     ratio = power / np.maximum(median_filter(power, (_BESIDE, 1), mode="reflect"), 1e-300)
     imposed = np.column_stack([drive.load_N, drive.slip])
     scale = np.maximum(imposed.std(axis=0), 1e-300)
-    shared = _power(place / length, periods, (imposed - imposed.mean(axis=0)) / scale) > _IMPOSED * len(place)
+    # A wave of variance 1 has half of their number for power, noise the one it has by chance among so many.
+    line = max(0.5 * _IMPOSED * len(place), math.log(2.0 * len(periods)) + _BY_CHANCE)
+    shared = _power(place / length, periods, (imposed - imposed.mean(axis=0)) / scale) > line
     strength = np.where(shared.any(axis=1), 0.0, ratio.max(axis=1))
     best = int(np.argmax(strength))
     if strength[best] == 0.0:

@@ -102,8 +102,9 @@ def variables(samples: Samples, sinkage_m: np.ndarray) -> list[Variable]:
     answer = []
     for name, attribute in names_of(samples.drive).items():
         values = getattr(samples.drive, attribute)
-        held = name in _OF_A_SIZE and _is_held(values)
-        if samples.drive.has(attribute) and not held and not _is_unfelt(name, values, samples.wheel.radius_m):
+        if not samples.drive.has(attribute) or (name in _OF_A_SIZE and _is_held(values)):
+            continue
+        if not _is_unfelt(name, values, samples.wheel.radius_m):
             answer.append(Variable(name, values, _edges(values)))
     carried = sinkage_m[np.isfinite(sinkage_m)]
     if carried.size and np.ptp(carried) > 0.0:

@@ -16,6 +16,7 @@ from ..fit.fitting import Fitted, Problem
 from ..fit.trial import NOT_EXCLUDED, Trial, temperature
 from ..locate.coming_round import ALONG_TRACK
 from ..locate.noise_floor import noise_floor
+from ..locate.play import BEHIND_PLAY
 from ..locate.smooth_correction import SmoothCorrection
 from ..locate.variables import CONSTANT, LAG, names_of
 from ..name.naming import ASSERTED, MENTIONED, UNKNOWN, Naming, instead, why_not
@@ -225,12 +226,14 @@ def _unknown(naming: Naming, remaining: SmoothCorrection) -> Missing:
 
 def _alone(names: list[str]) -> str:
     """Say which drive would show the shapes of terms of these variables: what a wheel answers cannot be set."""
-    waves = any(name.startswith(f"{ALONG_TRACK} (") for name in names)
+    waves = [name for name in names if name.startswith(f"{ALONG_TRACK} (")]
+    hangs_back = [name for name in names if name.endswith(BEHIND_PLAY)]
     varied = [part for name in names for part in (("slip", "load_N") if name == "slip x load" else (name,))]
-    varied = [name for name in varied if name not in _ANSWERS and not name.startswith(f"{ALONG_TRACK} (")]
+    varied = [name for name in varied if name not in (*_ANSWERS, *waves, *hangs_back)]
     varied = list(dict.fromkeys(_variable(name) for name in varied))
     told = [f"a drive that varies {', then '.join(varied)} with all else held"] if varied else []
     told += ["the same way once more, and beside it: a wave of the ground stays where it is"] if waves else []
+    told += ["the same drive there and back in slip and load: what hangs back differs by the way"] if hangs_back else []
     return "; ".join(told)
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from bevameter import Recording, Vehicle, Wheel, explain
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.fit.trial import textbook_trial
+from bevameter.identification.mismatch.locate.coming_round import coming_round
 from bevameter.identification.mismatch.locate.joint_misfit import joint_correction
 from bevameter.identification.mismatch.show.shape import shape_of
 from bevameter.identification.simulate import simulate
@@ -80,3 +83,33 @@ def test_the_answer_is_something_unknown_and_says_how_to_tell_a_wave_of_the_grou
     assert "sinkage_m += a wave" in unknown.equation
     assert "a wave of the ground stays where it is" in unknown.would_tell
     assert "place_m" not in unknown.would_tell
+
+
+def waves_along_track(samples, left, answers) -> list[float]:
+    """Periods of the waves along the track [m] that stand out of what is left (n, m)."""
+    fit = SimpleNamespace(innovations=left)
+    waves = coming_round(SimpleNamespace(samples=samples, answers=answers), fit)  # pyright: ignore[reportArgumentType]
+    return [
+        float(each.variable.partition("every ")[2].partition(" m")[0]) for each in waves if "every" in each.variable
+    ]
+
+
+def test_a_wave_on_passes_over_the_same_places_is_no_shorter_than_their_rows_show():
+    problem, textbook = driven(2, by_place_m=4e-4)
+    stretch = np.arange(ROWS) % 2
+    samples = replace(problem.samples, drive=replace(problem.samples.drive, stretch=stretch))
+    order = np.lexsort((samples.drive.place_m, stretch))
+    periods = waves_along_track(samples.select(order), textbook.fitted.innovations[order], problem.answers)
+    assert periods == pytest.approx([0.35] * 3, abs=0.01)
+
+
+def test_noise_in_load_and_slip_rules_out_no_wave():
+    problem, textbook = driven(3, by_place_m=1e-3)
+    rows = np.arange(0, ROWS, 5)
+    few = problem.samples.select(rows)
+    left = textbook.fitted.residuals[rows] / 2e-4
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        load, slip = 100.0 + rng.normal(size=len(rows)), 0.2 + 0.01 * rng.normal(size=len(rows))
+        samples = replace(few, drive=replace(few.drive, load_N=load, slip=slip))
+        assert waves_along_track(samples, left, problem.answers) == pytest.approx([0.35] * 3, abs=0.01)
