@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bevameter import Recording, Vehicle, Wheel, WheelTable, explain
+from bevameter import InputError, Recording, Vehicle, Wheel, WheelTable, explain
 from bevameter.identification.noise import scatter_along_slip
 from bevameter.identification.wheel_soil import Soil, equilibrium
 
@@ -39,9 +39,7 @@ def test_what_nobody_answered_and_repeats_do_not_count():
     assert np.isnan(scatter_along_slip(np.empty(0), np.empty(0), np.empty(0)))
 
 
-@pytest.mark.parametrize("channel", ["torque_Nm", "drawbar_pull_N"])
-def test_a_mirrored_channel_of_single_trials_is_not_taken_for_noise(channel):
-    """No two trials are alike: as ground that differs from one to the next it would be noise of nearly its own size."""
+def mirrored(channel: str) -> Recording:
     rng = np.random.default_rng(4)
     load, slip = np.repeat([60.0, 120.0, 180.0], len(SLIPS)), np.tile(SLIPS, 3)
     state = equilibrium(WHEEL, Soil(800.0, 0.55, 0.012, 1.2e6, 1.0), load, slip)
@@ -51,9 +49,20 @@ def test_a_mirrored_channel_of_single_trials_is_not_taken_for_noise(channel):
         columns[name] = getattr(state, name) + rng.normal(scale=sd, size=len(load))
     columns[channel] = -columns[channel]
     table = WheelTable(columns, None, None, Path("wheel.csv"))
-    answer = explain(Recording("made", Path(), Vehicle(wheels=(WHEEL,)), None, "", "", wheel=table))
-    fit = answer.fits[channel]
-    assert fit.noise < 0.06 * np.abs(columns[channel]).max()
+    return Recording("made", Path(), Vehicle(wheels=(WHEEL,)), None, "", "", wheel=table)
+
+
+def test_a_mirrored_torque_is_refused():
+    with pytest.raises(InputError, match=r"column torque_Nm: .*torque and slip both positive where the wheel drives"):
+        explain(mirrored("torque_Nm"))
+
+
+def test_a_mirrored_pull_of_single_trials_is_not_taken_for_noise():
+    """No two trials are alike: as ground that differs from one to the next it would be noise of nearly its own size."""
+    recording = mirrored("drawbar_pull_N")
+    answer, pull = explain(recording), recording.wheel["drawbar_pull_N"]
+    fit = answer.fits["drawbar_pull_N"]
+    assert fit.noise < 0.06 * np.abs(pull).max()
     assert fit.rmse_before > 10.0 * fit.noise
     assert answer.verdict in ("unknown", "cannot_tell")
     assert "predicted to within noise" not in answer.trust
