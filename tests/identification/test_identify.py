@@ -12,35 +12,8 @@ from bevameter.identification.gate import find_stretches, quasi_static
 from bevameter.identification.identify import identify_segments
 from bevameter.identification.report import identification_json
 from bevameter.identification.trials import AS_TRIALS
-from bevameter.identification.wheel_soil import Soil, equilibrium
-
-WHEEL = Wheel(radius_m=0.15, width_m=0.12)
-VEHICLE = Vehicle(wheels=(WHEEL,), noise={"load_N": 1.0, "torque_Nm": 0.1, "sinkage_m": 2e-4, "slip": 0.005})
-SAND = Soil(c_Pa=300.0, phi_rad=np.radians(31.0), k_m=0.012, stiffness_Pa=9e4, n=0.9)
-CLAY = Soil(c_Pa=4e3, phi_rad=np.radians(15.0), k_m=0.008, stiffness_Pa=2e5, n=0.7)
-
-
-def drive(rng, soils=(SAND,), stretch_s=30.0, speed=0.15) -> WheelTable:
-    """Slow stretches of `stretch_s` on each soil, 10 Hz, load and slip varying."""
-    time_s = np.arange(int(10 * stretch_s) * len(soils)) / 10.0
-    load = 110.0 + 45.0 * np.sin(time_s / 2.0)
-    slip = 0.3 + 0.2 * np.sin(time_s / 1.3)
-    sinkage, torque = np.empty_like(load), np.empty_like(load)
-    for part, soil in zip(np.array_split(np.arange(len(load)), len(soils)), soils, strict=True):
-        state = equilibrium(WHEEL, soil, load[part], slip[part])
-        sinkage[part], torque[part] = state.sinkage_m, state.torque_Nm
-    channels = {"load_N": load, "torque_Nm": torque, "sinkage_m": sinkage, "slip": slip}
-    noisy = {name: values + VEHICLE.noise[name] * rng.normal(size=len(values)) for name, values in channels.items()}
-    speeds = {"travel_speed_m_s": np.full(len(load), speed)}
-    return WheelTable({"time_s": time_s, **noisy, **speeds}, None, None, Path("wheel.csv"))
-
-
-def recording(table: WheelTable, vehicle: Vehicle | None = VEHICLE) -> Recording:
-    return Recording("test", Path("wheel.csv"), vehicle, None, "", "0" * 64, wheel=table)
-
-
-def with_columns(table: WheelTable, **columns) -> WheelTable:
-    return WheelTable({**table.columns, **columns}, table.wheel, table.run, table.source)
+from bevameter.identification.wheel_soil import equilibrium
+from slow_drive import CLAY, SAND, VEHICLE, WHEEL, drive, recording, with_columns
 
 
 def test_two_soils_with_a_boundary_between_give_two_estimates(rng):
@@ -194,110 +167,6 @@ def test_a_wheel_that_spins_on_a_slope_down_which_it_slides_does_not_roll_backwa
     table = drive(rng)
     sliding = with_columns(table, travel_speed_m_s=-table["travel_speed_m_s"], wheel_speed_rad_s=np.ones(len(table)))
     assert "rolling backwards" not in quasi_static(sliding, WHEEL)
-
-
-def test_a_torque_that_brakes_a_driven_wheel_is_refused(rng):
-    table = drive(rng)
-    with pytest.raises(InputError, match=r"column torque_Nm: -.*100 % of the rows with a slip above 0.1 below 0"):
-        identify(recording(with_columns(table, torque_Nm=-table["torque_Nm"])))
-
-
-def test_a_wheel_without_torque_or_braked_is_not_refused(rng):
-    table = drive(rng)
-    identify(recording(with_columns(table, torque_Nm=-0.1 + 0.01 * rng.normal(size=len(table)))))
-    braked = with_columns(table, torque_Nm=-table["torque_Nm"], slip=-table["slip"])
-    assert "braked" in identify(recording(braked)).segments[0].reason
-
-
-def test_a_load_cell_that_reads_nothing_is_refused(rng):
-    table = drive(rng)
-    with pytest.raises(InputError, match=r"column load_N: 0 at most \(expected the wheel's load, positive\)"):
-        identify(recording(with_columns(table, load_N=np.zeros(len(table)))))
-
-
-def test_a_stretch_in_most_of_which_the_load_cell_reads_nothing_is_not_used(rng):
-    table = drive(rng)
-    load = np.where(np.arange(len(table)) % 4 == 0, table["load_N"], 0.0)
-    result = identify(recording(with_columns(table, load_N=load)))
-    assert {segment.reason for segment in result.segments} == {"load_N is 0 or less in most rows"}
-
-
-def test_a_sinkage_whose_zero_is_a_little_off_is_not_refused(rng):
-    table = drive(rng)
-    identify(recording(with_columns(table, sinkage_m=table["sinkage_m"] - np.median(table["sinkage_m"]) - 1e-3)))
-
-
-@pytest.mark.parametrize(("name", "stuck"), [("torque_Nm", 5.0), ("sinkage_m", 0.02)])
-def test_an_answer_that_never_changes_is_left_out_and_said_so(rng, name, stuck):
-    table = drive(rng)
-    result = identify(recording(with_columns(table, **{name: np.full(len(table), stuck)})))
-    assert any(f"{name} never changes" in problem for problem in result.problems)
-    assert result.overall is not None
-    assert name not in result.overall.channels
-    phi = result.overall.parameters["phi_rad"]
-    assert phi.low <= SAND.phi_rad <= phi.high
-
-
-def test_of_two_wheels_only_the_one_whose_sensor_is_stuck_loses_it(rng):
-    table = drive(rng)
-    both = {name: np.concatenate([values, values]) for name, values in table.columns.items()}
-    both["torque_Nm"][: len(table)] = 5.0
-    wheels = tuple(Wheel(radius_m=0.15, width_m=0.12, name=name) for name in ("left", "right"))
-    names = np.repeat(["left", "right"], len(table))
-    result = identify(
-        recording(WheelTable(both, names, None, Path("wheel.csv")), Vehicle(wheels=wheels, noise=VEHICLE.noise))
-    )
-    assert "wheel left: torque_Nm never changes: it is left out, as of a sensor that is stuck or absent" in (
-        result.problems
-    )
-    assert result.overall is not None
-    assert "torque_Nm" in result.overall.channels
-    phi = result.overall.parameters["phi_rad"]
-    assert phi.low <= SAND.phi_rad <= phi.high
-
-
-def test_a_sinkage_in_millimetres_is_refused(rng):
-    table = drive(rng)
-    with pytest.raises(InputError, match=r"column sinkage_m: .* m \(median\) .*the wheel's diameter, 0\.3 m"):
-        identify(recording(with_columns(table, sinkage_m=1e3 * table["sinkage_m"])))
-
-
-@pytest.mark.parametrize(
-    ("name", "unit", "said"),
-    [
-        ("load_N", 1e-3, r"columns load_N and torque_Nm: 0\.\d+ N and .* Nm .*no soil bears more than"),
-        ("torque_Nm", 1e3, "columns load_N and torque_Nm"),
-    ],
-)
-def test_a_load_that_no_soil_lets_a_wheel_turn_against_is_refused(rng, name, unit, said):
-    table = drive(rng)
-    with pytest.raises(InputError, match=said):
-        identify(recording(with_columns(table, **{name: unit * table[name]})))
-
-
-def test_a_load_in_kilonewtons_shows_by_its_pull_and_one_in_kilograms_does_not(rng):
-    table = with_columns(drive(rng), drawbar_pull_N=0.3 * drive(rng)["load_N"])
-    without = WheelTable(
-        {name: values for name, values in table.columns.items() if name != "torque_Nm"}, None, None, table.source
-    )
-    with pytest.raises(InputError, match="columns load_N and drawbar_pull_N"):
-        identify(recording(with_columns(without, load_N=1e-3 * table["load_N"])))
-    assert identify(recording(with_columns(without, load_N=table["load_N"] / 9.81))).segments
-
-
-def test_a_wheel_that_is_mostly_in_the_air_is_not_refused(rng):
-    """Its load is then nearly nothing beside what a pull's sensor reads."""
-    table = drive(rng)
-    load = table["load_N"].copy()
-    load[: int(0.8 * len(load))] = 0.01
-    assert identify(recording(with_columns(table, load_N=load))).segments
-
-
-@pytest.mark.parametrize(("unit", "said"), [(1e3, True), (1.0, False)])
-def test_a_clock_in_milliseconds_is_doubted(rng, unit, said):
-    table = drive(rng)
-    result = identify(recording(with_columns(table, time_s=unit * table["time_s"])))
-    assert any("rows lie 100 s apart" in problem for problem in result.problems) == said
 
 
 def test_trials_that_are_far_apart_in_time_are_no_slow_drive(rng):
