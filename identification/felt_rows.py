@@ -17,7 +17,9 @@ from .gate import Stretch, find_stretches, quasi_static
 from .geometry import by_geometry, of_vehicle
 from .plausible import check_load, check_signs, check_sizes, check_torque, slow_clock, without_stuck
 from .run_in import without_run_in
+from .run_out import without_stops
 from .slip_check import slip_disagreement, speeds_in_another_unit
+from .standing import with_standstill
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,13 @@ def felt_rows(recording: Recording, *, every_row: bool = False) -> FeltRows:
     return replace(best, problems=(*best.problems, note))
 
 
+def only_steady(table: WheelTable) -> tuple[WheelTable, list[str]]:
+    """Leave out where the wheels of a test at constant slips get going, settle and stop, and say so."""
+    table, stops = without_stops(table)
+    table, settling = without_run_in(table)
+    return table, [*stops, *settling]
+
+
 def _of_vehicle(recording: Recording, every_row: bool) -> FeltRows:
     """Gather the rows of a vehicle's wheels of one geometry, that with most rows to use."""
     if recording.vehicle is None:
@@ -78,10 +87,11 @@ def _of_vehicle(recording: Recording, every_row: bool) -> FeltRows:
     table, others = of_vehicle(recording.wheel, vehicle)
     if every_row and others:
         raise InputError(recording.source, others[0], expected="rows of the vehicle's wheel only, beside another file")
-    copies, settling = [], []
+    table, unlike = with_standstill(table), list[str]()
     if not every_row:
         table, copies = without_copies(table)
-        table, settling = without_run_in(table)
+        table, unsteady = only_steady(table)
+        unlike = [*copies, *unsteady]
     groups: dict[tuple[float, float], list[str | None]] = {}
     names = [None] if table.wheel is None else [str(name) for name in np.unique(table.wheel)]
     for name in names:
@@ -100,7 +110,7 @@ def _of_vehicle(recording: Recording, every_row: bool) -> FeltRows:
         check_load(rows.table, rows.wheel)
         check_torque(rows.table, rows.wheel, rows.reasons)
     best = max(gathered, key=lambda rows: int((rows.reasons == "").sum()))
-    said = [*others, *copies, *settling]
+    said = [*others, *unlike]
     if len(gathered) > 1:
         said.append(f"wheels of {len(gathered)} geometries: only those of radius {best.wheel.radius_m:g} m were used")
     return replace(best, problems=(*said, *best.problems))

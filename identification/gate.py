@@ -11,13 +11,14 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.ndimage import median_filter
 from scipy.signal import savgol_filter
 
 from ..framework.core.recording.types import WheelTable
 from ..framework.core.recording.wheel_file import STANDSTILL_M_S
 from ..framework.core.vehicle import Wheel
 from .forward import CHANNELS
+from .noise import running_median
+from .standing import stands
 
 GRAVITY_M_S2 = 9.81
 
@@ -94,6 +95,7 @@ def quasi_static(table: WheelTable, wheel: Wheel, limits: Limits = LIMITS) -> np
 def _checks(table: WheelTable, wheel: Wheel, limits: Limits) -> Iterator[tuple[str, np.ndarray]]:
     seen = {name: np.isfinite(table[name]) if name in table else np.zeros(len(table), bool) for name in CHANNELS}
     slip, sinkage = table.get("slip"), table.get("sinkage_m")
+    yield "standing", stands(table)
     yield "slip was not observed", ~seen["slip"]
     yield "neither load nor sinkage was observed", ~(seen["load_N"] | seen["sinkage_m"])
     yield "fewer than three channels were observed", np.sum(list(seen.values()), axis=0) < 3
@@ -111,12 +113,12 @@ def _checks(table: WheelTable, wheel: Wheel, limits: Limits) -> Iterator[tuple[s
             rate = np.abs(_rate(table["time_s"], speed))
             yield f"accelerating (above {limits.acceleration_m_s2:.2f} m/s2)", rate > limits.acceleration_m_s2
     if slip is not None:
-        steady = _running_median(slip, 11) if "time_s" in table else slip
+        steady = running_median(slip, 11) if "time_s" in table else slip
         yield f"braked (slip below {limits.least_slip:g})", steady < limits.least_slip
         yield f"digging in (slip above {limits.most_slip:g})", steady > limits.most_slip
     if sinkage is not None:
         shallow, deep = limits.least_sinkage * wheel.radius_m, limits.most_sinkage * wheel.radius_m
-        smooth = _running_median(sinkage, 11) if "time_s" in table else sinkage
+        smooth = running_median(sinkage, 11) if "time_s" in table else sinkage
         yield f"ground too hard to feel (sinkage below {1000 * shallow:.1f} mm)", smooth < shallow
         yield f"wheel buried (sinkage above {1000 * deep:.0f} mm)", smooth > deep
 
@@ -129,7 +131,7 @@ def _backwards(table: WheelTable, wheel: Wheel) -> np.ndarray:
     """
     speeds = [table[name] * scale for name, scale in (("wheel_speed_rad_s", wheel.radius_m), ("travel_speed_m_s", 1.0))
               if name in table]  # fmt: skip
-    smooth = [_running_median(speed, 11) if "time_s" in table else speed for speed in speeds]
+    smooth = [running_median(speed, 11) if "time_s" in table else speed for speed in speeds]
     return np.all([speed < -STANDSTILL_M_S for speed in smooth], axis=0) if smooth else np.zeros(len(table), bool)
 
 
@@ -140,16 +142,7 @@ def _smooth_speed(table: WheelTable, wheel: Wheel) -> np.ndarray | None:
         if rim is None or slip is None:
             return None
         speed = rim * wheel.radius_m * np.where(slip >= 0.0, 1.0 - slip, 1.0 / np.maximum(1.0 + slip, 1e-3))
-    return _running_median(speed, 11)
-
-
-def _running_median(values: np.ndarray, window: int) -> np.ndarray:
-    known = np.isfinite(values)
-    if known.sum() < 3:
-        return values
-    index = np.arange(len(values))
-    filled = np.interp(index, index[known], values[known])
-    return median_filter(filled, size=min(window, len(values)), mode="mirror")
+    return running_median(speed, 11)
 
 
 def _rate(time_s: np.ndarray, speed: np.ndarray) -> np.ndarray:

@@ -161,6 +161,18 @@ def from_running_median(values: np.ndarray, stretch: np.ndarray) -> np.ndarray:
     return away
 
 
+def running_median(values: np.ndarray, window: int) -> np.ndarray:
+    """Median of values (n,) and their neighbours in a window of rows, over unseen ones by interpolation; as they are
+    where fewer than three are seen.
+    """
+    known = np.isfinite(values)
+    if known.sum() < 3:
+        return values
+    index = np.arange(len(values))
+    filled = np.interp(index, index[known], values[known])
+    return median_filter(filled, size=min(window, len(values)), mode="mirror")
+
+
 def autocorrelations(values: np.ndarray) -> np.ndarray:
     """Autocorrelation of a series (n,) that is not all zero, at lags from 0 to n // 2 - 1."""
     spectrum = np.fft.rfft(values, 2 * len(values))

@@ -3,32 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
-from scipy.signal import find_peaks
 
 from ..framework.core.recording.types import WheelTable
-from .effects.drive import order_of
+from .steady_runs import FEWEST_RUNS, Runs, steady_runs
 
 _ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
 
-_HELD_LOAD, _HELD_SLIP, _HELD_SPEED = 0.05, 0.03, 0.1
-"""How far load and speeds that are held may be off, as shares of them, and how far slip [-]."""
-
-_FEWEST_ROWS, _FEWEST_RUNS = 15, 6
-"""Rows of a run that can show it, and runs that tell a settling that all share from ground that varies along each."""
-
-_MOST_RUNS = 0.8
-"""Share of the rows that are in such runs at least [-]: else it is no test at constant slips."""
-
-_STARTING = 2
-"""Rows in which a wheel may be got up to its speed."""
-
-_BESIDE_STEP, _STEPS = 5, 5.0
-"""Rows before a step, and after it, by whose medians it is found, and standard deviations by which a channel steps that
-would show whether it settles [-]."""
+_STEPS = 5.0
+"""Standard deviations by which a channel steps that would show whether it settles after it [-]."""
 
 _FIRST = 0.05
 """Share of a run by which it is told that its first rows are off [-]."""
@@ -51,39 +35,8 @@ _LEAST, _LEAST_IMPOSED = 1e-4, 0.01
 """Scatter that counts at least, of an answer and of what is imposed, as shares of their levels: that of a command, say,
 is none [-]."""
 
-_ONE_RATE = 0.2
-"""Share of the usual time from row to row by which a run's may differ [-]."""
-
 _MARGIN = 1.25
 """Times which so long is left out."""
-
-
-@dataclass(frozen=True)
-class _Runs:
-    """Runs at constant conditions.
-
-    Parameters
-    ----------
-    rows : (s, k)
-        Rows of the table by run, -1 where there is none.
-    after : (s,)
-        The run from which each goes on by a step, where most runs do; else -1.
-    step_s
-        Time from row to row [s].
-    """
-
-    rows: np.ndarray
-    after: np.ndarray
-    step_s: float
-
-    @property
-    def stepped(self) -> bool:
-        """Whether the runs are steps of drives."""
-        return bool((self.after >= 0).any())
-
-    def of(self, values: np.ndarray) -> np.ndarray:
-        """Give a channel (n,) by run (s, k), NaN where there is no row."""
-        return np.where(self.rows >= 0, values[self.rows], math.nan)
 
 
 def without_run_in(table: WheelTable) -> tuple[WheelTable, list[str]]:
@@ -107,12 +60,12 @@ def without_run_in(table: WheelTable) -> tuple[WheelTable, list[str]]:
     list
         A sentence, where rows are left out.
     """
-    runs = _runs_at_constant_conditions(table)
+    runs = steady_runs(table)
     if runs is None:
         return table, []
     channels = {name: runs.of(table[name]) for name in _ANSWERS if name in table}
     settling = {name: _settling(values, runs.after) for name, values in channels.items()}
-    begin = sum(np.isfinite(values[:, :_SHORTEST]).any(axis=1).sum() >= _FEWEST_RUNS for values in channels.values())
+    begin = sum(np.isfinite(values[:, :_SHORTEST]).any(axis=1).sum() >= FEWEST_RUNS for values in channels.values())
     # One alone that settles is an instrument that warms up.
     if sum(rows > 0 for rows in settling.values()) < max(1, min(2, begin)):
         return table, []
@@ -131,89 +84,11 @@ def without_run_in(table: WheelTable) -> tuple[WheelTable, list[str]]:
     return table.select(kept), [said]
 
 
-def _imposed(table: WheelTable, runs: _Runs) -> bool:
+def _imposed(table: WheelTable, runs: Runs) -> bool:
     """Say whether load, slip or a speed settles, too: what the answers do then may follow from it."""
     names = ("load_N", "slip", "wheel_speed_rad_s", "travel_speed_m_s")
     seen = [runs.of(table[name]) for name in names if name in table]
     return any(_settling(values, runs.after, _LEAST_IMPOSED) > 0 for values in seen)
-
-
-def _runs_at_constant_conditions(table: WheelTable) -> _Runs | None:
-    """Find the runs in which load, slip and speeds are held; None where they are few, or most rows are in others."""
-    if "time_s" not in table:
-        return None
-    order, stretch = order_of(table)
-    imposed, conditions = _conditions(table)
-    held: list[np.ndarray] = []
-    after: list[int] = []
-    for whole in np.split(order, np.flatnonzero(np.diff(stretch)) + 1):
-        before = -1
-        for piece in np.split(whole, _steps(imposed, whole)):
-            good = len(piece) >= _FEWEST_ROWS and _is_held(conditions, piece)
-            if good:
-                held.append(piece)
-                after.append(before)
-            before = len(held) - 1 if good else -1
-    steps = np.array([np.median(np.diff(table["time_s"][piece])) for piece in held])
-    if not len(held) or np.ptp(steps) > _ONE_RATE * np.median(steps):
-        return None
-    if len(held) < _FEWEST_RUNS or sum(map(len, held)) < _MOST_RUNS * len(table):
-        return None
-    usual = int(np.median([len(piece) for piece in held]))
-    rows = np.full((len(held), usual), -1)
-    for number, piece in enumerate(held):
-        rows[number, : len(piece)] = piece[:usual]
-    stepped = np.mean(np.array(after) >= 0) > 0.5
-    return _Runs(
-        rows,
-        np.array(after) if stepped else np.full(len(held), -1),
-        float(np.median(np.diff(table["time_s"][rows[:, :2]]))),
-    )
-
-
-def _conditions(table: WheelTable) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Give what is imposed on the wheel, load and slip, and that and the speeds: (n,) each, in units of how far it may
-    be off where it is held.
-    """
-    rim, travel = table.get("wheel_speed_rad_s"), table.get("travel_speed_m_s")
-    imposed = []
-    if "load_N" in table:
-        imposed.append(np.log(np.maximum(np.abs(table["load_N"]), 1e-9)) / _HELD_LOAD)
-    if "slip" in table:
-        imposed.append(table["slip"] / _HELD_SLIP)
-    elif rim is not None and travel is not None:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.where(rim != 0.0, travel / rim, math.nan)
-        # One less slip, as far as the radius goes.
-        imposed.append(ratio / max(float(np.nanmax(np.abs(ratio), initial=1e-9)), 1e-9) / _HELD_SLIP)
-    speeds = [np.log(np.maximum(np.abs(each), 1e-9)) / _HELD_SPEED for each in (rim, travel) if each is not None]
-    return imposed, imposed + speeds
-
-
-def _steps(imposed: list[np.ndarray], rows: np.ndarray) -> np.ndarray:
-    """Find where what is imposed (n,) steps in rows that follow one another (k,): the numbers of rows."""
-    if len(rows) < 2 * _BESIDE_STEP:
-        return np.empty(0, dtype=int)
-    size, leap = np.zeros(len(rows) - 2 * _BESIDE_STEP + 1), np.zeros(len(rows))
-    for values in imposed:
-        middles = np.median(sliding_window_view(values[rows], _BESIDE_STEP), axis=1)
-        size = np.fmax(size, np.abs(middles[_BESIDE_STEP:] - middles[:-_BESIDE_STEP]))
-        leap = np.fmax(leap, np.abs(np.diff(values[rows], prepend=values[rows[:1]])))
-    about = find_peaks(size, height=1.0, distance=_BESIDE_STEP)[0] + _BESIDE_STEP
-    # Medians tell that there is a step, to two rows where.
-    near = about[:, None] + np.arange(-_STARTING, _STARTING + 1)
-    return about - _STARTING + np.argmax(leap[near], axis=1)
-
-
-def _is_held(conditions: list[np.ndarray], rows: np.ndarray) -> bool:
-    """Say whether what drives the wheel, (n,) each, stays the same in the rows of a run (k,), the very first aside."""
-    for values in conditions:
-        parts = [values[part] for part in np.array_split(rows[_STARTING:], 6)]
-        if not all(np.isfinite(part).any() for part in parts):
-            return False
-        if np.ptp([np.nanmedian(part) for part in parts]) > 1.0:
-            return False
-    return True
 
 
 def _levels(values: np.ndarray, least: float = _LEAST) -> tuple[np.ndarray, float]:
@@ -255,7 +130,7 @@ def _settling(values: np.ndarray, after: np.ndarray, least: float = _LEAST) -> i
     if (after >= 0).any():
         way = np.where(after >= 0, np.sign(level[after] - level), math.nan)
         told &= np.isfinite(way)
-    if told.sum() < _FEWEST_RUNS or not sd > 0.0:
+    if told.sum() < FEWEST_RUNS or not sd > 0.0:
         return 0
     away = ((values - level[:, None]) * way[:, None])[told]
     began = np.nanmean(away[:, :first], axis=1) / sd

@@ -15,9 +15,8 @@ from ...framework.core.soil import SoilKnowledge, load_soil
 from ...framework.core.vehicle import Vehicle
 from ..effects.catalogue import SLUGS, effects_for
 from ..effects.effect import Effect
-from ..felt_rows import felt_rows
+from ..felt_rows import felt_rows, only_steady
 from ..identify import open_recording
-from ..run_in import without_run_in
 from .explanation import Explanation
 from .fit.beside import attach
 from .fit.fitting import Problem
@@ -101,7 +100,7 @@ def explain(
     rows = felt_rows(opened, every_row=simulated is not None)
     table, settling = rows.table, []
     if simulated is not None:
-        table, settling = without_run_in(attach(rows.table, simulated, rows.wheel))
+        table, settling = only_steady(attach(rows.table, simulated, rows.wheel))
     # The search fills the cores by itself: more of BLAS's own threads beside it only wait for each other.
     with threadpool_limits(1):
         tell("asking how well load and slip are known")

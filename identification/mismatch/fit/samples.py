@@ -16,6 +16,7 @@ from ...effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Drive
 from ...forward import CHANNELS
 from ...gate import LIMITS
 from ...noise import from_running_median, least_noise, sensor_noise
+from ...standing import stands
 from ...trials import AS_TRIALS, is_of_trials, without_clock, without_time
 from ...unloaded import carries_nothing
 from .averaging import restless, smoothed
@@ -231,6 +232,7 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle, shares: tuple[floa
 def _usable(table: WheelTable, stretch: np.ndarray) -> tuple[np.ndarray, list[str]]:
     load, slip = table["load_N"], table["slip"]
     checks = [
+        (~stands(table), "in which the wheel stands"),
         (np.isfinite(load) & np.isfinite(slip), "without load or slip"),
         (load > 0.0, "whose wheel carries nothing"),
         (~carries_nothing(load, stretch), "among them whose load is the noise of a zero"),
