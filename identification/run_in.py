@@ -7,9 +7,15 @@ import math
 import numpy as np
 
 from ..framework.core.recording.types import WheelTable
-from .steady_runs import FEWEST_RUNS, Runs, steady_runs
+from .steady_runs import Runs, steady_runs
 
 _ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
+
+FEWEST_RUNS = 6
+"""Runs that tell what all share from ground that varies along each."""
+
+_ONE_RATE = 0.2
+"""Share of the usual time from row to row by which a run's may differ [-]."""
 
 _STEPS = 5.0
 """Standard deviations by which a channel steps that would show whether it settles after it [-]."""
@@ -61,7 +67,7 @@ def without_run_in(table: WheelTable) -> tuple[WheelTable, list[str]]:
         A sentence, where rows are left out.
     """
     runs = steady_runs(table)
-    if runs is None:
+    if runs is None or len(runs.each) < FEWEST_RUNS or np.ptp(runs.step_s) > _ONE_RATE * np.median(runs.step_s):
         return table, []
     channels = {name: runs.of(table[name]) for name in _ANSWERS if name in table}
     settling = {name: _settling(values, runs.after) for name, values in channels.items()}
@@ -77,8 +83,9 @@ def without_run_in(table: WheelTable) -> tuple[WheelTable, list[str]]:
     kept[first[first >= 0]] = False
     names = ", ".join(name for name, rows in settling.items() if rows)
     what, where = ("steps", "gets from one state to the next") if runs.stepped else ("runs", "starts")
+    last_s = first.shape[1] * float(np.median(runs.step_s))
     said = (
-        f"the first {first.shape[1] * runs.step_s:.3g} s of {len(first)} {what} are left out, where the wheel {where}: "
+        f"the first {last_s:.3g} s of {len(first)} {what} are left out, where the wheel {where}: "
         f"load, slip and speed stay the same there, and what follows from them still settles ({names})"
     )
     return table.select(kept), [said]

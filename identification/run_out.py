@@ -8,7 +8,8 @@ import numpy as np
 
 from ..framework.core.recording.types import WheelTable
 from .noise import NORMAL_MAD, running_median
-from .steady_runs import FEWEST_RUNS, Runs, steady_runs
+from .run_in import FEWEST_RUNS
+from .steady_runs import Runs, steady_runs
 
 _FORCES = ("torque_Nm", "drawbar_pull_N")
 
@@ -55,7 +56,8 @@ def without_stops(table: WheelTable) -> tuple[WheelTable, list[str]]:
         return table, []
     kept = np.ones(len(table), dtype=bool)
     kept[left_out] = False
-    said = f"{len(left_out)} rows of {len(runs.rows)} runs are left out, in which the wheel is got going or stopped"
+    of = "a run" if len(runs.each) == 1 else f"{len(runs.each)} runs"
+    said = f"{len(left_out)} rows of {of} are left out, in which the wheel is got going or stopped"
     return table.select(kept), [said]
 
 

@@ -12,14 +12,14 @@ from scipy.signal import find_peaks
 
 from ..framework.core.recording.types import WheelTable
 from .effects.drive import order_of
-from .noise import running_median
+from .noise import NORMAL_MAD, running_median
 from .standing import stands
 
-_HELD_LOAD, _HELD_SLIP, _HELD_SPEED = 0.05, 0.03, 0.1
+_HELD_LOAD, _HELD_SLIP, _HELD_SPEED = 0.1, 0.03, 0.1
 """How far load and speeds that are held may be off, as shares of them, and how far slip [-]."""
 
-_FEWEST_ROWS, FEWEST_RUNS = 15, 6
-"""Rows of a run that can show it, and runs that tell a settling that all share from ground that varies along each."""
+_FEWEST_ROWS = 15
+"""Rows of a run that can show it."""
 
 _MOST_RUNS = 0.8
 """Share of the rows that are in such runs at least [-]: else it is no test at constant slips."""
@@ -30,15 +30,12 @@ _STARTING = 2
 _BESIDE_STEP = 5
 """Rows before a step, and after it, by whose medians it is found."""
 
-_ONE_RATE = 0.2
-"""Share of the usual time from row to row by which a run's may differ [-]."""
-
-_NEAR_END, _SHARE_NEAR_END = 30, 0.05
+_NEAR_END, _SHARE_NEAR_END = 40, 0.05
 """Rows at an end of a run, or share of it [-] where that is more, whose median is what a wheel at work does there."""
 
-_AT_REST, _AT_WORK = 0.5, 0.9
-"""Share of that below which load or a speed begins or ends with a wheel that is got going or stopped, and from which on
-it is at work [-]."""
+_AT_REST, _SHORT_OF, _SCATTER = 0.5, 0.02, 2.0
+"""Share of that below which load or a speed begins or ends with a wheel that is got going or stopped, and what a wheel
+at work may be short of it: a share of it [-], or standard deviations of its scatter."""
 
 
 @dataclass(frozen=True)
@@ -51,15 +48,15 @@ class Runs:
         Rows of the table of each run, in order of time.
     after : (s,)
         The run from which each goes on by a step, where most runs do; else -1.
-    step_s
-        Time from row to row [s].
+    step_s : (s,)
+        Time from row to row of each [s].
     starts, stops : (s,)
         Rows of the table before and after each run in which the wheel is got going or stopped, or stands.
     """
 
     each: tuple[np.ndarray, ...]
     after: np.ndarray
-    step_s: float
+    step_s: np.ndarray
     starts: tuple[np.ndarray, ...]
     stops: tuple[np.ndarray, ...]
 
@@ -83,7 +80,7 @@ class Runs:
 
 
 def steady_runs(table: WheelTable) -> Runs | None:
-    """Find the runs in which load, slip and speeds are held; None where they are few, or most rows are in others."""
+    """Find the runs in which load, slip and speeds are held; None where there are none, or most rows are in others."""
     if "time_s" not in table:
         return None
     order, stretch = order_of(table)
@@ -106,15 +103,12 @@ def steady_runs(table: WheelTable) -> Runs | None:
                 starts.append(whole[:first] if number == 0 else whole[:0])
                 stops.append(whole[end:] if number == len(pieces) - 1 else whole[:0])
             before = len(held) - 1 if good else -1
-    steps = np.array([np.median(np.diff(table["time_s"][piece])) for piece in held])
-    if not len(held) or np.ptp(steps) > _ONE_RATE * np.median(steps):
-        return None
-    if len(held) < FEWEST_RUNS or sum(map(len, held)) < _MOST_RUNS * driven:
+    if not held or sum(map(len, held)) < _MOST_RUNS * driven:
         return None
     stepped = np.mean(np.array(after) >= 0) > 0.5
     follows = np.array(after) if stepped else np.full(len(held), -1)
-    first_step = [float(np.diff(table["time_s"][piece[:2]])[0]) for piece in held]
-    return Runs(tuple(held), follows, float(np.median(first_step)), tuple(starts), tuple(stops))
+    step_s = np.array([np.median(np.diff(table["time_s"][piece])) for piece in held])
+    return Runs(tuple(held), follows, step_s, tuple(starts), tuple(stops))
 
 
 def _at_work(table: WheelTable, rows: np.ndarray, still: np.ndarray) -> tuple[int, int]:
@@ -134,16 +128,15 @@ def _at_work(table: WheelTable, rows: np.ndarray, still: np.ndarray) -> tuple[in
 
 
 def _rows_at_rest(values: np.ndarray) -> int:
-    """Count the first rows of a load or speed (k,) that are well below those after them, if it begins at less than half
-    of these.
-    """
+    """Count the first rows of a load or speed (k,) short of those after them, if it begins below half of these."""
     near = running_median(values, 3)[: max(_NEAR_END, math.ceil(_SHARE_NEAR_END * len(values)))]
     if not np.isfinite(near).all() or not len(near):
         return 0
     usual = float(np.median(near))
     if not min(near[0], values[0]) < _AT_REST * usual:
         return 0
-    rows = int(np.argmax(near >= _AT_WORK * usual))
+    scatter = NORMAL_MAD * float(np.median(np.abs(near - usual)))
+    rows = int(np.argmax(near >= usual - max(_SHORT_OF * usual, _SCATTER * scatter)))
     return max(rows, 1) if rows < len(near) // 2 else 0
 
 
