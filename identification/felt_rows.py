@@ -69,8 +69,8 @@ def felt_rows(recording: Recording, *, every_row: bool = False) -> FeltRows:
 
 def only_steady(table: WheelTable) -> tuple[WheelTable, list[str]]:
     """Leave out where the wheels of a test at constant slips get going, settle and stop, and say so."""
-    table, stops = without_stops(table)
-    table, settling = without_run_in(table)
+    table, stops, got_going = without_stops(table)
+    table, settling = without_run_in(table, got_going=got_going)
     return table, [*stops, *settling]
 
 

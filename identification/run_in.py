@@ -45,7 +45,7 @@ _MARGIN = 1.25
 """Times which so long is left out."""
 
 
-def without_run_in(table: WheelTable) -> tuple[WheelTable, list[str]]:
+def without_run_in(table: WheelTable, *, got_going: bool = False) -> tuple[WheelTable, list[str]]:
     """Leave out the first rows of runs in which torque, sinkage or pull settle though nothing that drives them changes.
 
     A test at constant slip begins with a wheel that sinks in and shears its way to a steady state, which is all that
@@ -58,6 +58,9 @@ def without_run_in(table: WheelTable) -> tuple[WheelTable, list[str]]:
     ----------
     table
         Channels as recorded.
+    got_going
+        The runs' first rows were left out, in which the wheel got going: an instrument that warms up does so from the
+        first one on, and one answer that settles is enough.
 
     Returns
     -------
@@ -73,7 +76,7 @@ def without_run_in(table: WheelTable) -> tuple[WheelTable, list[str]]:
     settling = {name: _settling(values, runs.after) for name, values in channels.items()}
     begin = sum(np.isfinite(values[:, :_SHORTEST]).any(axis=1).sum() >= FEWEST_RUNS for values in channels.values())
     # One alone that settles is an instrument that warms up.
-    if sum(rows > 0 for rows in settling.values()) < max(1, min(2, begin)):
+    if sum(rows > 0 for rows in settling.values()) < max(1, min(1 if got_going else 2, begin)):
         return table, []
     if _imposed(table, runs) or (runs.stepped and _late(channels, settling, runs.after)):
         return table, []

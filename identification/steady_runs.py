@@ -12,7 +12,7 @@ from scipy.signal import find_peaks
 
 from ..framework.core.recording.types import WheelTable
 from .effects.drive import order_of
-from .noise import NORMAL_MAD, running_median
+from .noise import NORMAL_MAD, noise_of_series, running_median
 from .standing import stands
 
 _HELD_LOAD, _HELD_SLIP, _HELD_SPEED = 0.1, 0.03, 0.1
@@ -27,8 +27,9 @@ _MOST_RUNS = 0.8
 _STARTING = 2
 """Rows in which a wheel may be got up to its speed."""
 
-_BESIDE_STEP = 5
-"""Rows before a step, and after it, by whose medians it is found."""
+_BESIDE_STEP, _ABOVE_NOISE = 5, 4.0
+"""Rows before a step, and after it, by whose medians it is found, and standard deviations of a row by which these then
+differ at least: five of their own difference."""
 
 _NEAR_END, _SHARE_NEAR_END = 40, 0.05
 """Rows at an end of a run, or share of it [-] where that is more, whose median is what a wheel at work does there."""
@@ -166,7 +167,8 @@ def _steps(imposed: list[np.ndarray], rows: np.ndarray) -> np.ndarray:
     size, leap = np.zeros(len(rows) - 2 * _BESIDE_STEP + 1), np.zeros(len(rows))
     for values in imposed:
         middles = np.median(sliding_window_view(values[rows], _BESIDE_STEP), axis=1)
-        size = np.fmax(size, np.abs(middles[_BESIDE_STEP:] - middles[:-_BESIDE_STEP]))
+        noise = float(np.nan_to_num(noise_of_series([values[rows]])))
+        size = np.fmax(size, np.abs(middles[_BESIDE_STEP:] - middles[:-_BESIDE_STEP]) / max(1.0, _ABOVE_NOISE * noise))
         leap = np.fmax(leap, np.abs(np.diff(values[rows], prepend=values[rows[:1]])))
     about = find_peaks(size, height=1.0, distance=_BESIDE_STEP)[0] + _BESIDE_STEP
     # Medians tell that there is a step, to two rows where.

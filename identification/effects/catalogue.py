@@ -24,6 +24,7 @@ from . import (
     stress_peak_shift,
     time_faults,
     tyre_deflection,
+    uncatalogued,
 )
 from .effect import Effect, Situation
 
@@ -36,6 +37,8 @@ INSTRUMENTS = (
     "torque_offset", "torque_gain", "load_gain", "sinkage_offset", "rolling_radius", "time_lag", "drift",
 )  # fmt: skip
 SLUGS = (*PHYSICS, *INSTRUMENTS)
+STORED = (*SLUGS, uncatalogued.SLUG)
+"""What a simulator that was found may hold."""
 
 _MODULES = (
     slip_sinkage, stress_peak_shift, exit_angle, shear_hump, rate_dependence, multipass_compaction, hard_layer,
@@ -77,8 +80,8 @@ def forms_by_name(slug: str, situation: Situation) -> list[Effect]:
     InputError
         The name is not in the catalogue.
     """
-    if slug not in SLUGS:
+    if slug not in STORED:
         raise InputError("effects", repr(slug), expected="one of " + ", ".join(SLUGS))
-    every = [effect for module in _MODULES for effect in _NAMED.get(module, module.forms)(situation)]
+    every = [effect for module in (*_MODULES, uncatalogued) for effect in _NAMED.get(module, module.forms)(situation)]
     found = [effect for effect in every if effect.slug == slug]
     return found + [freer for effect in found for freer in effect.freer()]

@@ -15,7 +15,7 @@ from ...framework.core.vehicle import Wheel
 from ..contact_kernel import COLUMN, FIELDS
 from .track import ALONG_X, Axis
 
-Kind = Literal["physics", "instrument"]
+Kind = Literal["physics", "instrument", "unknown"]
 
 LOAD, TORQUE, SINKAGE, SLIP, PULL = range(5)
 """Columns of an array of channels, in the order of `forward.CHANNELS`."""

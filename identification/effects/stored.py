@@ -24,7 +24,7 @@ from ..augmented import SOIL_COUNT, AugmentedWheel
 from ..forward import from_internal, slope_of_internal
 from ..simulate import simulate
 from ..wheel_soil import Soil
-from .catalogue import SLUGS, forms_by_name
+from .catalogue import STORED, forms_by_name
 from .effect import Effect
 from .named import NamedEffect, follows_drive, lugs_of, smallest_holding, specimen
 
@@ -115,8 +115,8 @@ class AugmentedSimulator:
             soil[name] = Estimated(value, sd * slope_of_internal(name, value))
         effects = []
         for effect, where in model.slices():
-            if effect.slug not in SLUGS:
-                raise InputError("effects", repr(effect.slug), expected="one of " + ", ".join(SLUGS))
+            if effect.slug not in STORED:
+                raise InputError("effects", repr(effect.slug), expected="one of " + ", ".join(STORED))
             numbers = zip(effect.parameters, vector[where].tolist(), spread[where].tolist(), strict=True)
             parameters = {parameter.name: Estimated(value, sd) for parameter, value, sd in numbers}
             probability = probabilities.get(effect.slug, math.nan)
@@ -220,8 +220,8 @@ def _effect(document: Any, schema: object, source: str, place: str) -> StoredEff
     further = {"probability"} if schema == SCHEMA else set()
     page = _table(document, {"slug", "form", "parameters", "constants"} | further, source, place)
     slug, form = page["slug"], page["form"]
-    if not isinstance(slug, str) or slug not in SLUGS:
-        raise InputError(source, f"effect {_shown(slug)}", expected="one of " + ", ".join(SLUGS), place=place)
+    if not isinstance(slug, str) or slug not in STORED:
+        raise InputError(source, f"effect {_shown(slug)}", expected="one of " + ", ".join(STORED), place=place)
     if not isinstance(form, str):
         raise InputError(source, f"form {_shown(form)}", expected="text", place=place)
     known = [effect for effect in forms_by_name(slug, specimen(lugs_of(form))) if effect.form == form]

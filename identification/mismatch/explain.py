@@ -36,6 +36,7 @@ from .name.evidence import borne_out, doubts, repetition, warranted
 from .name.naming import name
 from .name.search import search
 from .name.tries import Search
+from .name.uncatalogued import better_uncatalogued
 from .show import readable
 from .show.answer import assemble
 from .show.notes import several_grounds
@@ -228,7 +229,14 @@ def _sought(
 ) -> tuple[Search, SmoothCorrection]:
     """Search the catalogue, and what it leaves for what nothing explains."""
     effects = effects_for(situation(problem, textbook.fitted), slugs)
-    found = search(problem, textbook, effects, lambda what: tell(f"trying {what}"))
+
+    def trying(what: str) -> None:
+        tell(f"trying {what}")
+
+    found = search(problem, textbook, effects, trying)
+    tell("asking whether a fault that the catalogue lacks explains it better")
+    if further := better_uncatalogued(problem, found):
+        found = search(problem, textbook, [*effects, further], trying)
     tell("looking for what nothing explains")
     return found, _left_over(problem, found, found.chosen)
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bevameter import Recording, Vehicle, Wheel, WheelTable, explain, identify
-from bevameter.identification.felt_rows import felt_rows
+from bevameter.identification.felt_rows import felt_rows, only_steady
 from bevameter.identification.run_out import without_stops
 from bevameter.identification.standing import stands, with_standstill
+from bevameter.identification.steady_runs import steady_runs
 from bevameter.identification.wheel_soil import Soil, equilibrium
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)
@@ -92,7 +93,7 @@ def test_neither_a_crawling_nor_a_dragged_wheel_stands():
 @pytest.mark.parametrize("lifted", [False, True])
 @pytest.mark.parametrize("speeds", [("wheel_speed_rad_s", "travel_speed_m_s"), ("wheel_speed_rad_s",), ()])
 def test_the_rows_of_a_stop_are_left_out(speeds, lifted):
-    table, said = without_stops(with_standstill(runs(speeds=speeds, lifted=lifted)))
+    table, said, _ = without_stops(with_standstill(runs(speeds=speeds, lifted=lifted)))
     assert len(said) == 1
     assert "of 18 runs are left out, in which the wheel is got going or stopped" in said[0]
     kept = np.unique(table.run, return_counts=True)[1]
@@ -109,10 +110,39 @@ def test_the_rows_in_which_a_wheel_gets_going_are_left_out():
         table.run,
         "rig.csv",
     )
-    fewer, said = without_stops(with_standstill(begun))
+    fewer, said, got_going = without_stops(with_standstill(begun))
     assert len(said) == 1
+    assert got_going
     assert fewer["time_s"].min() >= (SLOWS + STANDS - 1) * STEP_S
     assert len(fewer) >= 18 * (ROWS - SLOWS - STANDS - 1)
+
+
+@pytest.mark.parametrize("starts", [True, False])
+def test_one_answer_that_settles_once_the_wheel_got_going_is_its_start(starts):
+    table = runs()
+    rows = np.arange(len(table)).reshape(-1, ROWS)
+    # The last rows of a stop, in the order of a start, and then what is steady.
+    order = np.concatenate(
+        [rows[:, ::-1][:, : SLOWS + STANDS if starts else 0], rows[:, : ROWS - SLOWS - STANDS]], axis=1
+    )
+    begun = table.select(order.ravel())
+    count = order.shape[1]
+    climbs = 0.002 * np.exp(-np.maximum(np.arange(count) - (SLOWS + STANDS if starts else 0), 0) / 3.0)
+    columns = {**begun.columns, "time_s": np.tile(np.arange(count) * STEP_S, 18)}
+    columns["sinkage_m"] = begun["sinkage_m"] + np.tile(climbs, 18)
+    fewer, said = only_steady(with_standstill(WheelTable(columns, None, begun.run, "rig.csv")))
+    assert any("(sinkage_m)" in each for each in said) == starts
+    assert len(fewer) < len(begun) if starts else len(fewer) == len(begun)
+
+
+def test_noisy_speeds_are_no_steps_of_slip():
+    rng = np.random.default_rng(4)
+    table = runs(slip="none")
+    noisy = {name: table[name] + 0.03 * rng.normal(size=len(table)) * table[name].max() for name in
+             ("wheel_speed_rad_s", "travel_speed_m_s")}  # fmt: skip
+    found = steady_runs(with_standstill(WheelTable({**table.columns, **noisy}, None, table.run, "rig.csv")))
+    assert found is not None
+    assert len(found.each) == 18
 
 
 def weak_ground(table):

@@ -10,6 +10,7 @@ import numpy as np
 
 from ....framework.core.soil import PARAMETERS
 from ...effects.effect import Effect
+from ...effects.uncatalogued import Uncatalogued
 from ...forward import CHANNELS, from_internal, slope_of_internal
 from ..explanation import Candidate, ChannelFit, Estimate, Explanation, Missing, Region, Rows, Screened, Verdict
 from ..fit.fitting import Fitted, Problem
@@ -35,6 +36,9 @@ _ANSWERS = (CONSTANT, LAG, "sinkage_m")
 """Variables that no drive varies by itself."""
 
 _RESAMPLES = 400
+
+_KINDS = ("physics", "instrument", UNKNOWN)
+"""Kinds of effects, that first which stands for a set of several."""
 
 _SOIL_UNITS = {"c_Pa": "Pa", "phi_rad": "rad", "k_m": "m", "stiffness_Pa": "Pa", "n": ""}
 
@@ -205,7 +209,7 @@ def _most_probable(missing: tuple[Missing, ...], naming: Naming) -> tuple[Missin
 def _named(trial: Trial, effect: Effect, probability: float, alike: tuple[str, ...], tell: str) -> Missing:
     return Missing(
         effect.slug, effect.kind, effect.form, probability, parameters(trial.fitted, effect), effect.equation,
-        effect.source, alike, tell,
+        effect.source, alike, tell, effect.like if isinstance(effect, Uncatalogued) else "",
     )  # fmt: skip
 
 
@@ -275,12 +279,8 @@ def _candidates(
             for effect in trial.effects
             for name, estimate in parameters(trial.fitted, effect).items()
         }
-        answer.append(
-            Candidate(
-                " + ".join(effect.name for effect in trial.effects), "physics" if "physics" in kinds else "instrument",
-                float(weight), trial.gain, values, why_not(trial, found, repeated),
-            )
-        )  # fmt: skip
+        names, kind = " + ".join(effect.name for effect in trial.effects), min(kinds, key=_KINDS.index)
+        answer.append(Candidate(names, kind, float(weight), trial.gain, values, why_not(trial, found, repeated)))
     if remaining.terms:
         gain = found.chosen.gain + remaining.gain
         answer.append(

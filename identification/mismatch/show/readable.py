@@ -93,7 +93,7 @@ EFFECTS = {
     "rolling_radius": ("rolling radius", "slip was computed with a wrong effective radius"),
     "time_lag": ("time lag", "a channel arrives late"),
     "drift": ("drift", "a channel wanders with time"),
-    "unknown": ("unknown", "nothing in the catalogue explains it; a smooth correction stands in"),
+    "unknown": ("unknown", "nothing in the catalogue explains it as well; what stands in for it is given here"),
 }
 """By public name: the effect in words, and what happens."""
 
@@ -194,7 +194,12 @@ def one_of(each: Missing, listed: Sequence[Missing], share: str) -> str:
     """Name an effect with its share, and those that it cannot be told from and that are not listed themselves."""
     slugs = {other.effect for other in listed}
     alike = [effect(slug) for slug in each.indistinguishable_from if slug not in slugs]
-    return " or ".join([f"{effect(each.effect)} ({share})", *alike])
+    return " or ".join([f"{in_words(each)} ({share})", *alike])
+
+
+def in_words(each: Missing) -> str:
+    """Name what is missing in words; what the catalogue lacks by what it is like, where that is known."""
+    return each.description if each.kind == "unknown" and each.parameters else effect(each.effect)
 
 
 def verdict(explanation: Explanation) -> str:
@@ -203,15 +208,9 @@ def verdict(explanation: Explanation) -> str:
     if explanation.verdict == "none":
         return "Nothing that held-out data ask for is missing from the simulation."
     if explanation.verdict == "unknown":
-        sure = "".join(f" ({likelihood(each.probability)})" for each in missing if each.kind == "unknown")
-        others = _and(
-            [f"{effect(each.effect)} ({percent(each.probability)})" for each in missing if each.kind != "unknown"]
-        )
-        return f"Simulation and recording differ, and nothing in the catalogue explains it well enough{sure}." + (
-            f" Considered, but not asserted: {others}." if others else ""
-        )
+        return _beyond_catalogue(missing)
     if explanation.verdict == "cannot_tell":
-        listed = "; ".join(f"{effect(each.effect)} ({likelihood(each.probability)})" for each in missing)
+        listed = "; ".join(f"{in_words(each)} ({likelihood(each.probability)})" for each in missing)
         return f"Something was left out, but these data do not tell what: {listed}."
     sure = [each for each in missing if each.probability >= ASSERTED]
     parts = []
@@ -228,6 +227,36 @@ def verdict(explanation: Explanation) -> str:
         parts.append(f"considered, but not asserted: {_and(named)}")
     sentence = "; ".join(parts) or "something was left out"
     return f"{sentence[0].upper()}{sentence[1:]}."
+
+
+def _beyond_catalogue(missing: Sequence[Missing]) -> str:
+    """Say that something is missing which the catalogue lacks, what it is like, and what there is beside it."""
+    like = [
+        f"{in_words(each)} ({likelihood(each.probability)})"
+        for each in missing
+        if each.kind == "unknown" and each.parameters
+    ]
+    plain = "".join(
+        f" ({likelihood(each.probability)})" for each in missing if each.kind == "unknown" and not each.parameters
+    )
+    known = [each for each in missing if each.kind != "unknown"]
+    told = f"nothing in the catalogue explains it well enough{plain}" if plain or not like else ""
+    if like:
+        told = f"{told}; there is " if told else "nothing in the catalogue explains it as well as "
+        told += _and(like)
+    sure, others = (
+        [
+            f"{effect(each.effect)} ({percent(each.probability)})"
+            for each in known
+            if (each.probability >= ASSERTED) == asserted
+        ]
+        for asserted in (True, False)
+    )
+    return (
+        f"Simulation and recording differ, and {told}."
+        + (f" Beside it there is {_and(sure)}." if sure else "")
+        + (f" Considered, but not asserted: {_and(others)}." if others else "")
+    )
 
 
 def _and(parts: list[str]) -> str:

@@ -28,8 +28,7 @@ def summarise(explanation: Explanation) -> str:
     sure = [each for each in explanation.missing if each.probability >= ASSERTED]
     unsure = [each for each in explanation.missing if each.probability < ASSERTED]
     if explanation.verdict == "unknown":
-        shape = next(each for each in explanation.missing if each.kind == "unknown")
-        parts.append(f"Nothing in the catalogue explains it; what is left: {shape.description}.")
+        parts += [_beyond_catalogue(each) for each in explanation.missing if each.kind == "unknown"]
     parts += [_statement(each) for each in sure if each.kind != "unknown"]
     if unsure and explanation.verdict != "unknown":
         listed = ", ".join(
@@ -95,6 +94,14 @@ def _where(explanation: Explanation) -> str:
 def _bare(channel: str) -> str:
     """Name of a channel in words, without its symbol."""
     return readable.shown(channel).name.rpartition(" ")[0] or readable.shown(channel).name
+
+
+def _beyond_catalogue(each: Missing) -> str:
+    if not each.parameters:
+        return f"Nothing in the catalogue explains it; what is left: {each.description}."
+    told = ", ".join(readable.estimate(name, estimate) for name, estimate in each.parameters.items())
+    likely = readable.percent(each.probability)
+    return f"Nothing in the catalogue explains it as well as {each.description} ({likely}), {told}."
 
 
 def _statement(each: Missing) -> str:

@@ -1,0 +1,86 @@
+"""A constant fault of a sensor that the catalogue lacks is said to be one, and nothing of the catalogue stands in."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bevameter import Recording, SoilKnowledge, Vehicle, Wheel, WheelTable, explain
+from bevameter.identification.effects.stored import AugmentedSimulator
+from bevameter.identification.mismatch.explanation import to_json
+from bevameter.identification.simulate import simulate
+
+SENSORS = {"load_N": 0.4, "slip": 0.002, "torque_Nm": 0.05, "sinkage_m": 1.5e-4, "drawbar_pull_N": 0.3}
+VEHICLE = Vehicle(wheels=(Wheel(radius_m=0.15, width_m=0.12),))
+SOIL = SoilKnowledge({"c_Pa": 900.0, "phi_rad": 0.56, "k_m": 0.012, "stiffness_Pa": 2.5e5, "n": 0.9})
+
+
+def trials(fault=lambda table: {}, *effects: str) -> Recording:
+    """A table of 60 steady trials of three loads and ten slips, two of each; `fault` changes what sensors report."""
+    rng = np.random.default_rng(8)
+    load, slip = (np.tile(each.ravel(), 2) for each in np.meshgrid([60.0, 90.0, 120.0], np.linspace(0.05, 0.6, 10)))
+    drive = WheelTable({"load_N": load, "slip": slip}, None, np.arange(60).astype(str), Path("table.csv"))
+    true = dict(simulate(VEHICLE, SOIL, drive, effects).columns)
+    reported = true | fault(true)
+    noisy = {name: reported[name] + sd * rng.normal(size=len(load)) for name, sd in SENSORS.items()}
+    table = WheelTable(noisy, None, drive.run, Path("table.csv"))
+    return Recording("table", Path("table.csv"), VEHICLE, None, "", "0" * 64, wheel=table)
+
+
+FAULTS = {
+    "zero of drawbar_pull_N": ("DP_0", 4.0, lambda true: {"drawbar_pull_N": true["drawbar_pull_N"] + 4.0}),
+    "gain of drawbar_pull_N": ("g", -0.15, lambda true: {"drawbar_pull_N": true["drawbar_pull_N"] * 0.85}),
+    "zero of load_N": ("W_0", 9.0, lambda true: {"load_N": true["load_N"] + 9.0}),
+}
+
+
+@pytest.mark.parametrize("form", FAULTS)
+def test_a_fault_that_the_catalogue_lacks_is_named_for_what_it_is_like(form):
+    name, size, fault = FAULTS[form]
+    answer = explain(trials(fault))
+    assert answer.verdict == "unknown"
+    (found,) = answer.missing
+    assert (found.effect, found.kind, found.form) == ("unknown", "unknown", form)
+    assert found.probability > 0.9
+    estimate = found.parameters[name]
+    assert abs(estimate.value - size) < 4.0 * estimate.sd
+    assert estimate.sd < 0.2 * abs(size)
+    assert found.description in answer.summary
+    assert "catalogue" in answer.summary
+    channel = "drawbar_pull_N"
+    assert answer.fits[channel].rmse_after < 0.5 * answer.fits[channel].rmse_before
+    # The simulator that was found is kept with it, and reports as the sensor does.
+    kept = AugmentedSimulator.from_json(json.loads(json.dumps(answer.physics.to_json())))
+    assert [(effect.slug, effect.form) for effect in kept.effects] == [("unknown", form)]
+    assert to_json(answer)["missing"][0]["effect"] == "unknown"
+
+
+CATALOGUE = {
+    "torque_gain": ((), lambda true: {"torque_Nm": true["torque_Nm"] * 1.2}),
+    "sinkage_offset": ((), lambda true: {"sinkage_m": true["sinkage_m"] + 0.004}),
+    "slip_sinkage": (("slip_sinkage:n1=0.3",), lambda true: {}),
+    "bulldozing": (("bulldozing:share=1.0",), lambda true: {}),
+}
+
+
+@pytest.mark.parametrize("slug", CATALOGUE)
+def test_what_the_catalogue_has_is_not_taken_for_one(slug):
+    effects, fault = CATALOGUE[slug]
+    answer = explain(trials(fault, *effects))
+    listed = {name for each in answer.missing for name in (each.effect, *each.indistinguishable_from)}
+    assert slug in listed
+    assert "unknown" not in {each.effect for each in answer.missing}
+
+
+def test_where_nothing_is_wrong_nothing_is_found():
+    assert explain(trials()).verdict == "none"
+
+
+def test_physics_is_named_beside_such_a_fault():
+    answer = explain(trials(FAULTS["zero of drawbar_pull_N"][2], "slip_sinkage:n1=0.3"))
+    found = {(each.effect, each.form): each for each in answer.missing}
+    assert ("unknown", "zero of drawbar_pull_N") in found
+    assert max(each.probability for (slug, _), each in found.items() if slug == "slip_sinkage") > 0.9
+    assert answer.verdict == "unknown"
