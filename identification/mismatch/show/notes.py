@@ -16,7 +16,7 @@ from ..locate.oscillation import oscillations
 from ..name.naming import MANY
 from ..name.tries import Search
 from . import readable
-from .outside import outside
+from .outside import outside, unstated_lugs
 
 _VARIES = 0.02
 """Variation of the ground that is worth a word [-]."""
@@ -80,6 +80,7 @@ def notes_of(
         *_not_considered(problem, found),
         *(effect.remark for effect in best.effects if effect.remark),
         *outside(listed, problem.answers),
+        *unstated_lugs(listed, problem.samples.wheel),
         *([f"{'; '.join(doubted)}: it is believed in no more than half"] if doubted else []),
     ]
 

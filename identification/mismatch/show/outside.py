@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 
+from ....framework.core.vehicle import Wheel
 from ...effects.effect import PULL, TORQUE
 from . import readable
 
@@ -40,3 +41,15 @@ def outside(slugs: Iterable[str], answers: Collection[int]) -> list[str]:
         causes = [each for each in LOOK_ALIKES.get(slug, ()) if _OF_CHANNELS.get(each, set()) <= set(answers)]
         told += [f"like {readable.effect(slug)} {' or '.join(causes)}"] if causes else []
     return [f"causes that the catalogue lacks may look the same: {'; '.join(told)}"] if told else []
+
+
+def unstated_lugs(slugs: Collection[str], wheel: Wheel) -> list[str]:
+    """Say that lugs look like what was found, where the vehicle's description says neither that the wheel has any nor
+    that it is smooth: soil that shears at their tips turns it with more torque.
+    """
+    if "torque_gain" not in slugs or "grouser_height_m" in wheel.model_fields_set:
+        return []
+    return [
+        "lugs may look like torque gain, and the vehicle says nothing of them: if the wheel has any, state "
+        "grouser_height_m and grouser_count, else grouser_height_m = 0"
+    ]

@@ -14,7 +14,7 @@ from bevameter.identification.effects.drive import select_rows
 from bevameter.identification.effects.effect import PULL, SINKAGE, TORQUE
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.show.notes import _not_considered, several_grounds
-from bevameter.identification.mismatch.show.outside import LOOK_ALIKES, outside
+from bevameter.identification.mismatch.show.outside import LOOK_ALIKES, outside, unstated_lugs
 from effects_tried import DRIVE
 
 TIME_S = np.arange(0.0, 100.0, 0.5)
@@ -96,3 +96,11 @@ def test_causes_in_channels_that_a_recording_lacks_are_not_told():
     assert note.endswith("like torque gain a torque's sensor that saturates")
     (note,) = outside(["torque_gain", "load_gain"], (TORQUE, PULL))
     assert "load gain a wrong gain of the pull's sensor; like torque gain a wrong gain of the pull's sensor or" in note
+
+
+def test_lugs_of_which_the_vehicle_says_nothing_may_look_like_a_torque_gain():
+    silent, smooth = Wheel(radius_m=0.1, width_m=0.05), Wheel(radius_m=0.1, width_m=0.05, grouser_height_m=0.0)
+    (note,) = unstated_lugs({"torque_gain", "drift"}, silent)
+    assert "grouser_height_m" in note
+    assert unstated_lugs({"torque_gain"}, smooth) == []
+    assert unstated_lugs({"drift"}, silent) == []
