@@ -5,8 +5,13 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 from ..explanation import Explanation, Missing
-from ..name.naming import ASSERTED, MENTIONED
+from ..name.naming import ASSERTED, MENTIONED, UNKNOWN
 from . import readable
+
+_STANDS_IN = 0.5
+"""A cause that the catalogue lacks and that is more likely than this is corrected for in what is shown [-]."""
+
+_LACKED = "a cause that the catalogue lacks"
 
 
 def probabilities(explanation: Explanation, unsure: Sequence[Missing]) -> str:
@@ -19,8 +24,11 @@ def probabilities(explanation: Explanation, unsure: Sequence[Missing]) -> str:
     share = {each.effect: each.probability for each in unsure}
     told = []
     for group in groups:
-        named = [f"{readable.effect(slug)} {readable.percent(share.get(slug, _among(explanation, {slug})))}"
-                 for slug in group]  # fmt: skip
+        shares = {slug: share.get(slug, _among(explanation, {slug})) for slug in group}
+        named = [
+            f"{_LACKED if slug == UNKNOWN else readable.effect(slug)} {readable.percent(probability)}"
+            for slug, probability in shares.items()
+        ]
         told.append(readable.listed(named) + (", which look alike here" if len(group) > 1 else ""))
     slugs = [slug for group in groups for slug in group]
     told += [f"{name} {readable.percent(left)}" for name, left in neither(explanation, slugs)]
@@ -42,9 +50,9 @@ def fits_best(explanation: Explanation) -> tuple[str, str, str]:
     """
     effects = explanation.simulator.effects
     named = readable.listed([readable.effect(each.name) for each in effects])
-    if explanation.verdict == "unknown":
-        beside = f", beside {named}," if effects else ""
-        return "", f"that correction{beside}", "it"
+    if any(each.kind == UNKNOWN and each.probability > _STANDS_IN for each in explanation.missing):
+        which = "that correction" if explanation.verdict == "unknown" else "a smooth correction"
+        return "", f"{which}, beside {named}," if effects else which, "it"
     sure = {each.effect for each in explanation.missing if each.probability >= ASSERTED}
     several = len(effects) > 1
     if not effects or {each.slug for each in effects} == sure == {each.effect for each in explanation.missing}:

@@ -120,6 +120,9 @@ def test_a_correction_is_told_from_what_is_beside_it():
     shape = Missing("unknown", "unknown", "", 0.97, {}, "f", "fitted", (), "", "torque T rises with slip i")
     alone = explanation(verdict="unknown", missing=(shape,))
     assert "rises with slip i. With that correction the held-out error falls" in summarise(alone)
+    doubted = replace(alone, verdict="cannot_tell", missing=(replace(shape, probability=0.6),), candidates=())
+    assert "Probability, alone or with others: a cause that the catalogue lacks 60 %;" in summarise(doubted)
+    assert "With a smooth correction the held-out error falls" in summarise(doubted)
     beside = replace(alone, simulator=several().simulator)
     assert "With that correction, beside slip-sinkage (exponent) and sinkage offset, the held-out" in summarise(beside)
 
