@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -159,14 +160,14 @@ class GroundAnswer:
         return [self.class_names[index] if told else UNKNOWN for index, told in zip(best, seen, strict=True)]
 
     def drawbar_pull(
-        self, vehicle: Vehicle, slip: float, *, load_N: float | Sequence[float] | None = None
+        self, vehicle: Vehicle | str | Path, slip: float, *, load_N: float | Sequence[float] | None = None
     ) -> DrawbarPull:
         """Predict the vehicle's drawbar pull at each place and slip; see `mobility.drawbar_pull`."""
         from .mobility import drawbar_pull
 
         return drawbar_pull(self, vehicle, slip, load_N)
 
-    def mobility(self, vehicle: Vehicle, *, load_N: float | Sequence[float] | None = None) -> Mobility:
+    def mobility(self, vehicle: Vehicle | str | Path, *, load_N: float | Sequence[float] | None = None) -> Mobility:
         """Predict whether and how well the vehicle moves at each place; see `mobility.mobility`."""
         from .mobility import mobility
 

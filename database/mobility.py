@@ -9,18 +9,19 @@ same answer.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import ndtri
 from scipy.stats import chi2, qmc
 
+from ..framework.core.arguments import number, numbers, refused
 from ..framework.core.errors import InputError
 from ..framework.core.soil import PARAMETERS, PLAUSIBLE
-from ..framework.core.vehicle import Vehicle, Wheel
+from ..framework.core.vehicle import Vehicle, Wheel, as_vehicle
 from ..identification import stress_kernel as kernel
 from ..identification.effects.ensemble import drawbar_pull as augmented_pull
 from ..identification.effects.ensemble import error_count, soils_off
@@ -105,7 +106,7 @@ class Mobility:
 
 
 def drawbar_pull(
-    answer: GroundAnswer, vehicle: Vehicle, slip: float, load_N: float | Sequence[float] | None = None
+    answer: GroundAnswer, vehicle: Vehicle | str | Path, slip: float, load_N: float | Sequence[float] | None = None
 ) -> DrawbarPull:
     """Predict the drawbar pull of all wheels together at one slip.
 
@@ -114,7 +115,7 @@ def drawbar_pull(
     answer
         The places, and the confidence wanted.
     vehicle
-        Its wheels.
+        Its wheels: the vehicle, or its TOML file, which is read at each call.
     slip
         In (-1, 1) [-].
     load_N
@@ -124,10 +125,13 @@ def drawbar_pull(
     Raises
     ------
     InputError
-        A slip or load out of range, or no load given and none recorded.
+        A slip or load that is no number or out of range, no vehicle, or no load given and none recorded.
     """
-    if not (math.isfinite(slip) and -1.0 < slip < 1.0):
-        raise InputError("slip", f"{slip!r}", expected="a number between -1 and 1")
+    asked, wanted = slip, "a number between -1 and 1"
+    slip = number("slip", asked, wanted)
+    if not -1.0 < slip < 1.0:  # nor is NaN
+        raise refused("slip", asked, wanted)
+    vehicle = as_vehicle(vehicle)
     loads = _loads(answer, vehicle, load_N)
     pulls, usable = _class_pulls(answer, vehicle, loads, np.array([slip]))
     weight, known, reason = _weights(answer, usable)
@@ -143,8 +147,11 @@ def drawbar_pull(
     return DrawbarPull(known, reason, mean, lower, loads, float(slip))
 
 
-def mobility(answer: GroundAnswer, vehicle: Vehicle, load_N: float | Sequence[float] | None = None) -> Mobility:
+def mobility(
+    answer: GroundAnswer, vehicle: Vehicle | str | Path, load_N: float | Sequence[float] | None = None
+) -> Mobility:
     """Predict whether the vehicle moves, and how much pull it has to spare at its best slip; as `drawbar_pull`."""
+    vehicle = as_vehicle(vehicle)
     loads = _loads(answer, vehicle, load_N)
     pulls, usable = _class_pulls(answer, vehicle, loads, SLIPS)
     weight, known, reason = _weights(answer, usable)
@@ -164,16 +171,17 @@ def mobility(answer: GroundAnswer, vehicle: Vehicle, load_N: float | Sequence[fl
 
 
 def _loads(answer: GroundAnswer, vehicle: Vehicle, load_N: float | Sequence[float] | None) -> tuple[float, ...]:
+    wanted = "positive numbers [N]"
     given = answer.snapshot.typical_load_N if load_N is None else load_N
-    loads = np.broadcast_to(np.asarray(given, dtype=float), (len(vehicle.wheels),)) if np.ndim(given) == 0 else None
-    if loads is None:
-        loads = np.asarray(given, dtype=float)
-        if loads.shape != (len(vehicle.wheels),):
-            raise InputError("load_N", f"{loads.size} numbers", expected=f"one for each of {len(vehicle.wheels)}")
+    loads = numbers("load_N", given, wanted)
+    if loads.ndim == 0:
+        loads = np.full(len(vehicle.wheels), loads)
+    if loads.shape != (len(vehicle.wheels),):
+        raise InputError("load_N", f"{loads.size} numbers", expected=f"one for each of {len(vehicle.wheels)}")
     if load_N is None and not np.all(np.isfinite(loads)):
         raise InputError("load_N", "not given, and the database recorded none", expected="the load on each wheel [N]")
     if not np.all(np.isfinite(loads) & (loads > 0)):
-        raise InputError("load_N", f"{load_N!r}", expected="positive numbers [N]")
+        raise refused("load_N", load_N, wanted)
     return tuple(loads.tolist())
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ..framework.core.arguments import refused
 from ..framework.core.errors import InputError
 from ..framework.core.soil import Quantity
 from ..identification.effects.ensemble import errors_of_fit
@@ -46,7 +47,7 @@ class ClassPhysics:
     Raises
     ------
     InputError
-        A name that is empty, too long or no text, or a time that is none.
+        A name that is empty, too long or no text, physics that is none, or a time that is none.
     """
 
     class_name: str
@@ -61,6 +62,8 @@ class ClassPhysics:
             value = getattr(self, name)
             if not isinstance(value, str) or not least <= len(value.strip()) <= len(value) <= most or not _text(value):
                 raise InputError(name, ascii(value)[:80], expected=f"text of {least} to {most} letters")
+        if not isinstance(self.physics, AugmentedSimulator):
+            raise refused("physics", self.physics, "an AugmentedSimulator, as `physics` of what explain answers")
         if not isinstance(self.observed_at, datetime):
             raise InputError("observed_at", f"{self.observed_at!r}"[:80], expected="a datetime")
         zone = self.observed_at.tzinfo or UTC
@@ -84,6 +87,19 @@ def check_likely(physics: AugmentedSimulator, source: str) -> None:
             raise InputError(source, f"{effect.slug} is there with probability {effect.probability:.6g}",
                              expected=f"{LEAST_PROBABILITY:g} or more: what cannot be told is nothing to plan on"
                              )  # fmt: skip
+
+
+def sound_physics(physics: AugmentedSimulator, source: str) -> AugmentedSimulator:
+    """Give physics number by number as it is read back, and likely; raises `InputError` where it is not sound."""
+    try:
+        document = physics.to_json()
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            source, f"{type(error).__name__} {error}"[:120], expected="soil and effects as numbers"
+        ) from None
+    sound = AugmentedSimulator.from_json(document, source)
+    check_likely(sound, source)
+    return sound
 
 
 def _text(value: str) -> bool:

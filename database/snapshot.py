@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..framework.core.arguments import number, numbers, refused, shown
 from ..framework.core.errors import InputError
 from .answer import GroundAnswer, StrengthTable
 from .belief import NO_PLACE, NOT_SEEN, Cells, cell_key, cell_of_key, combine, grid_size
@@ -115,7 +116,7 @@ class Snapshot:
         InputError
             A path that is not (n, 2), a stress that is negative or not finite, a confidence out of range.
         """
-        places = _numbers("path", path, "(n, 2): x, y [m]")
+        places = numbers("path", path, "(n, 2): x, y [m]")
         if places.ndim != 2 or places.shape[1] != 2:
             raise InputError("path", f"shape {places.shape}", expected="(n, 2): x, y [m]")
         return self._answer(places[:, 0], places[:, 1], self._find(places), normal_stress, confidence, now)
@@ -130,7 +131,7 @@ class Snapshot:
         now: float | datetime | None = None,
     ) -> GroundAnswer:
         """Say what the ground can bear at one place, or at many (arrays of equal size) [m]; else as `along`."""
-        xs, ys = (np.ravel(_numbers(name, each, "numbers [m]")) for name, each in (("x", x), ("y", y)))
+        xs, ys = (np.ravel(numbers(name, each, "numbers [m]")) for name, each in (("x", x), ("y", y)))
         if 1 != len(xs) != len(ys) != 1:
             raise InputError("x and y", f"{len(xs)} and {len(ys)} places", expected="as many of each [m]")
         places = np.stack(np.broadcast_arrays(xs, ys), axis=1)
@@ -162,7 +163,7 @@ class Snapshot:
         now: float | datetime | None = None,
     ) -> GroundAnswer:
         """Give all cells that somebody has seen whose centres lie within a radius [m]; else as `along`."""
-        x, y, radius = (_number(*each, "a number [m]") for each in (("x", x), ("y", y), ("radius", radius)))
+        x, y, radius = (number(*each, "a number [m]") for each in (("x", x), ("y", y), ("radius", radius)))
         if not (math.isfinite(radius) and radius >= 0):
             raise InputError("radius", f"{radius!r}", expected="a finite length, not negative [m]")
         rows, cell_x, cell_y = self._within(x - radius, y - radius, x + radius, y + radius)
@@ -180,7 +181,7 @@ class Snapshot:
             There is no such class.
         """
         if name not in self.class_names:
-            raise InputError("class", f"{name!r}", expected="one of " + (", ".join(self.class_names) or "none yet"))
+            raise InputError("class", shown(name), expected="one of " + (", ".join(self.class_names) or "none yet"))
         probability = np.array([[float(other == name) for other in self.class_names]])
         nowhere = np.full(1, np.nan)
         table = self._table(normal_stress, confidence)
@@ -205,7 +206,7 @@ class Snapshot:
 
     def _within(self, x0: float, y0: float, x1: float, y1: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Rows and centres [m] of the seen cells between two corners."""
-        x0, y0, x1, y1 = (_number("box", each, "a number [m]") for each in (x0, y0, x1, y1))
+        x0, y0, x1, y1 = (number("box", each, "a number [m]") for each in (x0, y0, x1, y1))
         if not all(map(math.isfinite, (x0, y0, x1, y1))):
             raise InputError("box", f"corners {(x0, y0, x1, y1)}", expected="finite numbers [m]")
         farthest = LARGEST_CELL_INDEX - 1
@@ -243,8 +244,8 @@ class Snapshot:
         return GroundAnswer.of(self, table, (x, y), probability, (code, reasons), age, looks)
 
     def _table(self, normal_stress: float, confidence: float) -> StrengthTable:
-        stress = _number("normal stress", normal_stress, "a number [Pa]")
-        level = _number("confidence", confidence, "a number")
+        stress = number("normal stress", normal_stress, "a number [Pa]")
+        level = number("confidence", confidence, "a number")
         if not (math.isfinite(stress) and stress >= 0):
             raise InputError("normal stress", f"{normal_stress!r}", expected="a finite number, not negative [Pa]")
         if not 0.5 <= level < 1.0:
@@ -262,28 +263,15 @@ class Snapshot:
         return found
 
 
-def _numbers(name: str, values: ArrayLike, expected: str) -> np.ndarray:
-    """Give an array of numbers; raises `InputError` where it is none."""
-    try:
-        return np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(name, f"{values!r:.80}", expected=expected) from None
-
-
-def _number(name: str, value: float, expected: str) -> float:
-    """Give one number; raises `InputError` where it is none."""
-    try:
-        return float(value)
-    except (TypeError, ValueError):
-        raise InputError(name, f"{value!r:.80}", expected=expected) from None
-
-
 def _posix(now: float | datetime | None) -> float:
     if now is None:
         return time.time()
     if isinstance(now, datetime):
         return (now if now.tzinfo is not None else now.replace(tzinfo=UTC)).timestamp()
-    return float(now)
+    moment = number("now", now, "POSIX seconds, or a datetime")
+    if not math.isfinite(moment):
+        raise refused("now", now, "POSIX seconds, or a datetime")
+    return moment
 
 
 def _freeze(thing: object) -> None:

@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import islice
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-from sqlalchemy import Connection, Insert, Table, func, select
-from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy import Connection, func, select
 from sqlalchemy.exc import DBAPIError
 
+from ..framework.core.arguments import refused
+from ..framework.core.class_names import check_class_names, check_spelling
 from ..framework.core.errors import InputError
+from .kept_physics import add_rows, driven_classes, found_by_others, physics_classes, read_physics
 from .observations import Drive
 from .rows import drive_of, drive_row, soil_rows, terrain_rows
 from .schema import holds_database, open_engine, shown, unreachable
 from .snapshot import Snapshot
-from .tables import Base, DriveRow, ImportRow, PhysicsRow, SoilRow, TerrainRow
+from .tables import Base, DriveRow, ImportRow, SoilRow, TerrainRow, insertion, table_of
 
 if TYPE_CHECKING:
     from ..identification.effects.stored import AugmentedSimulator
@@ -100,8 +102,13 @@ class TerrainDatabase:
         Raises
         ------
         InputError
-            The database cannot be written.
+            A class of the drive is `unknown`, or only case or spaces tell two of them apart; the database cannot be
+            written.
         """
+        if not isinstance(drive, Drive):
+            raise refused("drive", drive, "a Drive")
+        felt = (name for soil in drive.soils for name in soil.class_probabilities)
+        check_class_names([*drive.terrain.evidence.classes, *felt], f"drive {drive.name!r}", "classes")
         rows = [(TerrainRow, terrain_rows(drive)), (SoilRow, soil_rows(drive))]
         total = len(drive.terrain) + len(drive.soils)
         moment = {"id": uuid.uuid4(), "drive_id": drive.id, "imported_at": datetime.now(UTC)}
@@ -132,7 +139,8 @@ class TerrainDatabase:
         Parameters
         ----------
         class_name
-            The class.
+            The class, spelt as drives have it. It may be one that no drive has brought yet: its physics is used once
+            wheels have felt it.
         physics
             Soil and effects, fitted together. Faults of instruments among them are kept and never act on predictions.
         source
@@ -145,16 +153,19 @@ class TerrainDatabase:
         Raises
         ------
         InputError
-            A number in it is not finite or out of bounds, an effect is less likely than not, or the database cannot be
-            written.
+            The class is `unknown`, or only case or spaces tell it apart from one that the database knows; the physics
+            is none, a number in it is not finite or out of bounds, or an effect is less likely than not; or the
+            database cannot be written.
         """
-        from .physics import ClassPhysics, check_likely, physics_row
+        from .physics import ClassPhysics, physics_row, sound_physics
 
-        sound = type(physics).from_json(physics.to_json(), f"physics of {class_name}")
-        check_likely(sound, f"physics of {class_name}")
-        found = ClassPhysics(class_name, sound, source, time if time is not None else datetime.now(UTC), site)
+        found = ClassPhysics(class_name, physics, source, time if time is not None else datetime.now(UTC), site)
+        with self._read() as connection:
+            check_spelling(class_name, (driven_classes(connection), physics_classes(connection)), "class_name")
+        found = replace(found, physics=sound_physics(physics, f"physics of {class_name}"))
         with _Written(self) as connection:
-            return _add_physics(connection, [physics_row(found)])
+            new = add_rows(connection, [physics_row(found)])
+        return Added(new, 1 - new)
 
     def physics(self, class_name: str | None = None) -> list[ClassPhysics]:
         """Read the physics of classes back, oldest first; of one class where one is named.
@@ -165,7 +176,7 @@ class TerrainDatabase:
             The database cannot be read, or holds what is no physics.
         """
         with self._read() as connection:
-            found = _physics(connection, self.name)
+            found = read_physics(connection, self.name)
         return [each for each in found if class_name in (None, each.class_name)]
 
     def merge(self, other: TerrainDatabase) -> Added:
@@ -176,13 +187,17 @@ class TerrainDatabase:
         Raises
         ------
         InputError
-            This database cannot be written, or the other cannot be read, or holds physics that `add_physics` refuses:
-            nothing is merged then.
+            This database cannot be written, or the other cannot be read, or holds physics that `add_physics` refuses
+            (of a class as the drives of both spell it): nothing is merged then.
         """
+        if not isinstance(other, TerrainDatabase):
+            raise refused("other", other, "a TerrainDatabase")
         new = known = 0
+        with other._read() as source, self._read() as own:
+            driven = driven_classes(own) | driven_classes(source)
+            found = found_by_others(source, other.name, driven, physics_classes(own))
         with other._read() as source:
-            found = _found_by_others(source, other.name)
-            for drive in source.execute(select(_table(DriveRow)).order_by(DriveRow.id)).all():
+            for drive in source.execute(select(table_of(DriveRow)).order_by(DriveRow.id)).all():
                 with _Written(self) as connection:
                     is_new = _is_new(connection, drive._asdict())
                     _insert(connection, ImportRow, _rows_of(source, ImportRow, drive.id))
@@ -191,12 +206,12 @@ class TerrainDatabase:
                 size = sum(_count(source, table, drive.id) for table in _OBSERVATIONS)
                 new, known = (new + size, known) if is_new else (new, known + size)
             with _Written(self) as connection:
-                added = _add_physics(connection, found)
-        return Added(new + added.new, known + added.known)
+                added = add_rows(connection, found)
+        return Added(new + added, known + len(found) - added)
 
     def drive(self, identity: uuid.UUID) -> Drive | None:
         """Read one drive back, whole, by its `Drive.id`; None where it is not there."""
-        table = _table(DriveRow)
+        table = table_of(DriveRow)
         with self._read() as connection:
             row = connection.execute(select(table).where(table.c.id == identity)).one_or_none()
             return None if row is None else _read_drive(connection, row, senses=None)
@@ -240,7 +255,7 @@ class TerrainDatabase:
         site = site if site is not None else (known[0] if known else "")
         with self._read() as connection:
             rows = _drive_rows(connection, site, newest=True)
-            physics = {found.class_name: found.physics for found in _physics(connection, self.name, site)}
+            physics = {found.class_name: found.physics for found in read_physics(connection, self.name, site)}
             return Snapshot.derive(site, [_read_drive(connection, row, senses=("fused",)) for row in rows], physics)
 
     def _read(self) -> _Reading:
@@ -290,52 +305,15 @@ class _Written(_Reading):
         self._close(error)
 
 
-def _table(row_type: type[Base]) -> Table:
-    return Base.metadata.tables[row_type.__tablename__]
-
-
 def _is_new(connection: Connection, row: dict[str, Any]) -> bool:
     """Insert a drive row; False where it is there already. Another process that is adding the same drive is awaited."""
-    statement = _insertion(connection, DriveRow).returning(_table(DriveRow).c.id)
+    statement = insertion(connection, DriveRow).returning(table_of(DriveRow).c.id)
     return connection.execute(statement, row).first() is not None
-
-
-def _add_physics(connection: Connection, rows: Sequence[dict[str, Any]]) -> Added:
-    """Insert rows of physics; those that are there already stay as they are."""
-    statement = _insertion(connection, PhysicsRow).returning(_table(PhysicsRow).c.id)
-    new = sum(connection.execute(statement, row).first() is not None for row in rows)
-    return Added(new, len(rows) - new)
-
-
-def _physics(connection: Connection, database: str, site: str | None = None) -> list[ClassPhysics]:
-    """Physics of classes, oldest first; with a site only what holds there."""
-    table = _table(PhysicsRow)
-    query = select(table).order_by(table.c.observed_at, table.c.id)
-    if site is not None:
-        query = query.where(table.c.site.in_(("", site)))
-    rows = connection.execute(query).all()
-    if not rows:
-        return []  # most databases: spare them the mechanics' import
-    from .physics import class_physics
-
-    return [class_physics(row, database) for row in rows]
-
-
-def _found_by_others(connection: Connection, database: str) -> list[dict[str, Any]]:
-    """Rows of another database's physics, read as strictly as they are added."""
-    found = _physics(connection, database)
-    if not found:
-        return []
-    from .physics import check_likely, physics_row
-
-    for each in found:
-        check_likely(each.physics, f"{database}, physics of {each.class_name}")
-    return [physics_row(each) for each in found]
 
 
 def _in_use(connection: Connection, recording_digest: str) -> uuid.UUID | None:
     """Give the drive that derived results use for a recording: its processing that was imported last."""
-    drive, imported = _table(DriveRow), _table(ImportRow)
+    drive, imported = table_of(DriveRow), table_of(ImportRow)
     query = (
         select(drive.c.id)
         .join(imported, imported.c.drive_id == drive.c.id)
@@ -350,28 +328,23 @@ def _insert(connection: Connection, row_type: type[Base], rows: Iterable[dict[st
     """Insert rows whose identity is not there yet."""
     remaining = iter(rows)
     while chunk := list(islice(remaining, _CHUNK)):
-        connection.execute(_insertion(connection, row_type), chunk)
-
-
-def _insertion(connection: Connection, row_type: type[Base]) -> Insert:
-    dialect = postgresql if connection.dialect.name == "postgresql" else sqlite
-    return dialect.insert(_table(row_type)).on_conflict_do_nothing()
+        connection.execute(insertion(connection, row_type), chunk)
 
 
 def _rows_of(connection: Connection, row_type: type[Base], drive_id: uuid.UUID) -> Iterator[dict[str, Any]]:
-    table = _table(row_type)
+    table = table_of(row_type)
     result = connection.execution_options(yield_per=_CHUNK).execute(select(table).where(table.c.drive_id == drive_id))
     return (row._asdict() for row in result)
 
 
 def _count(connection: Connection, row_type: type[Base], drive_id: uuid.UUID) -> int:
-    table = _table(row_type)
+    table = table_of(row_type)
     return connection.execute(select(func.count()).where(table.c.drive_id == drive_id)).scalar_one()
 
 
 def _drive_rows(connection: Connection, site: str | None, newest: bool) -> list[Any]:
     """Drive rows in the order of their last import; with `newest` only the last one of each recording."""
-    drive, imported = _table(DriveRow), _table(ImportRow)
+    drive, imported = table_of(DriveRow), table_of(ImportRow)
     last = (
         select(imported.c.drive_id, func.max(imported.c.imported_at).label("last_import"))
         .group_by(imported.c.drive_id)
@@ -386,7 +359,7 @@ def _drive_rows(connection: Connection, site: str | None, newest: bool) -> list[
 
 def _read_drive(connection: Connection, row: Any, senses: tuple[str, ...] | None) -> Drive:
     """Read one drive back; `senses` limits the terrain observations to those of some senses."""
-    terrain, soil = _table(TerrainRow), _table(SoilRow)
+    terrain, soil = table_of(TerrainRow), table_of(SoilRow)
     wanted = [column for column in terrain.c if column.name not in ("id", "drive_id")]  # identities take the most time
     looks = select(*wanted).where(terrain.c.drive_id == row.id).order_by(terrain.c.time_s, terrain.c.id)
     if senses is not None:

@@ -10,7 +10,23 @@ import uuid
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import JSON, DateTime, Dialect, Double, ForeignKey, Index, Integer, LargeBinary, String, Text, Uuid
+from sqlalchemy import (
+    JSON,
+    Connection,
+    DateTime,
+    Dialect,
+    Double,
+    ForeignKey,
+    Index,
+    Insert,
+    Integer,
+    LargeBinary,
+    String,
+    Table,
+    Text,
+    Uuid,
+)
+from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 from sqlalchemy.types import TypeDecorator
 
@@ -115,3 +131,14 @@ class PhysicsRow(Base):
     source: Mapped[str] = mapped_column(Text)
     observed_at: Mapped[datetime] = mapped_column(UtcDateTime)
     physics: Mapped[dict[str, Any]] = mapped_column(JSON)
+
+
+def table_of(row_type: type[Base]) -> Table:
+    """Give the table of a row type."""
+    return Base.metadata.tables[row_type.__tablename__]
+
+
+def insertion(connection: Connection, row_type: type[Base]) -> Insert:
+    """Give the statement that inserts rows whose identity is not there yet."""
+    dialect = postgresql if connection.dialect.name == "postgresql" else sqlite
+    return dialect.insert(table_of(row_type)).on_conflict_do_nothing()

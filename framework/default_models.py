@@ -19,6 +19,7 @@ import platformdirs
 from sqlalchemy.engine import make_url
 from sqlalchemy.exc import ArgumentError
 
+from .core.arguments import path_of
 from .core.errors import InputError
 from .core.learning import TerrainClassifier
 from .core.learning_metadata import FORMAT_VERSION
@@ -95,7 +96,7 @@ def find_models(
     InputError
         `folder` is missing or holds no model; a model there is damaged or of another sense.
     """
-    where = Path(folder) if folder is not None else models_beside(database)
+    where = path_of("models", folder, "the folder that holds them") if folder is not None else models_beside(database)
     found = {sense: where / f"{sense}.skops" for sense in SENSES} if where is not None else {}
     found = {sense: path for sense, path in found.items() if path.is_file()}
     if folder is not None and not found:

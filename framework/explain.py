@@ -13,6 +13,7 @@ from ..identification.felt_rows import felt_rows
 from ..identification.identify import open_recording
 from ..identification.mismatch.explain import explain as explain_wheel
 from ..identification.mismatch.explanation import Explanation
+from .core.arguments import whole
 from .core.errors import InputError
 from .core.recording.types import Recording
 from .core.soil import SoilKnowledge
@@ -58,7 +59,7 @@ def explain(
     InputError
         The recording has no wheel channels or geometry, lacks channels or rows to compare, or a name is unknown.
     """
-    opened = open_recording(recording, vehicle)
+    seed, opened = whole("seed", seed), open_recording(recording, vehicle)
     answer = explain_wheel(opened, soil=soil, simulated=simulated, seed=seed, catalogue=catalogue, progress=progress)
     if opened.sound is None:
         return answer

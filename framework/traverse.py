@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import time
 from dataclasses import replace
 from importlib.metadata import version
@@ -14,10 +15,11 @@ import numpy as np
 from ..database.observations import Drive, TerrainObservations
 from ..database.schema import holds_database, parse_url, shown
 from ..database.store import Added, TerrainDatabase
+from .core.arguments import number, refused
 from .core.evidence import ClassEvidence
 from .core.recording.open import read_recording
 from .core.recording.types import Recording
-from .core.vehicle import Vehicle
+from .core.vehicle import Vehicle, as_vehicle
 from .default_models import Models, find_models
 from .fusion import Belief, fuse
 from .perception import Progress, SenseRecord, perceive, senses_of
@@ -47,7 +49,7 @@ def run_traverse(
     recording: Recording | str | Path,
     database: TerrainDatabase | str | Path,
     *,
-    vehicle: Vehicle | None = None,
+    vehicle: Vehicle | str | Path | None = None,
     models: Models | str | Path | None = None,
     cell_size_m: float = CELL_SIZE_M,
     progress: Progress | None = None,
@@ -67,7 +69,7 @@ def run_traverse(
     database
         The terrain database, or its path or URL; made if missing.
     vehicle
-        Instead of the recording's own.
+        Instead of the recording's own: the vehicle, or its TOML file.
     models
         The classifiers, or the folder that holds them; looked for beside the database where None, and else the
         defaults, which know synthetic ground only (`default_models.find_models`).
@@ -89,10 +91,12 @@ def run_traverse(
     began = time.monotonic()
     tell: Progress = progress or (lambda stage, share: None)
     tell("reading", 0.0)
+    cell_size_m = _cell_size(cell_size_m)
+    driven = None if vehicle is None else as_vehicle(vehicle)
     if not isinstance(recording, Recording):
-        recording = read_recording(recording, vehicle=vehicle)
-    elif vehicle is not None:
-        recording = replace(recording, vehicle=vehicle)
+        recording = read_recording(recording, vehicle=driven)
+    elif driven is not None:
+        recording = replace(recording, vehicle=driven)
     tell("reading", 1.0)
     url = database.name if isinstance(database, TerrainDatabase) else database
     if not isinstance(database, TerrainDatabase):
@@ -133,6 +137,15 @@ def run_traverse(
         problems=(*_problems(recording, track), *soil.problems),
         seconds=time.monotonic() - began,
     )
+
+
+def _cell_size(cell_size_m: float) -> float:
+    """Give the edge of a cell [m]; raises `InputError` where it is none."""
+    wanted = "a finite length, greater than 0 [m]"
+    edge = number("cell_size_m", cell_size_m, wanted)
+    if not 0.0 < edge < math.inf:
+        raise refused("cell_size_m", cell_size_m, wanted)
+    return edge
 
 
 def is_synthetic(site: str, synthetic_models: tuple[str, ...]) -> bool:

@@ -11,11 +11,12 @@ from typing import Literal
 import numpy as np
 from scipy.stats import t as t_distribution
 
+from ..framework.core.arguments import refused
 from ..framework.core.errors import InputError
 from ..framework.core.recording.open import read_recording
 from ..framework.core.recording.types import Recording, WheelTable
-from ..framework.core.soil import Quantity, ShearStrength, SoilEstimate, SoilKnowledge, load_soil
-from ..framework.core.vehicle import Vehicle, Wheel, load_vehicle
+from ..framework.core.soil import Quantity, ShearStrength, SoilEstimate, SoilKnowledge, as_knowledge
+from ..framework.core.vehicle import Vehicle, Wheel, as_vehicle
 from . import linearised
 from .changes import split_soils
 from .estimation import Measured, estimate_soil, summarise, usable
@@ -29,6 +30,7 @@ from .restless import as_answers_tell
 from .trials import AS_TRIALS, is_of_trials, without_time
 
 Method = Literal["ml", "linear"]
+METHODS: tuple[Method, ...] = ("ml", "linear")
 
 REPRESENTATIVE_K_M = 0.01
 """Janosi shear modulus [m] that the linear method assumes where none is known: middle of Wong (2010), Table 2.3."""
@@ -96,7 +98,9 @@ def identify(
     InputError
         The recording has no wheel channels, no geometry, or lacks channels that the method needs.
     """
-    recording, known = open_recording(recording, vehicle), _known(soil)
+    if method not in METHODS:
+        raise refused("method", method, " or ".join(METHODS))
+    recording, known = open_recording(recording, vehicle), as_knowledge(soil)
     parts = by_geometry(recording)
     result = _several_wheels(parts, known, method) if len(parts) > 1 else _one_wheel(parts[0], known, method)
     return replace(result, problems=(*recording.problems, *result.problems))
@@ -277,16 +281,7 @@ def _linear(table: WheelTable, wheel: Wheel, known: SoilKnowledge) -> SoilEstima
 
 def open_recording(recording: Recording | str | Path, vehicle: Vehicle | str | Path | None) -> Recording:
     """Open a recording, if it is a path, and give it the vehicle, if there is one; raises `InputError`."""
-    if isinstance(vehicle, str | Path):
-        vehicle = load_vehicle(vehicle)
-    if isinstance(recording, Recording):
-        if vehicle is None:
-            return recording
-        return replace(recording, vehicle=vehicle)
-    return read_recording(recording, vehicle=vehicle)
-
-
-def _known(soil: SoilKnowledge | str | Path | None) -> SoilKnowledge:
-    if isinstance(soil, str | Path):
-        return load_soil(soil)
-    return soil or SoilKnowledge()
+    described = None if vehicle is None else as_vehicle(vehicle)
+    if not isinstance(recording, Recording):
+        return read_recording(recording, vehicle=described)
+    return recording if described is None else replace(recording, vehicle=described)

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from ..framework.core.arguments import path_of, refused
 from ..framework.core.errors import InputError
 from ..framework.core.recording.types import WheelTable
 from ..framework.core.recording.wheel_file import derive, read_wheel_file
-from ..framework.core.soil import SoilKnowledge, load_soil
-from ..framework.core.vehicle import Vehicle, Wheel, load_vehicle
+from ..framework.core.soil import SoilKnowledge, as_knowledge
+from ..framework.core.vehicle import Vehicle, Wheel, as_vehicle
 from .augmented import AugmentedWheel
 from .effects.drive import PresentDrive, drive_of, order_of, select_rows
 from .effects.effect import PULL, SINKAGE, TORQUE
@@ -57,12 +58,14 @@ def simulate(
         A file or value is bad, load and slip are missing, an effect or one of its parameters is not known or out of
         bounds, or an effect needs a column that the drive lacks.
     """
-    named = [parse_effect(effect) if isinstance(effect, str) else effect for effect in effects]
-    vehicle = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
+    named = _named(effects)
+    vehicle = as_vehicle(vehicle)
     if not isinstance(soil, Soil):
-        known = soil if isinstance(soil, SoilKnowledge) else load_soil(soil)
-        soil = Soil.from_knowledge(known, "soil" if isinstance(soil, SoilKnowledge) else str(soil))
-    table = drive if isinstance(drive, WheelTable) else read_wheel_file(drive)
+        if soil is None:
+            raise refused("soil", soil, "a Soil, a SoilKnowledge of all five parameters, or the path of its TOML file")
+        soil = Soil.from_knowledge(as_knowledge(soil), "soil" if isinstance(soil, SoilKnowledge) else str(soil))
+    wanted = "a WheelTable, or the path of a wheel file"
+    table = drive if isinstance(drive, WheelTable) else read_wheel_file(path_of("drive", drive, wanted))
     answers = {name: np.full(len(table), np.nan) for name in ANSWERS}
     slips = np.full(len(table), np.nan)
     names = [None] if table.wheel is None else list(np.unique(table.wheel))
@@ -119,6 +122,18 @@ def notes(vehicle: Vehicle, simulated: WheelTable, effects: Sequence[str | Named
     if any(wheel.grouser_count and wheel.grouser_height_m for wheel in vehicle.wheels) and "grousers" not in slugs:
         found.append("the vehicle's lugs are left out, as the textbook wheel has none: --effect grousers adds them")
     return found
+
+
+def _named(effects: Sequence[str | NamedEffect]) -> list[NamedEffect]:
+    """Read the effects asked for; raises `InputError` where something is none."""
+    wanted = "a list of effects, each SLUG:NAME=VALUE,..."
+    if isinstance(effects, str) or not isinstance(effects, Iterable):
+        raise refused("effects", effects, wanted)
+    named = [parse_effect(effect) if isinstance(effect, str) else effect for effect in effects]
+    for effect in named:
+        if not isinstance(effect, NamedEffect):
+            raise refused("effects", effect, wanted)
+    return named
 
 
 def _textbook(wheel: Wheel, soil: Soil, table: WheelTable) -> tuple[np.ndarray, ...]:

@@ -46,6 +46,9 @@ A soil and the effects that were fitted together with it are one object, `Augmen
 `TerrainDatabase.add_physics("sand", simulator, source="drive 3")` keeps it with a class, and from then on
 `drawbar_pull` and `mobility` of a new snapshot predict with the newest physics of each class:
 
+- The class is spelt as the database has it from drives: `unknown`, and a name that only case or spaces tell apart from
+  a class that is there, are refused, also by a merge, as nothing would match them. A class that no drive has brought
+  yet is taken: its physics waits until wheels have felt it.
 - The class's soil is then the one that was fitted with the effects; places scatter about it as the stretches show.
 - Only effects of the ground act, on any wheel: `slip_sinkage`, `stress_peak_shift`, `exit_angle`, `shear_hump`,
   `hard_layer`,

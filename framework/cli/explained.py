@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ...identification.mismatch.explanation import Explanation, Missing
 from ...identification.mismatch.show import readable
+from ...identification.mismatch.show.headline import verdict
 from ...identification.mismatch.show.sound_section import sound_lines
 from ...identification.mismatch.show.tables import (
     fit_headers,
@@ -20,7 +21,7 @@ _CANDIDATES_PRINTED = 5
 
 def print_explanation(answer: Explanation) -> None:
     """Print the verdict, where the channels differ, what was left out, what it gains, the sound, and what to trust."""
-    print(readable.verdict(answer))
+    print(verdict(answer))
     print(answer.summary)
     print()
     print_rows(located_headers(), located_rows(answer), title="Where simulation and recording differ")

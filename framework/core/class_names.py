@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 
 from .errors import InputError
@@ -41,6 +41,37 @@ def check_class_names(names: Iterable[str], source: str | Path, place: str | Non
             raise InputError(
                 source, f"classes {other!r} and {name!r}", expected="one spelling for each class", place=place
             )
+
+
+def check_spelling(name: str, known: Iterable[Collection[str]], source: str | Path, place: str | None = None) -> None:
+    """Refuse a name as `check_class_name` does, and one that only case, spaces or the encoding of accents tell apart
+    from a class that is known: nothing would match it.
+
+    Parameters
+    ----------
+    name
+        The name, written by hand.
+    known
+        Names that classes have already; of several collections the first that has a name like it counts. A name like
+        none of them is one of a class that is still to come, and has no spaces at its ends.
+    source, place
+        Where the name stands.
+
+    Raises
+    ------
+    InputError
+        It names `source`, `place` and the spelling that is known.
+    """
+    check_class_name(name, source, place)
+    for names in known:
+        alike = sorted(each for each in names if _key(each) == _key(name))
+        if name in alike:
+            return
+        if alike:
+            spelt = " or ".join(map(repr, alike))
+            raise InputError(source, f"a class named {name!r}", expected=f"{spelt}, as it is spelt here", place=place)
+    if name != name.strip():
+        raise InputError(source, f"a class named {name!r}", expected="no spaces at its ends", place=place)
 
 
 def _key(name: str) -> str:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from .arguments import refused
 from .errors import InputError
 from .vehicle import load_toml
 
@@ -172,3 +174,20 @@ def load_soil(path: str | Path) -> SoilKnowledge:
                 raise InputError(path, f"{table['sd']!r}", expected=expected, place=f"key {key}, sd")
             sds[name] = float(table["sd"]) * scale
     return SoilKnowledge(values, sds)
+
+
+def as_knowledge(soil: object) -> SoilKnowledge:
+    """Give what is known of a soil that an argument is, or that its file says; nothing where it is None.
+
+    Raises
+    ------
+    InputError
+        It is neither a `SoilKnowledge` nor a path, or what is wrong with the file (`load_soil`).
+    """
+    if soil is None:
+        return SoilKnowledge()
+    if isinstance(soil, SoilKnowledge):
+        return soil
+    if not isinstance(soil, str | os.PathLike):
+        raise refused("soil", soil, "a SoilKnowledge, or the path of its TOML file")
+    return load_soil(Path(soil))

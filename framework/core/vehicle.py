@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 import tomllib
 from collections.abc import Mapping
@@ -23,6 +24,7 @@ from pydantic import (
     model_validator,
 )
 
+from .arguments import path_of, refused
 from .errors import InputError
 
 _SHOWN = 80
@@ -184,7 +186,7 @@ _INTEGERS = "one of no more than 64 bits; write it with a decimal point"
 
 def load_toml(path: str | Path) -> dict:
     """Read a TOML file; raises `InputError` where it is missing, no TOML, or holds a number of more than 64 bits."""
-    path = Path(path)
+    path = path_of("file", path, "the path of a TOML file")
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
         _check_integers(path, data)
@@ -227,6 +229,21 @@ def load_vehicle(path: str | Path) -> Vehicle:
         return Vehicle.model_validate(data)
     except ValidationError as error:
         raise input_error(path, error, {"wheels.0": "wheel"} if "wheels" not in data else {}) from None
+
+
+def as_vehicle(vehicle: object) -> Vehicle:
+    """Give the vehicle that an argument is, or that its file describes.
+
+    Raises
+    ------
+    InputError
+        It is neither a `Vehicle` nor a path, or what is wrong with the file (`load_vehicle`).
+    """
+    if isinstance(vehicle, Vehicle):
+        return vehicle
+    if not isinstance(vehicle, str | os.PathLike):
+        raise refused("vehicle", vehicle, "a Vehicle, or the path of its TOML file")
+    return load_vehicle(Path(vehicle))
 
 
 def input_error(path: str | Path, error: ValidationError, written: Mapping[str, str] | None = None) -> InputError:

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from ...framework.core.arguments import shown
 from ...framework.core.errors import InputError
 from ...framework.core.recording.types import WheelTable
 from ...framework.core.soil import PARAMETERS, PLAUSIBLE
@@ -167,7 +168,7 @@ class AugmentedSimulator:
         """
         schema = document.get("schema") if isinstance(document, dict) else None
         if isinstance(document, dict) and "schema" in document and (isinstance(schema, bool) or schema not in (1, 2)):
-            raise InputError(source, f"schema {_shown(schema)}", expected="1 or 2")
+            raise InputError(source, f"schema {shown(schema)}", expected="1 or 2")
         further = {"correlation"} if schema == SCHEMA else set()
         page = _table(document, {"schema", "soil", "effects"} | further, source, "document")
         soil = _table(page["soil"], set(PARAMETERS), source, "soil")
@@ -221,17 +222,17 @@ def _effect(document: Any, schema: object, source: str, place: str) -> StoredEff
     page = _table(document, {"slug", "form", "parameters", "constants"} | further, source, place)
     slug, form = page["slug"], page["form"]
     if not isinstance(slug, str) or slug not in STORED:
-        raise InputError(source, f"effect {_shown(slug)}", expected="one of " + ", ".join(STORED), place=place)
+        raise InputError(source, f"effect {shown(slug)}", expected="one of " + ", ".join(STORED), place=place)
     if not isinstance(form, str):
-        raise InputError(source, f"form {_shown(form)}", expected="text", place=place)
+        raise InputError(source, f"form {shown(form)}", expected="text", place=place)
     known = [effect for effect in forms_by_name(slug, specimen(lugs_of(form))) if effect.form == form]
     if not known:
         raise InputError(source, f"form {form!r} of {slug}"[:120], expected="a form of the catalogue", place=place)
     names = set(page["parameters"]) if isinstance(page["parameters"], dict) else set()
     effect = smallest_holding(names, known)
     if effect is None:
-        shown = " or ".join(", ".join(parameter.name for parameter in each.parameters) for each in known)
-        raise InputError(source, f"parameters {sorted(map(str, names))}"[:120], expected=shown, place=place)
+        wanted = " or ".join(", ".join(parameter.name for parameter in each.parameters) for each in known)
+        raise InputError(source, f"parameters {sorted(map(str, names))}"[:120], expected=wanted, place=place)
     free = follows_drive(effect)
     parameters = {}
     for parameter in effect.parameters:
@@ -259,14 +260,6 @@ def _packed(entry: Estimated) -> dict[str, float | None]:
     return {"value": float(entry.value), "sd": _known(entry.sd)}
 
 
-def _shown(value: Any) -> str:
-    """A value for a message: some are too large, or nested too deeply, to be written."""
-    try:
-        return f"{value!r}"[:80]
-    except (ValueError, RecursionError):
-        return f"a {type(value).__name__} too large to be shown"
-
-
 def _known(number: float) -> float | None:
     return float(number) if math.isfinite(number) else None
 
@@ -274,8 +267,10 @@ def _known(number: float) -> float | None:
 def _table(document: Any, keys: set[str], source: str, place: str) -> dict[str, Any]:
     """Give a JSON object that has exactly these keys."""
     if not isinstance(document, dict) or set(document) != keys:
-        shown = sorted(map(str, document)) if isinstance(document, dict) else type(document).__name__
-        raise InputError(source, f"{shown}"[:120], expected="an object with " + ", ".join(sorted(keys)), place=place)
+        keys_found = sorted(map(str, document)) if isinstance(document, dict) else type(document).__name__
+        raise InputError(
+            source, f"{keys_found}"[:120], expected="an object with " + ", ".join(sorted(keys)), place=place
+        )
     return document
 
 
@@ -293,5 +288,5 @@ def _finite(number: Any, bounds: tuple[float, float], source: str, place: str) -
     slack = 1e-9 * max(abs(low) if math.isfinite(low) else 0.0, abs(high) if math.isfinite(high) else 0.0)
     if not usable or not -1e300 < number < 1e300 or not low - slack <= number <= high + slack:
         span = f"a number from {low:g} to {high:g}" if math.isfinite(low + high) else "a finite number in range"
-        raise InputError(source, _shown(number), expected=span, place=place)
+        raise InputError(source, shown(number), expected=span, place=place)
     return min(max(float(number), low), high)

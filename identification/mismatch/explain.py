@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from ...framework.core.arguments import path_of, refused, whole
 from ...framework.core.recording.types import Recording
-from ...framework.core.soil import SoilKnowledge, load_soil
+from ...framework.core.soil import SoilKnowledge, as_knowledge
 from ...framework.core.vehicle import Vehicle
 from ..effects.catalogue import SLUGS, effects_for
 from ..effects.effect import Effect
@@ -96,8 +97,10 @@ def explain(
     """
     began = time.perf_counter()
     tell = progress or (lambda _: None)
-    opened = open_recording(recording, vehicle)
-    known = load_soil(soil) if isinstance(soil, str | Path) else soil or SoilKnowledge()
+    seed, considered = whole("seed", seed), _considered(catalogue)
+    opened, known = open_recording(recording, vehicle), as_knowledge(soil)
+    if simulated is not None:
+        simulated = path_of("simulated", simulated, "the path of a wheel file")
     rows = felt_rows(opened, every_row=simulated is not None)
     table, settling = rows.table, []
     if simulated is not None:
@@ -111,7 +114,6 @@ def explain(
             samples, own = as_differences(samples, simulated)
         tell("refitting the soil")
         problem, textbook = textbook_trial(samples, known)
-        considered = SLUGS if catalogue is None else tuple(catalogue)
         found, remaining = _sought(problem, textbook, considered, tell)
         time_s = rows.table["time_s"] if "time_s" in rows.table else np.empty(0)
         notes = (*opened.problems, *rows.problems, *settling, *several_grounds(opened.labels, time_s))
@@ -165,6 +167,19 @@ def explain(
         problem, found, naming, remaining, regions, source=str(opened.source), seed=seed, began=began, problems=notes,
         before=before, simulated=own, repeated=repeated, doubted=against,
     )  # fmt: skip
+
+
+def _considered(catalogue: Iterable[str] | None) -> tuple[str, ...]:
+    """Public names of the effects to consider; raises `InputError` where they are no list, or one is no effect."""
+    if catalogue is None:
+        return SLUGS
+    if isinstance(catalogue, str) or not isinstance(catalogue, Iterable):
+        raise refused("catalogue", catalogue, "a list of names of effects")
+    names = tuple(catalogue)
+    for each in names:
+        if each not in SLUGS:
+            raise refused("catalogue", each, "one of " + ", ".join(SLUGS))
+    return names
 
 
 def _alone(problem: Problem, found: Search, already: int) -> np.ndarray:

@@ -36,7 +36,7 @@ def arrays(thing, seen=None):
     [
         (lambda view: view.along([[0, 1], [0]]), r"path: \[\[0, 1\], \[0\]\] .expected \(n, 2\)"),
         (lambda view: view.along([("a", "b")]), "path: .*'a'"),
-        (lambda view: view.along(None), "path: shape"),
+        (lambda view: view.along(None), "path: None"),
         (lambda view: view.at("here", 1), "x: 'here' .expected numbers"),
         (lambda view: view.at([0, 1, 2], [0, 1]), "x and y: 3 and 2 places"),
         (lambda view: view.at(0, 1, normal_stress="20 kPa"), r"normal stress: '20 kPa' .expected a number \[Pa\]"),

@@ -81,7 +81,10 @@ def explanation(**changes) -> Explanation:
 
 def nothing() -> Explanation:
     """Nothing beyond noise."""
-    return explanation(verdict="none", located=(), missing=(), heldout_nats=Estimate(0.0, 0.0), summary="They agree.")
+    return explanation(
+        verdict="none", located=(), missing=(), heldout_nats=Estimate(0.0, 0.0), summary="They agree.",
+        fits={name: replace(fit, rmse_before=fit.rmse_after) for name, fit in explanation().fits.items()},
+    )  # fmt: skip
 
 
 def cannot_tell() -> Explanation:
@@ -94,7 +97,8 @@ def cannot_tell() -> Explanation:
         "torque_gain", "instrument", "", 0.42, {"g": Estimate(0.08, 0.02)}, "T reported = (1 + g) T", "definition",
         ("side_wall_friction",), "measure drawbar pull (drawbar_pull_N) on the same drive",
     )  # fmt: skip
-    return explanation(verdict="cannot_tell", missing=(first, second))
+    weighed = tuple(Candidate(each.effect, each.kind, each.probability, 60.0, {}, "") for each in (first, second))
+    return explanation(verdict="cannot_tell", missing=(first, second), candidates=weighed)
 
 
 SOUND = {

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ..arguments import path_of
 from ..errors import InputError, reading
-from ..vehicle import Vehicle, load_vehicle
+from ..vehicle import Vehicle, as_vehicle, load_vehicle
 from .digest import StreamDigest
 from .folder import read_folder, vibration_stream
 from .streams import pose_from_wheel
@@ -40,7 +41,7 @@ def read_recording(
     InputError
         Nothing of a recording is there, or what is there is at fault: file, place, value and expectation are named.
     """
-    path = Path(path)
+    path = path_of("recording", path, "a Recording, or the path of one or of a wheel file")
     with reading(path, _KINDS):
         return _read(path, vehicle, topics)
 
@@ -49,15 +50,15 @@ def _read(path: Path, vehicle: Vehicle | str | Path | None, topics: str | Path |
     if not path.exists() and not path.is_symlink():
         raise InputError(path, "no such file or folder", expected=_KINDS)
     path.stat()  # a link that leads nowhere, or to itself
-    if vehicle is not None and not isinstance(vehicle, Vehicle):
-        vehicle = load_vehicle(vehicle)
+    vehicle = None if vehicle is None else as_vehicle(vehicle)
+    topic_map = None if topics is None else path_of("topics", topics, "the path of a topic map")
     is_bag = path.suffix.lower() in (".bag", ".mcap", ".db3") or (path.is_dir() and _is_bag_folder(path))
     if topics is not None and not is_bag:
         raise InputError(path, "a topic map is given, and this is no bag", expected="a .bag, .mcap or ROS 2 bag folder")
     if is_bag:
         from .bags import read_bag
 
-        return read_bag(path, vehicle=vehicle or _beside(path), topics=None if topics is None else Path(topics))
+        return read_bag(path, vehicle=vehicle or _beside(path), topics=topic_map)
     if path.is_dir():
         return read_folder(path, vehicle)
     if is_table(path):

@@ -7,9 +7,9 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ....framework.core.soil import PARAMETERS
 from ..explanation import Estimate, Explanation, Missing, Region
 from ..locate.variables import CONSTANT
-from ..name.naming import ASSERTED
 
 _DEGREES = 180.0 / math.pi
 
@@ -62,6 +62,12 @@ _UNITS = {
     "m": ("mm", 1e3),
     "m/N": ("mm/kN", 1e6),
 }
+
+AT_NOISE = 1.3
+"""A channel whose held-out error is within this factor of its noise is predicted as well as can be [-]."""
+
+FEW = 4 * len(PARAMETERS)
+"""Rows below which finding nothing tells little: four for each number of a soil."""
 
 _PLACES = ("from", "to")
 """Parameters in metres that are places along a track, not lengths of the wheel's size."""
@@ -164,11 +170,22 @@ def likelihood(probability: float) -> str:
 
 def effect(name: str) -> str:
     """Put one effect, or several joined by plus signs, in words: forms stay in brackets."""
-    parts = []
-    for part in name.split(" + "):
-        slug, form = re.fullmatch(r"([^\[]*)(\[.*\])?", part, re.DOTALL).groups()  # type: ignore[union-attr]
-        parts.append(EFFECTS.get(slug, (slug, ""))[0] + (f" ({form[1:-1]})" if form else ""))
-    return " + ".join(parts)
+    return " + ".join(
+        EFFECTS.get(slug, (slug, ""))[0] + (f" ({form[1:-1]})" if form else "") for slug, form in _parts(name)
+    )
+
+
+def slugs(name: str) -> list[str]:
+    """Give the public names of the effects that a name joins by plus signs, without their forms."""
+    return [slug for slug, _ in _parts(name)]
+
+
+def _parts(name: str) -> list[tuple[str, str | None]]:
+    """Slug and form, in brackets, of each effect that a name joins."""
+    return [
+        re.fullmatch(r"([^\[]*)(\[.*\])?", part, re.DOTALL).groups()  # type: ignore[union-attr]
+        for part in name.split(" + ")
+    ]
 
 
 def effects(names: tuple[str, ...]) -> str:
@@ -190,74 +207,47 @@ def p_value(value: float) -> str:
     return "< 1e-12" if value < 1e-12 else f"{value:.1g}" if value < 0.001 else f"{value:.3f}"
 
 
-def one_of(each: Missing, listed: Sequence[Missing], share: str) -> str:
+def one_of(each: Missing, missing: Sequence[Missing], share: str) -> str:
     """Name an effect with its share, and those that it cannot be told from and that are not listed themselves."""
-    slugs = {other.effect for other in listed}
-    alike = [effect(slug) for slug in each.indistinguishable_from if slug not in slugs]
-    return " or ".join([f"{in_words(each)} ({share})", *alike])
+    named = {other.effect for other in missing}
+    alike = [effect(slug) for slug in each.indistinguishable_from if slug not in named]
+    first = f"{in_words(each)} ({share})"
+    return f"one of {listed([first, *alike])}" if len(alike) > 1 else " or ".join([first, *alike])
 
 
 def in_words(each: Missing) -> str:
     """Name what is missing in words; what the catalogue lacks by what it is like, where that is known."""
-    return each.description if each.kind == "unknown" and each.parameters else effect(each.effect)
+    return each.description if is_like(each) else effect(each.effect)
 
 
-def verdict(explanation: Explanation) -> str:
-    """Put the verdict in one sentence."""
-    missing = explanation.missing
-    if explanation.verdict == "none":
-        return "Nothing that held-out data ask for is missing from the simulation."
-    if explanation.verdict == "unknown":
-        return _beyond_catalogue(missing)
-    if explanation.verdict == "cannot_tell":
-        listed = "; ".join(f"{in_words(each)} ({likelihood(each.probability)})" for each in missing)
-        return f"Something was left out, but these data do not tell what: {listed}."
-    sure = [each for each in missing if each.probability >= ASSERTED]
-    parts = []
-    for kind, opening in (
-        ("physics", "the simulation leaves out "),
-        ("instrument", "an instrument or a configured value is at fault: "),
-    ):
-        named = [f"{effect(each.effect)} ({likelihood(each.probability)})" for each in sure if each.kind == kind]
-        if named:
-            parts.append(opening + _and(named))
-    doubtful = [each for each in missing if each not in sure]
-    if doubtful:
-        named = [one_of(each, missing, likelihood(each.probability)) for each in doubtful]
-        parts.append(f"considered, but not asserted: {_and(named)}")
-    sentence = "; ".join(parts) or "something was left out"
-    return f"{sentence[0].upper()}{sentence[1:]}."
+def is_like(each: Missing) -> bool:
+    """Say whether something is none of the catalogue's effects, and known by what it is like."""
+    return each.kind == "unknown" and bool(each.parameters)
 
 
-def _beyond_catalogue(missing: Sequence[Missing]) -> str:
-    """Say that something is missing which the catalogue lacks, what it is like, and what there is beside it."""
-    like = [
-        f"{in_words(each)} ({likelihood(each.probability)})"
-        for each in missing
-        if each.kind == "unknown" and each.parameters
-    ]
-    plain = "".join(
-        f" ({likelihood(each.probability)})" for each in missing if each.kind == "unknown" and not each.parameters
-    )
-    known = [each for each in missing if each.kind != "unknown"]
-    told = f"nothing in the catalogue explains it well enough{plain}" if plain or not like else ""
-    if like:
-        told = f"{told}; there is " if told else "nothing in the catalogue explains it as well as "
-        told += _and(like)
-    sure, others = (
-        [
-            f"{effect(each.effect)} ({percent(each.probability)})"
-            for each in known
-            if (each.probability >= ASSERTED) == asserted
-        ]
-        for asserted in (True, False)
-    )
-    return (
-        f"Simulation and recording differ, and {told}."
-        + (f" Beside it there is {_and(sure)}." if sure else "")
-        + (f" Considered, but not asserted: {_and(others)}." if others else "")
-    )
+def bare(channel: str) -> str:
+    """Name of a channel in words, without its symbol."""
+    return shown(channel).name.rpartition(" ")[0] or shown(channel).name
 
 
-def _and(parts: list[str]) -> str:
+def above_noise(explanation: Explanation) -> list[str]:
+    """Channels, in words, whose held-out error stays above the noise."""
+    return [bare(channel) for channel, fit in explanation.fits.items() if fit.rmse_after > AT_NOISE * fit.noise]
+
+
+def apart(explanation: Explanation) -> list[str]:
+    """Channels, in words, that another simulator misses by more than the textbook wheel does on the soil it finds."""
+    if explanation.verdict != "none":
+        return []
+    fits = explanation.fits.items()
+    return [bare(channel) for channel, fit in fits if fit.rmse_before > AT_NOISE * fit.rmse_after]
+
+
+def few(explanation: Explanation) -> bool:
+    """Say whether the rows are so few that nothing is told by nothing being found."""
+    return explanation.n < FEW
+
+
+def listed(parts: Sequence[str]) -> str:
+    """Join names as people do: ``a, b and c``."""
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}" if parts else ""

@@ -11,6 +11,7 @@ from ....framework.core.html_page import page, table, unbroken
 from ....framework.core.writing import write_text
 from ..explanation import Candidate, Explanation, Missing
 from . import pictures, readable
+from .headline import verdict
 from .readable import likelihood, shown
 from .sound_section import sound_section
 from .tables import fit_headers, fit_rows, located_headers, located_rows, predicted_worse, soil_table
@@ -61,17 +62,21 @@ def report_html(explanation: Explanation) -> str:
 def _head(explanation: Explanation) -> str:
     return (
         f"<h1>Simulation against recording: {escape(Path(explanation.source).name)}</h1>"
-        f"<p class=verdict>{unbroken(readable.verdict(explanation))}</p>"
+        f"<p class=verdict>{unbroken(verdict(explanation))}</p>"
         f"<p>{escape(explanation.summary)}</p><p>{_gain(explanation)}</p><p class=note>{_PROBABILITIES}</p>"
     )
 
 
 def _gain(explanation: Explanation) -> str:
     if explanation.verdict == "none":
-        return "Nothing was added to the simulation, for held-out rows ask for nothing."
+        far = readable.above_noise(explanation)
+        why = "of what was tried nothing gains enough on rows held out" if far else "held-out rows ask for nothing"
+        return f"Nothing was added to the simulation: {why}."
     gain = explanation.heldout_nats
+    named = {"cannot_tell": "what fits best", "unknown": "what fits best and a smooth correction"}
+    with_it = named.get(explanation.verdict, "what was left out")
     return (
-        f"On held-out rows the simulation with what was left out gains {readable.spread(gain.value, gain.sd)} nats of "
+        f"On held-out rows the simulation with {with_it} gains {readable.spread(gain.value, gain.sd)} nats of "
         "log-likelihood: the logarithm of how many times more probable it makes them."
     )
 
@@ -89,7 +94,10 @@ def _located(explanation: Explanation) -> str:
             "acts, else the usual one.</p>"
         )
     else:
-        body += "<p>No place is listed: held-out rows ask for nothing, or a variation of the ground explains it.</p>"
+        why = "held-out rows ask for nothing, or a variation of the ground explains it"
+        if readable.above_noise(explanation):
+            why = "held-out rows do not tell on what it depends that channels are missed by more than noise"
+        body += f"<p>No place is listed: {why}.</p>"
     maps = pictures.residual_maps(explanation)
     if maps:
         body += (

@@ -6,12 +6,11 @@ from ..explanation import Explanation, Missing
 from ..locate.variables import CONSTANT, LAG
 from ..name.naming import ASSERTED
 from . import readable
+from .readable import AT_NOISE, above_noise, bare
+from .rivals import fits_best, probabilities
 
 _WORTH_A_WORD = 0.2
 """A candidate that nothing asks for is spoken of from this probability on [-]."""
-
-_AT_NOISE = 1.3
-"""A channel whose held-out error is within this factor of its noise is predicted as well as can be [-]."""
 
 _TOLD = 3
 """Parameters of an effect that are told in the summary."""
@@ -31,10 +30,8 @@ def summarise(explanation: Explanation) -> str:
         parts += [_beyond_catalogue(each) for each in explanation.missing if each.kind == "unknown"]
     parts += [_statement(each) for each in sure if each.kind != "unknown"]
     if unsure and explanation.verdict != "unknown":
-        listed = ", ".join(
-            readable.one_of(each, explanation.missing, readable.percent(each.probability)) for each in unsure
-        )
-        parts.append(f"These data do not tell for sure: {listed}.")
+        beside = "Beside that these" if sure else "These"
+        parts.append(f"{beside} data do not tell for sure what it is. {probabilities(explanation, unsure)}")
         parts.append(_kinds(unsure))
         tell = next((each.would_tell for each in unsure if each.would_tell), "")
         if tell:
@@ -44,19 +41,20 @@ def summarise(explanation: Explanation) -> str:
 
 
 def _nothing(explanation: Explanation) -> str:
-    fits = explanation.fits
-    other = [_bare(channel) for channel, fit in fits.items() if fit.rmse_before > _AT_NOISE * fit.rmse_after]
-    far = _far(explanation)
+    n, far, other = explanation.n, above_noise(explanation), readable.apart(explanation)
     if other:
         return (
-            f"The other simulator's {', '.join(other)} differ from the recording; the textbook wheel on another soil "
-            f"differs less. Over {explanation.n} samples its physics is not what is missing, its soil is another."
+            f"The other simulator's {readable.listed(other)} differ from the recording; the textbook wheel on another "
+            f"soil differs less. Over {n} samples its physics is not what is missing, its soil is another."
         )
-    nothing = "nothing was found that held-out data ask for"
     if not far:
-        return f"The simulation agrees within noise over {explanation.n} samples: {nothing}."
-    misses = f"misses {', '.join(far)} by more than noise, as where the ground varies from place to place"
-    return f"Over {explanation.n} samples the simulation {misses}; {nothing} beside that.{_nearest(explanation)}"
+        within = f"The simulation agrees within noise over {n} samples: nothing was found that held-out data ask for."
+        return within + (" So few would not show an effect that is small." if readable.few(explanation) else "")
+    why = "as where the ground varies from place to place, or something is missing that these data do not show"
+    return (
+        f"Over {n} samples the simulation misses {readable.listed(far)} by more than noise, {why}: of what was tried "
+        f"nothing gains enough on rows held out to be named.{_nearest(explanation)}"
+    )
 
 
 def _nearest(explanation: Explanation) -> str:
@@ -68,19 +66,14 @@ def _nearest(explanation: Explanation) -> str:
     return f" {named[0].upper()}{named[1:]} comes nearest ({readable.percent(best.probability)}): more rows would tell."
 
 
-def _far(explanation: Explanation) -> list[str]:
-    """Channels whose held-out error stays above the noise."""
-    return [_bare(channel) for channel, fit in explanation.fits.items() if fit.rmse_after > _AT_NOISE * fit.noise]
-
-
 def _where(explanation: Explanation) -> str:
     if not explanation.located:
         return "The channels leave the simulation, but nowhere in particular."
     first = explanation.located[0]
-    named = list(dict.fromkeys(_bare(region.channel) for region in explanation.located))
+    named = list(dict.fromkeys(bare(region.channel) for region in explanation.located))
     channels = named[0] if len(named) == 1 else ", ".join(named[:-1]) + " and " + named[-1]
     verb = "leaves" if len(named) == 1 else "leave"
-    most = f"{_bare(first.channel)} most clearly" if len(named) > 1 else "most clearly"
+    most = f"{bare(first.channel)} most clearly" if len(named) > 1 else "most clearly"
     where = f"for {readable.shown(first.variable).name} from {readable.interval(first)}"
     if first.variable == "wheel_angle_rad":
         where = f"with {readable.interval(first)}"
@@ -91,13 +84,8 @@ def _where(explanation: Explanation) -> str:
     return f"{channels[0].upper()}{channels[1:]} {verb} the simulation, {most} {where}."
 
 
-def _bare(channel: str) -> str:
-    """Name of a channel in words, without its symbol."""
-    return readable.shown(channel).name.rpartition(" ")[0] or readable.shown(channel).name
-
-
 def _beyond_catalogue(each: Missing) -> str:
-    if not each.parameters:
+    if not readable.is_like(each):
         return f"Nothing in the catalogue explains it; what is left: {each.description}."
     told = ", ".join(readable.estimate(name, estimate) for name, estimate in each.parameters.items())
     likely = readable.percent(each.probability)
@@ -138,24 +126,25 @@ def _errors(explanation: Explanation) -> str:
     for channel, fit in explanation.fits.items():
         how = readable.shown(channel)
         before, after = readable.number(fit.rmse_before, how.scale), readable.number(fit.rmse_after, how.scale)
-        change = f"{_bare(channel)} from {before} to {after} {how.unit}"
+        change = f"{bare(channel)} from {before} to {after} {how.unit}"
         if fit.rmse_after < _BETTER * fit.rmse_before:
-            falls.append(change + (", which is noise" if fit.rmse_after < _AT_NOISE * fit.noise else ""))
+            falls.append(change + (", which is noise" if fit.rmse_after < AT_NOISE * fit.noise else ""))
         elif fit.rmse_after > _WORSE * fit.rmse_before:
             rises.append(change)
-    fallen = f"With it the held-out error falls: {'; '.join(falls)}." if falls else ""
-    risen = f"It speaks against it that the held-out error rises: {'; '.join(rises)}." if rises else ""
-    return " ".join(each for each in (fallen, risen) if each)
+    best, with_it, against = fits_best(explanation)
+    fallen = f"With {with_it} the held-out error falls: {'; '.join(falls)}." if falls else ""
+    risen = f"It speaks against {against} that the held-out error rises: {'; '.join(rises)}." if rises else ""
+    return " ".join(each for each in (best, fallen, risen) if each)
 
 
 def trust(explanation: Explanation) -> str:
     """Say what can be vouched for: the prediction, the parameters, both or neither."""
-    far = _far(explanation)
+    far = above_noise(explanation)
     if far:
         incomplete = "the form of the model is not complete"
         if explanation.verdict == "none":
             incomplete = f"the ground varies, or {incomplete} in a way that nothing tried makes up for"
-        prediction = f"Held-out error of {', '.join(far)} stays above the noise: {incomplete}"
+        prediction = f"Held-out error of {readable.listed(far)} stays above the noise: {incomplete}"
     else:
         prediction = "Held-out rows are predicted to within noise"
     sure = all(each.probability >= ASSERTED for each in explanation.missing)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from bevameter.identification.mismatch.name.evidence import doubts
 from bevameter.identification.mismatch.name.naming import ASSERTED, Naming, name
 from bevameter.identification.mismatch.name.tries import Search
 from bevameter.identification.mismatch.show.answer import _alone, _next_best, assemble
+from bevameter.identification.mismatch.show.headline import verdict
 from bevameter.identification.mismatch.show.readable import effect as effect_name
 
 
@@ -201,7 +203,9 @@ def test_one_of_two_that_are_alike_is_told_beside_what_is_sure(searched):
     assert answer.verdict == "physics"
     assert [missing.effect for missing in answer.missing] == ["slip_sinkage", first]
     assert answer.missing[1].indistinguishable_from == (other,)
-    assert f"{effect_name(first)} (47 %) or {effect_name(other)}" in answer.summary
+    assert "Beside that these data do not tell for sure what it is." in answer.summary
+    assert re.search(f"{effect_name(first)} 47 % and {effect_name(other)} .* look alike here", answer.summary)
+    assert f"{effect_name(first)} (about as likely as not, 47 %) or {effect_name(other)}" in verdict(answer)
     # Where neither is likely the rows ask for something, and that is a note.
     answer = told(0.3)
     assert [missing.effect for missing in answer.missing] == ["slip_sinkage"]

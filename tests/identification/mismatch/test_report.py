@@ -16,6 +16,7 @@ from bevameter.identification.effects.catalogue import PHYSICS, SLUGS
 from bevameter.identification.mismatch.explanation import Candidate, Estimate, Missing, Region, to_json
 from bevameter.identification.mismatch.name.naming import ASSERTED
 from bevameter.identification.mismatch.show import pictures, readable
+from bevameter.identification.mismatch.show.headline import verdict
 from bevameter.identification.mismatch.show.report import report_html, write_report
 from bevameter.identification.mismatch.show.tables import fit_rows, located_rows, soil_table
 from bevameter.identification.mismatch.show.wording import _statement, summarise, trust
@@ -115,7 +116,7 @@ def test_what_comes_nearest_is_told_where_channels_are_missed_and_too_little_ask
     said = summarise(replace(nothing(), fits=missed, candidates=(likely,)))
     assert said.endswith("Slip-sinkage (exponent) comes nearest (47 %): more rows would tell.")
     unlikely = replace(likely, probability=0.05)
-    assert summarise(replace(nothing(), fits=missed, candidates=(unlikely,))).endswith("ask for beside that.")
+    assert summarise(replace(nothing(), fits=missed, candidates=(unlikely,))).endswith("to be named.")
 
 
 def test_rivals_are_summed_up_as_physics_or_fault():
@@ -146,12 +147,12 @@ def test_a_tie_names_both_with_their_shares_and_what_would_tell():
 def test_an_instrument_and_a_physics_are_told_apart_and_doubt_is_not_asserted():
     physics, fault = cannot_tell().missing
     both = explanation(missing=(replace(physics, probability=0.97), replace(fault, probability=0.96)))
-    assert readable.verdict(both) == (
+    assert verdict(both) == (
         "The simulation leaves out side-wall friction (very likely, 97 %); an instrument or a configured value is at "
         "fault: torque gain (very likely, 96 %)."
     )
     doubtful = explanation(missing=(replace(physics, probability=0.97), replace(fault, probability=0.3)))
-    assert readable.verdict(doubtful).endswith("considered, but not asserted: torque gain (unlikely, 30 %).")
+    assert verdict(doubtful).endswith("considered, but not asserted: torque gain (unlikely, 30 %).")
 
 
 def test_parameters_are_vouched_for_only_where_nothing_beside_them_is_doubtful():

@@ -10,6 +10,7 @@ import pytest
 from bevameter import Recording, SoilKnowledge, Vehicle, Wheel, WheelTable, explain
 from bevameter.identification.effects.stored import AugmentedSimulator
 from bevameter.identification.mismatch.explanation import to_json
+from bevameter.identification.mismatch.show.headline import verdict
 from bevameter.identification.simulate import simulate
 
 SENSORS = {"load_N": 0.4, "slip": 0.002, "torque_Nm": 0.05, "sinkage_m": 1.5e-4, "drawbar_pull_N": 0.3}
@@ -48,7 +49,7 @@ def test_a_fault_that_the_catalogue_lacks_is_named_for_what_it_is_like(form):
     assert abs(estimate.value - size) < 4.0 * estimate.sd
     assert estimate.sd < 0.2 * abs(size)
     assert found.description in answer.summary
-    assert "catalogue" in answer.summary
+    assert f"nothing in the catalogue explains it as well as {found.description}" in verdict(answer)
     channel = "drawbar_pull_N"
     assert answer.fits[channel].rmse_after < 0.5 * answer.fits[channel].rmse_before
     # The simulator that was found is kept with it, and reports as the sensor does.
@@ -84,3 +85,4 @@ def test_physics_is_named_beside_such_a_fault():
     assert ("unknown", "zero of drawbar_pull_N") in found
     assert max(each.probability for (slug, _), each in found.items() if slug == "slip_sinkage") > 0.9
     assert answer.verdict == "unknown"
+    assert "beside that is slip-sinkage (" in verdict(answer)
