@@ -81,13 +81,13 @@ def pull_in_another_unit(table: WheelTable, wheel: Wheel, reasons: np.ndarray) -
     else:
         torque, beside = None, table["slip"][rows]
     load, pull = table["load_N"][rows], table["drawbar_pull_N"][rows]
-    if np.ptp(beside) == 0.0 or np.ptp(pull) == 0.0:
+    if np.ptp(beside) == 0.0:
         return None
     most = float(np.quantile(np.abs(pull), _UPPER))
 
     def fits(factor: np.ndarray | float, limits: tuple[float, float]) -> bool:
         pulled = factor * pull / load
-        if abs(np.corrcoef(beside, pulled)[0, 1]) < _TOGETHER:
+        if np.ptp(pulled) == 0.0 or abs(np.corrcoef(beside, pulled)[0, 1]) < _TOGETHER:
             return False
         slope = np.polyfit(beside, pulled, 1)[0] if torque is not None else np.quantile(np.abs(pulled), _UPPER)
         return bool(limits[0] <= abs(slope) <= limits[1])
