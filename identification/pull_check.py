@@ -17,7 +17,7 @@ _WIDE = 0.1
 _AGAINST, _FALLS, _WITHOUT_TORQUE = -0.5, -0.3, -0.7
 """Correlation of pull and torque, both over the load, and slope, below which the one falls as the other rises; the
 correlation of pull and slip where there is no torque. Of 511 recordings by other hands none has a correlation with the
-torque below -0.04; of 3000 textbook wheels with slip-sinkage to where they are buried 59 have, and none is refused [-].
+torque below -0.04; of 3000 textbook wheels that slip-sinkage buries 59 are doubted, and none refused [-].
 """
 
 _NEARLY_ALL = 0.9
