@@ -13,13 +13,16 @@ from ..framework.core.recording.wheel_file import derive
 from ..framework.core.vehicle import Vehicle, Wheel
 from .angle_check import angle_disagreement
 from .copies import without_copies
+from .force_units import load_in_kilograms, pull_in_another_unit
 from .gate import Stretch, find_stretches, quasi_static
-from .geometry import by_geometry, of_vehicle
+from .geometry import by_geometry, half_stated_lugs, of_vehicle
 from .plausible import check_load, check_signs, check_sizes, check_torque, slow_clock, without_stuck
+from .pull_check import check_pull
 from .run_in import without_run_in
 from .run_out import without_stops
 from .slip_check import slip_disagreement, speeds_in_another_unit
 from .standing import with_standstill
+from .stated_noise import check_stated_noise
 
 
 @dataclass(frozen=True)
@@ -104,16 +107,31 @@ def _of_vehicle(recording: Recording, every_row: bool) -> FeltRows:
     ):
         if not any(name in rows.table for rows in gathered):
             raise InputError(table.source, f"no column {name}", expected=remedy)
-    for rows in gathered:
-        check_signs(rows.table, rows.wheel)
-        check_sizes(rows.table, rows.wheel)
-        check_load(rows.table, rows.wheel)
-        check_torque(rows.table, rows.wheel, rows.reasons)
+    gathered = [_checked(rows) for rows in gathered]
     best = max(gathered, key=lambda rows: int((rows.reasons == "").sum()))
     said = [*others, *unlike]
     if len(gathered) > 1:
         said.append(f"wheels of {len(gathered)} geometries: only those of radius {best.wheel.radius_m:g} m were used")
     return replace(best, problems=(*said, *best.problems))
+
+
+def _checked(rows: FeltRows) -> FeltRows:
+    """Refuse channels that cannot be what their names say, and add what may not be so to the problems."""
+    table, wheel, reasons = rows.table, rows.wheel, rows.reasons
+    check_signs(table, wheel)
+    check_sizes(table, wheel)
+    check_load(table, wheel)
+    unit = pull_in_another_unit(table, wheel, reasons)
+    doubts = (
+        check_torque(table, wheel, reasons),
+        check_pull(table, wheel, reasons),
+        load_in_kilograms(table, wheel, reasons),
+        unit,
+    )
+    # Beside a pull in another unit its noise in newtons is too large: it is the pull that is at fault.
+    noise = check_stated_noise(table, rows.vehicle, besides={"drawbar_pull_N"} if unit else ())
+    said = [*half_stated_lugs(wheel), *(doubt for doubt in doubts if doubt), *noise]
+    return replace(rows, problems=(*rows.problems, *said))
 
 
 def _gather(table: WheelTable, vehicle: Vehicle, names: list[str | None]) -> FeltRows:

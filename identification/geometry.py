@@ -100,3 +100,19 @@ def describe(geometry: dict[str, float]) -> str:
     height, count = geometry.get("grouser_height_m", 0.0), geometry.get("grouser_count", 0)
     grousers = f", {count:g} grousers of {1e3 * height:g} mm" if height and count else ""
     return f"wheel of radius {1e3 * geometry['radius_m']:g} mm, width {1e3 * geometry['width_m']:g} mm{grousers}"
+
+
+def half_stated_lugs(wheel: Wheel) -> list[str]:
+    """Say, in words, what of a wheel's lugs is not considered because only their number or height is stated."""
+    count, height_m = wheel.grouser_count, wheel.grouser_height_m
+    if count and not height_m:
+        return [
+            f"the vehicle states {count} lugs without their height: but for a ripple with the wheel's angle they are "
+            "not considered; give grouser_height_m"
+        ]
+    if height_m and not count:
+        return [
+            f"the vehicle states lugs of {1e3 * height_m:g} mm without their number: what their faces and sides do is "
+            "not considered; give grouser_count"
+        ]
+    return []

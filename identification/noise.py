@@ -48,10 +48,13 @@ def _channel_noise(table: WheelTable, name: str, given: float | None) -> float:
     values = table.get(name)
     if values is None or not np.isfinite(values).any():
         return float("nan")
-    if given is not None:
-        return given
-    measured = noise_from_neighbours(table, values) if "time_s" in table else _from_repeats(table, values, name)
-    return max(measured, least_noise(values))
+    return given if given is not None else max(measured_noise(table, name), least_noise(values))
+
+
+def measured_noise(table: WheelTable, name: str) -> float:
+    """Noise of a channel of the table as neighbours in time show it, or the nearest trials; 0 where too few do."""
+    values = table[name]
+    return noise_from_neighbours(table, values) if "time_s" in table else _from_repeats(table, values, name)
 
 
 def least_noise(values: np.ndarray) -> float:

@@ -33,8 +33,17 @@ _CLEARLY = 0.03
 """Sinkage so far below zero, or torque, is no reading of a sensor whose zero is a little off [radii, loads at the
 rim]."""
 
-_DRIVEN = 0.1
-"""From this slip on a wheel is driven, whatever its radius is off by [-]: the shear stress under it is forwards."""
+_DRIVEN, _BRAKED = 0.1, -0.2
+"""From these slips on a wheel is driven, or braked, whatever its radius is off by [-]: the shear stress under it is
+forwards, or backwards. Tips of lugs that carry a wheel at 1.15 radii make a slip of -0.13 of none."""
+
+FEWEST_TOLD = 8
+"""Rows of which a course, or an upper tenth, tells something."""
+
+
+def is_steady(reasons: np.ndarray) -> np.ndarray:
+    """Tell rows (n,) whose forces balance, by why each is not used: those that are, and those only braked."""
+    return np.array([reason == "" or str(reason).startswith("braked") for reason in reasons], dtype=bool)
 
 
 def check_signs(table: WheelTable, wheel: Wheel) -> None:
@@ -61,8 +70,9 @@ def check_signs(table: WheelTable, wheel: Wheel) -> None:
             )  # fmt: skip
 
 
-def check_torque(table: WheelTable, wheel: Wheel, reasons: np.ndarray) -> None:
-    """Refuse a torque that brakes a wheel which its slip says is driven: one of them is measured the other way round.
+def check_torque(table: WheelTable, wheel: Wheel, reasons: np.ndarray) -> str | None:
+    """Refuse a torque that brakes a wheel which its slip says is driven, or drives one which it says is braked: one of
+    them is measured the other way round. Say, in words, where only the lesser part of the rows is so; else None.
 
     Parameters
     ----------
@@ -74,21 +84,41 @@ def check_torque(table: WheelTable, wheel: Wheel, reasons: np.ndarray) -> None:
     Raises
     ------
     InputError
-        Of the rows that are used and slip, nearly all have a torque below zero, and clearly so.
+        Of the rows that are used and slip, nearly all have a torque below zero, and clearly so; or of those that are
+        braked, and are more than the driven ones, nearly all have one above it.
     """
     torque, slip, load = table.get("torque_Nm"), table.get("slip"), table.get("load_N")
     if torque is None or slip is None or load is None:
-        return
-    driven = (reasons == "") & (slip > _DRIVEN) & np.isfinite(torque) & (load > 0.0)
-    if driven.sum() < _FEWEST_ROWS:
-        return
-    middle, share = float(np.median(torque[driven])), float(np.mean(torque[driven] < 0.0))
-    if share > _REVERSED and middle < -_CLEARLY * wheel.radius_m * float(np.median(load[driven])):
-        raise InputError(
-            table.source,
-            f"{middle:.3g} (median), {100.0 * share:.0f} % of the rows with a slip above {_DRIVEN:g} below 0",
-            expected="torque and slip both positive where the wheel drives", place="column torque_Nm",
-        )  # fmt: skip
+        return None
+    seen = np.isfinite(torque) & (load > 0.0)
+    driven, braked = (reasons == "") & (slip > _DRIVEN) & seen, is_steady(reasons) & (slip < _BRAKED) & seen
+    clearly = _CLEARLY * wheel.radius_m * load
+    if _mostly_below(torque[driven], clearly[driven]):
+        raise _contradicted(table, torque[driven], f"above {_DRIVEN:g} below 0", "column torque_Nm")
+    if not _mostly_below(-torque[braked], clearly[braked]):
+        return None
+    error = _contradicted(table, torque[braked], f"below {_BRAKED:g} above 0", "columns torque_Nm and slip")
+    if braked.sum() > driven.sum():
+        raise error
+    return f"torque_Nm is {error.problem}, as if a braked wheel were driven: check its sign there, and that of the slip"
+
+
+def _mostly_below(values: np.ndarray, clearly: np.ndarray) -> bool:
+    """Tell whether nearly all values (n,), of enough rows, are below zero, and their median by more than is clear."""
+    return (
+        len(values) >= _FEWEST_ROWS
+        and float(np.mean(values < 0.0)) > _REVERSED
+        and float(np.median(values)) < -float(np.median(clearly))
+    )
+
+
+def _contradicted(table: WheelTable, torque: np.ndarray, rows: str, place: str) -> InputError:
+    """Say that torques (n,) [N m] and slips have not the same sign."""
+    share = 100.0 * max(float(np.mean(torque < 0.0)), float(np.mean(torque > 0.0)))
+    return InputError(
+        table.source, f"{np.median(torque):.3g} (median), {share:.0f} % of the rows with a slip {rows}",
+        expected="torque and slip both positive where the wheel drives, both negative where it is braked", place=place,
+    )  # fmt: skip
 
 
 def check_sizes(table: WheelTable, wheel: Wheel) -> None:

@@ -119,6 +119,33 @@ def test_a_column_of_the_users_own_is_no_misspelling(name, wheel_csv):
     np.testing.assert_array_equal(table[name], [2.0])
 
 
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        ("DP", "columns not used: DP; there is no torque_Nm, sinkage_m, drawbar_pull_N"),
+        ("torque_Nm,pull_N", "columns not used: pull_N; there is no sinkage_m, drawbar_pull_N"),
+        ("torque_Nm,sinkage_m,drawbar_pull_N,temp_C", "columns not used: temp_C"),
+        ("a,b,d,e,f,g,h,q", "columns not used: a, b, d, e, f, g and 2 more; there is no torque_Nm, sinkage_m, drawb"),
+    ],
+)
+def test_columns_that_nothing_reads_are_named(names, said, wheel_csv):
+    values = ",".join("1" for _ in names.split(","))
+    _, (problem,) = read_wheel(wheel_csv(f"time_s,load_N,{names}\n0,1,{values}\n1,2,{values}\n"))
+    assert problem.startswith(f"wheel.csv: {said}")
+
+
+def test_a_column_of_numbers_with_their_unit_is_named_and_remarks_are_not(wheel_csv):
+    _, (problem,) = read_wheel(wheel_csv("time_s,load_N,DP,remark\n0,1,3.2 N,dry\n1,2,-0.4 N,2 stones\n2,3,,\n"))
+    assert problem.startswith("wheel.csv: columns not used: DP; ")
+
+
+def test_columns_that_are_known_or_read_are_not_named(wheel_csv):
+    names = (*WHEEL_COLUMNS[1:], "load_sd_N", "drawbar_pull_sd_N", "slip_sd", "radius_m", "width_m", "grouser_count",
+             "grouser_height_m", "yaw_rad", "wheel", "run")  # fmt: skip
+    values = ",".join("1" for _ in names)
+    assert read_wheel(wheel_csv(f"time_s,{','.join(names)}\n0,{values}\n"))[1] == ()
+
+
 def test_a_last_row_that_was_cut_off_is_left_out_and_said(wheel_csv):
     table, problems = read_wheel(wheel_csv("time_s,load_N,slip\n0,1,0\n1,2,0\n2,3"))
     assert len(table) == 2

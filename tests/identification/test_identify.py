@@ -44,7 +44,7 @@ def test_a_change_of_soil_that_nobody_told_of_is_found_from_the_wheels(rng):
         ({"sinkage_m": 0.0005}, "too hard"),
         ({"sinkage_m": 0.2}, "buried"),
         ({"slip": 0.99}, "digging"),
-        ({"slip": -0.4}, "braked"),
+        ({"slip": -0.4, "torque_Nm": -5.0}, "braked"),
         ({"travel_speed_m_s": -0.15}, "rolling backwards"),
         ({"slip": np.nan}, "slip was not observed"),
         ({"pass": 2.0}, "rut of an earlier wheel"),

@@ -57,8 +57,14 @@ def test_a_mirrored_torque_is_refused():
         explain(mirrored("torque_Nm"))
 
 
-def test_a_mirrored_pull_of_single_trials_is_not_taken_for_noise():
+def test_a_mirrored_pull_is_refused():
+    with pytest.raises(InputError, match="column drawbar_pull_N: falls by"):
+        explain(mirrored("drawbar_pull_N"))
+
+
+def test_a_mirrored_pull_of_single_trials_that_nobody_refused_is_not_taken_for_noise(monkeypatch):
     """No two trials are alike: as ground that differs from one to the next it would be noise of nearly its own size."""
+    monkeypatch.setattr("bevameter.identification.felt_rows.check_pull", lambda *_: None)
     recording = mirrored("drawbar_pull_N")
     answer, pull = explain(recording), recording.wheel["drawbar_pull_N"]
     fit = answer.fits["drawbar_pull_N"]

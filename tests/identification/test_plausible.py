@@ -112,3 +112,45 @@ def test_a_clock_in_milliseconds_is_doubted(rng, unit, said):
     table = drive(rng)
     result = identify(recording(with_columns(table, time_s=unit * table["time_s"])))
     assert any("rows lie 100 s apart" in problem for problem in result.problems) == said
+
+
+def mirrored_slip(rng, braked=1.0):
+    """A drive at slips that are driven ones but for their sign in a share of the rows, the last."""
+    table = drive(rng)
+    first = int((1.0 - braked) * len(table))
+    return with_columns(table, slip=np.where(np.arange(len(table)) < first, table["slip"], -table["slip"]))
+
+
+def test_a_torque_that_drives_a_braked_wheel_is_refused(rng):
+    said = (
+        r"columns torque_Nm and slip: .* 100 % of the rows with a slip below -0.2 above 0 \(expected .* both negative"
+    )
+    with pytest.raises(InputError, match=said):
+        identify(recording(mirrored_slip(rng)))
+
+
+def test_where_the_lesser_part_of_a_drive_is_so_a_note_says_it(rng):
+    result = identify(recording(mirrored_slip(rng, braked=0.3)))
+    assert any("as if a braked wheel were driven" in problem for problem in result.problems)
+
+
+def test_a_wheel_that_slips_a_little_backwards_by_the_radius_of_its_lugs_is_not_refused(rng):
+    table = drive(rng)
+    result = identify(recording(with_columns(table, slip=np.full(len(table), -0.12))))
+    assert not any("torque_Nm" in problem for problem in result.problems)
+
+
+@pytest.mark.parametrize(
+    ("lugs", "said"),
+    [
+        ({"grouser_count": 24}, "the vehicle states 24 lugs without their height"),
+        ({"grouser_height_m": 0.012}, "the vehicle states lugs of 12 mm without their number"),
+        ({"grouser_height_m": 0.012, "grouser_count": 24}, ""),
+        ({}, ""),
+    ],
+)
+def test_lugs_that_are_stated_by_half_are_named(lugs, said, rng):
+    vehicle = Vehicle(wheels=(Wheel(radius_m=0.15, width_m=0.12, **lugs),), noise=VEHICLE.noise)
+    problems = [each for each in identify(recording(drive(rng), vehicle)).problems if "states" in each]
+    assert len(problems) == bool(said)
+    assert all(each.startswith(said) for each in problems)

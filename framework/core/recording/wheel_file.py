@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import difflib
+import re
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -29,10 +31,21 @@ _UNITS = frozenset({
 })  # fmt: skip
 
 
+_ALSO_READ = ("radius_m", "width_m", "grouser_height_m", "grouser_count", "yaw_rad")
+"""Columns beyond the contract's that something reads: the wheel that a row is of, and the vehicle's heading."""
+
+_ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
+_MOST_NAMED = 6
+"""Columns that a note names; the others are counted."""
+
+_NUMBER = re.compile(r"[-+]?\.?\d").match
+
+
 def read_wheel_file(path: str | Path) -> WheelTable:
     """Read a wheel file, ``.csv`` (gzip allowed) or ``.parquet``, and check it.
 
-    Columns beyond those of the contract are kept where they are numbers and left out where they are text. An empty cell
+    Columns beyond those of the contract are kept where they are numbers, though nothing reads them, which
+    `read_wheel` says, and left out where they are text. An empty cell
     is a value that was not observed (NaN); a column of the contract without a single value is left out.
 
     Parameters
@@ -80,6 +93,7 @@ def read_wheel(path: str | Path) -> tuple[WheelTable, tuple[str, ...]]:
     _check_time(table, columns.get("time_s"), wheel, run)
     if not set(columns) - {"time_s"}:
         raise InputError(table.source, "no wheel channel has a value", expected="columns such as load_N and slip")
+    problems += _not_used(table, columns)
     return WheelTable(columns, wheel, run, table.source), tuple(problems)
 
 
@@ -194,6 +208,27 @@ def _stem(column: str) -> tuple[str, str]:
         if column.endswith("_" + unit):
             return column.removesuffix("_" + unit), unit
     return column, ""
+
+
+def _not_used(table: Table, columns: Mapping[str, np.ndarray]) -> list[str]:
+    """Say which columns of numbers nothing reads, and of what answers there is none: they may be meant for these."""
+    scatter = {f"{stem}_sd_{unit}" if unit else f"{stem}_sd" for stem, unit in map(_stem, WHEEL_COLUMNS)}
+    known = {*WHEEL_COLUMNS, *TEXT_COLUMNS, *_ALSO_READ, *scatter}
+    # "3.2 N" makes a column of text; what was written about a row is no channel.
+    text = [name for name, cells in table.text.items() if name not in known and _mostly_numbers(cells)]
+    others = [name for name in columns if name not in known] + text
+    if not others:
+        return []
+    more = f" and {len(others) - _MOST_NAMED} more" if len(others) > _MOST_NAMED else ""
+    missing = [name for name in _ANSWERS if name not in columns]
+    none = f"; there is no {', '.join(missing)}" if missing else ""
+    return [f"{table.source.name}: columns not used: {', '.join(others[:_MOST_NAMED])}{more}{none}"]
+
+
+def _mostly_numbers(cells: np.ndarray) -> bool:
+    """Tell whether most cells (n,) of text that are not empty begin with a number."""
+    seen = [str(cell) for cell in cells if cell]
+    return bool(seen) and sum(_NUMBER(cell) is not None for cell in seen) > len(seen) / 2
 
 
 def _check_finite(table: Table, name: str, values: np.ndarray) -> None:
