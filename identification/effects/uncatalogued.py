@@ -1,4 +1,4 @@
-"""Constant faults of sensors that the catalogue lacks, so that nothing in it stands in for them.
+"""Faults of sensors and of what holds the wheel that the catalogue lacks, so that nothing in it stands in for them.
 
 Where one of them explains a recording better than the catalogue does, what was left out is ``unknown``, and what it is
 like is said.
@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from .effect import LOAD, PULL, SINKAGE, Drive, Effect, Parameter, Situation
+from .effect import LOAD, PULL, SINKAGE, TORQUE, Drive, Effect, Parameter, Situation
 
 SLUG = "unknown"
+
+_SATURATING = {"torque_Nm saturates softly": 2.5, "torque_Nm saturates": 8.0}
+"""Powers of the law of a sensor that comes to its end [-]: the first is a hyperbolic tangent, to 3 % of the end."""
 
 
 class Uncatalogued(Effect):
@@ -74,6 +77,79 @@ class LoadOffset(Uncatalogued):
         imposed[:, LOAD] = np.maximum(imposed[:, LOAD] - values[0], 1e-3 * imposed[:, LOAD])
 
 
+class PullOfLoad(Uncatalogued):
+    """A share of the load is in the pull: rails rub, or the cell is not level."""
+
+    form = "load in drawbar_pull_N"
+    equation = "DP reported = DP + s W"
+    like = "a carriage that rubs on its rails, or a pull cell that is not level"
+    parameters = (Parameter("s", "", -0.5, 0.5, 0.0, 0.03),)
+
+    def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
+        channels[:, PULL] += values[0] * drive.load_N
+
+
+class PullInTorque(Uncatalogued):
+    """The torque's sensor feels the pull."""
+
+    form = "drawbar_pull_N in torque_Nm"
+    equation = "T reported = T + l DP"
+    like = "cross-talk of the drawbar pull into the torque"
+
+    def __init__(self, radius_m: float) -> None:
+        self.parameters = (Parameter("l", "m", -radius_m, radius_m, 0.0, 0.05 * radius_m),)
+
+    def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
+        channels[:, TORQUE] += values[0] * channels[:, PULL]
+
+
+class TorqueInPull(Uncatalogued):
+    """The pull's sensor feels the torque."""
+
+    form = "torque_Nm in drawbar_pull_N"
+    equation = "DP reported = DP + s T / r"
+    like = "cross-talk of the torque into the drawbar pull"
+    parameters = (Parameter("s", "", -1.0, 1.0, 0.0, 0.05),)
+
+    def __init__(self, radius_m: float) -> None:
+        self._radius_m = radius_m
+
+    def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
+        channels[:, PULL] += values[0] * channels[:, TORQUE] / self._radius_m
+
+
+class PullInSinkage(Uncatalogued):
+    """What carries the sinkage's sensor bends as the wheel pulls."""
+
+    form = "drawbar_pull_N in sinkage_m"
+    equation = "z reported = z + c DP"
+    like = "a frame that bends under the pull"
+
+    def __init__(self, usual_m: float, usual_N: float) -> None:
+        usual = usual_m / usual_N
+        self.parameters = (Parameter("c", "m/N", -2.0 * usual, 2.0 * usual, 0.0, 0.1 * usual),)
+
+    def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
+        channels[:, SINKAGE] += values[0] * channels[:, PULL]
+
+
+class TorqueSaturates(Uncatalogued):
+    """The torque's sensor, its amplifier or the drive's current comes to its end."""
+
+    like = "a torque's sensor, or a drive's current, that saturates"
+    parameters = (Parameter("s", "", 0.0, 4.0, 0.0, 0.1),)
+
+    def __init__(self, usual_Nm: float, form: str, power: float) -> None:
+        self.form, self._power = form, power
+        self.equation = f"T reported = T / (1 + s |T / T_usual|^{power:g})^(1/{power:g})"
+        self.constants = {"T_usual": usual_Nm}
+
+    def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
+        torque = channels[:, TORQUE]
+        share = np.abs(torque / self.constants["T_usual"]) ** self._power
+        channels[:, TORQUE] = torque * (1.0 + values[0] * share) ** (-1.0 / self._power)
+
+
 def forms(situation: Situation) -> tuple[Uncatalogued, ...]:
     """Give the faults that these data can show."""
     faults: list[Uncatalogued] = []
@@ -83,4 +159,14 @@ def forms(situation: Situation) -> tuple[Uncatalogued, ...]:
         faults.append(SinkageGain())
     if situation.seen(LOAD) and situation.drive.has("load_N"):
         faults.append(LoadOffset(float(situation.typical[LOAD])))
+        if situation.seen(PULL):
+            faults.append(PullOfLoad())
+    radius_m = situation.wheel.radius_m
+    if situation.seen(TORQUE):
+        usual_Nm = float(situation.typical[TORQUE])
+        faults += [TorqueSaturates(usual_Nm, form, power) for form, power in _SATURATING.items()]
+    if situation.seen(TORQUE, PULL):
+        faults += [PullInTorque(radius_m), TorqueInPull(radius_m)]
+    if situation.seen(SINKAGE, PULL):
+        faults.append(PullInSinkage(float(situation.typical[SINKAGE]), float(situation.typical[PULL])))
     return tuple(faults)
