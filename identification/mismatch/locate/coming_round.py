@@ -6,16 +6,23 @@ Ground that varies makes up for it where it is let: what it leaves of foregoing 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.ndimage import median_filter
 
+from ..explanation import Region
 from ..fit.fitting import Fitted, Problem
 from ..fit.soil_variation import HUBER
-from .smooth_correction import Group, ripples_with_angle
+from .smooth_correction import Group, Term, ripples_with_angle
+from .variables import MOST_CYCLES
 
 ALONG_TRACK = "place_m"
 """Name of what a wave along the track depends on; its period follows in brackets."""
+
+_ANGLE = "wheel_angle_rad"
+"""Name of what a ripple depends on; its cycles a turn follow in brackets."""
 
 _TURNS = 3.0
 """Turns of the wheel in which what comes round with it is told from ground that varies."""
@@ -45,6 +52,35 @@ def coming_round(problem: Problem, fitted: Fitted) -> list[Group]:
     if drive.has("place_m") and np.isfinite(drive.place_m).all():
         groups += _along_track(problem, left)
     return groups
+
+
+def located(regions: Sequence[Region], terms: Sequence[Term], noise: Mapping[str, float]) -> tuple[Region, ...]:
+    """Put what comes round with the wheel where it was found, instead of what rows foregoing leave of it.
+
+    Parameters
+    ----------
+    regions
+        Where channels leave the simulation, by what is new in each row: of a slow wave hardly anything is.
+    terms
+        What a correction consists of.
+    noise
+        By channel, SI.
+    """
+    waves = [term for term in terms if term.variable.startswith(f"{_ANGLE} (")]
+    if not waves:
+        return tuple(regions)
+    turning = {term.channel for term in waves}
+    others = [each for each in regions if each.variable != _ANGLE or each.channel not in turning]
+    total = sum(term.gain for term in terms)
+    left = (1.0 - sum(term.gain for term in waves) / total) / max(sum(each.share for each in others), 1e-300)
+    answer = [replace(each, share=min(left, 1.0) * each.share) for each in others]
+    for term in waves:
+        count = int(term.variable.partition("(")[2].split()[0])
+        by_chance = min(MOST_CYCLES * math.exp(-term.gain), 1.0)
+        size = math.sqrt(2.0) * float(np.std(term.values)) / noise[term.channel]
+        end = 2.0 * math.pi / count
+        answer.append(Region(term.channel, _ANGLE, 0.0, end, term.gain / total, by_chance, size))
+    return tuple(sorted(answer, key=lambda region: -region.share))
 
 
 def _along_track(problem: Problem, left: np.ndarray) -> list[Group]:

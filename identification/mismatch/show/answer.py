@@ -15,7 +15,7 @@ from ...forward import CHANNELS, from_internal, slope_of_internal
 from ..explanation import Candidate, ChannelFit, Estimate, Explanation, Missing, Region, Rows, Screened, Verdict
 from ..fit.fitting import Fitted, Problem
 from ..fit.trial import NOT_EXCLUDED, Trial, temperature
-from ..locate.coming_round import ALONG_TRACK
+from ..locate.coming_round import ALONG_TRACK, located
 from ..locate.noise_floor import noise_floor
 from ..locate.play import BEHIND_PLAY
 from ..locate.smooth_correction import SmoothCorrection
@@ -89,6 +89,7 @@ def assemble(
     fits = _fits(problem, before, after, chosen.fitted, np.random.default_rng(seed))
     gained = (chosen.gain, chosen.held_out.gain(textbook.held_out)[1]) if verdict != "none" else (0.0, 0.0)
     if unknown_wins:
+        regions = located(regions, remaining.terms, {name: each.noise for name, each in fits.items()})
         gained = gained[0] + remaining.gain, math.hypot(gained[1], remaining.gain_sd)
     best = chosen if verdict != "none" else textbook
     listed = {each.effect for each in missing}

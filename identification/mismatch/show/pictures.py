@@ -177,9 +177,10 @@ def _along(values: np.ndarray, variable: str, regions: list[Region]) -> tuple[np
     if variable == "wheel_angle_rad" and regions and 0.0 < regions[0].end <= 2.0 * math.pi:
         period = regions[0].end
         count = round(2.0 * math.pi / period)
+        laid_over = f"{count} periods a turn laid over each other" if count > 1 else "all turns laid over each other"
         return (
             np.mod(values, period),
-            Shown(f"{how.name}, {count} periods a turn laid over each other", "deg", how.scale),
+            Shown(f"{how.name}, {laid_over}", "deg", how.scale),
             True,
         )
     return values, how, False

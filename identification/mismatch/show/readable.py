@@ -198,7 +198,8 @@ def interval(region: Region) -> str:
     how = shown(region.channel if region.variable == CONSTANT else region.variable)
     ends = f"{number(region.start, how.scale)} to {number(region.end, how.scale)}{' ' + how.unit if how.unit else ''}"
     if region.variable == "wheel_angle_rad" and region.start == 0.0 and region.end > 0.0:
-        return f"{round(2.0 * math.pi / region.end)} cycles a turn of the wheel"
+        count = round(2.0 * math.pi / region.end)
+        return f"{count} cycle{'s' if count > 1 else ''} a turn of the wheel"
     return ends
 
 

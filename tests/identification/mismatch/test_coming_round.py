@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from bevameter import Recording, Vehicle, Wheel, explain
 from bevameter.framework.core.recording.types import WheelTable
+from bevameter.identification.mismatch.explanation import Region
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.fit.trial import textbook_trial
-from bevameter.identification.mismatch.locate.coming_round import coming_round
+from bevameter.identification.mismatch.locate.coming_round import coming_round, located
 from bevameter.identification.mismatch.locate.joint_misfit import joint_correction
+from bevameter.identification.mismatch.locate.smooth_correction import Term
 from bevameter.identification.mismatch.show.shape import shape_of
 from bevameter.identification.simulate import simulate
 from bevameter.identification.wheel_soil import Soil
@@ -113,3 +115,18 @@ def test_noise_in_load_and_slip_rules_out_no_wave():
         load, slip = 100.0 + rng.normal(size=len(rows)), 0.2 + 0.01 * rng.normal(size=len(rows))
         samples = replace(few, drive=replace(few.drive, load_N=load, slip=slip))
         assert waves_along_track(samples, left, problem.answers) == pytest.approx([0.35] * 3, abs=0.01)
+
+
+def test_a_wave_with_the_wheel_is_located_where_it_was_found_and_not_where_its_remains_are():
+    angle = np.linspace(0.0, 60.0, 400)
+    wave = Term("sinkage_m", "wheel_angle_rad (1 cycle a turn)", angle, 1e-3 * np.cos(angle), 90.0)
+    load = Term("torque_Nm", "load_N", angle, angle, 30.0)
+    remains = Region("sinkage_m", "wheel_angle_rad", 0.0, 2.0 * np.pi / 55.0, 0.5, 5e-4, 0.8)
+    other = Region("torque_Nm", "load_N", 50.0, 60.0, 0.5, 1e-9, 1.2)
+    first, second = located((remains, other), (load, wave), {"sinkage_m": 5e-4, "torque_Nm": 0.1})
+    assert (first.channel, first.variable, first.end) == ("sinkage_m", "wheel_angle_rad", pytest.approx(2.0 * np.pi))
+    assert first.share == pytest.approx(0.75)
+    assert first.mean == pytest.approx(2.0, rel=0.02)
+    assert first.p_value < 1e-12
+    assert (second.channel, second.share) == ("torque_Nm", pytest.approx(0.25))
+    assert located((remains, other), (load,), {}) == (remains, other)
