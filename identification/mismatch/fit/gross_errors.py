@@ -92,12 +92,17 @@ def _from_alike(residual: np.ndarray, near: np.ndarray, alike: np.ndarray, judge
 
 
 def _beside_jumps(predicted: np.ndarray) -> np.ndarray:
-    """(n,) True for rows next to where a channel is predicted to jump: one that comes late is far off there."""
-    steps = np.abs(np.diff(predicted, prepend=predicted[:1]))
-    jumps = np.flatnonzero(steps > _ISOLATED * NORMAL_MAD * np.nanmedian(steps))
+    """(n,) True for rows next to where a channel is predicted to jump: one that comes late is far off there. Rows in
+    which it is not predicted are passed over, as of one that is read less often than others.
+    """
+    there = np.flatnonzero(np.isfinite(predicted))
     near = np.zeros(len(predicted), dtype=bool)
+    if not len(there):
+        return near
+    steps = np.abs(np.diff(predicted[there], prepend=predicted[there[:1]]))
+    jumps = np.flatnonzero(steps > _ISOLATED * NORMAL_MAD * np.median(steps))
     for away in range(-_BESIDE_JUMP, _BESIDE_JUMP + 1):
-        near[np.clip(jumps + away, 0, len(predicted) - 1)] = True
+        near[there[np.clip(jumps + away, 0, len(there) - 1)]] = True
     return near
 
 
