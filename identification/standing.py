@@ -21,15 +21,19 @@ _SLOW, _VERY_SLOW = 0.05, 0.005
 _NOISE = 3.0
 """Standard deviations of a sensor's noise within which its reading may be zero."""
 
-_DRAGGED = -0.95
-"""Slip up to which a wheel that does not turn is one that is dragged [-]."""
+_WHOLLY = 0.95
+"""Slip from which on a wheel that does not travel spins, and one that does not turn is dragged [-]."""
+
+_TOGETHER, _SURELY = 10, 4.0
+"""Rows from one that may be zero to the next up to which they are looked at together, and standard errors by which
+their mean shows that they are not."""
 
 
 def with_standstill(table: WheelTable) -> WheelTable:
     """Set the speeds to zero in rows in which a wheel stands, and blank the slip, which it has not, though recorded.
 
-    A wheel stands where all its speeds that were measured are zero but for their noise; one that is locked and dragged
-    does not.
+    A wheel stands where all its speeds that were measured are zero but for their noise; one that is locked and dragged,
+    or spins in one place, does not.
 
     Parameters
     ----------
@@ -43,8 +47,8 @@ def with_standstill(table: WheelTable) -> WheelTable:
     still = np.zeros(len(table), dtype=bool)
     still[order] = np.all([_is_zero(table[name][order], stretch) for name in names], axis=0)
     slip = table.get("slip")
-    if slip is not None and "travel_speed_m_s" not in table:
-        still &= ~(slip <= _DRAGGED)
+    if slip is not None and len(names) == 1:
+        still &= ~(np.abs(slip) >= _WHOLLY)
     if not still.any():
         return table
     changed = {name: np.where(still, 0.0, table[name]) for name in names}
@@ -72,4 +76,14 @@ def _is_zero(speed: np.ndarray, stretch: np.ndarray) -> np.ndarray:
     least = np.clip(_NOISE * noise, _VERY_SLOW * fastest, _SLOW * fastest)
     ends = np.flatnonzero(np.diff(stretch)) + 1
     smooth = np.concatenate([running_median(part, 5) for part in np.split(speed, ends)])
-    return np.abs(smooth) <= least
+    zero = np.abs(smooth) <= least
+    rows = np.flatnonzero(zero)
+    apart = (np.diff(rows) > _TOGETHER) | (np.diff(stretch[rows]) != 0)
+    for together in np.split(rows, np.flatnonzero(apart) + 1):
+        seen = speed[together[0] : together[-1] + 1] if len(together) else speed[:0]
+        seen = seen[np.isfinite(seen)]
+        # Slow is not standing: of many rows the noise averages out.
+        least = max(_SURELY * noise / math.sqrt(max(len(seen), 1)), _VERY_SLOW * fastest)
+        if len(seen) and abs(float(seen.mean())) > least:
+            zero[together] = False
+    return zero

@@ -21,6 +21,9 @@ stated is 12 standard deviations."""
 _FEWEST = 5
 """Rows of which the range says something."""
 
+_SAME_LOAD, _SAME_SLIP = 0.1, 0.03
+"""Share of a load [-], and slip, within which trials are repeats of one."""
+
 _TOO_SMALL = 100.0
 """What neighbours show, over what is stated, from which on the latter is worth a word [-]: on those channels they show
 22 times it at most."""
@@ -63,13 +66,27 @@ def check_stated_noise(table: WheelTable, vehicle: Vehicle, besides: Collection[
 
 def _check_size(name: str, stated: float, seen: np.ndarray, table: WheelTable, vehicle: Vehicle) -> None:
     """Refuse a noise beside which the values seen (m,) of a channel are nothing."""
-    size, what = _RANGES * float(np.ptp(seen)), f"ranges from {seen.min():.3g} to {seen.max():.3g}"
+    size, what = _RANGES * float(np.ptp(seen)), f"ranges from {seen.min():.6g} to {seen.max():.6g}"
     if name == "load_N":
         size, what = _LOADS * float(np.max(np.abs(seen))), f"is {np.max(np.abs(seen)):.3g} at most"
     elif name == "slip":
         size, what = _LARGEST_SLIP, "lies in [-1, 1]"
+    elif _is_repeated(table):
+        # Means of one trial over and over differ by less than a reading errs.
+        return
     if size > 0.0 and stated >= size:
         raise InputError(
             f"vehicle {vehicle.name!r}", f"{stated:.3g}", place=f"key noise.{name}",
             expected=f"the sensor's standard deviation: {name} of {table.source.name} {what}",
         )  # fmt: skip
+
+
+def _is_repeated(table: WheelTable) -> bool:
+    """Say whether load and slip, as far as they were recorded, are the same in all rows."""
+    for name, held in (("load_N", _SAME_LOAD), ("slip", _SAME_SLIP)):
+        values = table.get(name)
+        seen = np.empty(0) if values is None else values[np.isfinite(values)]
+        scale = float(np.abs(seen).max()) if name == "load_N" and len(seen) else 1.0
+        if len(seen) and np.ptp(seen) > held * scale:
+            return False
+    return True

@@ -38,6 +38,9 @@ _AT_REST, _SHORT_OF, _SCATTER = 0.5, 0.02, 2.0
 """Share of that below which load or a speed begins or ends with a wheel that is got going or stopped, and what a wheel
 at work may be short of it: a share of it [-], or standard deviations of its scatter."""
 
+_STANDS = 0.1
+"""Share of what it usually is in a run below which a speed says that something stands there, for long."""
+
 
 @dataclass(frozen=True)
 class Runs:
@@ -129,12 +132,20 @@ def _at_work(table: WheelTable, rows: np.ndarray, still: np.ndarray) -> tuple[in
 
 
 def _rows_at_rest(values: np.ndarray) -> int:
-    """Count the first rows of a load or speed (k,) short of those after them, if it begins below half of these."""
-    near = running_median(values, 3)[: max(_NEAR_END, math.ceil(_SHARE_NEAR_END * len(values)))]
+    """Count the first rows of a load or speed (k,) in which a wheel is got going, or something stands for long."""
+    near = max(_NEAR_END, math.ceil(_SHARE_NEAR_END * len(values)))
+    return _rows_short(values, len(values), _STANDS) or _rows_short(values, near, _AT_REST)
+
+
+def _rows_short(values: np.ndarray, near_rows: int, at_rest: float) -> int:
+    """Count the first rows of a load or speed (k,) short of those near the end, if it begins below a share of
+    these.
+    """
+    near = running_median(values, 3)[:near_rows]
     if not np.isfinite(near).all() or not len(near):
         return 0
     usual = float(np.median(near))
-    if not min(near[0], values[0]) < _AT_REST * usual:
+    if not min(near[0], values[0]) < at_rest * usual:
         return 0
     scatter = NORMAL_MAD * float(np.median(np.abs(near - usual)))
     rows = int(np.argmax(near >= usual - max(_SHORT_OF * usual, _SCATTER * scatter)))

@@ -15,7 +15,7 @@ from ...framework.core.quantities import magnitude
 from ...framework.core.vehicle import Wheel
 from ..forward import CHANNELS
 from ..wheel_soil import Soil, equilibrium
-from .catalogue import forms_by_name
+from .catalogue import SLUGS, forms_by_name
 from .drive import COLUMNS, PresentDrive
 from .effect import PULL, SINKAGE, TORQUE, Drive, Effect, Parameter, Situation
 
@@ -55,6 +55,8 @@ def parse_effect(text: str) -> NamedEffect:
         The text is not of that form, or names a parameter twice.
     """
     slug, _, rest = text.partition(":")
+    if slug.strip() not in SLUGS:
+        raise InputError("effects", repr(slug.strip()), expected="one of " + ", ".join(SLUGS))
     settings: dict[str, float | str] = {}
     # A form's name may hold a comma: only one before another NAME= divides.
     for part in re.split(r",(?=\s*\w+\s*=)", rest) if rest.strip() else []:

@@ -7,6 +7,9 @@ from scipy.constants import g as GRAVITY_M_S2
 
 from .effect import PULL, Contact, Drive, Effect, Parameter, Situation
 
+_SLOPES = 0.01
+"""Pitch from which on ground that is inclined alike everywhere is a slope, and not how the sensor is mounted [rad]."""
+
 
 class SlopeGravity(Effect):
     """Drawbar pull has to hold a weight on the slope: a share of the wheel's load, which is normal to the ground."""
@@ -37,8 +40,10 @@ class HeldMass(SlopeGravity):
 
 
 def forms(situation: Situation) -> tuple[Effect, ...]:
-    """Give the forms that these data can show: pitch has to vary and drawbar pull to be measured."""
+    """Give the forms that these data can show: pitch has to vary, or the slope to be one, and the pull be measured."""
     drive = situation.drive
-    if not (situation.seen(PULL) and drive.has("pitch_rad")):
+    seen = drive.pitch_rad[np.isfinite(drive.pitch_rad)]
+    steady = len(seen) > 0.5 * len(drive) and abs(float(np.mean(seen))) > _SLOPES
+    if not (situation.seen(PULL) and (drive.has("pitch_rad") or steady)):
         return ()
     return SlopeGravity(), HeldMass(float(np.nanmean(drive.load_N)))

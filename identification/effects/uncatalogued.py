@@ -17,9 +17,10 @@ _SATURATING = {"torque_Nm saturates softly": 2.5, "torque_Nm saturates": 8.0}
 
 
 class Uncatalogued(Effect):
-    """A fault, and in words what it is."""
+    """A fault, in words what it is like, and what would tell."""
 
     like: str
+    check: str
     slug = SLUG
     kind = "unknown"
     source = "definition"
@@ -31,6 +32,7 @@ class PullOffset(Uncatalogued):
     form = "zero of drawbar_pull_N"
     equation = "DP reported = DP + DP_0"
     like = "a wrong zero of the drawbar pull's sensor"
+    check = "read the pull cell with nothing on it"
 
     def __init__(self, usual_N: float) -> None:
         self.parameters = (Parameter("DP_0", "N", -2.0 * usual_N, 2.0 * usual_N, 0.0, 0.1 * usual_N),)
@@ -45,6 +47,7 @@ class PullGain(Uncatalogued):
     form = "gain of drawbar_pull_N"
     equation = "DP reported = (1 + g) DP"
     like = "a wrong gain of the drawbar pull's sensor"
+    check = "hang a known weight on the pull cell"
     parameters = (Parameter("g", "", -0.8, 2.0, 0.0, 0.15),)
 
     def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
@@ -57,6 +60,7 @@ class SinkageGain(Uncatalogued):
     form = "gain of sinkage_m"
     equation = "z reported = (1 + g) z"
     like = "a wrong gain of the sinkage's sensor"
+    check = "put gauge blocks under the sinkage's sensor"
     parameters = (Parameter("g", "", -0.8, 2.0, 0.0, 0.15),)
 
     def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
@@ -69,6 +73,7 @@ class LoadOffset(Uncatalogued):
     form = "zero of load_N"
     equation = "W reported = W + W_0"
     like = "a wrong zero of the load cell"
+    check = "read the load cell with the wheel in the air"
 
     def __init__(self, usual_N: float) -> None:
         self.parameters = (Parameter("W_0", "N", -0.5 * usual_N, 0.5 * usual_N, 0.0, 0.1 * usual_N),)
@@ -82,7 +87,8 @@ class PullOfLoad(Uncatalogued):
 
     form = "load in drawbar_pull_N"
     equation = "DP reported = DP + s W"
-    like = "a carriage that rubs on its rails, or a pull cell that is not level"
+    like = "a carriage that rubs on its rails, a pull cell that is not level, or ground that slopes"
+    check = "level pull cell and ground, or give the pitch; drive the same once the other way"
     parameters = (Parameter("s", "", -0.5, 0.5, 0.0, 0.03),)
 
     def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
@@ -95,6 +101,7 @@ class PullInTorque(Uncatalogued):
     form = "drawbar_pull_N in torque_Nm"
     equation = "T reported = T + l DP"
     like = "cross-talk of the drawbar pull into the torque"
+    check = "pull at the locked wheel's axle with a known force, and read the torque"
 
     def __init__(self, radius_m: float) -> None:
         self.parameters = (Parameter("l", "m", -radius_m, radius_m, 0.0, 0.05 * radius_m),)
@@ -109,6 +116,7 @@ class TorqueInPull(Uncatalogued):
     form = "torque_Nm in drawbar_pull_N"
     equation = "DP reported = DP + s T / r"
     like = "cross-talk of the torque into the drawbar pull"
+    check = "turn the locked wheel with a known torque, and read the pull"
     parameters = (Parameter("s", "", -1.0, 1.0, 0.0, 0.05),)
 
     def __init__(self, radius_m: float) -> None:
@@ -124,6 +132,7 @@ class PullInSinkage(Uncatalogued):
     form = "drawbar_pull_N in sinkage_m"
     equation = "z reported = z + c DP"
     like = "a frame that bends under the pull"
+    check = "pull at the wheel with a known force on hard ground, and read the sinkage"
 
     def __init__(self, usual_m: float, usual_N: float) -> None:
         usual = usual_m / usual_N
@@ -137,6 +146,7 @@ class TorqueSaturates(Uncatalogued):
     """The torque's sensor, its amplifier or the drive's current comes to its end."""
 
     like = "a torque's sensor, or a drive's current, that saturates"
+    check = "turn the locked wheel with known torques up to the largest"
     parameters = (Parameter("s", "", 0.0, 4.0, 0.0, 0.1),)
 
     def __init__(self, usual_Nm: float, form: str, power: float) -> None:
@@ -170,3 +180,10 @@ def forms(situation: Situation) -> tuple[Uncatalogued, ...]:
     if situation.seen(SINKAGE, PULL):
         faults.append(PullInSinkage(float(situation.typical[SINKAGE]), float(situation.typical[PULL])))
     return tuple(faults)
+
+
+LIKE = {
+    each.form: each.like
+    for each in (PullOffset, PullGain, SinkageGain, LoadOffset, PullOfLoad, PullInTorque, TorqueInPull, PullInSinkage)
+} | dict.fromkeys(_SATURATING, TorqueSaturates.like)
+"""What each is like, by its form."""

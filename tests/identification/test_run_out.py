@@ -145,6 +145,29 @@ def test_noisy_speeds_are_no_steps_of_slip():
     assert len(found.each) == 18
 
 
+@pytest.mark.parametrize("stopped", [10, 20, 23])
+def test_a_carriage_that_stands_for_long_beside_a_commanded_wheel_is_a_stop(stopped):
+    table = runs()
+    rows = np.arange(len(table)).reshape(-1, ROWS)
+    driven, last = rows[:, : ROWS - SLOWS - STANDS], rows[:, -1:]
+    order = np.concatenate([driven, np.repeat(last, stopped, axis=1)], axis=1)
+    longer = table.select(order.ravel())
+    columns = {**longer.columns, "time_s": np.tile(np.arange(order.shape[1]) * STEP_S, 18)}
+    columns["wheel_speed_rad_s"] = np.full(order.size, 0.4)
+    fewer, said, _ = without_stops(with_standstill(WheelTable(columns, None, longer.run, "rig.csv")))
+    assert len(said) == 1
+    assert abs(len(fewer) - driven.size) <= 18
+
+
+def test_a_slow_wheel_in_a_file_with_fast_rows_does_not_stand_nor_one_that_spins():
+    rng = np.random.default_rng(6)
+    travel = np.repeat([0.001, 0.05], [800, 200]) + 4e-4 * rng.normal(size=1000)
+    slow = {"time_s": np.arange(1000) * 0.1, "slip": np.full(1000, 0.2), "travel_speed_m_s": travel}
+    assert not stands(with_standstill(WheelTable(slow, None, None, "rig.csv"))).any()
+    spins = {**slow, "slip": np.repeat([0.3, 0.999], 500), "travel_speed_m_s": np.repeat([0.05, 0.0], 500)}
+    assert not stands(with_standstill(WheelTable(spins, None, None, "rig.csv"))).any()
+
+
 def weak_ground(table):
     late = np.tile(np.arange(ROWS) >= ROWS - 10, 18)
     return {name: np.where(late, 0.5, 1.0) * table[name] for name in ("torque_Nm", "drawbar_pull_N")}

@@ -13,6 +13,7 @@ from ....framework.core.errors import InputError
 from ...augmented import SOIL_COUNT
 from ...effects.catalogue import FROM_RESIDUALS, effects_for
 from ...effects.effect import Effect
+from ...effects.uncatalogued import SLUG as UNCATALOGUED
 from ..fit.fitting import Problem, fit
 from ..fit.held_out import hold_out
 from ..fit.textbook import best_fit
@@ -118,8 +119,10 @@ def _proposed(tries: Tries) -> list[Trial]:
         problem, textbook = textbook_trial(few, known, _CALM)
     except InputError:
         return []
-    wanted = {effect.slug for effect in tries.catalogue}
-    found = search(problem, textbook, effects_for(situation(problem, textbook.fitted), wanted), tries.tell)
+    wanted = {effect.slug for effect in tries.catalogue} - {UNCATALOGUED}
+    further = [effect for effect in tries.catalogue if effect.slug == UNCATALOGUED]
+    effects = [*effects_for(situation(problem, textbook.fitted), wanted), *further]
+    found = search(problem, textbook, effects, tries.tell)
     best = found.chosen
     least = max(best.gain - NOT_EXCLUDED * temperature(best.gain), ASKED_FOR)
     causes = without_bumps(found.textbook, found.trials)

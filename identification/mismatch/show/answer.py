@@ -37,7 +37,7 @@ _ANSWERS = (CONSTANT, LAG, "sinkage_m")
 
 _RESAMPLES = 400
 
-_KINDS = ("physics", "instrument", UNKNOWN)
+_KINDS = (UNKNOWN, "physics", "instrument")
 """Kinds of effects, that first which stands for a set of several."""
 
 _SOIL_UNITS = {"c_Pa": "Pa", "phi_rad": "rad", "k_m": "m", "stiffness_Pa": "Pa", "n": ""}
@@ -208,9 +208,10 @@ def _most_probable(missing: tuple[Missing, ...], naming: Naming) -> tuple[Missin
 
 
 def _named(trial: Trial, effect: Effect, probability: float, alike: tuple[str, ...], tell: str) -> Missing:
+    like, check = (effect.like, effect.check) if isinstance(effect, Uncatalogued) else ("", tell)
     return Missing(
         effect.slug, effect.kind, effect.form, probability, parameters(trial.fitted, effect), effect.equation,
-        effect.source, alike, tell, effect.like if isinstance(effect, Uncatalogued) else "",
+        effect.source, alike, check, like,
     )  # fmt: skip
 
 

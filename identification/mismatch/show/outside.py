@@ -9,7 +9,7 @@ from ...effects.effect import PULL, TORQUE
 from . import readable
 
 LOOK_ALIKES: dict[str, tuple[str, ...]] = {
-    "bulldozing": ("a carriage that rubs on its rails, or a pull cell that is not level",),
+    "bulldozing": ("a carriage that rubs on its rails, a pull cell that is not level, or ground that slopes",),
     "drift": ("soil that dries or hardens with time", "soil that builds up on the rim"),
     "drivetrain_friction": ("cross-talk between torque and pull",),
     "hard_layer": ("a crust that breaks", "a rim that is not flat across"),
@@ -28,7 +28,7 @@ LOOK_ALIKES: dict[str, tuple[str, ...]] = {
 """By the effect's slug."""
 
 _OF_CHANNELS = {
-    "a carriage that rubs on its rails, or a pull cell that is not level": {PULL},
+    "a carriage that rubs on its rails, a pull cell that is not level, or ground that slopes": {PULL},
     "a wrong gain of the pull's sensor": {PULL},
     "cross-talk between torque and pull": {TORQUE, PULL},
     "a torque's sensor that saturates": {TORQUE},

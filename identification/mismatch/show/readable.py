@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ....framework.core.soil import PARAMETERS
+from ...effects.uncatalogued import LIKE
+from ...effects.uncatalogued import SLUG as UNCATALOGUED
 from ..explanation import Estimate, Explanation, Missing, Region
 from ..locate.variables import CONSTANT
 
@@ -170,9 +172,13 @@ def likelihood(probability: float) -> str:
 
 def effect(name: str) -> str:
     """Put one effect, or several joined by plus signs, in words: forms stay in brackets."""
-    return " + ".join(
-        EFFECTS.get(slug, (slug, ""))[0] + (f" ({form[1:-1]})" if form else "") for slug, form in _parts(name)
-    )
+    return " + ".join(_in_words(slug, form[1:-1] if form else "") for slug, form in _parts(name))
+
+
+def _in_words(slug: str, form: str) -> str:
+    if slug == UNCATALOGUED and form in LIKE:
+        return LIKE[form]
+    return EFFECTS.get(slug, (slug, ""))[0] + (f" ({form})" if form else "")
 
 
 def slugs(name: str) -> list[str]:

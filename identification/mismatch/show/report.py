@@ -73,7 +73,9 @@ def _gain(explanation: Explanation) -> str:
         why = "of what was tried nothing gains enough on rows held out" if far else "held-out rows ask for nothing"
         return f"Nothing was added to the simulation: {why}."
     gain = explanation.heldout_nats
-    named = {"cannot_tell": "what fits best", "unknown": "what fits best and a smooth correction"}
+    smooth = any(each.kind == "unknown" and not readable.is_like(each) for each in explanation.missing)
+    unknown = "what fits best and a smooth correction" if smooth else "what fits best"
+    named = {"cannot_tell": "what fits best", "unknown": unknown}
     with_it = named.get(explanation.verdict, "what was left out")
     return (
         f"On held-out rows the simulation with {with_it} gains {readable.spread(gain.value, gain.sd)} nats of "
