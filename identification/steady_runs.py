@@ -124,17 +124,19 @@ def _at_work(table: WheelTable, rows: np.ndarray, still: np.ndarray) -> tuple[in
     if not len(going):
         return 0, 0
     first, end = int(going[0]), int(going[-1]) + 1
-    names = ("load_N", "wheel_speed_rad_s", "travel_speed_m_s")
-    driven = [np.abs(table[name][rows[first:end]]) for name in names if name in table]
-    got_going = max((_rows_at_rest(values) for values in driven), default=0)
-    stopping = max((_rows_at_rest(values[::-1]) for values in driven), default=0)
+    speeds = ("wheel_speed_rad_s", "travel_speed_m_s")
+    # A load that is small for long is one of several loads.
+    driven = [(np.abs(table[name][rows[first:end]]), name in speeds) for name in ("load_N", *speeds) if name in table]
+    got_going = max((_rows_at_rest(values, for_long=long) for values, long in driven), default=0)
+    stopping = max((_rows_at_rest(values[::-1], for_long=long) for values, long in driven), default=0)
     return first + got_going, end - stopping
 
 
-def _rows_at_rest(values: np.ndarray) -> int:
-    """Count the first rows of a load or speed (k,) in which a wheel is got going, or something stands for long."""
+def _rows_at_rest(values: np.ndarray, *, for_long: bool) -> int:
+    """Count the first rows of a load or speed (k,) in which a wheel is got going, or something stands `for_long`."""
     near = max(_NEAR_END, math.ceil(_SHARE_NEAR_END * len(values)))
-    return _rows_short(values, len(values), _STANDS) or _rows_short(values, near, _AT_REST)
+    long = _rows_short(values, len(values), _STANDS) if for_long else 0
+    return long or _rows_short(values, near, _AT_REST)
 
 
 def _rows_short(values: np.ndarray, near_rows: int, at_rest: float) -> int:

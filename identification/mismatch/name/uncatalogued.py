@@ -1,4 +1,4 @@
-"""Whether a constant fault of a sensor that the catalogue lacks explains a recording better than what was found."""
+"""Whether a fault that the catalogue lacks explains a recording better than what was found."""
 
 from __future__ import annotations
 
@@ -28,9 +28,10 @@ def better_uncatalogued(problem: Problem, found: Search) -> Effect | None:
     One beside all that was found has to gain that once more: it may make up for how much published forms differ.
     """
     chosen, best = found.chosen, None
+    faults = forms(situation(problem, found.textbook.fitted))
     for base in _bases(problem, found):
         needed = _needed(chosen, base)
-        for effect in forms(situation(problem, found.textbook.fitted)):
+        for effect in faults:
             if promised_by(problem, base, effect) < _SHARE * (needed - base.gain):
                 continue
             trial = try_adding(problem, found.textbook, base, effect)
