@@ -34,7 +34,7 @@ class RimAdhesion(Effect):
         )
         self.parameters = (
             Parameter("c_a", "Pa", 0.0, 1e5, 0.8 * c_Pa, usual_Pa),
-            Parameter("tan_delta", "", 0.02, 1.5, 0.9 * tan_phi, 0.2, 0.45),
+            Parameter("tan_delta", "", 0.0, 1.5, 0.9 * tan_phi, 0.2, 0.45),
         )
         self._within = c_Pa, tan_phi
 

@@ -311,6 +311,14 @@ def test_the_rim_caps_the_shear_stress_as_a_weaker_soil_would():
     assert (change("rim_adhesion:form=strength,c_a=200,tan_delta=0.4")[:, TORQUE] < 0.0).all()
 
 
+def test_a_rim_that_only_adheres_transmits_its_adhesion_over_the_contact():
+    """Wet soil on metal: of a firmly spinning wheel the whole contact, from the entry angle down, is at c_a."""
+    drive = replace(DRIVE, slip=np.full(len(DRIVE), 0.9))
+    stuck = predict("rim_adhesion:form=cut off,c_a=50,tan_delta=0", replace(SITUATION, drive=drive))
+    theta_1 = np.arccos(1.0 - stuck[:, SINKAGE] / WHEEL.radius_m)
+    np.testing.assert_allclose(stuck[:, TORQUE], 50.0 * WHEEL.width_m * WHEEL.radius_m**2 * theta_1, rtol=0.02)
+
+
 @pytest.mark.parametrize("named", ["bulldozing:s=1", "bulldozing:N=5", "bulldozing:share=3"])
 def test_bulldozing_costs_pull_alone_and_grows_with_sinkage(named):
     away = change(named)
