@@ -33,6 +33,10 @@ _RIPPLES = 4.0
 Three that stood in for a torque gain and the like had 2.7 at most, one of 12 numbers."""
 
 
+_OF_TORQUE = 0.25
+"""Share that the pull's ripple has at least of what the torque's pulls by at the rim, by lugs [-]."""
+
+
 class LugRadius(Effect):
     """Soil shears beyond the rim, at a share of the lugs' height."""
 
@@ -178,8 +182,9 @@ class LugRipple(Effect):
     needs = ("wheel_angle_rad",)
     ripples = slice(0, None)
 
-    def __init__(self, count: int, typical: np.ndarray, stated: int, *, overtone: bool = False) -> None:
+    def __init__(self, count: int, typical: np.ndarray, wheel: Wheel, *, overtone: bool = False) -> None:
         self.form = f"ripple, {count} lugs" + (", overtone" if overtone else "")
+        stated = wheel.grouser_count
         self.count = count
         self.equation = f"T, DP, z += a cos({count} theta_w) + b sin({count} theta_w)"
         if overtone:
@@ -191,6 +196,7 @@ class LugRipple(Effect):
         if stated and count % stated:
             self.kind = "instrument"
             self.remark = f"the channels ripple {count} times a turn, and the vehicle is said to have {stated} lugs"
+        self._stated, self._radius_m = wheel.grouser_height_m > 0.0, wheel.radius_m
         self._channels = [channel for channel in (TORQUE, PULL, SINKAGE) if np.isfinite(typical[channel])]
         names = {TORQUE: ("T", "N m"), PULL: ("DP", "N"), SINKAGE: ("z", "m")}
         self.parameters = tuple(
@@ -199,6 +205,21 @@ class LugRipple(Effect):
             for channel in self._channels
             for usual in [float(typical[channel])]
         )
+
+    def unheard_of(self, values: np.ndarray, sd: np.ndarray) -> list[str]:
+        return [] if self._stated else self._without_pull(values, sd, self._radius_m)
+
+    def _without_pull(self, ripples: np.ndarray, sd: np.ndarray, arm: float) -> list[str]:
+        """Say that the torque ripples and the pull, where it was measured, by much less than the torque over an `arm`:
+        lugs that push soil pull by it.
+        """
+        if not {TORQUE, PULL} <= set(self._channels):
+            return []
+        size, off = (np.linalg.norm(each.reshape(-1, len(self._channels)), axis=0) for each in (ripples, sd))
+        torque, pull = self._channels.index(TORQUE), self._channels.index(PULL)
+        least = _OF_TORQUE * size[torque] / arm
+        alone = size[torque] > _RIPPLES * off[torque] and size[pull] + _TOLD * off[pull] < least
+        return [f"{self.count} lugs that turn the wheel and do not pull"] if alone else []
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         channels[:, self._channels] += self.waves(drive, values)
@@ -226,10 +247,9 @@ class Lugs(LugRipple):
         self, count: int, typical: np.ndarray, wheel: Wheel, *, overtone: bool = False, steady: Effect | None = None,
         even: bool = False,
     ) -> None:  # fmt: skip
-        super().__init__(count, typical, wheel.grouser_count, overtone=overtone)
-        self._stated = wheel.grouser_height_m > 0.0
+        super().__init__(count, typical, wheel, overtone=overtone)
         self._height = wheel.grouser_height_m or _UNSTATED * wheel.radius_m
-        self._steady, self._radius_m = steady or LugRadius(self._height), wheel.radius_m
+        self._steady = steady or LugRadius(self._height)
         self._even = even
         self._otherwise = None if steady or even else (count, typical, wheel, overtone)
         self.form = f"{self._steady.form} and {'even ' if even else ''}{self.form}"
@@ -256,8 +276,9 @@ class Lugs(LugRipple):
         if self._stated:
             return self._steady.unheard_of(values[:1], sd[:1])
         # How far the tips of lugs stand out that nobody stated is not known; but by their ripple alone they are known.
-        ripples = bool(np.any(np.abs(values[1:]) > _RIPPLES * sd[1:]))
-        return [] if ripples else [f"{self.count} lugs of which nothing ripples"]
+        if not np.any(np.abs(values[1:]) > _RIPPLES * sd[1:]):
+            return [f"{self.count} lugs of which nothing ripples"]
+        return self._without_pull(values[1:], sd[1:], self._radius_m if self._even else 1.0)
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         self._steady.contact(contact, drive, values[:1])
@@ -304,8 +325,8 @@ def _steady(height_m: float, count: int) -> list[Effect]:
 
 def _ripples(wheel: Wheel, count: int, situation: Situation) -> list[Effect]:
     """Ripples of so many lugs, by themselves and with the shear radius."""
-    typical, stated = situation.typical, wheel.grouser_count
-    answer: list[Effect] = [LugRipple(count, typical, stated, overtone=overtone) for overtone in (False, True)]
+    typical = situation.typical
+    answer: list[Effect] = [LugRipple(count, typical, wheel, overtone=overtone) for overtone in (False, True)]
     if situation.seen(TORQUE, PULL):
         answer += [Lugs(count, typical, wheel, overtone=overtone) for overtone in (False, True)]
     return answer

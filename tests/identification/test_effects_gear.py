@@ -112,6 +112,25 @@ def test_lugs_that_nobody_stated_may_stand_out_farther_than_is_assumed():
     assert effect.unheard_of(values, sd) == ["18 lugs of which nothing ripples"]
 
 
+@pytest.mark.parametrize("form", ["radius and ripple, 18 lugs", "ripple, 18 lugs", "radius and even ripple, 18 lugs"])
+def test_lugs_that_nobody_stated_pull_where_they_turn_the_wheel(form):
+    unstated = replace(SITUATION, wheel=WHEEL.model_copy(update={"grouser_height_m": 0.0}))
+    effect = next(each for each in forms_by_name("grousers", unstated) if each.form == form)
+    where = {parameter.name: index for index, parameter in enumerate(effect.parameters)}
+    arm = 1.0 if form.startswith("radius and ripple") else WHEEL.radius_m
+    values, sd = np.zeros(len(where)), np.full(len(where), 0.001)
+    sd[[where["a_T"], where["b_T"]]] *= arm
+    values[[where["a_T"], where["b_T"]]] = 0.03 * arm, 0.04 * arm
+    assert effect.unheard_of(values, sd) == ["18 lugs that turn the wheel and do not pull"]
+    values[where["a_DP"]] = 0.02
+    assert effect.unheard_of(values, sd) == []
+    # Where the pull would not show it, nothing speaks against them.
+    values[where["a_DP"]] = 0.0
+    sd[[where["a_DP"], where["b_DP"]]] = 0.02
+    assert effect.unheard_of(values, sd) == []
+    assert next(e for e in forms_by_name("grousers", SITUATION) if e.form == form).unheard_of(values, sd) == []
+
+
 def test_lugs_that_nobody_stated_are_a_tenth_of_the_radius_high():
     unstated, stated = (
         replace(SITUATION, wheel=WHEEL.model_copy(update={"grouser_height_m": share * WHEEL.radius_m}))

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import median_filter
 
+from ...effects.effect import Drive
 from ..explanation import Region
 from ..fit.fitting import Fitted, Problem
 from ..fit.soil_variation import HUBER
@@ -25,7 +26,7 @@ _ANGLE = "wheel_angle_rad"
 """Name of what a ripple depends on; its cycles a turn follow in brackets."""
 
 _TURNS = 3.0
-"""Turns of the wheel in which what comes round with it is told from ground that varies."""
+"""Turns of the wheel, in all runs together, in which what comes round with it is told from ground that varies."""
 
 _PERIODS, _ROWS = 6.0, 4.0
 """Periods that there are along the track at least, and rows in one."""
@@ -46,12 +47,22 @@ _BY_CHANCE = 3.0
 def coming_round(problem: Problem, fitted: Fitted) -> list[Group]:
     """Give waves (n, 2) on each channel with the wheel's angle and along the track, each the likeliest of its kind."""
     drive, left = problem.samples.drive, np.clip(np.nan_to_num(fitted.innovations), -HUBER, HUBER)
-    angle, groups = drive.wheel_angle_rad, []
-    if drive.has("wheel_angle_rad") and np.nanmax(angle) - np.nanmin(angle) >= 2.0 * np.pi * _TURNS:
+    groups = []
+    if drive.has("wheel_angle_rad") and _turned(drive) >= 2.0 * np.pi * _TURNS:
         groups += ripples_with_angle(problem, left)
     if drive.has("place_m") and np.isfinite(drive.place_m).all():
         groups += _along_track(problem, left)
     return groups
+
+
+def _turned(drive: Drive) -> float:
+    """How far the wheel turned in all runs together [rad]: each is on ground of its own, and the wheel the same."""
+    spans = [np.nanmax(angle) - np.nanmin(angle) for angle in _by_stretch(drive) if np.isfinite(angle).any()]
+    return float(sum(spans))
+
+
+def _by_stretch(drive: Drive) -> list[np.ndarray]:
+    return np.split(drive.wheel_angle_rad, np.flatnonzero(np.diff(drive.stretch)) + 1)
 
 
 def located(regions: Sequence[Region], terms: Sequence[Term], noise: Mapping[str, float]) -> tuple[Region, ...]:

@@ -20,7 +20,7 @@ from ..fit.textbook import best_fit
 from ..fit.together import together
 from ..fit.trial import ASKED_FOR, NOT_EXCLUDED, Trial, again, less, situation, temperature, textbook_trial, without
 from .asked import ROUGH, standing, surplus, worth
-from .hiding_pairs import hiding_pairs, pairs_of_weak
+from .hiding_pairs import hiding_pairs, pairs_beside_better_fits, pairs_of_weak
 from .partners import beside_bump, one_more
 from .preferred import as_large
 from .singles import FORMS_APART, MOST_ALIKE, alike, alike_beside, other_forms
@@ -73,7 +73,7 @@ def search(
         best = _as_in_quiet_ground(tries, best)
     hiding = hiding_pairs(tries, singles, best) if len(best.effects) < 2 else []
     if best.gain < ASKED_FOR:
-        hiding += pairs_of_weak(tries, singles)
+        hiding += [*pairs_of_weak(tries, singles), *pairs_beside_better_fits(tries, singles)]
         best = max([trial for trial in hiding if surplus(anchored, trial) >= ASKED_FOR], key=gain_of, default=best)
         if len(best.effects) < 2:
             return tries.ended(anchored)

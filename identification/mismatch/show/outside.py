@@ -46,12 +46,19 @@ def outside(slugs: Iterable[str], answers: Collection[int]) -> list[str]:
 
 
 def unstated_lugs(slugs: Collection[str], wheel: Wheel) -> list[str]:
-    """Say that lugs look like what was found, where the vehicle's description says neither that the wheel has any nor
-    that it is smooth: soil that shears at their tips turns it with more torque.
+    """Say what lugs may be taken for, and for what, where the vehicle's description tells of none.
+
+    Where it does not say that the wheel is smooth either, soil that shears at their tips turns it with more torque.
     """
-    if "torque_gain" not in slugs or "grouser_height_m" in wheel.model_fields_set:
-        return []
-    return [
-        "lugs may look like torque gain, and the vehicle says nothing of them: if the wheel has any, state "
-        "grouser_height_m and grouser_count, else grouser_height_m = 0"
-    ]
+    told = []
+    if "torque_gain" in slugs and "grouser_height_m" not in wheel.model_fields_set:
+        told.append(
+            "lugs may look like torque gain, and the vehicle says nothing of them: if the wheel has any, state "
+            "grouser_height_m and grouser_count, else grouser_height_m = 0"
+        )
+    if "grousers" in slugs and not wheel.grouser_height_m and not wheel.grouser_count:
+        told.append(
+            "teeth of gears, a chain or a motor's cogging come round with the wheel as lugs do, and the vehicle states "
+            "none: if the wheel has any, state grouser_height_m and grouser_count"
+        )
+    return told

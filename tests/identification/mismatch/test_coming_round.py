@@ -130,3 +130,22 @@ def test_a_wave_with_the_wheel_is_located_where_it_was_found_and_not_where_its_r
     assert first.p_value < 1e-12
     assert (second.channel, second.share) == ("torque_Nm", pytest.approx(0.25))
     assert located((remains, other), (load,), {}) == (remains, other)
+
+
+def test_turns_in_several_runs_count_together():
+    """Runs of two turns each, which begin at the same angle: no run alone is long enough."""
+    problem, textbook = driven(1, by_turn_m=4e-4)
+    drive = problem.samples.drive
+    run = (drive.wheel_angle_rad // (4.0 * np.pi)).astype(int)
+    samples = replace(
+        problem.samples,
+        drive=replace(drive, stretch=run, wheel_angle_rad=drive.wheel_angle_rad - 4.0 * np.pi * run),
+    )
+    assert run.max() >= 2
+    few = samples.select(np.flatnonzero(run < 1))
+    for kept, found in ((samples, True), (few, False)):
+        left = textbook.fitted.innovations[: len(kept)]
+        fit = SimpleNamespace(innovations=left, residuals=left, noise=SimpleNamespace(answers=np.ones(left.shape[1])))
+        there = SimpleNamespace(samples=kept, answers=problem.answers)
+        waves = coming_round(there, fit)  # pyright: ignore[reportArgumentType]
+        assert any(each.variable == "wheel_angle_rad (1 cycle a turn)" for each in waves) == found

@@ -13,7 +13,7 @@ from bevameter.identification.felt_rows import felt_rows
 from bevameter.identification.identify import open_recording
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.fit.trial import ASKED_FOR, Trial, situation, textbook_trial, try_adding
-from bevameter.identification.mismatch.name.hiding_pairs import hiding_pairs, pairs_of_weak
+from bevameter.identification.mismatch.name.hiding_pairs import hiding_pairs, pairs_beside_better_fits, pairs_of_weak
 from bevameter.identification.mismatch.name.tries import Tries
 from bevameter.identification.simulate import simulate
 
@@ -91,3 +91,14 @@ def test_of_nothing_or_of_one_weak_effect_no_pair_is_made():
     tries = tries_of(trials(), "tyre_deflection", "drivetrain_friction", "torque_offset")
     assert pairs_of_weak(tries, alone_in(tries)) == []
     assert tries.trials == []
+
+
+def test_a_hump_is_sought_beside_what_fits_better_and_foretells_no_better():
+    """A wheel larger than stated and a hump: the soil makes up for either, and neither foretells slips held out."""
+    tries = tries_of(trials("rolling_radius:e=0.05", "shear_hump:K_r=0.95"), "rolling_radius", "shear_hump")
+    alone = alone_in(tries)
+    assert max(trial.gain for trial in alone) < ASKED_FOR
+    pairs = pairs_beside_better_fits(tries, alone)
+    best = max(pairs, key=lambda trial: trial.gain)
+    assert best.slugs == {"rolling_radius", "shear_hump"}
+    assert best.gain > 3.0 * ASKED_FOR

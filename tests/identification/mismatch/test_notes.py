@@ -104,3 +104,10 @@ def test_lugs_of_which_the_vehicle_says_nothing_may_look_like_a_torque_gain():
     assert "grouser_height_m" in note
     assert unstated_lugs({"torque_gain"}, smooth) == []
     assert unstated_lugs({"drift"}, silent) == []
+
+
+def test_what_comes_round_with_a_wheel_of_which_no_lugs_are_stated_may_be_teeth():
+    smooth = Wheel(radius_m=0.1, width_m=0.05, grouser_height_m=0.0)
+    (note,) = unstated_lugs({"grousers"}, smooth)
+    assert "teeth of gears" in note
+    assert unstated_lugs({"grousers"}, Wheel(radius_m=0.1, width_m=0.05, grouser_height_m=0.01, grouser_count=9)) == []
