@@ -30,8 +30,8 @@ _NEARLY = 5.0
 to 793899) no two did."""
 
 _BASES = 2
-"""Effects that fit better alone beside which a hump and the like are sought: of 74 of the study's nulls (seeds 795000 to
-795279) one such pair promised enough to be fitted, and gained 22 nats of the 27 that are asked."""
+"""Effects that fit better alone beside which a hump and the like are sought: of 74 of the study's nulls (seeds 795000
+to 795279) one such pair promised enough to be fitted, and gained 22 nats of the 27 that are asked."""
 
 _RIDGE = 1e-9
 """Of columns that two effects share [-]."""

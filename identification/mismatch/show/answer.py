@@ -8,10 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ....framework.core.soil import PARAMETERS
 from ...effects.effect import Effect
 from ...effects.uncatalogued import Uncatalogued
-from ...forward import CHANNELS, from_internal, slope_of_internal
+from ...forward import CHANNELS
 from ..explanation import Candidate, ChannelFit, Estimate, Explanation, Missing, Region, Rows, Screened, Verdict
 from ..fit.fitting import Fitted, Problem
 from ..fit.trial import NOT_EXCLUDED, Trial, temperature
@@ -24,6 +23,7 @@ from ..name.naming import ASSERTED, MENTIONED, UNKNOWN, Naming, instead, why_not
 from ..name.tries import Search
 from ..name.would_tell import would_tell
 from . import readable
+from .estimates import parameters, parameters_among, soil_of
 from .notes import notes_of
 from .shape import shape_of
 from .wording import summarise, trust
@@ -39,8 +39,6 @@ _RESAMPLES = 400
 
 _KINDS = (UNKNOWN, "physics", "instrument")
 """Kinds of effects, that first which stands for a set of several."""
-
-_SOIL_UNITS = {"c_Pa": "Pa", "phi_rad": "rad", "k_m": "m", "stiffness_Pa": "Pa", "n": ""}
 
 
 def assemble(
@@ -97,8 +95,8 @@ def assemble(
         source=source,
         verdict=verdict,
         summary="",
-        soil=_soil(problem, best.fitted, found, naming),
-        soil_textbook=_soil(problem, textbook.fitted, None, None),
+        soil=soil_of(problem, best.fitted, found, naming),
+        soil_textbook=soil_of(problem, textbook.fitted),
         trust="",
         located=regions,
         missing=missing,
@@ -120,18 +118,6 @@ def assemble(
     return replace(explained, summary=summarise(explained), trust=trust(explained))
 
 
-def parameters(fitted: Fitted, effect: Effect) -> dict[str, Estimate]:
-    """Parameters of one effect of a fit, with their standard deviations."""
-    for each, where in fitted.model.slices():
-        if each is effect:
-            sd = np.sqrt(np.maximum(np.diag(fitted.covariance)[where], 0.0))
-            return {
-                parameter.name: Estimate(float(value), float(spread), parameter.unit)
-                for parameter, value, spread in zip(effect.parameters, fitted.vector[where], sd, strict=True)
-            }
-    raise KeyError(effect.name)
-
-
 def _missing(problem: Problem, found: Search, naming: Naming, remaining: SmoothCorrection) -> tuple[Missing, ...]:
     """What was chosen; where an effect is not certain, what looks like it; where none is, all that is probable."""
     answer: list[Missing] = []
@@ -143,7 +129,7 @@ def _missing(problem: Problem, found: Search, naming: Naming, remaining: SmoothC
         tell = ""
         if alike or probability < ASSERTED:
             tell = would_tell(problem, chosen, *([rivals[slug] for slug in alike] or _next_best(found)))
-        answer.append(_named(chosen, effect, probability, alike, tell))
+        answer.append(_named(found, naming, chosen, effect, probability, alike, tell))
         if probability < ASSERTED:
             for slug in alike:
                 share = naming.effects.get(slug, 0.0)
@@ -154,11 +140,11 @@ def _missing(problem: Problem, found: Search, naming: Naming, remaining: SmoothC
                 for other in rivals[slug].effects:
                     if other.slug == slug:
                         apart = would_tell(problem, rivals[slug], chosen, *(rivals[each] for each in rest))
-                        answer.append(_named(rivals[slug], other, share, others, apart))
+                        answer.append(_named(found, naming, rivals[slug], other, share, others, apart))
                     elif other.expected and other.slug not in chosen.slugs.union(each.effect for each in answer):
                         beside = naming.effects.get(other.slug, 0.0)
                         if beside >= MENTIONED:
-                            answer.append(_named(rivals[slug], other, beside, (), ""))
+                            answer.append(_named(found, naming, rivals[slug], other, beside, (), ""))
     if answer and all(each.probability < ASSERTED for each in answer):
         answer += _elsewhere(problem, found, naming, {each.effect for each in answer})
     # What may be nothing at all is not a finding; beside an effect it is a rival.
@@ -192,7 +178,7 @@ def _elsewhere(problem: Problem, found: Search, naming: Naming, listed: set[str]
             effect = next(each for each in trial.effects if each.slug == slug)
             instead_of = tuple(sorted(found.chosen.slugs - trial.slugs))
             tell = would_tell(problem, found.chosen, trial)
-            answer.append(_named(trial, effect, share, instead_of, tell))
+            answer.append(_named(found, naming, trial, effect, share, instead_of, tell))
     return answer
 
 
@@ -207,11 +193,13 @@ def _most_probable(missing: tuple[Missing, ...], naming: Naming) -> tuple[Missin
     )
 
 
-def _named(trial: Trial, effect: Effect, probability: float, alike: tuple[str, ...], tell: str) -> Missing:
+def _named(
+    found: Search, naming: Naming, trial: Trial, effect: Effect, probability: float, alike: tuple[str, ...], tell: str
+) -> Missing:
     like, check = (effect.like, effect.check) if isinstance(effect, Uncatalogued) else ("", tell)
     return Missing(
-        effect.slug, effect.kind, effect.form, probability, parameters(trial.fitted, effect), effect.equation,
-        effect.source, alike, check, like,
+        effect.slug, effect.kind, effect.form, probability, parameters_among(found, naming, trial, effect),
+        effect.equation, effect.source, alike, check, like,
     )  # fmt: skip
 
 
@@ -289,26 +277,6 @@ def _candidates(
             Candidate(UNKNOWN, UNKNOWN, naming.unknown, gain, {}, "a smooth correction beside what is chosen")
         )
     return tuple(sorted(answer, key=lambda each: (-each.probability, -each.heldout_nats)))
-
-
-def _soil(
-    problem: Problem, fitted: Fitted, found: Search | None, naming: Naming | None
-) -> dict[str, Estimate]:  # fmt: skip
-    """Soil of a fit; with the spread between explanations that the data do not tell apart, none where it was given."""
-    values = fitted.vector[: len(PARAMETERS)]
-    variance = np.diag(fitted.covariance)[: len(PARAMETERS)].copy()
-    if found is not None and naming is not None:
-        for trial, weight in zip(found.trials, naming.weights, strict=True):
-            if weight > 0.01:
-                variance += weight * (trial.fitted.vector[: len(PARAMETERS)] - values) ** 2
-    answer = {}
-    for index, name in enumerate(PARAMETERS):
-        value = from_internal(name, float(values[index]))
-        sd = math.sqrt(max(float(variance[index]), 0.0)) * abs(slope_of_internal(name, value))
-        if name in problem.known.values and not problem.known.sd.get(name):
-            sd = 0.0
-        answer[name] = Estimate(value, sd, _SOIL_UNITS[name])
-    return answer
 
 
 def _fits(

@@ -19,6 +19,7 @@ from bevameter.identification.mismatch.name.evidence import doubts
 from bevameter.identification.mismatch.name.naming import ASSERTED, Naming, name
 from bevameter.identification.mismatch.name.tries import Search
 from bevameter.identification.mismatch.show.answer import _alone, _next_best, assemble
+from bevameter.identification.mismatch.show.estimates import parameters, parameters_among
 from bevameter.identification.mismatch.show.headline import verdict
 from bevameter.identification.mismatch.show.readable import effect as effect_name
 
@@ -100,6 +101,25 @@ def test_no_more_than_six_are_listed_where_the_data_cannot_tell(searched):
 def test_what_is_unknown_is_looked_at_by_what_a_drive_can_vary(names, words):
     assert _alone(names).startswith(words)
     assert bool(words) == bool(_alone(names))
+
+
+def test_parameters_err_by_what_sets_differ_by_that_hold_the_same_form(searched):
+    """Of two sets as probable, beside one of which the effect is twice as strong: its parameter may be either."""
+    problem, found = searched
+    chosen, (effect,) = found.chosen, found.chosen.effects
+    gain = effects_for(situation(problem, found.textbook.fitted), ["load_gain"])[0]
+    pair = try_adding(problem, found.textbook, chosen, gain)
+    vector = pair.fitted.vector.copy()
+    own = chosen.fitted.vector[5:6]
+    vector[5:6] = 2.0 * own
+    other = replace(pair, fitted=replace(pair.fitted, vector=vector))
+    both = replace(found, trials=(chosen, other))
+    (alone,) = parameters(chosen.fitted, effect).values()
+    for weights, between in (((0.48, 0.48), 0.5), ((0.72, 0.24), 0.25), ((0.96, 0.001), 0.0), ((0.0, 0.0), 0.0)):
+        naming = Naming({}, 0.04, {}, np.array(weights))
+        (told,) = parameters_among(both, naming, chosen, effect).values()
+        assert told.value == alone.value == own[0]
+        assert told.sd == pytest.approx(math.sqrt(alone.sd**2 + between * own[0] ** 2))
 
 
 def test_an_excluded_rival_is_nothing_to_be_told_from(searched):
