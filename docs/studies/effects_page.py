@@ -77,7 +77,10 @@ def _section(slug: str) -> str:
     for effect in forms_by_name(slug, specimen()):
         lines.append(f"- {_title(effect)}{_story(effect)} `{effect.equation}`")
         free = follows_drive(effect)
-        lines += [f"    - `{each.name}`{_bounds(each, effect, each.name in free)}" for each in effect.parameters]
+        alike: dict[str, list[str]] = {}
+        for each in effect.parameters:
+            alike.setdefault(_bounds(each, effect, each.name in free), []).append(f"`{each.name}`")
+        lines += [f"    - {', '.join(names)}{bounds}" for bounds, names in alike.items()]
         if effect.constants:
             lines.append("    - constants: " + ", ".join(f"`{name}`" for name in effect.constants))
         needs = sorted(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from functools import partial
 
 import numpy as np
 from scipy.special import exprel
@@ -33,8 +34,13 @@ _RIPPLES = 4.0
 Three that stood in for a torque gain and the like had 2.7 at most, one of 12 numbers."""
 
 
+_FEW_ORDERS, _OVERTONES = 2, {1: "", 2: ", overtone", 3: ", 2 overtones", 4: ", 3 overtones"}
+"""Waves of a ripple that are tried, each a whole multiple of the lugs' number (further ones once these are found), and
+what its form is called with so many."""
+
 _OF_TORQUE = 0.25
-"""Share that the pull's ripple has at least of what the torque's pulls by at the rim, by lugs [-]."""
+"""Share of what the torque's ripple pulls by at the rim that the pull's has at least, by lugs [-]: of eleven recordings
+of lugs by two other hands (trials 39 and 40) it had 0.73 or more, of one of a chain 0.02."""
 
 
 class LugRadius(Effect):
@@ -175,51 +181,58 @@ class LugSides(LugThrust):
 
 
 class LugRipple(Effect):
-    """Forces and sinkage ripple as lugs enter and leave, once a lug, by so much; sharper lugs with an overtone."""
+    """Forces and sinkage ripple as lugs enter and leave, once a lug, by so much; sharper lugs with overtones."""
 
     slug = "grousers"
     source = "after R. A. Irani et al., J. Terramechanics 48 (2011), periodic term at the lugs' passing"
     needs = ("wheel_angle_rad",)
     ripples = slice(0, None)
 
-    def __init__(self, count: int, typical: np.ndarray, wheel: Wheel, *, overtone: bool = False) -> None:
-        self.form = f"ripple, {count} lugs" + (", overtone" if overtone else "")
+    def __init__(self, count: int, typical: np.ndarray, wheel: Wheel, *, orders: int = 1) -> None:
+        self.form = f"ripple, {count} lugs{_OVERTONES[orders]}"
         stated = wheel.grouser_count
         self.count = count
-        self.equation = f"T, DP, z += a cos({count} theta_w) + b sin({count} theta_w)"
-        if overtone:
-            self.equation += f" + a2 cos({2 * count} theta_w) + b2 sin({2 * count} theta_w)"
-        self._orders = (1, 2) if overtone else (1,)
+        self._orders = tuple(range(1, orders + 1))
+        own = [("" if order == 1 else str(order), order * count) for order in self._orders]
+        self.equation = "T, DP, z += " + " + ".join(f"a{n} cos({k} theta_w) + b{n} sin({k} theta_w)" for n, k in own)
         self._latest: tuple[Drive, np.ndarray] | None = None
         # The vehicle's own number was not searched for; multiples of it are its lugs' overtones.
         self.sought = math.log(_MOST_LUGS + 1 - _FEWEST_LUGS) if count != stated else 0.0
         if stated and count % stated:
             self.kind = "instrument"
             self.remark = f"the channels ripple {count} times a turn, and the vehicle is said to have {stated} lugs"
-        self._stated, self._radius_m = wheel.grouser_height_m > 0.0, wheel.radius_m
+        self._announced, self._radius_m = bool(stated) and count % stated == 0, wheel.radius_m
         self._channels = [channel for channel in (TORQUE, PULL, SINKAGE) if np.isfinite(typical[channel])]
         names = {TORQUE: ("T", "N m"), PULL: ("DP", "N"), SINKAGE: ("z", "m")}
         self.parameters = tuple(
             Parameter(f"{part}_{names[channel][0]}", names[channel][1], -usual, usual, 0.0, 0.1 * usual)
-            for part in (("a", "b", "a2", "b2") if overtone else ("a", "b"))
+            for part in [part + number for number, _ in own for part in "ab"]
             for channel in self._channels
             for usual in [float(typical[channel])]
         )
 
     def unheard_of(self, values: np.ndarray, sd: np.ndarray) -> list[str]:
-        return [] if self._stated else self._without_pull(values, sd, self._radius_m)
+        return self._torque_alone(values, sd, self._radius_m)
 
-    def _without_pull(self, ripples: np.ndarray, sd: np.ndarray, arm: float) -> list[str]:
-        """Say that the torque ripples and the pull, where it was measured, by much less than the torque over an `arm`:
-        lugs that push soil pull by it.
+    def _torque_alone(self, ripples: np.ndarray, sd: np.ndarray, per_pull: float) -> list[str]:
+        """Say that of lugs whose number nobody stated only the torque ripples, as by teeth of gears or of a chain.
+
+        `ripples` (k,), known to their sd, are in the order of the parameters; the torque's over the pull's unit is
+        `per_pull`. Lugs that turn the wheel pull by it; where no pull was measured, sinkage that ripples tells of them.
         """
-        if not {TORQUE, PULL} <= set(self._channels):
+        if self._announced or TORQUE not in self._channels:
             return []
-        size, off = (np.linalg.norm(each.reshape(-1, len(self._channels)), axis=0) for each in (ripples, sd))
-        torque, pull = self._channels.index(TORQUE), self._channels.index(PULL)
-        least = _OF_TORQUE * size[torque] / arm
-        alone = size[torque] > _RIPPLES * off[torque] and size[pull] + _TOLD * off[pull] < least
-        return [f"{self.count} lugs that turn the wheel and do not pull"] if alone else []
+        sizes, off = (np.linalg.norm(each.reshape(-1, len(self._channels)), axis=0) for each in (ripples, sd))
+        size = dict(zip(self._channels, zip(sizes.tolist(), off.tolist(), strict=True), strict=True))
+        torque, unsure = size[TORQUE]
+        if torque <= _RIPPLES * unsure:
+            return []
+        if PULL in size:
+            pull, unsure = size[PULL]
+            hardly = pull + _TOLD * unsure < _OF_TORQUE * torque / per_pull
+            return [f"{self.count} lugs that turn the wheel and hardly pull"] if hardly else []
+        sinkage, unsure = size.get(SINKAGE, (0.0, 0.0))
+        return [] if sinkage > _RIPPLES * unsure else [f"{self.count} lugs of which the torque alone ripples"]
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         channels[:, self._channels] += self.waves(drive, values)
@@ -244,14 +257,16 @@ class Lugs(LugRipple):
     ripples = slice(1, None)
 
     def __init__(
-        self, count: int, typical: np.ndarray, wheel: Wheel, *, overtone: bool = False, steady: Effect | None = None,
-        even: bool = False,
+        self, count: int, typical: np.ndarray, wheel: Wheel, *, orders: int = 1, most_orders: int = 1,
+        steady: Effect | None = None, even: bool = False,
     ) -> None:  # fmt: skip
-        super().__init__(count, typical, wheel, overtone=overtone)
+        super().__init__(count, typical, wheel, orders=orders)
+        self._made_of, self._most_orders, self.freed = (count, typical, wheel), most_orders, orders > _FEW_ORDERS
+        self._stated_height = wheel.grouser_height_m > 0.0
         self._height = wheel.grouser_height_m or _UNSTATED * wheel.radius_m
         self._steady = steady or LugRadius(self._height)
         self._even = even
-        self._otherwise = None if steady or even else (count, typical, wheel, overtone)
+        self._varied = steady is not None or even
         self.form = f"{self._steady.form} and {'even ' if even else ''}{self.form}"
         self.usual = self._steady.usual
         self.source = f"{self._steady.source}; {LugRipple.source}"
@@ -264,21 +279,26 @@ class Lugs(LugRipple):
         self.parameters = (*self._steady.parameters, *(self.parameters if even else shares))
 
     def variants(self) -> list[Effect]:
-        if self._otherwise is None:
+        if self._varied:
             return []
-        count, typical, wheel, overtone = self._otherwise
-        others = [steady for steady in _steady(self._height, count) if steady.form != self._steady.form]
-        shares: list[Effect] = [Lugs(count, typical, wheel, overtone=overtone, steady=steady) for steady in others]
+        vary = partial(Lugs, *self._made_of, orders=len(self._orders), most_orders=self._most_orders)
+        others = [steady for steady in _steady(self._height, self.count) if steady.form != self._steady.form]
         # Last: its ripples are sizes, where those of the others are shares.
-        return [*shares, Lugs(count, typical, wheel, overtone=overtone, even=True)]
+        return [*(vary(steady=steady) for steady in others), vary(even=True)]
+
+    def freer(self) -> list[Effect]:
+        if len(self._orders) != _FEW_ORDERS:
+            return []
+        same = partial(Lugs, *self._made_of, steady=self._steady, even=self._even)
+        return [same(orders=orders) for orders in range(_FEW_ORDERS + 1, self._most_orders + 1)]
 
     def unheard_of(self, values: np.ndarray, sd: np.ndarray) -> list[str]:
-        if self._stated:
-            return self._steady.unheard_of(values[:1], sd[:1])
+        alone = self._torque_alone(values[1:], sd[1:], self._radius_m if self._even else 1.0)
+        if self._stated_height:
+            return [*self._steady.unheard_of(values[:1], sd[:1]), *alone]
         # How far the tips of lugs stand out that nobody stated is not known; but by their ripple alone they are known.
-        if not np.any(np.abs(values[1:]) > _RIPPLES * sd[1:]):
-            return [f"{self.count} lugs of which nothing ripples"]
-        return self._without_pull(values[1:], sd[1:], self._radius_m if self._even else 1.0)
+        ripples = np.any(np.abs(values[1:]) > _RIPPLES * sd[1:])
+        return alone if ripples else [f"{self.count} lugs of which nothing ripples"]
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         self._steady.contact(contact, drive, values[:1])
@@ -301,7 +321,7 @@ def forms(situation: Situation) -> tuple[Effect, ...]:
         answer += [*_steady(wheel.grouser_height_m, wheel.grouser_count), LugTips(wheel.grouser_height_m)]
     if drive.has("wheel_angle_rad") and np.nanmax(drive.wheel_angle_rad) - np.nanmin(drive.wheel_angle_rad) > np.pi:
         for count in _counts(wheel, drive, situation.innovations):
-            answer += _ripples(wheel, count, situation)
+            answer += _ripples(wheel, count, situation, _most_orders(drive.wheel_angle_rad, count))
     return tuple(answer)
 
 
@@ -312,7 +332,7 @@ def named(situation: Situation) -> tuple[Effect, ...]:
     if wheel.grouser_height_m > 0.0:
         answer += [*_steady(wheel.grouser_height_m, wheel.grouser_count), LugTips(wheel.grouser_height_m)]
     if wheel.grouser_count and situation.drive.has("wheel_angle_rad"):
-        for each in _ripples(wheel, wheel.grouser_count, situation):
+        for each in _ripples(wheel, wheel.grouser_count, situation, max(_OVERTONES)):
             answer += [each, *each.variants()]
     return tuple(answer)
 
@@ -323,13 +343,20 @@ def _steady(height_m: float, count: int) -> list[Effect]:
     return [*answer, LugFaces(height_m, count), LugSides(height_m)] if count else answer
 
 
-def _ripples(wheel: Wheel, count: int, situation: Situation) -> list[Effect]:
+def _ripples(wheel: Wheel, count: int, situation: Situation, most_orders: int) -> list[Effect]:
     """Ripples of so many lugs, by themselves and with the shear radius."""
-    typical = situation.typical
-    answer: list[Effect] = [LugRipple(count, typical, wheel, overtone=overtone) for overtone in (False, True)]
+    typical, few = situation.typical, range(1, _FEW_ORDERS + 1)
+    answer: list[Effect] = [LugRipple(count, typical, wheel, orders=orders) for orders in few]
     if situation.seen(TORQUE, PULL):
-        answer += [Lugs(count, typical, wheel, overtone=overtone) for overtone in (False, True)]
+        answer += [Lugs(count, typical, wheel, orders=orders, most_orders=most_orders) for orders in few]
     return answer
+
+
+def _most_orders(angle: np.ndarray, count: int) -> int:
+    """Multiples of the lugs' number that rows at these wheel angles (n,) [rad] are close enough to show."""
+    steps = np.abs(np.diff(angle))
+    step = float(np.nanmedian(steps)) if np.isfinite(steps).any() else 0.0
+    return int(min(math.pi / max(count * step, 1e-300), max(_OVERTONES)))
 
 
 def _counts(wheel: Wheel, drive: Drive, innovations: np.ndarray) -> list[int]:

@@ -179,9 +179,9 @@ class Explanation:
         """Soil and effects as found: to simulate and predict with, to save, to keep with a class of ground.
 
         The textbook wheel's soil alone where nothing was found. Each effect has the probability of its being there:
-        where that is low, because these data do not tell what was left out, others would do as well. The soil is known
-        as well as it is if the effects are right; `soil` counts those that may be, too. A smooth correction that stands
-        in for something unknown is not part of it: it holds nowhere but in the recording.
+        where that is low, because these data do not tell what was left out, others would do as well. Soil and effects
+        are known as well as they are if the effects are right; `soil` and `missing` count those that may be, too. A
+        smooth correction that stands in for something unknown is not part of it: it holds in the recording alone.
         """
         return AugmentedSimulator.of(self.simulator, self.vector, self.covariance, self.believed)
 

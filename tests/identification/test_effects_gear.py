@@ -12,7 +12,7 @@ from bevameter.identification.effects import time_faults
 from bevameter.identification.effects.catalogue import effects_for, forms_by_name
 from bevameter.identification.effects.drive import select_rows
 from bevameter.identification.effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Contact, Drive
-from bevameter.identification.effects.grousers import _counts
+from bevameter.identification.effects.grousers import LugRipple, Lugs, _counts
 from bevameter.identification.effects.named import (
     choose,
     lugs_of,
@@ -112,23 +112,45 @@ def test_lugs_that_nobody_stated_may_stand_out_farther_than_is_assumed():
     assert effect.unheard_of(values, sd) == ["18 lugs of which nothing ripples"]
 
 
-@pytest.mark.parametrize("form", ["radius and ripple, 18 lugs", "ripple, 18 lugs", "radius and even ripple, 18 lugs"])
-def test_lugs_that_nobody_stated_pull_where_they_turn_the_wheel(form):
-    unstated = replace(SITUATION, wheel=WHEEL.model_copy(update={"grouser_height_m": 0.0}))
-    effect = next(each for each in forms_by_name("grousers", unstated) if each.form == form)
+def lugs(kind: str, height_m: float, stated: int, *channels: int) -> LugRipple:
+    """18 lugs that were found, of a wheel that is said to have so many, where these channels were measured."""
+    wheel = WHEEL.model_copy(update={"grouser_height_m": height_m, "grouser_count": stated})
+    typical = np.array([1.0 if channel in channels else np.nan for channel in range(5)])
+    if kind == "ripple":
+        return LugRipple(18, typical, wheel)
+    return Lugs(18, typical, wheel, even=kind == "even")
+
+
+@pytest.mark.parametrize("kind", ["shares", "ripple", "even"])
+@pytest.mark.parametrize(("height_m", "stated"), [(0.0, 0), (0.01, 0), (0.01, 7)])
+def test_lugs_whose_number_nobody_stated_pull_where_they_turn_the_wheel(kind, height_m, stated):
+    effect = lugs(kind, height_m, stated, TORQUE, SINKAGE, PULL)
     where = {parameter.name: index for index, parameter in enumerate(effect.parameters)}
-    arm = 1.0 if form.startswith("radius and ripple") else WHEEL.radius_m
+    arm = 1.0 if kind == "shares" else WHEEL.radius_m
     values, sd = np.zeros(len(where)), np.full(len(where), 0.001)
     sd[[where["a_T"], where["b_T"]]] *= arm
     values[[where["a_T"], where["b_T"]]] = 0.03 * arm, 0.04 * arm
-    assert effect.unheard_of(values, sd) == ["18 lugs that turn the wheel and do not pull"]
-    values[where["a_DP"]] = 0.02
-    assert effect.unheard_of(values, sd) == []
-    # Where the pull would not show it, nothing speaks against them.
+    assert effect.unheard_of(values, sd) == ["18 lugs that turn the wheel and hardly pull"]
+    for announced in (18, 9):
+        assert lugs(kind, 0.01, announced, TORQUE, SINKAGE, PULL).unheard_of(values, sd) == []
+    for pull, hardly in ((0.008, True), (0.015, False)):
+        values[where["a_DP"]] = pull
+        assert bool(effect.unheard_of(values, sd)) == hardly
+    # Where neither pull nor torque would show it, nothing speaks against them.
     values[where["a_DP"]] = 0.0
-    sd[[where["a_DP"], where["b_DP"]]] = 0.02
-    assert effect.unheard_of(values, sd) == []
-    assert next(e for e in forms_by_name("grousers", SITUATION) if e.form == form).unheard_of(values, sd) == []
+    assert effect.unheard_of(values, np.where(np.arange(len(sd)) == where["b_DP"], 0.02, sd)) == []
+    values[where["a_z"]] = 0.5
+    off = sd.copy()
+    off[[where["a_T"], where["b_T"]]] = 0.02 * arm
+    assert effect.unheard_of(values, off) == []
+
+
+@pytest.mark.parametrize(("ripples_m", "told"), [(0.0, ["18 lugs of which the torque alone ripples"]), (0.01, [])])
+def test_without_the_pull_sinkage_that_ripples_tells_of_lugs(ripples_m, told):
+    effect = lugs("ripple", 0.0, 0, TORQUE, SINKAGE)
+    assert [parameter.name for parameter in effect.parameters] == ["a_T", "a_z", "b_T", "b_z"]
+    assert effect.unheard_of(np.array([0.1, ripples_m, 0.1, 0.0]), np.full(4, 1e-3)) == told
+    assert lugs("ripple", 0.01, 18, TORQUE, SINKAGE).unheard_of(np.array([0.1, 0.0, 0.1, 0.0]), np.full(4, 1e-3)) == []
 
 
 def test_lugs_that_nobody_stated_are_a_tenth_of_the_radius_high():
@@ -338,3 +360,26 @@ def test_no_delay_of_slip_is_offered_where_it_rises_at_one_rate():
     up_and_down = lags(0.05 + np.abs(along - ramp - 0.5))
     assert up_and_down - up == {"slip"}
     assert "torque_Nm" in up
+
+
+def test_further_overtones_are_those_that_rows_are_close_enough_to_show():
+    """Rows twelve to a lug show waves of a fourth part of one; seven to a lug show none beyond a third."""
+    for rows_a_lug, told in ((12.0, ["2 overtones", "3 overtones"]), (7.0, ["2 overtones"]), (5.0, [])):
+        angle = np.arange(len(DRIVE)) * 2.0 * np.pi / (WHEEL.grouser_count * rows_a_lug)
+        angle = np.maximum(angle, 4.0 * (np.arange(len(DRIVE)) == len(DRIVE) - 1))
+        drive = replace(DRIVE, wheel_angle_rad=angle)
+        found = effects_for(replace(SITUATION, drive=drive), ["grousers"])
+        (form,) = [each for each in found if each.form == f"radius and ripple, {WHEEL.grouser_count} lugs, overtone"]
+        assert [each.form.rpartition(", ")[2] for each in form.freer()] == told
+        assert all(len(e.freer()) == len(told) for e in form.variants())
+        (once,) = [each for each in found if each.form == f"radius and ripple, {WHEEL.grouser_count} lugs"]
+        assert once.freer() == []
+
+
+def test_waves_of_each_order_come_round_so_many_times_a_turn():
+    angle = np.linspace(0.0, 2.0 * np.pi, len(DRIVE))
+    situation = replace(SITUATION, drive=replace(DRIVE, wheel_angle_rad=angle))
+    count = WHEEL.grouser_count
+    for order in (3, 4):
+        away = predict(f"grousers:form=radius and even ripple,b{order}_DP=2", situation) - textbook()
+        np.testing.assert_allclose(away[:, PULL], 2.0 * np.sin(order * count * angle), atol=1e-4)

@@ -12,12 +12,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import median_filter
 
-from ...effects.effect import Drive
 from ..explanation import Region
 from ..fit.fitting import Fitted, Problem
+from ..fit.samples import Samples
 from ..fit.soil_variation import HUBER
 from .smooth_correction import Group, Term, ripples_with_angle
-from .variables import MOST_CYCLES
+from .variables import MOST_CYCLES, span_of
 
 ALONG_TRACK = "place_m"
 """Name of what a wave along the track depends on; its period follows in brackets."""
@@ -48,21 +48,25 @@ def coming_round(problem: Problem, fitted: Fitted) -> list[Group]:
     """Give waves (n, 2) on each channel with the wheel's angle and along the track, each the likeliest of its kind."""
     drive, left = problem.samples.drive, np.clip(np.nan_to_num(fitted.innovations), -HUBER, HUBER)
     groups = []
-    if drive.has("wheel_angle_rad") and _turned(drive) >= 2.0 * np.pi * _TURNS:
+    if drive.has("wheel_angle_rad") and turned(problem.samples) >= 2.0 * np.pi * _TURNS:
         groups += ripples_with_angle(problem, left)
     if drive.has("place_m") and np.isfinite(drive.place_m).all():
         groups += _along_track(problem, left)
     return groups
 
 
-def _turned(drive: Drive) -> float:
-    """How far the wheel turned in all runs together [rad]: each is on ground of its own, and the wheel the same."""
-    spans = [np.nanmax(angle) - np.nanmin(angle) for angle in _by_stretch(drive) if np.isfinite(angle).any()]
-    return float(sum(spans))
+def turned(samples: Samples) -> float:
+    """How far the wheel turned [rad], by its angle as it was counted or in its runs together.
 
-
-def _by_stretch(drive: Drive) -> list[np.ndarray]:
-    return np.split(drive.wheel_angle_rad, np.flatnonzero(np.diff(drive.stretch)) + 1)
+    Each that comes round once counts, for the wheel is the same; of those that share their ground the longest does.
+    """
+    angle, stretch = samples.drive.wheel_angle_rad, samples.drive.stretch
+    runs = np.split(np.arange(len(samples)), np.flatnonzero(np.diff(stretch)) + 1)
+    longest: dict[float, float] = {}
+    for rows in runs:
+        lane, far = float(samples.lane[rows[0]]), span_of(angle[rows])
+        longest[lane] = max(longest.get(lane, 0.0), far if far >= 2.0 * np.pi else 0.0)
+    return max(float(np.nanmax(angle) - np.nanmin(angle)), sum(longest.values()))
 
 
 def located(regions: Sequence[Region], terms: Sequence[Term], noise: Mapping[str, float]) -> tuple[Region, ...]:

@@ -22,7 +22,7 @@ from ..explanation import Region
 from ..fit.fitting import Fitted, Problem, fit
 from ..fit.soil_variation import NoiseModel, huber_weight
 from ..fit.steps import scaled_inverse
-from .variables import CONSTANT, LAG, Variable, cycles, public_name, rank, variables
+from .variables import CONSTANT, LAG, Variable, cycles, public_name, rank, span_of, variables
 
 FALSE_DISCOVERIES = 0.01
 """Expected share of false statements among those made [-]."""
@@ -223,7 +223,7 @@ class Whitened:
         asked = [self._constant(position), *(self._steps(each, position) for each in variables(samples, sinkage_m))]
         asked += [self._inside(each, position) for each in self._stretches]
         angle = samples.drive.wheel_angle_rad
-        if np.isfinite(angle).any() and np.ptp(np.unwrap(angle[np.isfinite(angle)])) > 2.0 * np.pi:
+        if span_of(angle) > 2.0 * np.pi:
             asked.append(self._periodic(angle, position))
         if samples.drive.timed:
             asked.append(self._lag(position))

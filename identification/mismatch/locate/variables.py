@@ -168,6 +168,12 @@ def _edges(values: np.ndarray) -> np.ndarray:
     return np.unique(np.quantile(known, np.linspace(0.0, 1.0, bins + 1)))
 
 
+def span_of(angle: np.ndarray) -> float:
+    """How far angles (n,) go, those that start anew each turn put together [rad]."""
+    known = angle[np.isfinite(angle)]
+    return float(np.ptp(np.unwrap(known))) if known.size else 0.0
+
+
 def cycles(angle: np.ndarray) -> np.ndarray:
     """Cosines and sines (n, 60, 2) of 1 to 60 cycles a turn of the wheel; zero where the angle was not observed."""
     phase = np.outer(angle, np.arange(1, MOST_CYCLES + 1))

@@ -76,20 +76,20 @@ def pairs_beside_better_fits(tries: Tries, singles: Sequence[Trial]) -> list[Tri
     """Fit what only a fit tells, as a hump in the shear stress, with single effects that fit better alone, though they
     foretell rows held out no better: what the soil makes up for of one may need the other.
     """
-    least = tries.textbook.fitted.score + _NEARLY
-    better = [trial for trial in sorted(singles, key=_score) if trial.fitted.score >= least]
+    better = [trial for trial in sorted(singles, key=_fits) if _fits(trial) >= _fits(tries.textbook) + _NEARLY]
     first = {trial.slugs: trial for trial in better if not trial.effects[0].local}
     answer: list[Trial] = []
-    for base in sorted(first.values(), key=_score, reverse=True)[:_BASES]:
+    for base in sorted(first.values(), key=_fits, reverse=True)[:_BASES]:
         others = [each for each in tries.others(base.slugs) if not (each.local or each.expected)]
-        # Two that a step foretells were weighed together (`hiding_pairs`).
+        # Two that a step from nothing foretells are weighed together, in `hiding_pairs`.
         others = [each for each in others if not (each.nested and base.effects[0].nested)]
         answer += tries.attempt(base, tries.weigh(base, others))
     return answer
 
 
-def _score(trial: Trial) -> float:
-    return trial.fitted.score
+def _fits(trial: Trial) -> float:
+    """Score of a fit, less the nat that each parameter gains of noise, as by Akaike (1974)."""
+    return trial.fitted.score - len(trial.fitted.vector)
 
 
 def _promised(

@@ -17,7 +17,7 @@ from ..name.naming import Naming
 from ..name.tries import Search
 
 _COUNTS = 0.01
-"""Probability from which on an explanation counts in what explanations differ by [-]."""
+"""Probability from which on an explanation counts in what soils differ by [-]."""
 
 _SOIL_UNITS = {"c_Pa": "Pa", "phi_rad": "rad", "k_m": "m", "stiffness_Pa": "Pa", "n": ""}
 
@@ -37,7 +37,7 @@ def parameters_among(found: Search, naming: Naming, trial: Trial, effect: Effect
     holding = [
         (weight, other.fitted.vector[_where(other.fitted, effect.name)])
         for other, weight in zip(found.trials, naming.weights.tolist(), strict=True)
-        if weight > _COUNTS and effect.name in other.names
+        if weight > 0.0 and effect.name in other.names
     ]
     together = sum(weight for weight, _ in holding)
     for weight, there in holding:

@@ -46,9 +46,8 @@ def outside(slugs: Iterable[str], answers: Collection[int]) -> list[str]:
 
 
 def unstated_lugs(slugs: Collection[str], wheel: Wheel) -> list[str]:
-    """Say what lugs may be taken for, and for what, where the vehicle's description tells of none.
-
-    Where it does not say that the wheel is smooth either, soil that shears at their tips turns it with more torque.
+    """Say what lugs look like, where the vehicle's description tells of none: a torque gain, for soil that shears at
+    their tips turns the wheel with more torque (unless it says that there are none), and what else comes round.
     """
     told = []
     if "torque_gain" in slugs and "grouser_height_m" not in wheel.model_fields_set:
@@ -56,9 +55,9 @@ def unstated_lugs(slugs: Collection[str], wheel: Wheel) -> list[str]:
             "lugs may look like torque gain, and the vehicle says nothing of them: if the wheel has any, state "
             "grouser_height_m and grouser_count, else grouser_height_m = 0"
         )
-    if "grousers" in slugs and not wheel.grouser_height_m and not wheel.grouser_count:
+    if "grousers" in slugs and not wheel.grouser_count:
         told.append(
-            "teeth of gears, a chain or a motor's cogging come round with the wheel as lugs do, and the vehicle states "
-            "none: if the wheel has any, state grouser_height_m and grouser_count"
+            "the vehicle states no lugs, and teeth of gears, a chain or a motor's cogging come round with the wheel as "
+            "they do: if the wheel has lugs, state grouser_height_m and grouser_count, else these are none"
         )
     return told

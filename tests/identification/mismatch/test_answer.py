@@ -115,11 +115,17 @@ def test_parameters_err_by_what_sets_differ_by_that_hold_the_same_form(searched)
     other = replace(pair, fitted=replace(pair.fitted, vector=vector))
     both = replace(found, trials=(chosen, other))
     (alone,) = parameters(chosen.fitted, effect).values()
-    for weights, between in (((0.48, 0.48), 0.5), ((0.72, 0.24), 0.25), ((0.96, 0.001), 0.0), ((0.0, 0.0), 0.0)):
+    for weights, between in (((0.48, 0.48), 0.5), ((0.003, 0.001), 0.25), ((0.96, 0.0), 0.0), ((0.0, 0.0), 0.0)):
         naming = Naming({}, 0.04, {}, np.array(weights))
         (told,) = parameters_among(both, naming, chosen, effect).values()
         assert told.value == alone.value == own[0]
         assert told.sd == pytest.approx(math.sqrt(alone.sd**2 + between * own[0] ** 2))
+    naming = Naming({"slip_sinkage": 0.96}, 0.04, {"slip_sinkage": ()}, np.array([0.48, 0.48]))
+    nothing = SmoothCorrection((), 0.0, 0.0, np.zeros_like(problem.measured), np.zeros_like(problem.measured))
+    before = found.textbook.held_out.residuals
+    answer = assemble(problem, both, naming, nothing, (), source="made", seed=0, began=0.0, before=before)
+    (stated,) = answer.missing[0].parameters.values()
+    assert stated.sd == pytest.approx(math.sqrt(alone.sd**2 + 0.5 * own[0] ** 2))
 
 
 def test_an_excluded_rival_is_nothing_to_be_told_from(searched):

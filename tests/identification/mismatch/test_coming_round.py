@@ -11,9 +11,9 @@ import pytest
 from bevameter import Recording, Vehicle, Wheel, explain
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.identification.mismatch.explanation import Region
-from bevameter.identification.mismatch.fit.samples import gather
+from bevameter.identification.mismatch.fit.samples import Samples, gather
 from bevameter.identification.mismatch.fit.trial import textbook_trial
-from bevameter.identification.mismatch.locate.coming_round import coming_round, located
+from bevameter.identification.mismatch.locate.coming_round import coming_round, located, turned
 from bevameter.identification.mismatch.locate.joint_misfit import joint_correction
 from bevameter.identification.mismatch.locate.smooth_correction import Term
 from bevameter.identification.mismatch.show.shape import shape_of
@@ -132,20 +132,44 @@ def test_a_wave_with_the_wheel_is_located_where_it_was_found_and_not_where_its_r
     assert located((remains, other), (load,), {}) == (remains, other)
 
 
+def with_runs(samples: Samples, turns: float, **changed) -> Samples:
+    """Samples in runs of so many turns each, on ground of their own, their angles counted from each run's start."""
+    angle = samples.drive.wheel_angle_rad
+    run = (angle // (2.0 * np.pi * turns)).astype(int)
+    drive = {"stretch": run, "wheel_angle_rad": angle - 2.0 * np.pi * turns * run, **changed}
+    return replace(samples, lane=run, drive=replace(samples.drive, **drive))
+
+
 def test_turns_in_several_runs_count_together():
-    """Runs of two turns each, which begin at the same angle: no run alone is long enough."""
+    samples = driven(1)[0].samples
+    angle, whole = samples.drive.wheel_angle_rad, np.ptp(samples.drive.wheel_angle_rad)
+    assert whole > 5.0 * 2.0 * np.pi
+    assert turned(samples) == pytest.approx(whole)
+    assert turned(with_runs(samples, 2.0)) == pytest.approx(whole, rel=0.05)
+    # A run in which the wheel does not come round tells nothing of what does.
+    assert turned(with_runs(samples, 0.4)) < np.pi
+    # Passes over one lane are on the same ground, and pauses of the clock leave the angle as it is counted.
+    assert turned(replace(with_runs(samples, 2.0), lane=samples.lane)) == pytest.approx(4.0 * np.pi, rel=0.05)
+    assert turned(with_runs(samples, 0.4, wheel_angle_rad=angle)) == pytest.approx(whole)
+    trials = replace(samples, drive=replace(samples.drive, stretch=np.arange(ROWS)), lane=np.arange(ROWS))
+    assert turned(trials) == pytest.approx(whole)
+
+
+def test_angles_that_start_anew_each_turn_or_are_lost_for_a_run_tell_of_turns():
+    samples = driven(1)[0].samples
+    angle, whole = samples.drive.wheel_angle_rad, np.ptp(samples.drive.wheel_angle_rad)
+    wrapped = replace(samples, drive=replace(samples.drive, wheel_angle_rad=np.mod(angle, 2.0 * np.pi)))
+    assert turned(wrapped) == pytest.approx(whole)
+    runs = with_runs(samples, 2.0)
+    lost = np.where(runs.drive.stretch == 1, np.nan, runs.drive.wheel_angle_rad)
+    there = replace(runs, drive=replace(runs.drive, wheel_angle_rad=lost))
+    assert turned(there) == pytest.approx(whole - 4.0 * np.pi, rel=0.05)
+
+
+def test_what_comes_round_is_looked_for_from_three_turns_on():
     problem, textbook = driven(1, by_turn_m=4e-4)
-    drive = problem.samples.drive
-    run = (drive.wheel_angle_rad // (4.0 * np.pi)).astype(int)
-    samples = replace(
-        problem.samples,
-        drive=replace(drive, stretch=run, wheel_angle_rad=drive.wheel_angle_rad - 4.0 * np.pi * run),
-    )
-    assert run.max() >= 2
-    few = samples.select(np.flatnonzero(run < 1))
-    for kept, found in ((samples, True), (few, False)):
-        left = textbook.fitted.innovations[: len(kept)]
-        fit = SimpleNamespace(innovations=left, residuals=left, noise=SimpleNamespace(answers=np.ones(left.shape[1])))
-        there = SimpleNamespace(samples=kept, answers=problem.answers)
-        waves = coming_round(there, fit)  # pyright: ignore[reportArgumentType]
-        assert any(each.variable == "wheel_angle_rad (1 cycle a turn)" for each in waves) == found
+    for turns, found in ((2.0, True), (0.4, False)):
+        there = SimpleNamespace(samples=with_runs(problem.samples, turns), answers=problem.answers)
+        left = textbook.fitted.innovations
+        waves = coming_round(there, SimpleNamespace(innovations=left))  # pyright: ignore[reportArgumentType]
+        assert any(each.variable.startswith("wheel_angle_rad") for each in waves) == found

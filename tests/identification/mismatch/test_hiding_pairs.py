@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -102,3 +103,26 @@ def test_a_hump_is_sought_beside_what_fits_better_and_foretells_no_better():
     best = max(pairs, key=lambda trial: trial.gain)
     assert best.slugs == {"rolling_radius", "shear_hump"}
     assert best.gain > 3.0 * ASKED_FOR
+    answer = explain(trials("rolling_radius:e=0.05", "shear_hump:K_r=0.95"))
+    assert answer.verdict == "physics"
+    assert {each.effect for each in answer.missing} == {"rolling_radius", "shear_hump"}
+    assert (
+        abs(next(each for each in answer.missing if each.effect == "rolling_radius").parameters["e"].value - 0.05)
+        < 0.02
+    )
+
+
+def test_beside_what_fits_no_better_than_noise_no_hump_is_sought(monkeypatch):
+    tries = tries_of(trials(), "rolling_radius", "shear_hump", "hard_layer", "drift")
+    alone = alone_in(tries)
+    score = tries.textbook.fitted.score
+    assert all(trial.fitted.score < score + 5.0 + len(trial.effects[0].parameters) for trial in alone)
+    assert pairs_beside_better_fits(tries, alone) == []
+    # One that fits better by what its parameter gains of noise is no reason either.
+    asked: list[Trial] = []
+    monkeypatch.setattr(Tries, "weigh", lambda _, base, effects: asked.append(base) or [])
+    (radius,) = [trial for trial in alone if trial.slugs == {"rolling_radius"}]
+    for more, sought in ((5.5, 0), (6.5, 1)):
+        better = replace(radius, fitted=replace(radius.fitted, score=score + more))
+        assert pairs_beside_better_fits(tries, [better]) == []
+        assert len(asked) == sought

@@ -110,4 +110,5 @@ def test_what_comes_round_with_a_wheel_of_which_no_lugs_are_stated_may_be_teeth(
     smooth = Wheel(radius_m=0.1, width_m=0.05, grouser_height_m=0.0)
     (note,) = unstated_lugs({"grousers"}, smooth)
     assert "teeth of gears" in note
-    assert unstated_lugs({"grousers"}, Wheel(radius_m=0.1, width_m=0.05, grouser_height_m=0.01, grouser_count=9)) == []
+    assert unstated_lugs({"grousers"}, smooth.model_copy(update={"grouser_height_m": 0.01})) == [note]
+    assert unstated_lugs({"grousers"}, smooth.model_copy(update={"grouser_count": 9})) == []
