@@ -336,10 +336,13 @@ def test_the_wedge_is_that_of_rankine_for_soil_without_friction():
     np.testing.assert_allclose(away, -2.0 * WHEEL.width_m * (4e3 * z + 15.7e3 * z**2 / 2.0), rtol=1e-6)
 
 
+MOST_PARAMETERS = max(len(effect.parameters) for effect in FORMS)
+
+
 @settings(max_examples=60, deadline=None)
 @given(
     effect=st.sampled_from(FORMS),
-    shares=st.lists(st.floats(0.0, 1.0), min_size=16, max_size=16),
+    shares=st.lists(st.floats(0.0, 1.0), min_size=MOST_PARAMETERS, max_size=MOST_PARAMETERS),
     load=st.floats(5.0, 400.0),
     slip=st.floats(-0.95, 0.95),
 )
