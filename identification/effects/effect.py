@@ -251,6 +251,8 @@ class Effect:
     """Slug of another effect whose whole law says what this form says, which is only a part of its own."""
     remark: str = ""
     """What there is to say of it where it is found."""
+    check: str = ""
+    """What tells whether it is there, where something simpler than a drive does."""
     constants: Mapping[str, float] = MappingProxyType({})
     """What the formula holds besides its parameters, taken from the drive that it was found on, by name [SI]."""
 

@@ -202,6 +202,8 @@ class LugRipple(Effect):
             self.kind = "instrument"
             self.remark = f"the channels ripple {count} times a turn, and the vehicle is said to have {stated} lugs"
         self._announced, self._radius_m = bool(stated) and count % stated == 0, wheel.radius_m
+        if not self._announced:
+            self.check = f"count the wheel's lugs, and what comes round {count} times a turn in its gears or chain"
         self._channels = [channel for channel in (TORQUE, PULL, SINKAGE) if np.isfinite(typical[channel])]
         names = {TORQUE: ("T", "N m"), PULL: ("DP", "N"), SINKAGE: ("z", "m")}
         self.parameters = tuple(

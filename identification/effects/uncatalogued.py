@@ -17,10 +17,9 @@ _SATURATING = {"torque_Nm saturates softly": 2.5, "torque_Nm saturates": 8.0}
 
 
 class Uncatalogued(Effect):
-    """A fault, in words what it is like, and what would tell."""
+    """A fault, and in words what it is like."""
 
     like: str
-    check: str
     slug = SLUG
     kind = "unknown"
     source = "definition"

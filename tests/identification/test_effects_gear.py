@@ -122,17 +122,19 @@ def lugs(kind: str, height_m: float, stated: int, *channels: int) -> LugRipple:
 
 
 @pytest.mark.parametrize("kind", ["shares", "ripple", "even"])
-@pytest.mark.parametrize(("height_m", "stated"), [(0.0, 0), (0.01, 0), (0.01, 7)])
-def test_lugs_whose_number_nobody_stated_pull_where_they_turn_the_wheel(kind, height_m, stated):
-    effect = lugs(kind, height_m, stated, TORQUE, SINKAGE, PULL)
+@pytest.mark.parametrize(("height_m", "count"), [(0.0, 0), (0.01, 0), (0.01, 7)])
+def test_lugs_whose_number_nobody_stated_pull_where_they_turn_the_wheel(kind, height_m, count):
+    effect = lugs(kind, height_m, count, TORQUE, SINKAGE, PULL)
     where = {parameter.name: index for index, parameter in enumerate(effect.parameters)}
     arm = 1.0 if kind == "shares" else WHEEL.radius_m
     values, sd = np.zeros(len(where)), np.full(len(where), 0.001)
     sd[[where["a_T"], where["b_T"]]] *= arm
     values[[where["a_T"], where["b_T"]]] = 0.03 * arm, 0.04 * arm
     assert effect.unheard_of(values, sd) == ["18 lugs that turn the wheel and hardly pull"]
+    assert "count the wheel's lugs" in effect.check
     for announced in (18, 9):
-        assert lugs(kind, 0.01, announced, TORQUE, SINKAGE, PULL).unheard_of(values, sd) == []
+        stated = lugs(kind, 0.01, announced, TORQUE, SINKAGE, PULL)
+        assert (stated.unheard_of(values, sd), stated.check) == ([], "")
     for pull, hardly in ((0.008, True), (0.015, False)):
         values[where["a_DP"]] = pull
         assert bool(effect.unheard_of(values, sd)) == hardly

@@ -196,10 +196,10 @@ def _most_probable(missing: tuple[Missing, ...], naming: Naming) -> tuple[Missin
 def _named(
     found: Search, naming: Naming, trial: Trial, effect: Effect, probability: float, alike: tuple[str, ...], tell: str
 ) -> Missing:
-    like, check = (effect.like, effect.check) if isinstance(effect, Uncatalogued) else ("", tell)
+    like = effect.like if isinstance(effect, Uncatalogued) else ""
     return Missing(
         effect.slug, effect.kind, effect.form, probability, parameters_among(found, naming, trial, effect),
-        effect.equation, effect.source, alike, check, like,
+        effect.equation, effect.source, alike, effect.check or tell, like,
     )  # fmt: skip
 
 
