@@ -123,14 +123,17 @@ def explain(
             kept = kept[~far]
             problem, textbook = textbook_trial(samples.select(kept), known)
             found, remaining = _sought(problem, textbook, considered, tell)
+        other = None
         if remembered := _as_remembered(samples, problem, found.chosen, known):
             tell("the same with sensors that remember")
-            samples, problem, textbook = remembered
-            found, remaining = _sought(problem, textbook, considered, tell)
+            samples, problem, found = remembered
+            other = _on_other_ground(samples, known, found, _left_over(problem, found, found.chosen))
+            if other is None:
+                found, remaining = _sought(problem, found.textbook, considered, tell)
         if len(kept) < len(samples):
             notes = (*notes, _trials_left_out(samples, kept))
             samples, own = samples.select(kept), None if own is None else own[kept]
-        if other := _on_other_ground(samples, known, found, remaining):
+        if other := other or _on_other_ground(samples, known, found, remaining):
             with_same = " and ".join(readable.effect(each.name) for each in found.chosen.effects) or "which is nothing"
             problem, textbook, gained = other
             found, remaining = _sought(problem, textbook, considered, tell)
@@ -209,8 +212,8 @@ def _bends_towards(problem: Problem, found: Search, effect: Effect, own: float, 
 
 def _as_remembered(
     samples: Samples, problem: Problem, trial: Trial, known: SoilKnowledge
-) -> tuple[Samples, Problem, Trial] | None:
-    """Fit the textbook wheel to sensors that remember, if a trial that was found does much better then.
+) -> tuple[Samples, Problem, Search] | None:
+    """Fit the textbook wheel and a trial that was found to sensors that remember, if that trial does much better then.
 
     Before anything is found misfit that is as smooth as what it depends on would pass for a memory, which hides it. Nor
     is there one beside which the ground varies much more than without: it varies over so few rows that it is no longer
@@ -224,7 +227,7 @@ def _as_remembered(
     rougher = better.fitted.noise.spread.max() > _ROUGHER * trial.fitted.noise.spread.max() + QUIET
     if rougher or better.fitted.score < trial.fitted.score + TOLD:
         return None
-    return tried, there, textbook
+    return tried, there, Search(textbook, (better,) if trial.effects else (), (), better)
 
 
 def _trials_left_out(samples: Samples, kept: np.ndarray) -> str:

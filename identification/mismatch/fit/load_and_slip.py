@@ -25,7 +25,7 @@ from ...estimation import Measured, solve, usable
 from ...noise import in_time, least_noise, noise_of_series
 from ...restless import FEWEST, TOLD, beside_any_noise, said
 from .fitting import Fitted, Problem, fit
-from .samples import Samples, gather
+from .samples import Samples, comparable, laid_out
 from .soil_variation import NoiseModel
 from .textbook import QUIET, fit_textbook
 from .together import together
@@ -46,35 +46,36 @@ def gathered(table: WheelTable, wheel: Wheel, vehicle: Vehicle, known: SoilKnowl
     Parameters
     ----------
     table, wheel, vehicle
-        As in `gather`; what the vehicle states of the noise stands.
+        As in `comparable`; what the vehicle states of the noise stands.
     known
         What is known of the soil from elsewhere.
 
     Raises
     ------
     InputError
-        As in `gather`, or no soil carries the load of most rows.
+        As in `comparable`, or no soil carries the load of most rows.
     """
-    samples = gather(table, wheel, vehicle)
+    chosen = comparable(table, wheel, vehicle)
+    samples = laid_out(chosen)
     if not samples.drive.timed or samples.stated[[LOAD, SLIP, *samples.answers]].all():
         return samples
     problem, fitted = fit_textbook(samples, known)
     cleared, alike = problem.samples, _one_soil(problem.samples, known)
     least = _of_answers(samples, problem, fitted, alike)
 
-    def laid_out(shares: np.ndarray) -> Samples:
+    def of_less_noise(shares: np.ndarray) -> Samples:
         """Give the rows with shares (2,) of the noise that neighbours show of load and slip."""
-        return _with_noise(gather(table, wheel, vehicle, tuple(shares.tolist())), least)
+        return _with_noise(laid_out(chosen, tuple(shares.tolist())), least)
 
     def without_gross_errors(shares: np.ndarray) -> Samples:
-        answer = laid_out(shares)
+        answer = of_less_noise(shares)
         measured = np.where(np.isfinite(cleared.measured), answer.measured, math.nan)
         return replace(answer, measured=measured)
 
     shares = noise_shares(samples, without_gross_errors, known, fitted, alike)
     if shares.min() == 1.0:
         return _with_noise(samples, _of_answers(samples, problem, fitted, []))
-    answer, shown = laid_out(shares), samples.noise[[LOAD, SLIP]]
+    answer, shown = of_less_noise(shares), samples.noise[[LOAD, SLIP]]
     return replace(answer, notes=(*answer.notes, *said(shown, shown * shares)))
 
 

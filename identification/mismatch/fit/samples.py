@@ -133,8 +133,44 @@ class Samples:
         return np.isfinite(self.measured[:, list(self.answers)])
 
 
-def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle, shares: tuple[float, float] = (1.0, 1.0)) -> Samples:
-    """Choose and lay out the rows.
+@dataclass(frozen=True)
+class Comparable:
+    """Rows that can be compared, before it is known how much of the noise of load and slip there is.
+
+    Parameters
+    ----------
+    table, wheel, vehicle
+        As in `comparable`, the table's rows in the order in which they are followed.
+    drive
+        Its covariates, smoothed where rows follow each other in time.
+    measured, noise
+        Channels (n, 5), SI, and the noise (5,) that neighbours show.
+    usable : (n,)
+        True for rows that can be used.
+    timed
+        Whether rows follow each other in time.
+    notes
+        What was done to the rows, in words.
+    """
+
+    table: WheelTable
+    wheel: Wheel
+    vehicle: Vehicle
+    drive: Drive
+    measured: np.ndarray
+    noise: np.ndarray
+    usable: np.ndarray
+    timed: bool
+    notes: tuple[str, ...]
+
+
+def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
+    """Choose and lay out the rows; arguments and errors as in `comparable`."""
+    return laid_out(comparable(table, wheel, vehicle))
+
+
+def comparable(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Comparable:
+    """Choose the rows that can be compared.
 
     Parameters
     ----------
@@ -142,8 +178,6 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle, shares: tuple[floa
         Rows of wheels of one geometry, slip derived.
     wheel, vehicle
         The wheel, and the vehicle whose sensors' noise may be stated.
-    shares : (2,)
-        Of the noise that neighbours in time show of load and of slip, how much there is [-].
 
     Raises
     ------
@@ -198,9 +232,18 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle, shares: tuple[floa
     drive = drive_of(table, wheel, stretch)
     if timed:
         drive = smoothed(drive, table, noise)
-        drive, measured, noise = restless(drive, measured, noise, shares)
     usable, unplaced = _on_known_ground(drive, usable)
-    notes += unplaced
+    return Comparable(table, wheel, vehicle, drive, measured, noise, usable, timed, (*notes, *unplaced))
+
+
+def laid_out(chosen: Comparable, shares: tuple[float, float] = (1.0, 1.0)) -> Samples:
+    """Lay out the rows that can be compared, with shares (2,) of the noise that neighbours in time show of load and of
+    slip, how much there is [-].
+    """
+    table, wheel, drive, measured, noise = chosen.table, chosen.wheel, chosen.drive, chosen.measured, chosen.noise
+    usable, notes = chosen.usable, list(chosen.notes)
+    if chosen.timed:
+        drive, measured, noise = restless(drive, measured, noise, shares)
     rows = np.flatnonzero(usable)
     lost = int((~np.isfinite(drive.place_m[rows])).sum())
     placed = lost == 0 and drive.has("place_m")
@@ -218,7 +261,7 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle, shares: tuple[floa
     others = [table.columns.get(SIMULATED + name, np.full(len(table), math.nan)) for name in CHANNELS]
     simulated = np.column_stack(others)[rows] if any(name.startswith(SIMULATED) for name in table.columns) else None
     measured = measured[rows]
-    stated = np.array([name in vehicle.noise for name in CHANNELS])
+    stated = np.array([name in chosen.vehicle.noise for name in CHANNELS])
     if drive.timed and 0 < lost < usable.sum():
         notes.append(f"{lost} rows have no place: ground is taken to vary with time, and passes to share none of it")
     position = drive.place_m if placed else np.where(drive.timed, drive.time_s, math.nan)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 from ...effects.effect import Effect
 from ...effects.uncatalogued import forms
 from ..fit.fitting import Problem
-from ..fit.trial import Trial, situation, try_adding, without
+from ..fit.together import together
+from ..fit.trial import ASKED_FOR, Trial, situation, try_adding, without
 from .asked import asked_beside
 from .promise import promised_by
 from .tries import Search, gain_of
@@ -16,10 +18,6 @@ _SHARE = 0.1
 """Of the nats that one lacks for the answer a first step promises at least so many where its fit is worth the time [-]:
 of six recordings with such a fault it promised 0.33 to 0.48."""
 
-_SHORT = 5.0
-"""Nats that more effects may gain more than one such fault, which is no reason for them: of ten recordings with one
-they gained 0.2 more at most."""
-
 
 def better_uncatalogued(problem: Problem, found: Search) -> Effect | None:
     """Give the fault that does as well as more effects of the catalogue, or by what is asked of a further effect better
@@ -27,17 +25,15 @@ def better_uncatalogued(problem: Problem, found: Search) -> Effect | None:
 
     One beside all that was found has to gain that once more: it may make up for how much published forms differ.
     """
-    chosen, best = found.chosen, None
+    chosen, enough = found.chosen, []
     faults = forms(situation(problem, found.textbook.fitted))
     for base in _bases(problem, found):
         needed = _needed(chosen, base)
-        for effect in faults:
-            if promised_by(problem, base, effect) < _SHARE * (needed - base.gain):
-                continue
-            trial = try_adding(problem, found.textbook, base, effect)
-            if trial.gain >= needed and (best is None or trial.gain > best.gain):
-                best = trial
-    return None if best is None else best.effects[-1]
+        nats = together(partial(promised_by, problem, base), faults)
+        worth = [effect for effect, own in zip(faults, nats, strict=True) if own >= _SHARE * (needed - base.gain)]
+        tried = together(partial(try_adding, problem, found.textbook, base), worth)
+        enough += [trial for trial in tried if trial.gain >= needed]
+    return max(enough, key=gain_of).effects[-1] if enough else None
 
 
 def _bases(problem: Problem, found: Search) -> Iterator[Trial]:
@@ -57,5 +53,6 @@ def _needed(chosen: Trial, base: Trial) -> float:
     if base.slugs >= chosen.slugs:
         return base.gain + 2.0 * asked_beside(base.gain)
     if len(base.effects) + 1 < len(chosen.effects):
-        return chosen.gain - _SHORT
+        # What no effect would be added for is no reason for more of them.
+        return chosen.gain - ASKED_FOR
     return chosen.gain + asked_beside(chosen.gain)

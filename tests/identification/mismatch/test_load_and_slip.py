@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import bevameter.identification.mismatch.fit.samples as samples_module
 import numpy as np
 import pytest
 from bevameter import Vehicle, explain
 from bevameter.framework.core.recording.types import Recording, WheelTable
 from bevameter.framework.core.soil import SoilKnowledge
+from bevameter.identification.effects.drive import drive_of
 from bevameter.identification.effects.effect import LOAD, PULL, SLIP, TORQUE
 from bevameter.identification.mismatch.explanation import Explanation
 from bevameter.identification.mismatch.fit.load_and_slip import gathered
@@ -25,6 +27,14 @@ def noises(
     shown = gather(table, WHEEL, vehicle).noise
     told = gathered(table, WHEEL, vehicle, SoilKnowledge()).noise
     return shown[list(channels)], told[list(channels)]
+
+
+def test_rows_are_chosen_once_however_many_noises_are_tried(monkeypatch):
+    """What a drive is does not depend on how well its load and slip are known."""
+    chosen = []
+    monkeypatch.setattr(samples_module, "drive_of", lambda *given: chosen.append(given) or drive_of(*given))
+    gathered(drive(0, (0.04, 0.02), (0.0, 0.0)), WHEEL, Vehicle(name="made", wheels=(WHEEL,)), SoilKnowledge())
+    assert len(chosen) == 1
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -82,6 +82,28 @@ def test_ground_of_its_own_takes_the_place_of_one_of_two_effects(tmp_path, seed)
     assert "torque gain" in note.partition("in all, ")[2]
 
 
+def test_sensors_that_remember_and_other_ground_are_searched_together(tmp_path, monkeypatch):
+    searches, sought = [], module._sought
+
+    def remembering_nothing(samples, problem, trial, known):
+        there, textbook = module.textbook_trial(samples, known)
+        again = module.again(there, textbook, trial)
+        return samples, there, module.Search(textbook, (again,), (), again)
+
+    def counted(*given):
+        searches.append(given)
+        return sought(*given)
+
+    monkeypatch.setattr(module, "_as_remembered", remembering_nothing)
+    monkeypatch.setattr(module, "_sought", counted)
+    path = two_passes(tmp_path, same_ground=False, compaction=0.0, torque=1.1)
+    vehicle = Vehicle(name="made", wheels=(WHEEL,))
+    answer = explain(path, vehicle=vehicle, catalogue=["multipass_compaction", "torque_gain"])
+    assert len(searches) == 2
+    assert {each.effect for each in answer.missing} == {"torque_gain"}
+    assert any("ground of its own" in note for note in answer.notes)
+
+
 @pytest.mark.parametrize(("gained", "compaction", "enough"), [(0.0, 0.1, True), (1e5, 0.1, False), (1e5, 0.3, True)])
 def test_beside_other_ground_an_effect_has_to_gain_as_much_as_beside_another_effect_or_to_calm_it(
     tmp_path, monkeypatch, gained, compaction, enough
