@@ -33,7 +33,7 @@ _NOISE_STEP, _SPREAD_STEP, _LENGTH_STEP = 3e-6, 1e-6, 5e-5
 _LEAST_SPREAD, _FELT_SPREAD = 1e-5, 0.003
 """Ground that does not vary, and variation below which the score no longer tells whether there is any [-]."""
 
-_STEPS, _ENOUGH = 20, 0.05
+_STEPS, _ENOUGH = 20, 0.02
 """Steps at most, and what one promises [nats] below which it is not taken."""
 
 _MOST_DAMPED = 1e4

@@ -134,7 +134,13 @@ def best_fit(problem: Problem, starts: list[tuple[np.ndarray, np.ndarray]]) -> F
 
 
 def _blaming(problem: Problem, fitted: Fitted) -> list[NoiseModel]:
-    """Give for each channel the noise by which it alone is to blame for what a fit leaves of it."""
+    """Give for each channel of a drive the noise by which it alone is to blame for what a fit leaves of it.
+
+    Of a table of trials, few as these are, all that one channel has to say could be called noise: on real sand (27
+    trials) a soil of 2 degrees, which fitted what was left.
+    """
+    if not problem.samples.drive.timed:
+        return []
     first, seen = problem.first_noise, np.isfinite(fitted.residuals)
     left = np.sqrt(np.sum(fitted.residuals**2, axis=0, where=seen) / np.maximum(seen.sum(axis=0), 1))
     alone = np.eye(len(left), dtype=bool)

@@ -18,7 +18,7 @@ from bevameter.identification.mismatch.fit.gained_by_none import of_gross_errors
 from bevameter.identification.mismatch.fit.samples import Samples, gather
 from bevameter.identification.mismatch.fit.soil_variation import NoiseModel
 from bevameter.identification.mismatch.fit.steps import step_of
-from bevameter.identification.mismatch.fit.textbook import best_fit, coarse_fit, fit_textbook
+from bevameter.identification.mismatch.fit.textbook import _blaming, best_fit, coarse_fit, fit_textbook
 from bevameter.identification.mismatch.fit.trial import (
     _by_chance,
     least_errors,
@@ -75,6 +75,17 @@ def test_what_the_form_misses_is_blamed_on_the_channel_where_it_is_likeliest():
     alone = [try_adding(problem, textbook, textbook, effect) for effect in gains]
     from_theirs = best_fit(problem, [(trial.fitted.vector[:SOIL_COUNT], trial.fitted.theta_1) for trial in alone])
     assert textbook.fitted.score > from_theirs.score - 0.5
+
+
+def test_in_a_table_of_trials_no_channel_is_to_blame_alone(late):
+    problem, fitted = fit_textbook(late)
+    noises = _blaming(problem, fitted)
+    first = problem.first_noise.answers
+    assert len(noises) == len(first)
+    for channel, noise in enumerate(noises):
+        assert np.flatnonzero(noise.answers > first).tolist() in ([channel], [])
+    table = replace(late, drive=replace(late.drive, time_s=np.full(len(late), np.nan)))
+    assert not _blaming(Problem(table), fitted)
 
 
 @pytest.mark.parametrize("spread", [0.005, 0.02, 0.2])
