@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -16,7 +14,6 @@ from ...effects.effect import LOAD, SLIP
 from .fitting import Fitted, Problem, as_smooth_as_it_is, fit
 from .gross_errors import without_gross_errors
 from .samples import Samples, levels
-from .soil_variation import NoiseModel
 from .together import together
 
 _COARSE = 0.1
@@ -39,10 +36,6 @@ _ENOUGH_REPEATS = 8
 
 QUIET = 0.01
 """How much quiet ground varies [-]."""
-
-_NEAR, _OTHER = 40.0, 0.5
-"""Nats behind the best fit from which on one is not followed, and by how much ln(noise) of some channel differs in fits
-that blame other channels [-]."""
 
 _LEAST_SPREAD = 0.01
 """Ground varies by at least so much [-]."""
@@ -108,13 +101,10 @@ def best_fit(problem: Problem, starts: list[tuple[np.ndarray, np.ndarray]]) -> F
     problem.most = problem.unbounded
     found += together(lambda each: fit(problem, model, each.vector, each.noise, each.theta_1), quiet)
     best = max([*found, *quiet], key=lambda fitted: fitted.score)
-    # What the form misses passes for noise of one channel, or of another: no step leads from one to the other.
-    blamed = together(lambda noise: fit(problem, model, best.vector, noise, best.theta_1), _blaming(problem, best))
-    ended = _apart([best, *blamed])
     # Smoother ground that varied by more would stand in for something else.
-    most = np.full(2, max(_LEAST_SPREAD, float(ended[0].noise.spread.max())))
+    most = np.full(2, max(_LEAST_SPREAD, float(best.noise.spread.max())))
     problem.most = replace(problem.unbounded, spread=most)
-    best = max(together(partial(as_smooth_as_it_is, problem), ended), key=lambda fitted: fitted.score)
+    best = as_smooth_as_it_is(problem, best)
     problem.most = problem.unbounded
     problem.first_noise = replace(problem.first_noise, smooth=best.noise.smooth)
     repeat = repeats(problem.samples)
@@ -131,30 +121,6 @@ def best_fit(problem: Problem, starts: list[tuple[np.ndarray, np.ndarray]]) -> F
     problem.most = replace(problem.most, spread=np.minimum(problem.most.spread, spread))
     problem.weights = best.response
     return best
-
-
-def _blaming(problem: Problem, fitted: Fitted) -> list[NoiseModel]:
-    """Give for each channel of a drive the noise by which it alone is to blame for what a fit leaves of it.
-
-    Of a table of trials, few as these are, all that one channel has to say could be called noise: on real sand (27
-    trials) a soil of 2 degrees, which fitted what was left.
-    """
-    if not problem.samples.drive.timed:
-        return []
-    first, seen = problem.first_noise, np.isfinite(fitted.residuals)
-    left = np.sqrt(np.sum(fitted.residuals**2, axis=0, where=seen) / np.maximum(seen.sum(axis=0), 1))
-    alone = np.eye(len(left), dtype=bool)
-    return [replace(first, answers=np.where(this, np.maximum(left, first.answers), first.answers)) for this in alone]
-
-
-def _apart(fits: Sequence[Fitted]) -> list[Fitted]:
-    """Give fits near the best one that blame other channels, the best one first."""
-    answer: list[Fitted] = []
-    for fitted in sorted(fits, key=lambda fitted: -fitted.score):
-        logs = [np.log(fitted.noise.answers / other.noise.answers) for other in answer]
-        if not answer or (fitted.score > answer[0].score - _NEAR and min(np.abs(log).max() for log in logs) > _OTHER):
-            answer.append(fitted)
-    return answer
 
 
 def repeats(samples: Samples) -> np.ndarray:

@@ -10,7 +10,6 @@ import pytest
 from bevameter import InputError, Vehicle, Wheel, explain
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.scenario.concealed.conceal import conceal
-from bevameter.identification.augmented import SOIL_COUNT
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.named import parse_effect
 from bevameter.identification.mismatch.fit.fitting import Problem, fit
@@ -18,7 +17,7 @@ from bevameter.identification.mismatch.fit.gained_by_none import of_gross_errors
 from bevameter.identification.mismatch.fit.samples import Samples, gather
 from bevameter.identification.mismatch.fit.soil_variation import NoiseModel
 from bevameter.identification.mismatch.fit.steps import step_of
-from bevameter.identification.mismatch.fit.textbook import _blaming, best_fit, coarse_fit, fit_textbook
+from bevameter.identification.mismatch.fit.textbook import coarse_fit, fit_textbook
 from bevameter.identification.mismatch.fit.trial import (
     _by_chance,
     least_errors,
@@ -54,38 +53,6 @@ def test_a_wrong_form_does_not_drive_the_soil_away(late):
     assert fitted.score >= quiet.score - 1.0
     assert fitted.noise.spread.max() < 0.1
     assert np.abs(fitted.vector[1:] - start.vector[1:]).max() < 0.5
-
-
-def test_what_the_form_misses_is_blamed_on_the_channel_where_it_is_likeliest():
-    """A zero of the pull and slip sinkage: from the soil of a gain of the torque, which no step leads to, the textbook
-    wheel once fitted better by 28 nats, for there the pull is noisy and the sinkage is not.
-    """
-    wheel, time_s, rng = Wheel(radius_m=0.15, width_m=0.12), np.arange(300) / 10.0, np.random.default_rng(2)
-    load, slip = 100.0 + 25.0 * np.sin(0.7 * time_s), 0.3 + 0.25 * np.sin(0.13 * time_s)
-    vehicle, soil = Vehicle(wheels=(wheel,)), Soil(900.0, 0.56, 0.012, 2.5e5, 0.9)
-    drive = WheelTable({"time_s": time_s, "load_N": load, "slip": slip}, None, None, "made")
-    columns = dict(simulate(vehicle, soil, drive, ["slip_sinkage:n1=0.3"]).columns)
-    columns["drawbar_pull_N"] = columns["drawbar_pull_N"] + 8.0
-    sensors = {"load_N": 0.4, "slip": 0.002, "torque_Nm": 0.05, "sinkage_m": 1.5e-4, "drawbar_pull_N": 0.3}
-    noisy = {name: columns[name] + sd * rng.normal(size=300) for name, sd in sensors.items()}
-    problem, textbook = textbook_trial(
-        gather(WheelTable({"time_s": time_s, **noisy}, None, None, "made"), wheel, vehicle)
-    )
-    gains = effects_for(situation(problem, textbook.fitted), ["torque_gain", "load_gain"])
-    alone = [try_adding(problem, textbook, textbook, effect) for effect in gains]
-    from_theirs = best_fit(problem, [(trial.fitted.vector[:SOIL_COUNT], trial.fitted.theta_1) for trial in alone])
-    assert textbook.fitted.score > from_theirs.score - 0.5
-
-
-def test_in_a_table_of_trials_no_channel_is_to_blame_alone(late):
-    problem, fitted = fit_textbook(late)
-    noises = _blaming(problem, fitted)
-    first = problem.first_noise.answers
-    assert len(noises) == len(first)
-    for channel, noise in enumerate(noises):
-        assert np.flatnonzero(noise.answers > first).tolist() in ([channel], [])
-    table = replace(late, drive=replace(late.drive, time_s=np.full(len(late), np.nan)))
-    assert not _blaming(Problem(table), fitted)
 
 
 @pytest.mark.parametrize("spread", [0.005, 0.02, 0.2])
