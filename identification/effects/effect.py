@@ -235,6 +235,8 @@ class Effect:
     """Whether it says what the ground's variation along the track could say too."""
     edges: ClassVar[slice] = slice(0)
     """Parameters that say where it begins and ends: no rows but those nearby tell them."""
+    by_run: ClassVar[bool] = False
+    """Whether its parameters say what each run of a recording was, which is nothing to another drive."""
     of_ground: ClassVar[bool] = False
     """Whether it says what the soil is, from place to place or pass to pass: others act on that."""
     remembers: ClassVar[bool] = False

@@ -91,7 +91,7 @@ class AugmentedSimulator:
         model: AugmentedWheel, vector: np.ndarray, covariance: np.ndarray | None = None,
         probabilities: Mapping[str, float] = MappingProxyType({}),
     ) -> AugmentedSimulator:  # fmt: skip
-        """Take over what was fitted.
+        """Take over what was fitted, but for what each run of the recording was (`Effect.by_run`).
 
         Parameters
         ----------
@@ -107,6 +107,9 @@ class AugmentedSimulator:
         InputError
             An effect is none of the catalogue's.
         """
+        lasting = np.ones(len(vector), dtype=bool)
+        for effect, where in model.slices():
+            lasting[where] = not effect.by_run
         spread = np.full(len(vector), math.nan) if covariance is None else np.sqrt(np.diag(covariance))
         soil = {}
         for name, inside, sd in zip(
@@ -116,13 +119,16 @@ class AugmentedSimulator:
             soil[name] = Estimated(value, sd * slope_of_internal(name, value))
         effects = []
         for effect, where in model.slices():
+            if effect.by_run:
+                continue
             if effect.slug not in STORED:
                 raise InputError("effects", repr(effect.slug), expected="one of " + ", ".join(STORED))
             numbers = zip(effect.parameters, vector[where].tolist(), spread[where].tolist(), strict=True)
             parameters = {parameter.name: Estimated(value, sd) for parameter, value, sd in numbers}
             probability = probabilities.get(effect.slug, math.nan)
             effects.append(StoredEffect(effect.slug, effect.form, parameters, dict(effect.constants), probability))
-        return AugmentedSimulator(MappingProxyType(soil), tuple(effects), _correlation_of(covariance))
+        kept = None if covariance is None else covariance[np.ix_(lasting, lasting)]
+        return AugmentedSimulator(MappingProxyType(soil), tuple(effects), _correlation_of(kept))
 
     @property
     def soil_values(self) -> Soil:

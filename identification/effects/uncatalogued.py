@@ -6,14 +6,38 @@ like is said.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import combinations
+from typing import NamedTuple
+
 import numpy as np
 
+from ..forward import CHANNELS
 from .effect import LOAD, PULL, SINKAGE, TORQUE, Drive, Effect, Parameter, Situation
 
 SLUG = "unknown"
 
 _SATURATING = {"torque_Nm saturates softly": 2.5, "torque_Nm saturates": 8.0}
 """Powers of the law of a sensor that comes to its end [-]: the first is a hyperbolic tangent, to 3 % of the end."""
+
+
+class _Zero(NamedTuple):
+    """A sensor's zero: its name, unit, and the sensor in words."""
+
+    name: str
+    unit: str
+    words: str
+
+
+_ZEROS = {
+    TORQUE: _Zero("T_0", "N m", "torque"),
+    SINKAGE: _Zero("z_0", "m", "sinkage"),
+    PULL: _Zero("DP_0", "N", "drawbar pull"),
+}
+"""Those that may differ from run to run, by channel."""
+
+_MOST_RUNS = 12
+"""Runs up to which that is asked: each has a zero of its own in every channel, and fits take as much longer."""
 
 
 class Uncatalogued(Effect):
@@ -159,6 +183,39 @@ class TorqueSaturates(Uncatalogued):
         channels[:, TORQUE] = torque * (1.0 + values[0] * share) ** (-1.0 / self._power)
 
 
+def _zeros_by_run(channels: Sequence[int]) -> tuple[str, str]:
+    """Name the form of zeros that differ from run to run in these channels, and say what it is like."""
+    words = [_ZEROS[each].words for each in channels]
+    told = " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+    form = f"zeros of {', '.join(CHANNELS[each] for each in channels)} by run"
+    return form, f"zeros of the sensors of {told} that differ from run to run"
+
+
+class ZerosByRun(Uncatalogued):
+    """Zeros differ from run to run, as where sensors are read anew before each, or the surface is levelled anew."""
+
+    by_run = True
+    equation = "q reported = q + q_0, another one in each run"
+    check = "read the sensors before and after each run, with the wheel just touching the ground"
+
+    def __init__(self, channels: Sequence[int], typical: np.ndarray, stretch: np.ndarray) -> None:
+        self.form, self.like = _zeros_by_run(channels)
+        self._channels, self._runs = channels, np.unique(stretch)
+        answer = []
+        for each in channels:
+            zero, usual = _ZEROS[each], float(typical[each])
+            names = [f"{zero.name} of run {number + 1}" for number in range(len(self._runs))]
+            answer += [Parameter(name, zero.unit, -2.0 * usual, 2.0 * usual, 0.0, 0.1 * usual) for name in names]
+        self.parameters = tuple(answer)
+
+    def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
+        run = np.minimum(np.searchsorted(self._runs, drive.stretch), len(self._runs) - 1)
+        # Of the zeros of a run that another drive would be nothing is known.
+        known = self._runs[run] == drive.stretch
+        for channel, zeros in zip(self._channels, values.reshape(len(self._channels), -1), strict=True):
+            channels[:, channel] += np.where(known, zeros[run], 0.0)
+
+
 def forms(situation: Situation) -> tuple[Uncatalogued, ...]:
     """Give the faults that these data can show."""
     faults: list[Uncatalogued] = []
@@ -178,11 +235,22 @@ def forms(situation: Situation) -> tuple[Uncatalogued, ...]:
         faults += [PullInTorque(radius_m), TorqueInPull(radius_m)]
     if situation.seen(SINKAGE, PULL):
         faults.append(PullInSinkage(float(situation.typical[SINKAGE]), float(situation.typical[PULL])))
-    return tuple(faults)
+    return (*faults, *_by_run(situation))
+
+
+def _by_run(situation: Situation) -> list[ZerosByRun]:
+    """Give zeros that differ from run to run in each channel, and in all of them."""
+    stretch = situation.drive.stretch
+    if not situation.drive.timed or not 2 <= len(np.unique(stretch)) <= _MOST_RUNS:
+        return []
+    seen = [channel for channel in _ZEROS if situation.seen(channel)]
+    together = [seen] if len(seen) > 1 else []
+    return [ZerosByRun(each, situation.typical, stretch) for each in [*([one] for one in seen), *together]]
 
 
 LIKE = {
     each.form: each.like
     for each in (PullOffset, PullGain, SinkageGain, LoadOffset, PullOfLoad, PullInTorque, TorqueInPull, PullInSinkage)
 } | dict.fromkeys(_SATURATING, TorqueSaturates.like)
+LIKE |= dict(_zeros_by_run(some) for many in (1, 2, 3) for some in combinations(_ZEROS, many))
 """What each is like, by its form."""

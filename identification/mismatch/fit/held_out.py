@@ -67,9 +67,10 @@ def hold_out(problem: Problem, fitted: Fitted, *, again: bool = True) -> HeldOut
     where that step is long or crosses a bound, the other rows are fitted `again`. The prediction at the parameters
     found is then the full model's, not a linear one.
 
-    A place that is crossed once tells alone what its ground is like, and where it ends. The block that holds it is
-    predicted with these parameters as they are, and charged with what they take from it: as many nats as it has
-    parameters of its own (H. Akaike, IEEE Trans. Autom. Control 19 (1974), 716-723).
+    A place that is crossed once tells alone what its ground is like, and where it ends; and a run that is one block
+    what its zeros were. The block that holds it is predicted with these parameters as they are, and charged with what
+    they take from it: as many nats as it has parameters of its own (H. Akaike, IEEE Trans. Autom. Control 19 (1974),
+    716-723).
     """
     samples = problem.samples
     blocks = np.unique(samples.block)
@@ -77,7 +78,7 @@ def hold_out(problem: Problem, fitted: Fitted, *, again: bool = True) -> HeldOut
     parts = [samples.block == block for block in blocks]
     told = [normal_equations(fitted.innovations[rows], fitted.jacobian[rows]) for rows in parts]
     told_by_one = told_alone(fitted, samples, np.array([np.diag(own) for _, own in told]))
-    local = of_places(fitted)
+    local, places = of_places(fitted), of_places(fitted, runs=False)
     information = np.sum([own for _, own in told], axis=0) + np.diag(prior.precision)
     residuals = np.full_like(problem.measured, np.nan)
     nats, untested = np.empty(len(blocks)), False
@@ -85,7 +86,7 @@ def hold_out(problem: Problem, fitted: Fitted, *, again: bool = True) -> HeldOut
     at_fit = problem.residuals(response)
     slopes = response.by_parameter[:, problem.answers]
     for number, (rows, (gradient, own), alone) in enumerate(zip(parts, told, told_by_one, strict=True)):
-        untested |= bool(alone.any())
+        untested |= bool((alone & places).any())
         step = _step_without(information - own, gradient, ~alone)
         # What leans on a bound stays there, and the others do not make up for its leaving.
         leans = ((fitted.vector <= prior.lower) & (step < 0.0)) | ((fitted.vector >= prior.upper) & (step > 0.0))
@@ -111,18 +112,21 @@ def hold_out(problem: Problem, fitted: Fitted, *, again: bool = True) -> HeldOut
     return HeldOut(nats, np.where(problem.seen, residuals, np.nan), untested)
 
 
-def of_places(fitted: Fitted, *, edges: bool = False) -> np.ndarray:
-    """(p,) True for parameters of a place along the track, or for those of its `edges` alone."""
+def of_places(fitted: Fitted, *, edges: bool = False, runs: bool = True) -> np.ndarray:
+    """(p,) True for parameters of a place along the track, or of a run where those of `runs` are meant, too; or for
+    those of a place's `edges` alone.
+    """
     answer = np.zeros(len(fitted.vector), dtype=bool)
     for effect, where in fitted.model.slices():
         own = answer[where]
-        own[effect.edges if edges else slice(None)] = effect.local
+        own[effect.edges if edges else slice(None)] = effect.local or (effect.by_run and runs and not edges)
     return answer
 
 
 def told_alone(fitted: Fitted, samples: Samples, own: np.ndarray) -> np.ndarray:
-    """(b, p) True for parameters of a place that a block tells alone, of which it has `own` (b, p) information, or an
-    edge that it tells alone with the blocks before and after it, in which the way goes on and does not turn.
+    """(b, p) True for parameters of a place or a run that a block tells alone, of which it has `own` (b, p)
+    information, or an edge that it tells alone with the blocks before and after it, in which the way goes on and does
+    not turn.
     """
     known, edges = own.sum(axis=0), of_places(fitted, edges=True)
     block, stretch = samples.block, samples.drive.stretch

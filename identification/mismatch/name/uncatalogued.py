@@ -32,11 +32,15 @@ def better_uncatalogued(problem: Problem, found: Search) -> Effect | None:
     chosen, enough = found.chosen, []
     faults = forms(situation(problem, found.textbook.fitted))
     for base in _bases(problem, found):
-        needed = _needed(chosen, base)
+        needed = [_needed(chosen, base, fault) for fault in faults]
         nats = together(partial(promised_by, problem, base), faults)
-        worth = [effect for effect, own in zip(faults, nats, strict=True) if own >= _SHARE * (needed - base.gain)]
-        tried = together(partial(try_adding, problem, found.textbook, base), worth)
-        enough += [trial for trial in tried if trial.gain >= needed]
+        worth = [
+            (fault, least)
+            for fault, own, least in zip(faults, nats, needed, strict=True)
+            if own >= _SHARE * (least - base.gain)
+        ]
+        tried = together(partial(try_adding, problem, found.textbook, base), [fault for fault, _ in worth])
+        enough += [trial for trial, (_, least) in zip(tried, worth, strict=True) if trial.gain >= least]
     return max(enough, key=gain_of).effects[-1] if enough else None
 
 
@@ -52,10 +56,10 @@ def _bases(problem: Problem, found: Search) -> Iterator[Trial]:
         yield max(same, key=gain_of) if same else without(problem, found.textbook, chosen, effect)
 
 
-def _needed(chosen: Trial, base: Trial) -> float:
-    """Nats that a set and a fault beside it have to gain together."""
+def _needed(chosen: Trial, base: Trial, fault: Effect) -> float:
+    """Nats that a set and a fault beside it have to gain together; what is another in each run is no single fault."""
     if base.slugs >= chosen.slugs:
         return base.gain + 2.0 * asked_beside(base.gain)
-    if len(base.effects) + 1 < len(chosen.effects):
+    if len(base.effects) + 1 < len(chosen.effects) and not fault.by_run:
         return chosen.gain - _SHORT
     return chosen.gain + asked_beside(chosen.gain)

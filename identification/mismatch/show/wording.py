@@ -87,19 +87,22 @@ def _where(explanation: Explanation) -> str:
 def _beyond_catalogue(each: Missing) -> str:
     if not readable.is_like(each):
         return f"Nothing in the catalogue explains it; what is left: {each.description}."
-    told = ", ".join(readable.estimate(name, estimate) for name, estimate in each.parameters.items())
     likely = readable.percent(each.probability)
-    return f"Nothing in the catalogue explains it as well as {each.description} ({likely}), {told}."
+    return f"Nothing in the catalogue explains it as well as {each.description} ({likely}), {_values(each)}."
 
 
-def _statement(each: Missing) -> str:
+def _values(each: Missing) -> str:
     told = [readable.estimate(name, estimate) for name, estimate in each.parameters.items()]
     count = len(told) - _TOLD
     further = [f"and {count} more parameter{'s' if count > 1 else ''}"] if count > 0 else []
-    values = ", ".join(told[:_TOLD] + further)
+    return ", ".join(told[:_TOLD] + further)
+
+
+def _statement(each: Missing) -> str:
     fault = "a fault of an instrument or of what is configured: " if each.kind == "instrument" else ""
     return (
-        f"What was left out is {fault}{readable.effect(each.effect)} ({readable.percent(each.probability)}), {values}."
+        f"What was left out is {fault}{readable.effect(each.effect)} ({readable.percent(each.probability)}), "
+        f"{_values(each)}."
     )
 
 

@@ -120,6 +120,64 @@ def test_a_fault_beside_physics_is_found_on_ground_that_seems_to_vary():
     assert {"unknown", "slip_sinkage"} <= {each.effect for each in answer.missing}
 
 
+def runs(zeros: dict[str, list[float]], *effects: str) -> Recording:
+    """Runs of 80 rows each of a load and a sweep of slip of its own, with another zero of some sensors in each."""
+    rng = np.random.default_rng(5)
+    count = max(map(len, zeros.values()), default=5)
+    number = np.repeat(np.arange(count), 80)
+    along = np.tile(np.linspace(0.0, 1.0, 80), count)
+    time_s = np.arange(80 * count) / 10.0 + 30.0 * number
+    load = np.take([70.0, 110.0, 90.0], number % 3) * (1.0 + 0.2 * np.sin(9.0 * along + number))
+    slip = np.where(number % 2, 0.55 - 0.5 * along, 0.05 + 0.5 * along)
+    drive = WheelTable({"time_s": time_s, "load_N": load, "slip": slip}, None, number.astype(str), Path("runs.csv"))
+    true = dict(simulate(VEHICLE, SOIL, drive, effects).columns)
+    shift = {name: np.array(values)[number] for name, values in zeros.items()}
+    noisy = {name: true[name] + shift.get(name, 0.0) + sd * rng.normal(size=len(load)) for name, sd in SENSORS.items()}
+    table = WheelTable({"time_s": time_s, **noisy}, None, drive.run, Path("runs.csv"))
+    return Recording("runs", Path("runs.csv"), VEHICLE, None, "", "0" * 64, wheel=table)
+
+
+Z_0 = [4e-4, -3e-4, 5e-4, -6e-4, 1e-4]
+
+
+def test_zeros_that_differ_from_run_to_run_are_told_and_what_is_beside_them():
+    answer = explain(runs({"sinkage_m": Z_0}, "slip_sinkage:n1=0.3"))
+    found = {(each.effect, each.form): each for each in answer.missing}
+    zeros = found["unknown", "zeros of sinkage_m by run"]
+    assert zeros.probability > 0.9
+    assert zeros.description == "zeros of the sensors of sinkage that differ from run to run"
+    estimates = [zeros.parameters[f"z_0 of run {number + 1}"] for number in range(5)]
+    assert all(abs(each.value - size) < 4.0 * each.sd for each, size in zip(estimates, Z_0, strict=True))
+    assert max(each.sd for each in estimates) < 1.5e-4
+    assert max(each.probability for (slug, _), each in found.items() if slug == "slip_sinkage") > 0.9
+    assert "z_0 of run 3" in answer.summary
+    assert "2 more parameters" in answer.summary
+    # Another drive's zeros nobody knows: what is kept foretells none.
+    assert answer.physics is not None
+    assert {effect.slug for effect in answer.physics.effects} == {"slip_sinkage"}
+    assert len(answer.physics.correlation) == 5 + sum(len(effect.parameters) for effect in answer.physics.effects)
+
+
+def test_zeros_of_several_sensors_are_one_fault():
+    answer = explain(runs({"sinkage_m": Z_0, "drawbar_pull_N": [1.5, -1.0, 0.5, 2.0, -1.8]}))
+    (found,) = answer.missing
+    assert found.form == "zeros of torque_Nm, sinkage_m, drawbar_pull_N by run"
+    assert answer.verdict == "unknown"
+
+
+def test_a_zero_for_each_run_does_not_stand_in_for_what_the_catalogue_has():
+    answer = explain(runs({}, "slip_sinkage:n1=0.3"))
+    assert answer.verdict == "physics"
+    assert "unknown" not in {each.effect for each in answer.missing}
+
+
+def test_runs_as_many_as_blocks_tell_their_own_zeros():
+    answer = explain(runs({"sinkage_m": [*Z_0, *Z_0[::-1], 2e-4, -2e-4]}))
+    (found,) = answer.missing
+    assert found.form == "zeros of sinkage_m by run"
+    assert not any("crossed once" in note for note in answer.notes)
+
+
 def test_a_slope_that_is_stated_and_the_same_everywhere_is_no_fault():
     def sloped(true):
         return {"drawbar_pull_N": true["drawbar_pull_N"] - true["load_N"] * np.sin(0.0873)}
