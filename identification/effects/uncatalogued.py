@@ -39,6 +39,10 @@ _ZEROS = {
 _MOST_RUNS = 12
 """Runs up to which that is asked: each has a zero of its own in every channel, and fits take as much longer."""
 
+_HELD, _OWN = {"load_N": "load", "rim_speed_m_s": "speed of the rim", "pitch_rad": "slope along the track"}, 0.2
+"""What may be held through each run and be another in the next, in words, and share of its variance that is then left
+within runs [-]."""
+
 
 class Uncatalogued(Effect):
     """A fault, and in words what it is like."""
@@ -198,9 +202,12 @@ class ZerosByRun(Uncatalogued):
     equation = "q reported = q + q_0, another one in each run"
     check = "read the sensors before and after each run, with the wheel just touching the ground"
 
-    def __init__(self, channels: Sequence[int], typical: np.ndarray, stretch: np.ndarray) -> None:
+    def __init__(self, channels: Sequence[int], typical: np.ndarray, drive: Drive) -> None:
         self.form, self.like = _zeros_by_run(channels)
-        self._channels, self._runs = channels, np.unique(stretch)
+        held = [words for name, words in _HELD.items() if drive.has(name) and _within_runs(drive, name) < _OWN]
+        if held:
+            self.like += f", or something that depends on the {' or the '.join(held)}, of which each run has its own"
+        self._channels, self._runs = channels, np.unique(drive.stretch)
         answer = []
         for each in channels:
             zero, usual = _ZEROS[each], float(typical[each])
@@ -239,13 +246,26 @@ def forms(situation: Situation) -> tuple[Uncatalogued, ...]:
 
 
 def _by_run(situation: Situation) -> list[ZerosByRun]:
-    """Give zeros that differ from run to run in each channel, and in all of them."""
-    stretch = situation.drive.stretch
-    if not situation.drive.timed or not 2 <= len(np.unique(stretch)) <= _MOST_RUNS:
+    """Give zeros that differ from run to run in each channel, and in all of them; none where each run has its slip, for
+    they would make up for any law of slip.
+    """
+    drive = situation.drive
+    if not drive.timed or not 2 <= len(np.unique(drive.stretch)) <= _MOST_RUNS:
+        return []
+    if not drive.has("slip") or _within_runs(drive, "slip") < 1.0 - _OWN:
         return []
     seen = [channel for channel in _ZEROS if situation.seen(channel)]
     together = [seen] if len(seen) > 1 else []
-    return [ZerosByRun(each, situation.typical, stretch) for each in [*([one] for one in seen), *together]]
+    return [ZerosByRun(each, situation.typical, drive) for each in [*([one] for one in seen), *together]]
+
+
+def _within_runs(drive: Drive, name: str) -> float:
+    """Share of a covariate's variance that is within runs [-]."""
+    values = getattr(drive, name)
+    good = np.isfinite(values)
+    values, run = values[good], np.unique(drive.stretch[good], return_inverse=True)[1]
+    mean = np.bincount(run, values) / np.bincount(run)
+    return float(np.var(values - mean[run]) / np.var(values))
 
 
 LIKE = {

@@ -8,7 +8,7 @@ from typing import cast
 
 import numpy as np
 import pytest
-from bevameter.identification.effects import time_faults
+from bevameter.identification.effects import time_faults, uncatalogued
 from bevameter.identification.effects.catalogue import effects_for, forms_by_name
 from bevameter.identification.effects.drive import select_rows
 from bevameter.identification.effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Contact, Drive
@@ -315,6 +315,37 @@ def test_what_warms_was_cold_on_a_drive_that_began_before():
     channels = np.zeros((len(drive), 5))
     effect.report(channels, replace(drive, time_s=drive.time_s - 3000.0), np.array([2.0, 4.0]))
     np.testing.assert_array_equal(channels, 0.0)
+
+
+def test_zeros_of_each_run_are_offered_where_slip_changes_within_runs():
+    """Runs at a slip each: zeros of their own would make up for any law of slip."""
+    run, along = np.repeat(np.arange(4), 50), np.tile(np.linspace(0.0, 1.0, 50), 4)
+    longer = replace(select_rows(DRIVE, np.arange(200) % len(DRIVE)), time_s=0.1 * np.arange(200), stretch=run)
+    load = 100.0 + 20.0 * np.sin(9.0 * along)
+
+    def offered(slip: np.ndarray, load_N: np.ndarray, drive: Drive = longer) -> list[uncatalogued.Uncatalogued]:
+        situation = replace(SITUATION, drive=replace(drive, slip=slip, load_N=load_N))
+        return [fault for fault in uncatalogued.forms(situation) if fault.by_run]
+
+    (torque, *_, every) = offered(0.05 + 0.5 * along, load)
+    assert torque.form == "zeros of torque_Nm by run"
+    assert [parameter.name for parameter in torque.parameters] == [f"T_0 of run {number}" for number in range(1, 5)]
+    assert len(every.parameters) == 12
+    assert "load" not in every.like
+    assert "something that depends on the load" in offered(0.05 + 0.5 * along, 80.0 + 10.0 * run)[0].like
+    assert offered(0.1 + 0.1 * run, load) == []
+    assert offered(0.05 + 0.5 * along, load, replace(longer, stretch=np.zeros(200, dtype=int))) == []
+    assert offered(0.05 + 0.5 * along, load, replace(longer, stretch=np.arange(200) // 10)) == []
+
+
+def test_zeros_of_a_run_are_none_of_another_drive():
+    run = np.repeat([0, 2], 5)
+    drive = replace(select_rows(DRIVE, np.arange(10)), stretch=run, slip=np.tile(np.linspace(0.1, 0.5, 5), 2))
+    zeros = uncatalogued.ZerosByRun([SINKAGE], np.ones(5), drive)
+    channels = np.zeros((10, 5))
+    zeros.report(channels, replace(drive, stretch=np.repeat([0, 1, 2, 3, 9], 2)), np.array([0.3, -0.2]))
+    np.testing.assert_allclose(channels[:, SINKAGE], np.repeat([0.3, 0.0, -0.2, 0.0, 0.0], 2))
+    assert not channels[:, [each for each in range(5) if each != SINKAGE]].any()
 
 
 def test_a_course_that_slip_and_load_foretell_is_offered_by_name_only():
