@@ -14,8 +14,12 @@ from .effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Drive, Effect, Parameter,
 _LONGEST_LAG = 40
 """Longest delay that is looked for, in samples."""
 
-_ORDERS, _GAIN_ORDERS = 6, 3
-"""Polynomials of a course that bends, and of one of a gain."""
+_FEW_ORDERS, _ORDERS, _GAIN_ORDERS = 3, 6, 3
+"""Polynomials of a course that bends, at first and at most, and of one of a gain: each that is not needed errs at the
+drive's ends, which nothing but these tells."""
+
+_BENT = {_FEW_ORDERS: ", bent", _ORDERS: ", curved"}
+"""What a course of so many polynomials is called."""
 
 _MOST_GAIN = 0.15
 """Most of each of a gain's polynomials: it goes on by 30 per cent of itself, and never to nothing [-]."""
@@ -127,6 +131,7 @@ class ChannelDrift(Effect):
     source = "A.-M. Legendre (1785): polynomials orthogonal over the drive"
 
     def __init__(self, channel: int, usual: float, orders: int, time_s: np.ndarray) -> None:
+        self._made_of = channel, usual, orders, time_s
         self.form = CHANNELS[channel]
         self.equation = f"{self.form} reported = {self.form} + " + " + ".join(
             f"d{order} (P{order}(t) - P{order}(0))" for order in range(1, orders + 1)
@@ -139,7 +144,14 @@ class ChannelDrift(Effect):
         )
         if orders > 1:
             self.any_course = (self.form, "time_s")
-            self.form += ", curved"
+            self.form += _BENT.get(orders, f", bent {orders - 1} times")
+            self.freed = orders > _FEW_ORDERS
+
+    def freer(self) -> list[Effect]:
+        channel, usual, orders, time_s = self._made_of
+        if orders != _FEW_ORDERS:
+            return []
+        return [ChannelDrift(channel, usual, more, time_s) for more in range(_FEW_ORDERS + 1, _ORDERS + 1)]
 
     def course(self, drive: Drive, values: np.ndarray) -> np.ndarray:
         """Give the polynomials' sum (n,), zero when the drive began."""
@@ -265,7 +277,7 @@ def _faults(situation: Situation, *, bends: bool) -> tuple[Effect, ...]:
     drifts = [
         ChannelDrift(channel, float(situation.typical[channel]), orders, drive.time_s)
         for channel in answers
-        for orders in ((1, _ORDERS) if bends else (1,))
+        for orders in ((1, _FEW_ORDERS) if bends else (1,))
     ]
     drifts += [WarmUp(channel, float(situation.typical[channel]), drive.time_s) for channel in answers if bends]
     drifts += [GainDrift(channel, drive.time_s, bends=bends) for channel in answers]

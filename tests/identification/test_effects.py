@@ -389,7 +389,8 @@ def test_quantities_carry_their_units_and_forms_their_beginnings():
     assert choose(asked, forms_of("grousers")).form == "ripple, 18 lugs"
     for named, form in (
         ("drift:form=torque,d1=0.3", "torque_Nm"),
-        ("drift:form=torque_Nm,d1=0.3,d2=0.3", "torque_Nm, curved"),
+        ("drift:form=torque_Nm,d1=0.3,d2=0.3", "torque_Nm, bent"),
+        ("drift:form=torque_Nm,d1=0.3,d6=0.3", "torque_Nm, curved"),
         ("drift:form=torque,g1=0.1", "torque_Nm, gain"),
         ("drift:form=torque,d=0.1,tau=5 s", "torque_Nm, warming"),
     ):

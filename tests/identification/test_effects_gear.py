@@ -359,12 +359,12 @@ def test_a_course_that_slip_and_load_foretell_is_offered_by_name_only():
         ramp = along.astype(int)
         drive = replace(longer, slip=0.05 + 0.5 * (along - ramp), load_N=50.0 * np.array(loads)[ramp])
         situation = replace(SITUATION, drive=drive)
-        assert choose(parse_effect("drift:d1=0.1,form=torque_Nm, curved"), time_faults.named(situation))
+        assert choose(parse_effect("drift:d1=0.1,form=torque_Nm, bent"), time_faults.named(situation))
         forms = [effect.form for effect in time_faults.forms(situation) if effect.slug == "drift"]
         assert "torque_Nm" in forms
         (gain,) = (each for each in time_faults.forms(situation) if each.form == "torque_Nm, gain")
-        assert bool(gain.freer()) == ("torque_Nm, curved" in forms) == ("torque_Nm, warming" in forms)
-        return "torque_Nm, curved" in forms
+        assert bool(gain.freer()) == ("torque_Nm, bent" in forms) == ("torque_Nm, warming" in forms)
+        return "torque_Nm, bent" in forms
 
     for loads in ((1.0, 1.5, 2.0), (2.0, 1.0, 1.5), (0.7, 1.0, 1.5, 2.0), (1.0, 0.6, 2.0, 1.4, 3.0)):
         assert not bends(*loads)

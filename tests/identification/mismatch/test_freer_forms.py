@@ -40,6 +40,7 @@ def found(effect: NamedEffect, form: str, least_slip: float = 0.02, soil: Soil =
     return try_adding(problem, textbook, textbook, next(each for each in forms if each.form == form))
 
 
+COURSE = {"d1": "0.4", "d2": "-0.5", "d3": "0.3"}
 PARTS = {"T_c": "0.5", "b_v": "1", "mu": "0.008"}
 STRIBECK = {"T_c": "1", "T_s": "2.5", "omega_s": "0.4"}
 
@@ -55,6 +56,9 @@ STRIBECK = {"T_c": "1", "T_s": "2.5", "omega_s": "0.4"}
         ("exit_angle", {"s": "0.3"}, "peak midway", "peak midway"),
         ("drift", {"g1": "0.05", "g2": "-0.05", "g3": "0.02"}, "torque_Nm, gain", "torque_Nm, gain, curved"),
         ("drift", {"g1": "0.05"}, "torque_Nm, gain", "torque_Nm, gain"),
+        ("drift", COURSE, "torque_Nm, bent", "torque_Nm, bent"),
+        ("drift", {**COURSE, "d4": "0.3"}, "torque_Nm, bent", "torque_Nm, bent 3 times"),
+        ("drift", {**COURSE, "d4": "0", "d5": "0", "d6": "0.2"}, "torque_Nm, bent", "torque_Nm, curved"),
         ("drivetrain_friction", {**STRIBECK, "b_v": "1.2"}, "stribeck", "stribeck+viscous"),
         ("drivetrain_friction", STRIBECK, "stribeck", "stribeck"),
         ("drivetrain_friction", PARTS, "coulomb+viscous", "coulomb+viscous+load"),

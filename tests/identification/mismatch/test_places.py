@@ -130,7 +130,7 @@ def test_a_channel_that_drifts_in_another_course_is_no_unknown():
     """What polynomials do not follow of a channel's drift is drift, as long as they explain more of it."""
     problem, textbook = driven(wanders_N=3.0)
     drifts = {effect.form: effect for effect in effects_for(situation(problem, textbook.fitted), ["drift"])}
-    trial = try_adding(problem, textbook, textbook, drifts["drawbar_pull_N, curved"])
+    trial = try_adding(problem, textbook, textbook, drifts["drawbar_pull_N, bent"])
     left = smooth_correction(problem, trial.fitted, trial.held_out)
     own = sum(term.gain for term in left.terms if (term.channel, term.variable) == ("drawbar_pull_N", "time_s"))
     assert min(trial.gain, own) > 100.0
