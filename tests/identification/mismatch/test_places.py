@@ -321,5 +321,6 @@ def test_a_misfit_that_something_explains_is_no_memory_of_the_noise(tmp_path):
     folder = conceal(290015, ("slope_gravity",), "plain", protocol="bench").write(tmp_path)
     answer = explain(folder, catalogue=[slug for slug in SLUGS if slug != "slope_gravity"])
     assert answer.verdict == "unknown"
-    assert "drawbar pull" in answer.missing[0].description
+    assert answer.missing[0].form == "zeros of drawbar_pull_N by run"
+    assert answer.missing[0].description.startswith("zeros of the sensors of drawbar pull that differ")
     assert "slope along the track" in answer.missing[0].description
