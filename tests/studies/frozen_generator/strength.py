@@ -59,9 +59,14 @@ class Search:
         factor = errors.factor(drive.take(rows), self.ground.length, share) if correlated else None
         return Observed(drive, rows, readings, sd, self.known, factor)
 
+    @staticmethod
+    def most_rows(hidden: Hidden) -> int:
+        """Rows that stand for all; more for effects of history, which show in few rows (after each step)."""
+        return MOST_ROWS * (4 if any(effect.history for effect, _ in hidden) else 1)
+
     def gain(self, hidden: Hidden, kept: tuple[Effect, float] | None = None) -> float:
         """Nats that the true model is better than the textbook (with one of the effects kept, its strength free)."""
-        observed = self.observed(hidden, MOST_ROWS)
+        observed = self.observed(hidden, self.most_rows(hidden))
         if observed is None:
             return IMPLAUSIBLE
         fit = refit(self.scene, observed, self.scene.soil if kept else self.start, kept)
@@ -71,7 +76,7 @@ class Search:
 
     def nats(self, hidden: Hidden) -> tuple[float, float]:
         """Nats on all rows, and those that remain when the ground's correlation along the track is heeded."""
-        few, whole = self.observed(hidden, MOST_ROWS), self.observed(hidden, self.scene.drive.rows)
+        few, whole = self.observed(hidden, self.most_rows(hidden)), self.observed(hidden, self.scene.drive.rows)
         correlated = self.observed(hidden, MOST_CORRELATED, correlated=True)
         if not hidden or few is None or whole is None or correlated is None:
             return 0.0, 0.0
@@ -136,4 +141,7 @@ class Search:
             factors = [np.clip(np.sqrt(1.1 * target / max(n, 1.0)), 0.3, 3.0) for n in nats]
             strengths = [s * f for s, f in zip(strengths, factors, strict=True)]
         reached = next((name for name in ("plain", "hidden") if min(nats) >= 0.85 * NATS[name]), None)
-        return None if reached is None else Found(hidden, reached, nats, reached=True)
+        glaring = (
+            max(nats) > 3.0 * target or self.gain(hidden) > 8.0 * target
+        )  # two alike, or one that drowns the other
+        return None if reached is None or glaring else Found(hidden, reached, nats, reached=True)
