@@ -1,0 +1,1 @@
+"""Why simulation and recording differ: rows, samples, fit, search, posterior, locate, discriminate, answer, report."""

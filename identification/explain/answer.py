@@ -1,0 +1,345 @@
+"""The answer put together from what was fitted, weighed, held out and located."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...framework.core.soil import PARAMETERS
+from ..augmented import SOIL_COUNT
+from ..effects.effect import Effect
+from ..forward import CHANNELS, from_internal, slope_of_internal
+from .discriminate import would_tell
+from .evidence import Discrepancy, dependence
+from .explanation import (
+    Candidate,
+    ChannelFit,
+    Estimate,
+    Explanation,
+    Missing,
+    Region,
+    Rows,
+    Screened,
+    Verdict,
+)
+from .fit import Fitted
+from .held_out import HeldOut, hold_out
+from .likelihood import Problem
+from .posterior import UNKNOWN, Posterior
+from .search import Hypothesis, Search
+from .variables import names_of
+
+ASSERTED = 0.8
+"""Probability from which on an effect is asserted [-]."""
+
+MENTIONED = 0.05
+"""Probability from which on an effect is listed where none is asserted [-]."""
+
+MOST_LISTED = 6
+"""Effects that are listed at most; all that were considered are among the candidates."""
+
+_RESAMPLES = 400
+
+_SOIL_UNITS = {"c_Pa": "Pa", "phi_rad": "rad", "k_m": "m", "stiffness_Pa": "Pa", "n": ""}
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """What the answer rests on: the most probable hypothesis that holds what is asserted, and a discrepancy if there is
+    one beside it; without and with it on held-out rows.
+    """
+
+    hypothesis: Hypothesis
+    discrepancy: Discrepancy | None
+    before: HeldOut
+    after: HeldOut
+
+    @property
+    def residuals(self) -> np.ndarray:
+        """(n, m) what is left of held-out rows, SI."""
+        return self.after.residuals - (0.0 if self.discrepancy is None else self.discrepancy.mean)
+
+
+def choose(problem: Problem, found: Search, weighed: Posterior) -> Chosen:
+    """Choose the most probable set, with its most probable form."""
+    first = next(iter(weighed.sets))
+    hypothesis = weighed.best[first - {UNKNOWN}]
+    before = hold_out(problem, found.textbook.fitted)
+    after = before if not hypothesis.effects else hold_out(problem, hypothesis.fitted)
+    beside = weighed.discrepancies.get(first - {UNKNOWN}) if UNKNOWN in first else None
+    return Chosen(hypothesis, beside, before, after)
+
+
+def verdict_of(missing: tuple[Missing, ...]) -> Verdict:
+    """Give the verdict on what is listed."""
+    sure = [each for each in missing if each.probability >= ASSERTED]
+    if not missing:
+        return "none"
+    if any(each.kind == UNKNOWN for each in sure):
+        return "unknown"
+    if not sure:
+        return "cannot_tell"
+    return "physics" if any(each.kind == "physics" for each in sure) else "instrument"
+
+
+def assemble(
+    problem: Problem, found: Search, weighed: Posterior, chosen: Chosen, regions: tuple[Region, ...], *,
+    source: str, seed: int, began: float, notes: tuple[str, ...] = (), simulated: np.ndarray | None = None,
+) -> Explanation:  # fmt: skip
+    """Put the answer together.
+
+    Parameters
+    ----------
+    problem, found, weighed, chosen, regions
+        From the steps before.
+    source, seed, began, notes
+        The recording, the seed of resampling, when work began [s], and what is to be said of the rows.
+    simulated : (n, 5)
+        Residuals of another simulator, which then stand for those before.
+    """
+    missing = missing_of(problem, found, weighed, chosen)
+    verdict = verdict_of(missing)
+    before, after = chosen.before.residuals, chosen.residuals
+    if verdict == "none":
+        after, regions = before, ()
+    if simulated is not None:
+        before = simulated[:, problem.answers]
+    best = found.textbook if verdict == "none" else chosen.hypothesis
+    gained = chosen.after.gain(chosen.before) if verdict != "none" else (0.0, 0.0)
+    return Explanation(
+        source=source,
+        verdict=verdict,
+        summary="",
+        soil=soil_of(problem, best, found, weighed),
+        soil_textbook=soil_of(problem, found.textbook, found, None),
+        trust="",
+        located=regions,
+        missing=missing,
+        candidates=_candidates(problem, found, weighed, chosen.before),
+        screened=tuple(Screened(name, nats) for name, nats in sorted(found.passed.items(), key=lambda pair: -pair[1])),
+        fits=_fits(problem, before, after, best.fitted, np.random.default_rng(seed)),
+        split=problem.samples.split,
+        heldout_nats=Estimate(*gained),
+        notes=(*notes, *problem.samples.notes, *_notes(problem, best.fitted, chosen)),
+        rows=_rows(problem, before, after, best.fitted),
+        simulator=best.fitted.model,
+        vector=best.fitted.vector,
+        covariance=best.fitted.covariance(problem),
+        believed={slug: float(weighed.effects.get(slug, 0.0)) for slug in sorted(best.slugs)},
+        seconds=time.perf_counter() - began,
+        seed=seed,
+        n=int(problem.seen.any(axis=1).sum()),
+    )
+
+
+def missing_of(problem: Problem, found: Search, weighed: Posterior, chosen: Chosen) -> tuple[Missing, ...]:
+    """List what is missing: what is asserted and, where an effect is not certain, its rivals; nothing if nothing is
+    more probable than all of it.
+    """
+    if weighed.sets.get(frozenset(), 0.0) > 0.5:
+        return ()
+    asserted = [slug for slug, share in weighed.effects.items() if share >= ASSERTED]
+    listed = list(asserted)
+    left = 1.0 - sum(share for slugs, share in weighed.sets.items() if slugs - {UNKNOWN} <= set(asserted))
+    if not asserted or left >= 0.5:
+        rivals = sorted(weighed.effects, key=lambda slug: -weighed.effects[slug])
+        listed += [slug for slug in rivals if slug not in listed and weighed.effects[slug] >= MENTIONED]
+    answer = [_missing(problem, found, weighed, chosen, slug) for slug in listed[:MOST_LISTED]]
+    if weighed.unknown >= (0.5 if asserted else MENTIONED):
+        answer.append(_unknown(problem, weighed, chosen))
+    return tuple(sorted(answer, key=lambda each: -each.probability))
+
+
+def _missing(problem: Problem, found: Search, weighed: Posterior, chosen: Chosen, slug: str) -> Missing:
+    """Describe an effect by the most probable hypothesis that holds it."""
+    probability = weighed.effects[slug]
+    holding = [each for each in found.hypotheses if slug in each.slugs]
+    best = max(holding, key=found.log_posterior)
+    if slug in chosen.hypothesis.slugs:
+        best = chosen.hypothesis
+    effect = next(each for each in best.effects if each.slug == slug)
+    rivals = rivals_of(weighed, slug)
+    others = [weighed.best[slugs] for slugs in rivals.values()]
+    tell = would_tell(problem, best, *others) if probability < ASSERTED and others else ""
+    return Missing(
+        effect.slug, effect.kind, effect.form, probability, _parameters(problem, found, best, effect), effect.equation,
+        effect.source, tuple(rivals), effect.check or tell,
+    )  # fmt: skip
+
+
+def rivals_of(weighed: Posterior, slug: str) -> dict[str, frozenset[str]]:
+    """Effects that stand where this one does in other probable sets, with the most probable such set."""
+    answer: dict[str, frozenset[str]] = {}
+    with_it = [slugs - {UNKNOWN} for slugs in weighed.sets if slug in slugs]
+    for slugs, share in weighed.sets.items():
+        bare = slugs - {UNKNOWN}
+        if slug in bare or share < MENTIONED * (1.0 - MENTIONED):
+            continue
+        for other in with_it:
+            instead = bare - other
+            if len(instead) == 1 and other - bare == {slug}:
+                answer.setdefault(next(iter(instead)), bare)
+    return dict(list(answer.items())[: MOST_LISTED - 1])
+
+
+def _unknown(problem: Problem, weighed: Posterior, chosen: Chosen) -> Missing:
+    """Describe what the catalogue lacks by where the discrepancy lives and what it depends on."""
+    beside = chosen.discrepancy or weighed.discrepancies[chosen.hypothesis.slugs]
+    parts = dependence(problem, beside)
+    where = "; ".join(
+        f"{CHANNELS[channel]} differs by {size:.2g} of its noise, mostly with {variable}"
+        for channel, variable, size in parts
+    )
+    first = parts[0][1] if parts else "slip"
+    return Missing(
+        UNKNOWN, UNKNOWN, "smooth discrepancy", weighed.unknown, {}, "a polynomial in what the drive varies",
+        "M. C. Kennedy, A. O'Hagan (2001)", (), f"vary {first} with all else held", where,
+    )  # fmt: skip
+
+
+def _parameters(problem: Problem, found: Search, best: Hypothesis, effect: Effect) -> dict[str, Estimate]:
+    """Parameters of an effect; their variance has what hypotheses differ by that hold the same form, each by its
+    posterior.
+    """
+    where = _where(best, effect.name)
+    values, variance = best.fitted.vector[where], np.diag(best.fitted.covariance(problem))[where].copy()
+    holding = [each for each in found.hypotheses if effect.name in each.names]
+    logs = np.array([found.log_posterior(each) for each in holding])
+    weights = np.exp(logs - logs.max())
+    for weight, each in zip(weights / weights.sum(), holding, strict=True):
+        variance += weight * (each.fitted.vector[_where(each, effect.name)] - values) ** 2
+    sd = np.sqrt(np.maximum(variance, 0.0))
+    return {
+        parameter.name: Estimate(float(value), float(spread), parameter.unit)
+        for parameter, value, spread in zip(effect.parameters, values, sd, strict=True)
+    }
+
+
+def _where(hypothesis: Hypothesis, name: str) -> slice:
+    """Where an effect's parameters stand in a hypothesis's vector."""
+    return next(where for effect, where in hypothesis.fitted.model.slices() if effect.name == name)
+
+
+def soil_of(problem: Problem, best: Hypothesis, found: Search, weighed: Posterior | None) -> dict[str, Estimate]:
+    """Soil of a hypothesis; with the spread between probable sets where these are `weighed`."""
+    values = best.fitted.vector[:SOIL_COUNT]
+    variance = np.diag(best.fitted.covariance(problem))[:SOIL_COUNT].copy()
+    if weighed is not None:
+        for slugs, share in weighed.sets.items():
+            other = weighed.best[slugs - {UNKNOWN}].fitted.vector[:SOIL_COUNT]
+            variance += share * (other - values) ** 2
+    answer = {}
+    for index, name in enumerate(PARAMETERS):
+        value = from_internal(name, float(values[index]))
+        sd = math.sqrt(max(float(variance[index]), 0.0)) * abs(slope_of_internal(name, value))
+        if name in problem.known.values and not problem.known.sd.get(name):
+            sd = 0.0
+        answer[name] = Estimate(value, sd, _SOIL_UNITS[name])
+    return answer
+
+
+def _candidates(
+    problem: Problem, found: Search, weighed: Posterior, before: HeldOut
+) -> tuple[Candidate, ...]:  # fmt: skip
+    logs = np.array([found.log_posterior(each) for each in found.hypotheses])
+    by_set: dict[frozenset[str], float] = {}
+    for slugs, share in weighed.sets.items():
+        by_set[slugs - {UNKNOWN}] = by_set.get(slugs - {UNKNOWN}, 0.0) + share
+    answer = []
+    for each, log in zip(found.hypotheses, logs, strict=True):
+        if not each.effects:
+            continue
+        same = logs[[other.slugs == each.slugs for other in found.hypotheses]]
+        share = by_set[each.slugs] * math.exp(log - same.max()) / float(np.exp(same - same.max()).sum())
+        kinds = sorted({effect.kind for effect in each.effects})
+        values = {
+            (f"{effect.slug}.{parameter.name}" if len(each.effects) > 1 else parameter.name): Estimate(
+                float(value), float(sd), parameter.unit
+            )
+            for effect, where in each.fitted.model.slices()
+            for parameter, value, sd in zip(
+                effect.parameters, each.fitted.vector[where],
+                np.sqrt(np.maximum(np.diag(each.fitted.covariance(problem))[where], 0.0)), strict=True,
+            )
+        }  # fmt: skip
+        name = " + ".join(effect.name for effect in each.effects)
+        gain = hold_out(problem, each.fitted).gain(before)[0]
+        answer.append(Candidate(name, kinds[-1], share, each.log_evidence, gain, values))
+    if weighed.unknown > 0.0:
+        nats = max(weighed.discrepancies.values(), key=lambda each: each.log_evidence).log_evidence
+        answer.append(Candidate(UNKNOWN, UNKNOWN, weighed.unknown, nats, math.nan, {}))
+    return tuple(sorted(answer, key=lambda each: (-each.probability, -each.evidence_nats)))
+
+
+def noise_of(problem: Problem, fitted: Fitted, position: int) -> float:
+    """Error of a channel that a fit expects of held-out rows: of the sensor, of load and slip, and of the ground."""
+    weights = problem.weights or fitted.response
+    channel = problem.answers[position]
+    by_latent, by_ground = np.nan_to_num(weights.by_latent[:, channel]), np.nan_to_num(weights.by_ground[:, channel])
+    samples = problem.samples
+    uncertain = sum(
+        by_latent[:, index] ** 2 * (path.covariance[:, 0, 0] + latent.white)
+        for index, (path, latent) in enumerate(((samples.load, problem.load), (samples.slip, problem.slip)))
+    )
+    varying = by_ground**2 @ fitted.noise.spread**2
+    return math.sqrt(float(fitted.noise.sd[position]) ** 2 + float(np.mean(uncertain + varying)))
+
+
+def _fits(
+    problem: Problem, before: np.ndarray, after: np.ndarray, fitted: Fitted, rng: np.random.Generator
+) -> dict[str, ChannelFit]:
+    answer = {}
+    block = np.unique(problem.samples.block, return_inverse=True)[1]
+    count = int(block.max()) + 1
+    drawn = rng.integers(0, count, (_RESAMPLES, count))
+    for position, channel in enumerate(problem.answers):
+        values = []
+        for residual in (before, after):
+            good = np.isfinite(residual[:, position])
+            rows = np.bincount(block[good], minlength=count)
+            squares = np.bincount(block[good], residual[good, position] ** 2, count)
+            resampled = np.sqrt(squares[drawn].sum(axis=1) / np.maximum(rows[drawn].sum(axis=1), 1))
+            low, high = np.quantile(resampled, [0.025, 0.975])
+            values.append((math.sqrt(squares.sum() / max(good.sum(), 1)), (float(low), float(high))))
+        (rmse_before, before_interval), (rmse_after, after_interval) = values
+        answer[CHANNELS[channel]] = ChannelFit(
+            rmse_before, rmse_after, noise_of(problem, fitted, position), int(problem.seen[:, position].sum()),
+            before_interval, after_interval,
+        )  # fmt: skip
+    return answer
+
+
+def _rows(problem: Problem, before: np.ndarray, after: np.ndarray, fitted: Fitted) -> Rows:
+    drive = problem.samples.drive
+    named = {name: getattr(drive, attribute) for name, attribute in names_of(drive).items()}
+    named |= {"wheel_angle_rad": drive.wheel_angle_rad, "sinkage_m": fitted.response.channels[:, 2]}
+    seen = {name: values for name, values in named.items() if np.isfinite(values).any()}
+    measured = np.where(problem.seen, problem.measured, np.nan)
+    return Rows(
+        tuple(CHANNELS[channel] for channel in problem.answers), seen, measured, measured - before, measured - after,
+        np.array([noise_of(problem, fitted, position) for position in range(len(problem.answers))]),
+    )  # fmt: skip
+
+
+def _notes(problem: Problem, fitted: Fitted, chosen: Chosen) -> list[str]:
+    """Say what the answer takes of the ground and of the sensors, and what held-out rows cannot test."""
+    notes = []
+    stiffness, strength = fitted.noise.spread
+    if max(stiffness, strength) >= 0.02:
+        placed = np.isfinite(problem.samples.position).all()
+        unit = "m" if placed and np.array_equal(problem.samples.position, problem.samples.drive.place_m) else "s"
+        where = f"along the track, over {fitted.noise.length:.2g} {unit}" if placed else "from trial to trial"
+        notes.append(
+            f"ground varies {where}: stiffness by {100.0 * stiffness:.1f} %, strength by {100.0 * strength:.1f} % "
+            "(standard deviation)"
+        )
+    each = zip(problem.answers, fitted.noise.memory, strict=True)
+    alike = [f"{rho:.2f} in {CHANNELS[channel]}" for channel, rho in each if rho > 0.1]
+    if alike:
+        notes.append(f"sensor noise is autocorrelated from row to row: {', '.join(alike)}")
+    if chosen.after.untested:
+        notes.append("one block alone determines a parameter: held-out rows do not test it")
+    return [*notes, *(effect.remark for effect in chosen.hypothesis.effects if effect.remark)]

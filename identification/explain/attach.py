@@ -1,0 +1,228 @@
+"""Another simulator's file, put beside the rows of a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from ...framework.core.errors import InputError
+from ...framework.core.recording.types import WheelTable
+from ...framework.core.recording.wheel_file import derive, read_wheel_file
+from ...framework.core.vehicle import Wheel
+from ..effects.effect import LOAD, SLIP
+from ..forward import CHANNELS
+from ..plausible import check_signs, check_sizes
+from ..trials import is_of_trials
+from .samples import ANSWERS, MOST_SLIP, SIMULATED
+
+IMPOSED = CHANNELS[LOAD], CHANNELS[SLIP]
+"""What a drive imposes on a wheel, and a simulator is given."""
+
+_APART, _AT = 2.05, 1e-3
+"""Samples of the recording between two rows at most that a straight line joins, and between rows at one time."""
+
+_OTHER_UNIT = 3.0
+"""A load that is so many times the recorded one, or that part of it, is of another drive or in another unit [-]."""
+
+_TURNED_ROUND, _SIGNED = 0.1, 0.03
+"""Slips with the other sign are nearer to the recorded ones by this share, where the sign is the other one, and so
+large, where they have one [-]."""
+
+_Carry = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""Carries values of one file's rows (m,) over to another's (n,), past holes, True in the former; NaN where there are
+none."""
+
+
+def attach(table: WheelTable, path: str | Path, wheel: Wheel) -> WheelTable:
+    """Give a recording's table columns with the simulator's answers for each row, by run or by time.
+
+    They come with the load [N] and slip that it simulated: those of its file, slip from its speeds where it has no such
+    column, or, where that has neither, those recorded, taken at its own rows. Rows in which its wheel is stuck or
+    carries nothing, or of which its file does not say what load and slip they are of, have no answer.
+
+    Parameters
+    ----------
+    table
+        The recording's rows, with load and slip.
+    path
+        The simulator's file.
+    wheel
+        The recording's wheel.
+
+    Raises
+    ------
+    InputError
+        The file has no answer, or neither the clock nor the runs of the recording; its load, slip or sinkage cannot be
+        what its name says, or is not the drive's; a time stands twice in it; only one of the two files tells several
+        wheels or runs apart; or its wheel is stuck throughout.
+    """
+    simulated = read_wheel_file(Path(path))
+    if CHANNELS[SLIP] not in simulated:
+        simulated = derive(simulated, wheel)
+    check_signs(simulated, wheel)
+    check_sizes(simulated, wheel)
+    names = [CHANNELS[channel] for channel in ANSWERS if CHANNELS[channel] in simulated]
+    if not names:
+        raise InputError(path, "nothing to compare", expected="torque_Nm, sinkage_m or drawbar_pull_N")
+    to_recorded, to_simulated = _carried_over(table, simulated, path)
+    everywhere, nowhere = np.zeros(len(simulated)), np.zeros(len(simulated), dtype=bool)
+    if not np.isfinite(to_recorded(everywhere, nowhere)).any():
+        raise InputError(path, "no row has the time or the run of one of the recording's", expected="the same drive")
+    holes = np.zeros(len(table), dtype=bool)
+    imposed = {name: simulated[name] if name in simulated else to_simulated(table[name], holes) for name in IMPOSED}
+    load, slip = imposed.values()
+    # A value that was not logged is one between its neighbours; what a stuck wheel does is none of a moving one's.
+    stuck = (load <= 0.0) | (slip >= MOST_SLIP)
+    columns = {**imposed, **{name: simulated[name] for name in names}}
+    beside = {name: to_recorded(np.where(stuck, np.nan, values), stuck) for name, values in columns.items()}
+    of_nothing = ~(np.isfinite(beside[IMPOSED[0]]) & np.isfinite(beside[IMPOSED[1]]))
+    beside = {name: np.where(of_nothing, np.nan, values) for name, values in beside.items()}
+    given = [name for name in IMPOSED if name in simulated]
+    if given and not any(np.isfinite(beside[name]).any() for name in names):
+        raise InputError(
+            path, "no row has an answer with a load and a slip of a wheel that carries load and moves",
+            expected=f"load_N above 0 and slip below {MOST_SLIP} in the rows with an answer",
+        )  # fmt: skip
+    _check_drive(table, {name: beside[name] for name in given}, path)
+    columns = {SIMULATED + name: values for name, values in beside.items()}
+    return WheelTable({**table.columns, **columns}, table.wheel, table.run, table.source)
+
+
+def _check_drive(table: WheelTable, given: Mapping[str, np.ndarray], path: str | Path) -> None:
+    """Refuse a load and a slip (n,) of the simulator's own that cannot be those of the recorded drive."""
+    for name, values in given.items():
+        both = np.isfinite(values) & np.isfinite(table[name])
+        if not both.any():
+            continue
+        own, recorded = values[both], table[name][both]
+        middle, usual = float(np.median(own)), float(np.median(np.abs(recorded)))
+        if name == CHANNELS[LOAD] and not usual / _OTHER_UNIT < middle < usual * _OTHER_UNIT:
+            raise InputError(
+                path, f"{middle:.3g} N (median) where {usual:.3g} N was recorded", place=f"column {name}",
+                expected="the load of the recorded drive, in N, or one of that size",
+            )  # fmt: skip
+        if name == CHANNELS[SLIP]:
+            as_it_is, turned = (float(np.median(np.abs(sign * own - recorded))) for sign in (1.0, -1.0))
+            if usual > _SIGNED and turned < _TURNED_ROUND * as_it_is:
+                raise InputError(
+                    path, f"{middle:.3g} (median) where {float(np.median(recorded)):.3g} was recorded",
+                    place=f"column {name}", expected="the same sign: positive where the wheel drives",
+                )  # fmt: skip
+
+
+def _carried_over(table: WheelTable, simulated: WheelTable, path: str | Path) -> tuple[_Carry, _Carry]:
+    """Give how values of the simulator's rows are carried over to the recorded ones, and the reverse."""
+    if "time_s" in table and "time_s" in simulated:
+        _check_told_apart(table, simulated, path)
+        recorded, other = _clocks(table, simulated)
+        if (twice := other.twice()) is not None:
+            raise InputError(
+                path, f"{twice:g} s in two rows", place="column time_s",
+                expected="each time once, or columns wheel and run that tell the rows apart",
+            )  # fmt: skip
+        steps = recorded.steps()
+        apart = 0.0 if is_of_trials(table) else _APART
+        return partial(_by_time, recorded, other, steps, apart), partial(_by_time, other, recorded, steps, apart)
+    if table.run is not None and simulated.run is not None:
+        runs = np.asarray(table.run).astype(str), np.asarray(simulated.run).astype(str)
+        return partial(_by_run, *runs), partial(_by_run, *runs[::-1])
+    raise InputError(path, "neither time_s nor run in both files", expected="the clock or the runs of the recording")
+
+
+def _check_told_apart(table: WheelTable, simulated: WheelTable, path: str | Path) -> None:
+    """Refuse rows of several wheels, or of several runs at one time, that only one of the files tells apart."""
+    for column in ("wheel", "run"):
+        named = [getattr(each, column) for each in (table, simulated)]
+        if (named[0] is None) == (named[1] is None):
+            continue
+        lacking, labels, clock = (
+            (path, named[0], table["time_s"]) if named[1] is None else (table.source, named[1], simulated["time_s"])
+        )
+        names, of = np.unique(np.asarray(labels).astype(str), return_inverse=True)
+        order = np.argsort(clock, kind="stable")
+        changes = np.count_nonzero(np.diff(of[order]))
+        if len(names) > 1 and (column == "wheel" or changes >= len(names)):
+            several = ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
+            raise InputError(lacking, f"no column {column}", expected=f"which of {several} each row is of")
+
+
+@dataclass(frozen=True)
+class _Clock:
+    """When rows were taken (n,) [s], and under which label, wheel and run, each stands."""
+
+    time_s: np.ndarray
+    label: np.ndarray
+
+    def of(self, label: str) -> np.ndarray:
+        """Rows (k,) with a time under a label, in its order."""
+        rows = np.flatnonzero((self.label == label) & np.isfinite(self.time_s))
+        return rows[np.argsort(self.time_s[rows], kind="stable")]
+
+    def steps(self) -> dict[str, float]:
+        """Usual time [s] from a row to the next, by label; 0 where there is one row."""
+        each = {label: np.diff(self.time_s[self.of(label)]) for label in np.unique(self.label)}
+        return {
+            label: float(np.median(step[step > 0.0])) if (step > 0.0).any() else 0.0 for label, step in each.items()
+        }
+
+    def twice(self) -> float | None:
+        """A time that stands twice under a label [s]."""
+        for label in np.unique(self.label):
+            time_s = self.time_s[self.of(label)]
+            if (same := np.diff(time_s) == 0.0).any():
+                return float(time_s[1:][same][0])
+        return None
+
+
+def _by_run(wanted: np.ndarray, runs: np.ndarray, values: np.ndarray, _holes: np.ndarray) -> np.ndarray:
+    """Values (m,) of each run that is wanted (n,): row by row where it has as many, else their mean."""
+    answer = np.full(len(wanted), np.nan)
+    for name in np.unique(wanted):
+        rows, there = np.flatnonzero(wanted == name), np.flatnonzero(runs == name)
+        if len(rows) == len(there):
+            answer[rows] = values[there]
+        elif np.isfinite(values[there]).any():
+            answer[rows] = np.nanmean(values[there])
+    return answer
+
+
+def _by_time(
+    wanted: _Clock, known: _Clock, steps: Mapping[str, float], apart: float, values: np.ndarray, holes: np.ndarray
+) -> np.ndarray:
+    """Interpolate values (m,) within each wheel and run, (n,), past those that are none, but not past holes.
+
+    NaN outside the time of those, between two more than `apart` of the recording's `steps` [s] from each other, and
+    beside a hole: what happens there is not told by a straight line.
+    """
+    answer = np.full(len(wanted.time_s), np.nan)
+    for label in np.unique(wanted.label):
+        there, rows, step = known.of(label), np.flatnonzero(wanted.label == label), steps.get(label, 0.0)
+        there = there[np.isfinite(values[there]) | holes[there]]
+        if there.size:
+            at_s, time_s, seen = wanted.time_s[rows], known.time_s[there], ~holes[there]
+            line = np.interp(at_s, time_s, np.where(seen, values[there], 0.0))
+            whole = np.interp(at_s, time_s, seen.astype(float)) > 1.0 - 1e-6
+            answer[rows] = np.where(whole & _near(at_s, time_s, apart * step, _AT * step), line, np.nan)
+    return answer
+
+
+def _near(wanted: np.ndarray, time_s: np.ndarray, farthest_s: float, at_s: float) -> np.ndarray:
+    """(k,) True for times with one of others (m,), ascending, at them or close by on both sides."""
+    after = np.clip(np.searchsorted(time_s, wanted), 0, len(time_s) - 1)
+    before = np.maximum(after - 1, 0)
+    away = np.minimum(np.abs(time_s[after] - wanted), np.abs(time_s[before] - wanted))
+    between = (wanted >= time_s[0]) & (wanted <= time_s[-1])
+    return (between & (time_s[after] - time_s[before] <= farthest_s)) | (away <= at_s)
+
+
+def _clocks(*tables: WheelTable) -> list[_Clock]:
+    """Give the clocks of tables, their rows under wheel and run as far as all of the tables name them."""
+    labels = [np.full(len(table), "", dtype=object) for table in tables]
+    for names in ([table.wheel for table in tables], [table.run for table in tables]):
+        if all(each is not None for each in names):
+            labels = [label + "/" + np.asarray(each, dtype=object) for label, each in zip(labels, names, strict=True)]
+    return [_Clock(table["time_s"], label.astype(str)) for table, label in zip(tables, labels, strict=True)]

@@ -1,0 +1,227 @@
+"""Which measurement would tell two explanations apart: the drive, channel or prior expected to inform most.
+
+If one explanation is right, how much worse would the other fit once refitted? Computed for the recording with a channel
+added, for a soil known from elsewhere, for other drives, and for a check of the instrument that one of them suspects.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..effects.drive import select_rows
+from ..effects.effect import PULL, SINKAGE, TORQUE, Drive
+from ..forward import CHANNELS
+from .fit import Fitted
+from .likelihood import Problem
+from .search import Hypothesis
+from .steps import scaled_inverse
+
+_NAMES = {TORQUE: "wheel torque", SINKAGE: "sinkage", PULL: "drawbar pull"}
+_NEW_SENSOR = 0.01
+"""Noise of a channel that is not there yet, as a share of its root mean square [-]."""
+
+_CHECKS = {
+    "torque_offset": (TORQUE, "read the torque with the wheel lifted and at rest"),
+    "sinkage_offset": (SINKAGE, "read the sinkage with the wheel on a hard, flat floor"),
+    "torque_gain": (None, "hang a known weight on a lever at the wheel and read the torque"),
+    "load_gain": (None, "stand the wheel on a scale and read the load"),
+    "rolling_radius": (None, "count the wheel's turns over a measured distance on a hard floor"),
+}
+"""How an instrument is checked by itself: a zero against its channel's noise, a gain against `_CHECKED_TO`."""
+
+_CHECKED_TO, _READINGS = 0.01, 100
+"""Relative accuracy of such a check of a gain [-], and readings over which one of a zero is averaged."""
+
+_ROWS = 240
+ENOUGH = 5.0
+"""Expected nats from which on a measurement is worth proposing."""
+
+
+_DRIVEN = 0.85
+"""Share of a range that was driven already, from which on it is nothing new to drive it [-]."""
+
+_SHEAR_TEST = "give cohesion and friction from a shear test (--soil)"
+
+
+def would_tell(problem: Problem, right: Hypothesis, *others: Hypothesis) -> str:
+    """Propose the measurement that would tell a set of effects best from others, with its expected nats; from most of
+    them where none tells it from all, and then it says for or against which it is.
+
+    Without others it is the set's form that is doubted: a soil known from elsewhere tells whether it is right.
+    """
+    if not others:
+        return "" if problem.known.values else f"{_SHEAR_TEST}, which the soil found agrees with if the form is right"
+    proposals = [
+        (text, number, nats)
+        for number, other in enumerate(others)
+        for ask in (_channels, _known_soil, _drives, _checks)
+        for nats, text in ask(problem, right, other)
+        if nats >= ENOUGH
+    ]
+    # By text, what it tells from which of the others.
+    told: dict[str, dict[int, float]] = {}
+    for text, number, nats in proposals:
+        told.setdefault(text, {})[number] = nats
+    if not told:
+        return (
+            "none of the measurements considered (further channels, known soil, other loads, slips and speeds, "
+            "checks of instruments)"
+        )
+    text, nats = max(told.items(), key=lambda pair: (len(pair[1]), min(pair[1].values())))
+    *names, last = dict.fromkeys(_apart(right, others[number]) for number in nats)
+    told_apart = f"{', '.join(names)} and {last}" if names else last
+    only = "" if len(nats) == len(others) else f", for or against {told_apart}"
+    return f"{text} (expected {min(nats.values()):.0f} nats{only})"
+
+
+def _apart(right: Hypothesis, other: Hypothesis) -> str:
+    """Name what another set has that the right one has not."""
+    return " with ".join(sorted(slug.replace("_", " ") for slug in other.slugs - right.slugs or other.slugs))
+
+
+def _channels(problem: Problem, right: Hypothesis, other: Hypothesis) -> list[tuple[float, str]]:
+    """The same drive with one more channel."""
+    answer = []
+    drive, imposed = problem.samples.drive, problem.imposed
+    for channel in (PULL, TORQUE, SINKAGE):
+        if channel in problem.answers:
+            continue
+        noise = np.full(5, np.nan)
+        noise[problem.answers] = right.fitted.noise.sd
+        truth = right.fitted.model.predict(drive, imposed, right.fitted.vector, right.fitted.theta_1).channels
+        noise[channel] = _NEW_SENSOR * float(np.sqrt(np.nanmean(truth[:, channel] ** 2))) + 1e-12
+        nats = _expected(drive, imposed, noise, right.fitted, other.fitted, None)
+        answer.append((nats, f"measure {_NAMES[channel]} ({CHANNELS[channel]}) on the same drive"))
+    return answer
+
+
+def _known_soil(problem: Problem, right: Hypothesis, other: Hypothesis) -> list[tuple[float, str]]:
+    """Cohesion and friction from a shear test, good to 10 % of the strength, unless they are known."""
+    if {"c_Pa", "phi_rad"} <= set(problem.known.values):
+        return []
+    a, b = right.fitted, other.fitted
+    scale = np.array([max(0.1 * a.vector[0], 100.0), 0.1 * a.vector[1]])
+    away = (a.vector[:2] - b.vector[:2]) ** 2
+    spread = scale**2 + np.diag(b.covariance(problem))[:2] + np.diag(a.covariance(problem))[:2]
+    return [(0.5 * float(np.sum(away / spread)), _SHEAR_TEST)]
+
+
+def _checks(problem: Problem, right: Hypothesis, other: Hypothesis) -> list[tuple[float, str]]:
+    """A look at the instrument that one explanation takes to be at fault and the other does not."""
+    answer = []
+    for trial, without in ((right, other), (other, right)):
+        for effect, where in trial.fitted.model.slices():
+            if effect.slug not in _CHECKS or effect.slug in without.slugs:
+                continue
+            channel, text = _CHECKS[effect.slug]
+            spread = _CHECKED_TO
+            if channel is not None:
+                spread = trial.fitted.noise.sd[problem.answers.index(channel)] / math.sqrt(_READINGS)
+            answer.append((0.5 * (float(trial.fitted.vector[where][0]) / spread) ** 2, text))
+    return answer
+
+
+def _drives(problem: Problem, right: Hypothesis, other: Hypothesis) -> list[tuple[float, str]]:
+    """Other drives with the same sensors: more loads, more slip, more speeds, a second pass, a slope; none of what was
+    driven already, and of each what it tells more than as many rows of the present drive once more.
+    """
+    samples = problem.samples
+    load, slip = problem.imposed[:, 0], problem.imposed[:, 1]
+    grid = np.linspace(0.0, 1.0, _ROWS)
+    middle = float(np.median(load))
+    speed = samples.drive.rim_speed_m_s
+    usual = float(np.nanmedian(np.abs(speed))) if np.isfinite(speed).any() else 0.1
+    low, high = np.quantile(slip, [0.05, 0.95])
+
+    def sweep(first: float, last: float, turns: int) -> np.ndarray:
+        return first + (last - first) * np.abs((grid * turns * 2.0) % 2.0 - 1.0)
+
+    plans = {
+        "drive with loads from half to one and a half of the present ones": (
+            "load", dict(load=middle * sweep(0.5, 1.5, 5), slip=sweep(low, high, 13))
+        ),
+        "drive with slips from 0 to 0.6": (
+            "slip", dict(slip=sweep(0.0, 0.6, 7), load=np.interp(grid, [0, 1], [load.min(), load.max()]))
+        ),
+        "drive at speeds from a third to three times the present one": (
+            "speed", dict(speed=usual * 3.0 ** sweep(-1.0, 1.0, 3), slip=sweep(low, high, 13))
+        ),
+        "drive twice more in the same rut": (
+            "number", dict(number=1.0 + np.floor(grid * 2.999), slip=sweep(low, high, 9))
+        ),
+        "drive on slopes from -10 to 10 degrees, pitch measured": (
+            "pitch", dict(pitch=np.radians(sweep(-10.0, 10.0, 3)), slip=sweep(low, high, 11))
+        ),
+    }  # fmt: skip
+    noise = np.full(5, np.nan)
+    noise[problem.answers] = right.fitted.noise.sd
+    answer = []
+    driven = samples.drive
+    before = {
+        "load": load, "slip": slip, "speed": np.log(np.where(speed == 0.0, np.nan, np.abs(speed))),
+        "number": driven.pass_number, "pitch": driven.pitch_rad,
+    }  # fmt: skip
+    along = np.linspace(0, len(load) - 1, _ROWS).round().astype(int)
+    once_more = _expected(
+        select_rows(driven, along), problem.imposed[along], noise, right.fitted, other.fitted, problem
+    )  # fmt: skip
+    for text, (varied, plan) in plans.items():
+        wanted = np.log(plan["speed"]) if varied == "speed" else plan[varied]
+        if _driven(before[varied], wanted):
+            continue
+        imposed = np.column_stack([plan.get("load", np.full(_ROWS, middle)), plan.get("slip", np.full(_ROWS, 0.2))])
+        drive = _hypothetical(samples.drive, imposed, plan, usual, samples.wheel.radius_m)
+        nats = _expected(drive, imposed, noise, right.fitted, other.fitted, problem)
+        answer.append((nats - once_more, text))
+    return answer
+
+
+def _driven(before: np.ndarray, wanted: np.ndarray) -> bool:
+    """Say whether values (n,) of a drive, some of which may not be known, take in what is wanted (m,)."""
+    known = before[np.isfinite(before)]
+    if not len(known):
+        return False
+    low, high = np.quantile(known, [0.05, 0.95])
+    return bool(min(high, wanted.max()) - max(low, wanted.min()) > _DRIVEN * np.ptp(wanted))
+
+
+def _hypothetical(drive: Drive, imposed: np.ndarray, plan: dict, usual: float, radius: float) -> Drive:
+    rows = len(imposed)
+    rim = plan.get("speed", np.full(rows, usual))
+    time_s = (
+        np.linspace(np.nanmin(drive.time_s), np.nanmax(drive.time_s), rows)
+        if np.isfinite(drive.time_s).any()
+        else np.full(rows, np.nan)
+    )
+    # On the ground that is known.
+    along = np.linspace(0, len(drive.slip) - 1, rows).round().astype(int)
+    place, x_m, y_m = (each[along] for each in (drive.place_m, drive.x_m, drive.y_m))
+    return Drive(
+        load_N=imposed[:, 0], slip=imposed[:, 1], time_s=time_s, travel_speed_m_s=rim * (1.0 - imposed[:, 1]),
+        rim_speed_m_s=rim, wheel_angle_rad=np.linspace(0.0, 8.0 * np.pi, rows),
+        pitch_rad=plan.get("pitch", np.zeros(rows)), pass_number=plan.get("number", np.ones(rows)), place_m=place,
+        x_m=x_m, y_m=y_m,
+        acceleration_m_s2=np.zeros(rows), angular_acceleration_rad_s2=np.zeros(rows), stretch=np.zeros(rows, dtype=int),
+        slip_before=np.full(rows, np.abs(imposed[:, 1]).mean()),
+    )  # fmt: skip
+
+
+def _expected(
+    drive: Drive, imposed: np.ndarray, noise: np.ndarray, right: Fitted, other: Fitted, problem: Problem | None
+) -> float:
+    """Nats by which the other explanation, refitted, would fall behind if one is right."""
+    seen = np.flatnonzero(np.isfinite(noise))
+    truth = right.model.predict(drive, imposed, right.vector).channels[:, seen]
+    answer = other.model.linearise(drive, imposed, other.vector, None)
+    away = (truth - answer.channels[:, seen]) / noise[seen]
+    columns = answer.by_parameter[:, seen] / noise[seen, None]
+    good = np.asarray(np.isfinite(away).all(axis=1) & np.isfinite(columns).all(axis=(1, 2)))
+    if good.sum() < 0.5 * len(good):
+        return 0.0
+    away, columns = away[good].ravel(), columns[good].reshape(-1, columns.shape[-1])
+    # On a new drive the fit to the present one holds the parameters where they are.
+    held = scaled_inverse(other.covariance(problem)) if problem is not None else 0.0
+    gradient = columns.T @ away
+    return 0.5 * float(away @ away - gradient @ scaled_inverse(columns.T @ columns + held) @ gradient)

@@ -1,0 +1,143 @@
+"""Evidence of a hypothesis: the probability of the recording with all parameters integrated out, by Laplace's method.
+
+D. J. C. MacKay, Neural Computation 4 (1992), 415-447; R. E. Kass, A. E. Raftery, J. Am. Stat. Assoc. 90 (1995), 773-795.
+What no effect of the catalogue explains competes as a discrepancy: a smooth function of what the drive varies, linear in
+its coefficients, which are integrated out exactly (M. C. Kennedy, A. O'Hagan, J. R. Stat. Soc. B 63 (2001), 425-464).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial.legendre import legvander
+from scipy.special import erfcx, logsumexp
+
+from ..augmented import SOIL_COUNT
+from ..effects.effect import Drive
+from .fit import Fitted
+from .likelihood import Problem
+from .steps import log_determinant, normal_equations, scaled_inverse
+
+AMPLITUDES = (0.3, 1.0, 3.0, 10.0, 30.0)
+"""Standard deviations of each of the discrepancy's coefficients, in units of the channel's noise, over which its
+evidence is averaged [-]."""
+
+_VARIES = 0.02
+"""Share of its mean by which load has to vary, for a discrepancy to depend on it [-]."""
+
+
+def log_evidence(problem: Problem, fitted: Fitted) -> float:
+    """ln of the evidence of a fit's model [nats], up to a constant that all models of the same samples share."""
+    prior = problem.prior(fitted.model)
+    information = fitted.information(problem)
+    gradient, _ = normal_equations(fitted.white.innovations, fitted.white.jacobian)
+    gradient = gradient - prior.precision * (fitted.vector - prior.mean)
+    low, high = fitted.vector <= prior.lower, fitted.vector >= prior.upper
+    bound = (low & (gradient < 0.0)) | (high & (gradient > 0.0))
+    inside = ~bound
+    answer = fitted.score - 0.5 * log_determinant(information[np.ix_(inside, inside)])
+    # Beyond a bound there is nothing: the tail inside of it is integrated as an exponential that bends.
+    curvature = np.diag(information)[bound]
+    answer += float(np.sum(np.log(0.5 * erfcx(np.abs(gradient[bound]) / np.sqrt(2.0 * curvature)))))
+    answer -= 0.5 * float(np.sum(np.log(curvature)))
+    return answer + 0.5 * float(np.sum(np.log(prior.precision[SOIL_COUNT:])))
+
+
+@dataclass(frozen=True)
+class Discrepancy:
+    """A smooth function of what the drive varies, added to the answers.
+
+    log_evidence: ln of the Bayes factor of a model with it over the same model without it [nats]; mean (n, m) what it
+    adds to the answers, SI; amplitude: its size in units of the channels' noise, root mean square.
+    """
+
+    log_evidence: float
+    mean: np.ndarray
+    amplitude: float
+
+
+def discrepancy(problem: Problem, fitted: Fitted) -> Discrepancy:
+    """Weigh a discrepancy beside a fit, the fit's parameters following along."""
+    courses = smooth_courses(problem.samples.drive)
+    rows, count = courses.shape
+    channels, size = len(problem.answers), len(fitted.vector)
+    extra = np.zeros((rows, channels, count * channels))
+    for channel in range(channels):
+        extra[:, channel, channel * count : (channel + 1) * count] = courses * fitted.noise.sd[channel]
+    columns = np.concatenate([problem.columns(fitted.response), np.where(problem.seen[..., None], extra, 0.0)], axis=-1)
+    white, _ = problem.whiten(columns, fitted.noise, fitted.response)
+    gradient, information = normal_equations(white[..., 0], white[..., 1:])
+    prior = problem.prior(fitted.model)
+    gradient[:size] += prior.precision * (prior.mean - fitted.vector)
+    information[np.arange(size), np.arange(size)] += prior.precision
+    alone, alone_scale = _gain(information[:size, :size], gradient[:size])
+    terms, coefficients = [], []
+    for amplitude in AMPLITUDES:
+        with_prior = information.copy()
+        further = np.arange(size, len(gradient))
+        with_prior[further, further] += amplitude**-2.0
+        gain, scale = _gain(with_prior, gradient)
+        terms.append(gain - alone - 0.5 * (scale - alone_scale) - len(further) * math.log(amplitude))
+        coefficients.append((scaled_inverse(with_prior) @ gradient)[size:])
+    best = coefficients[int(np.argmax(terms))]
+    mean = extra @ best
+    return Discrepancy(
+        float(logsumexp(terms)) - math.log(len(AMPLITUDES)), mean,
+        float(np.sqrt(np.mean((mean / fitted.noise.sd)[problem.seen] ** 2))),
+    )  # fmt: skip
+
+
+def _gain(information: np.ndarray, gradient: np.ndarray) -> tuple[float, float]:
+    """Gain of a Newton step [nats], and ln of the information's determinant."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
+    scaled = information * np.outer(scale, scale)
+    scaled[np.diag_indices_from(scaled)] += 1e-10
+    pull = scale * gradient
+    return 0.5 * float(pull @ np.linalg.solve(scaled, pull)), log_determinant(information)
+
+
+def smooth_courses(drive: Drive) -> np.ndarray:
+    """Functions (n, k) that a discrepancy is a sum of: Legendre polynomials of slip, load, time, speed and pass."""
+    columns = [np.ones((len(drive), 1)), legvander(_scaled(drive.slip), 4)[:, 1:]]
+    if drive.load_N.std() > _VARIES * drive.load_N.mean():
+        load = legvander(_scaled(drive.load_N), 3)[:, 1:]
+        columns += [load, (_scaled(drive.slip) * _scaled(drive.load_N))[:, None]]
+    if drive.timed and drive.has("time_s"):
+        columns.append(legvander(_scaled(drive.time_s), 4)[:, 1:])
+    if drive.has("rim_speed_m_s"):
+        columns.append(legvander(_scaled(np.log(np.abs(drive.rim_speed_m_s) + 1e-6)), 2)[:, 1:])
+    if drive.has("pass_number"):
+        columns.append(legvander(_scaled(drive.pass_number), 2)[:, 1:])
+    if drive.has("pitch_rad"):
+        columns.append(_scaled(drive.pitch_rad)[:, None])
+    for name in ("acceleration_m_s2", "angular_acceleration_rad_s2"):
+        if drive.has(name):
+            columns.append(_scaled(getattr(drive, name))[:, None])
+    return np.column_stack(columns)
+
+
+def _scaled(values: np.ndarray) -> np.ndarray:
+    """Values (n,) laid out between -1 and 1, 0 where unknown."""
+    low, high = np.nanmin(values), np.nanmax(values)
+    return np.nan_to_num(2.0 * (values - low) / max(high - low, 1e-12) - 1.0)
+
+
+def dependence(problem: Problem, beside: Discrepancy) -> list[tuple[int, str, float]]:
+    """Channel, the variable that explains most of the discrepancy in it, and its size in noises, the largest first."""
+    drive, answer = problem.samples.drive, []
+    variables = {"slip": drive.slip, "load_N": drive.load_N}
+    for name in ("time_s", "rim_speed_m_s", "pass_number", "pitch_rad"):
+        if drive.has(name) and (name != "time_s" or drive.timed):
+            variables[name] = getattr(drive, name)
+    for position, channel in enumerate(problem.answers):
+        course = beside.mean[:, position]
+        size = float(np.sqrt(np.mean(course[problem.seen[:, position]] ** 2)))
+        left = {}
+        for name, values in variables.items():
+            basis = legvander(_scaled(values), 4)
+            fitted = basis @ np.linalg.lstsq(basis, course, rcond=None)[0]
+            left[name] = float(np.var(course - fitted))
+        answer.append((channel, min(left, key=left.__getitem__), size / float(problem.first_noise.sd[position])))
+    return sorted((each for each in answer if each[2] > 0.2), key=lambda each: -each[2])[:2]

@@ -1,0 +1,111 @@
+"""`explain`: why simulation and recording differ, in one pass."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from pathlib import Path
+
+from threadpoolctl import threadpool_limits
+
+from ...framework.core.arguments import path_of, refused, whole
+from ...framework.core.recording.types import Recording
+from ...framework.core.soil import SoilKnowledge, as_knowledge
+from ...framework.core.vehicle import Vehicle
+from ..effects.catalogue import SLUGS
+from ..felt_rows import felt_rows, only_steady
+from ..identify import open_recording
+from .answer import assemble, choose
+from .attach import attach
+from .explanation import Explanation
+from .fit import fit_textbook
+from .locate import locate
+from .posterior import posterior
+from .samples import gather
+from .search import search
+from .simulated import as_differences
+from .words import summarise, trust
+
+
+def explain(
+    recording: Recording | str | Path,
+    *,
+    vehicle: Vehicle | str | Path | None = None,
+    soil: SoilKnowledge | str | Path | None = None,
+    simulated: str | Path | None = None,
+    seed: int = 0,
+    catalogue: Iterable[str] | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Explanation:
+    """Compare a recording with the simulation, and say what the simulation leaves out.
+
+    Parameters
+    ----------
+    recording
+        A recording, or the path of one, or of a single wheel file.
+    vehicle
+        The vehicle, or its TOML file; the recording's own where absent.
+    soil
+        What is known of the soil from elsewhere, or its TOML file: it breaks ties.
+    simulated
+        Another simulator's wheel file for the same drive; the built-in simulator, its soil refitted, where absent.
+    seed
+        Of the resampling behind the intervals of held-out errors.
+    catalogue
+        Public names of the effects to consider; all where absent.
+    progress
+        Called with what is being done, in words.
+
+    Returns
+    -------
+    Explanation
+        The answer, of whatever kind; see `Explanation.verdict`.
+
+    Raises
+    ------
+    InputError
+        The recording has no wheel channels or geometry, lacks channels or rows to compare, or a name is unknown.
+    """
+    began, tell = time.perf_counter(), progress or (lambda _: None)
+    seed, considered = whole("seed", seed), _considered(catalogue)
+    opened, known = open_recording(recording, vehicle), as_knowledge(soil)
+    if simulated is not None:
+        simulated = path_of("simulated", simulated, "the path of a wheel file")
+    rows = felt_rows(opened, every_row=simulated is not None)
+    table, notes = rows.table, (*opened.problems, *rows.problems)
+    if simulated is not None:
+        table, unsteady = only_steady(attach(table, simulated, rows.wheel))
+        notes = (*notes, *unsteady)
+    # Fits run side by side: more of BLAS's own threads would only wait for each other.
+    with threadpool_limits(1):
+        samples, own = gather(table, rows.wheel, rows.vehicle), None
+        if simulated is not None:
+            tell("fitting the textbook wheel to the other simulator")
+            samples, own = as_differences(samples, simulated)
+        tell("fitting the soil")
+        problem, textbook = fit_textbook(samples, known)
+        found = search(problem, textbook, considered, tell)
+        tell("weighing what was fitted")
+        weighed = posterior(found)
+        chosen = choose(problem, found, weighed)
+        tell("locating the mismatch")
+        regions = locate(problem, chosen.hypothesis.fitted)
+        answer = assemble(
+            problem, found, weighed, chosen, regions, source=str(opened.source), seed=seed, began=began, notes=notes,
+            simulated=own,
+        )  # fmt: skip
+    return replace(answer, summary=summarise(answer), trust=trust(answer), seconds=time.perf_counter() - began)
+
+
+def _considered(catalogue: Iterable[str] | None) -> tuple[str, ...]:
+    """Public names of the effects to consider; raises `InputError` where they are no list, or one is no effect."""
+    if catalogue is None:
+        return SLUGS
+    if isinstance(catalogue, str) or not isinstance(catalogue, Iterable):
+        raise refused("catalogue", catalogue, "a list of names of effects")
+    names = tuple(catalogue)
+    for each in names:
+        if each not in SLUGS:
+            raise refused("catalogue", each, "one of " + ", ".join(SLUGS))
+    return names

@@ -1,0 +1,256 @@
+"""What `explain` answers: where simulation and recording differ, what was left out, and what modelling it gains."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from ..augmented import AugmentedWheel
+from ..effects.stored import AugmentedSimulator
+
+Verdict = Literal["none", "physics", "instrument", "unknown", "cannot_tell"]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value and its standard deviation."""
+
+    value: float
+    sd: float
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class Region:
+    """Where a channel leaves the simulation: an interval of a variable.
+
+    Where the variable is ``"constant"`` the interval is that of the channel's offset, where it is ``"lag_s"`` of its
+    delay. `share` is what this variable adds there to those told before, of all that is told; `p_value` is corrected
+    for the number of questions asked; `mean` is the residual there in units of the channel's noise.
+    """
+
+    channel: str
+    variable: str
+    start: float
+    end: float
+    share: float
+    p_value: float
+    mean: float
+
+
+@dataclass(frozen=True)
+class Missing:
+    """Something that was left out, with its share of the probability.
+
+    `kind` is ``"physics"``, ``"instrument"`` or ``"unknown"``; `form` says which published form, or which channel.
+    """
+
+    effect: str
+    kind: str
+    form: str
+    probability: float
+    parameters: dict[str, Estimate]
+    equation: str
+    source: str
+    indistinguishable_from: tuple[str, ...] = ()
+    would_tell: str = ""
+    description: str = ""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A hypothesis that was fitted: an effect or a set of them.
+
+    `evidence_nats` is ln of its evidence over the textbook wheel's, and `heldout_nats` its gain in log-likelihood on
+    held-out blocks over the textbook wheel.
+    """
+
+    effect: str
+    kind: str
+    probability: float
+    evidence_nats: float
+    heldout_nats: float
+    parameters: dict[str, Estimate]
+
+
+@dataclass(frozen=True)
+class Screened:
+    """An effect that was not fitted: a score test gives it so few nats."""
+
+    effect: str
+    expected_nats: float
+
+
+@dataclass(frozen=True)
+class ChannelFit:
+    """Root-mean-square error of a channel on held-out rows, without and with what was missing, and its noise, in SI.
+
+    `before_interval` and `after_interval` are 95 % intervals from resampling blocks.
+    """
+
+    rmse_before: float
+    rmse_after: float
+    noise: float
+    n: int
+    before_interval: tuple[float, float]
+    after_interval: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The rows compared, for pictures: variables (each (n,)), measured, before and after (n, m), held out."""
+
+    channels: tuple[str, ...]
+    variables: dict[str, np.ndarray]
+    measured: np.ndarray
+    before: np.ndarray
+    after: np.ndarray
+    noise: np.ndarray
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """The answer.
+
+    Parameters
+    ----------
+    source
+        The recording.
+    verdict
+        ``"none"``: nothing beyond noise. ``"cannot_tell"``: something, whose possible causes the data do not separate.
+    summary
+        The answer in a few sentences.
+    soil
+        Soil with the missing physics in the model, by name, SI.
+    soil_textbook
+        Soil of the textbook wheel, for comparison.
+    trust
+        What the report can vouch for: prediction, parameters.
+    located, missing, candidates
+        See their types.
+    fits
+        By channel.
+    split
+        How rows were held out.
+    heldout_nats
+        Gained by the best candidate, as `Candidate.heldout_nats`, with the scatter between blocks.
+    notes
+        What was left out of the comparison, in words.
+    rows
+        For pictures.
+    simulator
+        The textbook wheel with what was missing, its parameter vector `vector` (p,), and the vector's `covariance`
+        (p, p).
+    believed
+        Probability of each of the simulator's effects, by slug.
+    seconds
+        Time taken.
+    """
+
+    source: str
+    verdict: Verdict
+    summary: str
+    soil: dict[str, Estimate]
+    soil_textbook: dict[str, Estimate]
+    trust: str
+    located: tuple[Region, ...]
+    missing: tuple[Missing, ...]
+    candidates: tuple[Candidate, ...]
+    fits: dict[str, ChannelFit]
+    split: str
+    heldout_nats: Estimate
+    notes: tuple[str, ...]
+    rows: Rows
+    simulator: AugmentedWheel
+    vector: np.ndarray
+    seconds: float
+    sound: dict | None = None
+    seed: int = 0
+    n: int = field(default=0)
+    covariance: np.ndarray | None = None
+    believed: dict[str, float] = field(default_factory=dict)
+    screened: tuple[Screened, ...] = ()
+
+    @property
+    def physics(self) -> AugmentedSimulator:
+        """Soil and effects as found: to simulate and predict with, to save, to keep with a class of ground.
+
+        The textbook wheel's soil alone where nothing was found. Each effect has the probability of its being there:
+        where that is low, because these data do not tell what was left out, others would do as well. Soil and effects
+        are known as well as they are if the effects are right; `soil` and `missing` count those that may be, too. A
+        smooth correction that stands in for something unknown is not part of it: it holds in the recording alone.
+        """
+        return AugmentedSimulator.of(self.simulator, self.vector, self.covariance, self.believed)
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _quantities(estimates: dict[str, Estimate]) -> dict:
+    return {
+        name: {"value": _number(each.value), "sd": _number(each.sd), **({"unit": each.unit} if each.unit else {})}
+        for name, each in estimates.items()
+    }
+
+
+def to_json(explanation: Explanation) -> dict:
+    """Lay the answer out as the documented JSON (schema 1)."""
+    answer = {
+        "schema": 1,
+        "verdict": explanation.verdict,
+        "summary": explanation.summary,
+        "n": explanation.n,
+        "soil": _quantities(explanation.soil),
+        "soil_textbook": _quantities(explanation.soil_textbook),
+        "trust": explanation.trust,
+        "located": [
+            {
+                "channel": region.channel, "variable": region.variable, "from": region.start, "to": region.end,
+                "share": region.share, "p_value": region.p_value, "mean_residual_in_noise": region.mean,
+            }
+            for region in explanation.located
+        ],
+        "missing": [
+            {
+                "effect": each.effect, "kind": each.kind, "form": each.form, "probability": each.probability,
+                "parameters": _quantities(each.parameters), "equation": each.equation, "source": each.source,
+                "indistinguishable_from": list(each.indistinguishable_from), "would_tell": each.would_tell,
+                **({"description": each.description} if each.description else {}),
+            }
+            for each in explanation.missing
+        ],
+        "candidates": [
+            {
+                "effect": each.effect, "kind": each.kind, "probability": each.probability,
+                "evidence_nats": _number(each.evidence_nats), "heldout_nats": _number(each.heldout_nats),
+                "parameters": _quantities(each.parameters),
+            }
+            for each in explanation.candidates
+        ],
+        "screened": [
+            {"effect": each.effect, "expected_nats": _number(each.expected_nats)} for each in explanation.screened
+        ],
+        "fit": {
+            "split": explanation.split,
+            "channels": {
+                name: {
+                    "rmse_before": _number(each.rmse_before), "rmse_after": _number(each.rmse_after),
+                    "noise": _number(each.noise), "n": each.n,
+                    "rmse_before_interval": list(each.before_interval),
+                    "rmse_after_interval": list(each.after_interval),
+                }
+                for name, each in explanation.fits.items()
+            },
+            "heldout_nats_gained": {"value": explanation.heldout_nats.value, "sd": explanation.heldout_nats.sd},
+        },
+        "notes": list(explanation.notes),
+        "seed": explanation.seed,
+        "seconds": explanation.seconds,
+    }  # fmt: skip
+    if explanation.sound is not None:
+        answer["sound"] = explanation.sound
+    return answer

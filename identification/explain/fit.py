@@ -1,0 +1,224 @@
+"""Fits: the soil, the effects of a hypothesis and the noise together, maximum a posteriori by damped Gauss-Newton."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...framework.core.errors import InputError
+from ...framework.core.soil import SoilKnowledge
+from ..augmented import SOIL_COUNT, AugmentedWheel, Entry, Response
+from ..effects.effect import Effect
+from ..mismatch.fit.together import together
+from .likelihood import Problem, White
+from .samples import Samples
+from .steps import normal_equations, scaled_inverse, solve_step
+from .whitening import SMOOTHEST, Noise
+
+LONGEST = np.array([np.inf, 0.5, 1.0, 1.0, 0.5])
+"""Steps of c, tan phi, ln k, ln stiffness and ln n beyond which the model is no straight line."""
+
+_ENOUGH = 0.02
+"""The iteration ends when a step is expected to gain less than this [nats]."""
+
+_SETTLINGS, _MOST_STEPS = 3, 60
+"""Times that the noise is fitted anew at most, and steps of a fit."""
+
+_COARSE = 0.1
+"""Share of a channel's scatter that the first search for a soil takes for noise [-]."""
+
+_LEAST_CARRIED = 0.5
+"""Share of the rows whose load some soil has to carry [-]."""
+
+_SAME = 0.02
+"""Soils that differ by less in tan phi, ln k, ln stiffness and ln n are one to start from [-]."""
+
+NOISE_SHARES = (1.0, 0.5, 0.2, 0.05)
+"""Shares of the white part of load and slip that are weighed where the vehicle does not state their noise [-]."""
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A fit.
+
+    Parameters
+    ----------
+    model, vector, noise
+        The simulator, its parameters (p,) and the noise.
+    score
+        Log-posterior [nats], up to a constant that all fits of the same samples share.
+    white
+        Innovations and their derivatives.
+    response
+        The simulator's answers and derivatives.
+    """
+
+    model: AugmentedWheel
+    vector: np.ndarray
+    noise: Noise
+    score: float
+    white: White
+    response: Response
+
+    @property
+    def theta_1(self) -> np.ndarray:
+        """Entry angles (n,) [rad]."""
+        return self.response.theta_1
+
+    def information(self, problem: Problem) -> np.ndarray:
+        """Information (p, p) of the log-posterior."""
+        _, information = normal_equations(self.white.innovations, self.white.jacobian)
+        return information + np.diag(problem.prior(self.model).precision)
+
+    def covariance(self, problem: Problem) -> np.ndarray:
+        """Covariance (p, p) of the parameters."""
+        return scaled_inverse(self.information(problem))
+
+
+def fit(
+    problem: Problem, model: AugmentedWheel, vector: np.ndarray, noise: Noise | None = None,
+    entry: Entry | None = None, *, known: Response | None = None, steps: int = _MOST_STEPS, settle: bool = True,
+) -> Fitted:  # fmt: skip
+    """Fit a model from a start.
+
+    Parameters
+    ----------
+    problem, model
+        The samples and the simulator.
+    vector : (p,)
+        Where to start.
+    noise, entry
+        Where the noise and the entry angles start.
+    known
+        Response of the model less its last effect at the start, if there is one.
+    steps
+        Most steps.
+    settle
+        Fit the noise as well.
+    """
+    prior = problem.prior(model)
+    vector = np.clip(vector, prior.lower, prior.upper)
+    response = problem.linearise(model, vector, entry, known)
+    if noise is None:
+        noise = problem.best_noise(response, vector, problem.first_noise, model)
+    white = problem.white(response, noise)
+    total = float(white.loss.sum()) + prior.loss(vector)
+    damping, settlings = 1e-3, 0
+    for _ in range(steps):
+        step, expected = _step(white, prior, vector, damping)
+        if expected < _ENOUGH:
+            if not settle or settlings == _SETTLINGS:
+                break
+            before = total + problem.noise_loss(noise)
+            settled = problem.best_noise(response, vector, noise, model)
+            settlings += 1
+            white_there = problem.white(response, settled)
+            there = float(white_there.loss.sum()) + prior.loss(vector)
+            calm = before - there - problem.noise_loss(settled) < 5.0 * _ENOUGH
+            noise, white, total = settled, white_there, there
+            if calm:
+                break
+            continue
+        trial = np.clip(vector + step, prior.lower, prior.upper)
+        answer = problem.linearise(model, trial, response.entry(trial - vector))
+        white_there = problem.white(answer, noise)
+        reached = float(white_there.loss.sum()) + prior.loss(trial)
+        if reached < total:
+            gain = (total - reached) / expected
+            # By how well the gain was foretold (H. B. Nielsen, IMM-REP-1999-05, Technical University of Denmark).
+            damping = max(damping * max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3), 1e-6)
+            vector, response, white, total = trial, answer, white_there, reached
+        else:
+            damping = max(damping, 1e-4) * 10.0
+            if damping > 1e6:
+                break
+    return Fitted(model, vector, noise, -total - problem.noise_loss(noise), white, response)
+
+
+def _step(white: White, prior, vector: np.ndarray, damping: float) -> tuple[np.ndarray, float]:
+    """Damped step (p,), no longer than the model is straight, and the gain expected of it [nats]."""
+    gradient, information = normal_equations(white.innovations, white.jacobian)
+    step, expected = solve_step(gradient, information, prior, vector, damping)
+    share = min(1.0, 1.0 / max(float(np.max(np.abs(step[:SOIL_COUNT]) / LONGEST)), 1e-12))
+    return share * step, expected * share * (2.0 - share)
+
+
+def fit_textbook(samples: Samples, known: SoilKnowledge | None = None) -> tuple[Problem, Fitted]:
+    """Fit the textbook wheel from several soils, and fix how errors spread from it.
+
+    Raises
+    ------
+    InputError
+        No soil carries the load of most rows.
+    """
+    problem = Problem(samples, known, _stated_shares(samples))
+    # Soil first, by what it explains coarsely: variation along the track would explain any soil's residuals.
+    found = together(lambda soil: _coarse(problem, soil), first_soils(problem))
+    starts: list[Fitted] = []
+    for start in sorted(found, key=lambda fitted: -fitted.score):
+        if not any(np.allclose(start.vector[1:], other.vector[1:], atol=_SAME) for other in starts):
+            starts.append(start)
+    model = AugmentedWheel(samples.wheel)
+    fits = together(lambda each: fit(problem, model, each.vector, None, Entry(each.theta_1)), starts)
+    best = max(fits, key=lambda fitted: fitted.score)
+    carried = np.isfinite(best.theta_1)
+    if carried.mean() < _LEAST_CARRIED:
+        load_N = float(np.median(samples.drive.load_N[~carried]))
+        raise InputError(
+            "column load_N", f"no soil carries {load_N:.3g} N, the median of {int((~carried).sum())} of {len(carried)} "
+            "rows", expected=f"newtons on a wheel of {samples.wheel.radius_m:g} m radius",
+        )  # fmt: skip
+    if np.isfinite(problem.gap).any():
+        best = max([best, *together(lambda smooth: _smoother(problem, best, smooth), range(1, SMOOTHEST + 1))],
+                   key=lambda fitted: fitted.score)  # fmt: skip
+    problem.weights = best.response
+    return problem, fit(problem, model, best.vector, best.noise, best.response.entry(np.zeros(SOIL_COUNT)))
+
+
+def _smoother(problem: Problem, fitted: Fitted, smooth: int) -> Fitted:
+    """Fit again with ground that varies more smoothly."""
+    return fit(problem, fitted.model, fitted.vector, replace(fitted.noise, smooth=smooth), Entry(fitted.theta_1))
+
+
+def _stated_shares(samples: Samples) -> tuple[float, float]:
+    """Shares of the white part of load and slip that the sensors' stated noise makes; all of it where none is stated."""
+    shares = []
+    for channel, path in ((0, samples.load), (3, samples.slip)):
+        stated, white = samples.noise[channel] ** 2, float(np.mean(path.white_sd**2))
+        shares.append(min(1.0, max(stated / max(white, 1e-300), 1e-3)) if samples.stated[channel] else 1.0)
+    return shares[0], shares[1]
+
+
+def _coarse(problem: Problem, soil: np.ndarray) -> Fitted:
+    """Fit the textbook wheel to ground that is the same everywhere, by what it leaves as a share of the scatter."""
+    scatter = np.nanstd(problem.samples.measured[:, problem.answers], axis=0)
+    sd = np.where(scatter > 0.0, _COARSE * scatter, problem.first_noise.sd)
+    noise = replace(problem.first_noise, sd=sd, spread=np.full(2, 1e-3))
+    return fit(problem, AugmentedWheel(problem.samples.wheel), soil, noise, steps=15, settle=False)
+
+
+def first_soils(problem: Problem) -> list[np.ndarray]:
+    """Vectors of five to start from: middling soils, stiff enough to carry the load at the sinkage measured."""
+    samples = problem.samples
+    radius, width = samples.wheel.radius_m, samples.wheel.width_m
+    sinkage = samples.measured[:, 2]
+    depth = float(np.nanmedian(sinkage)) if np.isfinite(sinkage).any() else 0.1 * radius
+    depth = float(np.clip(depth, 2e-3 * radius, radius))
+    load = float(np.median(problem.imposed[:, 0]))
+    answer = []
+    for n, k, friction in ((0.8, 0.02, 0.55), (1.1, 0.006, 0.6), (0.6, 0.03, 0.3)):
+        # W is about the mean stress over the chord of the contact.
+        chord = math.sqrt(2.0 * radius * depth)
+        stress = load / (0.75 * width * chord)
+        stiffness = stress * (n + 1.0) / (depth / width) ** n
+        answer.append(np.array([500.0, friction, math.log(k), math.log(stiffness), math.log(n)]))
+    return answer
+
+
+def with_effect(base: Fitted, effect: Effect, start: np.ndarray) -> tuple[AugmentedWheel, np.ndarray]:
+    """Give the model of a fit with one more effect, and where it starts (p,)."""
+    soil, others = np.split(base.vector, [SOIL_COUNT])
+    model = AugmentedWheel(base.model.wheel, (*base.model.effects, effect))
+    return model, np.concatenate([effect.beside(soil), others, start])

@@ -1,0 +1,327 @@
+"""Likelihood of a recording under a model: latent load and slip, sensor noise, ground that varies, gross errors.
+
+All are parts of one Gaussian likelihood with Huber's loss for gross errors, linear in small errors: the model's answers
+at the expected load and slip, and the derivatives of the answers by load, slip, stiffness and strength of the ground,
+say how errors of these spread into the channels.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...framework.core.soil import PARAMETERS, PLAUSIBLE, SoilKnowledge
+from ..augmented import AugmentedWheel, Entry, Response
+from ..forward import slope_of_internal, to_internal
+from .samples import Samples
+from .steps import Prior, normal_equations, solve_step
+from .whitening import Chain, Noise, huber_loss, huber_weight, matern
+
+SOIL_PRIOR = {
+    "c_Pa": (0.0, 2e4), "phi_rad": (0.6, 0.4), "k_m": (math.log(0.012), 1.2), "stiffness_Pa": (0.0, math.inf),
+    "n": (math.log(0.95), 0.5),
+}  # fmt: skip
+"""Mean and standard deviation in internal coordinates: the range of Wong (2010), Table 2.3, wide."""
+
+_LN_NOISE_SD, _LN_STATED_SD = 0.5, 0.1
+"""Prior standard deviation of ln(noise) about what neighbours show, and about what the vehicle states."""
+
+_MEMORY_SD, _MOST_MEMORY = 0.25, 0.97
+"""Prior standard deviation of the autocorrelation of sensor noise about 0, and its upper bound [-]."""
+
+_SPREAD_SD, _LN_LENGTH_SD = 0.05, 1.5
+"""Prior standard deviations: ground varies by some per cent, over a length known to a factor of a few."""
+
+_LEAST_SPREAD, _LEAST_LN_NOISE = 1e-5, -1.5
+"""Bounds: the variation's least standard deviation [-], and how far below what neighbours show ln(noise) may be."""
+
+QUIET = 0.01
+"""Standard deviation of ground that hardly varies [-]."""
+
+_STEEPEST = 1e12
+"""Derivatives beyond this, SI, are those of a wheel about to sink in: they are left out."""
+
+_DIFFERENCE = 1e-4
+"""Step of ln noise, memory, variation and ln length by which innovations are differentiated."""
+
+_NOISE_STEPS, _NOISE_ENOUGH = 12, 0.05
+"""Steps of the noise at most, and the gain of one [nats] below which it is not taken."""
+
+
+@dataclass(frozen=True)
+class White:
+    """Innovations (n, m), their derivatives by the parameters (n, m, p), and each row's loss (n,) [nats]."""
+
+    innovations: np.ndarray
+    jacobian: np.ndarray
+    loss: np.ndarray
+
+
+class Problem:
+    """Samples with their priors.
+
+    Parameters
+    ----------
+    samples
+        The samples.
+    known
+        What is known of the soil from elsewhere.
+    noise_share
+        Shares of the white part of load and of slip that is sensor noise (`latent.Path.latent`) [-].
+    roughest
+        Largest standard deviation of ln stiffness and ln strength along the track [-].
+    """
+
+    def __init__(
+        self, samples: Samples, known: SoilKnowledge | None = None, noise_share: tuple[float, float] = (1.0, 1.0),
+        roughest: float = 1.0,
+    ) -> None:  # fmt: skip
+        self.samples, self.known, self.noise_share = samples, known or SoilKnowledge(), noise_share
+        self._roughest = roughest
+        self.answers = list(samples.answers)
+        self.load, self.slip = samples.load.latent(noise_share[0]), samples.slip.latent(noise_share[1])
+        self.imposed = np.column_stack([self.load.mean, np.clip(self.slip.mean, -1.0, 0.995)])
+        self.seen = np.ascontiguousarray(samples.seen)
+        self.measured = samples.measured[:, self.answers]
+        self.order, self.gap = _neighbours(samples.position, samples.lane)
+        self._back, self._seen_along = np.argsort(self.order), np.ascontiguousarray(self.seen[self.order])
+        self.weights: Response | None = None
+        self.first_noise = self._first_noise()
+
+    def _first_noise(self) -> Noise:
+        finite = self.gap[np.isfinite(self.gap)]
+        track = float(finite.sum()) if finite.size else 1.0
+        shortest = float(np.median(finite[finite > 0.0])) if (finite > 0.0).any() else 1e-3
+        self._length_bounds = shortest, max(0.3 * track, 2.0 * shortest)
+        length = math.sqrt(shortest * self._length_bounds[1])
+        sd = self.samples.noise[self.answers]
+        return Noise(sd, np.zeros(len(sd)), np.full(2, min(0.02, self._roughest)), length)
+
+    def quiet(self) -> Problem:
+        """Give the same with ground that hardly varies, errors spread alike."""
+        answer = Problem(self.samples, self.known, self.noise_share, QUIET)
+        answer.weights = self.weights
+        return answer
+
+    @property
+    def quiet_noise(self) -> Noise:
+        """Noise to start from in ground that hardly varies: variation may have explained what an effect would."""
+        return replace(self.first_noise, spread=np.full(2, QUIET))
+
+    def prior(self, model: AugmentedWheel, *, informed: bool = True) -> Prior:
+        """Priors and bounds of a model's parameter vector; `informed` by what is known of the soil."""
+        mean, sd, lower, upper = [], [], [], []
+        for name in PARAMETERS:
+            if informed and name in self.known.values:
+                at = to_internal(name, self.known.values[name])
+                slope = slope_of_internal(name, self.known.values[name])
+                mean.append(at)
+                sd.append(max(self.known.sd.get(name, 0.0) / slope, 1e-6 * max(abs(at), 1.0)))
+            else:
+                mean.append(SOIL_PRIOR[name][0])
+                sd.append(SOIL_PRIOR[name][1])
+            lower.append(to_internal(name, PLAUSIBLE[name][0]))
+            upper.append(to_internal(name, PLAUSIBLE[name][1]))
+        lower[0] = 0.0
+        for effect, _ in model.slices():
+            for parameter in effect.parameters:
+                mean.append(parameter.null)
+                sd.append(parameter.scale)
+                lower.append(parameter.low)
+                upper.append(parameter.high)
+        sd = np.array(sd)
+        precision = np.where(np.isfinite(sd), 1.0 / sd**2, 0.0)
+        return Prior(np.array(mean), precision, np.array(lower), np.array(upper))
+
+    def linearise(
+        self, model: AugmentedWheel, vector: np.ndarray, entry: Entry | None, known: Response | None = None
+    ) -> Response:
+        """Answer of the model with derivatives; those `known` of the model less its last effect are taken over."""
+        latent = self.weights is None
+        return model.linearise(self.samples.drive, self.imposed, vector, entry, latent=latent, known=known)
+
+    def residuals(self, response: Response) -> np.ndarray:
+        """What a model leaves of the answers (n, m), SI, NaN where not observed."""
+        return np.where(self.seen, self.measured - response.channels[:, self.answers], np.nan)
+
+    def columns(self, response: Response) -> np.ndarray:
+        """Residuals and derivatives (n, m, 1 + p); a wheel that is not carried misses all of what was measured."""
+        residual = self.measured - response.channels[:, self.answers]
+        carried = np.isfinite(residual) | ~self.seen
+        residual = np.where(self.seen, np.where(carried, residual, self.measured), 0.0)
+        slopes = response.by_parameter[:, self.answers]
+        good = (self.seen & np.isfinite(response.channels[:, self.answers]))[..., None] & (np.abs(slopes) < _STEEPEST)
+        return np.concatenate([residual[..., None], np.where(good, slopes, 0.0)], axis=-1)
+
+    def whiten(self, columns: np.ndarray, noise: Noise, response: Response) -> tuple[np.ndarray, np.ndarray]:
+        """Whiten columns (n, m, q), residuals first; give them and ln of each innovation's scale (n, m).
+
+        Errors spread as the `weights` have it, where they are fixed, else as the response has it: hypotheses that are
+        weighed alike can be compared.
+        """
+        in_time, scales = self._in_time(columns, noise, response)
+        white, more = self._in_place(in_time, noise, matern(self.gap, noise))
+        return white, scales + more
+
+    def _in_time(self, columns: np.ndarray, noise: Noise, response: Response) -> tuple[np.ndarray, np.ndarray]:
+        """Whiten columns, and how the channels answer ground (the last two), by errors that go along in time."""
+        weights = self.weights or response
+        ground = np.where(self.seen[..., None], np.nan_to_num(weights.by_ground[:, self.answers]), 0.0)
+        white, scales = self._errors(noise, weights).whiten(np.concatenate([columns, ground], axis=-1), self.seen)
+        return white, np.log(scales)
+
+    def _in_place(
+        self, white: np.ndarray, noise: Noise, transitions: tuple[np.ndarray, np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Whiten what `_in_time` gives by ground that varies from place to place."""
+        loading = np.zeros((*self.seen.shape, 2 * (noise.smooth + 1)))
+        loading[..., :: noise.smooth + 1] = white[..., -2:]
+        field = Chain(*transitions, loading[self.order], np.ones(self.seen.shape))
+        whiter, scales = field.whiten(white[self.order, :, :-2], self._seen_along)
+        return whiter[self._back], np.log(scales[self._back])
+
+    def _errors(self, noise: Noise, weights: Response) -> Chain:
+        """Errors of load and slip, and sensor noise, in order of time."""
+        rows, channels = self.seen.shape
+        by_latent = np.nan_to_num(weights.by_latent[:, self.answers])
+        white = [index for index, latent in enumerate((self.load, self.slip)) if latent.white.any()]
+        remembers = np.flatnonzero(noise.memory > 0.0)
+        size = 4 + len(white) + len(remembers)
+        keep, fresh = np.zeros((rows, size, size)), np.zeros((rows, size, size))
+        loading, variance = np.zeros((rows, channels, size)), np.tile(noise.sd**2, (rows, 1))
+        for index, latent in enumerate((self.load, self.slip)):
+            level = slice(2 * index, 2 * index + 2)
+            keep[:, level, level], fresh[:, level, level] = latent.keep, latent.fresh
+            loading[..., 2 * index] = by_latent[..., index]
+        for state, index in enumerate(white, start=4):
+            fresh[:, state, state], loading[..., state] = (self.load, self.slip)[index].white, by_latent[..., index]
+        for state, channel in enumerate(remembers, start=4 + len(white)):
+            rho = np.where(self.samples.follows, noise.memory[channel], 0.0)
+            keep[:, state, state], fresh[:, state, state] = rho, noise.sd[channel] ** 2 * (1.0 - rho**2)
+            loading[:, channel, state], variance[:, channel] = 1.0, 0.0
+        return Chain(keep, fresh, loading, variance)
+
+    def white(self, response: Response, noise: Noise) -> White:
+        """Innovations of a response, with derivatives and losses."""
+        columns, log_scale = self.whiten(self.columns(response), noise, response)
+        innovations = columns[..., 0]
+        return White(innovations, columns[..., 1:], (huber_loss(innovations) + log_scale).sum(axis=1))
+
+    def loss(self, residuals: np.ndarray, noise: Noise, response: Response) -> np.ndarray:
+        """Loss of each row (n,) [nats] for residuals (n, m), SI."""
+        columns = np.where(self.seen, residuals, 0.0)[..., None]
+        columns, log_scale = self.whiten(columns, noise, response)
+        return (huber_loss(columns[..., 0]) + log_scale).sum(axis=1)
+
+    def noise_prior(self, noise: Noise) -> tuple[Prior, np.ndarray]:
+        """Prior of ln sd (m,), memory (m,), spread (2,) and ln length, and which of them can be estimated."""
+        count = len(self.answers)
+        stated = self.samples.stated[self.answers]
+        shortest, longest = self._length_bounds
+        mean = np.concatenate([np.log(self.first_noise.sd), np.zeros(count + 2), [math.log(self.first_noise.length)]])
+        sd = np.concatenate([
+            np.where(stated, _LN_STATED_SD, _LN_NOISE_SD), np.full(count, _MEMORY_SD), np.full(2, _SPREAD_SD),
+            [_LN_LENGTH_SD],
+        ])  # fmt: skip
+        lower = np.concatenate([mean[:count] + _LEAST_LN_NOISE, np.zeros(count), np.full(2, _LEAST_SPREAD)])
+        upper = np.concatenate([mean[:count] + 6.0, np.full(count, _MOST_MEMORY), np.full(2, self._roughest)])
+        free = np.ones(2 * count + 3, dtype=bool)
+        free[count : 2 * count] = bool(self.samples.follows.any())
+        free[-1] = bool(np.isfinite(self.gap).any())
+        bounds = math.log(shortest), math.log(longest)
+        return Prior(mean, sd**-2.0, np.append(lower, bounds[0]), np.append(upper, bounds[1])), free
+
+    def noise_loss(self, noise: Noise) -> float:
+        """Minus the log-prior of the noise [nats], up to a constant."""
+        return self.noise_prior(noise)[0].loss(_packed(noise))
+
+    def best_noise(self, response: Response, vector: np.ndarray, start: Noise, model: AugmentedWheel) -> Noise:
+        """Likeliest noise under a response, the parameters following along as far as one linear step goes.
+
+        Were the parameters held, what they leave unexplained would pass for noise. By scoring (Harvey 1989, Sec.
+        3.4.5), with differences for the derivatives of the innovations.
+        """
+        prior, free = self.noise_prior(start)
+        own, columns = self.prior(model), self.columns(response)
+        noise, damping = start, 1e-3
+        loss, step = self._followed(columns, response, noise, vector, own)
+        for _ in range(_NOISE_STEPS):
+            packed = _packed(noise)
+            left = columns[..., :1] - (columns[..., 1:] @ step)[..., None]
+            gradient, information = self._noise_score(left, response, noise, free)
+            change, expected = solve_step(gradient, information, prior, packed, damping, free)
+            if expected < _NOISE_ENOUGH:
+                break
+            longest = np.concatenate([np.ones(len(self.answers)), np.full(len(self.answers), 0.3), [0.1, 0.1, 1.5]])
+            change *= min(1.0, 1.0 / max(float(np.max(np.abs(change) / longest)), 1e-12))
+            trial = _unpacked(np.clip(packed + change, prior.lower, prior.upper), noise)
+            reached, followed = self._followed(columns, response, trial, vector, own)
+            if reached < loss:
+                gained, noise, loss, step = loss - reached, trial, reached, followed
+                damping = max(damping / 5.0, 1e-6)
+                if gained < _NOISE_ENOUGH:
+                    break
+            else:
+                damping *= 10.0
+                if damping > 1e4:
+                    break
+        return noise
+
+    def _followed(
+        self, columns: np.ndarray, response: Response, noise: Noise, vector: np.ndarray, prior: Prior
+    ) -> tuple[float, np.ndarray]:
+        """Loss of a noise [nats] less what one step (p,) of the parameters gains beside it, and that step."""
+        white, log_scale = self.whiten(columns, noise, response)
+        gradient, information = normal_equations(white[..., 0], white[..., 1:])
+        step, gained = solve_step(gradient, information, prior, vector, 0.0)
+        return float(huber_loss(white[..., 0]).sum() + log_scale.sum()) - gained + self.noise_loss(noise), step
+
+    def _noise_score(
+        self, left: np.ndarray, response: Response, noise: Noise, free: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Score (k,) and information (k, k) of the noise from residuals (n, m, 1), by differences."""
+        packed, ground = _packed(noise), matern(self.gap, noise)
+        in_time = self._in_time(left, noise, response)
+        here, here_scale = self._in_place(in_time[0], noise, ground)
+        here_scale = here_scale + in_time[1]
+        moved, widened = np.zeros((len(packed), here.size)), np.zeros((len(packed), here.size))
+        for index in np.flatnonzero(free):
+            there = packed.copy()
+            there[index] += _DIFFERENCE
+            changed = _unpacked(there, noise)
+            if index < len(packed) - 3:
+                first = self._in_time(left, changed, response)
+                white, scale = self._in_place(first[0], changed, ground)
+            else:
+                first = in_time
+                white, scale = self._in_place(first[0], changed, matern(self.gap, changed))
+            moved[index] = (white - here).ravel() / _DIFFERENCE
+            widened[index] = (scale + first[1] - here_scale).ravel() / _DIFFERENCE
+        weight = huber_weight(here.ravel())
+        score = -(moved @ (weight * here.ravel())) - widened.sum(axis=1)
+        return score, (moved * weight) @ moved.T + widened @ widened.T
+
+
+def _packed(noise: Noise) -> np.ndarray:
+    return np.concatenate([np.log(noise.sd), noise.memory, noise.spread, [math.log(noise.length)]])
+
+
+def _unpacked(packed: np.ndarray, like: Noise) -> Noise:
+    count = len(like.sd)
+    return replace(
+        like, sd=np.exp(packed[:count]), memory=packed[count : 2 * count], spread=packed[-3:-1],
+        length=math.exp(packed[-1]),
+    )  # fmt: skip
+
+
+def _neighbours(position: np.ndarray, lane: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Order (n,) in which the ground's variation is followed, and the distance from the row before, (n,)."""
+    count = len(position)
+    if not np.isfinite(position).all():
+        return np.arange(count), np.full(count, np.inf)
+    order = np.lexsort((position, lane))
+    gap = np.diff(position[order])
+    gap[np.diff(lane[order]) != 0] = np.inf
+    return order, np.concatenate([[np.inf], gap])

@@ -1,0 +1,124 @@
+"""Where along the track the ground seems to be another, before a patch of soil is fitted there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import product
+
+import numpy as np
+
+from ..effects.effect import Drive
+from ..effects.soil_patch import CELLS, SoilPatch, tracks_of
+from .fit import Fitted
+from .likelihood import Problem
+from .whitening import Noise
+from .steps import normal_equations, scaled_inverse
+from ..mismatch.fit.together import together
+
+_EACH = 2
+"""Stretches that are given for each description of the noise."""
+
+_APART = CELLS // 12
+"""Two stretches differ where one of their edges does by more than so many cells."""
+
+_MOST_OF_ALL = 0.9
+"""A stretch that takes in more of the track is no place: the soil as a whole is another [-]."""
+
+_LEAST, _MOST = 5, int(_MOST_OF_ALL * CELLS)
+"""Cells that a stretch has at least, and at most."""
+
+
+def stretches_apart(problem: Problem, fitted: Fitted) -> dict[str, list[np.ndarray]]:
+    """Give parameter vectors (A, B, from, to) of the patches that a fit's residuals ask for most, by what they lie
+    along (`tracks_of`).
+
+    Each pair of edges on a grid is weighed by the gain of the best A and B there, to first order and with everything
+    that was fitted following along: one Gram matrix of the cells' derivatives holds them all. The soil's variation is
+    taken as it was fitted, and as little: what was fitted may have explained the patch already.
+    """
+    drive, noises = problem.samples.drive, (fitted.noise, problem.first_noise)
+    edges = {name: _edges(getattr(drive, name)) for name in tracks_of(drive)}
+
+    def weighed(asked: tuple[str, Noise]) -> tuple[np.ndarray, np.ndarray]:
+        name, noise = asked
+        return _gains(*_pulls(problem, fitted, noise, _inside(getattr(drive, name), edges[name])))
+
+    found = iter(together(weighed, product(edges, noises)))
+    return {name: _apart([next(found) for _ in noises], edges[name]) for name in edges}
+
+
+def _edges(where: np.ndarray) -> np.ndarray:
+    """Edges (k + 1,) of the cells that a variable (n,) is cut into."""
+    return np.linspace(np.nanmin(where), np.nanmax(where), CELLS + 1)
+
+
+def _inside(where: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """(n, k) True for the cell that each row of a variable (n,) lies in."""
+    cell = np.clip(np.searchsorted(edges, where, side="right") - 1, 0, CELLS - 1)
+    return (cell[:, None] == np.arange(CELLS)) & np.isfinite(where)[:, None]
+
+
+def _apart(weighed: Sequence[tuple[np.ndarray, np.ndarray]], edges: np.ndarray) -> list[np.ndarray]:
+    """Give the patches that are asked for most, a few of each weighing (`_gains`), none of them near another."""
+    found: list[tuple[int, int]] = []
+    answer = []
+    for gain, change in weighed:
+        for _ in range(_EACH):
+            for first, last in found:
+                near = (
+                    slice(max(first - _APART, 0), first + _APART + 1),
+                    slice(max(last - _APART, 0), last + _APART + 1),
+                )
+                gain[near] = -np.inf
+            first, last = (int(index) for index in np.unravel_index(int(np.argmax(gain)), gain.shape))
+            found.append((first, last))
+            answer.append(np.array([*change[first, last], edges[first], edges[last]]))
+    return answer
+
+
+def _pulls(
+    problem: Problem, fitted: Fitted, noise: Noise, inside: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Gradient (2, k) and information (2, k, 2, k) of ln stiffness and ln strength in each cell, the fit following.
+
+    `inside` (n, k) says which row lies in which cell.
+    """
+    response, own = fitted.response, len(fitted.vector)
+    by_cell = response.by_ground[:, problem.answers, :, None] * inside[:, None, None, :]
+    by_cell = np.where(problem.seen[..., None], np.nan_to_num(by_cell.reshape(*problem.seen.shape, -1)), 0.0)
+    white, _ = problem.whiten(np.concatenate([problem.columns(response), by_cell], axis=-1), noise, response)
+    innovations, jacobian = white[..., 0], white[..., 1:]
+    gradient, information = normal_equations(innovations, jacobian)
+    prior = problem.prior(fitted.model)
+    gradient[:own] += prior.precision * (prior.mean - fitted.vector)
+    information[np.diag_indices(own)] += prior.precision
+    along = information[own:, :own] @ scaled_inverse(information[:own, :own])
+    gradient, information = (
+        gradient[own:] - along @ gradient[:own],
+        information[own:, own:] - along @ information[:own, own:],
+    )
+    count = inside.shape[1]
+    return gradient.reshape(2, count), information.reshape(2, count, 2, count)
+
+
+def _gains(gradient: np.ndarray, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Nats (k + 1, k + 1) of a stretch between each two edges, and its best A and B (k + 1, k + 1, 2).
+
+    Stretches too short or too long are minus infinity.
+    """
+    size = gradient.shape[1] + 1
+    slope = np.zeros((2, size))
+    slope[:, 1:] = np.cumsum(gradient, axis=1)
+    curve = np.zeros((2, size, 2, size))
+    curve[:, 1:, :, 1:] = information.cumsum(axis=1).cumsum(axis=3)
+    first, last = np.triu_indices(size, _LEAST)
+    short = last - first <= _MOST
+    first, last = first[short], last[short]
+    slope = slope[:, last] - slope[:, first]
+    each = curve[:, last, :, last] - curve[:, last, :, first] - curve[:, first, :, last] + curve[:, first, :, first]
+    each += np.diag([1.0 / parameter.scale**2 for parameter in SoilPatch.change])
+    best = np.linalg.solve(each, slope.T[..., None])[..., 0]
+    gain, change = np.full((size, size), -np.inf), np.zeros((size, size, 2))
+    gain[first, last] = 0.5 * np.sum(slope.T * best, axis=1)
+    change[first, last] = best
+    return gain, change

@@ -1,0 +1,84 @@
+"""Posterior probabilities of hypotheses, of effects, and of something that the catalogue lacks.
+
+P(set | data) is proportional to the prior of the set times its evidence, averaged over the forms of its effects; each
+set stands with and without a discrepancy.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import logsumexp
+
+from .evidence import Discrepancy, discrepancy
+from .hyperparameters import PRIOR_EFFECT, PRIOR_UNKNOWN, TEMPERATURE
+from .search import Hypothesis, Search
+
+_WEIGHED = 6
+"""Most probable sets beside which a discrepancy is weighed."""
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Probabilities.
+
+    Parameters
+    ----------
+    sets
+        Of each set of effects (slugs), with or without a discrepancy (``"unknown"``), the most probable first.
+    effects
+        Of each effect by slug, summed over the sets.
+    unknown
+        Of something that the catalogue lacks.
+    best
+        Best hypothesis of each set.
+    discrepancies
+        Beside the best hypotheses of the sets where it was weighed.
+    """
+
+    sets: dict[frozenset[str], float]
+    effects: dict[str, float]
+    unknown: float
+    best: dict[frozenset[str], Hypothesis]
+    discrepancies: dict[frozenset[str], Discrepancy]
+
+
+UNKNOWN = "unknown"
+
+
+def posterior(
+    found: Search, *, effect: float = PRIOR_EFFECT, unknown: float = PRIOR_UNKNOWN, temperature: float = TEMPERATURE
+) -> Posterior:
+    """Weigh all hypotheses that were fitted.
+
+    Parameters
+    ----------
+    found
+        The search.
+    effect, unknown, temperature
+        Prior probability of each effect and of something that the catalogue lacks, and what differences of ln evidence
+        are divided by [-].
+    """
+    forms: dict[frozenset[str], list[float]] = {}
+    for each in found.hypotheses:
+        several = sum(math.log(found.forms[slug]) for slug in each.slugs)
+        forms.setdefault(each.slugs, []).append(each.log_evidence / temperature - several)
+    best, odds = found.best(), math.log(effect / (1.0 - effect))
+    weight = {slugs: float(logsumexp(values)) + len(slugs) * odds for slugs, values in forms.items()}
+    known = math.log(1.0 - unknown)
+    total = {slugs: value + known for slugs, value in weight.items()}
+    nearest = sorted(weight, key=lambda slugs: -weight[slugs])[:_WEIGHED]
+    discrepancies = {}
+    for slugs in dict.fromkeys([frozenset[str](), *nearest]):
+        beside = discrepancy(found.problem, best[slugs].fitted)
+        discrepancies[slugs] = beside
+        total[slugs | {UNKNOWN}] = weight[slugs] + beside.log_evidence / temperature + math.log(unknown)
+    whole = logsumexp(list(total.values()))
+    sets = {slugs: float(np.exp(value - whole)) for slugs, value in sorted(total.items(), key=lambda kv: -kv[1])}
+    effects: dict[str, float] = {}
+    for slugs, share in sets.items():
+        for slug in slugs:
+            effects[slug] = effects.get(slug, 0.0) + share
+    return Posterior(sets, effects, effects.pop(UNKNOWN, 0.0), best, discrepancies)

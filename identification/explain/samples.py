@@ -1,0 +1,355 @@
+"""The samples that are compared: channels, covariates, what load and slip truly were, and how rows are held out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.cluster.hierarchy import fcluster, linkage
+
+from ...framework.core.errors import InputError
+from ...framework.core.recording.types import WheelTable
+from ...framework.core.vehicle import Vehicle, Wheel
+from ..effects.drive import drive_of, order_of, select_rows
+from ..effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Drive
+from ..forward import CHANNELS
+from ..gate import LIMITS
+from ..mismatch.fit.lanes import lanes
+from ..noise import from_running_median, least_noise, noise_from_neighbours, sensor_noise
+from ..standing import stands
+from ..trials import AS_TRIALS, is_of_trials, without_clock, without_time
+from ..unloaded import carries_nothing
+from .latent import Path, independent, path_of
+
+ANSWERS = (TORQUE, SINKAGE, PULL)
+"""Channels that the simulator answers with; load and slip are what the drive imposes."""
+
+SIMULATED = "simulated_"
+"""Prefix of columns that hold another simulator's answers."""
+
+MOST_SLIP = 0.995
+"""A wheel that slips by so much is stuck: its channels say nothing of the soil any longer [-]."""
+
+LEAST_ROWS = 5
+
+MOST_ROWS = 1500
+"""A recording with more rows is thinned to about this number, in pieces so that neighbours stay neighbours."""
+
+_PIECE = 50
+"""Rows that stay together where others are left out."""
+
+_BLOCKS = 12
+_WIDEST = 0.09
+"""Slips, or loads as a share of the largest, that are held out as one level lie within this range [-]."""
+
+_ISOLATED, _MOST_ISOLATED = 7.0, 0.05
+"""Load or slip this many noises from the median of its neighbours in time is a gross error, where no more than the
+latter share of a stretch is [-]."""
+
+_AT_END, _MORE_OFTEN, _LEVELS_NEAR, _FEWEST_LEVELS = 0.02, 3.0, 5, 20
+"""A sensor is at its end where this share of the rows has exactly the channel's extreme value, so many times more often
+than any of the values near it, in a channel of so many values at least."""
+
+_STANDS_STILL = 0.1
+"""Share of rows in which a clock may stand still before it is no clock [-]."""
+
+_NEXT = 1.5
+"""Usual steps of the clock within which a row follows the one before [-]."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Rows of one wheel geometry, in order of time within each stretch.
+
+    Parameters
+    ----------
+    wheel
+        The wheel.
+    drive
+        Covariates of each row; `load_N` and `slip` are their expected true values.
+    measured : (n, 5)
+        Channels as `forward.CHANNELS`; NaN where not observed.
+    noise : (5,)
+        First guess of the sensors' standard deviations; NaN for absent channels.
+    stated : (5,)
+        True where the vehicle states the noise.
+    load, slip
+        What is known of their true paths.
+    follows : (n,)
+        True where a row is the next one in time after the row before it here.
+    position, lane : (n,)
+        Where soil varies: place [m], else time [s], NaN for steady-state trials, whose soils are independent; and the
+        number of the track, whose soil repeats where the wheel runs in its own rut again.
+    block : (n,)
+        Number of the block that a row is held out with.
+    made_of
+        What the blocks are, in words.
+    notes
+        What was left out, in words.
+    simulated : (n, 5)
+        Another simulator's answers, and the load and slip that they are of, where there is one.
+    """
+
+    wheel: Wheel
+    drive: Drive
+    measured: np.ndarray
+    noise: np.ndarray
+    stated: np.ndarray
+    load: Path
+    slip: Path
+    follows: np.ndarray
+    position: np.ndarray
+    lane: np.ndarray
+    block: np.ndarray
+    made_of: str
+    notes: tuple[str, ...] = ()
+    simulated: np.ndarray | None = None
+
+    def __len__(self) -> int:
+        return len(self.measured)
+
+    @property
+    def answers(self) -> tuple[int, ...]:
+        """Channels that are answered and were observed."""
+        return tuple(channel for channel in ANSWERS if np.isfinite(self.measured[:, channel]).sum() >= LEAST_ROWS)
+
+    @property
+    def split(self) -> str:
+        """How rows are held out, in words."""
+        return f"{len(np.unique(self.block))} {self.made_of}"
+
+    @property
+    def seen(self) -> np.ndarray:
+        """(n, m) True where an answer was observed."""
+        return np.isfinite(self.measured[:, list(self.answers)])
+
+
+def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
+    """Choose and lay out the rows that can be compared.
+
+    Parameters
+    ----------
+    table
+        Rows of wheels of one geometry, slip derived.
+    wheel, vehicle
+        The wheel, and the vehicle whose sensors' noise may be stated.
+
+    Raises
+    ------
+    InputError
+        Load, slip or every answer is missing, or too few rows are left.
+    """
+    _check(table)
+    order, stretch = order_of(table)
+    table = table.select(order)
+    still = int((np.diff(table["time_s"]) == 0.0).sum()) if "time_s" in table else 0
+    if still > _STANDS_STILL * len(table):
+        raise InputError(
+            table.source, f"time_s stands still in {still} of {len(table)} rows",
+            expected="a clock that runs, or column run in a file of steady-state trials",
+        )  # fmt: skip
+    usable, notes = _usable(table, stretch)
+    timed, noise = "time_s" in table, sensor_noise(table, vehicle)
+    if is_of_trials(table):
+        timed, stretch, noise = False, np.arange(len(table)), sensor_noise(without_time(table), vehicle)
+        notes.append(AS_TRIALS)
+    notes += without_clock(table)
+    if table.wheel is not None and len(set(table.wheel)) > 1:
+        notes.append(f"rows of {len(set(table.wheel))} wheels are taken together: as if all ran on the same ground")
+    if usable.sum() < LEAST_ROWS:
+        raise InputError(
+            table.source, f"{int(usable.sum())} rows with load, slip and an answer", expected=f"at least {LEAST_ROWS}"
+        )
+    measured = np.column_stack([table.columns.get(name, np.full(len(table), math.nan)) for name in CHANNELS])
+    if not np.isfinite(measured[usable][:, ANSWERS]).any():
+        raise InputError(table.source, "nothing to compare", expected="torque, sinkage or drawbar pull that change")
+    if timed:
+        measured, at_end = _without_ends(measured, noise)
+        notes += at_end
+    usable &= np.isfinite(measured[:, ANSWERS]).any(axis=1)
+    time_s = table["time_s"] if timed else np.arange(float(len(table)))
+    load, slip = (_path(measured[:, channel], time_s, noise[channel], stretch, timed) for channel in (LOAD, SLIP))
+    table = WheelTable(
+        {**table.columns, "load_N": load.mean, "slip": np.clip(slip.mean, -1.0, MOST_SLIP)},
+        table.wheel, table.run, table.source,
+    )  # fmt: skip
+    drive = drive_of(table, wheel, stretch)
+    if timed:
+        drive = _smooth_speeds(drive, table)
+    return _laid_out(table, wheel, vehicle, drive, measured, noise, load, slip, usable, timed, notes)
+
+
+def _check(table: WheelTable) -> None:
+    """Refuse a table without load, slip or any answer."""
+    for name, remedy in (("load_N", "load_N, the wheel's load"), ("slip", "slip, or both speeds")):
+        if name not in table:
+            raise InputError(table.source, f"no column {name}", expected=remedy)
+        if not np.isfinite(table[name]).any():
+            raise InputError(table.source, "no value in any row", expected=remedy, place=f"column {name}")
+    if not any(CHANNELS[channel] in table for channel in ANSWERS):
+        raise InputError(
+            table.source, "nothing to compare", expected="values of torque_Nm, sinkage_m or drawbar_pull_N"
+        )
+
+
+def _path(values: np.ndarray, time_s: np.ndarray, sd: float, stretch: np.ndarray, timed: bool) -> Path:
+    """Find the true path of load or slip, gross errors left out."""
+    if not timed:
+        return independent(values, np.full(len(values), sd))
+    away = from_running_median(values, stretch) > _ISOLATED * sd
+    number = np.cumsum(np.diff(stretch, prepend=stretch[:1]) != 0)
+    # Where many stand apart the channel is quick, not faulty.
+    share = np.bincount(number, away) / np.maximum(np.bincount(number, np.isfinite(values)), 1.0)
+    values = np.where(away & (share[number] <= _MOST_ISOLATED), math.nan, values)
+    return path_of(values, time_s, stretch, np.ones(len(values)), sd)
+
+
+def _smooth_speeds(drive: Drive, table: WheelTable) -> Drive:
+    """Give the drive with the expected true speeds."""
+    changed = {}
+    for name in ("rim_speed_m_s", "travel_speed_m_s"):
+        values = getattr(drive, name)
+        if drive.has(name):
+            noise = noise_from_neighbours(table, values)
+            smooth = path_of(values, drive.time_s, drive.stretch, np.ones(len(values)), noise).mean
+            changed[name] = np.where(np.isfinite(values), smooth, math.nan)
+    return replace(drive, **changed)
+
+
+def _laid_out(
+    table: WheelTable, wheel: Wheel, vehicle: Vehicle, drive: Drive, measured: np.ndarray, noise: np.ndarray,
+    load: Path, slip: Path, usable: np.ndarray, timed: bool, notes: list[str],
+) -> Samples:  # fmt: skip
+    rows = np.flatnonzero(usable)
+    lost = int((~np.isfinite(drive.place_m[rows])).sum())
+    placed = lost == 0 and drive.has("place_m")
+    lane = lanes(drive, wheel.width_m, table.wheel) if placed else drive.stretch
+    number = drive.pass_number[rows]
+    passes = len(np.unique(number[np.isfinite(number)])) if placed else 1
+    if passes > 1:
+        rows = rows[np.lexsort((drive.place_m[rows], lane[rows]))]
+    rows, thinned = _thinned(rows, max(passes, 1))
+    if thinned:
+        notes.append(f"{int(usable.sum())} rows thinned to {len(rows)}, in pieces of {_PIECE}")
+    follows = _next_in_time(drive)[rows] & (np.diff(rows, prepend=-2) == 1)
+    drive = select_rows(drive, rows)
+    others = [table.columns.get(SIMULATED + name, np.full(len(table), math.nan)) for name in CHANNELS]
+    simulated = np.column_stack(others)[rows] if any(name.startswith(SIMULATED) for name in table.columns) else None
+    if timed and 0 < lost < usable.sum():
+        notes.append(f"{lost} rows have no place: ground is taken to vary with time, and passes to share none of it")
+    position = drive.place_m if placed else np.where(drive.timed, drive.time_s, math.nan)
+    stated = np.array([name in vehicle.noise for name in CHANNELS])
+    samples = Samples(
+        wheel, drive, measured[rows], noise, stated, load.select(rows, follows), slip.select(rows, follows), follows,
+        position, lane[rows], np.zeros(len(rows), dtype=int), "", tuple(notes), simulated,
+    )  # fmt: skip
+    return _blocked(samples)
+
+
+def _next_in_time(drive: Drive) -> np.ndarray:
+    """(n,) True where a row is the next one of its stretch, by the usual step of the clock."""
+    step = np.diff(drive.time_s)
+    inside = np.diff(drive.stretch) == 0
+    usual = np.median(step[inside & (step > 0.0)]) if (inside & (step > 0.0)).any() else math.inf
+    with np.errstate(invalid="ignore"):
+        return np.append(False, inside & (step > 0.0) & (step < _NEXT * usual))
+
+
+def _usable(table: WheelTable, stretch: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    load, slip = table["load_N"], table["slip"]
+    checks = [
+        (~stands(table), "in which the wheel stands"),
+        (np.isfinite(load) & np.isfinite(slip), "without load or slip"),
+        (load > 0.0, "whose wheel carries nothing"),
+        (~carries_nothing(load, stretch), "among them whose load is the noise of a zero"),
+        ((slip >= -1.0) & (slip < MOST_SLIP), f"with a slip outside -1 to {MOST_SLIP}"),
+    ]
+    angle = table.get("slip_angle_rad")
+    if angle is not None:
+        checks.append((~(np.abs(angle) > LIMITS.slip_angle_rad), "driven at an angle to the wheel's plane"))
+    usable, notes = np.ones(len(table), dtype=bool), []
+    with np.errstate(invalid="ignore"):
+        for good, why in checks:
+            lost = int((usable & ~good).sum())
+            if lost:
+                notes.append(f"{lost} row{'s' if lost > 1 else ''} {why} {'are' if lost > 1 else 'is'} left out")
+            usable &= good
+    return usable, notes
+
+
+def _without_ends(measured: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """Blank the values of answers whose sensor is at its end: many rows are exactly the largest value, or the least."""
+    measured, notes = measured.copy(), []
+    for channel in ANSWERS:
+        column = measured[:, channel]
+        values, counts = np.unique(column[np.isfinite(column)], return_counts=True)
+        # Without noise a plateau is the wheel's, not the sensor's.
+        if len(values) < _FEWEST_LEVELS or noise[channel] <= least_noise(values):
+            continue
+        for end, which in ((0, "least"), (-1, "largest")):
+            near = counts[1:][:_LEVELS_NEAR] if end == 0 else counts[:-1][-_LEVELS_NEAR:]
+            often = max(_AT_END * counts.sum(), _MORE_OFTEN * near.max(), _LEVELS_NEAR)
+            if counts[end] > often:
+                measured[column == values[end], channel] = math.nan
+                notes.append(
+                    f"{CHANNELS[channel]} is exactly {values[end]:.6g}, its {which} value, in {counts[end]} rows: "
+                    "the sensor is taken to be at the end of its range, and they are left out"
+                )
+    return measured, notes
+
+
+def _thinned(rows: np.ndarray, passes: int) -> tuple[np.ndarray, bool]:
+    """Choose rows (k,) in pieces, of all passes over the same places where `rows` (n,) come in the order of these."""
+    if len(rows) <= MOST_ROWS:
+        return np.sort(rows), False
+    length = _PIECE * min(passes, 3)
+    starts = np.linspace(0, len(rows) - length, MOST_ROWS // length).astype(int)
+    kept = np.unique((starts[:, None] + np.arange(length)).ravel())
+    return np.sort(rows[kept]), True
+
+
+def _blocked(samples: Samples) -> Samples:
+    """Number the blocks to hold out: conditions of trials, else stretches of time that no run or pass crosses."""
+    drive, count = samples.drive, len(samples)
+    if drive.timed:
+        usual = max(count // _BLOCKS, 1)
+        block, number = np.empty(count, dtype=int), 0
+        for rows in np.split(np.arange(count), np.flatnonzero(np.diff(drive.stretch)) + 1):
+            parts = max(round(len(rows) / usual), 1)
+            for part in np.array_split(rows, parts):
+                block[part] = number
+                number += 1
+        made_of = "stretches of time"
+        if number > 2 * _BLOCKS:
+            block = block * _BLOCKS // number
+            made_of = "groups of neighbouring runs"
+        return replace(samples, block=block, made_of=f"{made_of} held out in turn")
+    level, made_of = np.arange(count) * min(_BLOCKS, count) // count, "groups of trials held out in turn"
+    for name, values in (("slips", drive.slip), ("loads", drive.load_N / float(np.max(drive.load_N)))):
+        apart = levels(values)
+        if apart.max() >= 2:
+            level, made_of = levels(values, widest=_WIDEST), f"{name} held out in turn, all their repeats together"
+            if level.max() > apart.max():
+                made_of = f"groups of like {name} held out in turn"
+            break
+    if level.max() >= _BLOCKS:
+        level = level * _BLOCKS // (level.max() + 1)
+    return replace(samples, block=level, made_of=made_of)
+
+
+def levels(values: np.ndarray, apart: float = 0.03, widest: float = math.inf) -> np.ndarray:
+    """Number the levels of a quantity, (n,): neighbours in size that are nearer than `apart` are one level.
+
+    Where scattered values make a chain of such neighbours, it is divided into levels that are at most `widest`.
+    """
+    order = np.argsort(values)
+    along = values[order]
+    ends = np.diff(along) > apart
+    for chain in np.split(np.arange(len(values)), np.flatnonzero(ends) + 1):
+        if len(chain) > 1 and np.ptp(along[chain]) > widest:
+            like = fcluster(linkage(along[chain, None], "complete"), widest, "distance")
+            ends[chain[:-1]] |= np.diff(like) != 0
+    answer = np.empty(len(values), dtype=int)
+    answer[order] = np.concatenate([[0], np.cumsum(ends)])
+    return answer

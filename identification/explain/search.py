@@ -1,0 +1,295 @@
+"""Search of the catalogue: every effect alone, then the neighbours of the most probable hypotheses.
+
+A hypothesis is a set of effects; its neighbours have one effect less, one more, or another one or another form of one
+instead. A score test ranks what is not fitted yet.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+
+from ..augmented import SOIL_COUNT, AugmentedWheel, Entry
+from ..effects.catalogue import effects_for
+from ..effects.effect import Effect, Situation
+from ..mismatch.fit.together import together
+from .evidence import log_evidence
+from .fit import Fitted, fit, with_effect
+from .hyperparameters import PRIOR_EFFECT, TEMPERATURE
+from .likelihood import QUIET, Problem
+from .places import stretches_apart
+from .samples import ANSWERS
+from .steps import normal_equations, solve_step
+from .whitening import HUBER, Noise
+
+MOST_EFFECTS = 3
+"""Effects of a hypothesis at most."""
+
+MOST_EXPANDED = 4
+"""Hypotheses whose neighbours are fitted at most."""
+
+WINDOW = 5.0
+"""A hypothesis so far behind the most probable one is not expanded [nats] (Occam's window; D. Madigan, A. E. Raftery,
+J. Am. Stat. Assoc. 89 (1994), 1535-1546)."""
+
+ADDED, SWAPPED = 6, 3
+"""Effects that are fitted beside an expanded hypothesis, and instead of each of its effects."""
+
+LEAST_GAIN, LEAST_BESIDE, LEAST_SHARE = 2.5, 4.0, 0.1
+"""An effect is fitted alone, and beside others, if the score test gives it so many nats, and this share of what it gives
+the best [-]."""
+
+SETTLED = 6
+"""Fits of each round with which the noise is fitted, too: those that fit best beside the noise of their base."""
+
+_SHORT = 6
+"""Steps by which starts of one effect are compared."""
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A set of effects, fitted with the soil and the noise.
+
+    log_evidence is relative to the textbook wheel's [nats].
+    """
+
+    effects: tuple[Effect, ...]
+    fitted: Fitted
+    log_evidence: float
+
+    @property
+    def slugs(self) -> frozenset[str]:
+        """Public names of the effects."""
+        return frozenset(effect.slug for effect in self.effects)
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Names of the effects' forms."""
+        return frozenset(effect.name for effect in self.effects)
+
+
+@dataclass
+class Search:
+    """What was fitted.
+
+    Parameters
+    ----------
+    problem, textbook
+        The samples, and the hypothesis of no effect.
+    catalogue
+        Forms of effects that these data can show.
+    origin
+        ln evidence of the textbook wheel [nats].
+    hypotheses
+        All that were fitted, the textbook among them.
+    forms, names
+        Number of forms by slug that were considered, and their names.
+    passed
+        Effects that were not fitted alone, with the gain that the score test gives them [nats].
+    """
+
+    problem: Problem
+    textbook: Hypothesis
+    catalogue: Sequence[Effect]
+    origin: float
+    hypotheses: list[Hypothesis] = field(default_factory=list)
+    forms: dict[str, int] = field(default_factory=dict)
+    names: set[str] = field(default_factory=set)
+    passed: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.hypotheses.append(self.textbook)
+        self.consider(self.catalogue)
+
+    def consider(self, effects: Iterable[Effect]) -> None:
+        """Count forms of effects that were not counted yet."""
+        for effect in effects:
+            if effect.name not in self.names:
+                self.forms[effect.slug] = self.forms.get(effect.slug, 0) + 1
+                self.names.add(effect.name)
+
+    def take(self, fits: Iterable[Fitted]) -> None:
+        """Add what was fitted."""
+        for fitted in fits:
+            evidence = log_evidence(self.problem, fitted) - self.origin
+            self.hypotheses.append(Hypothesis(fitted.model.effects, fitted, evidence))
+
+    def fit_added(self, base: Fitted, effects: Sequence[Effect]) -> None:
+        """Fit a model with each of some effects more, where that was not done, and the noise of those that fit best.
+
+        Where the ground of the base varies, fits begin in ground that hardly does, too: its variation may have explained
+        what an effect would.
+        """
+        new = [effect for effect in effects if not self.has((*base.model.effects, effect))]
+        noises = [base.noise]
+        if base.noise.spread.max() > 2.0 * QUIET:
+            noises.append(replace(self.problem.quiet_noise, smooth=base.noise.smooth))
+        best: dict[str, Fitted] = {}
+        for noise in noises:
+            held = together(partial(add_effect, self.problem, base, noise), new)
+            first = sorted(held, key=lambda each: -each.score)[:SETTLED]
+            settled = together(partial(settle, self.problem), first)
+            for each in (*held, *settled):
+                name = each.model.effects[-1].name
+                if name not in best or each.score > best[name].score:
+                    best[name] = each
+        self.take(best.values())
+
+    def has(self, effects: Sequence[Effect]) -> bool:
+        """Say whether a set of forms was fitted."""
+        names = frozenset(effect.name for effect in effects)
+        return any(each.names == names for each in self.hypotheses)
+
+    def log_posterior(self, each: Hypothesis) -> float:
+        """ln of the posterior of a hypothesis by itself [nats], up to a constant."""
+        several = sum(math.log(self.forms[slug]) for slug in each.slugs)
+        odds = math.log(PRIOR_EFFECT / (1.0 - PRIOR_EFFECT))
+        return each.log_evidence / TEMPERATURE - several + len(each.slugs) * odds
+
+    def best(self) -> dict[frozenset[str], Hypothesis]:
+        """Give the best hypothesis of each set of effects."""
+        answer: dict[frozenset[str], Hypothesis] = {}
+        for each in self.hypotheses:
+            if each.slugs not in answer or each.log_evidence > answer[each.slugs].log_evidence:
+                answer[each.slugs] = each
+        return answer
+
+
+def search(
+    problem: Problem, fitted: Fitted, slugs: Iterable[str], tell: Callable[[str], None] = lambda _: None
+) -> Search:
+    """Fit hypotheses: every effect alone, then the neighbours of the most probable ones.
+
+    Parameters
+    ----------
+    problem, fitted
+        The samples, and the fit of the textbook wheel.
+    slugs
+        Public names of the effects to consider.
+    tell
+        Called with what is being done, in words.
+    """
+    catalogue = effects_for(situation(problem, fitted), tuple(slugs))
+    found = Search(problem, Hypothesis((), fitted, 0.0), catalogue, log_evidence(problem, fitted))
+    tell("fitting every effect alone")
+    _fit_alone(found)
+    expanded: set[frozenset[str]] = set()
+    for _ in range(MOST_EXPANDED):
+        ranked = sorted(found.best().values(), key=found.log_posterior, reverse=True)
+        near = [each for each in ranked if found.log_posterior(each) > found.log_posterior(ranked[0]) - WINDOW]
+        following = next((each for each in near if each.effects and each.names not in expanded), None)
+        if following is None:
+            break
+        tell("fitting neighbours of " + " and ".join(sorted(following.names)))
+        expanded.add(following.names)
+        _expand(found, following)
+    return found
+
+
+def _fit_alone(found: Search) -> None:
+    """Fit every effect alone that a score test gives enough, as ground varies or in ground that hardly varies."""
+    problem, base = found.problem, found.textbook.fitted
+    gains = _gains(problem, base, found.catalogue)
+    wanted = _enough(gains, LEAST_GAIN)
+    if base.noise.spread.max() > 2.0 * QUIET:
+        # Ground that varies may have explained what an effect would.
+        quiet = problem.quiet()
+        in_quiet = _gains(quiet, fit(quiet, base.model, base.vector, None, Entry(base.theta_1)), found.catalogue)
+        wanted |= _enough(in_quiet, LEAST_BESIDE) & (in_quiet >= np.sort(in_quiet)[-min(ADDED, len(in_quiet)) :][0])
+    found.fit_added(base, [effect for effect, fits in zip(found.catalogue, wanted, strict=True) if fits])
+    for effect, gain, fits in zip(found.catalogue, gains, wanted, strict=True):
+        if not fits:
+            found.passed[effect.name] = float(gain)
+
+
+def _expand(found: Search, base: Hypothesis) -> None:
+    """Fit a hypothesis less one of its effects, with another one instead, in another form, and with one more."""
+    problem = found.problem
+    smaller = [_less(problem, base.fitted, effect) for effect in base.effects]
+    new = [bare for bare in smaller if not found.has(bare.model.effects)]
+    found.take(together(lambda bare: fit(problem, bare.model, bare.vector, bare.noise, Entry(bare.theta_1)), new))
+    for effect, bare in zip(base.effects, smaller, strict=True):
+        others = [each for each in found.catalogue if each.slug not in base.slugs - {effect.slug}]
+        others = [each for each in others if not found.has((*bare.model.effects, each))]
+        forms = [*effect.variants(), *effect.freer()]
+        found.consider(forms)
+        found.fit_added(bare, [*_first(problem, bare, others, SWAPPED), *forms])
+    if len(base.effects) < MOST_EFFECTS:
+        others = [each for each in found.catalogue if each.slug not in base.slugs]
+        found.fit_added(base.fitted, _first(problem, base.fitted, others, ADDED))
+
+
+def _first(problem: Problem, base: Fitted, effects: Sequence[Effect], most: int) -> list[Effect]:
+    """Give the effects that a score test ranks first beside a fit."""
+    gains = _gains(problem, base, effects)
+    enough = _enough(gains, LEAST_BESIDE)
+    return [effects[index] for index in np.argsort(-gains)[:most] if enough[index]]
+
+
+def _gains(problem: Problem, base: Fitted, effects: Sequence[Effect]) -> np.ndarray:
+    return np.array(together(partial(expected_gain, problem, base), effects), dtype=float)
+
+
+def _enough(gains: np.ndarray, least: float) -> np.ndarray:
+    return gains >= max(least, LEAST_SHARE * float(gains.max(initial=0.0)))
+
+
+def _less(problem: Problem, fitted: Fitted, dropped: Effect) -> Fitted:
+    """Give a fit less one of its effects, all else as it is."""
+    kept = [(effect, where) for effect, where in fitted.model.slices() if effect is not dropped]
+    vector = np.concatenate([fitted.vector[:SOIL_COUNT], *[fitted.vector[where] for _, where in kept]])
+    model = AugmentedWheel(fitted.model.wheel, tuple(effect for effect, _ in kept))
+    return fit(problem, model, vector, fitted.noise, Entry(fitted.theta_1), steps=0)
+
+
+def expected_gain(problem: Problem, base: Fitted, effect: Effect) -> float:
+    """Nats that an effect gains beside a fit by one step from where it is nothing (score test), or from its starts."""
+    starts = [np.array([each.null for each in effect.parameters])] if effect.nested else effect.starts()
+    before = float(base.white.loss.sum()) + problem.prior(base.model).loss(base.vector)
+    gains = []
+    for start in starts:
+        model, vector = with_effect(base, effect, start)
+        prior = problem.prior(model)
+        vector = np.clip(vector, prior.lower, prior.upper)
+        response = problem.linearise(model, vector, base.response.entry(np.zeros(0)), base.response)
+        white = problem.white(response, base.noise)
+        gradient, information = normal_equations(white.innovations, white.jacobian)
+        step = solve_step(gradient, information, prior, vector, 0.0)[1]
+        gains.append(before - float(white.loss.sum()) - prior.loss(vector) + step)
+    return max(gains)
+
+
+def add_effect(problem: Problem, base: Fitted, noise: Noise, effect: Effect) -> Fitted:
+    """Fit a model with one more effect beside a noise, from the best of the effect's starts."""
+    entry = base.response.entry(np.zeros(0))
+    starts = [with_effect(base, effect, start) for start in effect.starts()]
+    if len(starts) == 1:
+        return fit(problem, *starts[0], noise, entry, settle=False)
+    short = [fit(problem, *start, noise, entry, steps=_SHORT, settle=False) for start in starts]
+    best = max(short, key=lambda each: each.score)
+    return fit(problem, best.model, best.vector, noise, best.response.entry(np.zeros(0)), settle=False)
+
+
+def settle(problem: Problem, fitted: Fitted) -> Fitted:
+    """Go on with a fit, the noise with it."""
+    return fit(problem, fitted.model, fitted.vector, fitted.noise, fitted.response.entry(np.zeros(0)))
+
+
+def situation(problem: Problem, fitted: Fitted) -> Situation:
+    """Give what decides which forms of an effect the samples can show."""
+    samples, measured = problem.samples, problem.samples.measured
+    innovations = np.full_like(measured, np.nan)
+    # A gross error has a share of every line of the spectrum.
+    white = np.clip(fitted.white.innovations, -HUBER, HUBER)
+    innovations[:, problem.answers] = np.where(problem.seen, white, np.nan)
+    seen = np.isfinite(measured).any(axis=0)
+    typical = np.where(seen, np.sqrt(np.nanmean(np.where(seen, measured, 0.0) ** 2, axis=0)), np.nan)
+    typical[[channel for channel in ANSWERS if channel not in samples.answers]] = np.nan
+    return Situation(
+        samples.wheel, samples.drive, typical, measured[:, 2], innovations, float(fitted.vector[0]),
+        float(fitted.vector[1]), math.exp(fitted.vector[3]), stretches_apart(problem, fitted),
+    )  # fmt: skip

@@ -1,0 +1,75 @@
+"""Normal equations of white residuals: steps towards the best fit, and the prior on the way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .whitening import huber_weight
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Mean and precision of a normal prior, and bounds, each (p,)."""
+
+    mean: np.ndarray
+    precision: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+
+    def loss(self, vector: np.ndarray) -> float:
+        """Minus the log-density [nats], up to a constant."""
+        return 0.5 * float(np.sum(self.precision * (vector - self.mean) ** 2))
+
+
+def normal_equations(innovations: np.ndarray, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Gradient (p,) and information (p, p) of the log-likelihood of some rows."""
+    weight = huber_weight(innovations)
+    flat = jacobian.reshape(-1, jacobian.shape[-1])
+    return flat.T @ (weight * innovations).ravel(), (flat * weight.ravel()[:, None]).T @ flat
+
+
+def solve_step(
+    gradient: np.ndarray, information: np.ndarray, prior: Prior, vector: np.ndarray, damping: float,
+    free: np.ndarray | None = None,
+) -> tuple[np.ndarray, float]:  # fmt: skip
+    """Damped Newton step (p,) that stays off the bounds it leans on, and the gain that it is expected to make [nats].
+
+    Parameters
+    ----------
+    gradient, information
+        Of the log-likelihood, (p,) and (p, p); the prior is added.
+    prior, vector, damping
+        The prior, where the step begins (p,), and Levenberg's damping in units of the scaled information [-].
+    free : (p,), optional
+        Which parameters may move.
+    """
+    gradient = gradient - prior.precision * (vector - prior.mean)
+    information = information + np.diag(prior.precision)
+    moves = ~((vector <= prior.lower) & (gradient < 0.0)) & ~((vector >= prior.upper) & (gradient > 0.0))
+    if free is not None:
+        moves &= free
+    step = np.zeros(len(vector))
+    if not moves.any():
+        return step, 0.0
+    inside = np.ix_(moves, moves)
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(information)[moves], 1e-12))
+    scaled = information[inside] * np.outer(scale, scale)
+    scaled[np.diag_indices_from(scaled)] += damping + 1e-10
+    step[moves] = scale * np.linalg.solve(scaled, scale * gradient[moves])
+    return step, float(step @ gradient - 0.5 * step @ information @ step)
+
+
+def scaled_inverse(matrix: np.ndarray) -> np.ndarray:
+    """Inverse of a symmetric matrix (p, p) without negative eigenvalues, its units put aside; pseudo where singular."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    return np.linalg.pinv(matrix * np.outer(scale, scale), rcond=1e-12, hermitian=True) * np.outer(scale, scale)
+
+
+def log_determinant(matrix: np.ndarray) -> float:
+    """ln of the determinant of a symmetric positive matrix (p, p), its units put aside."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = matrix * np.outer(scale, scale)
+    scaled[np.diag_indices_from(scaled)] += 1e-12
+    return float(np.linalg.slogdet(scaled)[1]) - 2.0 * float(np.log(scale).sum())
