@@ -10,7 +10,7 @@ import numpy as np
 from ...framework.core.errors import InputError
 from ...framework.core.soil import SoilKnowledge
 from ..augmented import SOIL_COUNT, AugmentedWheel, Entry, Response
-from ..effects.effect import Effect
+from ..effects.effect import LOAD, SLIP, Effect
 from ..mismatch.fit.together import together
 from .likelihood import Problem, White
 from .samples import Samples
@@ -35,8 +35,9 @@ _LEAST_CARRIED = 0.5
 _SAME = 0.02
 """Soils that differ by less in tan phi, ln k, ln stiffness and ln n are one to start from [-]."""
 
-NOISE_SHARES = (1.0, 0.5, 0.2, 0.05)
-"""Shares of the white part of load and slip that are weighed where the vehicle does not state their noise [-]."""
+_SHARE_STEP, _LEAST_SHARE, _WORTH = 0.3, 0.01, 3.0
+"""Factor between the shares of sensor noise that are weighed where the vehicle does not state it, the least one [-], and
+nats from which on a smaller share is taken: a form that is wrong leaves more noise than there is."""
 
 
 @dataclass(frozen=True)
@@ -171,10 +172,26 @@ def fit_textbook(samples: Samples, known: SoilKnowledge | None = None) -> tuple[
             "rows", expected=f"newtons on a wheel of {samples.wheel.radius_m:g} m radius",
         )  # fmt: skip
     if np.isfinite(problem.gap).any():
-        best = max([best, *together(lambda smooth: _smoother(problem, best, smooth), range(1, SMOOTHEST + 1))],
-                   key=lambda fitted: fitted.score)  # fmt: skip
+        smoother = together(lambda smooth: _smoother(problem, best, smooth), range(1, SMOOTHEST + 1))
+        best = max([best, *smoother], key=lambda fitted: fitted.score)
+    problem, best = _likeliest_shares(problem, best)
     problem.weights = best.response
     return problem, fit(problem, model, best.vector, best.noise, best.response.entry(np.zeros(SOIL_COUNT)))
+
+
+def _likeliest_shares(problem: Problem, best: Fitted) -> tuple[Problem, Fitted]:
+    """Weigh smaller shares of sensor noise in the white part of slip and load, where the vehicle does not state it."""
+    samples = problem.samples
+    for index, channel in ((1, SLIP), (0, LOAD)):
+        while samples.drive.timed and not samples.stated[channel] and problem.noise_share[index] > _LEAST_SHARE:
+            shares = list(problem.noise_share)
+            shares[index] *= _SHARE_STEP
+            tried = Problem(samples, problem.known, (shares[0], shares[1]))
+            fitted = fit(tried, best.model, best.vector, best.noise, Entry(best.theta_1))
+            if fitted.score < best.score + _WORTH:
+                break
+            problem, best = tried, fitted
+    return problem, best
 
 
 def _smoother(problem: Problem, fitted: Fitted, smooth: int) -> Fitted:
@@ -185,7 +202,7 @@ def _smoother(problem: Problem, fitted: Fitted, smooth: int) -> Fitted:
 def _stated_shares(samples: Samples) -> tuple[float, float]:
     """Shares of the white part of load and slip that the sensors' stated noise makes; all of it where none is stated."""
     shares = []
-    for channel, path in ((0, samples.load), (3, samples.slip)):
+    for channel, path in ((LOAD, samples.load), (SLIP, samples.slip)):
         stated, white = samples.noise[channel] ** 2, float(np.mean(path.white_sd**2))
         shares.append(min(1.0, max(stated / max(white, 1e-300), 1e-3)) if samples.stated[channel] else 1.0)
     return shares[0], shares[1]

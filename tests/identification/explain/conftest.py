@@ -1,0 +1,29 @@
+"""A drive with a known soil, made by code that shares nothing with the simulator that is fitted."""
+
+import numpy as np
+import pytest
+from bevameter.framework.core.vehicle import Vehicle, Wheel
+from bevameter.framework.core.recording.types import WheelTable
+from bevameter.identification.explain.fit import fit_textbook
+from bevameter.identification.explain.samples import gather
+from concealed.conceal import conceal
+
+
+@pytest.fixture(scope="session")
+def null():
+    """A recording in which nothing is hidden."""
+    return conceal(41, (), "hidden", "field", samples=300)
+
+
+@pytest.fixture(scope="session")
+def fitted(null):
+    """Its samples with the textbook wheel fitted."""
+    return fitted_to(null)
+
+
+def fitted_to(made):
+    """Problem and textbook fit of a concealed recording."""
+    stated = made.vehicle
+    wheel = Wheel(**{key: stated[key] for key in ("radius_m", "width_m", "grouser_height_m", "grouser_count")})
+    table = WheelTable(made.recorded.columns, None, made.recorded.run, "made")
+    return fit_textbook(gather(table, wheel, Vehicle(name="made", wheels=(wheel,), noise=stated["noise"])))

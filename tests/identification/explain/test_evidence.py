@@ -1,0 +1,63 @@
+"""Evidence against numerical integration, and discrepancies against the dense Gaussian."""
+
+import numpy as np
+import pytest
+from bevameter.identification.augmented import AugmentedWheel, Entry
+from bevameter.identification.effects.instruments import SinkageOffset
+from bevameter.identification.explain.evidence import AMPLITUDES, discrepancy, log_evidence, smooth_courses
+from bevameter.identification.explain.fit import fit, with_effect
+from scipy.special import logsumexp
+
+
+def test_laplace_agrees_with_integration_over_an_offset(fitted):
+    problem, textbook = fitted
+    offset = SinkageOffset(float(np.sqrt(np.nanmean(problem.samples.measured[:, 2] ** 2))))
+    model, vector = with_effect(textbook, offset, np.zeros(1))
+    whole = fit(problem, model, vector, textbook.noise, Entry(textbook.theta_1), settle=False)
+    sd = float(np.sqrt(whole.covariance(problem)[-1, -1]))
+    grid = whole.vector[-1] + sd * np.linspace(-6.0, 6.0, 49)
+    prior_sd = offset.parameters[0].scale
+    logs = []
+    for value in grid:
+        held = type(problem)(problem.samples, problem.known, problem.noise_share)
+        held.weights = problem.weights
+        held.measured = problem.measured - value * (np.array(problem.answers) == 2)
+        there = fit(held, AugmentedWheel(model.wheel), whole.vector[:-1], textbook.noise, settle=False)
+        logs.append(log_evidence(held, there) - 0.5 * (value / prior_sd) ** 2)
+    density = logsumexp(logs) + np.log(grid[1] - grid[0]) - np.log(np.sqrt(2.0 * np.pi) * prior_sd)
+    assert log_evidence(problem, whole) == pytest.approx(density, abs=0.3)
+
+
+def test_discrepancy_is_marginalised_exactly(fitted):
+    problem, textbook = fitted
+    courses = smooth_courses(problem.samples.drive)
+    rows, count = courses.shape
+    channels = len(problem.answers)
+    extra = np.zeros((rows, channels, count * channels))
+    for channel in range(channels):
+        extra[:, channel, channel * count : (channel + 1) * count] = courses * textbook.noise.sd[channel]
+    columns = np.concatenate([problem.columns(textbook.response), extra * problem.seen[..., None]], axis=-1)
+    white, _ = problem.whiten(columns, textbook.noise, textbook.response)
+    weight = np.minimum(1.0, 4.0 / np.maximum(np.abs(white[..., 0]), 1e-12)).ravel()
+    flat = white.reshape(len(weight), -1) * np.sqrt(weight)[:, None]
+    residual, soil, smooth = flat[:, 0], flat[:, 1:6], flat[:, 6:]
+    prior = problem.prior(textbook.model)
+    # What the prior of the soil pulls by is one more observation of each of its parameters.
+    known = np.sqrt(prior.precision)
+    residual = np.concatenate([residual, known * (prior.mean - textbook.vector)])
+    soil = np.vstack([soil, np.diag(known)])
+    smooth = np.vstack([smooth, np.zeros((5, smooth.shape[1]))])
+    left, _ = np.linalg.qr(soil)
+    free = np.eye(len(residual)) - left @ left.T
+    logs = []
+    for amplitude in AMPLITUDES:
+        inside = np.eye(smooth.shape[1]) / amplitude**2 + smooth.T @ free @ smooth
+        pull = smooth.T @ free @ residual
+        gain = 0.5 * pull @ np.linalg.solve(inside, pull)
+        logs.append(gain - 0.5 * np.linalg.slogdet(inside)[1] - smooth.shape[1] * np.log(amplitude))
+    expected = logsumexp(logs) - np.log(len(AMPLITUDES))
+    assert discrepancy(problem, textbook).log_evidence == pytest.approx(expected, abs=0.05)
+
+
+def test_a_null_has_no_discrepancy(fitted):
+    assert discrepancy(*fitted).log_evidence < -5.0
