@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..framework.core.soil import PARAMETERS, PLAUSIBLE, PUBLISHED, Quantity, ShearStrength
-from .forward import TextbookWheel
-from .stress_kernel import NODES, WEIGHTS
-from .wheel_soil import PEAK_SHARE
+from .mechanics.textbook import TextbookWheel
+from .mechanics.stresses import NODES, WEIGHTS
+from .mechanics.textbook import PEAK_SHARE
 
 if TYPE_CHECKING:
     from .estimation import Solution

@@ -11,7 +11,8 @@ from ..framework.core.soil import PARAMETERS, PLAUSIBLE, Quantity, SoilKnowledge
 from ..framework.core.vehicle import Wheel
 from .errors_in_variables import Fit, fit
 from .estimation import Measured, build_problem, converge
-from .forward import CHANNELS, from_internal, slope_of_internal, to_internal
+from .mechanics.soil import from_internal, slope_of_internal, to_internal
+from .mechanics.textbook import CHANNELS
 from .marginal_likelihood import Point, Problem
 
 LEAST_SAMPLES = 40
@@ -50,7 +51,7 @@ class OnlineIdentifier:
     wheel
         The wheel.
     noise
-        Standard deviations of the sensors by channel name (`forward.CHANNELS`), SI; a channel without one is not used.
+        Standard deviations of the sensors by channel name (`textbook.CHANNELS`), SI; a channel without one is not used.
     window
         Samples kept [-].
     known

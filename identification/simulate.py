@@ -15,12 +15,13 @@ from ..framework.core.recording.types import WheelTable
 from ..framework.core.recording.wheel_file import derive, read_wheel_file
 from ..framework.core.soil import SoilKnowledge, as_knowledge
 from ..framework.core.vehicle import Vehicle, Wheel, as_vehicle
-from .augmented import AugmentedWheel
+from .mechanics.augmented import AugmentedWheel
 from .effects.drive import PresentDrive, drive_of, order_of, select_rows
 from .effects.effect import PULL, SINKAGE, TORQUE
 from .effects.named import NamedEffect, build, parse_effect, situation_of
 from .plausible import check_signs
-from .wheel_soil import Soil, equilibrium
+from .mechanics.soil import Soil
+from .mechanics.textbook import equilibrium
 
 ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
 """Channels that a simulation adds."""

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..augmented import AugmentedWheel
+from ..mechanics.augmented import AugmentedWheel
 from ..effects.stored import AugmentedSimulator
 
 Verdict = Literal["none", "physics", "instrument", "unknown", "cannot_tell"]

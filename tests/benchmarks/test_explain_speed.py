@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from bevameter import explain
 from bevameter.framework.scenario.concealed.conceal import conceal
-from bevameter.identification.augmented import AugmentedWheel
+from bevameter.identification.mechanics.augmented import AugmentedWheel
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.felt_rows import felt_rows
 from bevameter.identification.identify import open_recording

@@ -10,10 +10,11 @@ import time
 import numpy as np
 import pytest
 from bevameter.framework.core.vehicle import Wheel
-from bevameter.identification.forward import CHANNELS
-from bevameter.identification.linearised import OnlineEstimator
+from bevameter.identification.mechanics.textbook import CHANNELS
+from bevameter.identification.mechanics.linearised import OnlineEstimator
 from bevameter.identification.online import OnlineIdentifier
-from bevameter.identification.wheel_soil import Soil, equilibrium, normal_stress, shear_stress
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium, normal_stress, shear_stress
 from scipy.integrate import quad
 from scipy.optimize import brentq
 

@@ -8,10 +8,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from bevameter.identification import contact_kernel, stress_kernel
-from bevameter.identification.augmented import AugmentedWheel
+from bevameter.identification.mechanics.augmented import AugmentedWheel
 from bevameter.identification.effects.named import specimen
 from bevameter.identification.simulate import soil_vector
-from bevameter.identification.wheel_soil import Soil, contact_array, rim_forces
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.stresses import rim_forces
+from bevameter.identification.mechanics.textbook import contact_array
 from scipy.integrate import quad
 
 SITUATION = specimen()

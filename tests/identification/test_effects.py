@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bevameter import InputError
-from bevameter.identification.augmented import AugmentedWheel
+from bevameter.identification.mechanics.augmented import AugmentedWheel
 from bevameter.identification.effects.catalogue import INSTRUMENTS, SLUGS, effects_for, forms_by_name
 from bevameter.identification.effects.effect import (
     LOAD,
@@ -25,7 +25,7 @@ from bevameter.identification.effects.named import (
     values_of,
 )
 from bevameter.identification.simulate import soil_vector
-from bevameter.identification.wheel_soil import equilibrium
+from bevameter.identification.mechanics.textbook import equilibrium
 from effects_tried import (
     DRIVE,
     FORMS,

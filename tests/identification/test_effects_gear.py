@@ -19,7 +19,7 @@ from bevameter.identification.effects.named import (
     parse_effect,
     specimen,
 )
-from bevameter.identification.wheel_soil import equilibrium
+from bevameter.identification.mechanics.textbook import equilibrium
 from effects_tried import DRIVE, IMPOSED, SITUATION, SOIL, WHEEL, change, predict, textbook, untouched
 
 

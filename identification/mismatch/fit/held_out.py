@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....framework.core.soil import PARAMETERS
-from ...augmented import SOIL_COUNT, Response
+from ...mechanics.augmented import SOIL_COUNT, Response
 from ...effects.drive import select_rows
 from .fitting import Fitted, Problem
 from .samples import Samples

@@ -18,7 +18,7 @@ from ....framework.core.errors import InputError
 from ....framework.core.recording.types import WheelTable
 from ....framework.core.soil import SoilKnowledge
 from ....framework.core.vehicle import Vehicle, Wheel
-from ...augmented import Entry
+from ...mechanics.augmented import Entry
 from ...effects.effect import LOAD, SLIP
 from ...errors_in_variables import Fit
 from ...estimation import Measured, solve, usable

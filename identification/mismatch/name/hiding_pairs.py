@@ -13,7 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
-from ...augmented import AugmentedWheel
+from ...mechanics.augmented import AugmentedWheel
 from ...effects.effect import Effect
 from ..fit.fitting import Problem
 from ..fit.steps import Prior, normal_equations, scaled_inverse, scaled_solve

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...augmented import AugmentedWheel
+from ...mechanics.augmented import AugmentedWheel
 from ...effects.effect import Effect
 from ..fit.fitting import Problem, fit
 from ..fit.steps import normal_equations, scaled_inverse

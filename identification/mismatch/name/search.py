@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from ....framework.core.errors import InputError
-from ...augmented import SOIL_COUNT
+from ...mechanics.augmented import SOIL_COUNT
 from ...effects.catalogue import FROM_RESIDUALS, effects_for
 from ...effects.effect import Effect
 from ...effects.uncatalogued import SLUG as UNCATALOGUED

@@ -20,7 +20,8 @@ from bevameter.identification.mismatch.fit.samples import SIMULATED
 from bevameter.identification.mismatch.fit.simulated import as_differences
 from bevameter.identification.mismatch.fit.textbook import fit_textbook
 from bevameter.identification.simulate import simulate
-from bevameter.identification.wheel_soil import Soil, equilibrium
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 
 TIME_S = 0.1 * np.arange(300)
 

@@ -18,7 +18,7 @@ from bevameter.identification.mismatch.locate.joint_misfit import joint_correcti
 from bevameter.identification.mismatch.locate.smooth_correction import Term
 from bevameter.identification.mismatch.show.shape import shape_of
 from bevameter.identification.simulate import simulate
-from bevameter.identification.wheel_soil import Soil
+from bevameter.identification.mechanics.soil import Soil
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)
 VEHICLE = Vehicle(name="made", wheels=(WHEEL,))

@@ -20,7 +20,7 @@ from bevameter.identification.mismatch.fit.textbook import fit_textbook
 from bevameter.identification.mismatch.fit.trial import situation, textbook_trial, try_adding
 from bevameter.identification.noise import from_running_median
 from bevameter.identification.simulate import simulate
-from bevameter.identification.wheel_soil import Soil
+from bevameter.identification.mechanics.soil import Soil
 
 WHEEL = Wheel(radius_m=0.2, width_m=0.15)
 VEHICLE = Vehicle(name="made", wheels=(WHEEL,))

@@ -16,7 +16,8 @@ from bevameter.identification.mismatch.fit.trial import textbook_trial
 from bevameter.identification.mismatch.name.evidence import repetition
 from bevameter.identification.mismatch.name.tries import Search
 from bevameter.identification.noise import in_time
-from bevameter.identification.wheel_soil import Soil, equilibrium
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 from scipy.signal import lfilter
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)

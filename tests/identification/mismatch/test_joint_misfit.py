@@ -22,7 +22,7 @@ from bevameter.identification.mismatch.locate.smooth_correction import smooth_co
 from bevameter.identification.mismatch.name.evidence import doubts
 from bevameter.identification.mismatch.name.tries import Search
 from bevameter.identification.simulate import simulate
-from bevameter.identification.wheel_soil import Soil
+from bevameter.identification.mechanics.soil import Soil
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)
 VEHICLE = Vehicle(name="made", wheels=(WHEEL,))

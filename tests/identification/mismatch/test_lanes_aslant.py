@@ -14,7 +14,8 @@ from bevameter.identification.effects.soil_patch import tracks_of
 from bevameter.identification.mismatch.explanation import Explanation
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.locate.variables import names_of
-from bevameter.identification.wheel_soil import Soil, equilibrium
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)
 VEHICLE = Vehicle(name="made", wheels=(WHEEL,))

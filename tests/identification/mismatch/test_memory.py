@@ -20,7 +20,8 @@ from bevameter.identification.mismatch.fit.samples import Samples, gather
 from bevameter.identification.mismatch.fit.textbook import fit_textbook
 from bevameter.identification.mismatch.fit.trial import textbook_trial
 from bevameter.identification.mismatch.locate.noise_floor import swallowed
-from bevameter.identification.wheel_soil import Soil, equilibrium
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 from scipy.linalg import block_diag, toeplitz
 from scipy.signal import lfilter
 from scipy.stats import multivariate_normal

@@ -26,7 +26,8 @@ from bevameter.identification.mismatch.name.evidence import at_odds, borne_out, 
 from bevameter.identification.mismatch.name.naming import name
 from bevameter.identification.mismatch.name.promise import promise
 from bevameter.identification.mismatch.name.tries import Search
-from bevameter.identification.wheel_soil import Soil, equilibrium
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 from scipy.signal import lfilter
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)

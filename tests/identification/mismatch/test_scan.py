@@ -19,7 +19,8 @@ from bevameter.identification.mismatch.name.asked import is_bump
 from bevameter.identification.mismatch.name.naming import name, why_not
 from bevameter.identification.mismatch.name.search import search
 from bevameter.identification.mismatch.name.tries import Search
-from bevameter.identification.wheel_soil import Soil, equilibrium
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)
 SOIL = Soil(c_Pa=800.0, phi_rad=math.radians(31.0), k_m=0.012, stiffness_Pa=2.5e5, n=0.95)

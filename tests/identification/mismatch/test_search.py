@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from bevameter.identification.augmented import SOIL_COUNT, AugmentedWheel
+from bevameter.identification.mechanics.augmented import SOIL_COUNT, AugmentedWheel
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.shear_hump import ShearHump
 from bevameter.identification.felt_rows import felt_rows

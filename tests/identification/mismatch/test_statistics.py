@@ -11,7 +11,7 @@ from bevameter import Vehicle, Wheel
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.core.soil import SoilKnowledge
 from bevameter.framework.scenario.concealed.conceal import conceal
-from bevameter.identification.augmented import AugmentedWheel
+from bevameter.identification.mechanics.augmented import AugmentedWheel
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.drive import order_of
 from bevameter.identification.mismatch.fit.fitting import Problem, fit

@@ -26,7 +26,8 @@ from bevameter.identification.mismatch.fit.trial import (
     try_adding,
 )
 from bevameter.identification.simulate import simulate
-from bevameter.identification.wheel_soil import Soil, equilibrium
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 from scipy.optimize import brentq
 from scipy.signal import lfilter
 
