@@ -10,7 +10,7 @@ import numpy as np
 
 from ..framework.core.soil import PARAMETERS, PLAUSIBLE, PUBLISHED, Quantity, ShearStrength
 from .mechanics.textbook import TextbookWheel
-from .mechanics.stresses import NODES, WEIGHTS
+from .mechanics.stresses import FINE
 from .mechanics.textbook import PEAK_SHARE
 
 if TYPE_CHECKING:
@@ -65,10 +65,11 @@ def strengths(
 
 def _mean_stress(theta_1: np.ndarray, values: dict[str, float], model: TextbookWheel) -> np.ndarray:
     """Normal stress [Pa] averaged over the contact, (n,): both zones of Eq. 8-9 have the same average."""
-    ahead = theta_1[:, None] * (1.0 - (1.0 - PEAK_SHARE) * NODES)
+    nodes, weights = FINE
+    ahead = theta_1[:, None] * (1.0 - (1.0 - PEAK_SHARE) * nodes)
     depth = np.maximum(np.cos(ahead) - np.cos(theta_1)[:, None], 0.0)
     aspect = model.wheel.radius_m / model.wheel.width_m
-    return values["stiffness_Pa"] * ((aspect * depth) ** values["n"] @ WEIGHTS)
+    return values["stiffness_Pa"] * ((aspect * depth) ** values["n"] @ weights)
 
 
 def is_search_limit(name: str, value: float) -> bool:

@@ -135,6 +135,7 @@ class AugmentedWheel:
         entry = entry or Entry(np.full(len(imposed), USUAL_ENTRY_ANGLE))
         contact, rim = self._stand(drive, true, vector, entry, sloped=True)
         angle, forces, slopes = contact.theta_1.copy(), rim.forces, rim.slopes
+        bare = contact_array(angle, true[:, 1], _soil(vector), self.wheel)
         base = self._channels(drive, imposed, contact, vector, forces)
         carried = forces[:, 0]
         further = angle * (1.0 + _STEP)
@@ -155,7 +156,11 @@ class AugmentedWheel:
                 channels = self._channels(drive, imposed_there, contact, vector_there, forces)
                 return (channels - base) / np.reshape(step, (-1, 1)), np.zeros(len(base))
             true_there = self._true(drive, imposed_there, vector_there)
-            there = self._contact(drive, true_there, vector_there, angle)
+            array = bare.copy(order="K")
+            array[:, stresses.COHESION : stresses.EXPONENT + 1] = _soil(vector_there)
+            if not np.array_equal(true_there[:, 1], true[:, 1]):
+                array[:, stresses.ADVANCE] = self.wheel.radius_m * stresses.speed_ratio(true_there[:, 1])[0]
+            there = self._changed(Contact(array, self.wheel), drive, vector_there)
             forces_there = self._forces_near(there, contact, forces, None if far else slopes)
             turn = ((true_there[:, 0] - true[:, 0]) - (forces_there[:, 0] - carried)) / growth
             channels = self._channels(drive, imposed_there, there, vector_there, forces_there)
@@ -225,8 +230,11 @@ class AugmentedWheel:
         return true
 
     def _contact(self, drive: Drive, true: np.ndarray, vector: np.ndarray, theta_1: np.ndarray) -> Contact:
-        soil = vector[0], vector[1], *np.exp(vector[2:SOIL_COUNT])
-        contact = Contact(contact_array(theta_1, true[:, 1], soil, self.wheel), self.wheel)
+        bare = contact_array(theta_1, true[:, 1], _soil(vector), self.wheel)
+        return self._changed(Contact(bare, self.wheel), drive, vector)
+
+    def _changed(self, contact: Contact, drive: Drive, vector: np.ndarray) -> Contact:
+        """Let the effects change the textbook's contact, in place."""
         # What the soil is comes before what is done to it.
         for effect, where in sorted(self.slices(), key=lambda pair: not pair[0].of_ground):
             effect.contact(contact, drive, vector[where])
@@ -254,3 +262,8 @@ class AugmentedWheel:
         for effect, where in self.slices():
             effect.report(channels, drive, vector[where])
         return channels
+
+
+def _soil(vector: np.ndarray) -> list[float | np.ndarray]:
+    """Give c [Pa], tan phi, k [m], stiffness [Pa] and n of a parameter vector (p,), or (p, n)."""
+    return [*vector[:2], *np.exp(vector[2:SOIL_COUNT])]

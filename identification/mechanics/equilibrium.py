@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from .stresses import (
-    COARSE, EXPONENT, FIELDS, FINE, QUICK, SLOPED, THETA_1, THETA_2, THETA_M, integrate, one_rim,
+    COARSE, EDGES, EXPONENT, FIELDS, FINE, QUICK, SLOPED, THETA_1, THETA_2, THETA_M, integrate, one_rim,
 )  # fmt: skip
 
 SMALLEST_ENTRY_ANGLE = 1e-4
@@ -33,6 +33,10 @@ EXACT = 1e-10
 
 CORRECTABLE = 1e-3
 """The same where derivatives are wanted: a linear correction by these leaves about the square of it."""
+
+_SECANT, _LAST = 1e-6, 0.1
+"""Relative error of the load that a secant step makes up for without an integration after it, which leaves the product
+of the errors that it is drawn through, and the share of the step before that it has at most [-]."""
 
 _ITERATIONS, _PATIENCE = 40, 8
 """Steps at most, and those after which a bracket has to shrink by half."""
@@ -84,12 +88,13 @@ def carry(
         Gives the contact (n, f) at entry angles (n,); where absent theta_2 and theta_m stay in proportion to theta_1,
         and nothing else changes.
     growth : (n,), optional
-        Power of the entry angle with which the load grows.
+        Power of the entry angle with which the load grows, where a contact nearby is known to have it. The contact is
+        then taken to carry the load but for little, which it is not otherwise.
     sloped
         Whether derivatives of the forces are wanted. The contact then carries its load but for `CORRECTABLE`, by the
         quick rule, else for `EXACT`, by the fine one.
     """
-    rows = len(contact)
+    rows, near = len(contact), growth is not None
     load = np.ascontiguousarray(load_N, dtype=float)
     contact = np.array(contact, order="F")
     # W of a plate grows like theta_1^(2 n), that of a wheel by one power more.
@@ -97,26 +102,40 @@ def carry(
     growth = np.clip(usual if growth is None else np.where(np.isfinite(growth), growth, usual), *_GROWTHS)
     forces, slopes = np.full((rows, 3), np.nan), np.full((rows, 3, SLOPED if sloped else 0), np.nan)
     bracket = np.tile([SMALLEST_ENTRY_ANGLE, LARGEST_ENTRY_ANGLE], (rows, 1))
-    off, powers = load > 0.0, np.asfortranarray(IN_PROPORTION[None])
-    rule, tolerance = (QUICK, CORRECTABLE) if sloped else (FINE, EXACT)
+    before, before_angle = forces.copy(), np.full(rows, np.nan)
+    off, powers, tolerance = load > 0.0, np.asfortranarray(IN_PROPORTION[None]), np.full(rows, EXACT)
+    exact = lay_out is None
     for iteration in range(_ITERATIONS):
-        if lay_out is not None:
-            powers = _powers(contact, lay_out)
-        _approach(
-            contact, powers, load, width_m, *COARSE, bracket, forces, growth, iteration >= _PATIENCE, off
-        )  # fmt: skip
-        if lay_out is not None:
-            moved, contact = contact, lay_out(contact[:, THETA_1].copy())
-            if np.allclose(moved, contact, rtol=_ROUNDING, atol=0.0, equal_nan=True):
-                lay_out = None
-        integrate(contact, width_m, *rule, off, forces, slopes)
+        if iteration or not near:
+            if lay_out is not None and not exact:
+                powers = _powers(contact, lay_out)
+            before[off], before_angle[off] = forces[off], contact[off, THETA_1]
+            _approach(contact, powers, load, width_m, *COARSE, bracket, forces, growth, iteration >= _PATIENCE, off)
+            if lay_out is not None and not exact:
+                moved, contact = contact, lay_out(contact[:, THETA_1])
+                exact = not _differ(moved, contact, _ROUNDING)
+        integrate(contact, width_m, *(QUICK if sloped else FINE), off, forces, slopes)
+        tolerance[:] = CORRECTABLE if sloped else np.where(np.isfinite(before[:, 0]), _SECANT, EXACT)
         off &= ~(np.abs(forces[:, 0] - load) <= tolerance * load)
         if not off.any():
             break
     lost = ~(np.abs(forces[:, 0] - load) <= tolerance * load)
-    if lost.any():
-        contact[lost, : THETA_M + 1] = forces[lost] = slopes[lost] = np.nan
+    if not sloped:
+        # The last secant step needs no further integration.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = (load - forces[:, 0]) / (forces[:, 0] - before[:, 0])
+            share = np.where(np.abs(share) < _LAST, share, 0.0)
+            forces += share[:, None] * np.where(np.isfinite(before), forces - before, 0.0)
+            angle = contact[:, THETA_1] + share * np.where(share == 0.0, 0.0, contact[:, THETA_1] - before_angle)
+        contact = _moved(contact, angle) if lay_out is None else lay_out(angle)
+    contact[lost, : THETA_M + 1] = forces[lost] = slopes[lost] = np.nan
     return Equilibrium(contact, forces, slopes, growth)
+
+
+def _moved(contact: np.ndarray, theta_1: np.ndarray) -> np.ndarray:
+    """Give the contacts with other entry angles (n,), the other angles in proportion."""
+    contact[:, THETA_1 : THETA_M + 1] *= (theta_1 / contact[:, THETA_1])[:, None]
+    return contact
 
 
 def _powers(contact: np.ndarray, lay_out: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
@@ -134,6 +153,17 @@ def _powers(contact: np.ndarray, lay_out: Callable[[np.ndarray], np.ndarray]) ->
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _differ(these, those, tolerance):
+    """Say whether contacts (n, f) differ by more than a share of what they are."""
+    for f in range(these.shape[1]):
+        for row in range(these.shape[0]):
+            one, other = these[row, f], those[row, f]
+            if one != other and abs(one - other) > tolerance * abs(other):
+                return True
+    return False
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _approach(contact, powers, load, width, nodes, weights, bracket, known, growth, halve, off):
     """Move the contacts (n, f) that are `off` (n,) to where the coarse rule has them carry their load.
 
@@ -142,7 +172,7 @@ def _approach(contact, powers, load, width, nodes, weights, bracket, known, grow
     Contacts that carry too little, or too much, at either end of what entry angles may be are given up.
     """
     field, moved, power = np.empty(contact.shape[1]), np.empty(contact.shape[1]), np.empty(contact.shape[1])
-    scratch, forces, no_slopes = np.empty((4, 6)), np.empty(3), np.empty((3, 0))
+    scratch, forces, no_slopes = np.empty((4, EDGES)), np.empty(3), np.empty((3, 0))
     for row in range(contact.shape[0]):
         if not off[row]:
             continue

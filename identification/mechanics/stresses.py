@@ -65,6 +65,13 @@ TEXTBOOK = np.zeros(len(FIELDS))
 TEXTBOOK[[RESIDUAL, TAN_DELTA, LAYER_DEPTH, MOST_NORMAL, HUMP]] = math.inf
 """A row (f,) whose fields beyond geometry and soil are such that the textbook wheel has nothing of the kind."""
 
+EDGES = 12
+"""Ends of the pieces that the rim is cut into at its kinks, at most; further ones go without."""
+
+_LOOKS, _CLOSE = 8, 1e-6
+"""Where a rim may begin to cut the shear stress off: intervals of a zone that are looked at, and how close to it the
+zone is cut, as shares of the zone [-]."""
+
 LOCKED = 1e-9
 """Least r omega / V of a braked wheel: none is locked altogether."""
 
@@ -100,7 +107,7 @@ def integrate(contact, width, nodes, weights, wanted, forces, slopes):
 
     Rows that are not `wanted` (n,) keep what they have.
     """
-    field, scratch = np.empty(contact.shape[1]), np.empty((4, 6))
+    field, scratch = np.empty(contact.shape[1]), np.empty((4, EDGES))
     for row in range(contact.shape[0]):
         if wanted[row]:
             for f in range(field.size):
@@ -128,7 +135,7 @@ def forces_near(there, here, forces, slopes, near, beyond):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def one_rim(field, width, nodes, weights, scratch, forces, slopes):
-    """Integrate one contact (f,); `scratch` (4, 6) is room to work in, its contents of no account."""
+    """Integrate one contact (f,); `scratch` (4, `EDGES`) is room to work in, its contents of no account."""
     theta_1, theta_2, theta_m, advance = field[THETA_1], field[THETA_2], field[THETA_M], field[ADVANCE]
     cohesion, tan_phi, modulus, exponent = field[COHESION], field[TAN_PHI], field[MODULUS], field[EXPONENT]
     radius, shear_radius = field[RADIUS], field[SHEAR_RADIUS]
@@ -142,7 +149,7 @@ def one_rim(field, width, nodes, weights, scratch, forces, slopes):
     slopes[:, :] = 0.0
     # Derivatives of the three forces by the normal and the shear stress of a node, and by its displacement.
     edges, by_normal, by_shear, by_moved = scratch[0], scratch[1], scratch[2], scratch[3]
-    pieces = _cut(field, width, cos_1, edges)
+    pieces = _cut(field, width, sin_1, cos_1, top, edges)
     for piece in range(pieces):
         begin, reach = edges[piece], edges[piece + 1] - edges[piece]
         for node in range(nodes.size if reach > 0.0 else 0):
@@ -268,11 +275,10 @@ def one_rim(field, width, nodes, weights, scratch, forces, slopes):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _cut(field, width, cos_1, edges):
-    """Cut the zones' common [0, 1] where the stresses have a kink: fills `edges` (6,), gives the number of pieces.
+def _cut(field, width, sin_1, cos_1, top, edges):
+    """Cut the zones' common [0, 1] where the stresses have a kink: fills `edges`, gives the number of pieces.
 
-    The integrand is continuous at a kink, so that where a kink lies has no slope. The one kink that is not looked for
-    is where a rim that cuts the shear stress off begins to: it is another one in each zone.
+    The integrand is continuous at a kink, so that where a kink lies has no slope.
     """
     edges[0], pieces = 0.0, 1
     theta_1, theta_2, theta_m = field[THETA_1], field[THETA_2], field[THETA_M]
@@ -290,7 +296,9 @@ def _cut(field, width, cos_1, edges):
     if field[MOST_NORMAL] < math.inf:
         edges[pieces] = _share_of_front(field, _depth_of(field, field[MOST_NORMAL], width), cos_1)
         pieces += 1
-    if field[TAN_DELTA] < math.inf and field[CUTS_OFF] < 0.5 and field[TAN_PHI] != field[TAN_DELTA]:
+    if field[TAN_DELTA] < math.inf and field[CUTS_OFF] > 0.5:
+        pieces = _cut_at_the_rim(field, width, sin_1, cos_1, top, edges, pieces)
+    elif field[TAN_DELTA] < math.inf and field[TAN_PHI] != field[TAN_DELTA]:
         crossing = (field[ADHESION] - field[COHESION]) / (field[TAN_PHI] - field[TAN_DELTA])
         if 0.0 < crossing < field[MOST_NORMAL]:
             edges[pieces] = _share_of_front(field, _depth_of(field, crossing, width), cos_1)
@@ -301,6 +309,57 @@ def _cut(field, width, cos_1, edges):
             if edges[at] < edges[at - 1]:
                 edges[at], edges[at - 1] = edges[at - 1], edges[at]
     return pieces
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _cut_at_the_rim(field, width, sin_1, cos_1, top, edges, pieces):
+    """Cut where soil begins, or ceases, to slip on a rim that cuts its shear stress off, in either zone."""
+    for zone in range(2):
+        before = _over_the_rim(field, width, sin_1, cos_1, top, zone, 0.0)
+        for step in range(1, _LOOKS + 1):
+            low, high = ((step - 1) / _LOOKS) ** 2, (step / _LOOKS) ** 2
+            after = _over_the_rim(field, width, sin_1, cos_1, top, zone, high)
+            if (before > 0.0) != (after > 0.0) and pieces < edges.size - 1:
+                at_low, at_high = before, after
+                # Regula falsi, the end that stays halved (Illinois).
+                for _ in range(30):
+                    middle = (low * at_high - high * at_low) / (at_high - at_low)
+                    found = _over_the_rim(field, width, sin_1, cos_1, top, zone, middle)
+                    if (found > 0.0) == (at_high > 0.0):
+                        if abs(high - middle) < _CLOSE:
+                            break
+                        high, at_high, at_low = middle, found, 0.5 * at_low
+                    else:
+                        if abs(middle - low) < _CLOSE:
+                            break
+                        low, at_low, at_high = middle, found, 0.5 * at_high
+                edges[pieces] = middle
+                pieces += 1
+            before = after
+    return pieces
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _over_the_rim(field, width, sin_1, cos_1, top, zone, along):
+    """Give what the soil's shear stress has beyond the rim's [Pa], a share of a zone from its free end."""
+    theta_1, theta_2, theta_m = field[THETA_1], field[THETA_2], field[THETA_M]
+    ahead = theta_1 + (theta_m - theta_1) * along
+    normal = min(_pressure(field, field[RADIUS] * (math.cos(ahead) - cos_1), width), field[MOST_NORMAL])
+    theta = ahead if zone == 0 else theta_2 + (theta_m - theta_2) * along
+    displacement = field[SHEAR_RADIUS] * (theta_1 - theta) - field[ADVANCE] * (sin_1 - math.sin(theta))
+    mobilised = 1.0 - math.exp(-abs(displacement) / field[MODULUS])
+    if min(field[RESIDUAL], field[HUMP]) < math.inf:
+        mobilised = abs(_with_peak(displacement, field[MODULUS], field[RESIDUAL], field[HUMP], top, 0.0)[0])
+    return (field[COHESION] + normal * field[TAN_PHI]) * mobilised - field[ADHESION] - normal * field[TAN_DELTA]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _pressure(field, depth, width):
+    """Normal stress [Pa] at a depth [m], whether or not the wheel transmits it."""
+    normal = field[STIFFNESS] * (max(depth, 0.0) / width) ** field[EXPONENT]
+    if depth > field[LAYER_DEPTH]:
+        normal += field[LAYER_STIFFNESS] * ((depth - field[LAYER_DEPTH]) / width) ** field[EXPONENT]
+    return normal
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -350,8 +409,7 @@ def _depth_of(field, normal, width):
     low, high = field[LAYER_DEPTH], depth
     for _ in range(50):
         depth = 0.5 * (low + high)
-        upper = field[STIFFNESS] * (depth / width) ** field[EXPONENT]
-        if upper + field[LAYER_STIFFNESS] * ((depth - field[LAYER_DEPTH]) / width) ** field[EXPONENT] < normal:
+        if _pressure(field, depth, width) < normal:
             low = depth
         else:
             high = depth
