@@ -21,7 +21,8 @@ from .textbook import USUAL_ENTRY_ANGLE, contact_array
 SOIL_COUNT = 5
 """Leading entries of a parameter vector: c [Pa], tan phi, ln k [m], ln stiffness [Pa], ln n; the effects' follow."""
 
-_STEP = 1e-5
+_STEP = 1e-7
+"""Step of the differences of contacts, relative: forces follow by their slopes, without cancellation."""
 
 _SAME = 1e-5
 """Share by which channels of two wheels differ that are one [-]."""
@@ -185,10 +186,10 @@ class AugmentedWheel:
             return Response(corrected, angle + correction, by_parameter, by_ground=by_ground, turned=turned, growth=power, rim=rim)
         by_latent = np.empty((*base.shape, 2))
         nothing = np.zeros(len(imposed))
-        step_N = 1e-5 * np.abs(imposed[:, 0])
+        step_N = _STEP * np.abs(imposed[:, 0])
         by_latent[:, :, 0], _ = derivative(imposed + np.column_stack([step_N, nothing]), vector, step_N)
         # Stepping towards zero slip never reaches the locked or the spinning wheel.
-        step_slip = np.where(imposed[:, 1] > 0.0, -1e-5, 1e-5)
+        step_slip = np.where(imposed[:, 1] > 0.0, -_STEP, _STEP)
         by_latent[:, :, 1], _ = derivative(imposed + np.column_stack([nothing, step_slip]), vector, step_slip)
         return Response(corrected, angle + correction, by_parameter, by_latent, by_ground, turned, power, rim)
 

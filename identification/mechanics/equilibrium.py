@@ -31,17 +31,17 @@ IN_PROPORTION[[THETA_1, THETA_2, THETA_M]] = 1.0
 EXACT = 1e-10
 """Relative error of the load at which the search ends."""
 
-CORRECTABLE = 1e-3
+CORRECTABLE = 2e-4
 """The same where derivatives are wanted: a linear correction by these leaves about the square of it."""
 
-_SECANT, _LAST = 1e-6, 0.1
+_SECANT, _LAST = 3e-6, 0.1
 """Relative error of the load that a secant step makes up for without an integration after it, which leaves the product
 of the errors that it is drawn through, and the share of the step before that it has at most [-]."""
 
 _ITERATIONS, _PATIENCE = 40, 8
 """Steps at most, and those after which a bracket has to shrink by half."""
 
-_NEAR = 1e-4
+_NEAR = 1e-3
 """Relative error of the load that the coarse rule leaves, and share of an error that a search from near leaves [-]."""
 
 _GROWTHS = 0.2, 20.0
@@ -102,20 +102,24 @@ def carry(
     growth = np.clip(usual if growth is None else np.where(np.isfinite(growth), growth, usual), *_GROWTHS)
     forces, slopes = np.full((rows, 3), np.nan), np.full((rows, 3, SLOPED if sloped else 0), np.nan)
     bracket = np.tile([SMALLEST_ENTRY_ANGLE, LARGEST_ENTRY_ANGLE], (rows, 1))
-    before, before_angle = forces.copy(), np.full(rows, np.nan)
+    rule, before = QUICK if sloped else FINE, np.full((rows, 4), np.nan)
     off, powers, tolerance = load > 0.0, np.asfortranarray(IN_PROPORTION[None]), np.full(rows, EXACT)
     exact = lay_out is None
     for iteration in range(_ITERATIONS):
         if iteration or not near:
             if lay_out is not None and not exact:
                 powers = _powers(contact, lay_out)
-            before[off], before_angle[off] = forces[off], contact[off, THETA_1]
-            _approach(contact, powers, load, width_m, *COARSE, bracket, forces, growth, iteration >= _PATIENCE, off)
+            _approach(
+                contact, powers, load, width_m, *COARSE, *rule, bracket, forces, before, growth,
+                iteration >= _PATIENCE and iteration % 2 == 0, off,
+            )  # fmt: skip
             if lay_out is not None and not exact:
                 moved, contact = contact, lay_out(contact[:, THETA_1])
                 exact = not _differ(moved, contact, _ROUNDING)
-        integrate(contact, width_m, *(QUICK if sloped else FINE), off, forces, slopes)
-        tolerance[:] = CORRECTABLE if sloped else np.where(np.isfinite(before[:, 0]), _SECANT, EXACT)
+        integrate(contact, width_m, *rule, off, forces, slopes)
+        # Where fields have not followed their powers the first two forces are not those of one contact.
+        drawn = np.isfinite(before[:, 1]) & (exact or iteration > 0)
+        tolerance[:] = CORRECTABLE if sloped else np.where(drawn, _SECANT, EXACT)
         off &= ~(np.abs(forces[:, 0] - load) <= tolerance * load)
         if not off.any():
             break
@@ -123,10 +127,11 @@ def carry(
     if not sloped:
         # The last secant step needs no further integration.
         with np.errstate(divide="ignore", invalid="ignore"):
-            share = (load - forces[:, 0]) / (forces[:, 0] - before[:, 0])
-            share = np.where(np.abs(share) < _LAST, share, 0.0)
-            forces += share[:, None] * np.where(np.isfinite(before), forces - before, 0.0)
-            angle = contact[:, THETA_1] + share * np.where(share == 0.0, 0.0, contact[:, THETA_1] - before_angle)
+            steps = np.column_stack([contact[:, THETA_1], forces]) - before
+            share = (load - forces[:, 0]) / steps[:, 1]
+            steps = np.where((np.abs(share) < _LAST)[:, None], share[:, None] * steps, 0.0)
+        forces += steps[:, 1:]
+        angle = contact[:, THETA_1] + steps[:, 0]
         contact = _moved(contact, angle) if lay_out is None else lay_out(angle)
     contact[lost, : THETA_M + 1] = forces[lost] = slopes[lost] = np.nan
     return Equilibrium(contact, forces, slopes, growth)
@@ -164,11 +169,14 @@ def _differ(these, those, tolerance):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _approach(contact, powers, load, width, nodes, weights, bracket, known, growth, halve, off):
-    """Move the contacts (n, f) that are `off` (n,) to where the coarse rule has them carry their load.
+def _approach(
+    contact, powers, load, width, nodes, weights, fine_nodes, fine_weights, bracket, known, before, growth, halve, off
+):
+    """Move the contacts (n, f) that are `off` (n,) to where they carry their load, but for little.
 
-    Forces (n, 3) that are `known` of a contact where it is narrow its `bracket` (n, 2), and tell by which factor the
-    coarse rule is wrong. Where these brackets are to `halve`, no contact goes further than to the middle of its own.
+    They carry it by a coarse rule first. Forces (n, 3) that are `known` of a contact where it is narrow its `bracket`
+    (n, 2), and tell by which factor that rule is wrong; where none are known one step by the fine rule follows. The
+    angle and the forces that the move was reckoned from are left in `before` (n, 4). Where these brackets are to `halve`, contacts go to the middle of their own.
     Contacts that carry too little, or too much, at either end of what entry angles may be are given up.
     """
     field, moved, power = np.empty(contact.shape[1]), np.empty(contact.shape[1]), np.empty(contact.shape[1])
@@ -180,12 +188,13 @@ def _approach(contact, powers, load, width, nodes, weights, bracket, known, grow
             field[f] = moved[f] = contact[row, f]
             power[f] = powers[row % len(powers), f]
         angle = start = field[0]
-        target, within = load[row], _NEAR
+        target, within, new = load[row], _NEAR, not known[row, 0] > -math.inf
         one_rim(moved, width, nodes, weights, scratch, forces, no_slopes)
         if not math.isfinite(forces[0]):
             off[row] = False
             continue
-        if known[row, 0] > -math.inf:
+        if not new:
+            before[row, 0], before[row, 1:] = angle, known[row]
             short = known[row, 0] < target
             bracket[row, 0 if short else 1] = angle
             if (short and angle > 0.999 * LARGEST_ENTRY_ANGLE) or (not short and angle < 1.001 * SMALLEST_ENTRY_ANGLE):
@@ -196,8 +205,8 @@ def _approach(contact, powers, load, width, nodes, weights, bracket, known, grow
                 target *= forces[0] / known[row, 0]
         low, high = bracket[row, 0], bracket[row, 1]
         if halve:
-            half = 0.5 * (low + high)
-            low, high = (low, half) if forces[0] >= target else (half, high)
+            _turn(field, power, 0.5 * (low + high) / start, contact[row])
+            continue
         widths = high - low, high - low
         for iteration in range(_ITERATIONS):
             found = forces[0]
@@ -213,15 +222,27 @@ def _approach(contact, powers, load, width, nodes, weights, bracket, known, grow
             widths = widths[1], high - low
             if stuck or not (low < trial < high):
                 trial = 0.5 * (low + high)
-            for f in range(field.size):
-                if power[f] == 1.0:
-                    moved[f] = field[f] * (trial / start)
-                elif power[f] != 0.0:
-                    moved[f] = field[f] * (trial / start) ** power[f]
+            _turn(field, power, trial / start, moved)
             one_rim(moved, width, nodes, weights, scratch, forces, no_slopes)
             if forces[0] > 0.0 and found > 0.0 and abs(trial - angle) > 1e-9 * angle:
                 measured = math.log(forces[0] / found) / math.log(trial / angle)
                 growth[row] = min(max(measured, _GROWTHS[0]), _GROWTHS[1])
             angle = trial
+        if new:
+            one_rim(moved, width, fine_nodes, fine_weights, scratch, forces, no_slopes)
+            before[row, 0], before[row, 1:] = angle, forces
+            trial = angle * (target / forces[0]) ** (1.0 / growth[row]) if forces[0] > 0.0 else angle
+            if bracket[row, 0] < trial < bracket[row, 1]:
+                _turn(field, power, trial / start, moved)
         for f in range(field.size):
             contact[row, f] = moved[f]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _turn(field, power, ratio, moved):
+    """Move a contact (f,) to another entry angle, whose ratio to the present one is given."""
+    for f in range(field.size):
+        if power[f] == 1.0:
+            moved[f] = field[f] * ratio
+        elif power[f] != 0.0:
+            moved[f] = field[f] * ratio ** power[f]
