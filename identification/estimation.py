@@ -20,15 +20,13 @@ from ..framework.core.soil import PARAMETERS, PLAUSIBLE, WRONG_FORM, SoilEstimat
 from ..framework.core.vehicle import Wheel
 from . import form_error
 from .errors_in_variables import Fit, best_start, fit
-from .mechanics.soil import from_internal, slope_of_internal, to_internal
-from .mechanics.textbook import CHANNELS, TextbookWheel
 from .identifiability import advise, separable, strengths
 from .intervals import consistent, hull, parameter_intervals
 from .marginal_likelihood import Problem
-from .noise import alike, correlation_time, memory
-from .mechanics.soil import Soil
+from .mechanics.soil import Soil, from_internal, slope_of_internal, to_internal
 from .mechanics.stresses import rim_forces
-from .mechanics.textbook import contact_array, entry_angle
+from .mechanics.textbook import CHANNELS, TextbookWheel, contact_array, entry_angle
+from .noise import alike, correlation_time, memory
 
 ANSWERS = np.array([False, True, True, False, True])
 """Channels that the soil answers with (T, z, DP): the model's error lives there; load and slip are imposed."""

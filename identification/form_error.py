@@ -21,9 +21,9 @@ from scipy.stats import chi2
 from scipy.stats import t as t_distribution
 
 from .errors_in_variables import best_start, fit
+from .marginal_likelihood import POPULATION, Point, Problem, State, evaluate, mean_score
 from .mechanics.flexible import FREEDOMS, FlexibleWheel
 from .mechanics.textbook import TextbookWheel
-from .marginal_likelihood import POPULATION, Point, Problem, State, evaluate, mean_score
 
 if TYPE_CHECKING:
     from .estimation import Solution

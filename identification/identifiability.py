@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..framework.core.soil import PARAMETERS, PLAUSIBLE, PUBLISHED, Quantity, ShearStrength
-from .mechanics.textbook import TextbookWheel
 from .mechanics.stresses import FINE
-from .mechanics.textbook import PEAK_SHARE
+from .mechanics.textbook import PEAK_SHARE, TextbookWheel
 
 if TYPE_CHECKING:
     from .estimation import Solution

@@ -14,8 +14,7 @@ import numpy as np
 from ...framework.core.soil import PARAMETERS, PLAUSIBLE
 from ...framework.core.vehicle import Wheel
 from ..mechanics.augmented import SOIL_COUNT, AugmentedWheel
-from ..mechanics.soil import slope_of_internal
-from ..mechanics.soil import Soil
+from ..mechanics.soil import Soil, slope_of_internal
 from .catalogue import forms_by_name
 from .drive import PresentDrive
 from .effect import COVARIATES, PULL, Effect

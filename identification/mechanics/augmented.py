@@ -2,13 +2,13 @@
 
 The contact of each sample is laid out as the textbook has it, each effect changes what it changes, the entry angle is
 found at which the load is carried, and what follows is reported as the effects say. Derivatives are differences of the
-contact at a fixed entry angle, times the forces' slopes, which one quadrature gives by most of its fields; the angle's
+contact at a fixed entry angle, times the forces' slopes, which one quadrature gives by all of its fields; the angle's
 answer follows from the implicit function theorem.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -181,9 +181,12 @@ class AugmentedWheel:
                 imposed, stepped, step, far=far[index], stands=stands[index]
             )  # fmt: skip
         by_ground = np.stack([by_parameter[..., 3], by_parameter[..., :2] @ vector[:2]], axis=-1)
-        power = angle * growth / carried
+        answer = Response(
+            corrected, angle + correction, by_parameter, by_ground=by_ground, turned=turned,
+            growth=angle * growth / carried, rim=rim,
+        )  # fmt: skip
         if not latent:
-            return Response(corrected, angle + correction, by_parameter, by_ground=by_ground, turned=turned, growth=power, rim=rim)
+            return answer
         by_latent = np.empty((*base.shape, 2))
         nothing = np.zeros(len(imposed))
         step_N = _STEP * np.abs(imposed[:, 0])
@@ -191,7 +194,7 @@ class AugmentedWheel:
         # Stepping towards zero slip never reaches the locked or the spinning wheel.
         step_slip = np.where(imposed[:, 1] > 0.0, -_STEP, _STEP)
         by_latent[:, :, 1], _ = derivative(imposed + np.column_stack([nothing, step_slip]), vector, step_slip)
-        return Response(corrected, angle + correction, by_parameter, by_latent, by_ground, turned, power, rim)
+        return replace(answer, by_latent=by_latent)
 
     def _stand(
         self, drive: Drive, true: np.ndarray, vector: np.ndarray, entry: Entry, *, sloped: bool

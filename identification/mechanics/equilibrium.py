@@ -15,7 +15,18 @@ import numpy as np
 from numba import njit
 
 from .stresses import (
-    COARSE, EDGES, EXPONENT, FIELDS, FINE, QUICK, SLOPED, THETA_1, THETA_2, THETA_M, integrate, one_rim,
+    COARSE,
+    EDGES,
+    EXPONENT,
+    FIELDS,
+    FINE,
+    QUICK,
+    SLOPED,
+    THETA_1,
+    THETA_2,
+    THETA_M,
+    integrate,
+    one_rim,
 )  # fmt: skip
 
 SMALLEST_ENTRY_ANGLE = 1e-4
@@ -176,8 +187,9 @@ def _approach(
 
     They carry it by a coarse rule first. Forces (n, 3) that are `known` of a contact where it is narrow its `bracket`
     (n, 2), and tell by which factor that rule is wrong; where none are known one step by the fine rule follows. The
-    angle and the forces that the move was reckoned from are left in `before` (n, 4). Where these brackets are to `halve`, contacts go to the middle of their own.
-    Contacts that carry too little, or too much, at either end of what entry angles may be are given up.
+    angle and the forces that the move was reckoned from are left in `before` (n, 4). Where brackets are to `halve`,
+    contacts go to the middle of theirs. Contacts that carry too little, or too much, at either end of what entry angles
+    may be are given up.
     """
     field, moved, power = np.empty(contact.shape[1]), np.empty(contact.shape[1]), np.empty(contact.shape[1])
     scratch, forces, no_slopes = np.empty((4, EDGES)), np.empty(3), np.empty((3, 0))

@@ -12,15 +12,15 @@ import pytest
 from bevameter import InputError, Vehicle, Wheel
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.core.soil import PARAMETERS
-from bevameter.identification.mechanics.augmented import AugmentedWheel
 from bevameter.identification.effects.catalogue import SLUGS, forms_by_name
 from bevameter.identification.effects.effect import PULL, TORQUE, Effect
 from bevameter.identification.effects.ensemble import drawbar_pull, error_count, errors_of_fit, soils_off
 from bevameter.identification.effects.named import specimen
 from bevameter.identification.effects.stored import AugmentedSimulator, Estimated, StoredEffect
-from bevameter.identification.simulate import simulate, soil_vector
+from bevameter.identification.mechanics.augmented import AugmentedWheel
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import equilibrium
+from bevameter.identification.simulate import simulate, soil_vector
 
 SITUATION = specimen()
 SOIL = Soil(c_Pa=500.0, phi_rad=math.radians(32.0), k_m=0.012, stiffness_Pa=2e5, n=0.9)

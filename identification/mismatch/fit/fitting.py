@@ -16,8 +16,8 @@ from functools import partial
 import numpy as np
 
 from ....framework.core.soil import PARAMETERS, PLAUSIBLE, SoilKnowledge
-from ...mechanics.augmented import AugmentedWheel, Entry, Response
 from ...effects.effect import LOAD, SLIP
+from ...mechanics.augmented import AugmentedWheel, Entry, Response
 from ...mechanics.soil import slope_of_internal, to_internal
 from .likeliest_noise import NoiseKnown, Weighed, likeliest
 from .memory import Memory

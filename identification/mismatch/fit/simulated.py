@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from ....framework.core.errors import InputError
-from ...mechanics.augmented import AugmentedWheel
 from ...effects.effect import LOAD, SLIP
+from ...mechanics.augmented import AugmentedWheel
 from ...mechanics.textbook import CHANNELS
 from .fitting import Problem
 from .samples import ANSWERS, LEAST_ROWS, Samples

@@ -9,11 +9,11 @@ from functools import partial
 
 import numpy as np
 import pytest
-from bevameter.identification.mechanics.augmented import SOIL_COUNT, AugmentedWheel
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.shear_hump import ShearHump
 from bevameter.identification.felt_rows import felt_rows
 from bevameter.identification.identify import open_recording
+from bevameter.identification.mechanics.augmented import SOIL_COUNT, AugmentedWheel
 from bevameter.identification.mismatch.fit.fitting import fit
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.fit.trial import (
