@@ -15,8 +15,8 @@ import numpy as np
 from ...framework.core.vehicle import Wheel
 from ..effects.effect import Contact, Drive, Effect
 from . import stresses
-from .equilibrium import CORRECTABLE, LARGEST_ENTRY_ANGLE, SMALLEST_ENTRY_ANGLE, carry
-from .textbook import USUAL_ENTRY_ANGLE, contact_array
+from .equilibrium import CORRECTABLE, carry
+from .textbook import USUAL_ENTRY_ANGLE, contact_array, started
 
 SOIL_COUNT = 5
 """Leading entries of a parameter vector: c [Pa], tan phi, ln k [m], ln stiffness [Pa], ln n; the effects' follow."""
@@ -208,12 +208,10 @@ class AugmentedWheel:
         def lay_out(theta_1: np.ndarray) -> np.ndarray:
             return self._contact(drive, true, vector, theta_1).array
 
-        start = np.where(np.isfinite(entry.theta_1), entry.theta_1, USUAL_ENTRY_ANGLE)
-        start = np.clip(start, 2.0 * SMALLEST_ENTRY_ANGLE, 0.99 * LARGEST_ENTRY_ANGLE)
         fixed = all(type(effect).contact is Effect.contact for effect in self.effects)
         found = carry(
-            lay_out(start), true[:, 0], self.wheel.width_m, lay_out=None if fixed else lay_out, growth=entry.growth,
-            sloped=sloped,
+            lay_out(started(entry.theta_1)), true[:, 0], self.wheel.width_m, lay_out=None if fixed else lay_out,
+            growth=entry.growth, near=entry.growth is not None, sloped=sloped,
         )  # fmt: skip
         contact = self._contact(drive, true, vector, found.contact[:, stresses.THETA_1])
         return contact, Rim(true, contact.array, found.forces, found.slopes)

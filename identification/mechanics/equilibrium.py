@@ -55,6 +55,9 @@ _ITERATIONS, _PATIENCE = 40, 8
 _NEAR = 1e-3
 """Relative error of the load that the coarse rule leaves, and share of an error that a search from near leaves [-]."""
 
+_STRAIGHT = 0.1
+"""Relative error of the load from which on a step by the slopes is not trusted [-]."""
+
 _GROWTHS = 0.2, 20.0
 """Powers of the entry angle between which the load is taken to grow."""
 
@@ -83,6 +86,7 @@ def carry(
     *,
     lay_out: Callable[[np.ndarray], np.ndarray] | None = None,
     growth: np.ndarray | None = None,
+    near: bool = False,
     sloped: bool = False,
 ) -> Equilibrium:
     """Find the entry angles at which contacts carry their loads.
@@ -99,38 +103,38 @@ def carry(
         Gives the contact (n, f) at entry angles (n,); where absent theta_2 and theta_m stay in proportion to theta_1,
         and nothing else changes.
     growth : (n,), optional
-        Power of the entry angle with which the load grows, where a contact nearby is known to have it. The contact is
-        then taken to carry the load but for little, which it is not otherwise.
+        Power of the entry angle with which the load grows, where it is known.
+    near
+        The contact is taken to carry about its load: it is integrated before anything is sought.
     sloped
         Whether derivatives of the forces are wanted. The contact then carries its load but for `CORRECTABLE`, by the
         quick rule, else for `EXACT`, by the fine one.
     """
-    rows, near = len(contact), growth is not None
+    rows = len(contact)
     load = np.ascontiguousarray(load_N, dtype=float)
-    contact = np.array(contact, order="F")
-    # W of a plate grows like theta_1^(2 n), that of a wheel by one power more.
-    usual = 2.0 * contact[:, EXPONENT] + 1.0
-    growth = np.clip(usual if growth is None else np.where(np.isfinite(growth), growth, usual), *_GROWTHS)
+    contact = contact.copy(order="F")
+    growth = np.full(rows, np.nan) if growth is None else growth.copy()
     forces, slopes = np.full((rows, 3), np.nan), np.full((rows, 3, SLOPED if sloped else 0), np.nan)
-    bracket = np.tile([SMALLEST_ENTRY_ANGLE, LARGEST_ENTRY_ANGLE], (rows, 1))
+    bracket = np.empty((rows, 2))
+    bracket[:] = SMALLEST_ENTRY_ANGLE, LARGEST_ENTRY_ANGLE
     rule, before = QUICK if sloped else FINE, np.full((rows, 4), np.nan)
-    off, powers, tolerance = load > 0.0, np.asfortranarray(IN_PROPORTION[None]), np.full(rows, EXACT)
+    off, powers, tolerance = load > 0.0, IN_PROPORTION[None], CORRECTABLE
     exact = lay_out is None
     for iteration in range(_ITERATIONS):
         if iteration or not near:
             if lay_out is not None and not exact:
                 powers = _powers(contact, lay_out)
             _approach(
-                contact, powers, load, width_m, *COARSE, *rule, bracket, forces, before, growth,
+                contact, powers, load, width_m, *COARSE, *rule, bracket, forces, slopes, before, growth,
                 iteration >= _PATIENCE and iteration % 2 == 0, off,
             )  # fmt: skip
             if lay_out is not None and not exact:
                 moved, contact = contact, lay_out(contact[:, THETA_1])
                 exact = not _differ(moved, contact, _ROUNDING)
         integrate(contact, width_m, *rule, off, forces, slopes)
-        # Where fields have not followed their powers the first two forces are not those of one contact.
-        drawn = np.isfinite(before[:, 1]) & (exact or iteration > 0)
-        tolerance[:] = CORRECTABLE if sloped else np.where(drawn, _SECANT, EXACT)
+        if not sloped:
+            # Where fields have not followed their powers the first two forces are not those of one contact.
+            tolerance = np.where(np.isfinite(before[:, 1]), _SECANT if exact or iteration else EXACT, EXACT)
         off &= ~(np.abs(forces[:, 0] - load) <= tolerance * load)
         if not off.any():
             break
@@ -144,7 +148,8 @@ def carry(
         forces += steps[:, 1:]
         angle = contact[:, THETA_1] + steps[:, 0]
         contact = _moved(contact, angle) if lay_out is None else lay_out(angle)
-    contact[lost, : THETA_M + 1] = forces[lost] = slopes[lost] = np.nan
+    if lost.any():
+        contact[lost, : THETA_M + 1] = forces[lost] = slopes[lost] = np.nan
     return Equilibrium(contact, forces, slopes, growth)
 
 
@@ -181,8 +186,9 @@ def _differ(these, those, tolerance):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _approach(
-    contact, powers, load, width, nodes, weights, fine_nodes, fine_weights, bracket, known, before, growth, halve, off
-):
+    contact, powers, load, width, nodes, weights, fine_nodes, fine_weights, bracket, known, slopes, before, growth,
+    halve, off,
+):  # fmt: skip
     """Move the contacts (n, f) that are `off` (n,) to where they carry their load, but for little.
 
     They carry it by a coarse rule first. Forces (n, 3) that are `known` of a contact where it is narrow its `bracket`
@@ -201,10 +207,6 @@ def _approach(
             power[f] = powers[row % len(powers), f]
         angle = start = field[0]
         target, within, new = load[row], _NEAR, not known[row, 0] > -math.inf
-        one_rim(moved, width, nodes, weights, scratch, forces, no_slopes)
-        if not math.isfinite(forces[0]):
-            off[row] = False
-            continue
         if not new:
             before[row, 0], before[row, 1:] = angle, known[row]
             short = known[row, 0] < target
@@ -212,9 +214,29 @@ def _approach(
             if (short and angle > 0.999 * LARGEST_ENTRY_ANGLE) or (not short and angle < 1.001 * SMALLEST_ENTRY_ANGLE):
                 off[row] = False
                 continue
-            within *= min(abs(known[row, 0] / target - 1.0), 1.0)
-            if known[row, 0] > 0.0 and forces[0] > 0.0:
-                target *= forces[0] / known[row, 0]
+            wrong = abs(known[row, 0] / target - 1.0)
+            if slopes.shape[2] > 0 and wrong < _STRAIGHT and not halve:
+                # By Newton's method in logarithms.
+                rise = 0.0
+                for f in range(slopes.shape[2]):
+                    if power[f] != 0.0:
+                        rise += slopes[row, 0, f] * power[f] * field[f]
+                growth[row] = min(max(rise / known[row, 0], _GROWTHS[0]), _GROWTHS[1])
+                trial = angle * (target / known[row, 0]) ** (1.0 / growth[row])
+                if bracket[row, 0] < trial < bracket[row, 1]:
+                    _turn(field, power, trial / start, contact[row])
+                    continue
+            within *= min(wrong, 1.0)
+        one_rim(moved, width, nodes, weights, scratch, forces, no_slopes)
+        if not math.isfinite(forces[0]):
+            off[row] = False
+            continue
+        if known[row, 0] > 0.0 and forces[0] > 0.0:
+            target *= forces[0] / known[row, 0]
+        if not growth[row] > 0.0:
+            # W of a plate grows like theta_1^(2 n), that of a wheel by one power more.
+            growth[row] = 2.0 * field[EXPONENT] + 1.0
+        growth[row] = min(max(growth[row], _GROWTHS[0]), _GROWTHS[1])
         low, high = bracket[row, 0], bracket[row, 1]
         if halve:
             _turn(field, power, 0.5 * (low + high) / start, contact[row])

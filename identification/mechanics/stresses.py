@@ -320,7 +320,7 @@ def _cut_at_the_rim(field, width, sin_1, cos_1, top, edges, pieces):
             low, high = ((step - 1) / _LOOKS) ** 2, (step / _LOOKS) ** 2
             after = _over_the_rim(field, width, sin_1, cos_1, top, zone, high)
             if (before > 0.0) != (after > 0.0) and pieces < edges.size - 1:
-                at_low, at_high = before, after
+                at_low, at_high, middle = before, after, high
                 # Regula falsi, the end that stays halved (Illinois).
                 for _ in range(30):
                     middle = (low * at_high - high * at_low) / (at_high - at_low)

@@ -18,7 +18,7 @@ import numpy as np
 from ...framework.core.soil import PARAMETERS
 from ...framework.core.vehicle import Wheel
 from . import stresses
-from .equilibrium import Equilibrium, carry
+from .equilibrium import LARGEST_ENTRY_ANGLE, SMALLEST_ENTRY_ANGLE, Equilibrium, carry
 from .soil import Soil, from_internal, to_internal
 
 CHANNELS = ("load_N", "torque_Nm", "sinkage_m", "slip", "drawbar_pull_N")
@@ -176,7 +176,8 @@ class ForwardModel(Protocol):
 
 def started(theta_1: np.ndarray) -> np.ndarray:
     """Entry angles (n,) at which a search may start, those given where they are any [rad]."""
-    return np.where(theta_1 > 0.0, theta_1, USUAL_ENTRY_ANGLE)
+    usable = (theta_1 > SMALLEST_ENTRY_ANGLE) & (theta_1 < LARGEST_ENTRY_ANGLE)
+    return np.where(usable, theta_1, USUAL_ENTRY_ANGLE)
 
 
 def standing(contact: np.ndarray, imposed: np.ndarray, wheel: Wheel) -> tuple[Equilibrium, np.ndarray]:
@@ -184,9 +185,12 @@ def standing(contact: np.ndarray, imposed: np.ndarray, wheel: Wheel) -> tuple[Eq
 
     The latter are (n, 3), and the entry angle is the only thing that changes.
     """
-    found = carry(contact, imposed[:, 0], wheel.width_m, sloped=True)
-    angles = found.contact[:, : stresses.THETA_M + 1]
-    return found, np.einsum("nkf,nf->nk", found.slopes[:, :, : stresses.THETA_M + 1], angles / angles[:, :1])
+    found = carry(contact, imposed[:, 0], wheel.width_m, near=True, sloped=True)
+    by_angle = found.slopes[:, :, stresses.THETA_1].copy()
+    for field in (stresses.THETA_2, stresses.THETA_M):
+        share = found.contact[:, field] / found.contact[:, stresses.THETA_1]
+        by_angle += found.slopes[:, :, field] * share[:, None]
+    return found, by_angle
 
 
 def predicted(
@@ -248,12 +252,12 @@ class TextbookWheel:
 
     def predict(self, imposed: np.ndarray, vector: np.ndarray, theta_1: np.ndarray) -> Prediction:
         """Predict W [N], T [N m], z [m], i [-], DP [N]: see `Prediction`."""
-        soil = np.array([vector[0], vector[1], *np.exp(vector[2:])])
+        soil = [*vector[:2], *np.exp(vector[2:])]
         found, by_angle = standing(
             contact_array(started(theta_1), imposed[:, 1], soil, self.wheel), imposed, self.wheel
         )
         direct = np.zeros((len(imposed), 3, 2 + len(soil)))
         direct[:, :, 1:] = found.slopes[:, :, stresses.ADVANCE : stresses.EXPONENT + 1]
         direct[:, :, 1] *= self.wheel.radius_m * stresses.speed_ratio(imposed[:, 1])[1][:, None]
-        direct[:, :, 4:] *= soil[2:]
+        direct[:, :, 4:] *= np.array(soil[2:])
         return predicted(found, by_angle, direct, imposed, self.wheel)

@@ -53,6 +53,19 @@ def test_equilibrium(benchmark):
     )
 
 
+@pytest.mark.benchmark(group="equilibrium, 100000 samples")
+def test_equilibrium_of_a_hundred_thousand_samples_takes_17_us_each_at_most(benchmark):
+    """On one thread: the kernels start no others."""
+    loads, slips = np.linspace(300.0, 2500.0, 100_000), np.random.default_rng(0).uniform(0.05, 0.9, 100_000)
+    equilibrium(WHEEL, SOIL, LOADS[:2], SLIPS[:2])
+    state = benchmark.pedantic(equilibrium, args=(WHEEL, SOIL, loads, slips), rounds=3)
+    assert np.isfinite(state.theta_1_rad).all()
+    if benchmark.enabled:  # not beside other tests: that would measure those
+        each = benchmark.stats.stats.min / len(loads)
+        benchmark.extra_info["us a sample"] = 1e6 * each
+        assert each <= 17e-6
+
+
 @pytest.mark.benchmark(group="equilibrium, per 1000 samples")
 def test_quadrature_and_root_finding_of_three_samples(benchmark):
     """Three samples only: multiply by 333 to compare."""

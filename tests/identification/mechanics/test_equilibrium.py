@@ -74,10 +74,10 @@ def test_what_is_left_of_the_load_where_slopes_are_wanted_is_small_enough_to_be_
 def test_a_search_from_near_takes_what_is_near_enough_and_moves_the_rest(rng):
     slip, load = rng.uniform(-0.4, 0.9, 50), rng.uniform(30.0, 250.0, 50)
     first = carry(started(50, slip), load, WIDTH, sloped=True)
-    again = carry(first.contact, load, WIDTH, growth=first.growth, sloped=True)
+    again = carry(first.contact, load, WIDTH, growth=first.growth, near=True, sloped=True)
     np.testing.assert_array_equal(again.contact, first.contact)
     load[7] *= 1.3
-    moved = carry(first.contact, load, WIDTH, growth=first.growth, sloped=True)
+    moved = carry(first.contact, load, WIDTH, growth=first.growth, near=True, sloped=True)
     np.testing.assert_allclose(moved.forces[:, 0], load, rtol=CORRECTABLE)
     assert np.flatnonzero(moved.contact[:, 0] != first.contact[:, 0]).tolist() == [7]
 
