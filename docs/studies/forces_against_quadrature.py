@@ -17,7 +17,8 @@ import time
 import numpy as np
 from bevameter.framework.core.vehicle import Wheel
 from bevameter.identification.mechanics.equilibrium import carry
-from bevameter.identification.mechanics.stresses import THETA_1, rim_forces
+from bevameter.identification.mechanics.fields import THETA_1
+from bevameter.identification.mechanics.stresses import rim_forces
 from bevameter.identification.mechanics.textbook import USUAL_ENTRY_ANGLE, contact_array
 from scipy.integrate import quad
 from scipy.optimize import brentq

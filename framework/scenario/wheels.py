@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...identification.mechanics.equilibrium import carry
+from ...identification.mechanics.fields import THETA_1
 from ...identification.mechanics.soil import Soil
-from ...identification.mechanics.stresses import THETA_1
 from ...identification.mechanics.textbook import USUAL_ENTRY_ANGLE, contact_array
 from ..core.vehicle import Wheel
 from .plan import STEP_S, Plan

@@ -12,7 +12,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from ...framework.core.vehicle import Wheel
-from ..mechanics.stresses import COLUMN
+from ..mechanics.fields import COLUMN
 from .track import ALONG_X, Axis
 
 Kind = Literal["physics", "instrument", "unknown"]
@@ -182,7 +182,7 @@ class Situation:
 
 
 class Contact:
-    """Rows of a contact under construction (n, f): each field of `stresses.FIELDS` is an attribute, (n,).
+    """Rows of a contact under construction (n, f): each field of `fields.FIELDS` is an attribute, (n,).
 
     `sinkage_m` (n,) is what the geometry gives, and `wheel` the wheel.
     """

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...framework.core.vehicle import Wheel
 from ..effects.effect import Contact, Drive, Effect
-from . import stresses
+from . import fields, stresses
 from .equilibrium import CORRECTABLE, carry
 from .textbook import USUAL_ENTRY_ANGLE, contact_array, started
 
@@ -158,9 +158,9 @@ class AugmentedWheel:
                 return (channels - base) / np.reshape(step, (-1, 1)), np.zeros(len(base))
             true_there = self._true(drive, imposed_there, vector_there)
             array = bare.copy(order="K")
-            array[:, stresses.COHESION : stresses.EXPONENT + 1] = _soil(vector_there)
+            array[:, fields.COHESION : fields.EXPONENT + 1] = _soil(vector_there)
             if not np.array_equal(true_there[:, 1], true[:, 1]):
-                array[:, stresses.ADVANCE] = self.wheel.radius_m * stresses.speed_ratio(true_there[:, 1])[0]
+                array[:, fields.ADVANCE] = self.wheel.radius_m * fields.speed_ratio(true_there[:, 1])[0]
             there = self._changed(Contact(array, self.wheel), drive, vector_there)
             forces_there = self._forces_near(there, contact, forces, None if far else slopes)
             turn = ((true_there[:, 0] - true[:, 0]) - (forces_there[:, 0] - carried)) / growth
@@ -201,7 +201,7 @@ class AugmentedWheel:
     ) -> tuple[Contact, Rim]:
         """Give the contact that carries the load, and what is integrated around its rim, or was."""
         if entry.rim is not None:
-            contact = self._contact(drive, true, vector, entry.rim.contact[:, stresses.THETA_1])
+            contact = self._contact(drive, true, vector, entry.rim.contact[:, fields.THETA_1])
             if entry.rim.is_of(true, contact.array):
                 return contact, entry.rim
 
@@ -213,7 +213,7 @@ class AugmentedWheel:
             lay_out(started(entry.theta_1)), true[:, 0], self.wheel.width_m, lay_out=None if fixed else lay_out,
             growth=entry.growth, near=entry.growth is not None, sloped=sloped,
         )  # fmt: skip
-        contact = self._contact(drive, true, vector, found.contact[:, stresses.THETA_1])
+        contact = self._contact(drive, true, vector, found.contact[:, fields.THETA_1])
         return contact, Rim(true, contact.array, found.forces, found.slopes)
 
     def steps(self, vector: np.ndarray) -> np.ndarray:

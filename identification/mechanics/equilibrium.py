@@ -14,20 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from .stresses import (
-    COARSE,
-    EDGES,
-    EXPONENT,
-    FIELDS,
-    FINE,
-    QUICK,
-    SLOPED,
-    THETA_1,
-    THETA_2,
-    THETA_M,
-    integrate,
-    one_rim,
-)  # fmt: skip
+from .fields import EXPONENT, FIELDS, SLOPED, THETA_1, THETA_2, THETA_M
+from .kinks import EDGES
+from .stresses import COARSE, FINE, QUICK, integrate, one_rim
 
 SMALLEST_ENTRY_ANGLE = 1e-4
 """Entry angles are sought from here on [rad]."""
@@ -94,7 +83,7 @@ def carry(
     Parameters
     ----------
     contact : (n, f)
-        Where the search starts, columns as `stresses.FIELDS`.
+        Where the search starts, columns as `fields.FIELDS`.
     load_N : (n,)
         [N].
     width_m

@@ -17,7 +17,7 @@ import numpy as np
 
 from ...framework.core.soil import PARAMETERS
 from ...framework.core.vehicle import Wheel
-from . import stresses
+from . import fields
 from .soil import from_internal, to_internal
 from .textbook import PEAK_SHARE, Prediction, contact_array, predicted, standing, started
 
@@ -88,29 +88,29 @@ class FlexibleWheel:
         start = contact_array(started(theta_1), imposed[:, 1], soil, self.wheel)
         share = a0 + a1 * slip
         moving = (share > _SMALLEST_SHARE) & (share < _LARGEST_SHARE)
-        start[:, stresses.THETA_2] = -exit_share * start[:, stresses.THETA_1]
-        start[:, stresses.THETA_M] = np.clip(share, _SMALLEST_SHARE, _LARGEST_SHARE) * start[:, stresses.THETA_1]
+        start[:, fields.THETA_2] = -exit_share * start[:, fields.THETA_1]
+        start[:, fields.THETA_M] = np.clip(share, _SMALLEST_SHARE, _LARGEST_SHARE) * start[:, fields.THETA_1]
         found, by_angle = standing(start, imposed, self.wheel)
         contact, slopes, forces = found.contact, found.slopes, found.forces
-        angle = contact[:, stresses.THETA_1]
+        angle = contact[:, fields.THETA_1]
 
         # Columns: load, slip, then the vector; at a given entry angle.
         direct = np.zeros((len(imposed), 3, 2 + len(vector)))
-        by_peak = slopes[:, :, stresses.THETA_M] * (angle * moving)[:, None]
-        by_exponent = slopes[:, :, stresses.EXPONENT] * (contact[:, stresses.EXPONENT] > SMALLEST_EXPONENT)[:, None]
-        by_modulus = slopes[:, :, stresses.MODULUS] * contact[:, stresses.MODULUS, None]
-        by_advance = self.wheel.radius_m * stresses.speed_ratio(imposed[:, 1])[1]
+        by_peak = slopes[:, :, fields.THETA_M] * (angle * moving)[:, None]
+        by_exponent = slopes[:, :, fields.EXPONENT] * (contact[:, fields.EXPONENT] > SMALLEST_EXPONENT)[:, None]
+        by_modulus = slopes[:, :, fields.MODULUS] * contact[:, fields.MODULUS, None]
+        by_advance = self.wheel.radius_m * fields.speed_ratio(imposed[:, 1])[1]
         direct[:, :, 0] = by_modulus * (stiffening / imposed[:, 0])[:, None]
-        direct[:, :, 1] = slopes[:, :, stresses.ADVANCE] * by_advance[:, None]
+        direct[:, :, 1] = slopes[:, :, fields.ADVANCE] * by_advance[:, None]
         direct[:, :, 1] += sign[:, None] * (n1 * by_exponent + a1 * by_peak)
-        direct[:, :, 2:4] = slopes[:, :, stresses.COHESION : stresses.TAN_PHI + 1]
+        direct[:, :, 2:4] = slopes[:, :, fields.COHESION : fields.TAN_PHI + 1]
         direct[:, :, 4] = by_modulus
-        direct[:, :, 5] = slopes[:, :, stresses.STIFFNESS] * stiffness
+        direct[:, :, 5] = slopes[:, :, fields.STIFFNESS] * stiffness
         direct[:, :, 6] = by_exponent * n0
         direct[:, :, 7] = by_exponent * slip[:, None]
         direct[:, :, 8] = by_peak
         direct[:, :, 9] = by_peak * slip[:, None]
-        direct[:, :, 10] = -slopes[:, :, stresses.THETA_2] * angle[:, None]
+        direct[:, :, 10] = -slopes[:, :, fields.THETA_2] * angle[:, None]
         direct[:, :, 12] = by_modulus * heavier[:, None]
 
         push, sinkage = PUSH * self.wheel.width_m, self.wheel.radius_m * (1.0 - np.cos(angle))

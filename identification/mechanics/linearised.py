@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...framework.core.vehicle import Wheel
-from .stresses import LOCKED
+from .fields import LOCKED
 from .textbook import entry_angle, shear_displacement
 
 

@@ -1,8 +1,8 @@
 """Quadrature of the stresses along the rim, with its derivatives: the one that every wheel model uses.
 
 Stresses are those of K. Iagnemma, S. Dubowsky, "Terrain estimation for high-speed rough-terrain autonomous vehicle
-navigation" (2002), Eq. 2-9. A contact is a row of numbers (`FIELDS`); effects that the textbook leaves out enter by
-changing them.
+navigation" (2002), Eq. 2-9. A contact is a row of numbers (`fields.FIELDS`); effects that the textbook leaves out
+enter by changing them.
 
 The rim is cut at the angle of the stress peak theta_m. In the front zone theta = theta_1 - (theta_1 - theta_m) u and in
 the rear zone theta = theta_2 + (theta_m - theta_2) u, u in [0, 1]: by Eq. 9 both zones then have the same normal stress
@@ -16,6 +16,32 @@ import math
 
 import numpy as np
 from numba import njit
+
+from .fields import (
+    ADHESION,
+    ADVANCE,
+    COHESION,
+    CUTS_OFF,
+    EXPONENT,
+    HUMP,
+    LAYER_DEPTH,
+    LAYER_STIFFNESS,
+    LEVER,
+    LIFT,
+    MODULUS,
+    MOST_NORMAL,
+    RADIUS,
+    RESIDUAL,
+    SHEAR_RADIUS,
+    SLOPED,
+    STIFFNESS,
+    TAN_DELTA,
+    TAN_PHI,
+    THETA_1,
+    THETA_2,
+    THETA_M,
+)  # fmt: skip
+from .kinks import EDGES, cut, top_of, with_peak
 
 Rule = tuple[np.ndarray, np.ndarray]
 """Nodes u and weights on [0, 1] of a quadrature, (m,) each."""
@@ -37,53 +63,6 @@ QUICK = quadrature(8, 2)
 
 COARSE = quadrature(4, 2)
 """Three digits, 4e-4: to search for the entry angle with."""
-
-FIELDS = (
-    "theta_1", "theta_2", "theta_m", "advance_m", "c_Pa", "tan_phi", "k_m", "stiffness_Pa", "n", "radius_m",
-    "shear_radius_m", "lever_m", "lift_N", "residual", "adhesion_Pa", "tan_delta", "layer_depth_m",
-    "layer_stiffness_Pa", "most_normal_Pa", "hump", "rim_cuts_off",
-)  # fmt: skip
-"""Columns of a contact: entry, exit and peak angle [rad], V / omega [m], c [Pa], tan phi, Janosi k [m], stiffness
-k1 + k2 b [Pa], n, radius of the contact, radius at which soil shears and lever arm of the shear stress [m], what
-carries load besides the stresses on the rim [N], share of the shear strength left after its peak (infinite for
-Janosi's law, which has no peak), adhesion [Pa] and friction of the rim (infinite where soil never slips on it), depth
-[m] and stiffness [Pa] of a layer beneath, the largest normal stress that the wheel transmits [Pa] (infinite for a rigid
-one), h of Kacigin & Guskov's law (infinite where it is not theirs) [-], and one where the rim cuts the soil's shear
-stress off instead of its strength."""
-
-COLUMN = {name: index for index, name in enumerate(FIELDS)}
-
-(
-    THETA_1, THETA_2, THETA_M, ADVANCE, COHESION, TAN_PHI, MODULUS, STIFFNESS, EXPONENT, RADIUS, SHEAR_RADIUS, LEVER,
-    LIFT, RESIDUAL, ADHESION, TAN_DELTA, LAYER_DEPTH, LAYER_STIFFNESS, MOST_NORMAL, HUMP, CUTS_OFF,
-) = range(len(FIELDS))  # fmt: skip
-
-SLOPED = CUTS_OFF
-"""Forces have derivatives by all fields but the last, which is a switch."""
-
-TEXTBOOK = np.zeros(len(FIELDS))
-TEXTBOOK[[RESIDUAL, TAN_DELTA, LAYER_DEPTH, MOST_NORMAL, HUMP]] = math.inf
-"""A row (f,) whose fields beyond geometry and soil are such that the textbook wheel has nothing of the kind."""
-
-EDGES = 12
-"""Ends of the pieces that the rim is cut into at its kinks, at most; further ones go without."""
-
-_LOOKS, _CLOSE = 8, 1e-6
-"""Where a rim may begin to cut the shear stress off: intervals of a zone that are looked at, and how close to it the
-zone is cut, as shares of the zone [-]."""
-
-LOCKED = 1e-9
-"""Least r omega / V of a braked wheel: none is locked altogether."""
-
-_LEVEL = 40.0
-"""Displacement by which nothing is left of a hump, in moduli [-]."""
-
-
-def speed_ratio(slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """V / (r omega) and its derivative by slip, (n,) each: 1 - i driving, 1 / (1 + i) braking."""
-    slip = np.asarray(slip, dtype=float)
-    turning = np.maximum(1.0 + slip, LOCKED)
-    return np.where(slip >= 0.0, 1.0 - slip, 1.0 / turning), np.where(slip >= 0.0, -1.0, -1.0 / turning**2)
 
 
 def rim_forces(contact: np.ndarray, width_m: float, rule: Rule = FINE) -> np.ndarray:
@@ -143,13 +122,13 @@ def one_rim(field, width, nodes, weights, scratch, forces, slopes):
     cuts_off, has_peak = field[CUTS_OFF] > 0.5, min(field[RESIDUAL], field[HUMP]) < math.inf
     sin_1, cos_1 = math.sin(theta_1), math.cos(theta_1)
     scale = field[STIFFNESS] * (radius / width) ** exponent
-    top, by_hump = _top(field[HUMP]) if field[HUMP] < math.inf else (1.0, 0.0)
+    top, by_hump = top_of(field[HUMP]) if field[HUMP] < math.inf else (1.0, 0.0)
     sloped = slopes.shape[1] > 0
     forces[:] = 0.0
     slopes[:, :] = 0.0
     # Derivatives of the three forces by the normal and the shear stress of a node, and by its displacement.
     edges, by_normal, by_shear, by_moved = scratch[0], scratch[1], scratch[2], scratch[3]
-    pieces = _cut(field, width, sin_1, cos_1, top, edges)
+    pieces = cut(field, width, sin_1, cos_1, top, edges)
     for piece in range(pieces):
         begin, reach = edges[piece], edges[piece + 1] - edges[piece]
         for node in range(nodes.size if reach > 0.0 else 0):
@@ -181,7 +160,7 @@ def one_rim(field, width, nodes, weights, scratch, forces, slopes):
                 displacement = shear_radius * (theta_1 - theta) - advance * (sin_1 - sine)
                 by_residual, by_h = 0.0, 0.0
                 if has_peak:
-                    mobilised, slope, by_residual, by_h = _with_peak(
+                    mobilised, slope, by_residual, by_h = with_peak(
                         displacement, modulus, field[RESIDUAL], field[HUMP], top, by_hump
                     )
                 else:
@@ -272,184 +251,3 @@ def one_rim(field, width, nodes, weights, scratch, forces, slopes):
     forces[0] = forces[0] * width + field[LIFT]
     forces[1] *= width * lever
     forces[2] *= width
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _cut(field, width, sin_1, cos_1, top, edges):
-    """Cut the zones' common [0, 1] where the stresses have a kink: fills `edges`, gives the number of pieces.
-
-    The integrand is continuous at a kink, so that where a kink lies has no slope.
-    """
-    edges[0], pieces = 0.0, 1
-    theta_1, theta_2, theta_m = field[THETA_1], field[THETA_2], field[THETA_M]
-    if field[ADVANCE] > field[SHEAR_RADIUS]:
-        turned = _turning_point(theta_1, field[SHEAR_RADIUS] / field[ADVANCE])
-        if theta_m <= turned < theta_1:
-            edges[pieces] = (theta_1 - turned) / (theta_1 - theta_m)
-            pieces += 1
-        elif theta_2 < turned < theta_m:
-            edges[pieces] = (turned - theta_2) / (theta_m - theta_2)
-            pieces += 1
-    if field[LAYER_DEPTH] < math.inf:
-        edges[pieces] = _share_of_front(field, field[LAYER_DEPTH], cos_1)
-        pieces += 1
-    if field[MOST_NORMAL] < math.inf:
-        edges[pieces] = _share_of_front(field, _depth_of(field, field[MOST_NORMAL], width), cos_1)
-        pieces += 1
-    if field[TAN_DELTA] < math.inf and field[CUTS_OFF] > 0.5:
-        pieces = _cut_at_the_rim(field, width, sin_1, cos_1, top, edges, pieces)
-    elif field[TAN_DELTA] < math.inf and field[TAN_PHI] != field[TAN_DELTA]:
-        crossing = (field[ADHESION] - field[COHESION]) / (field[TAN_PHI] - field[TAN_DELTA])
-        if 0.0 < crossing < field[MOST_NORMAL]:
-            edges[pieces] = _share_of_front(field, _depth_of(field, crossing, width), cos_1)
-            pieces += 1
-    edges[pieces] = 1.0
-    for last in range(2, pieces):
-        for at in range(last, 1, -1):
-            if edges[at] < edges[at - 1]:
-                edges[at], edges[at - 1] = edges[at - 1], edges[at]
-    return pieces
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _cut_at_the_rim(field, width, sin_1, cos_1, top, edges, pieces):
-    """Cut where soil begins, or ceases, to slip on a rim that cuts its shear stress off, in either zone."""
-    for zone in range(2):
-        before = _over_the_rim(field, width, sin_1, cos_1, top, zone, 0.0)
-        for step in range(1, _LOOKS + 1):
-            low, high = ((step - 1) / _LOOKS) ** 2, (step / _LOOKS) ** 2
-            after = _over_the_rim(field, width, sin_1, cos_1, top, zone, high)
-            if (before > 0.0) != (after > 0.0) and pieces < edges.size - 1:
-                at_low, at_high, middle = before, after, high
-                # Regula falsi, the end that stays halved (Illinois).
-                for _ in range(30):
-                    middle = (low * at_high - high * at_low) / (at_high - at_low)
-                    found = _over_the_rim(field, width, sin_1, cos_1, top, zone, middle)
-                    if (found > 0.0) == (at_high > 0.0):
-                        if abs(high - middle) < _CLOSE:
-                            break
-                        high, at_high, at_low = middle, found, 0.5 * at_low
-                    else:
-                        if abs(middle - low) < _CLOSE:
-                            break
-                        low, at_low, at_high = middle, found, 0.5 * at_high
-                edges[pieces] = middle
-                pieces += 1
-            before = after
-    return pieces
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _over_the_rim(field, width, sin_1, cos_1, top, zone, along):
-    """Give what the soil's shear stress has beyond the rim's [Pa], a share of a zone from its free end."""
-    theta_1, theta_2, theta_m = field[THETA_1], field[THETA_2], field[THETA_M]
-    ahead = theta_1 + (theta_m - theta_1) * along
-    normal = min(_pressure(field, field[RADIUS] * (math.cos(ahead) - cos_1), width), field[MOST_NORMAL])
-    theta = ahead if zone == 0 else theta_2 + (theta_m - theta_2) * along
-    displacement = field[SHEAR_RADIUS] * (theta_1 - theta) - field[ADVANCE] * (sin_1 - math.sin(theta))
-    mobilised = 1.0 - math.exp(-abs(displacement) / field[MODULUS])
-    if min(field[RESIDUAL], field[HUMP]) < math.inf:
-        mobilised = abs(_with_peak(displacement, field[MODULUS], field[RESIDUAL], field[HUMP], top, 0.0)[0])
-    return (field[COHESION] + normal * field[TAN_PHI]) * mobilised - field[ADHESION] - normal * field[TAN_DELTA]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _pressure(field, depth, width):
-    """Normal stress [Pa] at a depth [m], whether or not the wheel transmits it."""
-    normal = field[STIFFNESS] * (max(depth, 0.0) / width) ** field[EXPONENT]
-    if depth > field[LAYER_DEPTH]:
-        normal += field[LAYER_STIFFNESS] * ((depth - field[LAYER_DEPTH]) / width) ** field[EXPONENT]
-    return normal
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _turning_point(theta_1, ratio):
-    """Angle at which the shear displacement of a wheel that turns slower than it travels changes its sign.
-
-    There sin(theta) - ratio theta, ratio = r omega / V, is what it is at the entry, and grows with theta. NaN where the
-    displacement has one sign all along the rim.
-    """
-    peak = math.acos(ratio)
-    target = math.sin(theta_1) - ratio * theta_1
-    highest = math.sin(peak) - ratio * peak
-    if theta_1 <= peak or target <= -highest:
-        return math.nan
-    low, high = -peak, peak
-    theta = max(2.0 * peak - theta_1, 0.0)
-    for _ in range(60):
-        value = math.sin(theta) - ratio * theta - target
-        if value > 0.0:
-            high = theta
-        else:
-            low = theta
-        step = value / (math.cos(theta) - ratio)
-        if abs(step) < 1e-12:
-            break
-        theta -= step
-        if not (low < theta < high):
-            theta = 0.5 * (low + high)
-    return theta
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _share_of_front(field, depth, cos_1):
-    """Share of the front zone, from its edge, at which the rim is so deep [m]; 1 where it never is."""
-    cosine = cos_1 + depth / field[RADIUS]
-    if not cosine < 1.0:
-        return 1.0
-    return min(max((field[THETA_1] - math.acos(cosine)) / (field[THETA_1] - field[THETA_M]), 0.0), 1.0)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _depth_of(field, normal, width):
-    """Depth [m] at which the soil presses so much [Pa]."""
-    depth = width * (normal / field[STIFFNESS]) ** (1.0 / field[EXPONENT])
-    if depth <= field[LAYER_DEPTH]:
-        return depth
-    low, high = field[LAYER_DEPTH], depth
-    for _ in range(50):
-        depth = 0.5 * (low + high)
-        if _pressure(field, depth, width) < normal:
-            low = depth
-        else:
-            high = depth
-    return depth
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _with_peak(displacement, modulus, residual, hump, top, by_top):
-    """Mobilised share of the shear strength where it passes a peak, odd in the displacement [m], and its derivatives.
-
-    They are by the displacement [1/m], by `residual` and by `hump`. Where `residual` is finite the law is that of
-    J. Y. Wong, J. Preston-Thomas, J. Terramechanics 19 (1983): a peak at the displacement `modulus`, then a fall to the
-    residual share; where `hump` is finite that of V. V. Kacigin, V. V. Guskov, J. Terramechanics 5(3) (1968), over its
-    largest value, the `top`. By the modulus [m] the derivative is that by the displacement, times
-    -displacement / modulus.
-    """
-    along, sign = abs(displacement) / modulus, math.copysign(1.0, displacement)
-    if hump < math.inf:
-        along = min(along, _LEVEL)
-        share, slope = _hump(along, hump)
-        by_hump = (math.tanh(along) / math.cosh(along) - share / top * by_top) / top
-        return sign * share / top, slope / top / modulus, 0.0, sign * by_hump
-    decay = math.exp(-along)
-    rising = 1.0 - decay
-    excess = (1.0 / (1.0 - math.exp(-1.0)) - residual) * math.e * decay
-    slope = decay * (residual + excess) - rising * excess
-    by_residual = rising * (1.0 - math.e * decay)
-    return sign * rising * (residual + excess), slope / modulus, sign * by_residual, 0.0
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _hump(along, hump):
-    """Kacigin & Guskov's stress over what is left of it, and its derivative, at so many moduli."""
-    rising = math.tanh(along)
-    sech = 1.0 / math.cosh(along)
-    return rising * (1.0 + hump * sech), sech * sech * (1.0 + hump * (2.0 * sech - 1.0 / sech))
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _top(hump):
-    """Give the largest value of Kacigin & Guskov's stress over what is left of it, and its derivative by h."""
-    where = math.acosh((1.0 + math.sqrt(1.0 + 8.0 * hump * hump)) / (2.0 * hump))
-    return _hump(where, hump)[0], math.tanh(where) / math.cosh(where)

@@ -17,7 +17,7 @@ import numpy as np
 
 from ...framework.core.soil import PARAMETERS
 from ...framework.core.vehicle import Wheel
-from . import stresses
+from . import fields
 from .equilibrium import LARGEST_ENTRY_ANGLE, SMALLEST_ENTRY_ANGLE, Equilibrium, carry
 from .soil import Soil, from_internal, to_internal
 
@@ -53,7 +53,7 @@ def entry_angle(sinkage_m: np.ndarray, radius_m: float) -> np.ndarray:
 
 def shear_displacement(theta: np.ndarray, theta_1: np.ndarray, slip: np.ndarray, radius_m: float) -> np.ndarray:
     """Shear displacement j [m] at rim angle theta [rad] (the bracket of Eq. 5 times r), also for braking."""
-    return radius_m * (theta_1 - theta - stresses.speed_ratio(slip)[0] * (np.sin(theta_1) - np.sin(theta)))
+    return radius_m * (theta_1 - theta - fields.speed_ratio(slip)[0] * (np.sin(theta_1) - np.sin(theta)))
 
 
 def normal_stress(
@@ -111,14 +111,14 @@ def contact_array(
     wheel
         The wheel.
     """
-    contact = np.empty((np.size(slip), len(stresses.FIELDS)), order="F")
-    contact[:] = stresses.TEXTBOOK
-    contact[:, stresses.THETA_1] = theta_1
-    contact[:, stresses.THETA_M] = PEAK_SHARE * contact[:, stresses.THETA_1]
-    contact[:, stresses.ADVANCE] = wheel.radius_m * stresses.speed_ratio(slip)[0]
-    for field, number in enumerate(soil.numbers if isinstance(soil, Soil) else soil, stresses.COHESION):
+    contact = np.empty((np.size(slip), len(fields.FIELDS)), order="F")
+    contact[:] = fields.TEXTBOOK
+    contact[:, fields.THETA_1] = theta_1
+    contact[:, fields.THETA_M] = PEAK_SHARE * contact[:, fields.THETA_1]
+    contact[:, fields.ADVANCE] = wheel.radius_m * fields.speed_ratio(slip)[0]
+    for field, number in enumerate(soil.numbers if isinstance(soil, Soil) else soil, fields.COHESION):
         contact[:, field] = number
-    contact[:, stresses.RADIUS : stresses.LEVER + 1] = wheel.radius_m
+    contact[:, fields.RADIUS : fields.LEVER + 1] = wheel.radius_m
     return contact
 
 
@@ -142,7 +142,7 @@ def equilibrium(wheel: Wheel, soil: Soil, load_N: np.ndarray, slip: np.ndarray) 
     load, slip = np.broadcast_arrays(np.asarray(load_N, dtype=float), np.asarray(slip, dtype=float))
     load, slip = load.ravel(), slip.ravel()
     found = carry(contact_array(USUAL_ENTRY_ANGLE, slip, soil, wheel), load, wheel.width_m)
-    theta_1, forces = found.contact[:, stresses.THETA_1].copy(), found.forces
+    theta_1, forces = found.contact[:, fields.THETA_1].copy(), found.forces
     return WheelState(
         theta_1, wheel.radius_m * (1.0 - np.cos(theta_1)), forces[:, 1], forces[:, 2], forces[:, 0], slip
     )  # fmt: skip
@@ -186,9 +186,9 @@ def standing(contact: np.ndarray, imposed: np.ndarray, wheel: Wheel) -> tuple[Eq
     The latter are (n, 3), and the entry angle is the only thing that changes.
     """
     found = carry(contact, imposed[:, 0], wheel.width_m, near=True, sloped=True)
-    by_angle = found.slopes[:, :, stresses.THETA_1].copy()
-    for field in (stresses.THETA_2, stresses.THETA_M):
-        share = found.contact[:, field] / found.contact[:, stresses.THETA_1]
+    by_angle = found.slopes[:, :, fields.THETA_1].copy()
+    for field in (fields.THETA_2, fields.THETA_M):
+        share = found.contact[:, field] / found.contact[:, fields.THETA_1]
         by_angle += found.slopes[:, :, field] * share[:, None]
     return found, by_angle
 
@@ -214,7 +214,7 @@ def predicted(
     wheel
         The wheel.
     """
-    load, theta_1 = imposed[:, 0], found.contact[:, stresses.THETA_1]
+    load, theta_1 = imposed[:, 0], found.contact[:, fields.THETA_1]
     stiffness = by_angle[:, 0]
     turned = -direct[:, 0] / stiffness[:, None]
     turned[:, 0] += 1.0 / stiffness
@@ -257,7 +257,7 @@ class TextbookWheel:
             contact_array(started(theta_1), imposed[:, 1], soil, self.wheel), imposed, self.wheel
         )
         direct = np.zeros((len(imposed), 3, 2 + len(soil)))
-        direct[:, :, 1:] = found.slopes[:, :, stresses.ADVANCE : stresses.EXPONENT + 1]
-        direct[:, :, 1] *= self.wheel.radius_m * stresses.speed_ratio(imposed[:, 1])[1][:, None]
+        direct[:, :, 1:] = found.slopes[:, :, fields.ADVANCE : fields.EXPONENT + 1]
+        direct[:, :, 1] *= self.wheel.radius_m * fields.speed_ratio(imposed[:, 1])[1][:, None]
         direct[:, :, 4:] *= np.array(soil[2:])
         return predicted(found, by_angle, direct, imposed, self.wheel)

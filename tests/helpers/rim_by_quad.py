@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 from bevameter.framework.core.vehicle import Wheel
+from bevameter.identification.mechanics.fields import COLUMN
 from bevameter.identification.mechanics.soil import Soil
-from bevameter.identification.mechanics.stresses import COLUMN
 from bevameter.identification.mechanics.textbook import contact_array
 from scipy.integrate import quad
 from scipy.optimize import minimize_scalar

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bevameter.identification.mechanics.equilibrium import CORRECTABLE, LARGEST_ENTRY_ANGLE, carry
-from bevameter.identification.mechanics.stresses import COLUMN, QUICK, STIFFNESS, THETA_1, rim_forces
+from bevameter.identification.mechanics.fields import COLUMN, STIFFNESS, THETA_1
+from bevameter.identification.mechanics.stresses import QUICK, rim_forces
 from rim_by_quad import LAWS, WHEEL, by_quad, contacts, scaled
 from scipy.optimize import brentq
 

@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from bevameter.identification.mechanics import stresses
-from bevameter.identification.mechanics.stresses import COLUMN, FINE, QUICK, SLOPED, quadrature, rim_forces
+from bevameter.identification.mechanics import kinks, stresses
+from bevameter.identification.mechanics.fields import COLUMN, SLOPED
+from bevameter.identification.mechanics.stresses import FINE, QUICK, quadrature, rim_forces
 from rim_by_quad import LAWS, SOIL, WHEEL, by_quad, contacts, scaled
 
 JANOSI = 1.0 / (1.0 - math.exp(-1.0))
@@ -50,7 +51,7 @@ def test_kinks_of_the_stresses_cost_no_digits(law, rng):
 
 def test_the_shear_displacement_of_a_braked_wheel_changes_its_sign_where_the_rim_is_cut(rng):
     for theta_1, ratio in zip(rng.uniform(0.1, 1.8, 200), rng.uniform(0.01, 0.999, 200), strict=True):
-        theta = stresses._turning_point(theta_1, ratio)
+        theta = kinks.turning_point(theta_1, ratio)
         if math.isfinite(theta):
             assert theta < theta_1 - 1e-9
             assert ratio * (theta_1 - theta) - math.sin(theta_1) + math.sin(theta) == pytest.approx(0.0, abs=1e-10)
@@ -77,10 +78,10 @@ def test_a_hump_that_is_none_is_janosis_law_with_a_weaker_soil(rng):
 def test_the_law_of_kacigin_and_guskov_stands_at_its_peak_and_falls_to_what_is_left(hump):
     at = np.linspace(0.01, 30.0, 30_001)
     printed = (1.0 + hump / np.cosh(at)) * np.tanh(at)
-    top, by_hump = stresses._top(hump)
+    top, by_hump = kinks.top_of(hump)
     assert top == pytest.approx(printed.max(), rel=1e-6)
-    assert by_hump == pytest.approx((stresses._top(hump + 1e-5)[0] - stresses._top(hump - 1e-5)[0]) / 2e-5, rel=1e-6)
-    far = stresses._with_peak(1e3, 0.02, math.inf, hump, top, by_hump)
+    assert by_hump == pytest.approx((kinks.top_of(hump + 1e-5)[0] - kinks.top_of(hump - 1e-5)[0]) / 2e-5, rel=1e-6)
+    far = kinks.with_peak(1e3, 0.02, math.inf, hump, top, by_hump)
     assert far[:2] == pytest.approx((1.0 / printed.max(), 0.0), rel=1e-6)
 
 
