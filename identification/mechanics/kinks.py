@@ -34,6 +34,9 @@ from .fields import (
 EDGES = 12
 """Ends of the pieces that the rim is cut into at its kinks, at most; further ones go without."""
 
+_SHEARED = 16.0
+"""Displacement by which the shear stress of a wheel that is braked hard is mobilised, in moduli [-]."""
+
 _LOOKS, _CLOSE = 8, 1e-6
 """Where a rim may begin to cut the shear stress off: intervals of a zone that are looked at, and how close to it the
 zone is cut, as shares of the zone [-]."""
@@ -50,6 +53,13 @@ def cut(field, width, sin_1, cos_1, top, edges):
     """
     edges[0], pieces = 0.0, 1
     theta_1, theta_2, theta_m = field[THETA_1], field[THETA_2], field[THETA_M]
+    entering = field[ADVANCE] * cos_1 - field[SHEAR_RADIUS]
+    if entering > 0.0:
+        # No kink, but nearly a step: the soil under a wheel that is all but locked is sheared to its end at once.
+        steep = _SHEARED * field[MODULUS] / entering / (theta_1 - theta_m)
+        if steep < 0.9:
+            edges[pieces] = steep
+            pieces += 1
     if field[ADVANCE] > field[SHEAR_RADIUS]:
         turned = turning_point(theta_1, field[SHEAR_RADIUS] / field[ADVANCE])
         if theta_m <= turned < theta_1:

@@ -49,6 +49,16 @@ def test_kinks_of_the_stresses_cost_no_digits(law, rng):
     np.testing.assert_allclose(scaled(forces_of(contact, QUICK), many), scaled(many, many), atol=3e-6)
 
 
+def test_a_wheel_that_is_all_but_locked_costs_no_digits(rng):
+    """Its shear stress is mobilised within a millionth of the contact; the forces were wrong by 1e-5, and their
+    derivative by slip by a factor of five.
+    """
+    contact = contacts(rng.uniform(0.3, 1.0, 300), -(1.0 - 10.0 ** rng.uniform(-5.0, -0.3, 300)))
+    many = forces_of(contact, quadrature(300, 3))
+    np.testing.assert_allclose(scaled(forces_of(contact), many), scaled(many, many), atol=1e-8)
+    np.testing.assert_allclose(scaled(forces_of(contact, QUICK), many), scaled(many, many), atol=1e-5)
+
+
 def test_the_shear_displacement_of_a_braked_wheel_changes_its_sign_where_the_rim_is_cut(rng):
     for theta_1, ratio in zip(rng.uniform(0.1, 1.8, 200), rng.uniform(0.01, 0.999, 200), strict=True):
         theta = kinks.turning_point(theta_1, ratio)

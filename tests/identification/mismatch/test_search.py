@@ -355,7 +355,7 @@ def test_where_the_textbook_is_wrong_few_rows_are_fitted_from_other_soils_too(sh
     (start,) = starts_of(textbook, load)
     alone = fit(problem, model, start, textbook.fitted.noise, textbook.fitted.theta_1)
     trial = try_adding(problem, textbook, textbook, load)
-    assert trial.gain > 400.0
+    assert trial.gain > 390.0
     assert trial.fitted.score > alone.score + 30.0
 
 
