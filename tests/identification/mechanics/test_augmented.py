@@ -16,7 +16,7 @@ def test_a_wheel_next_to_locked_answers_slip_as_its_differences_do():
     model, vector = AugmentedWheel(WHEEL), soil_vector(SOIL)
     here = model.linearise(drive, imposed, vector, None)
     step = 1e-6
-    further = model.predict(drive, imposed + [0.0, step], vector).channels
+    further = model.predict(drive, imposed + np.array([0.0, step]), vector).channels
     numeric = (further - model.predict(drive, imposed, vector).channels) / step
     np.testing.assert_allclose(here.by_latent[:, 1:, 1], numeric[:, 1:], rtol=0.03)
 
