@@ -53,9 +53,9 @@ def test_equilibrium(benchmark):
     )
 
 
-@pytest.mark.benchmark(group="equilibrium, 100000 samples")
+@pytest.mark.benchmark(group="equilibrium, 100000 samples", timer=time.process_time)
 def test_equilibrium_of_a_hundred_thousand_samples_takes_17_us_each_at_most(benchmark):
-    """On one thread: the kernels start no others."""
+    """Of processor time, all threads together, so that other work on the machine does not count."""
     loads, slips = np.linspace(300.0, 2500.0, 100_000), np.random.default_rng(0).uniform(0.05, 0.9, 100_000)
     equilibrium(WHEEL, SOIL, LOADS[:2], SLIPS[:2])
     state = benchmark.pedantic(equilibrium, args=(WHEEL, SOIL, loads, slips), rounds=3)
