@@ -1,8 +1,8 @@
 """What a vehicle can do on ground that a snapshot knows: drawbar pull at a slip, and whether it moves at all.
 
 Each class's soil is drawn many times from what is known of it (`posterior`: a new place of the class, Student t), every
-draw goes through the wheel's full mechanics (`identification.wheel_soil`, and where the class has physics of its own
-through these, with their soil and what their fit may err by: `identification.effects.ensemble`), and the classes'
+draw goes through the wheel's full mechanics (`identification.effects.ensemble`; where the class has
+physics of its own through these, with their soil and what their fit may err by), and the classes'
 distributions are mixed by the belief over classes. Draws are quasi-random and fixed, so that the same question has the
 same answer.
 """
@@ -22,10 +22,8 @@ from ..framework.core.arguments import number, numbers, refused
 from ..framework.core.errors import InputError
 from ..framework.core.soil import PARAMETERS, PLAUSIBLE
 from ..framework.core.vehicle import Vehicle, Wheel, as_vehicle
-from ..identification import stress_kernel as kernel
-from ..identification.effects.ensemble import drawbar_pull as augmented_pull
+from ..identification.effects.ensemble import drawbar_pull as wheel_pull
 from ..identification.effects.ensemble import error_count, soils_off
-from ..identification.wheel_soil import PEAK_SHARE, Soil, contact_array, solve_contact
 from .mixture import MixtureTable
 from .physics import about_physics, errors_of
 from .posterior import ClassSoil, RandomEffects
@@ -213,37 +211,20 @@ def _shape(wheel: Wheel) -> tuple[float, float, float]:
 
 def _pull(snapshot: Snapshot, name: str, vehicle: Vehicle, loads: tuple[float, ...], slips: np.ndarray) -> np.ndarray:
     """Draw one class's soil and add up the wheels' drawbar pull: (DRAWS, slips) [N]."""
-    physics, soil = snapshot.physics.get(name), snapshot.soils[name]
+    physics, soil, errors = snapshot.physics.get(name), snapshot.soils[name], None
     if physics is None:
-        draws, pull_of = soil_draws(soil), _wheel_pull
+        draws = soil_draws(soil)
     else:
         errors = errors_of(physics, ndtri(_uniform(_SOIL_NUMBERS + error_count(physics))[:, _SOIL_NUMBERS:]))
         draws = soils_off(soil_draws(about_physics(soil, physics)), errors)
-
-        def pull_of(wheel: Wheel, draws: np.ndarray, load_N: float, slips: np.ndarray) -> np.ndarray:
-            return augmented_pull(physics, wheel, draws, errors, load_N, slips)
-
     total = np.zeros((DRAWS, len(slips)))
     by_wheel: dict[tuple[tuple[float, float, float], float], np.ndarray] = {}
     for wheel, load in zip(vehicle.wheels, loads, strict=True):
         key = (_shape(wheel), load)
         if key not in by_wheel:
-            by_wheel[key] = pull_of(wheel, draws, load, slips)
+            by_wheel[key] = wheel_pull(wheel, draws, load, slips, physics, errors)
         total += by_wheel[key]
     return np.where(np.isfinite(total), total, -np.inf)
-
-
-def _wheel_pull(wheel: Wheel, draws: np.ndarray, load_N: float, slips: np.ndarray) -> np.ndarray:
-    """Drawbar pull [N] of a wheel on every soil (s, 5) at every slip: (s, slips), NaN where it is not carried."""
-    number = len(draws) * len(slips)
-    any_soil = Soil(**dict(zip(PARAMETERS, draws[0].tolist(), strict=True)))
-    contact = contact_array(np.zeros(number), np.tile(slips, len(draws)), any_soil)
-    soils = draws.copy()
-    soils[:, 1] = np.tan(soils[:, 1])
-    contact[:, kernel.COHESION :] = np.repeat(soils, len(slips), axis=0)
-    shares = np.zeros(number), np.full(number, PEAK_SHARE)
-    forces = solve_contact(contact, shares, np.full(number, load_N), wheel)
-    return forces[:, 2].reshape(len(draws), len(slips))
 
 
 def soil_draws(soil: ClassSoil) -> np.ndarray:

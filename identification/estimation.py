@@ -20,12 +20,13 @@ from ..framework.core.soil import PARAMETERS, PLAUSIBLE, WRONG_FORM, SoilEstimat
 from ..framework.core.vehicle import Wheel
 from . import form_error
 from .errors_in_variables import Fit, best_start, fit
-from .forward import CHANNELS, TextbookWheel, from_internal, slope_of_internal, to_internal
 from .identifiability import advise, separable, strengths
 from .intervals import consistent, hull, parameter_intervals
 from .marginal_likelihood import Problem
+from .mechanics.soil import Soil, from_internal, slope_of_internal, to_internal
+from .mechanics.stresses import rim_forces
+from .mechanics.textbook import CHANNELS, TextbookWheel, contact_array, entry_angle
 from .noise import alike, correlation_time, memory
-from .wheel_soil import Soil, contact_array, entry_angle, rim_forces
 
 ANSWERS = np.array([False, True, True, False, True])
 """Channels that the soil answers with (T, z, DP): the model's error lives there; load and slip are imposed."""
@@ -47,7 +48,7 @@ class Measured:
     Parameters
     ----------
     channels : (n, 5)
-        Columns as `forward.CHANNELS`, SI; NaN where not observed.
+        Columns as `textbook.CHANNELS`, SI; NaN where not observed.
     noise : (5,)
         Standard deviations of the sensors, SI; NaN for absent channels.
     order : (n,)
@@ -321,7 +322,7 @@ def _start(
     slip = np.clip(slip, -0.98, 0.98)
     values = {"c_Pa": 1e3, "phi_rad": math.radians(30.0), "k_m": k, "stiffness_Pa": 1e5, "n": n, **known.values}
     if "stiffness_Pa" not in known.values and np.isfinite(load).any():
-        carried = rim_forces(contact_array(theta_1, slip, Soil(**values)), wheel)[:, 0]
+        carried = rim_forces(contact_array(theta_1, slip, Soil(**values), wheel), wheel.width_m)[:, 0]
         share = float(np.nanmedian(load / np.where(carried > 0.0, carried, np.nan)))
         low, high = PLAUSIBLE["stiffness_Pa"]
         values["stiffness_Pa"] = float(np.clip(1e5 * share, low, high)) if share > 0.0 else 1e5

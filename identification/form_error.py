@@ -1,7 +1,7 @@
 """What the error of the model's form does to the parameters: found by a score test, carried into the intervals.
 
 1. Is the textbook's form rejected? C. R. Rao's score test (Proc. Camb. Phil. Soc. 44 (1948), Sec. 4) of all the
-   freedoms of `flexible_form` at once needs no further fit.
+   freedoms of `mechanics.flexible` at once needs no further fit.
 2. If so, the freedoms are estimated beside the soil, under their priors.
 3. What is still left out shows as residuals that go together under like conditions. The variance of the parameters is
    then that of the scores summed by cluster (K.-Y. Liang, S. L. Zeger, Biometrika 73 (1986), Eq. 6; G. Kauermann,
@@ -21,9 +21,9 @@ from scipy.stats import chi2
 from scipy.stats import t as t_distribution
 
 from .errors_in_variables import best_start, fit
-from .flexible_form import FREEDOMS, FlexibleWheel
-from .forward import TextbookWheel
 from .marginal_likelihood import POPULATION, Point, Problem, State, evaluate, mean_score
+from .mechanics.flexible import FREEDOMS, FlexibleWheel
+from .mechanics.textbook import TextbookWheel
 
 if TYPE_CHECKING:
     from .estimation import Solution

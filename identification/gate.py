@@ -16,7 +16,7 @@ from scipy.signal import savgol_filter
 from ..framework.core.recording.types import WheelTable
 from ..framework.core.recording.wheel_file import STANDSTILL_M_S
 from ..framework.core.vehicle import Wheel
-from .forward import CHANNELS
+from .mechanics.textbook import CHANNELS
 from .noise import running_median
 from .standing import stands
 

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..framework.core.soil import PARAMETERS, PLAUSIBLE, PUBLISHED, Quantity, ShearStrength
-from .forward import TextbookWheel
-from .stress_kernel import NODES, WEIGHTS
-from .wheel_soil import PEAK_SHARE
+from .mechanics.stresses import FINE
+from .mechanics.textbook import PEAK_SHARE, TextbookWheel
 
 if TYPE_CHECKING:
     from .estimation import Solution
@@ -65,10 +64,11 @@ def strengths(
 
 def _mean_stress(theta_1: np.ndarray, values: dict[str, float], model: TextbookWheel) -> np.ndarray:
     """Normal stress [Pa] averaged over the contact, (n,): both zones of Eq. 8-9 have the same average."""
-    ahead = theta_1[:, None] * (1.0 - (1.0 - PEAK_SHARE) * NODES)
+    nodes, weights = FINE
+    ahead = theta_1[:, None] * (1.0 - (1.0 - PEAK_SHARE) * nodes)
     depth = np.maximum(np.cos(ahead) - np.cos(theta_1)[:, None], 0.0)
     aspect = model.wheel.radius_m / model.wheel.width_m
-    return values["stiffness_Pa"] * ((aspect * depth) ** values["n"] @ WEIGHTS)
+    return values["stiffness_Pa"] * ((aspect * depth) ** values["n"] @ weights)
 
 
 def is_search_limit(name: str, value: float) -> bool:

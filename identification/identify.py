@@ -17,14 +17,14 @@ from ..framework.core.recording.open import read_recording
 from ..framework.core.recording.types import Recording, WheelTable
 from ..framework.core.soil import Quantity, ShearStrength, SoilEstimate, SoilKnowledge, as_knowledge
 from ..framework.core.vehicle import Vehicle, Wheel, as_vehicle
-from . import linearised
 from .changes import split_soils
 from .estimation import Measured, estimate_soil, summarise, usable
 from .felt_rows import FeltRows, felt_rows
-from .forward import CHANNELS
 from .gate import LIMITS, Stretch, quasi_static
 from .geometry import by_geometry
 from .lasting import as_rows_repeat, said
+from .mechanics import linearised
+from .mechanics.textbook import CHANNELS
 from .noise import sensor_noise
 from .restless import as_answers_tell
 from .trials import AS_TRIALS, is_of_trials, without_time

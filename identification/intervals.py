@@ -10,8 +10,9 @@ import numpy as np
 
 from ..framework.core.soil import Quantity
 from .errors_in_variables import fit
-from .flexible_form import FlexibleWheel
-from .forward import TextbookWheel, from_internal, slope_of_internal
+from .mechanics.flexible import FlexibleWheel
+from .mechanics.soil import from_internal, slope_of_internal
+from .mechanics.textbook import TextbookWheel
 
 if TYPE_CHECKING:
     from .estimation import Solution

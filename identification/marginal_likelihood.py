@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .forward import ForwardModel
+from .mechanics.textbook import ForwardModel
 from .population import LEAST_SPREAD, Grid, Population
 
 POPULATION = 5
@@ -43,7 +43,7 @@ class Problem:
     model
         Predicts the channels.
     measured : (n, 5)
-        Channels in the order of `forward.CHANNELS`; NaN where not observed.
+        Channels in the order of `textbook.CHANNELS`; NaN where not observed.
     noise : (5,)
         Standard deviations of the sensors.
     answers : (5,)

@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 
 from ..framework.core.recording.types import WheelTable
 from ..framework.core.vehicle import Vehicle
-from .forward import CHANNELS
+from .mechanics.textbook import CHANNELS
 
 NORMAL_MAD = 1.4826
 """Standard deviation of a normal variable, in median absolute deviations [-]."""
@@ -34,7 +34,7 @@ _SAME_LOAD = 0.05
 
 
 def sensor_noise(table: WheelTable, vehicle: Vehicle) -> np.ndarray:
-    """Standard deviation of each channel of `forward.CHANNELS`, (5,), NaN where the channel is absent.
+    """Standard deviation of each channel of `textbook.CHANNELS`, (5,), NaN where the channel is absent.
 
     What `vehicle.noise` gives is taken. Otherwise, in a recording with time, white noise shows in second differences of
     neighbouring samples; in a file of steady-state trials, in the difference between trials that are nearest in load

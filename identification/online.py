@@ -11,8 +11,9 @@ from ..framework.core.soil import PARAMETERS, PLAUSIBLE, Quantity, SoilKnowledge
 from ..framework.core.vehicle import Wheel
 from .errors_in_variables import Fit, fit
 from .estimation import Measured, build_problem, converge
-from .forward import CHANNELS, from_internal, slope_of_internal, to_internal
 from .marginal_likelihood import Point, Problem
+from .mechanics.soil import from_internal, slope_of_internal, to_internal
+from .mechanics.textbook import CHANNELS
 
 LEAST_SAMPLES = 40
 """Samples before the first estimate: four seconds at 10 Hz."""
@@ -50,7 +51,7 @@ class OnlineIdentifier:
     wheel
         The wheel.
     noise
-        Standard deviations of the sensors by channel name (`forward.CHANNELS`), SI; a channel without one is not used.
+        Standard deviations of the sensors by channel name (`textbook.CHANNELS`), SI; a channel without one is not used.
     window
         Samples kept [-].
     known

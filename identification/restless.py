@@ -24,7 +24,7 @@ FEWEST = 100
 """Rows from which on they tell the noise of all channels beside five parameters of a soil."""
 
 _IMPOSED = [0, 3]
-"""Load and slip among `forward.CHANNELS`."""
+"""Load and slip among `textbook.CHANNELS`."""
 
 _STEPS, _ENOUGH = 20, 0.5
 """Steps to where the noise is likeliest, and how little the last of them gains [nats]: many fewer than are asked."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,12 +14,13 @@ from ..framework.core.recording.types import WheelTable
 from ..framework.core.recording.wheel_file import derive, read_wheel_file
 from ..framework.core.soil import SoilKnowledge, as_knowledge
 from ..framework.core.vehicle import Vehicle, Wheel, as_vehicle
-from .augmented import AugmentedWheel
 from .effects.drive import PresentDrive, drive_of, order_of, select_rows
 from .effects.effect import PULL, SINKAGE, TORQUE
 from .effects.named import NamedEffect, build, parse_effect, situation_of
+from .mechanics.augmented import AugmentedWheel
+from .mechanics.soil import Soil, soil_vector
+from .mechanics.textbook import equilibrium
 from .plausible import check_signs
-from .wheel_soil import Soil, equilibrium
 
 ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
 """Channels that a simulation adds."""
@@ -174,10 +174,3 @@ def _augmented(
             channels[~np.isfinite(getattr(drive, need))] = np.nan
     answers[:, order[usable]] = channels[:, [TORQUE, SINKAGE, PULL]].T
     return answers
-
-
-def soil_vector(soil: Soil) -> np.ndarray:
-    """Lay a soil out as the leading entries of an augmented wheel's vector: c, tan phi, ln k, ln stiffness, ln n."""
-    return np.array(
-        [soil.c_Pa, math.tan(soil.phi_rad), math.log(soil.k_m), math.log(soil.stiffness_Pa), math.log(soil.n)]
-    )

@@ -18,7 +18,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from bevameter import identify, read_recording
 from bevameter.identification.felt_rows import felt_rows
-from bevameter.identification.wheel_soil import Soil, equilibrium
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 
 
 def main(wheel_file: Path, out: Path) -> dict[str, float]:

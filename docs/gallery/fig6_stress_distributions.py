@@ -14,7 +14,8 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from bevameter.framework.core.vehicle import Wheel
-from bevameter.identification.wheel_soil import Soil, normal_stress, shear_stress
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import normal_stress, shear_stress
 
 WHEEL = Wheel(radius_m=0.25, width_m=0.2)
 ENTRY_ANGLE = np.radians(40.0)

@@ -16,8 +16,10 @@ import time
 
 import numpy as np
 from bevameter.framework.core.vehicle import Wheel
-from bevameter.identification.stress_kernel import FIELD_COUNT
-from bevameter.identification.wheel_soil import rim_forces, solve_contact
+from bevameter.identification.mechanics.equilibrium import carry
+from bevameter.identification.mechanics.fields import THETA_1
+from bevameter.identification.mechanics.stresses import rim_forces
+from bevameter.identification.mechanics.textbook import USUAL_ENTRY_ANGLE, contact_array
 from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.stats import qmc
@@ -28,26 +30,33 @@ _STEP, _NODES_EACH_WAY = 0.09, 36
 
 
 def space(count: int, seed: int = 0) -> np.ndarray:
-    """Contacts (count, 9) drawn from the paper's ranges, stratified (Latin hypercube); columns as `contact_array`."""
+    """Simulations (count, 7) drawn from the paper's ranges, stratified (Latin hypercube).
+
+    Columns: theta_1 [rad], slip, c [Pa], tan phi, k [m], stiffness [Pa], n.
+    """
     unit = qmc.LatinHypercube(d=8, rng=np.random.default_rng(seed)).random(count)
     low = [np.radians(20.0), 0.6, np.radians(20.0), 0.0, 0.0, 520e3, 0.005, 0.0]
     high = [np.radians(60.0), 1.2, np.radians(40.0), 3e3, 140e3, 680e3, 0.04, 1.0]
     theta_1, n, phi, c, k1, k2, k, slip = qmc.scale(unit, low, high).T
     stiffness = k1 + k2 * WHEEL.width_m
-    contact = np.column_stack([theta_1, 0 * slip, theta_1 / 2.0, slip, c, np.tan(phi), k, stiffness, n])
-    assert contact.shape[1] == FIELD_COUNT
-    return contact
+    return np.column_stack([theta_1, slip, c, np.tan(phi), k, stiffness, n])
 
 
-def reference(contact: np.ndarray) -> np.ndarray:
+def forces_of(simulations: np.ndarray) -> np.ndarray:
+    """W, T, DP (m, 3) as the product has them."""
+    return rim_forces(contact_array(simulations[:, 0], simulations[:, 1], simulations[:, 2:].T, WHEEL), WHEEL.width_m)
+
+
+def reference(simulations: np.ndarray) -> np.ndarray:
     """W, T, DP (m, 3) by tanh-sinh quadrature on both zones; exact at the ends, where stress rises like a power."""
     t = _STEP * np.arange(-_NODES_EACH_WAY, _NODES_EACH_WAY + 1)
     # Distances of the nodes from both ends of [0, 1], neither by subtraction from 1.
     near = 1.0 / (1.0 + np.exp(np.pi * np.sinh(t)))
     weight = _STEP * np.pi * np.cosh(t) * near * near[::-1]
-    theta_1, _, theta_m, slip, c, tan_phi, k, stiffness, n = (column[:, None] for column in contact.T)
+    theta_1, slip, c, tan_phi, k, stiffness, n = (column[:, None] for column in simulations.T)
+    theta_m = theta_1 / 2.0
     radius, width = WHEEL.radius_m, WHEEL.width_m
-    load, torque, pull = np.zeros((3, len(contact)))
+    load, torque, pull = np.zeros((3, len(simulations)))
     for front in (True, False):
         length = theta_1 - theta_m if front else theta_m
         # `away` is the distance from theta_1 in the front zone, to which Eq. 9 maps the rear zone.
@@ -64,10 +73,10 @@ def reference(contact: np.ndarray) -> np.ndarray:
     return np.column_stack([area * load, area * radius * torque, area * pull])
 
 
-def by_quad(contact: np.ndarray) -> np.ndarray:
-    """W, T, DP (3,) of one contact (9,) by adaptive quadrature of the equations as they stand in the paper."""
-    theta_1, _, theta_m, slip, c, tan_phi, k, stiffness, n = contact
-    radius, width = WHEEL.radius_m, WHEEL.width_m
+def by_quad(simulation: np.ndarray) -> np.ndarray:
+    """W, T, DP (3,) of one simulation (7,) by adaptive quadrature of the equations as they stand in the paper."""
+    theta_1, slip, c, tan_phi, k, stiffness, n = simulation
+    theta_m, radius, width = theta_1 / 2.0, WHEEL.radius_m, WHEEL.width_m
 
     def stresses(theta: float) -> tuple[float, float]:
         ahead = theta if theta > theta_m else theta_1 - theta / theta_m * (theta_1 - theta_m)
@@ -97,24 +106,23 @@ def relative(forces: np.ndarray, expected: np.ndarray) -> float:
     return float(np.max(np.abs(forces - expected) / scale))
 
 
-def found_again(contact: np.ndarray, load: np.ndarray) -> np.ndarray:
+def found_again(simulations: np.ndarray, load: np.ndarray) -> np.ndarray:
     """Entry angles (m,) that the equilibrium gives for loads (m,)."""
-    trial = contact.copy()
-    solve_contact(trial, (np.zeros(len(load)), np.full(len(load), 0.5)), load, WHEEL)
-    return trial[:, 0]
+    start = contact_array(USUAL_ENTRY_ANGLE, simulations[:, 1], simulations[:, 2:].T, WHEEL)
+    return carry(start, load, WHEEL.width_m).contact[:, THETA_1]
 
 
 def over_all(count: int = SIMULATIONS, chunk: int = 4000) -> dict[str, float]:
     """Largest relative difference of forces and of entry angle over the whole space, and seconds of each."""
-    contact = space(count)
+    simulations = space(count)
     began = time.perf_counter()
-    expected = np.concatenate([reference(contact[at : at + chunk]) for at in range(0, count, chunk)])
+    expected = np.concatenate([reference(simulations[at : at + chunk]) for at in range(0, count, chunk)])
     between = time.perf_counter()
-    forces = rim_forces(contact, WHEEL)
-    angle = found_again(contact, expected[:, 0])
+    forces = forces_of(simulations)
+    angle = found_again(simulations, expected[:, 0])
     return {
         "forces": relative(forces, expected),
-        "entry angle": float(np.max(np.abs(angle / contact[:, 0] - 1.0))),
+        "entry angle": float(np.max(np.abs(angle / simulations[:, 0] - 1.0))),
         "reference [s]": between - began,
         "bevameter [s]": time.perf_counter() - between,
     }
@@ -122,18 +130,18 @@ def over_all(count: int = SIMULATIONS, chunk: int = 4000) -> dict[str, float]:
 
 def on_subset(seconds: float, *, most: int = SIMULATIONS, seed: int = 1) -> dict[str, float]:
     """Compare with quad and brentq on as many stratified points as the seconds allow."""
-    contact = space(most, seed)
+    simulations = space(most, seed)
     began, count = time.perf_counter(), 0
     against_quad, ours, angles = 0.0, 0.0, 0.0
-    for row in contact:
+    for row in simulations:
         expected = by_quad(row)[None]
         against_quad = max(against_quad, relative(reference(row[None]), expected))
-        ours = max(ours, relative(rim_forces(row[None], WHEEL), expected))
+        ours = max(ours, relative(forces_of(row[None]), expected))
         load = 0.7 * float(expected[0, 0])
 
         def missing(theta_1: float, at: np.ndarray = row, target: float = load) -> float:
             moved = at.copy()
-            moved[0], moved[2] = theta_1, theta_1 / 2.0
+            moved[0] = theta_1
             return float(by_quad(moved)[0]) - target
 
         root = brentq(missing, 0.05, row[0], xtol=1e-13, rtol=1e-13)

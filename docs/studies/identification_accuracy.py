@@ -17,9 +17,9 @@ from concurrent.futures import ProcessPoolExecutor
 import numpy as np
 from bevameter.framework.core.vehicle import Wheel
 from bevameter.identification.estimation import Measured, estimate_soil
-from bevameter.identification.forward import TextbookWheel, slope_of_internal
-from bevameter.identification.linearised import estimate as linear_estimate
-from bevameter.identification.wheel_soil import Soil, equilibrium
+from bevameter.identification.mechanics.linearised import estimate as linear_estimate
+from bevameter.identification.mechanics.soil import Soil, slope_of_internal
+from bevameter.identification.mechanics.textbook import TextbookWheel, equilibrium
 
 WHEEL = Wheel(radius_m=0.5, width_m=0.3)
 SOIL = Soil(c_Pa=1e3, phi_rad=np.radians(30.0), k_m=0.005, stiffness_Pa=20e3 + 600e3 * 0.3, n=0.9)

@@ -83,7 +83,7 @@ class Ground:
         return np.column_stack([load, torque, pull])
 
     def channels(self, load: np.ndarray, slip: np.ndarray) -> np.ndarray:
-        """Noise-free channels (m, 5) in the order of `forward.CHANNELS`."""
+        """Noise-free channels (m, 5) in the order of `textbook.CHANNELS`."""
         layer_m = np.inf
         if "layer" in self.extra:
             theta_1 = self._carry(load, slip, np.inf)

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...identification import stress_kernel as kernel
-from ...identification.wheel_soil import PEAK_SHARE, Soil, contact_array, solve_contact
+from ...identification.mechanics.equilibrium import carry
+from ...identification.mechanics.fields import THETA_1
+from ...identification.mechanics.soil import Soil
+from ...identification.mechanics.textbook import USUAL_ENTRY_ANGLE, contact_array
 from ..core.vehicle import Wheel
 from .plan import STEP_S, Plan
 from .soils import HARD_FRICTION, HARD_ROLLING, HARD_SLIP_RATE
@@ -158,12 +160,10 @@ def soil_forces(
     wheel: Wheel, soil: Soil, load_N: np.ndarray, slip: np.ndarray, cohesion: np.ndarray, stiffness: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Equilibrium with a soil whose cohesion and stiffness are multiplied row by row: forces (n, 3), theta_1 (n,)."""
-    contact = contact_array(np.zeros(len(load_N)), slip, soil)
-    contact[:, kernel.COHESION] *= cohesion
-    contact[:, kernel.STIFFNESS] *= stiffness
-    shares = np.zeros(len(load_N)), np.full(len(load_N), PEAK_SHARE)
-    forces = solve_contact(contact, shares, load_N, wheel)
-    return forces, contact[:, kernel.THETA_1]
+    c_Pa, tan_phi, k_m, stiffness_Pa, n = soil.numbers
+    numbers = c_Pa * cohesion, tan_phi, k_m, stiffness_Pa * stiffness, n
+    found = carry(contact_array(USUAL_ENTRY_ANGLE, slip, numbers, wheel), load_N, wheel.width_m)
+    return found.forces, found.contact[:, THETA_1].copy()
 
 
 def _sensed(plan: Plan, true: dict[str, np.ndarray], names: np.ndarray) -> dict[str, np.ndarray]:

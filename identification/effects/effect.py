@@ -12,13 +12,13 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from ...framework.core.vehicle import Wheel
-from ..contact_kernel import COLUMN, FIELDS
+from ..mechanics.fields import COLUMN
 from .track import ALONG_X, Axis
 
 Kind = Literal["physics", "instrument", "unknown"]
 
 LOAD, TORQUE, SINKAGE, SLIP, PULL = range(5)
-"""Columns of an array of channels, in the order of `forward.CHANNELS`."""
+"""Columns of an array of channels, in the order of `textbook.CHANNELS`."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ class Situation:
     drive
         Samples' covariates.
     typical : (5,)
-        Root mean square of each channel of `forward.CHANNELS`, NaN where it was not observed.
+        Root mean square of each channel of `textbook.CHANNELS`, NaN where it was not observed.
     sinkage_m : (n,)
         As measured, NaN where not observed.
     innovations : (n, 5)
@@ -182,15 +182,15 @@ class Situation:
 
 
 class Contact:
-    """Rows of a contact under construction: each field of `contact_kernel.FIELDS` is an attribute, (n,).
+    """Rows of a contact under construction (n, f): each field of `fields.FIELDS` is an attribute, (n,).
 
     `sinkage_m` (n,) is what the geometry gives, and `wheel` the wheel.
     """
 
-    def __init__(self, rows: int, wheel: Wheel) -> None:
-        object.__setattr__(self, "array", np.empty((rows, len(FIELDS))))
+    def __init__(self, array: np.ndarray, wheel: Wheel) -> None:
+        object.__setattr__(self, "array", array)
         object.__setattr__(self, "wheel", wheel)
-        object.__setattr__(self, "sinkage_m", np.empty(rows))
+        object.__setattr__(self, "sinkage_m", wheel.radius_m * (1.0 - np.cos(self.theta_1)))
 
     array: np.ndarray
     wheel: Wheel
@@ -295,7 +295,7 @@ class Effect:
         return False
 
     def delay(self, values: np.ndarray) -> tuple[int, float] | None:
-        """Give the channel, of `forward.CHANNELS`, that arrives late and by how many samples; None where none does."""
+        """Give the channel, of `textbook.CHANNELS`, that arrives late and by how many samples; None where none does."""
         return None
 
     def extent(self, values: np.ndarray) -> tuple[str, float, float] | None:
@@ -317,7 +317,7 @@ class Effect:
         """Change geometry, pressure-sinkage or shear law, in place, at the entry angle that `contact` holds."""
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
-        """Add forces: `channels` (n, 5) as `forward.CHANNELS`, in place, with the entry angle found."""
+        """Add forces: `channels` (n, 5) as `textbook.CHANNELS`, in place, with the entry angle found."""
 
     def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
         """Change what the instruments report: `channels` (n, 5), in place."""

@@ -13,13 +13,11 @@ import numpy as np
 
 from ...framework.core.soil import PARAMETERS, PLAUSIBLE
 from ...framework.core.vehicle import Wheel
-from ..augmented import SOIL_COUNT, AugmentedWheel
-from ..forward import slope_of_internal
-from ..simulate import soil_vector
-from ..wheel_soil import Soil
+from ..mechanics.augmented import SOIL_COUNT, AugmentedWheel
+from ..mechanics.soil import Soil, slope_of_internal
 from .catalogue import forms_by_name
 from .drive import PresentDrive
-from .effect import COVARIATES, PULL, Contact, Drive, Effect
+from .effect import COVARIATES, PULL, Effect
 from .named import lugs_of, pinned, situation_of, smallest_holding, specimen
 from .stored import AugmentedSimulator, StoredEffect
 from .track import ALONG_X
@@ -33,39 +31,6 @@ GROUND = (
 
 _FURTHEST = 50.0
 """Error of a logarithm beyond which every number is out of bounds."""
-
-
-class _SoilOfRow(Effect):
-    """Every row has its own soil, columns as `PARAMETERS`."""
-
-    slug = "soil"
-    parameters = ()
-
-    def __init__(self, soils: np.ndarray) -> None:
-        self._soils = soils
-
-    def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
-        """Lay the soils out."""
-        contact.c_Pa, contact.tan_phi = self._soils[:, 0], np.tan(self._soils[:, 1])
-        contact.k_m, contact.stiffness_Pa, contact.n = self._soils[:, 2:].T
-
-
-class _ValuesOfRow(Effect):
-    """An effect whose parameters, (k, n), differ from row to row."""
-
-    parameters = ()
-
-    def __init__(self, effect: Effect, values: np.ndarray) -> None:
-        self.slug = effect.slug  # type: ignore[misc]
-        self._effect, self._values = effect, values
-
-    def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
-        """Pass on."""
-        self._effect.contact(contact, drive, self._values)
-
-    def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
-        """Pass on."""
-        self._effect.act(channels, contact, drive, self._values)
 
 
 def error_count(physics: AugmentedSimulator) -> int:
@@ -113,48 +78,52 @@ def soils_off(soils: np.ndarray, errors: np.ndarray) -> np.ndarray:
 
 
 def drawbar_pull(
-    physics: AugmentedSimulator, wheel: Wheel, soils: np.ndarray, errors: np.ndarray, load_N: float, slips: np.ndarray
+    wheel: Wheel,
+    soils: np.ndarray,
+    load_N: float,
+    slips: np.ndarray,
+    physics: AugmentedSimulator | None = None,
+    errors: np.ndarray | None = None,
 ) -> np.ndarray:
     """Drawbar pull of one wheel on many soils at many slips.
 
     Parameters
     ----------
-    physics
-        Effects.
     wheel
         Any wheel.
     soils : (s, 5)
         Columns as `PARAMETERS`, SI.
-    errors : (s, `error_count`)
-        What the fit errs by on each soil (`errors_of_fit`): of the effects' parameters, which stay within their bounds;
-        soils have theirs in them already.
     load_N
         On the wheel [N].
     slips : (k,)
         [-].
+    physics
+        Effects; the textbook's wheel where absent.
+    errors : (s, `error_count`)
+        What the fit errs by on each soil (`errors_of_fit`): of the effects' parameters, which stay within their bounds;
+        soils have theirs in them already.
 
     Returns
     -------
     (s, k)
         [N]; NaN where the load is not carried.
     """
-    rows = len(soils) * len(slips)
-    drive = _level_drive(np.full(rows, load_N), np.tile(slips, len(soils)))
-    middle = Soil(**dict(zip(PARAMETERS, np.median(soils, axis=0).tolist(), strict=True)))
-    situation = situation_of(wheel, middle, drive)
-    effects: list[Effect] = [_SoilOfRow(np.repeat(soils, len(slips), axis=0))]
-    column = SOIL_COUNT
-    for stored in _of_the_ground(physics):
-        count = len(stored.parameters)
-        off = errors[:, column : column + count]
-        column += count
-        alike = [effect for effect in forms_by_name(stored.slug, situation) if effect.form == stored.form]
-        effect = smallest_holding(set(stored.parameters), alike)
-        if effect is not None:
-            values = _drawn(effect, stored, off)
-            effects.append(_ValuesOfRow(pinned(effect, stored.named), np.repeat(values, len(slips), axis=1)))
+    drive = _level_drive(np.full(len(soils) * len(slips), load_N), np.tile(slips, len(soils)))
+    vectors, effects = [soils[:, 0], np.tan(soils[:, 1]), *np.log(soils[:, 2:].T)], []
+    if physics is not None and errors is not None:
+        middle = Soil(**dict(zip(PARAMETERS, np.median(soils, axis=0).tolist(), strict=True)))
+        situation, column = situation_of(wheel, middle, drive), SOIL_COUNT
+        for stored in _of_the_ground(physics):
+            off = errors[:, column : column + len(stored.parameters)]
+            column += len(stored.parameters)
+            alike = [effect for effect in forms_by_name(stored.slug, situation) if effect.form == stored.form]
+            effect = smallest_holding(set(stored.parameters), alike)
+            if effect is not None:
+                effects.append(pinned(effect, stored.named))
+                vectors += list(_drawn(effect, stored, off))
     model = AugmentedWheel(wheel, tuple(effects))
-    channels = model.predict(drive, np.column_stack([drive.load_N, drive.slip]), soil_vector(middle)).channels
+    vector = np.repeat(np.array(vectors), len(slips), axis=1)
+    channels = model.predict(drive, np.column_stack([drive.load_N, drive.slip]), vector).channels
     return channels[:, PULL].reshape(len(soils), len(slips))
 
 

@@ -13,8 +13,8 @@ import numpy as np
 from ...framework.core.errors import InputError
 from ...framework.core.quantities import magnitude
 from ...framework.core.vehicle import Wheel
-from ..forward import CHANNELS
-from ..wheel_soil import Soil, equilibrium
+from ..mechanics.soil import Soil
+from ..mechanics.textbook import CHANNELS, equilibrium
 from .catalogue import SLUGS, forms_by_name
 from .drive import COLUMNS, PresentDrive
 from .effect import PULL, SINKAGE, TORQUE, Drive, Effect, Parameter, Situation

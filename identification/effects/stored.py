@@ -21,10 +21,9 @@ from ...framework.core.errors import InputError
 from ...framework.core.recording.types import WheelTable
 from ...framework.core.soil import PARAMETERS, PLAUSIBLE
 from ...framework.core.vehicle import Vehicle
-from ..augmented import SOIL_COUNT, AugmentedWheel
-from ..forward import from_internal, slope_of_internal
+from ..mechanics.augmented import SOIL_COUNT, AugmentedWheel
+from ..mechanics.soil import Soil, from_internal, slope_of_internal
 from ..simulate import simulate
-from ..wheel_soil import Soil
 from .catalogue import STORED, forms_by_name
 from .effect import Effect
 from .named import NamedEffect, follows_drive, lugs_of, smallest_holding, specimen

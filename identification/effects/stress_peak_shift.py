@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..wheel_soil import PEAK_SHARE
+from ..mechanics.textbook import PEAK_SHARE
 from .effect import Contact, Drive, Effect, Parameter, Situation
 
 _BRAKED = 0.02

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.signal import lfilter
 
-from ..forward import CHANNELS
+from ..mechanics.textbook import CHANNELS
 from .effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Drive, Effect, Parameter, Situation
 
 _LONGEST_LAG = 40

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..forward import CHANNELS
+from ..mechanics.textbook import CHANNELS
 from .effect import LOAD, PULL, SINKAGE, TORQUE, Drive, Effect, Parameter, Situation
 
 SLUG = "unknown"

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from bevameter import explain
 from bevameter.framework.scenario.concealed.conceal import conceal
-from bevameter.identification.augmented import AugmentedWheel
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.felt_rows import felt_rows
 from bevameter.identification.identify import open_recording
+from bevameter.identification.mechanics.augmented import AugmentedWheel
 from bevameter.identification.mismatch.fit.fitting import fit
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.fit.trial import situation, textbook_trial

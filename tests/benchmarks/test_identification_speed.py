@@ -10,10 +10,10 @@ import time
 import numpy as np
 import pytest
 from bevameter.framework.core.vehicle import Wheel
-from bevameter.identification.forward import CHANNELS
-from bevameter.identification.linearised import OnlineEstimator
+from bevameter.identification.mechanics.linearised import OnlineEstimator
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import CHANNELS, equilibrium, normal_stress, shear_stress
 from bevameter.identification.online import OnlineIdentifier
-from bevameter.identification.wheel_soil import Soil, equilibrium, normal_stress, shear_stress
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
@@ -51,6 +51,19 @@ def test_equilibrium(benchmark):
     np.testing.assert_allclose(
         state.theta_1_rad[few], by_quadrature_and_root_finding(LOADS[few], SLIPS[few]), rtol=1e-8
     )
+
+
+@pytest.mark.benchmark(group="equilibrium, 100000 samples", timer=time.process_time)
+def test_equilibrium_of_a_hundred_thousand_samples_takes_17_us_each_at_most(benchmark):
+    """Of processor time, all threads together, so that other work on the machine does not count."""
+    loads, slips = np.linspace(300.0, 2500.0, 100_000), np.random.default_rng(0).uniform(0.05, 0.9, 100_000)
+    equilibrium(WHEEL, SOIL, LOADS[:2], SLIPS[:2])
+    state = benchmark.pedantic(equilibrium, args=(WHEEL, SOIL, loads, slips), rounds=3)
+    assert np.isfinite(state.theta_1_rad).all()
+    if benchmark.enabled:  # not beside other tests: that would measure those
+        each = benchmark.stats.stats.min / len(loads)
+        benchmark.extra_info["us a sample"] = 1e6 * each
+        assert each <= 17e-6
 
 
 @pytest.mark.benchmark(group="equilibrium, per 1000 samples")

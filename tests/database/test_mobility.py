@@ -7,7 +7,8 @@ from bevameter import InputError, Vehicle, Wheel
 from bevameter.database.mobility import DRAWS, SLIPS, soil_draws
 from bevameter.database.snapshot import Snapshot
 from bevameter.framework.core.soil import PARAMETERS, PLAUSIBLE
-from bevameter.identification.wheel_soil import Soil, equilibrium
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 
 SAND, CLAY, DARK, ASPHALT = (0.1, 0.1), (0.6, 0.1), (1.2, 0.1), (-1.3, -0.8)
 WHEEL = Wheel(radius_m=0.15, width_m=0.12)

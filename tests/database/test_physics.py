@@ -17,8 +17,9 @@ from bevameter.database.snapshot import Snapshot
 from bevameter.database.store import Added
 from bevameter.framework.core.soil import PARAMETERS
 from bevameter.identification.effects.stored import AugmentedSimulator, Estimated, StoredEffect
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 from bevameter.identification.simulate import simulate
-from bevameter.identification.wheel_soil import Soil, equilibrium
 
 SAND, CLAY = (1.1, 0.1), (0.6, 0.1)
 WHEEL = Wheel(radius_m=0.15, width_m=0.12)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from bevameter.identification.augmented import AugmentedWheel
 from bevameter.identification.effects.catalogue import SLUGS, forms_by_name
 from bevameter.identification.effects.effect import Effect, Situation
 from bevameter.identification.effects.named import choose, parse_effect, pinned, specimen, values_of
+from bevameter.identification.mechanics.augmented import AugmentedWheel
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 from bevameter.identification.simulate import soil_vector
-from bevameter.identification.wheel_soil import Soil, equilibrium
 
 SITUATION = specimen()
 WHEEL, DRIVE = SITUATION.wheel, SITUATION.drive

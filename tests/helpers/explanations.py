@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from bevameter import Wheel
-from bevameter.identification.augmented import AugmentedWheel
+from bevameter.identification.mechanics.augmented import AugmentedWheel
 from bevameter.identification.mismatch.explanation import (
     Candidate,
     ChannelFit,

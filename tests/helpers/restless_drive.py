@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from bevameter import Wheel
 from bevameter.framework.core.recording.types import WheelTable
-from bevameter.identification.wheel_soil import Soil, equilibrium
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 
 WHEEL = Wheel(radius_m=0.14, width_m=0.1)
 SOIL = Soil(900.0, 0.52, 0.012, 4e5, 0.95)

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 from bevameter import Recording, Vehicle, Wheel, WheelTable
-from bevameter.identification.wheel_soil import Soil, equilibrium
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.12)
 VEHICLE = Vehicle(wheels=(WHEEL,), noise={"load_N": 1.0, "torque_Nm": 0.1, "sinkage_m": 2e-4, "slip": 0.005})

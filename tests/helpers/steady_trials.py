@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from bevameter import WheelTable
-from bevameter.identification.wheel_soil import equilibrium
+from bevameter.identification.mechanics.textbook import equilibrium
 from slow_drive import SAND, WHEEL
 
 SLIPS = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bevameter import InputError
-from bevameter.identification.augmented import AugmentedWheel
 from bevameter.identification.effects.catalogue import INSTRUMENTS, SLUGS, effects_for, forms_by_name
 from bevameter.identification.effects.effect import (
     LOAD,
@@ -24,8 +23,9 @@ from bevameter.identification.effects.named import (
     parse_effect,
     values_of,
 )
+from bevameter.identification.mechanics.augmented import AugmentedWheel
+from bevameter.identification.mechanics.textbook import equilibrium
 from bevameter.identification.simulate import soil_vector
-from bevameter.identification.wheel_soil import equilibrium
 from effects_tried import (
     DRIVE,
     FORMS,

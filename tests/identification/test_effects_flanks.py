@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bevameter.identification.effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Contact
-from effects_tried import DRIVE, FORMS, SITUATION, WHEEL, change, predict, textbook, untouched
+from bevameter.identification.mechanics.textbook import contact_array
+from effects_tried import DRIVE, FORMS, SITUATION, SOIL, WHEEL, change, predict, textbook, untouched
 
 
 def test_flanks_rub_by_cohesion_and_by_depth_at_once():
@@ -55,8 +56,8 @@ def test_flanks_that_move_down_carry_load_and_the_wheel_sinks_less():
     assert untouched(rubbing - bare, SINKAGE)
     assert (carrying[:, SINKAGE] < bare[:, SINKAGE]).all()
     # A wheel that spins in place has no point that moves up ahead of it: half a disc carries tau r^2 on its way down.
-    half = Contact(1, WHEEL)
-    half.theta_1, half.advance_m, half.lift_N = 0.5 * np.pi, 0.0, 0.0
+    half = Contact(contact_array(0.5 * np.pi, np.zeros(1), SOIL, WHEEL), WHEEL)
+    half.advance_m = 0.0
     effect = next(each for each in FORMS if each.form == "rubbing, carrying")
     effect.contact(half, DRIVE, np.array([1e3]))
     quarter = 2.0 * 1e3 * WHEEL.radius_m**2 / 2.0  # both flanks, of the integral of sin(theta) rho over a quarter disc

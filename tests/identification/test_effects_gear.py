@@ -19,7 +19,7 @@ from bevameter.identification.effects.named import (
     parse_effect,
     specimen,
 )
-from bevameter.identification.wheel_soil import equilibrium
+from bevameter.identification.mechanics.textbook import contact_array, equilibrium
 from effects_tried import DRIVE, IMPOSED, SITUATION, SOIL, WHEEL, change, predict, textbook, untouched
 
 
@@ -199,9 +199,8 @@ def test_a_flattened_wheel_sinks_less():
 )
 def test_a_flattened_wheel_is_as_much_larger_as_its_source_prints(form, larger):
     (effect,) = (each for each in forms_by_name("tyre_deflection", SITUATION) if each.form == form)
-    contact = Contact(len(DRIVE), WHEEL)
-    contact.theta_1, contact.radius_m = np.linspace(0.05, 0.9, len(DRIVE)), WHEEL.radius_m
-    contact.shear_radius_m, contact.advance_m = WHEEL.radius_m, 0.15
+    contact = Contact(contact_array(np.linspace(0.05, 0.9, len(DRIVE)), DRIVE.slip, SOIL, WHEEL), WHEEL)
+    contact.advance_m = 0.15
     effect.contact(contact, DRIVE, np.array([2e-5]))
     by_angle = 1.0 - np.cos(contact.theta_1)
     np.testing.assert_allclose(contact.sinkage_m, contact.radius_m * by_angle)

@@ -15,7 +15,8 @@ from bevameter.identification.effects.effect import (
     Drive,
 )
 from bevameter.identification.effects.soil_patch import SoilPatch
-from bevameter.identification.wheel_soil import Soil, equilibrium
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 from effects_tried import (
     DRIVE,
     SITUATION,

@@ -11,8 +11,8 @@ from bevameter.framework.core.soil import SoilKnowledge
 from bevameter.framework.core.vehicle import Wheel
 from bevameter.identification.errors_in_variables import fit
 from bevameter.identification.estimation import Measured, estimate_soil, physical, solve, usable
-from bevameter.identification.forward import CHANNELS, TextbookWheel
-from bevameter.identification.wheel_soil import Soil, equilibrium
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import CHANNELS, TextbookWheel, equilibrium
 
 WHEEL = Wheel(radius_m=0.5, width_m=0.3)
 SOIL = Soil(c_Pa=1e3, phi_rad=np.radians(30.0), k_m=0.005, stiffness_Pa=20e3 + 600e3 * 0.3, n=0.9)

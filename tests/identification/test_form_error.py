@@ -11,9 +11,9 @@ import pytest
 from bevameter.framework.core.soil import SoilKnowledge
 from bevameter.framework.core.vehicle import Wheel
 from bevameter.identification.estimation import WRONG_FORM, estimate_soil, solve, usable
-from bevameter.identification.flexible_form import FREEDOMS, FlexibleWheel
 from bevameter.identification.form_error import rejected, score_statistic
-from bevameter.identification.forward import TextbookWheel
+from bevameter.identification.mechanics.flexible import FREEDOMS, FlexibleWheel
+from bevameter.identification.mechanics.textbook import TextbookWheel
 
 STUDY = Path(__file__).resolve().parents[2] / "docs" / "studies" / "identification_model_error.py"
 WHEEL = Wheel(radius_m=0.15, width_m=0.12)

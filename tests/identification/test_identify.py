@@ -10,9 +10,9 @@ import pytest
 from bevameter import InputError, Recording, Vehicle, Wheel, WheelTable, identify
 from bevameter.identification.gate import find_stretches, quasi_static
 from bevameter.identification.identify import identify_segments
+from bevameter.identification.mechanics.textbook import equilibrium
 from bevameter.identification.report import identification_json
 from bevameter.identification.trials import AS_TRIALS
-from bevameter.identification.wheel_soil import equilibrium
 from slow_drive import CLAY, SAND, VEHICLE, WHEEL, drive, recording, with_columns
 
 

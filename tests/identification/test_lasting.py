@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from bevameter import Recording, Vehicle, Wheel, WheelTable, identify
 from bevameter.identification.identify import Segment
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 from bevameter.identification.noise import alike, memory
-from bevameter.identification.wheel_soil import Soil, equilibrium
 from scipy.signal import butter, lfilter
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.12)

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bevameter import InputError, Recording, Vehicle, Wheel, WheelTable, explain
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 from bevameter.identification.noise import scatter_along_slip
-from bevameter.identification.wheel_soil import Soil, equilibrium
 
 SLIPS = np.array([0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
 WHEEL = Wheel(radius_m=0.15, width_m=0.12)

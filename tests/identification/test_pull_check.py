@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bevameter import InputError, WheelTable
 from bevameter.identification.felt_rows import felt_rows
-from bevameter.identification.wheel_soil import equilibrium
+from bevameter.identification.mechanics.textbook import equilibrium
 from slow_drive import SAND, WHEEL, drive, recording, with_columns
 from steady_trials import SLIPS, trials, without
 

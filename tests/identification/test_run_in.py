@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bevameter import Recording, Vehicle, Wheel, WheelTable, explain, identify
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 from bevameter.identification.run_in import without_run_in
-from bevameter.identification.wheel_soil import Soil, equilibrium
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)
 ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from bevameter import Recording, Vehicle, Wheel, WheelTable, explain, identify
 from bevameter.identification.felt_rows import felt_rows, only_steady
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 from bevameter.identification.run_out import without_stops
 from bevameter.identification.standing import stands, with_standstill
 from bevameter.identification.steady_runs import steady_runs
-from bevameter.identification.wheel_soil import Soil, equilibrium
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)
 ROWS, STEP_S = 50, 0.2

@@ -12,8 +12,9 @@ from bevameter.framework.core.recording.write import write_wheel_file
 from bevameter.framework.core.vehicle import Vehicle, Wheel
 from bevameter.identification.effects.catalogue import SLUGS, forms_by_name
 from bevameter.identification.effects.named import NamedEffect, specimen
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 from bevameter.identification.simulate import notes
-from bevameter.identification.wheel_soil import Soil, equilibrium
 from typer.testing import CliRunner
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.12)

@@ -12,14 +12,15 @@ import pytest
 from bevameter import InputError, Vehicle, Wheel
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.core.soil import PARAMETERS
-from bevameter.identification.augmented import AugmentedWheel
 from bevameter.identification.effects.catalogue import SLUGS, forms_by_name
 from bevameter.identification.effects.effect import PULL, TORQUE, Effect
 from bevameter.identification.effects.ensemble import drawbar_pull, error_count, errors_of_fit, soils_off
 from bevameter.identification.effects.named import specimen
 from bevameter.identification.effects.stored import AugmentedSimulator, Estimated, StoredEffect
+from bevameter.identification.mechanics.augmented import AugmentedWheel
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 from bevameter.identification.simulate import simulate, soil_vector
-from bevameter.identification.wheel_soil import Soil, equilibrium
 
 SITUATION = specimen()
 SOIL = Soil(c_Pa=500.0, phi_rad=math.radians(32.0), k_m=0.012, stiffness_Pa=2e5, n=0.9)
@@ -160,7 +161,7 @@ def test_many_soils_without_effects_of_the_ground_are_the_textbooks():
     for name in (physics("torque_gain", g=0.3), physics("drivetrain_friction", form="coulomb", T_c=0.5),
                  physics("slope_gravity", s=1.0), physics("rate_dependence", form="stiffness", m=0.3)):  # fmt: skip
         assert error_count(name) == 5
-        pulls = drawbar_pull(name, SITUATION.wheel, soils, np.empty((len(soils), 5)), 90.0, SLIPS)
+        pulls = drawbar_pull(SITUATION.wheel, soils, 90.0, SLIPS, name, np.empty((len(soils), 5)))
         for row, soil in zip(pulls, soils, strict=True):
             state = equilibrium(SITUATION.wheel, Soil(*soil.tolist()), np.full(3, 90.0), SLIPS)
             np.testing.assert_allclose(row, state.drawbar_pull_N, atol=1e-3)
@@ -170,7 +171,7 @@ def test_each_soil_and_draw_goes_through_the_effect_of_the_ground():
     soils = draws()
     ground = physics("slip_sinkage", sd=0.1, form="exponent", n1=0.5)
     errors = np.column_stack([np.zeros((len(soils), 5)), np.linspace(-0.2, 0.2, len(soils))])
-    pulls = drawbar_pull(ground, SITUATION.wheel, soils, errors, 90.0, SLIPS)
+    pulls = drawbar_pull(SITUATION.wheel, soils, 90.0, SLIPS, ground, errors)
     (effect, *_) = forms_by_name("slip_sinkage", SITUATION)
     drive = SITUATION.drive
     rows = type(drive)(**{**{name: values[:3] for name, values in vars(drive).items()},
@@ -224,8 +225,8 @@ def test_lugs_are_those_of_the_wheel_that_comes():
     soils = draws(4)
     ground = physics("grousers", form="radius", s=0.8)
     errors = np.zeros((4, 6))
-    smooth = drawbar_pull(ground, Wheel(radius_m=0.15, width_m=0.12), soils, errors, 90.0, SLIPS)
-    lugged = drawbar_pull(ground, SITUATION.wheel, soils, errors, 90.0, SLIPS)
+    smooth = drawbar_pull(Wheel(radius_m=0.15, width_m=0.12), soils, 90.0, SLIPS, ground, errors)
+    lugged = drawbar_pull(SITUATION.wheel, soils, 90.0, SLIPS, ground, errors)
     assert (lugged > smooth).all()
 
 

@@ -11,7 +11,7 @@ from bevameter.framework.scenario.plan import Plan, make_plan
 from bevameter.framework.scenario.presets import PRESETS
 from bevameter.framework.scenario.soils import SOILS
 from bevameter.framework.scenario.wheels import VARIATION, WheelRows, wheel_rows
-from bevameter.identification.wheel_soil import equilibrium
+from bevameter.identification.mechanics.textbook import equilibrium
 
 
 @pytest.fixture(scope="module")

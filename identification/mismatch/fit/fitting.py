@@ -16,9 +16,9 @@ from functools import partial
 import numpy as np
 
 from ....framework.core.soil import PARAMETERS, PLAUSIBLE, SoilKnowledge
-from ...augmented import AugmentedWheel, Entry, Response
 from ...effects.effect import LOAD, SLIP
-from ...forward import slope_of_internal, to_internal
+from ...mechanics.augmented import AugmentedWheel, Entry, Response
+from ...mechanics.soil import slope_of_internal, to_internal
 from .likeliest_noise import NoiseKnown, Weighed, likeliest
 from .memory import Memory
 from .samples import Samples

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....framework.core.soil import PARAMETERS
-from ...augmented import SOIL_COUNT, Response
 from ...effects.drive import select_rows
+from ...mechanics.augmented import SOIL_COUNT, Response
 from .fitting import Fitted, Problem
 from .samples import Samples
 from .steps import LONGEST, Prior, normal_equations, scaled_inverse, scaled_solve, step_of

@@ -18,10 +18,10 @@ from ....framework.core.errors import InputError
 from ....framework.core.recording.types import WheelTable
 from ....framework.core.soil import SoilKnowledge
 from ....framework.core.vehicle import Vehicle, Wheel
-from ...augmented import Entry
 from ...effects.effect import LOAD, SLIP
 from ...errors_in_variables import Fit
 from ...estimation import Measured, solve, usable
+from ...mechanics.augmented import Entry
 from ...noise import in_time, least_noise, noise_of_series
 from ...restless import FEWEST, TOLD, beside_any_noise, said
 from .fitting import Fitted, Problem, fit

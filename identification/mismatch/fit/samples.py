@@ -13,8 +13,8 @@ from ....framework.core.recording.types import WheelTable
 from ....framework.core.vehicle import Vehicle, Wheel
 from ...effects.drive import drive_of, order_of, select_rows
 from ...effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Drive
-from ...forward import CHANNELS
 from ...gate import LIMITS
+from ...mechanics.textbook import CHANNELS
 from ...noise import from_running_median, least_noise, sensor_noise
 from ...standing import stands
 from ...trials import AS_TRIALS, is_of_trials, without_clock, without_time
@@ -74,7 +74,7 @@ class Samples:
         differ by no more than noise: what is asked of a residual must not share its errors. Load and slip that really
         change from row to row are what they probably were.
     measured : (n, 5)
-        Channels as `forward.CHANNELS`; NaN where not observed, or where a gross error stood. Load and slip that really
+        Channels as `textbook.CHANNELS`; NaN where not observed, or where a gross error stood. Load and slip that really
         change from row to row are those of `drive`.
     noise : (5,)
         Standard deviations of the sensors, from the vehicle or from the data's own scatter, and those with which load

@@ -9,8 +9,8 @@ import numpy as np
 
 from ....framework.core.errors import InputError
 from ....framework.core.soil import SoilKnowledge
-from ...augmented import AugmentedWheel
 from ...effects.effect import LOAD, SLIP
+from ...mechanics.augmented import AugmentedWheel
 from .fitting import Fitted, Problem, as_smooth_as_it_is, fit
 from .gross_errors import without_gross_errors
 from .samples import Samples, levels

@@ -10,9 +10,9 @@ from functools import partial
 import numpy as np
 
 from ....framework.core.soil import PARAMETERS, PLAUSIBLE, PUBLISHED, UNDRAINED_C_PA, SoilKnowledge
-from ...augmented import SOIL_COUNT, AugmentedWheel
 from ...effects.effect import Effect, Situation
-from ...forward import from_internal, to_internal
+from ...mechanics.augmented import SOIL_COUNT, AugmentedWheel
+from ...mechanics.soil import from_internal, to_internal
 from .fitting import Fitted, Problem, as_smooth_as_it_is, fit
 from .gained_by_none import of_gross_errors, of_quiet
 from .held_out import HeldOut, hold_out

@@ -10,7 +10,7 @@ from numpy.polynomial.legendre import legvander
 from scipy.linalg import orth
 
 from ....framework.core.soil import PARAMETERS
-from ...forward import CHANNELS
+from ...mechanics.textbook import CHANNELS
 from ..fit.fitting import Fitted, Problem, fit
 from ..fit.held_out import HeldOut, summed
 from ..fit.samples import Samples

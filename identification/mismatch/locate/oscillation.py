@@ -11,7 +11,7 @@ from scipy.signal import welch
 from scipy.stats import f as ratio_of_variances
 
 from ...effects.effect import Drive
-from ...forward import CHANNELS
+from ...mechanics.textbook import CHANNELS
 from ..fit.fitting import Fitted, Problem
 
 _SEGMENTS, _SHORTEST, _LONGEST = 8, 48, 512

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...effects.effect import Effect
-from ...forward import CHANNELS
+from ...mechanics.textbook import CHANNELS
 from ..fit.fitting import Fitted, Problem
 from ..fit.held_out import HeldOut, soil_nats, summed, told_alone
 from ..fit.soil_variation import huber_loss, huber_weight

@@ -13,8 +13,8 @@ from itertools import combinations
 
 import numpy as np
 
-from ...augmented import AugmentedWheel
 from ...effects.effect import Effect
+from ...mechanics.augmented import AugmentedWheel
 from ..fit.fitting import Problem
 from ..fit.steps import Prior, normal_equations, scaled_inverse, scaled_solve
 from ..fit.together import together

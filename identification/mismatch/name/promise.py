@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...augmented import AugmentedWheel
 from ...effects.effect import Effect
+from ...mechanics.augmented import AugmentedWheel
 from ..fit.fitting import Problem, fit
 from ..fit.steps import normal_equations, scaled_inverse
 from ..fit.textbook import QUIET

@@ -10,10 +10,10 @@ from functools import partial
 import numpy as np
 
 from ....framework.core.errors import InputError
-from ...augmented import SOIL_COUNT
 from ...effects.catalogue import FROM_RESIDUALS, effects_for
 from ...effects.effect import Effect
 from ...effects.uncatalogued import SLUG as UNCATALOGUED
+from ...mechanics.augmented import SOIL_COUNT
 from ..fit.fitting import Problem, fit
 from ..fit.held_out import hold_out
 from ..fit.textbook import best_fit

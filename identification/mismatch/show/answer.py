@@ -10,7 +10,7 @@ import numpy as np
 
 from ...effects.effect import Effect
 from ...effects.uncatalogued import Uncatalogued
-from ...forward import CHANNELS
+from ...mechanics.textbook import CHANNELS
 from ..explanation import Candidate, ChannelFit, Estimate, Explanation, Missing, Region, Rows, Screened, Verdict
 from ..fit.fitting import Fitted, Problem
 from ..fit.trial import NOT_EXCLUDED, Trial, temperature

@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from ....framework.core.soil import PARAMETERS
-from ...augmented import SOIL_COUNT
 from ...effects.effect import Effect
-from ...forward import from_internal, slope_of_internal
+from ...mechanics.augmented import SOIL_COUNT
+from ...mechanics.soil import from_internal, slope_of_internal
 from ..explanation import Estimate
 from ..fit.fitting import Fitted, Problem
 from ..fit.trial import Trial

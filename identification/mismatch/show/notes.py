@@ -9,7 +9,7 @@ import numpy as np
 
 from ....framework.core.recording.types import Labels
 from ...effects.time_faults import bends_foretold, slips_at_one_rate
-from ...forward import CHANNELS
+from ...mechanics.textbook import CHANNELS
 from ..fit.fitting import Fitted, Problem
 from ..fit.trial import Trial
 from ..locate.oscillation import oscillations

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from ....framework.core.soil import PARAMETERS, SoilKnowledge
-from ...forward import from_internal, slope_of_internal, to_internal
+from ...mechanics.soil import from_internal, slope_of_internal, to_internal
 from ..fit.samples import Samples
 from ..fit.steps import scaled_inverse
 from ..fit.textbook import fit_textbook

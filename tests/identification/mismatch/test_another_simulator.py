@@ -14,13 +14,14 @@ from bevameter.framework.core.soil import SoilKnowledge
 from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.felt_rows import felt_rows
 from bevameter.identification.identify import open_recording
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 from bevameter.identification.mismatch.fit.beside import attach
 from bevameter.identification.mismatch.fit.load_and_slip import gathered
 from bevameter.identification.mismatch.fit.samples import SIMULATED
 from bevameter.identification.mismatch.fit.simulated import as_differences
 from bevameter.identification.mismatch.fit.textbook import fit_textbook
 from bevameter.identification.simulate import simulate
-from bevameter.identification.wheel_soil import Soil, equilibrium
 
 TIME_S = 0.1 * np.arange(300)
 

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from bevameter import Vehicle, Wheel, explain
 from bevameter.framework.core.recording.types import Recording, WheelTable
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 from bevameter.identification.mismatch.explanation import Explanation
-from bevameter.identification.wheel_soil import Soil, equilibrium
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)
 SOIL = Soil(c_Pa=800.0, phi_rad=math.radians(31.0), k_m=0.015, stiffness_Pa=2.5e5, n=0.95)

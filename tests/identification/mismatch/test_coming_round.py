@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from bevameter import Recording, Vehicle, Wheel, explain
 from bevameter.framework.core.recording.types import WheelTable
+from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mismatch.explanation import Region
 from bevameter.identification.mismatch.fit.samples import Samples, gather
 from bevameter.identification.mismatch.fit.trial import textbook_trial
@@ -18,7 +19,6 @@ from bevameter.identification.mismatch.locate.joint_misfit import joint_correcti
 from bevameter.identification.mismatch.locate.smooth_correction import Term
 from bevameter.identification.mismatch.show.shape import shape_of
 from bevameter.identification.simulate import simulate
-from bevameter.identification.wheel_soil import Soil
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)
 VEHICLE = Vehicle(name="made", wheels=(WHEEL,))

@@ -9,10 +9,10 @@ from bevameter.framework.core.recording.types import WheelTable
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.drive import PresentDrive, drive_of
 from bevameter.identification.effects.named import NamedEffect
+from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.fit.trial import Trial, situation, textbook_trial, try_adding
 from bevameter.identification.simulate import simulate
-from bevameter.identification.wheel_soil import Soil
 
 WHEEL = Wheel(radius_m=0.2, width_m=0.15)
 SOIL = Soil(1000.0, 0.52, 0.015, 3e5, 1.0)

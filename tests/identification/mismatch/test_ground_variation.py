@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from bevameter import Vehicle, Wheel
 from bevameter.framework.core.recording.types import WheelTable
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 from bevameter.identification.mismatch.fit.memory import rho_shown
 from bevameter.identification.mismatch.fit.remembering import ground_apart
 from bevameter.identification.mismatch.fit.samples import gather
@@ -16,7 +18,6 @@ from bevameter.identification.mismatch.fit.trial import textbook_trial
 from bevameter.identification.mismatch.name.evidence import repetition
 from bevameter.identification.mismatch.name.tries import Search
 from bevameter.identification.noise import in_time
-from bevameter.identification.wheel_soil import Soil, equilibrium
 from scipy.signal import lfilter
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from bevameter import Vehicle, Wheel
 from bevameter.framework.core.recording.types import WheelTable
-from bevameter.identification.augmented import Entry
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.shear_hump import ShearHump
 from bevameter.identification.effects.slip_sinkage import SinkageExponent, SinkageRatio
+from bevameter.identification.mechanics.augmented import Entry
+from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mismatch.fit.fitting import Fitted, Problem, fit
 from bevameter.identification.mismatch.fit.held_out import hold_out
 from bevameter.identification.mismatch.fit.samples import gather, levels
@@ -20,7 +21,6 @@ from bevameter.identification.mismatch.fit.trial import situation, textbook_tria
 from bevameter.identification.mismatch.locate.noise_floor import noise_floor, swallowed
 from bevameter.identification.mismatch.locate.regions import locate
 from bevameter.identification.simulate import simulate
-from bevameter.identification.wheel_soil import Soil
 from scipy.signal import lfilter
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)

@@ -13,6 +13,7 @@ from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import SLUGS, effects_for
 from bevameter.identification.felt_rows import felt_rows
 from bevameter.identification.identify import open_recording
+from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mismatch.fit.fitting import fit
 from bevameter.identification.mismatch.fit.held_out import hold_out
 from bevameter.identification.mismatch.fit.samples import gather
@@ -22,7 +23,6 @@ from bevameter.identification.mismatch.locate.smooth_correction import smooth_co
 from bevameter.identification.mismatch.name.evidence import doubts
 from bevameter.identification.mismatch.name.tries import Search
 from bevameter.identification.simulate import simulate
-from bevameter.identification.wheel_soil import Soil
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)
 VEHICLE = Vehicle(name="made", wheels=(WHEEL,))

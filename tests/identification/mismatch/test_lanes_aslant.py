@@ -11,10 +11,11 @@ import pytest
 from bevameter import Vehicle, Wheel, explain
 from bevameter.framework.core.recording.types import Recording, WheelTable
 from bevameter.identification.effects.soil_patch import tracks_of
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 from bevameter.identification.mismatch.explanation import Explanation
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.locate.variables import names_of
-from bevameter.identification.wheel_soil import Soil, equilibrium
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)
 VEHICLE = Vehicle(name="made", wheels=(WHEEL,))

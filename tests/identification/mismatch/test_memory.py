@@ -12,6 +12,8 @@ from bevameter import Vehicle, Wheel, explain
 from bevameter.framework.core.recording.types import Recording, WheelTable
 from bevameter.framework.core.soil import SoilKnowledge
 from bevameter.identification.effects.drive import drive_of
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 from bevameter.identification.mismatch.explain import _as_remembered
 from bevameter.identification.mismatch.fit.load_and_slip import gathered
 from bevameter.identification.mismatch.fit.memory import Memory
@@ -20,7 +22,6 @@ from bevameter.identification.mismatch.fit.samples import Samples, gather
 from bevameter.identification.mismatch.fit.textbook import fit_textbook
 from bevameter.identification.mismatch.fit.trial import textbook_trial
 from bevameter.identification.mismatch.locate.noise_floor import swallowed
-from bevameter.identification.wheel_soil import Soil, equilibrium
 from scipy.linalg import block_diag, toeplitz
 from scipy.signal import lfilter
 from scipy.stats import multivariate_normal

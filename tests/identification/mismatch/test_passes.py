@@ -12,9 +12,10 @@ from bevameter import Vehicle, Wheel, explain
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.identification.felt_rows import felt_rows
 from bevameter.identification.identify import open_recording
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 from bevameter.identification.mismatch.fit.lanes import passes_apart
 from bevameter.identification.mismatch.fit.samples import gather
-from bevameter.identification.wheel_soil import Soil, equilibrium
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.15)
 SOIL = Soil(c_Pa=300.0, phi_rad=math.radians(30.0), k_m=0.011, stiffness_Pa=2.9e5, n=1.1)

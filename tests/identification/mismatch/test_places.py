@@ -16,6 +16,8 @@ from bevameter.identification.effects.drive import rate_of_change
 from bevameter.identification.effects.time_faults import filtered
 from bevameter.identification.felt_rows import felt_rows
 from bevameter.identification.identify import open_recording
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 from bevameter.identification.mismatch.explain import _left_over
 from bevameter.identification.mismatch.fit.held_out import told_alone
 from bevameter.identification.mismatch.fit.samples import gather
@@ -26,7 +28,6 @@ from bevameter.identification.mismatch.name.evidence import at_odds, borne_out, 
 from bevameter.identification.mismatch.name.naming import name
 from bevameter.identification.mismatch.name.promise import promise
 from bevameter.identification.mismatch.name.tries import Search
-from bevameter.identification.wheel_soil import Soil, equilibrium
 from scipy.signal import lfilter
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from bevameter import Vehicle, Wheel, explain
 from bevameter.framework.core.recording.types import Recording, WheelTable
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 from bevameter.identification.mismatch.locate.play import BEHIND_PLAY, held_back
 from bevameter.identification.mismatch.show.shape import shape_of
-from bevameter.identification.wheel_soil import Soil, equilibrium
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)
 SOIL = Soil(c_Pa=800.0, phi_rad=math.radians(31.0), k_m=0.012, stiffness_Pa=2.5e5, n=0.95)

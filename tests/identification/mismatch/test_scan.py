@@ -11,6 +11,8 @@ from bevameter import Vehicle, Wheel
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.soil_patch import CELLS, SoilPatch
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 from bevameter.identification.mismatch.fit.places import _gains, stretches_apart
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.fit.trial import ASKED_FOR, situation, textbook_trial, try_adding
@@ -19,7 +21,6 @@ from bevameter.identification.mismatch.name.asked import is_bump
 from bevameter.identification.mismatch.name.naming import name, why_not
 from bevameter.identification.mismatch.name.search import search
 from bevameter.identification.mismatch.name.tries import Search
-from bevameter.identification.wheel_soil import Soil, equilibrium
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)
 SOIL = Soil(c_Pa=800.0, phi_rad=math.radians(31.0), k_m=0.012, stiffness_Pa=2.5e5, n=0.95)

@@ -11,9 +11,9 @@ from bevameter import Vehicle, Wheel
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.core.soil import SoilKnowledge
 from bevameter.framework.scenario.concealed.conceal import conceal
-from bevameter.identification.augmented import AugmentedWheel
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.drive import order_of
+from bevameter.identification.mechanics.augmented import AugmentedWheel
 from bevameter.identification.mismatch.fit.fitting import Problem, fit
 from bevameter.identification.mismatch.fit.held_out import hold_out
 from bevameter.identification.mismatch.fit.samples import MOST_ROWS, Samples, gather

@@ -12,6 +12,8 @@ from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.named import parse_effect
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 from bevameter.identification.mismatch.fit.fitting import Problem, fit
 from bevameter.identification.mismatch.fit.gained_by_none import of_gross_errors
 from bevameter.identification.mismatch.fit.samples import Samples, gather
@@ -26,7 +28,6 @@ from bevameter.identification.mismatch.fit.trial import (
     try_adding,
 )
 from bevameter.identification.simulate import simulate
-from bevameter.identification.wheel_soil import Soil, equilibrium
 from scipy.optimize import brentq
 from scipy.signal import lfilter
 

@@ -12,14 +12,15 @@ import pytest
 from bevameter import Vehicle, Wheel, explain
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.core.soil import PARAMETERS, SoilKnowledge
-from bevameter.identification.augmented import AugmentedWheel
 from bevameter.identification.effects.soil_patch import SoilPatch
+from bevameter.identification.mechanics.augmented import AugmentedWheel
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 from bevameter.identification.mismatch.fit.places import everywhere
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.fit.trial import textbook_trial, try_adding
 from bevameter.identification.mismatch.name.evidence import off_what_is_stated
 from bevameter.identification.mismatch.show.told_soil import disagreement
-from bevameter.identification.wheel_soil import Soil, equilibrium
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)
 SOIL = Soil(c_Pa=800.0, phi_rad=math.radians(31.0), k_m=0.012, stiffness_Pa=2.5e5, n=0.95)

@@ -10,10 +10,11 @@ import pytest
 from bevameter import Vehicle, Wheel, explain, identify
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.identification.effects.catalogue import effects_for
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import equilibrium
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.fit.trial import situation, textbook_trial
 from bevameter.identification.trials import is_of_trials
-from bevameter.identification.wheel_soil import Soil, equilibrium
 
 WHEEL = Wheel(radius_m=0.2, width_m=0.15)
 SOIL = Soil(c_Pa=1000.0, phi_rad=math.radians(30.0), k_m=0.015, stiffness_Pa=3e5, n=1.0)

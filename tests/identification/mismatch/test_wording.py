@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 from bevameter import Wheel
-from bevameter.identification.augmented import AugmentedWheel
 from bevameter.identification.effects.named import forms_by_name, specimen
+from bevameter.identification.mechanics.augmented import AugmentedWheel
 from bevameter.identification.mismatch.explanation import Candidate, Missing
 from bevameter.identification.mismatch.show.headline import verdict
 from bevameter.identification.mismatch.show.report import report_html

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..framework.core.vehicle import Wheel
-from .stress_kernel import LOCKED
-from .wheel_soil import entry_angle, shear_displacement
+from ...framework.core.vehicle import Wheel
+from .fields import LOCKED
+from .textbook import entry_angle, shear_displacement
 
 
 def regressors(

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bevameter.framework.core.vehicle import Wheel
-from bevameter.identification import linearised
-from bevameter.identification.wheel_soil import Soil, entry_angle, equilibrium
+from bevameter.identification.mechanics import linearised
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.mechanics.textbook import entry_angle, equilibrium
 from scipy.integrate import trapezoid
 
 WHEEL = Wheel(radius_m=0.5, width_m=0.3)

@@ -2,34 +2,27 @@
 
 The contact of each sample is laid out as the textbook has it, each effect changes what it changes, the entry angle is
 found at which the load is carried, and what follows is reported as the effects say. Derivatives are differences of the
-contact at a fixed entry angle, times the forces' slopes, which one quadrature gives by most of its fields; the angle's
+contact at a fixed entry angle, times the forces' slopes, which one quadrature gives by all of its fields; the angle's
 answer follows from the implicit function theorem.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..framework.core.vehicle import Wheel
-from . import contact_kernel as kernel
-from .effects.effect import Contact, Drive, Effect
-from .stress_kernel import LOCKED
-from .wheel_soil import LARGEST_ENTRY_ANGLE, PEAK_SHARE
+from ...framework.core.vehicle import Wheel
+from ..effects.effect import Contact, Drive, Effect
+from . import fields, stresses
+from .equilibrium import CORRECTABLE, carry
+from .textbook import USUAL_ENTRY_ANGLE, contact_array, started
 
 SOIL_COUNT = 5
 """Leading entries of a parameter vector: c [Pa], tan phi, ln k [m], ln stiffness [Pa], ln n; the effects' follow."""
 
-_LOAD_TOLERANCE = 1e-6
-_ITERATIONS, _PATIENCE = 40, 8
-"""Steps towards an entry angle at most, and those after which a bracket has to shrink."""
-
-_GROWTHS = 0.2, 20.0
-"""Powers of the entry angle between which the load is taken to grow."""
-
-_SMALLEST_ANGLE = 1e-4
-_STEP = 1e-5
+_STEP = 1e-7
+"""Step of the differences of contacts, relative: forces follow by their slopes, without cancellation."""
 
 _SAME = 1e-5
 """Share by which channels of two wheels differ that are one [-]."""
@@ -37,7 +30,7 @@ _SAME = 1e-5
 
 @dataclass(frozen=True)
 class Response:
-    """What the simulator answers: channels (n, 5) as `forward.CHANNELS`, and the entry angle (n,) [rad].
+    """What the simulator answers: channels (n, 5) as `textbook.CHANNELS`, and the entry angle (n,) [rad].
 
     With derivatives by the parameter vector (n, 5, p), by the true load [N] and slip (n, 5, 2), and by the logarithms
     of the ground's stiffness and strength (n, 5, 2), where they were asked for. Rows whose load is not carried are NaN.
@@ -120,15 +113,13 @@ class AugmentedWheel:
         imposed : (n, 2)
             Load [N] and slip as they would be reported by faultless instruments.
         vector : (p,)
-            Soil and effects.
+            Soil and effects; (p, n) where they differ from sample to sample.
         theta_1 : (n,), optional
             Where the search for the entry angle starts [rad].
         """
-        true = self._true(drive, imposed, vector)
-        start = np.full(len(imposed), 0.4) if theta_1 is None else theta_1
-        angle, forces = self._solve(drive, true, vector, Entry(start))
-        contact = self._contact(drive, true, vector, angle)
-        return Response(self._channels(drive, imposed, contact, vector, forces), angle)
+        start = np.full(len(imposed), USUAL_ENTRY_ANGLE) if theta_1 is None else theta_1
+        contact, rim = self._stand(drive, self._true(drive, imposed, vector), vector, Entry(start), sloped=False)
+        return Response(self._channels(drive, imposed, contact, vector, rim.forces), contact.theta_1.copy())
 
     # The load may hardly grow with the entry angle, or fall with it: such rows' derivatives overflow.
     @np.errstate(over="ignore", invalid="ignore")
@@ -142,8 +133,10 @@ class AugmentedWheel:
         over where that effect is nothing here, and the channels are the same.
         """
         true = self._true(drive, imposed, vector)
-        contact, rim = self._stand(drive, true, vector, entry or Entry(np.full(len(imposed), 0.4)))
+        entry = entry or Entry(np.full(len(imposed), USUAL_ENTRY_ANGLE))
+        contact, rim = self._stand(drive, true, vector, entry, sloped=True)
         angle, forces, slopes = contact.theta_1.copy(), rim.forces, rim.slopes
+        bare = contact_array(angle, true[:, 1], _soil(vector), self.wheel)
         base = self._channels(drive, imposed, contact, vector, forces)
         carried = forces[:, 0]
         further = angle * (1.0 + _STEP)
@@ -151,6 +144,9 @@ class AugmentedWheel:
         moved = self._forces_near(further_contact, contact, forces, slopes)
         growth = np.maximum((moved[:, 0] - carried) / (further - angle), 1e-300)
         along = (self._channels(drive, imposed, further_contact, vector, moved) - base) / (further - angle)[:, None]
+        # What the search has left of the load, which is little.
+        correction = np.clip((true[:, 0] - carried) / growth, -CORRECTABLE * angle, CORRECTABLE * angle)
+        corrected = base + along * correction[:, None]
 
         def derivative(
             imposed_there: np.ndarray, vector_there: np.ndarray, step: float | np.ndarray, *, far: bool = False,
@@ -161,7 +157,11 @@ class AugmentedWheel:
                 channels = self._channels(drive, imposed_there, contact, vector_there, forces)
                 return (channels - base) / np.reshape(step, (-1, 1)), np.zeros(len(base))
             true_there = self._true(drive, imposed_there, vector_there)
-            there = self._contact(drive, true_there, vector_there, angle)
+            array = bare.copy(order="K")
+            array[:, fields.COHESION : fields.EXPONENT + 1] = _soil(vector_there)
+            if not np.array_equal(true_there[:, 1], true[:, 1]):
+                array[:, fields.ADVANCE] = self.wheel.radius_m * fields.speed_ratio(true_there[:, 1])[0]
+            there = self._changed(Contact(array, self.wheel), drive, vector_there)
             forces_there = self._forces_near(there, contact, forces, None if far else slopes)
             turn = ((true_there[:, 0] - true[:, 0]) - (forces_there[:, 0] - carried)) / growth
             channels = self._channels(drive, imposed_there, there, vector_there, forces_there)
@@ -171,7 +171,7 @@ class AugmentedWheel:
         stands = np.concatenate([np.zeros(SOIL_COUNT, dtype=bool), *[~effect.moves_wheel for effect in self.effects]])
         by_parameter, turned = np.empty((*base.shape, self.size)), np.empty((len(base), self.size))
         taken_over = 0
-        if known is not None and np.allclose(base, known.channels, rtol=_SAME, atol=0.0, equal_nan=True):
+        if known is not None and np.allclose(corrected, known.channels, rtol=_SAME, atol=0.0, equal_nan=True):
             taken_over = known.turned.shape[-1]
             by_parameter[..., :taken_over], turned[:, :taken_over] = known.by_parameter, known.turned
         for index, step in list(enumerate(self.steps(vector)))[taken_over:]:
@@ -181,29 +181,40 @@ class AugmentedWheel:
                 imposed, stepped, step, far=far[index], stands=stands[index]
             )  # fmt: skip
         by_ground = np.stack([by_parameter[..., 3], by_parameter[..., :2] @ vector[:2]], axis=-1)
-        power = angle * growth / carried
+        answer = Response(
+            corrected, angle + correction, by_parameter, by_ground=by_ground, turned=turned,
+            growth=angle * growth / carried, rim=rim,
+        )  # fmt: skip
         if not latent:
-            return Response(base, angle, by_parameter, by_ground=by_ground, turned=turned, growth=power, rim=rim)
+            return answer
         by_latent = np.empty((*base.shape, 2))
         nothing = np.zeros(len(imposed))
-        step_N = 1e-5 * np.abs(imposed[:, 0])
+        step_N = _STEP * np.abs(imposed[:, 0])
         by_latent[:, :, 0], _ = derivative(imposed + np.column_stack([step_N, nothing]), vector, step_N)
         # Stepping towards zero slip never reaches the locked or the spinning wheel.
-        step_slip = np.where(imposed[:, 1] > 0.0, -1e-5, 1e-5)
+        step_slip = np.where(imposed[:, 1] > 0.0, -_STEP, _STEP)
         by_latent[:, :, 1], _ = derivative(imposed + np.column_stack([nothing, step_slip]), vector, step_slip)
-        return Response(base, angle, by_parameter, by_latent, by_ground, turned, power, rim)
+        return replace(answer, by_latent=by_latent)
 
-    def _stand(self, drive: Drive, true: np.ndarray, vector: np.ndarray, entry: Entry) -> tuple[Contact, Rim]:
+    def _stand(
+        self, drive: Drive, true: np.ndarray, vector: np.ndarray, entry: Entry, *, sloped: bool
+    ) -> tuple[Contact, Rim]:
         """Give the contact that carries the load, and what is integrated around its rim, or was."""
         if entry.rim is not None:
-            contact = self._contact(drive, true, vector, entry.theta_1)
+            contact = self._contact(drive, true, vector, entry.rim.contact[:, fields.THETA_1])
             if entry.rim.is_of(true, contact.array):
                 return contact, entry.rim
-        angle, forces = self._solve(drive, true, vector, entry)
-        contact = self._contact(drive, true, vector, angle)
-        slopes = np.empty((len(true), 3, kernel.SLOPED))
-        kernel.rim_forces_and_slopes(contact.array, self.wheel.width_m, kernel.NODES, kernel.WEIGHTS, forces, slopes)
-        return contact, Rim(true, contact.array, forces, slopes)
+
+        def lay_out(theta_1: np.ndarray) -> np.ndarray:
+            return self._contact(drive, true, vector, theta_1).array
+
+        fixed = all(type(effect).contact is Effect.contact for effect in self.effects)
+        found = carry(
+            lay_out(started(entry.theta_1)), true[:, 0], self.wheel.width_m, lay_out=None if fixed else lay_out,
+            growth=entry.growth, near=entry.growth is not None, sloped=sloped,
+        )  # fmt: skip
+        contact = self._contact(drive, true, vector, found.contact[:, fields.THETA_1])
+        return contact, Rim(true, contact.array, found.forces, found.slopes)
 
     def steps(self, vector: np.ndarray) -> np.ndarray:
         """Steps (p,) of the differences, small against what each parameter usually is."""
@@ -221,31 +232,15 @@ class AugmentedWheel:
         return true
 
     def _contact(self, drive: Drive, true: np.ndarray, vector: np.ndarray, theta_1: np.ndarray) -> Contact:
-        contact = Contact(len(true), self.wheel)
-        radius, slip = self.wheel.radius_m, true[:, 1]
-        ratio = np.where(slip >= 0.0, 1.0 - slip, 1.0 / np.maximum(1.0 + slip, LOCKED))
-        k_m, stiffness_Pa, n = np.exp(vector[2:5])
-        contact.array[:] = kernel.fields(
-            c_Pa=vector[0], tan_phi=vector[1], k_m=k_m, stiffness_Pa=stiffness_Pa, n=n, radius_m=radius,
-            shear_radius_m=radius, lever_m=radius,
-        )  # fmt: skip
-        contact.theta_1, contact.theta_m = theta_1, PEAK_SHARE * theta_1
-        contact.advance_m = radius * ratio
-        contact.sinkage_m = radius * (1.0 - np.cos(theta_1))
+        bare = contact_array(theta_1, true[:, 1], _soil(vector), self.wheel)
+        return self._changed(Contact(bare, self.wheel), drive, vector)
+
+    def _changed(self, contact: Contact, drive: Drive, vector: np.ndarray) -> Contact:
+        """Let the effects change the textbook's contact, in place."""
         # What the soil is comes before what is done to it.
         for effect, where in sorted(self.slices(), key=lambda pair: not pair[0].of_ground):
             effect.contact(contact, drive, vector[where])
         return contact
-
-    def _forces(
-        self, contact: Contact, wanted: np.ndarray | None = None, known: np.ndarray | None = None
-    ) -> np.ndarray:
-        """W [N], T [N m] and DP [N] of a contact (n, 3); rows that are not `wanted` (n,) have those that are known."""
-        rows = len(contact.array)
-        forces = np.empty((rows, 3)) if known is None else known.copy()
-        wanted = np.ones(rows, dtype=bool) if wanted is None else wanted
-        kernel.rim_forces(contact.array, self.wheel.width_m, kernel.NODES, kernel.WEIGHTS, wanted, forces)
-        return forces
 
     def _forces_near(self, there: Contact, here: Contact, forces: np.ndarray, slopes: np.ndarray | None) -> np.ndarray:
         """Forces of a contact (n, 3) from those `here` and their slopes, where there are any, by what has changed.
@@ -253,11 +248,12 @@ class AugmentedWheel:
         Rows that differ in what forces have no slopes by are integrated: an effect that is somewhere moves nothing
         elsewhere.
         """
-        if slopes is None:
-            return self._forces(there, (there.array != here.array).any(axis=1), forces)
-        near, beyond = np.empty_like(forces), np.empty(len(forces), dtype=bool)
-        kernel.forces_near(there.array, here.array, forces, slopes, near, beyond)
-        return self._forces(there, beyond, near) if beyond.any() else near
+        near, beyond = forces.copy(), (there.array != here.array).any(axis=1)
+        if slopes is not None:
+            stresses.forces_near(there.array, here.array, forces, slopes, near, beyond)
+        if beyond.any():
+            near[beyond] = stresses.rim_forces(there.array[beyond], self.wheel.width_m, stresses.QUICK)
+        return near
 
     def _channels(
         self, drive: Drive, imposed: np.ndarray, contact: Contact, vector: np.ndarray, forces: np.ndarray
@@ -269,41 +265,7 @@ class AugmentedWheel:
             effect.report(channels, drive, vector[where])
         return channels
 
-    def _solve(self, drive: Drive, true: np.ndarray, vector: np.ndarray, entry: Entry) -> tuple[np.ndarray, np.ndarray]:
-        """Entry angle (n,) and forces (n, 3) there, all rows at once.
 
-        W grows like a power of theta_1, whose exponent is measured as the search goes: secant steps in logarithms,
-        kept within a bracket, which is halved where they come to a kink and hardly move it.
-        """
-        load = true[:, 0]
-        rows = len(load)
-        low, high = np.full(rows, _SMALLEST_ANGLE), np.full(rows, LARGEST_ENTRY_ANGLE)
-        start = np.where(np.isfinite(entry.theta_1), entry.theta_1, 0.4)
-        angle = np.clip(start, 2.0 * _SMALLEST_ANGLE, 0.99 * LARGEST_ENTRY_ANGLE)
-        growth = np.full(rows, 2.0 * float(np.exp(vector[4])) + 1.0)
-        if entry.growth is not None:
-            growth = np.where(np.isfinite(entry.growth), np.clip(entry.growth, *_GROWTHS), growth)
-        before_angle, before_load = angle, np.full(rows, np.nan)
-        forces = self._forces(self._contact(drive, true, vector, angle))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            widths = [high - low] * 2
-            for iteration in range(_ITERATIONS):
-                carried = forces[:, 0]
-                off = np.abs(carried - load) > _LOAD_TOLERANCE * load
-                if not (off & (high - low > 1e-9)).any():
-                    break
-                short = carried < load
-                low, high = np.where(short, angle, low), np.where(short, high, angle)
-                measured = np.log(carried / before_load) / np.log(angle / before_angle)
-                growth = np.where(np.isfinite(measured), np.clip(measured, *_GROWTHS), growth)
-                trial = np.where(carried > 0.0, angle * (load / carried) ** (1.0 / growth), np.nan)
-                stuck = (high - low > 0.5 * widths[-2]) & (iteration >= _PATIENCE)
-                trial = np.where((trial > low) & (trial < high) & ~stuck, trial, 0.5 * (low + high))
-                widths.append(high - low)
-                before_angle, before_load = angle, carried
-                angle = np.where(off, trial, angle)
-                forces = self._forces(self._contact(drive, true, vector, angle), off, forces)
-            lost = ~(np.abs(forces[:, 0] - load) <= 10.0 * _LOAD_TOLERANCE * load)
-        angle = np.where(lost, np.nan, angle)
-        forces = np.where(lost[:, None], np.nan, forces)
-        return angle, forces
+def _soil(vector: np.ndarray) -> list[float | np.ndarray]:
+    """Give c [Pa], tan phi, k [m], stiffness [Pa] and n of a parameter vector (p,), or (p, n)."""
+    return [*vector[:2], *np.exp(vector[2:SOIL_COUNT])]

@@ -1,0 +1,233 @@
+"""Where the stresses along the rim have a kink, and the laws that they follow there.
+
+A quadrature that runs over a kink loses digits: the rim is cut at each of them.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from .fields import (
+    ADHESION,
+    ADVANCE,
+    COHESION,
+    CUTS_OFF,
+    EXPONENT,
+    HUMP,
+    LAYER_DEPTH,
+    LAYER_STIFFNESS,
+    MODULUS,
+    MOST_NORMAL,
+    RADIUS,
+    RESIDUAL,
+    SHEAR_RADIUS,
+    STIFFNESS,
+    TAN_DELTA,
+    TAN_PHI,
+    THETA_1,
+    THETA_2,
+    THETA_M,
+)  # fmt: skip
+
+EDGES = 12
+"""Ends of the pieces that the rim is cut into at its kinks, at most; further ones go without."""
+
+_SHEARED = 16.0
+"""Displacement by which the shear stress of a wheel that is braked hard is mobilised, in moduli [-]."""
+
+_LOOKS, _CLOSE = 8, 1e-6
+"""Where a rim may begin to cut the shear stress off: intervals of a zone that are looked at, and how close to it the
+zone is cut, as shares of the zone [-]."""
+
+_LEVEL = 40.0
+"""Displacement by which nothing is left of a hump, in moduli [-]."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def cut(field, width, sin_1, cos_1, top, edges):
+    """Cut the zones' common [0, 1] where the stresses have a kink: fills `edges`, gives the number of pieces.
+
+    The integrand is continuous at a kink, so that where a kink lies has no slope.
+    """
+    edges[0], pieces = 0.0, 1
+    theta_1, theta_2, theta_m = field[THETA_1], field[THETA_2], field[THETA_M]
+    entering = field[ADVANCE] * cos_1 - field[SHEAR_RADIUS]
+    if entering > 0.0:
+        # No kink, but nearly a step: the soil under a wheel that is all but locked is sheared to its end at once.
+        steep = _SHEARED * field[MODULUS] / entering / (theta_1 - theta_m)
+        if steep < 0.9:
+            edges[pieces] = steep
+            pieces += 1
+    if field[ADVANCE] > field[SHEAR_RADIUS]:
+        turned = turning_point(theta_1, field[SHEAR_RADIUS] / field[ADVANCE])
+        if theta_m <= turned < theta_1:
+            edges[pieces] = (theta_1 - turned) / (theta_1 - theta_m)
+            pieces += 1
+        elif theta_2 < turned < theta_m:
+            edges[pieces] = (turned - theta_2) / (theta_m - theta_2)
+            pieces += 1
+    if field[LAYER_DEPTH] < math.inf:
+        edges[pieces] = _share_of_front(field, field[LAYER_DEPTH], cos_1)
+        pieces += 1
+    if field[MOST_NORMAL] < math.inf:
+        edges[pieces] = _share_of_front(field, _depth_of(field, field[MOST_NORMAL], width), cos_1)
+        pieces += 1
+    if field[TAN_DELTA] < math.inf and field[CUTS_OFF] > 0.5:
+        pieces = _cut_at_the_rim(field, width, sin_1, cos_1, top, edges, pieces)
+    elif field[TAN_DELTA] < math.inf and field[TAN_PHI] != field[TAN_DELTA]:
+        crossing = (field[ADHESION] - field[COHESION]) / (field[TAN_PHI] - field[TAN_DELTA])
+        if 0.0 < crossing < field[MOST_NORMAL]:
+            edges[pieces] = _share_of_front(field, _depth_of(field, crossing, width), cos_1)
+            pieces += 1
+    edges[pieces] = 1.0
+    for last in range(2, pieces):
+        for at in range(last, 1, -1):
+            if edges[at] < edges[at - 1]:
+                edges[at], edges[at - 1] = edges[at - 1], edges[at]
+    return pieces
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _cut_at_the_rim(field, width, sin_1, cos_1, top, edges, pieces):
+    """Cut where soil begins, or ceases, to slip on a rim that cuts its shear stress off, in either zone."""
+    for zone in range(2):
+        before = _over_the_rim(field, width, sin_1, cos_1, top, zone, 0.0)
+        for step in range(1, _LOOKS + 1):
+            low, high = ((step - 1) / _LOOKS) ** 2, (step / _LOOKS) ** 2
+            after = _over_the_rim(field, width, sin_1, cos_1, top, zone, high)
+            if (before > 0.0) != (after > 0.0) and pieces < edges.size - 1:
+                at_low, at_high, middle = before, after, high
+                # Regula falsi, the end that stays halved (Illinois).
+                for _ in range(30):
+                    middle = (low * at_high - high * at_low) / (at_high - at_low)
+                    found = _over_the_rim(field, width, sin_1, cos_1, top, zone, middle)
+                    if (found > 0.0) == (at_high > 0.0):
+                        if abs(high - middle) < _CLOSE:
+                            break
+                        high, at_high, at_low = middle, found, 0.5 * at_low
+                    else:
+                        if abs(middle - low) < _CLOSE:
+                            break
+                        low, at_low, at_high = middle, found, 0.5 * at_high
+                edges[pieces] = middle
+                pieces += 1
+            before = after
+    return pieces
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _over_the_rim(field, width, sin_1, cos_1, top, zone, along):
+    """Give what the soil's shear stress has beyond the rim's [Pa], a share of a zone from its free end."""
+    theta_1, theta_2, theta_m = field[THETA_1], field[THETA_2], field[THETA_M]
+    ahead = theta_1 + (theta_m - theta_1) * along
+    normal = min(_pressure(field, field[RADIUS] * (math.cos(ahead) - cos_1), width), field[MOST_NORMAL])
+    theta = ahead if zone == 0 else theta_2 + (theta_m - theta_2) * along
+    displacement = field[SHEAR_RADIUS] * (theta_1 - theta) - field[ADVANCE] * (sin_1 - math.sin(theta))
+    mobilised = 1.0 - math.exp(-abs(displacement) / field[MODULUS])
+    if min(field[RESIDUAL], field[HUMP]) < math.inf:
+        mobilised = abs(with_peak(displacement, field[MODULUS], field[RESIDUAL], field[HUMP], top, 0.0)[0])
+    return (field[COHESION] + normal * field[TAN_PHI]) * mobilised - field[ADHESION] - normal * field[TAN_DELTA]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _pressure(field, depth, width):
+    """Normal stress [Pa] at a depth [m], whether or not the wheel transmits it."""
+    normal = field[STIFFNESS] * (max(depth, 0.0) / width) ** field[EXPONENT]
+    if depth > field[LAYER_DEPTH]:
+        normal += field[LAYER_STIFFNESS] * ((depth - field[LAYER_DEPTH]) / width) ** field[EXPONENT]
+    return normal
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def turning_point(theta_1, ratio):
+    """Angle at which the shear displacement of a wheel that turns slower than it travels changes its sign.
+
+    There sin(theta) - ratio theta, ratio = r omega / V, is what it is at the entry, and grows with theta. NaN where the
+    displacement has one sign all along the rim.
+    """
+    peak = math.acos(ratio)
+    target = math.sin(theta_1) - ratio * theta_1
+    highest = math.sin(peak) - ratio * peak
+    if theta_1 <= peak or target <= -highest:
+        return math.nan
+    low, high = -peak, peak
+    theta = max(2.0 * peak - theta_1, 0.0)
+    for _ in range(60):
+        value = math.sin(theta) - ratio * theta - target
+        if value > 0.0:
+            high = theta
+        else:
+            low = theta
+        step = value / (math.cos(theta) - ratio)
+        if abs(step) < 1e-12:
+            break
+        theta -= step
+        if not (low < theta < high):
+            theta = 0.5 * (low + high)
+    return theta
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _share_of_front(field, depth, cos_1):
+    """Share of the front zone, from its edge, at which the rim is so deep [m]; 1 where it never is."""
+    cosine = cos_1 + depth / field[RADIUS]
+    if not cosine < 1.0:
+        return 1.0
+    return min(max((field[THETA_1] - math.acos(cosine)) / (field[THETA_1] - field[THETA_M]), 0.0), 1.0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _depth_of(field, normal, width):
+    """Depth [m] at which the soil presses so much [Pa]."""
+    depth = width * (normal / field[STIFFNESS]) ** (1.0 / field[EXPONENT])
+    if depth <= field[LAYER_DEPTH]:
+        return depth
+    low, high = field[LAYER_DEPTH], depth
+    for _ in range(50):
+        depth = 0.5 * (low + high)
+        if _pressure(field, depth, width) < normal:
+            low = depth
+        else:
+            high = depth
+    return depth
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def with_peak(displacement, modulus, residual, hump, top, by_top):
+    """Mobilised share of the shear strength where it passes a peak, odd in the displacement [m], and its derivatives.
+
+    They are by the displacement [1/m], by `residual` and by `hump`. Where `residual` is finite the law is that of
+    J. Y. Wong, J. Preston-Thomas, J. Terramechanics 19 (1983): a peak at the displacement `modulus`, then a fall to the
+    residual share; where `hump` is finite that of V. V. Kacigin, V. V. Guskov, J. Terramechanics 5(3) (1968), over its
+    largest value, the `top`. By the modulus [m] the derivative is that by the displacement, times
+    -displacement / modulus.
+    """
+    along, sign = abs(displacement) / modulus, math.copysign(1.0, displacement)
+    if hump < math.inf:
+        along = min(along, _LEVEL)
+        share, slope = _hump(along, hump)
+        by_hump = (math.tanh(along) / math.cosh(along) - share / top * by_top) / top
+        return sign * share / top, slope / top / modulus, 0.0, sign * by_hump
+    decay = math.exp(-along)
+    rising = 1.0 - decay
+    excess = (1.0 / (1.0 - math.exp(-1.0)) - residual) * math.e * decay
+    slope = decay * (residual + excess) - rising * excess
+    by_residual = rising * (1.0 - math.e * decay)
+    return sign * rising * (residual + excess), slope / modulus, sign * by_residual, 0.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _hump(along, hump):
+    """Kacigin & Guskov's stress over what is left of it, and its derivative, at so many moduli."""
+    rising = math.tanh(along)
+    sech = 1.0 / math.cosh(along)
+    return rising * (1.0 + hump * sech), sech * sech * (1.0 + hump * (2.0 * sech - 1.0 / sech))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def top_of(hump):
+    """Give the largest value of Kacigin & Guskov's stress over what is left of it, and its derivative by h."""
+    where = math.acosh((1.0 + math.sqrt(1.0 + 8.0 * hump * hump)) / (2.0 * hump))
+    return _hump(where, hump)[0], math.tanh(where) / math.cosh(where)
