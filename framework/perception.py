@@ -15,9 +15,10 @@ from ..audio.listen import SoundEvidence, listen
 from ..vision.observe import GroundEvidence, observe_ground
 from .core.evidence import ClassEvidence
 from .core.learning import TerrainClassifier
+from .core.pooling import cells_of
 from .core.recording.types import Recording
 from .core.vehicle import Vehicle
-from .sense_map import SenseMap, cells_of, kind_of_reason
+from .sense_map import SenseMap, kind_of_reason
 from .track import Track, cells_under_wheels
 
 CAMERA, MICROPHONE = "camera", "microphone"
