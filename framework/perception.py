@@ -17,9 +17,9 @@ from .core.evidence import ClassEvidence
 from .core.learning import TerrainClassifier
 from .core.pooling import cells_of
 from .core.recording.types import Recording
+from .core.track.way import Track, cells_under_wheels
 from .core.vehicle import Vehicle
 from .sense_map import SenseMap, kind_of_reason
-from .track import Track, cells_under_wheels
 
 CAMERA, MICROPHONE = "camera", "microphone"
 

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..track.jumps import without_jumps
+from ..track.way import pose_from_wheel
 from ..vehicle import Vehicle
 from .bag_files import BagFile, Message
 from .bag_messages import DecodeError, decode, number
@@ -19,9 +21,7 @@ from .bag_messages import field as field_of
 from .bag_streams import BagCamera, BagSound, SoundLayout, is_mp3, message_time, samples_of
 from .bag_wheel import WheelChannels, merge, reading
 from .digest import StreamDigest
-from .jumps import without_jumps
 from .media import MAX_CHANNELS, SAMPLE_RATES
-from .streams import pose_from_wheel
 from .topic_map import PoseTopic, Recognised, SoundTopic, TopicMap, complete, load_topic_map, recognise, short_type
 from .types import Pose, Recording
 from .wheel_file import derive_all

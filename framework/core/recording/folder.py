@@ -35,11 +35,12 @@ import numpy as np
 from pydantic import AfterValidator, AliasChoices, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from ..errors import InputError
+from ..track.way import pose_from_wheel
 from ..vehicle import Finite, Vehicle, input_error, load_toml, load_vehicle
 from .digest import StreamDigest
 from .media import SoundFileStream
 from .paths import inside
-from .streams import FolderCamera, pose_from_wheel, read_camera, read_labels, read_pose
+from .streams import FolderCamera, read_camera, read_labels, read_pose
 from .types import Labels, Pose, Recording, VibrationRun, WheelTable
 from .vibration_run import read_vibration_run
 from .wheel_file import derive_all, read_wheel

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from ..arguments import path_of
 from ..errors import InputError, reading
+from ..track.way import pose_from_wheel
 from ..vehicle import Vehicle, as_vehicle, load_vehicle
 from .digest import StreamDigest
 from .folder import read_folder, vibration_stream
-from .streams import pose_from_wheel
 from .tables import is_table, read_table
 from .types import Recording
 from .wheel_file import derive_all, is_wheel_channel, read_wheel

@@ -8,15 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from ..vehicle import Vehicle, Wheel
-from .jumps import without_jumps
+from ..track.jumps import without_jumps
 from .media import read_image
 from .paths import inside
 from .tables import Table, read_table
-from .types import Frame, Labels, Pose, WheelTable
+from .types import Frame, Labels, Pose
 
 _POSE = ("time_s", "x_m", "y_m", "yaw_rad")
-_HEADING_STEP_M = 0.1
 
 
 def read_pose(path: Path) -> tuple[Pose, tuple[str, ...]]:
@@ -50,57 +48,6 @@ def read_pose(path: Path) -> tuple[Pose, tuple[str, ...]]:
         Pose(*(columns[name][whole] for name in _POSE)), path, lambda row: table.place(rows[row], "x_m")
     )
     return pose, table.problems + problems + jumps
-
-
-def pose_from_wheel(table: WheelTable, vehicle: Vehicle | None) -> tuple[Pose | None, tuple[str, ...]]:
-    """Make poses of the places in wheel rows; the yaw is that of the path, which a vehicle drives nose first.
-
-    The places are those of one wheel, the first named in the table; its position in the vehicle is taken off. Places
-    that are impossible are left out, as problems say, and all of them where they jump for good: the rows still tell of
-    the soil. Rows of several runs are no neighbours in time.
-
-    Returns
-    -------
-    Pose or None, problems
-    """
-    several_runs = table.run is not None and len(set(table.run)) > 1
-    if several_runs or any(table.get(name) is None for name in ("time_s", "x_m", "y_m")):
-        return None, ()
-    name = None
-    if table.wheel is not None:
-        name = str(table.wheel[0])
-        table = table.select(table.wheel == name)
-    rows = ~(np.isnan(table["x_m"]) | np.isnan(table["y_m"]))
-    if rows.sum() < 2:
-        return None, ()
-    time, x, y = (table[column][rows] for column in ("time_s", "x_m", "y_m"))
-    recorded = table.get("yaw_rad")
-    yaw = _heading(x, y) if recorded is None or np.isnan(recorded[rows]).any() else recorded[rows]
-    wheel = _wheel_named(vehicle, name)
-    if wheel is not None:
-        forward, left = wheel.position_m
-        x = x - (np.cos(yaw) * forward - np.sin(yaw) * left)
-        y = y - (np.sin(yaw) * forward + np.cos(yaw) * left)
-    try:
-        return without_jumps(Pose(time, x, y, yaw), Path(table.source), lambda row: f"{time[row]:.9g} s, column x_m")
-    except InputError as error:
-        return None, (f"no place of the vehicle is taken from its wheels' rows: {error}",)
-
-
-def _wheel_named(vehicle: Vehicle | None, name: str | None) -> Wheel | None:
-    if vehicle is None:
-        return None
-    return next((wheel for wheel in vehicle.wheels if wheel.name == name or len(vehicle.wheels) == 1), None)
-
-
-def _heading(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Give the direction of a path, (n,), between points a tenth of a metre apart, so that noise is small."""
-    place = np.floor(np.hypot(np.diff(x, prepend=x[0]), np.diff(y, prepend=y[0])).cumsum() / _HEADING_STEP_M)
-    key = np.flatnonzero(np.diff(place, prepend=-1.0) > 0)
-    if len(key) < 2:
-        return np.full(len(x), np.arctan2(y[-1] - y[0], x[-1] - x[0]))
-    between = np.unwrap(np.arctan2(np.diff(y[key]), np.diff(x[key])))
-    return np.interp(np.arange(len(x)), (key[1:] + key[:-1]) / 2, between)
 
 
 def read_labels(path: Path) -> Labels:

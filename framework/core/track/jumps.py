@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from .types import Pose
+from ..recording.types import Pose
 
 FASTEST_M_S = 50.0
 """No vehicle that a terrain database is for goes faster [m/s]: 180 km/h."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bevameter.identification.effects.passes import slip_before
+from bevameter.framework.core.track.passes import slip_before
 
 
 def stretches_of(numbers: list[float], slips: list[float], places: list[float] | None = None) -> dict[str, np.ndarray]:

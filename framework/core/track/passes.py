@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from .place import Axis
 from .positions import runs_of
-from .track import Axis
 
 _APART = 0.5
 """Share of a wheel's width from which on two tracks have less than half of their ground in common [-]."""

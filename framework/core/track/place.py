@@ -12,7 +12,6 @@ from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.spatial import KDTree
 from scipy.stats import median_abs_deviation
 
-from ..noise import NORMAL_MAD
 from .positions import runs_of
 
 Axis = tuple[float, float]
@@ -154,7 +153,7 @@ def _noise(plane: np.ndarray) -> float:
     if len(plane) < 4:
         return 0.0
     bends = np.diff(plane, n=2, axis=0)
-    return float(NORMAL_MAD * np.max(median_abs_deviation(bends, axis=0)) / math.sqrt(6.0))
+    return float(np.max(median_abs_deviation(bends, axis=0, scale="normal")) / math.sqrt(6.0))
 
 
 def _way(plane: np.ndarray, stretch: np.ndarray) -> np.ndarray:

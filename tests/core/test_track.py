@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.recording.types import Pose, Recording, WheelTable
+from bevameter.framework.core.track.way import DEAD_RECKONING, RECORDED, cells_under_wheels, track_of
 from bevameter.framework.core.vehicle import Vehicle, Wheel
-from bevameter.framework.track import DEAD_RECKONING, RECORDED, cells_under_wheels, track_of
 
 
 def recording(*, wheel=None, run=None, pose=None, vehicle=None):

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from .core.errors import InputError
-from .core.recording.jumps import FASTEST_M_S
-from .core.recording.streams import pose_from_wheel
-from .core.recording.types import Recording, WheelTable
-from .core.vehicle import Vehicle
+from ..errors import InputError
+from ..pooling import cells_of
+from ..recording.types import Pose, Recording, WheelTable
+from ..vehicle import Vehicle, Wheel
+from .jumps import FASTEST_M_S, without_jumps
 
 RECORDED, DEAD_RECKONING = "recorded", "dead reckoning"
 
@@ -30,6 +31,9 @@ _STOOD_M, _STOOD_RAD = 0.1, 0.1
 
 _SPEED_WINDOW_S = 0.5
 """Speed from places is taken over this time [s], so that the noise of a pose does not become speed."""
+
+_HEADING_STEP_M = 0.1
+"""A path's direction is that between points so far apart [m], so that their noise is small."""
 
 _MAX_STEPS = 400
 """Most points in which the way of one sound window is followed."""
@@ -100,6 +104,62 @@ class Track:
         moving = np.concatenate([[True], np.diff(way) > 0])
         steps = np.append(np.arange(0.0, way[-1], step_m), way[-1])
         return np.interp(steps, way[moving], self.time_s[moving])
+
+
+def pose_from_wheel(table: WheelTable, vehicle: Vehicle | None) -> tuple[Pose | None, tuple[str, ...]]:
+    """Make poses of the places in wheel rows; the yaw is that of the path, which a vehicle drives nose first.
+
+    The places are those of one wheel, the first named in the table; its position in the vehicle is taken off. Places
+    that are impossible are left out, as problems say, and all of them where they jump for good: the rows still tell of
+    the soil. Rows of several runs are no neighbours in time.
+
+    Returns
+    -------
+    Pose or None, problems
+    """
+    several_runs = table.run is not None and len(set(table.run)) > 1
+    if several_runs or any(table.get(name) is None for name in ("time_s", "x_m", "y_m")):
+        return None, ()
+    name = None if table.wheel is None else str(table.wheel[0])
+    table = _one_wheel(table)
+    rows = ~(np.isnan(table["x_m"]) | np.isnan(table["y_m"]))
+    if rows.sum() < 2:
+        return None, ()
+    time, x, y = (table[column][rows] for column in ("time_s", "x_m", "y_m"))
+    recorded = table.get("yaw_rad")
+    yaw = _heading(x, y) if recorded is None or np.isnan(recorded[rows]).any() else recorded[rows]
+    wheel = _wheel_named(vehicle, name)
+    if wheel is not None:
+        forward, left = wheel.position_m
+        x, y = moved(x, y, yaw, -forward, -left)
+    try:
+        return without_jumps(Pose(time, x, y, yaw), Path(table.source), lambda row: f"{time[row]:.9g} s, column x_m")
+    except InputError as error:
+        return None, (f"no place of the vehicle is taken from its wheels' rows: {error}",)
+
+
+def _wheel_named(vehicle: Vehicle | None, name: str | None) -> Wheel | None:
+    if vehicle is None:
+        return None
+    return next((wheel for wheel in vehicle.wheels if wheel.name == name or len(vehicle.wheels) == 1), None)
+
+
+def _heading(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Give the direction of a path, (n,) [rad]."""
+    place = np.floor(np.hypot(np.diff(x, prepend=x[0]), np.diff(y, prepend=y[0])).cumsum() / _HEADING_STEP_M)
+    key = np.flatnonzero(np.diff(place, prepend=-1.0) > 0)
+    if len(key) < 2:
+        return np.full(len(x), np.arctan2(y[-1] - y[0], x[-1] - x[0]))
+    between = np.unwrap(np.arctan2(np.diff(y[key]), np.diff(x[key])))
+    return np.interp(np.arange(len(x)), (key[1:] + key[:-1]) / 2, between)
+
+
+def moved(
+    x_m: np.ndarray, y_m: np.ndarray, yaw_rad: np.ndarray, forward_m: np.ndarray | float, left_m: np.ndarray | float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Give the places, x and y [m], that lie so far forward and left [m] of others at a heading [rad]."""
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    return x_m + cos * forward_m - sin * left_m, y_m + sin * forward_m + cos * left_m
 
 
 def track_of(recording: Recording) -> Track | None:
@@ -231,13 +291,8 @@ def cells_under_wheels(
     x, y, yaw = track.place_at(time_s)
     places = np.array([wheel.position_m for wheel in vehicle.wheels]) if vehicle else np.zeros((1, 2))
     places = np.unique(places, axis=0)
-    forward, left = places[:, 0], places[:, 1]
-    wheel_x = x[..., None] + np.cos(yaw)[..., None] * forward - np.sin(yaw)[..., None] * left
-    wheel_y = y[..., None] + np.sin(yaw)[..., None] * forward + np.cos(yaw)[..., None] * left
+    wheel_x, wheel_y = moved(x[..., None], y[..., None], yaw[..., None], places[:, 0], places[:, 1])
     window = np.broadcast_to(np.arange(len(start_s))[:, None, None], wheel_x.shape)
     there = np.isfinite(wheel_x) & np.isfinite(wheel_y)
-    rows = np.column_stack(
-        [window[there], np.floor(np.column_stack([wheel_x[there], wheel_y[there]]) / cell_size_m).astype(np.int64)]
-    )
-    rows = np.unique(rows, axis=0)
+    rows = np.unique(np.column_stack([window[there], cells_of(wheel_x[there], wheel_y[there], cell_size_m)]), axis=0)
     return rows[:, 0], rows[:, 1:]
