@@ -76,7 +76,8 @@ def read_bag(path: Path, *, vehicle: Vehicle | None = None, topics: Path | None 
     bag = BagFile(path)
     first = bag.first_messages()
     if not first:
-        raise InputError(path, "; ".join(bag.problems) or "no message in it", expected="a bag with messages")
+        said = "; ".join(problem.removeprefix(f"{path.name}: ") for problem in bag.problems)
+        raise InputError(path, said or "no message in it", expected="a bag with messages")
     samples = {name: content for name, message in first.items() if (content := message_time(message)[1]) is not None}
     names = {name: message.topic for name, message in first.items()}
     given = None if topics is None else load_topic_map(topics)
