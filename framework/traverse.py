@@ -17,7 +17,7 @@ from ..database.schema import holds_database, parse_url, shown
 from ..database.store import Added, TerrainDatabase
 from .core.arguments import number, refused
 from .core.evidence import ClassEvidence
-from .core.recording.open import read_recording
+from .core.recording.readers import read_recording
 from .core.recording.types import Recording
 from .core.track.way import DEAD_RECKONING, Track, cells_under_wheels, track_of
 from .core.vehicle import Vehicle, as_vehicle

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.recording import bag_files
-from bevameter.framework.core.recording.open import read_recording
+from bevameter.framework.core.recording.readers import read_recording
 from bevameter.framework.core.vehicle import Vehicle, Wheel
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter

@@ -116,6 +116,8 @@ def read_camera(folder: Path) -> tuple[FolderCamera, tuple[str, ...]]:
         `camera.csv` or a column of it is missing, time runs backwards, a name leads out of the folder, or not one of
         the images is there.
     """
+    if not folder.is_dir():
+        raise InputError(folder, "a file", expected="a folder of images with camera.csv")
     index = folder / "camera.csv"
     table = read_table(index, numbers=frozenset({"time_s"}), text=frozenset({"file"}))
     time = _need(table, ("time_s",))["time_s"]

@@ -31,19 +31,20 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Literal
 
-import numpy as np
 from pydantic import AfterValidator, AliasChoices, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from ..errors import InputError
-from ..track.way import pose_from_wheel
-from ..vehicle import Finite, Vehicle, input_error, load_toml, load_vehicle
-from .digest import StreamDigest
-from .media import SoundFileStream
-from .paths import inside
-from .streams import FolderCamera, read_camera, read_labels, read_pose
-from .types import Labels, Pose, Recording, VibrationRun, WheelTable
-from .vibration_run import read_vibration_run
-from .wheel_file import derive_all, read_wheel
+from ...errors import InputError
+from ...track.way import pose_from_wheel
+from ...vehicle import Finite, Vehicle, input_error, load_toml, load_vehicle
+from ..digest import StreamDigest
+from ..media import SoundFileStream
+from ..paths import inside
+from ..readers import Reader, register
+from ..streams import read_camera, read_labels, read_pose
+from ..types import Recording
+from ..vibration_run import read_vibration_run
+from ..wheel_file import derive_all, read_wheel
+from .bag import BagReader
 
 _SLIP = 0.82
 """How like one of ours, by difflib's ratio, a key is that was meant to be it [-]: `start_tiem` is, `state` is not."""
@@ -116,58 +117,68 @@ class _About(_Part):
     vibration: _Vibration | None = None
 
 
-def read_folder(folder: Path, vehicle: Vehicle | None = None) -> Recording:
-    """Read a recording's folder: tables into memory, camera and sound as streams.
+@register
+class FolderReader(Reader):
+    """Reads a recording's folder: tables into memory, camera and sound as streams."""
 
-    Parameters
-    ----------
-    folder
-        The folder.
-    vehicle
-        Instead of the folder's own `vehicle.toml`.
+    kinds = "a recording's folder"
 
-    Returns
-    -------
-    Recording
-        `digest` covers wheel, pose, camera, sound and vibration, in whichever of the formats they are stored.
+    def sniff(self, path: Path) -> bool:
+        """Tell a folder; those that are bags have their own reader."""
+        return path.is_dir() and not BagReader().sniff(path)
 
-    Raises
-    ------
-    InputError
-        No stream is there, a listed one is missing, or one is at fault.
-    """
-    about, problems = _about(folder)
-    found = _locate(folder, about)
-    if not found:
-        raise InputError(
-            folder,
-            "no stream of a recording in it",
-            expected="wheel.csv, camera/, sound.wav, pose.csv or vibration.csv",
-        )
-    if vehicle is None and (folder / "vehicle.toml").is_file():
-        vehicle = load_vehicle(folder / "vehicle.toml")
-    digest = StreamDigest()
-    wheel = _wheel(found.get("wheel"), vehicle, digest, problems)
-    pose = _pose(found.get("pose"), wheel, vehicle, digest, problems)
-    labels: Labels | None = read_labels(found["labels"]) if "labels" in found else None
-    camera = _camera(found.get("camera"), digest, problems)
-    sound = _sound(found.get("sound"), about.sound, digest, problems)
-    vibration = _vibration(folder, found.get("vibration"), about.vibration, digest, problems)
-    return Recording(
-        name=about.name or folder.resolve().name,
-        source=folder,
-        vehicle=vehicle,
-        start_time=about.start_time,
-        site=about.site,
-        digest=digest.hexdigest(),
-        wheel=wheel,
-        pose=pose,
-        labels=labels,
-        camera=camera,
-        sound=sound,
-        problems=tuple(problems),
-        vibration=vibration,
-    )
+    def read(self, path: Path, *, vehicle: Vehicle | None, topics: Path | None) -> Recording:
+        """Read the folder; `digest` covers its streams, in whichever of the formats they are stored.
+
+        Raises
+        ------
+        InputError
+            No stream is there, a listed one is missing, or one is at fault.
+        """
+        about, problems = _about(path)
+        found = _locate(path, about)
+        if not found:
+            expected = "wheel.csv, camera/, sound.wav, pose.csv or vibration.csv"
+            raise InputError(path, "no stream of a recording in it", expected=expected)
+        if vehicle is None and (path / "vehicle.toml").is_file():
+            vehicle = load_vehicle(path / "vehicle.toml")
+        digest = StreamDigest()
+        wheel = pose = camera = sound = vibration = None
+        notes: tuple[str, ...] = ()
+        if "wheel" in found:
+            wheel, notes = read_wheel(found["wheel"])
+            problems += notes
+            digest.add_wheel(wheel)
+            wheel = wheel if vehicle is None else derive_all(wheel, vehicle)
+        if "pose" in found:
+            pose, notes = read_pose(found["pose"])
+            problems += notes
+            digest.add_columns("pose", vars(pose))
+        elif wheel is not None:
+            pose, notes = pose_from_wheel(wheel, vehicle)
+            problems += notes
+        if "camera" in found:
+            camera, notes = read_camera(found["camera"])
+            problems += notes
+            digest.add_columns("camera", {"time_s": camera.time_s})
+            for file in camera.files:
+                digest.add_file("camera", file)
+        if "sound" in found:
+            sound = SoundFileStream(found["sound"], about.sound.start_s if about.sound else 0.0)
+            problems += sound.problems
+            digest.add_numbers("sound", [sound.start_s])
+            digest.add_file("sound", sound.path)
+        if "vibration" in found:
+            named = about.vibration.wheel_file if about.vibration else None
+            drives = named and inside(path, named, path / "recording.toml", "key vibration.wheel_file")
+            vibration = read_vibration_run(found["vibration"], drives)
+            problems += vibration.problems
+            digest.add_vibration(vibration)
+        labels = read_labels(found["labels"]) if "labels" in found else None
+        return Recording(
+            about.name or path.resolve().name, path, vehicle, about.start_time, about.site, digest.hexdigest(),
+            wheel, pose, labels, camera, sound, tuple(problems), vibration,
+        )  # fmt: skip
 
 
 def _about(folder: Path) -> tuple[_About, list[str]]:
@@ -211,73 +222,3 @@ def _locate(folder: Path, about: _About) -> dict[str, Path]:
         elif part is not None or stream in about.streams:
             raise InputError(folder / names[0], "no such file", expected=f"the {stream} that recording.toml lists")
     return found
-
-
-def _wheel(path: Path | None, vehicle: Vehicle | None, digest: StreamDigest, problems: list[str]) -> WheelTable | None:
-    if path is None:
-        return None
-    table, found = read_wheel(path)
-    problems += found
-    digest.add_columns("wheel", {**table.columns, "wheel": table.wheel, "run": table.run})
-    return table if vehicle is None else derive_all(table, vehicle)
-
-
-def _pose(
-    path: Path | None, wheel: WheelTable | None, vehicle: Vehicle | None, digest: StreamDigest, problems: list[str]
-) -> Pose | None:
-    if path is None:
-        pose, found = (None, ()) if wheel is None else pose_from_wheel(wheel, vehicle)
-        problems += found
-        return pose
-    pose, found = read_pose(path)
-    problems += found
-    digest.add_columns("pose", vars(pose))
-    return pose
-
-
-def _camera(path: Path | None, digest: StreamDigest, problems: list[str]) -> FolderCamera | None:
-    if path is None:
-        return None
-    if not path.is_dir():
-        raise InputError(path, "a file", expected="a folder of images with camera.csv")
-    camera, found = read_camera(path)
-    problems += found
-    digest.add_columns("camera", {"time_s": camera.time_s})
-    for file in camera.files:
-        digest.add_file("camera", file)
-    return camera
-
-
-def _sound(
-    path: Path | None, about: _Sound | None, digest: StreamDigest, problems: list[str]
-) -> SoundFileStream | None:
-    if path is None:
-        return None
-    start_s = 0.0 if about is None else about.start_s
-    sound = SoundFileStream(path, start_s)
-    problems += sound.problems
-    digest.add_numbers("sound", [start_s])
-    digest.add_file("sound", path)
-    return sound
-
-
-def _vibration(
-    folder: Path, path: Path | None, about: _Vibration | None, digest: StreamDigest, problems: list[str]
-) -> VibrationRun | None:
-    if path is None:
-        return None
-    named = None if about is None else about.wheel_file
-    wheel_file = None
-    if named is not None:
-        wheel_file = inside(folder, named, folder / "recording.toml", "key vibration.wheel_file")
-    return vibration_stream(path, wheel_file, digest, problems)
-
-
-def vibration_stream(path: Path, wheel_file: Path | None, digest: StreamDigest, problems: list[str]) -> VibrationRun:
-    """Read a vibration run, and add it to the digest and its problems to the recording's."""
-    run = read_vibration_run(path, wheel_file)
-    problems += run.problems
-    for names, values in ((run.names, run.channels), (run.wheel_names, run.wheel)):
-        columns: dict[str, np.ndarray | None] = {name: values[:, i] for i, name in enumerate(names)}
-        digest.add_columns("vibration", {"time_s": run.time_s, **columns})
-    return run
