@@ -20,10 +20,10 @@ from ..database.observations import Drive, SoilObservation
 from ..database.snapshot import Snapshot
 from ..database.store import TerrainDatabase
 from .core.errors import InputError
+from .core.files import whole
 from .core.pooling import cells_from_keys
 from .core.recording.types import Recording
 from .core.track.way import track_of
-from .core.writing import whole
 
 COLOURS = {
     "sand": "#d9b44a", "loam": "#8a5a2b", "gravel": "#7d8a94", "grass": "#4f9a3d", "clay": "#c8553d",

@@ -11,8 +11,8 @@ import numpy as np
 
 from .class_names import check_class_name, check_class_names
 from .errors import InputError, reading
+from .files import inside
 from .labelled_copies import without_copies
-from .recording.paths import inside
 from .recording.tables import Table, read_table
 
 MEDIA_SUFFIXES = (

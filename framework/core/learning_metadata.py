@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from .class_names import check_class_names
 from .errors import InputError
-from .vehicle import input_error
+from .models import checked
 
 FORMAT = "bevameter terrain classifier"
 FORMAT_VERSION = 1
@@ -47,13 +47,10 @@ def checked_metadata(meta: dict, path: Path) -> Metadata:
     version = meta.get("format_version")
     if version is True or version != FORMAT_VERSION:
         raise InputError(path, f"format version {version}", expected=f"version {FORMAT_VERSION}")
-    try:
-        checked = Metadata.model_validate(meta)
-    except ValidationError as error:
-        raise input_error(path, error) from None
-    check_class_names(checked.classes, path, "key classes")
-    for key, names in (("classes", checked.classes), ("feature_names", checked.feature_names)):
+    read = checked(Metadata, meta, path)
+    check_class_names(read.classes, path, "key classes")
+    for key, names in (("classes", read.classes), ("feature_names", read.feature_names)):
         if len(set(names)) < len(names):
             twice = next(name for name in names if names.count(name) > 1)
             raise InputError(path, f"{twice!r} stands twice", expected="each name once", place=f"key {key}")
-    return checked
+    return read

@@ -7,7 +7,7 @@ from html import escape
 
 import numpy as np
 
-from .html_page import page
+from .html import page
 from .learning_interval import accuracy_intervals
 
 CALIBRATION_BINS = 10

@@ -19,10 +19,10 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.pipeline import Pipeline
 
 from .errors import InputError
+from .files import whole
 from .learning import TerrainClassifier
 from .learning_fit import Fitted, Gate
 from .learning_metadata import FORMAT, FORMAT_VERSION, checked_metadata
-from .writing import whole
 
 MAX_FILE_BYTES = 128 * 2**20
 MAX_CONTENT_BYTES = 1024 * 2**20

@@ -18,9 +18,9 @@ import numpy as np
 import soundfile as sf
 
 from ..errors import InputError, reading
+from ..files import file_size
 from .channels import mixed
 from .jpeg import jpeg_layout, refuse_damage
-from .paths import file_size
 from .types import SoundBlock
 
 MAX_IMAGE_BYTES = 64 * 2**20

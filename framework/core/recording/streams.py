@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
+from ..files import inside
 from ..track.jumps import without_jumps
 from .media import read_image
-from .paths import inside
 from .tables import Table, read_table
 from .types import Frame, Labels, Pose
 

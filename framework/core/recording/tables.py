@@ -24,7 +24,7 @@ import pyarrow.parquet as pq
 from pyarrow import csv
 
 from ..errors import InputError
-from .paths import file_size
+from ..files import file_size
 
 MAX_TABLE_BYTES = 256 * 2**20
 """No table is read whose text is longer than this, after unpacking: a gzip bomb ends here [bytes]."""

@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 
 from ..errors import InputError
-from ..writing import whole
+from ..files import whole
 from .types import WheelTable
 
 

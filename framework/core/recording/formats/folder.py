@@ -31,14 +31,15 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, AliasChoices, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, AliasChoices, BeforeValidator, Field
 
 from ...errors import InputError
+from ...files import inside, load_toml
+from ...models import FileModel, Finite, checked
 from ...track.way import pose_from_wheel
-from ...vehicle import Finite, Vehicle, input_error, load_toml, load_vehicle
+from ...vehicle import Vehicle, load_vehicle
 from ..digest import StreamDigest
 from ..media import SoundFileStream
-from ..paths import inside
 from ..readers import Reader, register
 from ..streams import read_camera, read_labels, read_pose
 from ..types import Recording
@@ -60,15 +61,11 @@ _STREAMS = {
 }
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class _File(_Part):
+class _File(FileModel):
     file: str | None = None
 
 
-class _Camera(_Part):
+class _Camera(FileModel):
     folder: str | None = None
 
 
@@ -97,7 +94,7 @@ def _with_zone(time: datetime) -> datetime:
     return time
 
 
-class _About(_Part):
+class _About(FileModel):
     """What `recording.toml` says."""
 
     name: str | None = None
@@ -195,10 +192,7 @@ def _about(folder: Path) -> tuple[_About, list[str]]:
     if "start" in data and "start_time" in data:
         raise InputError(path, "start_time is given as well", place="key start", expected="one of them")
     problems = [f"{path.name}: {', '.join(others)} left out, nothing here reads that"] if others else []
-    try:
-        return _About.model_validate(data), problems
-    except ValidationError as error:
-        raise input_error(path, error) from None
+    return checked(_About, data, path), problems
 
 
 def _locate(folder: Path, about: _About) -> dict[str, Path]:

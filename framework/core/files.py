@@ -1,13 +1,17 @@
-"""Files written whole or not at all, and never over what is read."""
+"""Files: written whole or not at all and never over what is read, named in tables, and TOML read."""
 
 from __future__ import annotations
 
 import os
+import stat
+import sys
+import tomllib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
-from pathlib import Path
+from pathlib import Path, PurePosixPath, PureWindowsPath
 
-from .errors import InputError
+from .arguments import path_of
+from .errors import InputError, reading
 
 _RESULTS = (".json", ".html", ".skops", ".png", ".svg", ".pdf")
 """Endings of results, which may be written again where they lie within a recording."""
@@ -86,3 +90,66 @@ def write_text(text: str, path: Path) -> None:
     """Write a text file whole or not at all."""
     with whole(path) as part:
         part.write_text(text, encoding="utf-8", newline="\n")
+
+
+def inside(folder: Path, name: str, source: Path, place: str) -> Path:
+    """Give the path of a file that a table names, relative to its folder.
+
+    Raises
+    ------
+    InputError
+        The name is empty or absolute, climbs out of the folder, or leads out of it by a link.
+    """
+    if not name or "\0" in name:
+        raise InputError(source, f"{name!r}", expected="the name of a file", place=place)
+    windows, posix = PureWindowsPath(name), PurePosixPath(name)
+    if windows.drive or windows.root or posix.is_absolute() or ".." in windows.parts or ".." in posix.parts:
+        raise InputError(source, f"{name!r} leads out of the folder", expected="a file inside of it", place=place)
+    path = folder / name
+    if not Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder)):
+        raise InputError(source, f"{name!r} leads out of the folder", expected="a file inside of it", place=place)
+    return path
+
+
+def file_size(path: Path, expected: str) -> int:
+    """Give the size of a file [bytes]; raises `InputError`, which says what it is, where it is no file to be read."""
+    with reading(path, expected):
+        status = path.stat()
+    if stat.S_ISDIR(status.st_mode):
+        raise InputError(path, "a folder", expected=expected)
+    if not stat.S_ISREG(status.st_mode):
+        raise InputError(path, "a pipe or a device", expected=expected)
+    return status.st_size
+
+
+_INTEGERS = "one of no more than 64 bits; write it with a decimal point"
+
+
+def load_toml(path: str | Path) -> dict:
+    """Read a TOML file; raises `InputError` where it is missing, no TOML, or holds a number of more than 64 bits."""
+    path = path_of("file", path, "the path of a TOML file")
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        _check_integers(path, data)
+    except FileNotFoundError:
+        raise InputError(path, "no such file", expected="a TOML file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(path, str(error), expected="a readable TOML text file") from error
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(path, str(error), expected="valid TOML") from error
+    except RecursionError:
+        raise InputError(path, "nested too deeply", expected="valid TOML, a few tables deep") from None
+    except ValueError:  # Python turns no longer text into a whole number
+        limit = sys.get_int_max_str_digits()
+        raise InputError(path, f"a whole number of more than {limit} digits", expected=_INTEGERS) from None
+    return data
+
+
+def _check_integers(path: Path, value: object, key: str = "") -> None:
+    """Refuse whole numbers that TOML does not have, in tables and arrays however deep: no float may hold them."""
+    parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for name, part in parts:
+        _check_integers(path, part, f"{key}.{name}" if key else str(name))
+    if isinstance(value, int) and value.bit_length() > 63:
+        digits = f"a whole number of {len(str(abs(value)))} digits"
+        raise InputError(path, digits, expected=_INTEGERS, place=f"key {key}")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from bevameter.framework.core.errors import InputError
-from bevameter.framework.core.writing import check_outputs, write_text
+from bevameter.framework.core.files import check_outputs, write_text
 
 
 def test_no_result_is_written_over_what_is_read(tmp_path):
