@@ -12,7 +12,7 @@ import numpy as np
 
 from ..framework.core.errors import InputError
 from ..framework.core.learning import TerrainClassifier, TrainingOutcome
-from ..framework.core.recording.media import read_sound
+from ..framework.core.recording.sound import read_sound
 from .augment import add_noise, place, varied_window
 from .classify import SETTINGS
 from .features import FEATURE_NAMES, RATE_HZ, WINDOW_S, cut_windows, resample, window_features

@@ -13,7 +13,7 @@ from ..framework.core.errors import InputError
 from ..framework.core.learning import TerrainClassifier, TrainingOutcome
 from ..framework.core.recording.tables import read_table
 from ..framework.core.recording.types import VibrationRun
-from ..framework.core.recording.vibration_run import SAMPLE_RATE_HZ, read_vibration_run
+from ..framework.core.recording.vibration import SAMPLE_RATE_HZ, read_vibration_run
 from .rows import evidence_rows
 from .vibration_features import HOP_S, WINDOW_S, VibrationChannels, vibration_features
 

@@ -11,7 +11,7 @@ import numpy as np
 from ..framework.core.errors import InputError
 from ..framework.core.labelled import LabelledFile
 from ..framework.core.learning import TerrainClassifier, TrainingOutcome
-from ..framework.core.recording.media import read_image
+from ..framework.core.recording.camera import read_image
 from .augment import AS_IT_IS, CROP_PX, DEGRADED, MAX_BLUR, training_patches
 from .features import FEATURE_NAMES, PATCH_PX, patch_features
 from .quality import learn_limits

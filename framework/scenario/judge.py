@@ -17,7 +17,7 @@ from ..core.errors import InputError
 from ..core.evidence import ClassEvidence
 from ..core.learning import TerrainClassifier
 from ..core.learning_report import calibration_error
-from ..core.recording.media import decode_image
+from ..core.recording.camera import decode_image
 from ..core.recording.types import Frame
 from .hearing import heard
 from .plan import Plan

@@ -14,7 +14,8 @@ import numpy as np
 from ..errors import InputError
 from .bag_files import BagFile, Message
 from .bag_messages import DecodeError, decode, field, fields_of, stamp_ns
-from .media import MAX_IMAGE_PIXELS, block_hop, decode_image, sound_block
+from .camera import MAX_IMAGE_PIXELS, decode_image
+from .sound import block_hop, sound_block
 from .topic_map import SoundFormat
 from .types import Frame, SoundBlock
 

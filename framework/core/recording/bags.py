@@ -21,7 +21,7 @@ from .bag_messages import field as field_of
 from .bag_streams import BagCamera, BagSound, SoundLayout, is_mp3, message_time, samples_of
 from .bag_wheel import WheelChannels, merge, reading
 from .digest import StreamDigest
-from .media import MAX_CHANNELS, SAMPLE_RATES
+from .sound import MAX_CHANNELS, SAMPLE_RATES
 from .topic_map import PoseTopic, Recognised, SoundTopic, TopicMap, complete, load_topic_map, recognise, short_type
 from .types import Pose, Recording
 from .wheel_file import derive_all

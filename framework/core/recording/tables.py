@@ -12,6 +12,7 @@ import io
 import math
 import zlib
 from collections import deque
+from collections.abc import Callable
 from csv import Error as CsvError
 from csv import reader as csv_reader
 from dataclasses import dataclass
@@ -62,6 +63,40 @@ class Table:
     def place(self, row: int, column: str) -> str:
         """Name a cell as a user finds it: `row` counts from 0 here."""
         return f"row {row + self.first_row}, column {column}"
+
+    def need(self, *names: str) -> tuple[np.ndarray, ...]:
+        """Give columns, each (n,); raises `InputError` where one is not there."""
+        columns = {**self.numbers, **self.text}
+        for name in names:
+            if name not in columns:
+                problem = f"no column {name}; there are {', '.join(columns)}"
+                raise InputError(self.source, problem, expected=", ".join(names))
+        return tuple(columns[name] for name in names)
+
+    def refuse(self, bad: np.ndarray, column: str, problem: Callable[[int], str], expected: str) -> None:
+        """Raise `InputError` for the first row, if any, in which a column is `bad` (n,)."""
+        if bad.any():
+            row = int(np.argmax(bad))
+            raise InputError(self.source, problem(row), expected=expected, place=self.place(row, column))
+
+    def check_time(self, name: str, *, increasing: bool = False) -> None:
+        """Refuse time that is not there, is no finite number, or runs backwards; or stands, if it is to increase."""
+        time = self.numbers[name]
+        self.check_finite(name)
+        step = np.diff(time, prepend=-np.inf)
+        verb, expected = ("does not go on", "increases") if increasing else ("runs backwards", "does not decrease")
+        self.refuse(
+            step <= 0 if increasing else step < 0,
+            name,
+            lambda row: f"time {verb}, {time[row - 1]:.9g} s and then {time[row]:.9g} s",
+            f"time that {expected}",
+        )
+
+    def check_finite(self, name: str, *, missing: bool = False) -> None:
+        """Refuse numbers that are infinite or, unless they may be missing, not there."""
+        values = self.numbers[name]
+        bad = np.isinf(values) if missing else ~np.isfinite(values)
+        self.refuse(bad, name, lambda row: "no value" if np.isnan(values[row]) else str(values[row]), "a finite number")
 
 
 def is_table(path: Path) -> bool:

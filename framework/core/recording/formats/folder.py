@@ -38,12 +38,13 @@ from ...files import inside, load_toml
 from ...models import FileModel, Finite, checked
 from ...track.way import pose_from_wheel
 from ...vehicle import Vehicle, load_vehicle
+from ..camera import read_camera
 from ..digest import StreamDigest
-from ..media import SoundFileStream
+from ..poses_and_labels import read_labels, read_pose
 from ..readers import Reader, register
-from ..streams import read_camera, read_labels, read_pose
+from ..sound import SoundFileStream
 from ..types import Recording
-from ..vibration_run import read_vibration_run
+from ..vibration import read_vibration_run
 from ..wheel_file import derive_all, read_wheel
 from .bag import BagReader
 

@@ -10,7 +10,7 @@ from ..digest import StreamDigest
 from ..readers import Reader, register, vehicle_near
 from ..tables import is_table, read_table
 from ..types import Recording
-from ..vibration_run import read_vibration_run
+from ..vibration import read_vibration_run
 from ..wheel_file import derive_all, is_wheel_channel, read_wheel
 
 

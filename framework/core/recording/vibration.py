@@ -23,8 +23,6 @@ SAMPLE_RATE_HZ = 100.0
 MAX_RUN_S = 24 * 3600.0
 """No run is longer than this: a stray time stamp would ask for memory without end [s]."""
 
-__all__ = ["MAX_RUN_S", "SAMPLE_RATE_HZ", "VibrationRun", "read_vibration_run"]
-
 _GAP_SAMPLES = 5.0
 _TIME = ("time_s", "time")
 
@@ -87,21 +85,9 @@ def _read(path: Path) -> tuple[Table, np.ndarray, tuple[str, ...]]:
         raise InputError(path, "no column of numbers beside time", expected="channels such as wx, wy, wz, ax, ay, az")
     if len(time) < 2:
         raise InputError(path, f"{len(time)} sample", expected="at least two")
-    for name in (key, *names):
-        bad = np.isinf(table.numbers[name]) | (np.isnan(time) if name == key else False)
-        if bad.any():
-            row = int(np.argmax(bad))
-            shown = "no value" if np.isnan(table.numbers[name][row]) else str(table.numbers[name][row])
-            raise InputError(path, shown, expected="a finite number", place=table.place(row, name))
-    back = np.diff(time) <= 0
-    if back.any():
-        row = int(np.argmax(back)) + 1
-        raise InputError(
-            path,
-            f"time does not go on, {time[row - 1]:.9g} s and then {time[row]:.9g} s",
-            expected="time that increases",
-            place=table.place(row, key),
-        )
+    table.check_time(key, increasing=True)
+    for name in names:
+        table.check_finite(name, missing=True)
     return table, time, names
 
 

@@ -1,33 +1,19 @@
-"""Images and sound from files that somebody else made: checked before they are decoded, and decoded within limits.
-
-Images are JPEG or PNG. Neither decoder that OpenCV brings says so when a file ends early (a JPEG then has its lower
-part filled with grey), so that it is looked at here: JPEG by the module `jpeg`, PNG by its chunks and their check sums
-(ISO/IEC 15948, 5.3).
-"""
+"""Sound, from files that somebody else made: read within limits, in blocks or whole."""
 
 from __future__ import annotations
 
 import os
 import struct
-import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
-import cv2
 import numpy as np
 import soundfile as sf
 
-from ..errors import InputError, reading
+from ..errors import InputError
 from ..files import file_size
 from .channels import mixed
-from .jpeg import jpeg_layout, refuse_damage
 from .types import SoundBlock
-
-MAX_IMAGE_BYTES = 64 * 2**20
-"""No image file is read that is larger [bytes]."""
-
-MAX_IMAGE_PIXELS = 64_000_000
-"""No image is decoded that has more pixels by its header [-]."""
 
 MAX_SOUND_SAMPLES = 2**27
 """No more sound than this is read into memory at once, less where it has more than two channels: 46 minutes of 48 kHz
@@ -43,87 +29,6 @@ SOUND_FORMATS = ("WAV", "WAVEX", "RF64", "FLAC", "OGG", "AIFF", "W64")
 
 _READ_FRAMES = 2**16
 _COUNT_FRAMES = 2**8  # a read that fails gives nothing, so that a damaged file is counted in small steps
-
-
-def read_image(path: str | Path) -> np.ndarray:
-    """Read an image file as `decode_image` does.
-
-    Raises
-    ------
-    InputError
-        The file is missing, too large, or no whole JPEG or PNG.
-    """
-    path = Path(path)
-    size = file_size(path, "a JPEG or PNG image")
-    if size > MAX_IMAGE_BYTES:
-        raise InputError(path, f"{size} bytes", expected=f"an image of no more than {MAX_IMAGE_BYTES} bytes")
-    with reading(path, "a readable file"):
-        data = path.read_bytes()
-    return decode_image(data, path)
-
-
-def decode_image(data: bytes, source: str | Path) -> np.ndarray:
-    """Decode a JPEG or PNG image; its pixels stay where the sensor had them, whatever rotation the file asks for.
-
-    Parameters
-    ----------
-    data
-        The file's content.
-    source
-        Its name, for errors.
-
-    Returns
-    -------
-    np.ndarray
-        (h, w, 3) uint8, blue, green, red.
-
-    Raises
-    ------
-    InputError
-        The data are empty, of another kind, cut off, damaged, or have more than `MAX_IMAGE_PIXELS` pixels.
-    """
-    if not data:
-        raise InputError(source, "an empty file", expected="a JPEG or PNG image")
-    if len(data) > MAX_IMAGE_BYTES:
-        raise InputError(source, f"{len(data)} bytes", expected=f"an image of no more than {MAX_IMAGE_BYTES} bytes")
-    jpeg = None
-    if data.startswith(b"\xff\xd8"):
-        jpeg = jpeg_layout(data, source)
-        width, height = jpeg.width, jpeg.height
-    elif data.startswith(b"\x89PNG\r\n\x1a\n"):
-        width, height = _png_size(data, source)
-    else:
-        raise InputError(source, f"begins with {data[:8]!r}", expected="a JPEG or PNG image")
-    if not 0 < width * height <= MAX_IMAGE_PIXELS:
-        raise InputError(source, f"{width} x {height} pixels", expected=f"1 to {MAX_IMAGE_PIXELS} pixels")
-    try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
-    except cv2.error as error:
-        raise InputError(source, f"cannot be decoded: {error.err}", expected="a whole JPEG or PNG image") from error
-    if image is None or image.shape[:2] != (height, width):
-        raise InputError(source, "cannot be decoded", expected="a whole JPEG or PNG image")
-    if jpeg is not None:
-        refuse_damage(jpeg, source)
-    return np.asarray(image, dtype=np.uint8)
-
-
-def _png_size(data: bytes, source: str | Path) -> tuple[int, int]:
-    """Walk a PNG's chunks to its end, their check sums included; give width and height."""
-    place, size = 8, None
-    view = memoryview(data)
-    while place + 12 <= len(data):
-        length, kind = struct.unpack_from(">I4s", data, place)
-        end = place + 12 + length
-        if end > len(data):
-            break
-        if zlib.crc32(view[place + 4 : end - 4]) != struct.unpack_from(">I", data, end - 4)[0]:
-            raise InputError(source, f"damaged PNG: check sum of chunk {kind!r}", expected="a whole PNG image")
-        if kind == b"IHDR" and length >= 8:
-            size = struct.unpack_from(">II", data, place + 8)
-        if kind == b"IEND" and size is not None:
-            return size
-        place = end
-    raise InputError(source, f"a PNG cut off after {len(data)} bytes", expected="a whole PNG image")
 
 
 def read_sound(path: str | Path, start_s: float = 0.0, end_s: float | None = None) -> tuple[np.ndarray, int]:
