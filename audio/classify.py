@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ..framework.core.classifier.classifier import TerrainClassifier
 from ..framework.core.errors import InputError
 from ..framework.core.evidence import ClassEvidence
-from ..framework.core.learning import TerrainClassifier
 from ..framework.core.recording.channels import mixed
 from ..framework.core.recording.sound import read_channels
 from .features import FEATURE_NAMES, HOP_S, RATE_HZ, WINDOW_S, cut_windows, resample, window_features

@@ -13,8 +13,8 @@ from threadpoolctl import threadpool_limits
 
 from ..audio.listen import SoundEvidence, listen
 from ..vision.observe import GroundEvidence, observe_ground
+from .core.classifier.classifier import TerrainClassifier
 from .core.evidence import ClassEvidence
-from .core.learning import TerrainClassifier
 from .core.pooling import cells_of
 from .core.recording.types import Recording
 from .core.track.way import Track, cells_under_wheels

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 
 import pytest
+from bevameter.framework.core.classifier.labelled import read_labelled
 from bevameter.framework.core.errors import InputError
-from bevameter.framework.core.labelled import read_labelled
 from bevameter.framework.core.recording.camera import read_image
 from bevameter.framework.core.recording.readers import read_recording
 from bevameter.framework.core.recording.sound import SoundFileStream

@@ -153,7 +153,8 @@ def _noise(plane: np.ndarray) -> float:
     if len(plane) < 4:
         return 0.0
     bends = np.diff(plane, n=2, axis=0)
-    return float(np.max(median_abs_deviation(bends, axis=0, scale="normal")) / math.sqrt(6.0))
+    spread = median_abs_deviation(bends, axis=0, scale="normal")  # pyright: ignore[reportArgumentType]
+    return float(np.max(spread) / math.sqrt(6.0))
 
 
 def _way(plane: np.ndarray, stretch: np.ndarray) -> np.ndarray:

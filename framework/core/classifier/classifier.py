@@ -14,11 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from .class_names import check_class_names
-from .errors import InputError
-from .evidence import ClassEvidence
-from .learning_fit import CANDIDATES, USUAL, Fitted, Rows, fit, folds, pooled, row_weights
-from .learning_held_out import HeldOut, training_report
+from ..class_names import check_class_names
+from ..errors import InputError
+from ..evidence import ClassEvidence
+from .calibration import joined
+from .fitting import CANDIDATES, USUAL, Fitted, Rows, fit, folds, row_weights
+from .report import HeldOut, training_report
 
 _BATCH_ROWS = 8192
 
@@ -109,7 +110,7 @@ class TerrainClassifier:
             A class has no row whose values are finite, or a name that none may have; there are fewer than two classes,
             or the shapes do not agree.
         """
-        from .learning_store import content_digest
+        from .store import content_digest
 
         made = np.zeros(len(labels), dtype=bool) if degraded is None else np.asarray(degraded, dtype=bool)
         x, y, group, made, classes, dropped = _checked(features, labels, groups, made, feature_names, source)
@@ -209,7 +210,7 @@ class TerrainClassifier:
         unit = np.asarray(unit, dtype=int)
         u = int(unit.max(initial=-1)) + 1 if n_units is None else n_units
         weight = np.where(evidence.unknown, 0.0, evidence.quality)
-        probabilities = pooled(evidence.probabilities, unit, weight, u, self.fitted.correlation)
+        probabilities = joined(evidence.probabilities, unit, weight, u, self.fitted.correlation)
         count = np.bincount(unit, minlength=u)
         unknown = 2 * np.bincount(unit, ~evidence.unknown, u) < np.maximum(count, 1)
         quality = np.where(unknown, 0.0, np.bincount(unit, weight, u) / np.maximum(count, 1))
@@ -224,7 +225,7 @@ class TerrainClassifier:
 
     def save(self, path: str | Path) -> None:
         """Write the model (skops); an existing file is replaced only once the new one is whole."""
-        from .learning_store import save
+        from .store import save
 
         save(self, Path(path))
 
@@ -238,7 +239,7 @@ class TerrainClassifier:
             The file is missing, is no model of this program, holds a type that is not allowed, is too large or
             damaged, or is of another modality than asked for.
         """
-        from .learning_store import load
+        from .store import load
 
         return load(Path(path), modality)
 

@@ -9,20 +9,26 @@ import warnings
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import skops.io
+from pydantic import BaseModel, ConfigDict, Field
 from sklearn.ensemble import ExtraTreesClassifier
 from sklearn.kernel_approximation import Nystroem
 from sklearn.linear_model import LogisticRegression
 from sklearn.pipeline import Pipeline
 
-from .errors import InputError
-from .files import whole
-from .learning import TerrainClassifier
-from .learning_fit import Fitted, Gate
-from .learning_metadata import FORMAT, FORMAT_VERSION, checked_metadata
+from ..class_names import check_class_names
+from ..errors import InputError
+from ..files import whole
+from ..models import checked
+from .classifier import TerrainClassifier
+from .fitting import Fitted
+from .gate import Gate
+
+FORMAT = "bevameter terrain classifier"
+FORMAT_VERSION = 1
 
 MAX_FILE_BYTES = 128 * 2**20
 MAX_CONTENT_BYTES = 1024 * 2**20
@@ -47,6 +53,46 @@ _ALLOWED = {
 }
 """(module, class, loader) of everything that a model may be made of."""
 _ARRAYS = ("mean", "scale", "whitening", "centres")
+_Temperature = Annotated[float, Field(gt=0, lt=1e3)]
+
+
+class Metadata(BaseModel):
+    """Metadata of a terrain classifier, as they stand in its file; see `TerrainClassifier` and `Fitted`."""
+
+    model_config = ConfigDict(strict=True, frozen=True)
+
+    modality: str
+    classes: Annotated[list[str], Field(min_length=2)]
+    feature_names: Annotated[list[str], Field(min_length=1)]
+    settings: dict[str, Any]
+    report: dict[str, Any]
+    member_temperatures: Annotated[list[_Temperature], Field(min_length=1)]
+    temperature: _Temperature
+    threshold: Annotated[float, Field(gt=0, lt=1e6)]
+    correlation: Annotated[float, Field(ge=0, le=1)]
+
+
+def checked_metadata(meta: dict, path: Path) -> Metadata:
+    """Check metadata as JSON has them.
+
+    Raises
+    ------
+    InputError
+        The file is another program's or of another version, or a key is missing or holds what it may not; the text
+        names the file and the key.
+    """
+    if meta.get("format") != FORMAT:
+        raise InputError(path, "another program's file", expected="a model that `bevameter train` wrote")
+    version = meta.get("format_version")
+    if version is True or version != FORMAT_VERSION:
+        raise InputError(path, f"format version {version}", expected=f"version {FORMAT_VERSION}")
+    read = checked(Metadata, meta, path)
+    check_class_names(read.classes, path, "key classes")
+    for key, names in (("classes", read.classes), ("feature_names", read.feature_names)):
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise InputError(path, f"{twice!r} stands twice", expected="each name once", place=f"key {key}")
+    return read
 
 
 def _metadata(model: TerrainClassifier) -> str:

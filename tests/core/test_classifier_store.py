@@ -9,9 +9,9 @@ from functools import partial
 import numpy as np
 import pytest
 import skops.io
-from bevameter.framework.core import learning_fit, learning_store
+from bevameter.framework.core.classifier import fitting, store
+from bevameter.framework.core.classifier.classifier import TerrainClassifier
 from bevameter.framework.core.errors import InputError
-from bevameter.framework.core.learning import TerrainClassifier
 from sklearn.preprocessing import FunctionTransformer
 from sklearn.tree import DecisionTreeClassifier
 
@@ -20,7 +20,7 @@ from sklearn.tree import DecisionTreeClassifier
 def small_forests():
     """Forests of a few trees: how the base treats them is tested here, not how well they do."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(learning_fit, "TREES", 8)
+        patch.setattr(fitting, "TREES", 8)
         yield
 
 
@@ -249,10 +249,10 @@ def test_an_array_that_promises_more_than_it_holds_is_refused(saved):
 
 
 def test_an_archive_that_swells_is_refused(saved, monkeypatch):
-    monkeypatch.setattr(learning_store, "MAX_CONTENT_BYTES", 1000)
+    monkeypatch.setattr(store, "MAX_CONTENT_BYTES", 1000)
     with pytest.raises(InputError, match="expected a smaller model"):
         TerrainClassifier.load(saved)
-    monkeypatch.setattr(learning_store, "MAX_FILE_BYTES", 100)
+    monkeypatch.setattr(store, "MAX_FILE_BYTES", 100)
     with pytest.raises(InputError, match="at most 100 bytes"):
         TerrainClassifier.load(saved)
 
@@ -273,7 +273,7 @@ def test_a_place_that_cannot_be_written_is_an_input_error(trained, tmp_path):
 
 def test_a_failed_save_leaves_the_old_model(trained, saved, monkeypatch):
     before = saved.read_bytes()
-    monkeypatch.setattr(learning_store, "_dump", lambda model: (_ for _ in ()).throw(RuntimeError("full")))
+    monkeypatch.setattr(store, "_dump", lambda model: (_ for _ in ()).throw(RuntimeError("full")))
     with pytest.raises(RuntimeError, match="full"):
         trained.save(saved)
     assert saved.read_bytes() == before

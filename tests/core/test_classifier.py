@@ -4,12 +4,14 @@ import json
 
 import numpy as np
 import pytest
-from bevameter.framework.core import learning_fit
+from bevameter.framework.core.classifier import fitting
+from bevameter.framework.core.classifier.calibration import joined
+from bevameter.framework.core.classifier.classifier import TerrainClassifier
+from bevameter.framework.core.classifier.fitting import row_weights
+from bevameter.framework.core.classifier.gate import Gate
+from bevameter.framework.core.classifier.report import report_html
 from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.evidence import ClassEvidence
-from bevameter.framework.core.learning import TerrainClassifier
-from bevameter.framework.core.learning_fit import Gate, pooled, row_weights
-from bevameter.framework.core.learning_report import report_html
 
 D = 12
 NAMES = tuple(f"f{i}" for i in range(D))
@@ -19,7 +21,7 @@ NAMES = tuple(f"f{i}" for i in range(D))
 def small_forests():
     """Forests of a few trees: how the base treats them is tested here, not how well they do."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(learning_fit, "TREES", 8)
+        patch.setattr(fitting, "TREES", 8)
         yield
 
 
@@ -126,11 +128,11 @@ def test_copies_add_nothing_when_pooled():
     one = np.array([[0.7, 0.2, 0.1]])
     many = np.repeat(one, 50, axis=0)
     unit = np.zeros(50, dtype=int)
-    copies = pooled(many, unit, np.ones(50), 1, correlation=1.0)
-    independent = pooled(many, unit, np.ones(50), 1, correlation=0.0)
+    copies = joined(many, unit, np.ones(50), 1, correlation=1.0)
+    independent = joined(many, unit, np.ones(50), 1, correlation=0.0)
     np.testing.assert_allclose(copies, 0.99 * one + 0.01 / 3, atol=1e-9)
     assert independent[0, 0] > 0.98
-    np.testing.assert_allclose(pooled(many, unit, np.zeros(50), 2, 0.3), np.full((2, 3), 1 / 3))
+    np.testing.assert_allclose(joined(many, unit, np.zeros(50), 2, 0.3), np.full((2, 3), 1 / 3))
 
 
 def test_pool_joins_known_items_only(outcome, rng):

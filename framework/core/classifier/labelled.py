@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from .class_names import check_class_name, check_class_names
-from .errors import InputError, reading
-from .files import inside
+from ..class_names import check_class_name, check_class_names
+from ..errors import InputError, reading
+from ..files import inside
+from ..recording.tables import Table, read_table
 from .labelled_copies import without_copies
-from .recording.tables import Table, read_table
 
 MEDIA_SUFFIXES = (
     ".jpg", ".jpeg", ".png", ".wav", ".flac", ".ogg", ".aif", ".aiff", ".csv", ".csv.gz", ".parquet",

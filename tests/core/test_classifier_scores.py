@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bevameter.framework.core.learning_interval import accuracy_intervals
+from bevameter.framework.core.classifier.scores import accuracy_intervals
 
 
 def counted(right, rows):
