@@ -102,56 +102,41 @@ def _read(folder: Path, notes: list[str]) -> list[LabelledFile]:
 
 def _from_index(folder: Path, index: Path) -> tuple[list[LabelledFile], list[str]]:
     table = read_table(index, numbers=frozenset({"start_s", "end_s"}), text=None)
-    for name in ("file", "class", "group"):
-        if name not in table.text:
-            there = ", ".join((*table.text, *table.numbers))
-            raise InputError(index, f"no column {name}; there are {there}", expected="file, class, group")
+    names, classes, groups = map(np.ndarray.tolist, table.need("file", "class", "group"))
+    for column in ("file", "class", "group"):
+        table.refuse(table.text[column] == "", column, lambda row: "an empty cell", f"a {column}")
+    for row, name in enumerate(classes):
+        check_class_name(name, index, table.place(row, "class"))
+    start, end = _stretches(table)
     extras = [name for name in table.text if name not in _OWN]
     labelled: list[LabelledFile] = []
-    for row in range(len(table)):
-        class_name = _filled(table, row, "class")
-        check_class_name(class_name, index, table.place(row, "class"))
-        start_s, end_s = _stretch(table, row)
-        extra: dict[str, str | Path] = {name: table.text[name][row] for name in extras}
-        if extra.get("wheel_file"):
-            extra["wheel_file"] = _existing(folder, table, row, "wheel_file").absolute()
-        labelled.append(
-            LabelledFile(
-                _existing(folder, table, row, "file"), class_name, _filled(table, row, "group"), start_s, end_s, extra
-            )
-        )
+    for row, name in enumerate(names):
+        extra: dict[str, str | Path] = {each: table.text[each][row] for each in extras}
+        if wheel_file := extra.get("wheel_file"):
+            extra["wheel_file"] = _existing(folder, table, row, "wheel_file", str(wheel_file)).absolute()
+        file = _existing(folder, table, row, "file", name)
+        ends = (None if np.isnan(end_s) else float(end_s) for end_s in (start[row], end[row]))
+        labelled.append(LabelledFile(file, classes[row], groups[row], *ends, extra))
     return labelled, [table.place(row, "file") for row in range(len(table))]
 
 
-def _filled(table: Table, row: int, name: str) -> str:
-    cell = str(table.text[name][row])
-    if not cell:
-        raise InputError(table.source, "an empty cell", expected=f"a {name}", place=table.place(row, name))
-    return cell
-
-
-def _existing(folder: Path, table: Table, row: int, name: str) -> Path:
-    place = table.place(row, name)
-    path = inside(folder, _filled(table, row, name), table.source, place)
+def _existing(folder: Path, table: Table, row: int, column: str, name: str) -> Path:
+    path = inside(folder, name, table.source, table.place(row, column))
     if not path.is_file():
-        raise InputError(table.source, f"no file {path}", expected="a file that exists", place=place)
+        problem = f"no file {path}"
+        raise InputError(table.source, problem, expected="a file that exists", place=table.place(row, column))
     return path
 
 
-def _stretch(table: Table, row: int) -> tuple[float | None, float | None]:
-    ends: list[float | None] = []
-    for name in ("start_s", "end_s"):
-        value = table.numbers[name][row] if name in table.numbers else np.nan
-        if np.isinf(value) or value < 0:
-            raise InputError(table.source, f"{value:g}", expected="seconds from 0", place=table.place(row, name))
-        ends.append(None if np.isnan(value) else float(value))
-    start_s, end_s = ends
-    if end_s is not None and end_s <= (start_s or 0.0):
-        raise InputError(
-            table.source, f"{start_s or 0.0:g} s to {end_s:g} s", expected="start_s < end_s",
-            place=table.place(row, "end_s"),
-        )  # fmt: skip
-    return start_s, end_s
+def _stretches(table: Table) -> tuple[np.ndarray, np.ndarray]:
+    """Give where the labelled stretches start and end, each (n,) [s], NaN where that is left to the file."""
+    start, end = (table.numbers.get(name, np.full(len(table), np.nan)) for name in ("start_s", "end_s"))
+    for name, values in (("start_s", start), ("end_s", end)):
+        outside = np.isinf(values) | (values < 0)
+        table.refuse(outside, name, lambda row, values=values: f"{values[row]:g}", "seconds from 0")
+    began = np.nan_to_num(start)
+    table.refuse(end <= began, "end_s", lambda row: f"{began[row]:g} s to {end[row]:g} s", "start_s < end_s")
+    return start, end
 
 
 def _from_folders(folder: Path, notes: list[str]) -> tuple[list[LabelledFile], list[str]]:
