@@ -1,32 +1,7 @@
 """Which topic of a bag is which stream: the topic map, and what is made of the topics' names and types without one.
 
-The map is TOML; each part of it is optional::
-
-    name = "sand pit, second run"
-    site = "sand pit"
-    max_gap_s = 0.5                      # wheel channels are not interpolated over longer gaps
-
-    [[wheel]]                            # or [wheel], where there is one topic
-    topic = "/front_left/wrench"
-    wheel = "front_left"                 # absent where there is one wheel, or where it holds for all of them
-    [wheel.fields]                       # absent where the type says enough
-    load_N = "wrench.force.z"
-    torque_Nm = { field = "wrench.torque.y", scale = -1.0, offset = 0.0 }
-
-    [pose]
-    topic = "/odom"                      # nav_msgs/Odometry, geometry_msgs/PoseStamped; or with fields:
-    fields = { x_m = "pose.x", y_m = "pose.y", yaw_rad = "pose.theta" }
-
-    [camera]
-    topic = "/camera/image_raw/compressed"      # sensor_msgs/Image or CompressedImage
-
-    [sound]
-    topic = "/audio"
-    format = "pcm16"                     # pcm8 (unsigned), pcm16, pcm32, float32; by the type where absent
-    sample_rate_Hz = 16000               # by an AudioInfo topic where absent
-    channels = 1
-
-Fields are paths such as ``wrench.force.z``, ``data[0]``, ``velocity[left_wheel]``. Without a map a topic is recognised
+The map is TOML, each part of it optional; ``docs/recording.md`` shows it. Fields are paths such as ``wrench.force.z``,
+``data[0]``, ``velocity[left_wheel]``. Without a map a topic is recognised
 
 - by its name, ``/wheel/load_N`` or ``/wheel/front_left/load_N``, if it is a number (std_msgs/Float64, Float32);
 - by its type: Odometry and PoseStamped are the pose, and Odometry and TwistStamped the travel speed; a WrenchStamped

@@ -1,27 +1,8 @@
 """A recording that is a folder (CONTRACTS.md, "A recording").
 
-`recording.toml` is optional, and so is each of its keys; a stream that it does not mention is read if its file is
-there, one that it lists must be there. Keys of somebody else's are left out, which `problems` says::
-
-    name = "sand pit, second run"          # the folder's name where absent
-    start_time = 2024-05-01T10:00:00Z      # or `start`; a TOML date-time; UTC where it names no offset
-    site = "sand pit"
-    notes = "windy"
-    streams = ["wheel", "camera", "sound", "pose", "labels", "vibration"]   # which must be there
-
-    [wheel]
-    file = "wheel.csv"                     # wheel.csv, .csv.gz or .parquet where absent; likewise [pose], [labels]
-
-    [camera]
-    folder = "camera"                      # with camera.csv: time_s, file
-
-    [sound]
-    file = "sound.wav"                     # sound.wav or sound.flac where absent
-    start_s = 0.0                          # time of the first sample on the recording's clock
-
-    [vibration]
-    file = "vibration.csv"                 # time or time_s and numeric columns, as of an inertial sensor
-    wheel_file = "drives.csv"              # the wheel drives' current and speed
+`recording.toml` is optional, and so is each of its keys (``docs/recording.md`` shows them); a stream that it does not
+mention is read if its file is there, one that it lists must be there. Keys of somebody else's are left out, which
+`problems` says.
 """
 
 from __future__ import annotations
