@@ -115,8 +115,8 @@ def _from_index(folder: Path, index: Path) -> tuple[list[LabelledFile], list[str
         if wheel_file := extra.get("wheel_file"):
             extra["wheel_file"] = _existing(folder, table, row, "wheel_file", str(wheel_file)).absolute()
         file = _existing(folder, table, row, "file", name)
-        ends = (None if np.isnan(end_s) else float(end_s) for end_s in (start[row], end[row]))
-        labelled.append(LabelledFile(file, classes[row], groups[row], *ends, extra))
+        began, ended = (None if np.isnan(at_s) else float(at_s) for at_s in (start[row], end[row]))
+        labelled.append(LabelledFile(file, classes[row], groups[row], began, ended, extra))
     return labelled, [table.place(row, "file") for row in range(len(table))]
 
 
