@@ -22,7 +22,7 @@ _PUBLIC = {
     "load_vehicle": "framework.core.vehicle",
     "Recording": "framework.core.recording.types",
     "WheelTable": "framework.core.recording.types",
-    "read_recording": "framework.core.recording.open",
+    "read_recording": "framework.core.recording.readers",
     "TerrainDatabase": "database.store",
     "run_traverse": "framework.traverse",
     "simulate": "identification.simulate",
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from .framework.core.errors import BevameterError as BevameterError
     from .framework.core.errors import InputError as InputError
     from .framework.core.evidence import ClassEvidence as ClassEvidence
-    from .framework.core.recording.open import read_recording as read_recording
+    from .framework.core.recording.readers import read_recording as read_recording
     from .framework.core.recording.types import Recording as Recording
     from .framework.core.recording.types import WheelTable as WheelTable
     from .framework.core.soil import SoilEstimate as SoilEstimate

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
+from ..framework.core.classifier.classifier import TerrainClassifier
 from ..framework.core.errors import InputError
 from ..framework.core.evidence import ClassEvidence
-from ..framework.core.learning import TerrainClassifier
 from ..framework.core.recording.channels import mixed
-from ..framework.core.recording.media import read_channels
+from ..framework.core.recording.sound import read_channels
 from .features import FEATURE_NAMES, HOP_S, RATE_HZ, WINDOW_S, cut_windows, resample, window_features
 from .quality import MEASURES, NoiseModel, assess, noise_measures, recording_faults
 from .rows import evidence_rows

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..framework.core.classifier.classifier import TerrainClassifier
 from ..framework.core.evidence import ClassEvidence
-from ..framework.core.learning import TerrainClassifier
 from ..framework.core.recording.types import SoundBlock, SoundStream
 from .classify import noise_model, sound_evidence
 from .features import HOP_S

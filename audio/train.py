@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..framework.core.classifier.classifier import TerrainClassifier, TrainingOutcome
 from ..framework.core.errors import InputError
-from ..framework.core.learning import TerrainClassifier, TrainingOutcome
-from ..framework.core.recording.media import read_sound
+from ..framework.core.recording.sound import read_sound
 from .augment import add_noise, place, varied_window
 from .classify import SETTINGS
 from .features import FEATURE_NAMES, RATE_HZ, WINDOW_S, cut_windows, resample, window_features
@@ -20,7 +20,7 @@ from .quality import NOISE_FREE_DB, SILENT_RMS, NoiseModel, noise_inputs, noise_
 from .vibration import train_vibration
 
 if TYPE_CHECKING:
-    from ..framework.core.labelled import LabelledFile
+    from ..framework.core.classifier.labelled import LabelledFile
 
 __all__ = ["train_audio", "train_audio_arrays", "train_audio_windows", "train_vibration"]
 
@@ -150,7 +150,7 @@ def train_audio_windows(
     snr_dB : (n,)
         Contact sound over noise [dB], `NOISE_FREE_DB` and more where there is none to speak of.
     candidates
-        Kinds of classifiers to choose from, of `bevameter.framework.core.learning_fit.CANDIDATES`.
+        Kinds of classifiers to choose from, of `bevameter.framework.core.classifier.fitting.CANDIDATES`.
 
     Raises
     ------

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..framework.core.classifier.classifier import TerrainClassifier, TrainingOutcome
 from ..framework.core.errors import InputError
-from ..framework.core.learning import TerrainClassifier, TrainingOutcome
 from ..framework.core.recording.tables import read_table
 from ..framework.core.recording.types import VibrationRun
-from ..framework.core.recording.vibration_run import SAMPLE_RATE_HZ, read_vibration_run
+from ..framework.core.recording.vibration import SAMPLE_RATE_HZ, read_vibration_run
 from .rows import evidence_rows
 from .vibration_features import HOP_S, WINDOW_S, VibrationChannels, vibration_features
 
 if TYPE_CHECKING:
-    from ..framework.core.labelled import LabelledFile
+    from ..framework.core.classifier.labelled import LabelledFile
 
 SETTINGS = {"rate_hz": SAMPLE_RATE_HZ, "window_s": WINDOW_S, "hop_s": HOP_S}
 """How features are made; a model that was trained otherwise is refused."""

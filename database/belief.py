@@ -8,10 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..framework.core.pooling import cell_keys, cells_of, centred_logs, pooled, sums_by
 from .observations import Drive
-
-LEAST_PROBABILITY = 1e-3
-"""No single look rules a class out further than this, nor does a model that has never heard of the class."""
 
 NO_PLACE = "the place is not a finite number"
 NOT_SEEN = "nobody has seen this ground"
@@ -25,7 +23,7 @@ class Cells:
     Parameters
     ----------
     key : (m,) int64
-        Both cell indices in one number (`cell_key`).
+        Both cell indices in one number (`pooling.cell_keys`).
     probability : (m, k)
         Class probabilities [-]; NaN in cells that no look recognised.
     seen_s : (m,)
@@ -46,24 +44,13 @@ class Cells:
     reasons: tuple[str, ...]
 
 
-def cell_key(cell_x: np.ndarray, cell_y: np.ndarray) -> np.ndarray:
-    """Make one int64 of two cell indices, so that lookup is one binary search."""
-    return (np.asarray(cell_x, dtype=np.int64) << 32) + np.asarray(cell_y, dtype=np.int64)
-
-
-def cell_of_key(key: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Undo `cell_key`."""
-    cell_y = (key + 2**31 & 0xFFFFFFFF) - 2**31
-    return (key - cell_y) >> 32, cell_y
-
-
 @dataclass(frozen=True)
 class _Looks:
     """Fused looks of all drives, one row each: cell key, drive number, evidence over the union of classes."""
 
     key: np.ndarray
     drive: np.ndarray
-    log_probability: np.ndarray
+    logs: np.ndarray
     quality: np.ndarray
     unknown: np.ndarray
     seen_s: np.ndarray
@@ -89,22 +76,17 @@ def combine(drives: Sequence[Drive], classes: tuple[str, ...], cell_size_m: floa
     number = len(keys)
     seen_s = np.full(number, -np.inf)
     np.fmax.at(seen_s, cell, looks.seen_s)
-    told = ~looks.unknown
-    pair, pair_row = np.unique(cell[told] * max(len(drives), 1) + looks.drive[told], return_inverse=True)
-    share = np.maximum(looks.quality[told], 1e-6)
-    pooled = np.zeros((len(pair), len(classes)))
-    np.add.at(pooled, pair_row, share[:, None] * looks.log_probability[told])
-    pooled /= np.bincount(pair_row, weights=share, minlength=len(pair))[:, None]
+    open_ = ~looks.unknown
+    pair, pair_row = np.unique(cell[open_] * max(len(drives), 1) + looks.drive[open_], return_inverse=True)
+    share = np.maximum(looks.quality[open_], 1e-6)
+    mean = sums_by(pair_row, share[:, None] * looks.logs[open_], len(pair))
+    mean /= np.bincount(pair_row, weights=share, minlength=len(pair))[:, None]
     best = np.zeros(len(pair))
-    np.maximum.at(best, pair_row, looks.quality[told])
+    np.maximum.at(best, pair_row, looks.quality[open_])
     pair_cell = pair // max(len(drives), 1)
-    weight = _best_whole(pair_cell, best)
-    evidence = np.zeros((number, len(classes)))
-    np.add.at(evidence, pair_cell, weight[:, None] * pooled)
+    probability = pooled(sums_by(pair_cell, _best_whole(pair_cell, best)[:, None] * mean, number))
     counts = np.bincount(pair_cell, minlength=number)
     reason, reasons = _why_unknown(looks, cell, counts)
-    probability = np.exp(evidence - np.max(evidence, axis=1, keepdims=True)) if classes else evidence
-    probability /= np.sum(probability, axis=1, keepdims=True) if classes else 1.0
     probability[counts == 0] = np.nan
     return Cells(keys, probability, np.where(np.isinf(seen_s), np.nan, seen_s), counts, reason, reasons)
 
@@ -118,18 +100,15 @@ def _gather(drives: Sequence[Drive], classes: tuple[str, ...], cell_size_m: floa
         if not len(rows):
             continue
         # The cell's centre decides, should this drive's grid be finer than the common one.
-        places = (np.stack([terrain.cell_x[rows], terrain.cell_y[rows]]) + 0.5) * terrain.cell_size_m
-        cells = np.floor(places / cell_size_m).astype(np.int64)
-        probability = np.full((len(rows), len(classes)), LEAST_PROBABILITY)
-        columns = [classes.index(name) for name in evidence.classes]
-        probability[:, columns] = np.maximum(evidence.probabilities[rows], LEAST_PROBABILITY)
-        probability /= np.sum(probability, axis=1, keepdims=True)
+        x_m, y_m = ((cell[rows] + 0.5) * terrain.cell_size_m for cell in (terrain.cell_x, terrain.cell_y))
+        probability = np.zeros((len(rows), len(classes)))
+        probability[:, [classes.index(name) for name in evidence.classes]] = evidence.probabilities[rows]
         start = math.nan if drive.started is None else drive.started.timestamp()
         parts.append(
             (
-                cell_key(cells[0], cells[1]),
+                cell_keys(cells_of(x_m, y_m, cell_size_m)),
                 np.full(len(rows), number),
-                np.log(probability),
+                centred_logs(probability),
                 evidence.quality[rows],
                 evidence.unknown[rows],
                 start + terrain.time_s[rows],
@@ -141,8 +120,8 @@ def _gather(drives: Sequence[Drive], classes: tuple[str, ...], cell_size_m: floa
         return _Looks(
             none.astype(np.int64), none.astype(int), np.zeros((0, len(classes))), none, none.astype(bool), none, ()
         )
-    key, drive, log_probability, quality, unknown, seen_s = map(np.concatenate, zip(*parts, strict=True))
-    return _Looks(key, drive, log_probability, quality, unknown, seen_s, tuple(reasons))
+    key, drive, logs, quality, unknown, seen_s = map(np.concatenate, zip(*parts, strict=True))
+    return _Looks(key, drive, logs, quality, unknown, seen_s, tuple(reasons))
 
 
 def _best_whole(cell: np.ndarray, quality: np.ndarray) -> np.ndarray:

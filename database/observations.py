@@ -1,7 +1,7 @@
 """What a drive brings home: the frozen types that go into the terrain database.
 
 Ground is observed on a grid of square cells in the site's own frame: cell (i, j) of size s covers
-``[i s, (i + 1) s) x [j s, (j + 1) s)``; `cell_indices` turns places into cells.
+``[i s, (i + 1) s) x [j s, (j + 1) s)``; `framework.core.pooling.cells_of` turns places into cells.
 """
 
 from __future__ import annotations
@@ -17,29 +17,13 @@ from functools import cached_property
 import numpy as np
 
 from ..framework.core.evidence import ClassEvidence
+from ..framework.core.pooling import LARGEST_CELL_INDEX
 from ..framework.core.soil import SoilEstimate
 
 SENSES = ("camera", "microphone", "fused")
 """Who saw it: one sense, or the belief fused from all of them."""
 
-LARGEST_CELL_INDEX = 2**31 - 1
-"""Cell indices lie within +- this, so that two of them make one 64-bit key."""
-
 _NAMESPACE = uuid.UUID("6f2b1c1e-6f0b-5d0c-9a43-5b1d8c3f7a10")
-
-
-def cell_indices(x_m: np.ndarray, y_m: np.ndarray, cell_size_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Give the cells (i, j), int64, in which places [m] lie.
-
-    Raises
-    ------
-    ValueError
-        A place is not finite or lies beyond `LARGEST_CELL_INDEX` cells from the origin.
-    """
-    cells = np.floor(np.stack([np.asarray(x_m, dtype=float), np.asarray(y_m, dtype=float)]) / cell_size_m)
-    if not np.all(np.abs(cells) <= LARGEST_CELL_INDEX):
-        raise ValueError("a place is not finite or too far from the origin for the grid")
-    return cells[0].astype(np.int64), cells[1].astype(np.int64)
 
 
 @dataclass(frozen=True)
@@ -51,7 +35,7 @@ class TerrainObservations:
     cell_size_m
         Edge of a cell [m].
     cell_x, cell_y : (m,) int
-        Cell indices (`cell_indices`).
+        Cell indices (`framework.core.pooling.cells_of`).
     time_s : (m,)
         Time on the recording's clock [s].
     sense : (m,) str

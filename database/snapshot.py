@@ -15,9 +15,10 @@ from numpy.typing import ArrayLike
 
 from ..framework.core.arguments import number, numbers, refused, shown
 from ..framework.core.errors import InputError
+from ..framework.core.pooling import LARGEST_CELL_INDEX, cell_keys, cells_from_keys, rows_of_keys
 from .answer import GroundAnswer, StrengthTable
-from .belief import NO_PLACE, NOT_SEEN, Cells, cell_key, cell_of_key, combine, grid_size
-from .observations import LARGEST_CELL_INDEX, Drive
+from .belief import NO_PLACE, NOT_SEEN, Cells, combine, grid_size
+from .observations import Drive
 from .posterior import ClassSoil, class_soils
 
 if TYPE_CHECKING:
@@ -193,13 +194,7 @@ class Snapshot:
         cell = np.floor(places / self.cell_size_m)
         on_grid = np.all(np.abs(cell) <= LARGEST_CELL_INDEX, axis=1)  # False for NaN
         whole = np.where(on_grid[:, None], cell, 0.0).astype(np.int64)
-        key = cell_key(whole[:, 0], whole[:, 1])
-        if len(self.cells.key):
-            row = np.searchsorted(self.cells.key, key)
-            row[row == len(self.cells.key)] = 0
-            row = np.where(self.cells.key[row] == key, row, -1)
-        else:
-            row = np.full(len(key), -1)
+        row = rows_of_keys(self.cells.key, cell_keys(whole))
         row[~on_grid] = -1
         row[~np.all(np.isfinite(places), axis=1)] = -2
         return row
@@ -212,9 +207,9 @@ class Snapshot:
         farthest = LARGEST_CELL_INDEX - 1
         west, east = np.clip(np.floor(np.sort([x0, x1]) / self.cell_size_m), -farthest, farthest).astype(int)
         # Keys are sorted by x first: the columns of the box are one slice.
-        first, last = np.searchsorted(self.cells.key, [west * 2**32 - 2**31, east * 2**32 + 2**31])
-        cell_x, cell_y = cell_of_key(self.cells.key[first:last])
-        x, y = (cell_x + 0.5) * self.cell_size_m, (cell_y + 0.5) * self.cell_size_m
+        corners = cell_keys(np.array([[west, -(2**31)], [east + 1, -(2**31)]]))
+        first, last = np.searchsorted(self.cells.key, corners)
+        x, y = (cells_from_keys(self.cells.key[first:last]).T + 0.5) * self.cell_size_m
         inside = (x >= min(x0, x1)) & (x <= max(x0, x1)) & (y >= min(y0, y1)) & (y <= max(y0, y1))
         return first + np.flatnonzero(inside), x[inside], y[inside]
 

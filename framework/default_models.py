@@ -20,9 +20,9 @@ from sqlalchemy.engine import make_url
 from sqlalchemy.exc import ArgumentError
 
 from .core.arguments import path_of
+from .core.classifier.classifier import TerrainClassifier
+from .core.classifier.store import FORMAT_VERSION
 from .core.errors import InputError
-from .core.learning import TerrainClassifier
-from .core.learning_metadata import FORMAT_VERSION
 
 CACHE_VARIABLE = "BEVAMETER_CACHE"
 """Environment variable that names another folder for the cache."""

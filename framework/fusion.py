@@ -27,9 +27,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import log_softmax
 
 from .core.evidence import UNKNOWN
-from .sense_map import SenseMap, SummedLooks, cell_keys, cells_from_keys, look_correlation
+from .core.pooling import cell_keys, cells_from_keys, pooled, rows_of_keys
+from .sense_map import SenseMap, SummedLooks, look_correlation
 
 CONTRADICTION_SAID = 0.25
 """Contradiction from which on it is given as a reason [-]."""
@@ -87,13 +89,10 @@ class Belief:
 
     def rows(self, cells: np.ndarray) -> np.ndarray:
         """Find cells, (m, 2): their rows in this belief, (m,), -1 where a cell is not in it."""
-        if not len(self):
-            return np.full(len(cells), -1)
         keys = cell_keys(self.cells)
         order = np.argsort(keys)
-        wanted = cell_keys(cells)
-        place = np.minimum(np.searchsorted(keys, wanted, sorter=order), len(keys) - 1)
-        return np.where(keys[order[place]] == wanted, order[place], -1)
+        row = rows_of_keys(keys[order], cell_keys(cells))
+        return np.where(row < 0, -1, order[row]) if len(self) else row
 
 
 def fuse(
@@ -133,13 +132,14 @@ def fuse(
         prior = np.maximum(prior, vote.weight[:, None] * vote.knows)
         log_ratio += vote.log_ratio
     unknown = prior.sum(axis=1) <= 0.0
-    probabilities = _normalised(prior, log_ratio, unknown)
+    with np.errstate(divide="ignore"):
+        logs = np.where(unknown[:, None], 0.0, np.log(prior) + log_ratio)
     best_weight = np.max([vote.weight for vote in votes], axis=0) if votes else np.zeros(len(keys))
     contradiction, said = _contradictions(votes, classes, len(keys))
     return Belief(
         classes=classes,
         cells=cells_from_keys(keys),
-        probabilities=probabilities,
+        probabilities=pooled(logs),
         quality=np.where(unknown, 0.0, best_weight * (1.0 - contradiction)),
         unknown=unknown,
         reasons=_reasons(votes, unknown, said),
@@ -171,7 +171,7 @@ def _vote(summed: SummedLooks, keys: np.ndarray, classes: tuple[str, ...], rho: 
     n, k = len(keys), max(len(summed.classes), 1)
     effective = summed.kish / (1.0 + np.maximum(summed.kish - 1.0, 0.0) * rho)
     tempered = (summed.weight * effective)[:, None] * summed.mean_logs
-    tempered -= np.log(np.sum(np.exp(tempered), axis=1, keepdims=True)) if len(summed.classes) else 0.0
+    tempered = log_softmax(tempered, axis=1) if tempered.size else tempered
 
     def spread(values: np.ndarray) -> np.ndarray:
         answer = np.zeros(n)
@@ -189,17 +189,6 @@ def _vote(summed: SummedLooks, keys: np.ndarray, classes: tuple[str, ...], rho: 
         summed.sense, knows, spread(summed.weight), log_ratio, probabilities, spread(summed.looks).astype(np.int64),
         spread(effective), reason,
     )  # fmt: skip
-
-
-def _normalised(prior: np.ndarray, log_ratio: np.ndarray, unknown: np.ndarray) -> np.ndarray:
-    if not prior.size:
-        return prior
-    with np.errstate(divide="ignore"):
-        logs = np.log(prior) + log_ratio
-    logs[unknown] = 0.0
-    logs -= logs.max(axis=1, keepdims=True)
-    raw = np.exp(logs)
-    return raw / raw.sum(axis=1, keepdims=True)
 
 
 def _contradictions(votes: Sequence[_Vote], classes: tuple[str, ...], n: int) -> tuple[np.ndarray, dict[int, str]]:

@@ -16,14 +16,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from ..database.belief import cell_of_key
 from ..database.observations import Drive, SoilObservation
 from ..database.snapshot import Snapshot
 from ..database.store import TerrainDatabase
 from .core.errors import InputError
+from .core.files import whole
+from .core.pooling import cells_from_keys
 from .core.recording.types import Recording
-from .core.writing import whole
-from .track import track_of
+from .core.track.way import track_of
 
 COLOURS = {
     "sand": "#d9b44a", "loam": "#8a5a2b", "gravel": "#7d8a94", "grass": "#4f9a3d", "clay": "#c8553d",
@@ -116,7 +116,7 @@ def _stretches(drives: Sequence[Drive]) -> list[_Stretch]:
 
 def _bounds(snapshot: Snapshot) -> tuple[float, float, float, float]:
     """Corners of the seen ground [m]: least x, greatest x, least y, greatest y."""
-    cell_x, cell_y = cell_of_key(snapshot.cells.key)
+    cell_x, cell_y = cells_from_keys(snapshot.cells.key).T
     size = snapshot.cell_size_m
     return (
         float(cell_x.min()) * size, float(cell_x.max() + 1) * size,
@@ -142,7 +142,7 @@ def _colours(names: Sequence[str]) -> dict[str, str]:
 
 def _draw_cells(axes: Axes, snapshot: Snapshot, colours: dict[str, str]) -> None:
     cells = snapshot.cells
-    cell_x, cell_y = cell_of_key(cells.key)
+    cell_x, cell_y = cells_from_keys(cells.key).T
     known = np.isfinite(cells.probability).all(axis=1) & (cells.looks > 0)
     k = max(len(snapshot.class_names), 2)
     palette = np.array([*(to_rgb(colours[name]) for name in snapshot.class_names), to_rgb(_UNKNOWN_COLOUR)])
@@ -249,7 +249,7 @@ def _decorate(
 
 
 def _legend_title(snapshot: Snapshot) -> str:
-    cells = max(np.ptp(one) for one in cell_of_key(snapshot.cells.key)) + 1
+    cells = np.ptp(cells_from_keys(snapshot.cells.key), axis=0).max() + 1
     widened = "\ncells drawn wider than they are" if cells >= _CELLS_PLAIN_TO_SEE else ""
     return f"more opaque: surer{widened}"
 

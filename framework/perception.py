@@ -13,12 +13,13 @@ from threadpoolctl import threadpool_limits
 
 from ..audio.listen import SoundEvidence, listen
 from ..vision.observe import GroundEvidence, observe_ground
+from .core.classifier.classifier import TerrainClassifier
 from .core.evidence import ClassEvidence
-from .core.learning import TerrainClassifier
+from .core.pooling import cells_of
 from .core.recording.types import Recording
+from .core.track.way import Track, cells_under_wheels
 from .core.vehicle import Vehicle
-from .sense_map import SenseMap, cells_of, kind_of_reason
-from .track import Track, cells_under_wheels
+from .sense_map import SenseMap, kind_of_reason
 
 CAMERA, MICROPHONE = "camera", "microphone"
 

@@ -12,9 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .core.evidence import ClassEvidence
-
-PROBABILITY_FLOOR = 1e-3
-"""No look may rule a class out altogether: a classifier is never surer than one in a thousand [-]."""
+from .core.pooling import cell_keys, centred_logs, sums_by
 
 CORRELATION_RANGE = (1.0 / 3.0, 1.0)
 """Bounds of the correlation between looks [-]. The lower one allows at most three independent looks: what a whole
@@ -31,22 +29,6 @@ _PATH, _REMARK, _NUMBER = (
     re.compile(r"\s*\([^()]*\)"),
     re.compile(r"(?<!\w)-?\d+(?:\.\d+)?|\d+(?:\.\d+)?"),
 )
-
-
-def cells_of(x_m: np.ndarray, y_m: np.ndarray, cell_size_m: float) -> np.ndarray:
-    """Give the cells that points (n,) [m] lie in: (n, 2) int64."""
-    return np.floor(np.column_stack([x_m, y_m]) / cell_size_m).astype(np.int64)
-
-
-def cell_keys(cells: np.ndarray) -> np.ndarray:
-    """Give one int64 a cell, (n,): sortable, and the same for the same cell."""
-    return (cells[:, 0].astype(np.int64) << 32) + (cells[:, 1].astype(np.int64) + (1 << 31))
-
-
-def cells_from_keys(keys: np.ndarray) -> np.ndarray:
-    """Turn `cell_keys` back into cells, (n, 2)."""
-    first = keys >> 32
-    return np.column_stack([first, (keys - (first << 32)) - (1 << 31)])
 
 
 class SenseMap:
@@ -99,7 +81,7 @@ class SenseMap:
         quality = np.where(evidence.unknown, 0.0, evidence.quality)
         finite = np.isfinite(evidence.probabilities).all(axis=1) & np.isfinite(quality)
         quality = np.where(finite, np.clip(quality, 0.0, 1.0), 0.0)
-        logs = _centred_logs(np.where(finite[:, None], evidence.probabilities, 1.0))
+        logs = centred_logs(np.where(finite[:, None], evidence.probabilities, 1.0))
         reason = self._reason_ids(evidence.reasons, quality <= 0.0)
         self._buffer.append((cell_keys(cells), quality, logs, reason, np.asarray(time_s, dtype=float)))
         self._buffered += len(evidence)
@@ -135,18 +117,15 @@ class SenseMap:
         additions = np.column_stack(
             [quality > 0, quality <= 0, quality, quality**2, quality * np.sum(logs**2, axis=1)]
         ).astype(float)
-        for column in range(5):
-            sums[:, column] += np.bincount(row, additions[:, column], len(union))
-        pooled = grown(self._logs, len(self.classes))
-        for column in range(len(self.classes)):
-            pooled[:, column] += np.bincount(row, quality * logs[:, column], len(union))
+        sums += sums_by(row, additions, len(union))
+        weighted = grown(self._logs, len(self.classes)) + sums_by(row, quality[:, None] * logs, len(union))
         counts = grown(self._reason_counts, n_reasons)
         closed = reason >= 0
         np.add.at(counts, (row[closed], reason[closed]), 1.0)
         last = np.full(len(union), -np.inf)
         last[old] = self._last_s
         np.maximum.at(last, row, time_s)
-        self._keys, self._sums, self._logs, self._reason_counts, self._last_s = union, sums, pooled, counts, last
+        self._keys, self._sums, self._logs, self._reason_counts, self._last_s = union, sums, weighted, counts, last
 
     def summed(self) -> SummedLooks:
         """Give the sums over all looks so far, one row a cell that was looked at."""
@@ -234,12 +213,6 @@ def kind_of_reason(text: str) -> str:
     return _NUMBER.sub("…", text).strip()
 
 
-def _centred_logs(probabilities: np.ndarray) -> np.ndarray:
-    """Floored log-probabilities less their mean over the classes (Aitchison's centred log-ratio): (m, k)."""
-    logs = np.log(np.maximum(probabilities, PROBABILITY_FLOOR))
-    return logs - logs.mean(axis=1, keepdims=True)
-
-
 def look_correlation(summed: SummedLooks) -> float:
     """Estimate how far looks of one sense at one cell go together, given the class [-].
 
@@ -258,8 +231,7 @@ def look_correlation(summed: SummedLooks) -> float:
     verdict = np.argmax(logs, axis=1)
     k = len(summed.classes)
     count = np.bincount(verdict, minlength=k)
-    means = np.column_stack([np.bincount(verdict, logs[:, column], k) for column in range(k)])
-    means /= np.maximum(count, 1)[:, None]
+    means = sums_by(verdict, logs, k) / np.maximum(count, 1)[:, None]
     spread = np.sum((logs - means[verdict]) ** 2) / max(cells - np.count_nonzero(count), 1)
     between = max(spread - within * float(np.mean(1.0 / kish)), 0.0)
     estimate = between / (between + within) if between + within > 0 else 1.0

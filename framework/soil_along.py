@@ -11,10 +11,10 @@ from ..database.observations import SoilObservation
 from ..identification.identify import Segment, identify_segments
 from .core.errors import InputError
 from .core.recording.types import Recording, WheelTable
+from .core.track.way import DEAD_RECKONING, Track
 from .perception import Progress
 from .sense_map import kind_of_reason
 from .stretches import ClassTrack
-from .track import DEAD_RECKONING, Track
 from .traverse_summary import LearntSoil
 
 CHANGE_MARGIN_M = 0.5

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from .core.evidence import UNKNOWN
+from .core.track.way import Track, cells_under_wheels
 from .core.vehicle import Vehicle
 from .fusion import Belief
-from .track import Track, cells_under_wheels
 
 PATCH_LENGTH_M = 10.0
 """Typical length of ground of one class [m]: what a change of class from cell to cell is weighed against."""

@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from .core.labelled import read_labelled
-from .core.learning import TerrainClassifier, TrainingOutcome
+from .core.classifier.classifier import TerrainClassifier, TrainingOutcome
+from .core.classifier.labelled import read_labelled
 
 Modality = Literal["vision", "audio", "vibration"]
 

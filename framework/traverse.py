@@ -17,15 +17,15 @@ from ..database.schema import holds_database, parse_url, shown
 from ..database.store import Added, TerrainDatabase
 from .core.arguments import number, refused
 from .core.evidence import ClassEvidence
-from .core.recording.open import read_recording
+from .core.recording.readers import read_recording
 from .core.recording.types import Recording
+from .core.track.way import DEAD_RECKONING, Track, cells_under_wheels, track_of
 from .core.vehicle import Vehicle, as_vehicle
 from .default_models import Models, find_models
 from .fusion import Belief, fuse
 from .perception import Progress, SenseRecord, perceive, senses_of
 from .soil_along import learn_soil, recall_soil
 from .stretches import classes_along
-from .track import DEAD_RECKONING, Track, cells_under_wheels, track_of
 from .traverse_summary import (
     SenseSummary,
     TraverseSummary,

@@ -13,7 +13,7 @@ from scipy.stats import t as t_distribution
 
 from ..framework.core.arguments import refused
 from ..framework.core.errors import InputError
-from ..framework.core.recording.open import read_recording
+from ..framework.core.recording.readers import read_recording
 from ..framework.core.recording.types import Recording, WheelTable
 from ..framework.core.soil import Quantity, ShearStrength, SoilEstimate, SoilKnowledge, as_knowledge
 from ..framework.core.vehicle import Vehicle, Wheel, as_vehicle

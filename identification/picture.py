@@ -14,9 +14,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from scipy.stats import chi2
 
+from ..framework.core.files import whole
 from ..framework.core.recording.types import Recording
 from ..framework.core.soil import SoilEstimate, SoilKnowledge
-from ..framework.core.writing import whole
 from .estimation import LEAST_ROWS, Measured, solve, usable
 from .felt_rows import FeltRows, felt_rows
 from .identify import Identification, measured_rows

@@ -16,7 +16,7 @@ import typer
 from bevameter import ClassEvidence, SoilEstimate, TerrainDatabase
 from bevameter.database.observations import Drive, SoilObservation, TerrainObservations
 from bevameter.framework.cli.main import app
-from bevameter.framework.core.recording.folder import _About
+from bevameter.framework.core.recording.formats.folder import _About
 from bevameter.framework.core.recording.topic_map import load_topic_map
 from bevameter.framework.core.recording.types import WHEEL_COLUMNS
 from bevameter.framework.core.soil import Quantity

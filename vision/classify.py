@@ -8,10 +8,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ..framework.core.classifier.classifier import TerrainClassifier
 from ..framework.core.errors import InputError
 from ..framework.core.evidence import ClassEvidence
-from ..framework.core.learning import TerrainClassifier
-from ..framework.core.recording.media import read_image
+from ..framework.core.recording.camera import read_image
 from .features import FEATURE_NAMES, PATCH_PX, patch_features
 from .quality import check_limits, patch_quality
 from .train import MIN_SIDE_PX, MODALITY, reduced

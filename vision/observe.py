@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..framework.core.classifier.classifier import TerrainClassifier
 from ..framework.core.evidence import ClassEvidence
-from ..framework.core.learning import TerrainClassifier
 from ..framework.core.recording.types import CameraStream, Frame
 from ..framework.core.vehicle import Camera
 from .classify import check_model, patch_evidence

@@ -8,10 +8,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ..framework.core.classifier.classifier import TerrainClassifier, TrainingOutcome
+from ..framework.core.classifier.labelled import LabelledFile
 from ..framework.core.errors import InputError
-from ..framework.core.labelled import LabelledFile
-from ..framework.core.learning import TerrainClassifier, TrainingOutcome
-from ..framework.core.recording.media import read_image
+from ..framework.core.recording.camera import read_image
 from .augment import AS_IT_IS, CROP_PX, DEGRADED, MAX_BLUR, training_patches
 from .features import FEATURE_NAMES, PATCH_PX, patch_features
 from .quality import learn_limits
@@ -154,7 +154,7 @@ def train_vision_patches(
     rng, progress
         As in `train_vision`.
     candidates
-        Kinds of classifiers to choose from, of `bevameter.framework.core.learning_fit.CANDIDATES`.
+        Kinds of classifiers to choose from, of `bevameter.framework.core.fitting.CANDIDATES`.
 
     Raises
     ------

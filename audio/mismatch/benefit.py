@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...framework.core.learning import TerrainClassifier
+from ...framework.core.classifier.classifier import TerrainClassifier
 from ...framework.core.recording.types import Labels, SoundStream
 from ..listen import listen
 

@@ -26,7 +26,7 @@ from bevameter.audio.mismatch.benefit import Gain, gain_of, heard
 from bevameter.audio.mismatch.explain import SoundExplanation, explain_sound
 from bevameter.audio.quality import NOISE_FREE_DB
 from bevameter.audio.train import train_audio_windows
-from bevameter.framework.core.learning import TerrainClassifier
+from bevameter.framework.core.classifier.classifier import TerrainClassifier
 from bevameter.framework.core.recording.types import Labels, SoundBlock
 from bevameter.framework.scenario.contact_sound import VOICES, contact_sound
 

@@ -20,7 +20,7 @@ def command(
 ) -> None:
     """Draw the ground by class, the surer the more opaque, and the soil where the wheels felt it."""
     from ...database.store import TerrainDatabase
-    from ..core.recording.open import read_recording
+    from ..core.recording.readers import read_recording
     from ..map_picture import draw_map
     from .printing import check_outputs
 

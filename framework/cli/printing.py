@@ -13,8 +13,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-from ..core.writing import check_outputs as check_outputs
-from ..core.writing import write_text as write_text
+from ..core.files import check_outputs as check_outputs
+from ..core.files import write_text as write_text
 from .output import console_of_results, print_table
 
 

@@ -30,7 +30,7 @@ def command(
     json: Annotated[Path | None, typer.Option("--json", help="Write the summary as JSON.")] = None,
 ) -> None:
     """Read, recognise, fuse, identify, store, and say what was found."""
-    from ..core.recording.open import read_recording
+    from ..core.recording.readers import read_recording
     from ..traverse import run_traverse
     from .printing import check_outputs, progress_bars, write_json
     from .run_summary import print_summary

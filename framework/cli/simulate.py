@@ -26,7 +26,7 @@ def command(
 ) -> None:
     """Add torque, sinkage and drawbar pull to a drive."""
     from ...identification.simulate import notes, simulate
-    from ..core.recording.write import write_wheel_file
+    from ..core.recording.wheel_file import write_wheel_file
     from ..core.vehicle import load_vehicle
     from .printing import check_outputs
 

@@ -32,7 +32,7 @@ def command(
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random.")] = 0,
 ) -> None:
     """Train, test on groups that were held out, and write the model."""
-    from ..core.learning_report import report_html
+    from ..core.classifier.report import report_html
     from ..training import train_from_folder
     from .printing import check_outputs, status, write_json, write_text
     from .training_report import print_report

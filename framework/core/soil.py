@@ -12,7 +12,7 @@ import numpy as np
 
 from .arguments import refused
 from .errors import InputError
-from .vehicle import load_toml
+from .files import load_toml
 
 PARAMETERS = ("c_Pa", "phi_rad", "k_m", "stiffness_Pa", "n")
 """Cohesion c [Pa], friction angle phi [rad], Janosi shear modulus k [m], stiffness k1 + k2 b of the paper's Eq. 6

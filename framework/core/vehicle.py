@@ -4,41 +4,19 @@ from __future__ import annotations
 
 import math
 import os
-import sys
-import tomllib
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import (
-    AfterValidator,
-    AliasChoices,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    ValidationError,
-    ValidationInfo,
-    field_validator,
-    model_validator,
-)
+from pydantic import AfterValidator, AliasChoices, Field, ValidationInfo, field_validator, model_validator
 
-from .arguments import path_of, refused
+from .arguments import refused
 from .errors import InputError
-
-_SHOWN = 80
-"""Characters of a value that are shown at most [-]."""
+from .files import load_toml
+from .models import FileModel, Finite, NonNegative, Number, Positive, Whole, checked
 
 _LARGEST_M = 10.0
 """No wheel has a length beyond it: the largest are two metres in radius."""
-
-
-def _number(value: object) -> object:
-    """Refuse what pydantic would take for a number though a file that says it has another meaning."""
-    if isinstance(value, bool | str):
-        raise ValueError(f"{value!r:.{_SHOWN}}, expected a number")
-    return value
 
 
 def _coefficients(values: tuple[float, ...]) -> tuple[float, ...]:
@@ -53,12 +31,7 @@ def _length(value: float) -> float:
     return value
 
 
-Number = Annotated[float, BeforeValidator(_number)]
-Whole = Annotated[int, BeforeValidator(_number)]
-Positive = Annotated[Number, Field(gt=0, allow_inf_nan=False)]
 Length = Annotated[Number, AfterValidator(_length)]
-NonNegative = Annotated[Number, Field(ge=0, allow_inf_nan=False)]
-Finite = Annotated[Number, Field(allow_inf_nan=False)]
 
 NOISY_COLUMNS = (
     "load_N", "torque_Nm", "sinkage_m", "slip", "drawbar_pull_N", "wheel_speed_rad_s", "travel_speed_m_s",
@@ -67,11 +40,7 @@ NOISY_COLUMNS = (
 """Wheel columns whose noise a vehicle may state."""
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class Wheel(_Part):
+class Wheel(FileModel):
     """A rigid wheel: radius r [m], width b [m], and its grousers (lugs)."""
 
     radius_m: Length
@@ -93,7 +62,7 @@ class Wheel(_Part):
         return height_m
 
 
-class Camera(_Part):
+class Camera(FileModel):
     """A pinhole camera that looks ahead and down at flat ground.
 
     The optical axis is `pitch_rad` below the horizon, `height_m` above the ground, at `forward_m` ahead of the
@@ -118,14 +87,14 @@ class Camera(_Part):
         return np.asarray(self.matrix, dtype=float)
 
 
-class Microphone(_Part):
+class Microphone(FileModel):
     """A microphone near the wheels: its place in the vehicle frame [m] and its gain [dB]."""
 
     position_m: tuple[Finite, Finite] = (0.0, 0.0)
     gain_dB: Finite = 0.0
 
 
-class Vehicle(_Part):
+class Vehicle(FileModel):
     """A vehicle as `vehicle.toml` describes it.
 
     `noise` gives standard deviations of the wheel channels by column name (``load_N = 5.0``); a channel that is
@@ -134,7 +103,7 @@ class Vehicle(_Part):
 
     name: str = "vehicle"
     wheels: Annotated[tuple[Wheel, ...], Field(min_length=1)]
-    noise: dict[str, Positive] = {}
+    noise: dict[str, Positive] = Field(default_factory=dict)
     camera: Camera | None = None
     microphone: Microphone | None = None
 
@@ -181,39 +150,6 @@ class Vehicle(_Part):
         )
 
 
-_INTEGERS = "one of no more than 64 bits; write it with a decimal point"
-
-
-def load_toml(path: str | Path) -> dict:
-    """Read a TOML file; raises `InputError` where it is missing, no TOML, or holds a number of more than 64 bits."""
-    path = path_of("file", path, "the path of a TOML file")
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-        _check_integers(path, data)
-    except FileNotFoundError:
-        raise InputError(path, "no such file", expected="a TOML file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(path, str(error), expected="a readable TOML text file") from error
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(path, str(error), expected="valid TOML") from error
-    except RecursionError:
-        raise InputError(path, "nested too deeply", expected="valid TOML, a few tables deep") from None
-    except ValueError:  # Python turns no longer text into a whole number
-        limit = sys.get_int_max_str_digits()
-        raise InputError(path, f"a whole number of more than {limit} digits", expected=_INTEGERS) from None
-    return data
-
-
-def _check_integers(path: Path, value: object, key: str = "") -> None:
-    """Refuse whole numbers that TOML does not have, in tables and arrays however deep: no float may hold them."""
-    parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    for name, part in parts:
-        _check_integers(path, part, f"{key}.{name}" if key else str(name))
-    if isinstance(value, int) and value.bit_length() > 63:
-        digits = f"a whole number of {len(str(abs(value)))} digits"
-        raise InputError(path, digits, expected=_INTEGERS, place=f"key {key}")
-
-
 def load_vehicle(path: str | Path) -> Vehicle:
     """Read `vehicle.toml`.
 
@@ -225,10 +161,7 @@ def load_vehicle(path: str | Path) -> Vehicle:
     data = load_toml(path)
     if "wheel" not in data and "wheels" not in data:
         raise InputError(path, "no wheel geometry", expected="a [wheel] table with radius_m and width_m")
-    try:
-        return Vehicle.model_validate(data)
-    except ValidationError as error:
-        raise input_error(path, error, {"wheels.0": "wheel"} if "wheels" not in data else {}) from None
+    return checked(Vehicle, data, path, {"wheels.0": "wheel"} if "wheels" not in data else {})
 
 
 def as_vehicle(vehicle: object) -> Vehicle:
@@ -244,18 +177,3 @@ def as_vehicle(vehicle: object) -> Vehicle:
     if not isinstance(vehicle, str | os.PathLike):
         raise refused("vehicle", vehicle, "a Vehicle, or the path of its TOML file")
     return load_vehicle(Path(vehicle))
-
-
-def input_error(path: str | Path, error: ValidationError, written: Mapping[str, str] | None = None) -> InputError:
-    """Turn the first fault that pydantic found into one line naming file, key (as it was `written`) and value.
-
-    A key that nothing reads comes before one that is missing: the former is often the latter, misspelt.
-    """
-    fault = min(error.errors(), key=lambda each: each["type"] != "extra_forbidden")
-    key = ".".join(str(part) for part in fault["loc"]) or None
-    for read, wrote in (written or {}).items():
-        key = key and key.replace(read, wrote, 1)
-    if fault["type"] == "extra_forbidden":
-        return InputError(path, "no such key", place=key and f"key {key}")
-    shown = "" if fault["type"] in ("missing", "value_error") else f"{fault['input']!r:.{_SHOWN}}: "
-    return InputError(path, f"{shown}{fault['msg'].removeprefix('Value error, ')}", place=key and f"key {key}")

@@ -13,11 +13,11 @@ import numpy as np
 
 from ...audio.classify import sound_evidence
 from ...vision.observe import observe_ground
+from ..core.classifier.classifier import TerrainClassifier
+from ..core.classifier.scores import calibration_error
 from ..core.errors import InputError
 from ..core.evidence import ClassEvidence
-from ..core.learning import TerrainClassifier
-from ..core.learning_report import calibration_error
-from ..core.recording.media import decode_image
+from ..core.recording.camera import decode_image
 from ..core.recording.types import Frame
 from .hearing import heard
 from .plan import Plan

@@ -17,7 +17,7 @@ from ...audio.augment import NOISES, sounding_power
 from ...audio.features import RATE_HZ, WINDOW_S, resample
 from ...audio.quality import NOISE_FREE_DB
 from ...vision.project import GroundPatches, ground_patches
-from ..core.recording.media import decode_image
+from ..core.recording.camera import decode_image
 from .contact_sound import VOICES, contact_sound, engine, motor_whine, wind
 from .ground import PAINTERS, paint_tile
 from .presets import PRESETS

@@ -10,12 +10,12 @@ from scipy.signal import savgol_coeffs, savgol_filter
 from scipy.stats import median_abs_deviation
 
 from ...framework.core.recording.types import WheelTable
+from ...framework.core.track.passes import side_by_side, slip_before
+from ...framework.core.track.place import axis_of, place_of
+from ...framework.core.track.positions import continuous, set_down
 from ...framework.core.vehicle import Wheel
 from ..noise import NORMAL_MAD
 from .effect import COVARIATES, Drive
-from .passes import side_by_side, slip_before
-from .positions import continuous, set_down
-from .track import axis_of, place_of
 
 COLUMNS = {
     "load_N": "load_N",

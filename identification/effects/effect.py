@@ -11,9 +11,9 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from ...framework.core.track.place import ALONG_X, Axis
 from ...framework.core.vehicle import Wheel
 from ..mechanics.fields import COLUMN
-from .track import ALONG_X, Axis
 
 Kind = Literal["physics", "instrument", "unknown"]
 

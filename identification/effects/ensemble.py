@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from ...framework.core.soil import PARAMETERS, PLAUSIBLE
+from ...framework.core.track.place import ALONG_X
 from ...framework.core.vehicle import Wheel
 from ..mechanics.augmented import SOIL_COUNT, AugmentedWheel
 from ..mechanics.soil import Soil, slope_of_internal
@@ -20,7 +21,6 @@ from .drive import PresentDrive
 from .effect import COVARIATES, PULL, Effect
 from .named import lugs_of, pinned, situation_of, smallest_holding, specimen
 from .stored import AugmentedSimulator, StoredEffect
-from .track import ALONG_X
 
 GROUND = (
     "slip_sinkage", "stress_peak_shift", "exit_angle", "shear_hump", "hard_layer", "rim_adhesion", "bulldozing",

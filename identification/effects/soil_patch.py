@@ -8,8 +8,8 @@ from copy import copy
 
 import numpy as np
 
+from ...framework.core.track.place import coordinate
 from .effect import Contact, Drive, Effect, Parameter, Situation
-from .track import coordinate
 
 _ALONG = {"place": "place_m", "time": "time_s", "x": "x_m", "y": "y_m"}
 """What a patch may lie along, by its form's name, and the covariate that says where a sample is."""

@@ -11,10 +11,10 @@ from bevameter.audio import train
 from bevameter.audio.classify import classify_sounds, sound_evidence
 from bevameter.audio.listen import listen
 from bevameter.audio.train import train_audio, train_audio_arrays
+from bevameter.framework.core.classifier.classifier import TerrainClassifier
+from bevameter.framework.core.classifier.labelled import LabelledFile
 from bevameter.framework.core.errors import InputError
-from bevameter.framework.core.labelled import LabelledFile
-from bevameter.framework.core.learning import TerrainClassifier
-from bevameter.framework.core.recording.media import SoundFileStream, read_sound
+from bevameter.framework.core.recording.sound import SoundFileStream, read_sound
 from bevameter.framework.core.recording.types import SoundBlock
 from bevameter.framework.training import train_from_folder
 

@@ -8,9 +8,9 @@ import pytest
 from bevameter.audio.classify import classify_vibration
 from bevameter.audio.train import train_vibration
 from bevameter.audio.vibration_features import VibrationChannels, vibration_features
+from bevameter.framework.core.classifier.labelled import read_labelled
 from bevameter.framework.core.errors import InputError
-from bevameter.framework.core.labelled import read_labelled
-from bevameter.framework.core.recording.vibration_run import read_vibration_run
+from bevameter.framework.core.recording.vibration import read_vibration_run
 
 AXES = ("wx", "wy", "ax", "az")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bevameter.framework.cli.main import app
-from bevameter.framework.core.learning import TerrainClassifier
+from bevameter.framework.core.classifier.classifier import TerrainClassifier
 from typer.testing import CliRunner
 
 

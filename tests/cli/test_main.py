@@ -48,7 +48,7 @@ def failing_with(error, monkeypatch):
     def fail(*arguments, **options):
         raise error
 
-    monkeypatch.setattr("bevameter.framework.core.recording.open.read_recording", fail)
+    monkeypatch.setattr("bevameter.framework.core.recording.readers.read_recording", fail)
     return CliRunner().invoke(cli.app, ["run", "somewhere", "--db", "t.db"])
 
 

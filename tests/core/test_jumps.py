@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from bevameter.framework.core.errors import InputError
-from bevameter.framework.core.recording.jumps import reached
-from bevameter.framework.core.recording.open import read_recording
+from bevameter.framework.core.recording.readers import read_recording
+from bevameter.framework.core.track.jumps import reached
 
 N = 200
 T = 0.05 * np.arange(N)

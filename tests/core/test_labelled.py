@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
+from bevameter.framework.core.classifier.labelled import read_labelled
 from bevameter.framework.core.errors import InputError
-from bevameter.framework.core.labelled import read_labelled
 
 
 @pytest.fixture

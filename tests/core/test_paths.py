@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 
 import pytest
+from bevameter.framework.core.classifier.labelled import read_labelled
 from bevameter.framework.core.errors import InputError
-from bevameter.framework.core.labelled import read_labelled
-from bevameter.framework.core.recording.media import SoundFileStream, read_image
-from bevameter.framework.core.recording.open import read_recording
+from bevameter.framework.core.recording.camera import read_image
+from bevameter.framework.core.recording.readers import read_recording
+from bevameter.framework.core.recording.sound import SoundFileStream
 from bevameter.framework.core.recording.tables import read_table
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import soundfile as sf
 from bevameter.framework.core.errors import InputError
-from bevameter.framework.core.recording.open import read_recording
+from bevameter.framework.core.recording.readers import read_recording
 
 VEHICLE = "[wheel]\nradius_m = 0.2\nwidth_m = 0.1\n"
 WHEEL = "time_s,load_N,wheel_speed_rad_s,travel_speed_m_s,x_m,y_m\n" + "".join(

@@ -7,14 +7,9 @@ import numpy as np
 import pytest
 import soundfile as sf
 from bevameter.framework.core.errors import InputError
-from bevameter.framework.core.recording import media
-from bevameter.framework.core.recording.media import (
-    SoundFileStream,
-    decode_image,
-    read_channels,
-    read_image,
-    read_sound,
-)
+from bevameter.framework.core.recording import sound
+from bevameter.framework.core.recording.camera import decode_image, read_image
+from bevameter.framework.core.recording.sound import SoundFileStream, read_channels, read_sound
 
 RATE = 8000
 
@@ -239,7 +234,7 @@ def test_limits(tone, tmp_path, monkeypatch):
     sf.write(path, tone, RATE)
     with pytest.raises(InputError, match=r"within its 4\.000 s"):
         read_sound(path, 3.0, 5.0)
-    monkeypatch.setattr(media, "MAX_SOUND_SAMPLES", 1000)
+    monkeypatch.setattr(sound, "MAX_SOUND_SAMPLES", 1000)
     with pytest.raises(InputError, match="32000 samples"):
         read_sound(path)
     sf.write(path, tone, 500)

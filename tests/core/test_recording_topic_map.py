@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bevameter.framework.core.errors import InputError
-from bevameter.framework.core.recording.open import read_recording
+from bevameter.framework.core.recording.readers import read_recording
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.recording.clock import interpolate, nearest
-from bevameter.framework.core.recording.open import read_recording
-from bevameter.framework.core.recording.vibration_run import read_vibration_run
+from bevameter.framework.core.recording.readers import read_recording
+from bevameter.framework.core.recording.vibration import read_vibration_run
 
 
 def write_run(path, time, **channels):

@@ -3,7 +3,7 @@ from datetime import datetime, timedelta, timezone
 
 import numpy as np
 import pytest
-from bevameter.database.observations import SoilObservation, TerrainObservations, cell_indices
+from bevameter.database.observations import SoilObservation, TerrainObservations
 
 
 def test_the_same_processing_is_the_same_drive(make):
@@ -37,16 +37,6 @@ def test_the_start_time_is_a_moment_not_a_text(make):
 
 def test_the_name_is_for_people_only(make):
     assert dataclasses.replace(make.drive(), name="renamed").id == make.drive().id
-
-
-def test_cells_cover_from_their_lower_edge():
-    x, y = cell_indices(np.array([0.0, 0.49, 0.5, -0.01]), np.array([0.0, 0.0, 0.0, -0.5]), 0.5)
-    assert x.tolist() == [0, 0, 1, -1]
-    assert y.tolist() == [0, 0, 0, -1]
-    with pytest.raises(ValueError, match="not finite"):
-        cell_indices(np.array([np.nan]), np.array([0.0]), 0.5)
-    with pytest.raises(ValueError, match="too far"):
-        cell_indices(np.array([1e12]), np.array([0.0]), 0.1)
 
 
 @pytest.mark.parametrize(

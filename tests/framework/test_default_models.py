@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bevameter.framework import default_models
+from bevameter.framework.core.classifier.classifier import TerrainClassifier
 from bevameter.framework.core.errors import InputError
-from bevameter.framework.core.learning import TerrainClassifier
 from bevameter.framework.default_models import cached_path, default_model, find_models, models_beside
 
 

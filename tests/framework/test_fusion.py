@@ -8,9 +8,6 @@ from bevameter.framework.core.evidence import ClassEvidence
 from bevameter.framework.fusion import fuse
 from bevameter.framework.sense_map import (
     SenseMap,
-    cell_keys,
-    cells_from_keys,
-    cells_of,
     kind_of_reason,
     look_correlation,
 )
@@ -207,12 +204,6 @@ def test_the_order_of_looks_batches_and_senses_does_not_matter(rng):
     np.testing.assert_allclose(first.quality, second.quality, rtol=1e-9)
     np.testing.assert_array_equal(first.last_seen_s, second.last_seen_s)
     assert first.reasons == second.reasons
-
-
-def test_cells_survive_their_keys_far_from_the_origin(rng):
-    cells = rng.integers(-(2**30), 2**30, (1000, 2))
-    np.testing.assert_array_equal(cells_from_keys(cell_keys(cells)), cells)
-    assert cells_of(np.array([-0.1, 0.6]), np.array([0.0, -0.6]), 0.5).tolist() == [[-1, 0], [1, -2]]
 
 
 def test_evidence_that_is_not_finite_has_no_vote():

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from bevameter.database.store import TerrainDatabase
 from bevameter.framework.cli.main import app
-from bevameter.framework.core.recording.open import read_recording
-from bevameter.framework.track import DEAD_RECKONING, track_of
+from bevameter.framework.core.recording.readers import read_recording
+from bevameter.framework.core.track.way import DEAD_RECKONING, track_of
 from bevameter.framework.traverse import run_traverse
 from typer.testing import CliRunner
 

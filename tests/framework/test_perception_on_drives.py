@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from bevameter.framework.core.classifier.classifier import TerrainClassifier
 from bevameter.framework.core.errors import InputError
-from bevameter.framework.core.learning import TerrainClassifier
 from bevameter.framework.default_models import SENSES, default_model
 from bevameter.framework.scenario.judge import judge_camera, judge_microphone
 from bevameter.framework.scenario.plan import make_plan

@@ -7,8 +7,7 @@ import pytest
 from bevameter import InputError, SoilKnowledge, simulate
 from bevameter.framework.cli.main import app
 from bevameter.framework.core.recording.types import WheelTable
-from bevameter.framework.core.recording.wheel_file import read_wheel_file
-from bevameter.framework.core.recording.write import write_wheel_file
+from bevameter.framework.core.recording.wheel_file import read_wheel_file, write_wheel_file
 from bevameter.framework.core.vehicle import Vehicle, Wheel
 from bevameter.identification.effects.catalogue import SLUGS, forms_by_name
 from bevameter.identification.effects.named import NamedEffect, specimen

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from bevameter import Wheel
 from bevameter.framework.core.recording.types import WheelTable
+from bevameter.framework.core.track.place import coordinate
 from bevameter.identification.effects.drive import drive_of, order_of, select_rows
-from bevameter.identification.effects.track import coordinate
 from bevameter.identification.mismatch.fit.lanes import lanes
 
 ROWS = 400

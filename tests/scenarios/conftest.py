@@ -7,7 +7,7 @@ import pytest
 from bevameter.audio.features import FEATURE_NAMES as SOUND_FEATURES
 from bevameter.audio.features import HOP_S, RATE_HZ, WINDOW_S
 from bevameter.audio.quality import MEASURES
-from bevameter.framework.core.learning import TerrainClassifier
+from bevameter.framework.core.classifier.classifier import TerrainClassifier
 from bevameter.vision.features import FEATURE_NAMES as IMAGE_FEATURES
 from bevameter.vision.features import PATCH_PX
 from refusals import VEHICLE, WHEEL, picture, sound

@@ -191,30 +191,35 @@ def test_soil_is_identified_from_a_bag(kind, folder, tmp_path):
             assert ours["overall"][name][end] == pytest.approx(same["overall"][name][end], rel=1e-3, abs=1e-6)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_of_a_bag_that_was_cut_off_the_rest_is_used_and_the_loss_is_said(kind, folder, small_models, tmp_path):
-    path = write_bag(kind, folder, tmp_path)
+def cut(path: Path, share: float) -> Path:
+    """Cut the bag's storage file off after a share of its length."""
     file = path if path.is_file() else next(path.glob("*.db3"))
     data = file.read_bytes()
-    file.write_bytes(data[: int(0.6 * len(data))])
+    file.write_bytes(data[: int(share * len(data))])
+    return file
+
+
+def test_of_an_mcap_file_that_was_cut_off_the_rest_is_used_and_the_loss_is_said(folder, small_models, tmp_path):
+    path = write_bag("mcap", folder, tmp_path)
+    cut(path, 0.6)
     page, said = ran(path, small_models, tmp_path)
     assert any("cut off or damaged" in problem for problem in page["problems"])
     assert "not usable" in said
-    assert "cut off or damaged" in said
+    assert "mcap recover" in said
     assert 0.3 * SECONDS < page["duration_s"] < SECONDS
     assert page["cells"].get("sand", 0) > 10
     assert all(sense["items"] > 0 for sense in page["senses"])
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_of_a_bag_that_holds_nothing_one_line_is_said(kind, folder, tmp_path):
+@pytest.mark.parametrize(("kind", "share"), [(kind, 0.0005) for kind in KINDS] + [("ros1", 0.6), ("ros2", 0.6)])
+def test_of_a_bag_that_cannot_be_read_one_line_is_said(kind, share, folder, tmp_path):
     path = write_bag(kind, folder, tmp_path)
-    file = path if path.is_file() else next(path.glob("*.db3"))
-    file.write_bytes(file.read_bytes()[:100])
+    file = cut(path, share)
     result = CliRunner().invoke(app, ["run", str(path), "--db", str(tmp_path / "t.db")])
     assert result.exit_code == 2
     assert len(result.stderr.splitlines()) == 1
     assert file.name in result.stderr
+    assert {"ros1": "rosbag reindex", "ros2": "sqlite3 FILE .recover", "mcap": "mcap recover"}[kind] in result.stderr
     assert not (tmp_path / "t.db").exists()
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bevameter.framework.core.recording.open import read_recording
+from bevameter.framework.core.recording.readers import read_recording
 from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.framework.scenario.concealed.drives import PROTOCOLS, draw_plan
 from bevameter.framework.scenario.concealed.effects import catalogue

@@ -11,7 +11,7 @@ import pytest
 import typer
 from bevameter.framework.cli.scenario import command
 from bevameter.framework.core.errors import InputError
-from bevameter.framework.core.recording.open import read_recording
+from bevameter.framework.core.recording.readers import read_recording
 from bevameter.framework.core.vehicle import load_vehicle
 from bevameter.framework.scenario.presets import PRESETS
 from bevameter.framework.scenario.write import to_toml, vehicle_toml, write_scenario

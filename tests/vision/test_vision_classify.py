@@ -7,10 +7,10 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from bevameter.framework.core import learning_fit
+from bevameter.framework.core.classifier import fitting
+from bevameter.framework.core.classifier.classifier import TerrainClassifier
+from bevameter.framework.core.classifier.labelled import LabelledFile, read_labelled
 from bevameter.framework.core.errors import InputError
-from bevameter.framework.core.labelled import LabelledFile, read_labelled
-from bevameter.framework.core.learning import TerrainClassifier
 from bevameter.framework.core.recording.types import Frame
 from bevameter.framework.core.vehicle import Camera
 from bevameter.vision import train as training
@@ -40,7 +40,7 @@ def model():
     rng = np.random.default_rng(2)
     kinds = [kind for kind in ("blades", "fine", "stones") for _ in range(6)]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(learning_fit, "TREES", 15)
+        patch.setattr(fitting, "TREES", 15)
         patch.setattr(training, "ROWS_WANTED", 18 * 14)
         images = [ground(rng, kind) for kind in kinds]
         return train_vision_arrays(images, kinds, [f"p{i}" for i in range(18)], rng).classifier
@@ -235,7 +235,7 @@ def test_held_out_photographs_are_named_better_than_by_chance(shared_data, monke
             groups.append(item.group)
     held = {group for groups in by_class.values() for group in groups[1::3]}
     monkeypatch.setattr(training, "ROWS_WANTED", 16 * len(labelled))
-    monkeypatch.setattr(learning_fit, "TREES", 30)
+    monkeypatch.setattr(fitting, "TREES", 30)
     outcome = train_vision([item for item in labelled if item.group not in held], np.random.default_rng(0))
     test = [item for item in labelled if item.group in held]
     images = [training.read_image(item.file) for item in test]

@@ -13,8 +13,9 @@ import numpy as np
 
 from ..errors import InputError
 from .bag_files import BagFile, Message
-from .bag_messages import DecodeError, decode, field, fields_of, stamp_ns
-from .media import MAX_IMAGE_PIXELS, block_hop, decode_image, sound_block
+from .bag_messages import DecodeError, decode, field, fields_of
+from .camera import MAX_IMAGE_PIXELS, decode_image
+from .sound import block_hop, sound_block
 from .topic_map import SoundFormat
 from .types import Frame, SoundBlock
 
@@ -215,12 +216,3 @@ def is_mp3(message: Message, content: Any, path: str) -> bool:
     except DecodeError:
         return False
     return bool(values.dtype == np.uint8 and len(values) > 3 and values[0] == 0xFF and values[1] & 0xE6 == 0xE2)
-
-
-def message_time(message: Message) -> tuple[int, Any | None]:
-    """Give a message's time [ns] and content; the time of recording and None where it cannot be decoded."""
-    try:
-        content = decode(message)
-    except DecodeError:
-        return message.time_ns, None
-    return stamp_ns(message, content), content

@@ -32,10 +32,8 @@ class WheelChannels:
         self._time_ns = array("q")
         self._values = {column: array("d") for column in source.fields}
 
-    def add(self, time_ns: int, content: Any | None) -> None:
+    def add(self, time_ns: int, content: Any) -> None:
         """Add a message; raises `DecodeError`, and adds nothing, where one of the fields is not there."""
-        if content is None:
-            return
         values = {column: reading(content, source) for column, source in self.source.fields.items()}
         self._time_ns.append(time_ns)
         for column, value in values.items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -12,16 +13,16 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..track.jumps import without_jumps
+from ..track.way import pose_from_wheel
 from ..vehicle import Vehicle
 from .bag_files import BagFile, Message
-from .bag_messages import DecodeError, decode, number
+from .bag_messages import DecodeError, decode, number, stamp_ns
 from .bag_messages import field as field_of
-from .bag_streams import BagCamera, BagSound, SoundLayout, is_mp3, message_time, samples_of
+from .bag_streams import BagCamera, BagSound, SoundLayout, is_mp3, samples_of
 from .bag_wheel import WheelChannels, merge, reading
 from .digest import StreamDigest
-from .jumps import without_jumps
-from .media import MAX_CHANNELS, SAMPLE_RATES
-from .streams import pose_from_wheel
+from .sound import MAX_CHANNELS, SAMPLE_RATES
 from .topic_map import PoseTopic, Recognised, SoundTopic, TopicMap, complete, load_topic_map, recognise, short_type
 from .types import Pose, Recording
 from .wheel_file import derive_all
@@ -38,8 +39,7 @@ class _Gathered:
 
     times: dict[str, list[int]]
     wheel: list[WheelChannels]
-    poses: list[tuple[float, float, float]] = field(default_factory=list)
-    pose_times: list[int] = field(default_factory=list)
+    poses: list[tuple[int, float, float, float]] = field(default_factory=list)
     frames: list[int] = field(default_factory=list)
     undecoded: Counter[str] = field(default_factory=Counter)
     reasons: dict[str, str] = field(default_factory=dict)
@@ -76,8 +76,12 @@ def read_bag(path: Path, *, vehicle: Vehicle | None = None, topics: Path | None 
     bag = BagFile(path)
     first = bag.first_messages()
     if not first:
-        raise InputError(path, "; ".join(bag.problems) or "no message in it", expected="a bag with messages")
-    samples = {name: content for name, message in first.items() if (content := message_time(message)[1]) is not None}
+        said = "; ".join(problem.removeprefix(f"{path.name}: ") for problem in bag.problems)
+        raise InputError(path, said or "no message in it", expected="a bag with messages")
+    samples: dict[str, Any] = {}
+    for name, message in first.items():
+        with suppress(DecodeError):
+            samples[name] = decode(message)
     names = {name: message.topic for name, message in first.items()}
     given = None if topics is None else load_topic_map(topics)
     known = recognise(names, samples, path) if given is None else complete(given, names, samples, path)
@@ -158,31 +162,21 @@ def _gather(bag: BagFile, known: TopicMap, sound: SoundTopic | None, digest: Str
         topic = message.topic.name
         digest.add(topic, struct.pack("<qQ", message.time_ns, len(message.data)))
         digest.add(topic, message.data)
-        time_ns, content = message_time(message)
-        gathered.times.setdefault(topic, []).append(time_ns)
-        if content is None:
-            gathered.fail(topic, _reason(message))
+        time_ns, content = message.time_ns, None
         try:
+            content = decode(message)
+            time_ns = stamp_ns(message, content)
             for channels in by_topic.get(topic, ()):
                 channels.add(time_ns, content)
-            if known.pose is not None and topic == known.pose.topic and content is not None:
-                gathered.poses.append(_pose_of(content, known.pose))
-                gathered.pose_times.append(time_ns)
+            if known.pose is not None and topic == known.pose.topic:
+                gathered.poses.append((time_ns, *_pose_of(content, known.pose)))
         except DecodeError as error:
-            if content is not None:
-                gathered.fail(topic, str(error))
+            gathered.fail(topic, str(error))
+        gathered.times.setdefault(topic, []).append(time_ns)
         if sound is not None and topic == sound.topic:
             _add_sound(gathered, message, content, sound)
     _refuse_empty(gathered, camera, path)
     return gathered
-
-
-def _reason(message: Message) -> str:
-    try:
-        decode(message)
-    except DecodeError as error:
-        return str(error)
-    return "cannot be decoded"
 
 
 def _add_sound(gathered: _Gathered, message: Message, content: Any, sound: SoundTopic) -> None:
@@ -226,8 +220,8 @@ def _pose_of(content: Any, source: PoseTopic) -> tuple[float, float, float]:
 def _pose(gathered: _Gathered, origin: int, path: Path) -> tuple[Pose | None, tuple[str, ...]]:
     if not gathered.poses:
         return None, ()
-    time = (np.array(gathered.pose_times, dtype=np.int64) - origin) * 1e-9
-    rows = np.array(gathered.poses)
+    time = (np.array([pose[0] for pose in gathered.poses], dtype=np.int64) - origin) * 1e-9
+    rows = np.array([pose[1:] for pose in gathered.poses])
     order = np.argsort(time, kind="stable")
     order = order[np.isfinite(rows[order]).all(axis=1)]
     if not len(order):

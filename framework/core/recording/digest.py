@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from .types import VibrationRun, WheelTable
+
 _PIECE = 2**20
 
 
@@ -46,6 +48,15 @@ class StreamDigest:
     def add_numbers(self, stream: str, numbers: Iterable[float]) -> None:
         """Add a few numbers."""
         self.add(stream, np.asarray(list(numbers), dtype="<f8").tobytes())
+
+    def add_wheel(self, table: WheelTable) -> None:
+        """Add a wheel table as it was read."""
+        self.add_columns("wheel", {**table.columns, "wheel": table.wheel, "run": table.run})
+
+    def add_vibration(self, run: VibrationRun) -> None:
+        """Add a vibration run."""
+        for names, values in ((run.names, run.channels), (run.wheel_names, run.wheel)):
+            self.add_columns("vibration", {"time_s": run.time_s, **dict(zip(names, values.T, strict=True))})
 
     def hexdigest(self) -> str:
         """Give the SHA-256 of all streams, hexadecimal."""

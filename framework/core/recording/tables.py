@@ -7,35 +7,30 @@ first row of a Parquet file, which has no header row, is row 1.
 
 from __future__ import annotations
 
-import csv
 import gzip
 import io
-import re
+import math
 import zlib
+from collections import deque
+from collections.abc import Callable
+from csv import Error as CsvError
+from csv import reader as csv_reader
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
+from pyarrow import csv
 
 from ..errors import InputError
-from .paths import file_size
+from ..files import file_size
 
 MAX_TABLE_BYTES = 256 * 2**20
 """No table is read whose text is longer than this, after unpacking: a gzip bomb ends here [bytes]."""
 
 _EMPTY_CELLS = ["", "nan", "NaN", "NAN", "NA", "N/A", "null", "None"]
-_TRUTH = re.compile(rb"\b(true|false)\b", re.IGNORECASE)
-_PIECE = 2**20
-_EXACT_BY_DEFAULT = (3, 1)  # from this pandas on, numbers are read to the last bit without asking, and asking warns
-_PRECISION: dict[str, Any] = (
-    {}
-    if tuple(int(part) for part in pd.__version__.split(".")[:2]) >= _EXACT_BY_DEFAULT
-    else {"float_precision": "round_trip"}
-)
 
 
 @dataclass(frozen=True)
@@ -68,6 +63,40 @@ class Table:
     def place(self, row: int, column: str) -> str:
         """Name a cell as a user finds it: `row` counts from 0 here."""
         return f"row {row + self.first_row}, column {column}"
+
+    def need(self, *names: str) -> tuple[np.ndarray, ...]:
+        """Give columns, each (n,); raises `InputError` where one is not there."""
+        columns = {**self.numbers, **self.text}
+        for name in names:
+            if name not in columns:
+                problem = f"no column {name}; there are {', '.join(columns)}"
+                raise InputError(self.source, problem, expected=", ".join(names))
+        return tuple(columns[name] for name in names)
+
+    def refuse(self, bad: np.ndarray, column: str, problem: Callable[[int], str], expected: str) -> None:
+        """Raise `InputError` for the first row, if any, in which a column is `bad` (n,)."""
+        if bad.any():
+            row = int(np.argmax(bad))
+            raise InputError(self.source, problem(row), expected=expected, place=self.place(row, column))
+
+    def check_time(self, name: str, *, increasing: bool = False) -> None:
+        """Refuse time that is not there, is no finite number, or runs backwards; or stands, if it is to increase."""
+        time = self.numbers[name]
+        self.check_finite(name)
+        step = np.diff(time, prepend=-np.inf)
+        verb, expected = ("does not go on", "increases") if increasing else ("runs backwards", "does not decrease")
+        self.refuse(
+            step <= 0 if increasing else step < 0,
+            name,
+            lambda row: f"time {verb}, {time[row - 1]:.9g} s and then {time[row]:.9g} s",
+            f"time that {expected}",
+        )
+
+    def check_finite(self, name: str, *, missing: bool = False) -> None:
+        """Refuse numbers that are infinite or, unless they may be missing, not there."""
+        values = self.numbers[name]
+        bad = np.isinf(values) if missing else ~np.isfinite(values)
+        self.refuse(bad, name, lambda row: "no value" if np.isnan(values[row]) else str(values[row]), "a finite number")
 
 
 def is_table(path: Path) -> bool:
@@ -116,25 +145,18 @@ def read_table(
 
 def read_bytes(path: Path, limit: int = MAX_TABLE_BYTES) -> bytes:
     """Read a file, unpacking it if its name ends in ``.gz``; raises `InputError` beyond the limit [bytes]."""
+    packed = path.name.lower().endswith(".gz")
     try:
-        if path.stat().st_size > limit:
-            raise InputError(path, f"{path.stat().st_size} bytes", expected=f"no more than {limit} bytes")
-        with path.open("rb") as plain:
-            if not path.name.lower().endswith(".gz"):
-                return plain.read()
-            pieces: list[bytes] = []
-            total = 0
-            with gzip.GzipFile(fileobj=plain) as packed:
-                while piece := packed.read(_PIECE):
-                    total += len(piece)
-                    if total > limit:
-                        raise InputError(path, f"unpacks to more than {limit} bytes", expected="a smaller table")
-                    pieces.append(piece)
-            return b"".join(pieces)
+        with gzip.open(path) if packed else path.open("rb") as file:
+            data = file.read(limit + 1)
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
         raise InputError(path, f"damaged gzip: {error}", expected="a whole gzip file") from error
     except OSError as error:
         raise InputError(path, error.strerror or str(error), expected="a readable file") from error
+    if len(data) > limit:
+        problem = f"{'unpacks to' if packed else 'holds'} more than {limit} bytes"
+        raise InputError(path, problem, expected="a smaller table")
+    return data
 
 
 def _from_csv(path: Path, numbers: frozenset[str], text: frozenset[str] | None) -> Table:
@@ -142,23 +164,19 @@ def _from_csv(path: Path, numbers: frozenset[str], text: frozenset[str] | None) 
     header = _header(path, content)
     if text is None:
         text = frozenset(header) - numbers
-    content, problems = _whole_rows(path, content, len(header))
-    frame = _parse(path, content, header, text)
+    rows, problems = _rows(path, content, header)
     columns: dict[str, np.ndarray] = {}
     words: dict[str, np.ndarray] = {}
     for name in header:
-        if name in text:
-            words[name] = _stripped(frame, name)
-        elif pd.api.types.is_numeric_dtype(frame[name]):
-            columns[name] = frame[name].to_numpy(dtype=float)
+        cells = pc.utf8_trim_whitespace(rows[name])  # pyright: ignore[reportAttributeAccessIssue]
+        values = None if name in text else _numbers_or_none(cells)
+        if values is not None:
+            columns[name] = values
         elif name in numbers:
-            columns[name] = _strict_numbers(path, name, _stripped(frame, name), 2)
+            row, cell = next((row, cell) for row, cell in enumerate(cells.to_pylist()) if not _is_number(cell))
+            raise InputError(path, repr(cell), expected="a number", place=f"row {row + 2}, column {name}")
         else:
-            guess = _numbers_or_none(_stripped(frame, name))
-            if guess is None:
-                words[name] = _stripped(frame, name)
-            else:
-                columns[name] = guess
+            words[name] = cells.to_numpy()
     return Table(columns, words, path, 2, problems)
 
 
@@ -182,7 +200,7 @@ def _header(path: Path, content: bytes) -> list[str]:
     first = content.split(b"\n", 1)[0].decode("utf-8")
     if not first.strip():
         raise InputError(path, "an empty line", expected="column names", place="row 1")
-    header = [name.strip() for name in next(csv.reader([first]))]
+    header = [name.strip() for name in next(csv_reader([first]))]
     if len(header) == 1 and any(mark in first for mark in ";\t"):
         raise InputError(path, f"columns parted by {';' if ';' in first else 'tabs'}", expected="commas", place="row 1")
     for place, name in enumerate(header):
@@ -193,89 +211,62 @@ def _header(path: Path, content: bytes) -> list[str]:
     return header
 
 
-def _whole_rows(path: Path, content: bytes, width: int) -> tuple[bytes, tuple[str, ...]]:
-    """Check that every row has as many cells as the header; give the text without a last row that was cut off.
+def _rows(path: Path, content: bytes, header: list[str]) -> tuple[pa.Table, tuple[str, ...]]:
+    """Part the rows below the header into cells of text; a last row that was cut off is left out, which is said."""
+    wrong: list[csv.InvalidRow] = []
 
-    pandas would fill up a row that is too short and, where the header is given, cut one that is too long.
-    """
-    finished = content.endswith(b"\n")
-    content = content.rstrip(b"\n") + b"\n"
-    counts = _cells_by_row(path, content)
-    wrong = np.flatnonzero(counts != width)
-    if not len(wrong):
-        return content, ()
-    row = int(wrong[0])
-    if row == len(counts) - 1 and row > 1 and not finished and counts[row] < width and b'"' not in content:
-        start = content.rfind(b"\n", 0, -1) + 1
-        return content[:start], (f"{path.name}, row {row + 1}: cut off in mid-row, left out",)
-    raise InputError(path, f"{counts[row]} cells", expected=f"{width}, as in the header", place=f"row {row + 1}")
+    def leave_out(row: csv.InvalidRow) -> str:
+        wrong.append(row)
+        return "skip"
 
-
-def _cells_by_row(path: Path, content: bytes) -> np.ndarray:
-    """Count the cells of each row, (n,); an empty line counts none."""
-    if b'"' in content:
-        try:
-            with io.TextIOWrapper(io.BytesIO(content), encoding="utf-8", newline="") as lines:
-                return np.array([len(cells) for cells in csv.reader(lines, strict=True)])
-        except csv.Error as error:
-            raise InputError(path, f"no comma-separated text: {error}", expected="comma-separated text") from error
-    characters = np.frombuffer(content, dtype=np.uint8)
-    ends = np.flatnonzero(characters == ord("\n"))
-    commas = np.searchsorted(np.flatnonzero(characters == ord(",")), ends)
-    return np.where(np.diff(ends, prepend=-1) == 1, 0, np.diff(commas, prepend=0) + 1)
-
-
-def _parse(path: Path, content: bytes, header: list[str], text: frozenset[str]) -> pd.DataFrame:
-    """Parse the rows; columns that are not all numbers stay text, for the caller to name the cell that is none."""
-    options = {
-        "header": 0, "names": header, "index_col": False, "keep_default_na": False, "skip_blank_lines": False,
-        "encoding": "utf-8", "low_memory": False,
-    }  # fmt: skip
-    wanted = [name for name in header if name not in text]
+    quoted = b'"' in content
+    body = content.partition(b"\n")[2].rstrip(b"\n")
+    if not body:
+        return pa.table({name: pa.array([], pa.string()) for name in header}), ()
+    if not quoted and b"\n\n" in body:
+        row = body[: body.index(b"\n\n")].count(b"\n") + 3
+        raise InputError(path, "0 cells", expected=f"{len(header)}, as in the header", place=f"row {row}")
     try:
-        if _TRUTH.search(content):
-            raise ValueError("pandas would take a truth value for a number")
-        return pd.read_csv(
-            io.BytesIO(content),
-            dtype={name: str if name in text else float for name in header},
-            na_values={name: _EMPTY_CELLS for name in wanted},
-            **_PRECISION,
-            **options,
+        if quoted:  # Arrow takes the end of the file for the end of a quotation
+            deque(csv_reader(io.StringIO(content.decode(), newline=""), strict=True), maxlen=0)
+        rows = csv.read_csv(
+            pa.BufferReader(body + b"\n"),
+            # rows are counted by one thread only
+            csv.ReadOptions(column_names=header, use_threads=False, block_size=max(len(body) + 1, 2**20)),
+            csv.ParseOptions(newlines_in_values=quoted, ignore_empty_lines=False, invalid_row_handler=leave_out),
+            csv.ConvertOptions(column_types=dict.fromkeys(header, pa.string())),
         )
-    except (ValueError, OverflowError):
-        pass  # a cell is no number: read again as text, so that the caller can name it
-    try:
-        return pd.read_csv(io.BytesIO(content), dtype=str, **options)
-    except (ValueError, pd.errors.ParserError) as error:
-        raise InputError(path, f"no table: {error}", expected="comma-separated text") from error
+    except (pa.ArrowException, CsvError) as error:
+        raise InputError(path, f"no comma-separated text: {error}", expected="comma-separated text") from error
+    if not wrong:
+        return rows, ()
+    first = wrong[0]
+    cells, row = first.actual_columns, first.number + 1
+    if len(rows) and row == len(rows) + 2 and cells < len(header) and not content.endswith(b"\n") and not quoted:
+        return rows, (f"{path.name}, row {row}: cut off in mid-row, left out",)
+    raise InputError(path, f"{cells} cells", expected=f"{len(header)}, as in the header", place=f"row {row}")
 
 
-def _stripped(frame: pd.DataFrame, name: str) -> np.ndarray:
-    return np.array([cell.strip() if isinstance(cell, str) else "" for cell in frame[name].tolist()], dtype=object)
-
-
-def _numbers_or_none(cells: np.ndarray) -> np.ndarray | None:
+def _numbers_or_none(cells: pa.ChunkedArray) -> np.ndarray | None:
     """Give the numbers of a column of text, NaN for empty cells, or None if a cell is no number."""
+    filled = pc.if_else(pc.is_in(cells, value_set=pa.array(_EMPTY_CELLS)), "nan", cells)  # pyright: ignore[reportAttributeAccessIssue]
     try:
-        return np.array([np.nan if cell in _EMPTY_CELLS else _number(cell) for cell in cells.tolist()], dtype=float)
-    except ValueError:
-        return None
+        return filled.cast(pa.float64()).to_numpy()
+    except pa.ArrowInvalid:  # a number that Arrow does not write so, such as +1, or none
+        listed = cells.to_pylist()
+        return np.array([_number(cell) for cell in listed]) if all(map(_is_number, listed)) else None
 
 
 def _number(cell: str) -> float:
-    if "_" in cell:  # Python's own grouping mark, which no other program reads
-        raise ValueError(cell)
-    return float(cell)
+    return math.nan if cell in _EMPTY_CELLS else float(cell)
 
 
-def _strict_numbers(path: Path, name: str, cells: np.ndarray, first_row: int) -> np.ndarray:
-    answer = _numbers_or_none(cells)
-    if answer is not None:
-        return answer
-    for row, cell in enumerate(cells):
-        if _numbers_or_none(cells[row : row + 1]) is None:
-            raise InputError(path, repr(cell), expected="a number", place=f"row {row + first_row}, column {name}")
-    raise AssertionError("a column of numbers was taken for text")
+def _is_number(cell: str) -> bool:
+    try:
+        _number(cell)
+    except ValueError:
+        return False
+    return "_" not in cell  # Python's own grouping mark, which no other program reads
 
 
 def _from_parquet(path: Path, numbers: frozenset[str], text: frozenset[str] | None) -> Table:

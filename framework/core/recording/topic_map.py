@@ -1,32 +1,7 @@
 """Which topic of a bag is which stream: the topic map, and what is made of the topics' names and types without one.
 
-The map is TOML; each part of it is optional::
-
-    name = "sand pit, second run"
-    site = "sand pit"
-    max_gap_s = 0.5                      # wheel channels are not interpolated over longer gaps
-
-    [[wheel]]                            # or [wheel], where there is one topic
-    topic = "/front_left/wrench"
-    wheel = "front_left"                 # absent where there is one wheel, or where it holds for all of them
-    [wheel.fields]                       # absent where the type says enough
-    load_N = "wrench.force.z"
-    torque_Nm = { field = "wrench.torque.y", scale = -1.0, offset = 0.0 }
-
-    [pose]
-    topic = "/odom"                      # nav_msgs/Odometry, geometry_msgs/PoseStamped; or with fields:
-    fields = { x_m = "pose.x", y_m = "pose.y", yaw_rad = "pose.theta" }
-
-    [camera]
-    topic = "/camera/image_raw/compressed"      # sensor_msgs/Image or CompressedImage
-
-    [sound]
-    topic = "/audio"
-    format = "pcm16"                     # pcm8 (unsigned), pcm16, pcm32, float32; by the type where absent
-    sample_rate_Hz = 16000               # by an AudioInfo topic where absent
-    channels = 1
-
-Fields are paths such as ``wrench.force.z``, ``data[0]``, ``velocity[left_wheel]``. Without a map a topic is recognised
+The map is TOML, each part of it optional; ``docs/recording.md`` shows it. Fields are paths such as ``wrench.force.z``,
+``data[0]``, ``velocity[left_wheel]``. Without a map a topic is recognised
 
 - by its name, ``/wheel/load_N`` or ``/wheel/front_left/load_N``, if it is a number (std_msgs/Float64, Float32);
 - by its type: Odometry and PoseStamped are the pose, and Odometry and TwistStamped the travel speed; a WrenchStamped
@@ -43,10 +18,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BeforeValidator, Field
 
 from ..errors import InputError
-from ..vehicle import Finite, Positive, Whole, input_error, load_toml
+from ..files import load_toml
+from ..models import FileModel, Finite, Positive, Whole, checked
 from .bag_files import Topic
 from .types import WHEEL_COLUMNS
 
@@ -65,11 +41,7 @@ _SOUNDS: dict[str, tuple[str, SoundFormat]] = {
 _WHEEL_TOPIC = re.compile(r"/?(?:.*/)?wheels?(?:/(?P<wheel>[^/]+))?/(?P<column>[^/]+)")
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class Reading(_Part):
+class Reading(FileModel):
     """A number of a message: the path of its field, and what makes it SI: scale times value plus offset."""
 
     field: str
@@ -80,29 +52,35 @@ class Reading(_Part):
 AnyReading = Annotated[Reading, BeforeValidator(lambda value: {"field": value} if isinstance(value, str) else value)]
 
 
-class WheelTopic(_Part):
+def _wheel_column(name: str) -> str:
+    if name not in WHEEL_COLUMNS or name == "time_s":
+        raise ValueError(f"no column of a wheel file, expected one of {', '.join(WHEEL_COLUMNS[1:])}")
+    return name
+
+
+class WheelTopic(FileModel):
     """A topic with wheel channels."""
 
     topic: str
     wheel: str | None = None
-    fields: dict[str, AnyReading] = {}
+    fields: dict[Annotated[str, AfterValidator(_wheel_column)], AnyReading] = Field(default_factory=dict)
 
 
-class PoseTopic(_Part):
+class PoseTopic(FileModel):
     """A topic with poses; the path of its pose, or of x_m, y_m and yaw_rad."""
 
     topic: str
-    fields: dict[Literal["x_m", "y_m", "yaw_rad"], AnyReading] = {}
+    fields: dict[Literal["x_m", "y_m", "yaw_rad"], AnyReading] = Field(default_factory=dict)
     pose: str | None = None
 
 
-class CameraTopic(_Part):
+class CameraTopic(FileModel):
     """A topic with images."""
 
     topic: str
 
 
-class SoundTopic(_Part):
+class SoundTopic(FileModel):
     """A topic with sound, and how its samples are written."""
 
     topic: str
@@ -112,7 +90,7 @@ class SoundTopic(_Part):
     channels: Annotated[Whole, Field(ge=1, le=64)] | None = None
 
 
-class TopicMap(_Part):
+class TopicMap(FileModel):
     """Which topic is which."""
 
     name: str | None = None
@@ -136,16 +114,7 @@ class Recognised:
 
 def load_topic_map(path: Path) -> TopicMap:
     """Read a topic map; raises `InputError` on an unknown key, a wrong value or a column that is none of a wheel's."""
-    try:
-        answer = TopicMap.model_validate(load_toml(path))
-    except ValidationError as error:
-        raise input_error(path, error) from None
-    for source in answer.wheel:
-        for column in source.fields:
-            if column not in WHEEL_COLUMNS or column == "time_s":
-                known = ", ".join(WHEEL_COLUMNS[1:])
-                raise InputError(path, "no column of a wheel file", expected=f"one of {known}", place=f"key {column}")
-    return answer
+    return checked(TopicMap, load_toml(path), path)
 
 
 def complete(given: TopicMap, topics: Mapping[str, Topic], samples: Mapping[str, Any], path: Path) -> Recognised:

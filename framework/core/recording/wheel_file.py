@@ -8,8 +8,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from ..errors import InputError
+from ..files import whole
 from ..vehicle import Vehicle, Wheel
 from .tables import Table, read_table
 from .types import WHEEL_COLUMNS, WheelTable
@@ -82,19 +84,41 @@ def read_wheel(path: str | Path) -> tuple[WheelTable, tuple[str, ...]]:
     problems = list(table.problems)
     columns: dict[str, np.ndarray] = {}
     for name, values in table.numbers.items():
-        _check_finite(table, name, values)
+        _check_values(table, name)
         if np.isnan(values).all() and name != "time_s":
             problems.append(f"{table.source.name}, column {name}: no value in any row, left out")
         else:
-            columns[name] = values
+            columns[name] = np.clip(values, -1.0, 1.0) if name == "slip" else values
     wheel, run = (_names(table, name) for name in ("wheel", "run"))
-    _check_slip(table, columns)
-    _check_pass(table, columns.get("pass"))
     _check_time(table, columns.get("time_s"), wheel, run)
     if not set(columns) - {"time_s"}:
         raise InputError(table.source, "no wheel channel has a value", expected="columns such as load_N and slip")
     problems += _not_used(table, columns)
     return WheelTable(columns, wheel, run, table.source), tuple(problems)
+
+
+def write_wheel_file(table: WheelTable, path: str | Path) -> None:
+    """Write a wheel table whole or not at all: CSV (``.csv``, ``.csv.gz``) or Parquet (``.parquet``), by its ending.
+
+    Raises
+    ------
+    InputError
+        The ending is another, or the file cannot be written.
+    """
+    path = Path(path)
+    columns: dict[str, object] = {}
+    if table.run is not None:
+        columns["run"] = table.run
+    if table.wheel is not None:
+        columns["wheel"] = table.wheel
+    frame = pd.DataFrame({**columns, **table.columns})
+    if not path.name.endswith((".csv", ".csv.gz", ".parquet")):
+        raise InputError(path, f"ending {path.suffix!r}", expected=".csv, .csv.gz or .parquet")
+    with whole(path) as part:
+        if path.suffix == ".parquet":
+            frame.to_parquet(part, index=False)
+        else:
+            frame.to_csv(part, index=False, lineterminator="\n")
 
 
 def derive(table: WheelTable, wheel: Wheel) -> WheelTable:
@@ -231,62 +255,25 @@ def _mostly_numbers(cells: np.ndarray) -> bool:
     return bool(seen) and sum(_NUMBER(cell) is not None for cell in seen) > len(seen) / 2
 
 
-def _check_finite(table: Table, name: str, values: np.ndarray) -> None:
-    infinite = np.isinf(values)
-    if name == "time_s":
-        infinite |= np.isnan(values)
-    if infinite.any():
-        row = int(np.argmax(infinite))
-        shown = "no value" if np.isnan(values[row]) else str(values[row])
-        raise InputError(table.source, shown, expected="a finite number", place=table.place(row, name))
-    checked = name in WHEEL_COLUMNS and name != "time_s"
-    absurd = np.abs(values) > (_ABSURD if checked else np.inf)
-    if absurd.any():
-        row = int(np.argmax(absurd))
-        raise InputError(
-            table.source, f"{values[row]:g}", expected=f"a number between {-_ABSURD:g} and {_ABSURD:g}, SI",
-            place=table.place(row, name),
-        )  # fmt: skip
-
-
-def _check_slip(table: Table, columns: dict[str, np.ndarray]) -> None:
-    slip = columns.get("slip")
-    if slip is None:
-        return
-    outside = np.abs(slip) > 1.0 + SLIP_TOLERANCE  # False for NaN
-    if outside.any():
-        rows = np.flatnonzero(outside)
-        more = f" and {len(rows) - 1} more rows" if len(rows) > 1 else ""
-        raise InputError(
-            table.source,
-            f"{slip[rows[0]]:g}{more}",
-            expected="slip in [-1, 1]",
-            place=table.place(int(rows[0]), "slip"),
-        )
-    columns["slip"] = np.clip(slip, -1.0, 1.0)
-
-
-def _check_pass(table: Table, passes: np.ndarray | None) -> None:
-    if passes is not None and (passes < 1.0).any():  # False for NaN
-        row = int(np.flatnonzero(passes < 1.0)[0])
-        raise InputError(
-            table.source, f"{passes[row]:g}", expected="1 on fresh ground, 2 in the first wheel's rut, and so on",
-            place=table.place(row, "pass"),
-        )  # fmt: skip
+def _check_values(table: Table, name: str) -> None:
+    table.check_finite(name, missing=name != "time_s")
+    values = table.numbers[name]
+    if name in WHEEL_COLUMNS and name != "time_s":
+        expected = f"a number between {-_ABSURD:g} and {_ABSURD:g}, SI"
+        table.refuse(np.abs(values) > _ABSURD, name, lambda row: f"{values[row]:g}", expected)
+    if name == "slip":
+        outside = np.abs(values) > 1.0 + SLIP_TOLERANCE  # False for NaN
+        more = f" and {outside.sum() - 1} more rows" if outside.sum() > 1 else ""
+        table.refuse(outside, name, lambda row: f"{values[row]:g}{more}", "slip in [-1, 1]")
+    if name == "pass":
+        expected = "1 on fresh ground, 2 in the first wheel's rut, and so on"
+        table.refuse(values < 1.0, name, lambda row: f"{values[row]:g}", expected)
 
 
 def _names(table: Table, name: str) -> np.ndarray | None:
     names = table.text.get(name)
-    if names is None:
-        return None
-    blank = names == ""
-    if blank.any():
-        raise InputError(
-            table.source,
-            "an empty cell",
-            expected=f"the name of the {name}",
-            place=table.place(int(np.argmax(blank)), name),
-        )
+    if names is not None:
+        table.refuse(names == "", name, lambda row: "an empty cell", f"the name of the {name}")
     return names
 
 
@@ -300,14 +287,14 @@ def _check_time(table: Table, time: np.ndarray | None, wheel: np.ndarray | None,
             _, inverse = np.unique(names.astype(str), return_inverse=True)
             keys = keys * (int(inverse.max()) + 1) + inverse
     order = np.argsort(keys, kind="stable")
-    back = (np.diff(time[order]) < 0) & (np.diff(keys[order]) == 0)
-    if back.any():
-        rows = order[1:][back]
-        row = int(rows.min())
-        before = int(order[np.flatnonzero(order == row)[0] - 1])
-        raise InputError(
-            table.source,
-            f"time runs backwards, {time[before]:.9g} s in row {before + table.first_row}, then {time[row]:.9g} s",
-            expected="time that does not decrease",
-            place=table.place(row, "time_s"),
-        )
+    before = np.full(len(time), -1)
+    before[order[1:]] = np.where(np.diff(keys[order]) == 0, order[:-1], -1)
+    table.refuse(
+        (before >= 0) & (time < time[before]),
+        "time_s",
+        lambda row: (
+            f"time runs backwards, {time[before[row]]:.9g} s in row {before[row] + table.first_row}, "
+            f"then {time[row]:.9g} s"
+        ),
+        "time that does not decrease",
+    )

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...core.recording.types import WheelTable
-from ...core.recording.write import write_wheel_file
+from ...core.recording.wheel_file import write_wheel_file
 
 if TYPE_CHECKING:
     from .conceal import ConcealedRecording

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ....framework.core.track.passes import side_by_side
+from ....framework.core.track.positions import runs_of
 from ...effects.effect import Drive
-from ...effects.passes import side_by_side
-from ...effects.positions import runs_of
 
 if TYPE_CHECKING:
     from .samples import Samples

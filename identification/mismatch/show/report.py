@@ -7,8 +7,8 @@ from html import escape
 from importlib.metadata import version
 from pathlib import Path
 
-from ....framework.core.html_page import page, table, unbroken
-from ....framework.core.writing import write_text
+from ....framework.core.files import write_text
+from ....framework.core.html import page, table, unbroken
 from ..explanation import Candidate, Explanation, Missing
 from . import pictures, readable
 from .headline import verdict

@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 from typing import Any
 
-from ....framework.core.html_page import table
+from ....framework.core.html import table
 from .readable import KINDS, likelihood, number, p_value, shown, spread
 
 _VERDICTS = {

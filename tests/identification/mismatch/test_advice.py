@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from bevameter import SoilKnowledge, Wheel, explain
 from bevameter.framework.core.recording.types import WheelTable
-from bevameter.framework.core.recording.write import write_wheel_file
+from bevameter.framework.core.recording.wheel_file import write_wheel_file
 from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import SLUGS, effects_for
 from bevameter.identification.effects.drive import drive_of, order_of, select_rows

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from bevameter import InputError, Vehicle, Wheel, explain, load_vehicle
 from bevameter.framework.core.recording.types import WheelTable
-from bevameter.framework.core.recording.wheel_file import derive, read_wheel_file, slip_from_speeds
-from bevameter.framework.core.recording.write import write_wheel_file
+from bevameter.framework.core.recording.wheel_file import derive, read_wheel_file, slip_from_speeds, write_wheel_file
 from bevameter.framework.core.soil import SoilKnowledge
 from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.felt_rows import felt_rows

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from bevameter import InputError, TerrainDatabase, explain
 from bevameter import simulate as simulate_file
-from bevameter.framework.core.recording.open import read_recording
+from bevameter.framework.core.recording.readers import read_recording
 from bevameter.framework.core.recording.types import WheelTable
-from bevameter.framework.core.recording.write import write_wheel_file
+from bevameter.framework.core.recording.wheel_file import write_wheel_file
 from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.framework.scenario.concealed.mechanics import simulate
 from bevameter.framework.scenario.concealed.scorer import score

@@ -1,0 +1,1 @@
+"""The classifier that camera, microphone and vibration share, and what it is trained on."""

@@ -1,0 +1,255 @@
+"""The report of a training: what the model is, and how well it does on groups that it has not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+
+from ..html import page
+from .calibration import joined
+from .fitting import FOLDS, Fitted, Rows, row_weights, units
+from .gate import FALSE_REJECTION_RATE, Gate
+from .scores import scores
+
+FEW_GROUPS = 5
+"""A class of fewer groups is scored roughly."""
+
+
+@dataclass
+class HeldOut:
+    """Predictions of n rows by models that have not seen their group.
+
+    Parameters
+    ----------
+    probabilities : (n, k)
+    correlation : (n,)
+        Within groups, as learnt without the row's own.
+    scored : (n,)
+        True where the row's class was known to the model that predicted it.
+    rejected : (n,)
+        True where the gate turned it away.
+    """
+
+    probabilities: np.ndarray
+    correlation: np.ndarray
+    scored: np.ndarray
+    rejected: np.ndarray
+
+
+def training_report(
+    rows: Rows,
+    classes: Sequence[str],
+    modality: str,
+    held: HeldOut,
+    degraded: np.ndarray,
+    fitted: Fitted,
+    chosen: str,
+    losses: dict[str, float],
+    dropped: int,
+    notes: Sequence[str] = (),
+) -> dict:
+    """Sum up a training (JSON-able).
+
+    The scores on top are of items as they came; those of items made from them, marked in `degraded` (n,), stand
+    apart under ``"degraded"`` (absent where there are none). `notes` on the material stand first among the warnings.
+    """
+    groups_of = [len(np.unique(rows.group[rows.y == i])) for i in range(len(classes))]
+    asked = ~degraded if not degraded.all() else np.ones(len(degraded), dtype=bool)
+    scored = held.scored & asked
+    others = _other_ground_rejection(rows, fitted, asked)
+    untested = [name for i, name in enumerate(classes) if not scored[rows.y == i].any()]
+    report = {
+        "modality": modality,
+        "classes": list(classes),
+        "n": len(rows.y),
+        "n_degraded": int(degraded.sum()),
+        "groups": len(np.unique(rows.group)),
+        "rows_by_class": {name: int((rows.y == i).sum()) for i, name in enumerate(classes)},
+        "groups_by_class": dict(zip(classes, groups_of, strict=True)),
+        "split": f"Scores are from {FOLDS}-fold cross-validation by group (at most), stratified by class; model, "
+        "temperature and gate are chosen within the training side of each fold by a second split of the same kind.",
+        "validated": bool(scored.any()),
+        "not_validated": untested,
+        "warnings": [*notes, *_warnings(classes, groups_of, untested, dropped, bool(losses), others)],
+        "model": chosen,
+        "selection": losses,
+        "temperature": fitted.temperature,
+        "correlation_within_groups": fitted.correlation,
+        "gate": {
+            "threshold": fitted.threshold,
+            "false_rejection_rate": FALSE_REJECTION_RATE,
+            "held_out_rejection": _rejection(rows, held, scored),
+            "other_ground_rejection": others,
+        },
+    }
+    if scored.any():
+        part = _part_scores(rows, held, scored, classes)
+        report |= part | {"n_scored": part["n"], "n": len(rows.y)}
+        report["by_group"] = _scores_by_group(rows, held, scored, classes)
+    made = held.scored & ~asked
+    if made.any():
+        worse = _part_scores(rows, held, made, classes)
+        report["degraded"] = worse | {"held_out_rejection": _rejection(rows, held, made)}
+    return report
+
+
+def _warnings(
+    classes: Sequence[str],
+    groups_of: Sequence[int],
+    untested: Sequence[str],
+    dropped: int,
+    validated: bool,
+    others: float | None,
+) -> list[str]:
+    warnings = []
+    if untested:
+        warnings.append(f"Not validated, for want of a second group: {', '.join(untested)}.")
+    if dropped:
+        warnings.append(f"{dropped} items had features that are not finite and were left out.")
+    thin = [name for name, count in zip(classes, groups_of, strict=True) if 1 < count < FEW_GROUPS]
+    if thin:
+        warnings.append(f"Fewer than five groups, so scores are rough: {', '.join(thin)}.")
+    if not validated:
+        warnings.append(
+            "No group could be held out: the model is neither chosen, calibrated nor gated on unseen groups."
+        )
+    if others is not None and others < 0.5:
+        warnings.append(
+            f"Ground of no class is mostly answered as one of these: the gate turned away {others:.0%} of items of "
+            "classes that it had not seen."
+        )
+    elif others is None or min(groups_of) < FEW_GROUPS:
+        warnings.append("Whether ground of no class is turned away is untested: it takes three classes of five groups.")
+    return warnings
+
+
+def _other_ground_rejection(rows: Rows, fitted: Fitted, asked: np.ndarray) -> float | None:
+    """Share of a class's items, of those `asked` (n,), that the gate turns away when it has not seen the class.
+
+    The mean over all classes, each left out of the gate in turn; None where fewer than two would be left.
+    """
+    if rows.n_classes < 3:
+        return None
+    z = fitted.standardise(rows.x)
+    shares = []
+    for left_out in range(rows.n_classes):
+        own = rows.y == left_out
+        gate = Gate.fit(z[~own], rows.y[~own], rows.weight[~own], rows.n_classes)
+        if (own & asked).any():
+            away = gate.distance(z[own & asked]) > fitted.threshold
+            shares.append(np.average(away, weights=rows.weight[own & asked]))
+    return float(np.mean(shares))
+
+
+def _rejection(rows: Rows, held: HeldOut, part: np.ndarray) -> float | None:
+    """Share of some rows that the gate turned away; None where there are none."""
+    return float(np.average(held.rejected[part], weights=rows.weight[part])) if part.any() else None
+
+
+def _part_scores(rows: Rows, held: HeldOut, part: np.ndarray, classes: Sequence[str]) -> dict:
+    y, group = rows.y[part], rows.group[part]
+    return scores(held.probabilities[part], y, group, row_weights(y, group), classes)
+
+
+def _scores_by_group(rows: Rows, held: HeldOut, part: np.ndarray, classes: Sequence[str]) -> dict:
+    """Scores of whole groups, the items of each pooled."""
+    y, group, correlation = rows.y[part], rows.group[part], held.correlation[part]
+    first, inverse = np.unique(units(y, group), return_index=True, return_inverse=True)[1:]
+    together = np.zeros((len(first), len(classes)))
+    # Groups of one fold are pooled with what that fold's training side says of their correlation.
+    for rho in np.unique(correlation):
+        own = correlation[first] == rho
+        together[own] = joined(held.probabilities[part], inverse, np.ones(len(y)), len(first), rho)[own]
+    return scores(together, y[first], group[first], np.ones(len(first)), classes)
+
+
+def _percent(score: dict) -> str:
+    return f"{score['value']:.3f} (95 %: {score['low']:.3f} to {score['high']:.3f})"
+
+
+def _confusion_table(classes: Sequence[str], confusion: Sequence[Sequence[int]]) -> str:
+    head = "".join(f"<th>{escape(name)}</th>" for name in classes)
+    body = []
+    for name, row in zip(classes, confusion, strict=True):
+        total = max(sum(row), 1)
+        cells = "".join(f'<td style="background:rgba(40,110,180,{n / total * 0.7:.2f})">{int(n)}</td>' for n in row)
+        body.append(f"<tr><th>{escape(name)}</th>{cells}<td>{row[len(body)] / total:.2f}</td></tr>")
+    return f"<table><tr><th>truth \\ said</th>{head}<th>recall</th></tr>{''.join(body)}</table>"
+
+
+def _reliability_chart(table: Sequence[dict]) -> str:
+    """An inline drawing of how often the top class was right against the probability given to it."""
+    size = 220
+
+    def place(x: float, y: float) -> str:
+        return f"{20 + x * size:.1f},{20 + (1 - y) * size:.1f}"
+
+    dots = ""
+    for row in table:
+        x, y = place(row["said"], row["was_right"]).split(",")
+        title = f"said {row['said']:.2f}, right {row['was_right']:.2f}, n = {row['n']}"
+        radius = 3 + min(row["n"], 400) ** 0.5 / 3
+        dots += f'<circle cx="{x}" cy="{y}" r="{radius:.1f}" fill="#286eb4"><title>{title}</title></circle>'
+    return (
+        f'<svg width="{size + 40}" height="{size + 40}" role="img" aria-label="reliability">'
+        f'<polyline points="{place(0, 0)} {place(0, 1)} {place(1, 1)} {place(1, 0)} {place(0, 0)}" fill="none" '
+        f'stroke="#999"/><polyline points="{place(0, 0)} {place(1, 1)}" stroke="#bbb" fill="none"/>{dots}</svg>'
+    )
+
+
+def _score_section(title: str, classes: Sequence[str], score: dict) -> str:
+    return (
+        f"<h2>{escape(title)}</h2><p>n = {score['n']}; balanced accuracy {_percent(score['balanced_accuracy'])}; "
+        f"accuracy {_percent(score['accuracy'])}; log loss {score['log_loss']:.3f} nat; "
+        f"calibration error {score['calibration_error']:.3f}.</p>"
+        f"{_confusion_table(classes, score['confusion'])}"
+        f"<p class=note>Probability given to the top class (across) against how often it was right (up):</p>"
+        f"{_reliability_chart(score['reliability'])}"
+    )
+
+
+def report_html(report: dict) -> str:
+    """Show a training report as one page of HTML that needs nothing from elsewhere.
+
+    Parameters
+    ----------
+    report
+        As `TerrainClassifier.train` gives it; every name in it is escaped.
+    """
+    classes = report["classes"]
+    counts = "".join(
+        f"<tr><th>{escape(name)}</th><td>{report['rows_by_class'][name]}</td><td>{report['groups_by_class'][name]}</td></tr>"
+        for name in classes
+    )
+    warnings = "".join(f"<p class=warn>{escape(text)}</p>" for text in report["warnings"])
+    if report["validated"]:
+        shown = report | {"n": report["n_scored"]}
+        sections = _score_section("Per item as it came, held out by group", classes, shown)
+        sections += _score_section("Per group: its items pooled", classes, report["by_group"])
+        if "degraded" in report:
+            title = "Per degraded item (blur, noise or a channel less was added), held out by group"
+            sections += _score_section(title, classes, report["degraded"])
+    else:
+        sections = ""
+    selection = "".join(
+        f"<tr><th>{escape(name)}</th><td>{loss:.3f}</td></tr>" for name, loss in report["selection"].items()
+    )
+    gate = report["gate"]
+    rejected, others = gate["held_out_rejection"], gate["other_ground_rejection"]
+    gate_text = f"Items further than {gate['threshold']:.2f} from what was trained on are answered 'unknown'" + (
+        "." if rejected is None else f": {rejected:.1%} of held-out items were."
+    )
+    if others is not None:
+        gate_text += f" Of classes that the gate had not seen, each left out in turn, {others:.1%} of items were."
+    body = (
+        f"<h1>Terrain classifier: {escape(report['modality'])}</h1>"
+        f"<p>{report['n']} items ({report['n_degraded']} of them degraded copies), {report['groups']} groups, "
+        f"{len(classes)} classes. {escape(report['split'])}</p>"
+        f"{warnings}{sections}<h2>Material</h2><table><tr><th>class</th><th>items</th><th>groups</th></tr>{counts}</table>"
+        f"<h2>Model</h2><p>Chosen on inner folds: {escape(report['model'])}; temperature {report['temperature']:.2f}. "
+        f"{escape(gate_text)}</p><table><tr><th>candidate</th><th>inner log loss [nat]</th></tr>{selection}</table>"
+    )
+    return page(f"Bevameter: {report['modality']}", body)

@@ -1,0 +1,1 @@
+"""The formats of recordings, one module each, which registers its reader (`readers`)."""

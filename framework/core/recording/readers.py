@@ -1,0 +1,140 @@
+"""Recordings of every format: one door, and the registry of the readers behind it.
+
+A format is one module with one reader. Those in `formats` are found there; one of another distribution is found by its
+entry point in the group ``bevameter.readers``, or registers itself when its module is imported::
+
+    @register
+    class LogReader(Reader):
+        kinds = "a logger's file (.log)"
+
+        def sniff(self, path):
+            return path.suffix == ".log"
+
+        def read(self, path, *, vehicle, topics):
+            return Recording(...)
+"""
+
+from __future__ import annotations
+
+import pkgutil
+from abc import ABC, abstractmethod
+from functools import cache
+from importlib import import_module
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import ClassVar
+
+from ..arguments import path_of
+from ..errors import InputError, reading
+from ..vehicle import Vehicle, as_vehicle, load_vehicle
+from .types import Recording
+
+
+class Reader(ABC):
+    """Reads recordings of one format.
+
+    Attributes
+    ----------
+    kinds
+        What it reads, in words, for errors.
+    takes_topics
+        Whether a topic map means anything to it.
+    """
+
+    kinds: ClassVar[str]
+    takes_topics: ClassVar[bool] = False
+
+    @abstractmethod
+    def sniff(self, path: Path) -> bool:
+        """Tell, quickly, whether a file or folder that exists is of this format."""
+
+    @abstractmethod
+    def read(self, path: Path, *, vehicle: Vehicle | None, topics: Path | None) -> Recording:
+        """Read it.
+
+        Parameters
+        ----------
+        path
+            The file or folder.
+        vehicle
+            The vehicle, where the caller gives one; else the reader may look for its file (`vehicle_near`).
+        topics
+            The topic map, where the caller gives one.
+
+        Raises
+        ------
+        InputError
+            What is there is at fault: file, place, value and expectation are named.
+        """
+
+
+_READERS: list[Reader] = []
+
+
+def register(reader: type[Reader]) -> type[Reader]:
+    """Add a reader, as a decorator of its class; one that was added later is tried earlier."""
+    _READERS.insert(0, reader())
+    return reader
+
+
+@cache
+def _load() -> None:
+    """Import the modules of this package's formats, and of others that entry points name."""
+    from . import formats
+
+    others = list(_READERS)
+    for module in pkgutil.iter_modules(formats.__path__):
+        import_module(f"{formats.__name__}.{module.name}")
+    for point in entry_points(group="bevameter.readers"):
+        point.load()
+    _READERS.sort(key=others.__contains__, reverse=True)  # what was registered before comes before
+
+
+def read_recording(
+    path: str | Path, *, vehicle: Vehicle | str | Path | None = None, topics: str | Path | None = None
+) -> Recording:
+    """Read a recording, whatever it is: a folder, a wheel or vibration file, a ROS 1 or ROS 2 bag, an MCAP file.
+
+    Parameters
+    ----------
+    path
+        The folder or file.
+    vehicle
+        The vehicle, or its file; `vehicle.toml` in the folder, or in that of the file, where it is None.
+    topics
+        For bags: the topic map (see `topic_map`), where the topics' names and types do not say enough.
+
+    Returns
+    -------
+    Recording
+        Tables in memory, camera and sound as streams; `problems` says what could not be read.
+
+    Raises
+    ------
+    InputError
+        Nothing of a recording is there, or what is there is at fault: file, place, value and expectation are named.
+    """
+    path = path_of("recording", path, "a Recording, or the path of one or of a wheel file")
+    _load()
+    kinds = ", ".join(reader.kinds for reader in _READERS)
+    with reading(path, kinds):
+        if not path.exists() and not path.is_symlink():
+            raise InputError(path, "no such file or folder", expected=kinds)
+        path.stat()  # a link that leads nowhere, or to itself
+        driven = None if vehicle is None else as_vehicle(vehicle)
+        topic_map = None if topics is None else path_of("topics", topics, "the path of a topic map")
+        reader = next((reader for reader in _READERS if reader.sniff(path)), None)
+        if topic_map is not None and not (reader and reader.takes_topics):
+            bags = " or ".join(reader.kinds for reader in _READERS if reader.takes_topics)
+            raise InputError(path, "a topic map is given, and this is no bag", expected=bags)
+        if reader is None:
+            raise InputError(path, f"a file of kind {path.suffix!r}", expected=kinds)
+        return reader.read(path, vehicle=driven, topics=topic_map)
+
+
+def vehicle_near(path: Path) -> Vehicle | None:
+    """Give the vehicle whose `vehicle.toml` lies in a folder, or in that of a file or folder."""
+    for folder in (path, path.parent) if path.is_dir() else (path.parent,):
+        if (folder / "vehicle.toml").is_file():
+            return load_vehicle(folder / "vehicle.toml")
+    return None

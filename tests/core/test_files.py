@@ -1,0 +1,67 @@
+"""Files are written whole or not at all, never over what is read, and what is no file stays what it is."""
+
+from __future__ import annotations
+
+import os
+import threading
+from pathlib import Path
+
+import pytest
+from bevameter.framework.core.errors import InputError
+from bevameter.framework.core.files import check_outputs, write_text
+
+
+def test_no_result_is_written_over_what_is_read(tmp_path):
+    source = tmp_path / "wheel.csv"
+    source.write_text("slip\n0.1\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"over .*wheel\.csv, which is read"):
+        check_outputs([None, source], [source, None])
+    (tmp_path / "link.json").symlink_to(source)
+    with pytest.raises(InputError, match="which is read"):
+        check_outputs([tmp_path / "link.json"], [source])
+    with pytest.raises(InputError, match="which is read"):
+        check_outputs([source], [tmp_path])
+    result = tmp_path / "answer.json"
+    result.write_text("{}", encoding="utf-8")
+    check_outputs([result, tmp_path / "page.html", None], [tmp_path, source])
+
+
+def test_two_results_need_two_files(tmp_path):
+    with pytest.raises(InputError, match="two results"):
+        check_outputs([tmp_path / "same", tmp_path / "." / "same"], [])
+
+
+def test_a_link_is_followed(tmp_path):
+    target, link = tmp_path / "kept" / "answer.json", tmp_path / "link.json"
+    target.parent.mkdir()
+    link.symlink_to(target)
+    write_text("new", link)
+    assert link.is_symlink()
+    assert target.read_text(encoding="utf-8") == "new"
+    assert os.listdir(target.parent) == ["answer.json"]
+
+
+def test_a_pipe_is_written_to(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    heard: list[str] = []
+    reader = threading.Thread(target=lambda: heard.append(pipe.read_text(encoding="utf-8")))
+    reader.start()
+    write_text("through", pipe)
+    reader.join(5.0)
+    assert heard == ["through"]
+    assert pipe.is_fifo()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_a_device_that_takes_nothing_is_an_error_and_stays():
+    with pytest.raises(InputError, match="/dev/full: cannot be written: No space left"):
+        write_text("lost", Path("/dev/full"))
+    assert Path("/dev/full").is_char_device()
+
+
+def test_where_nothing_may_be_made_is_one_line(tmp_path):
+    if not Path("/proc/self").exists():
+        pytest.skip("no file system that makes no files")
+    with pytest.raises(InputError, match="cannot be written"):
+        write_text("lost", Path("/proc/answer.json"))
