@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-STUDY = Path(__file__).resolve().parents[2] / "docs" / "studies" / "sound_mismatch.py"
+STUDY = Path(__file__).resolve().parents[2] / "tests" / "studies" / "sound_mismatch.py"
 
 
 @pytest.fixture(scope="session")

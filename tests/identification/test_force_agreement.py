@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-STUDY = Path(__file__).resolve().parents[2] / "docs" / "studies" / "forces_against_quadrature.py"
+STUDY = Path(__file__).resolve().parents[2] / "tests" / "studies" / "forces_against_quadrature.py"
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from bevameter.identification.flexible_form import FREEDOMS, FlexibleWheel
 from bevameter.identification.form_error import rejected, score_statistic
 from bevameter.identification.forward import TextbookWheel
 
-STUDY = Path(__file__).resolve().parents[2] / "docs" / "studies" / "identification_model_error.py"
+STUDY = Path(__file__).resolve().parents[2] / "tests" / "studies" / "identification_model_error.py"
 WHEEL = Wheel(radius_m=0.15, width_m=0.12)
 VALUES = {"c_Pa": 500.0, "phi_rad": 0.5, "k_m": 0.01, "stiffness_Pa": 1e5, "n": 0.9}
 IMPOSED = np.column_stack([np.linspace(60.0, 160.0, 9), np.linspace(-0.3, 0.7, 9)])

@@ -10,7 +10,6 @@ import pandas as pd
 import pytest
 from bevameter import Vehicle, Wheel, explain
 from bevameter.framework.core.recording.types import WheelTable
-from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.mismatch.explain import _trials_left_out
 from bevameter.identification.mismatch.fit.fitting import Fitted
@@ -21,6 +20,7 @@ from bevameter.identification.mismatch.fit.trial import situation, textbook_tria
 from bevameter.identification.noise import from_running_median
 from bevameter.identification.simulate import simulate
 from bevameter.identification.wheel_soil import Soil
+from concealed.conceal import conceal
 
 WHEEL = Wheel(radius_m=0.2, width_m=0.15)
 VEHICLE = Vehicle(name="made", wheels=(WHEEL,))

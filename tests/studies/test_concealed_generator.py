@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bevameter.framework.core.recording.open import read_recording
-from bevameter.framework.scenario.concealed.conceal import conceal
-from bevameter.framework.scenario.concealed.drives import PROTOCOLS, draw_plan
-from bevameter.framework.scenario.concealed.effects import catalogue
-from bevameter.framework.scenario.concealed.mechanics import Body, Ground, simulate, travel_ratio
-from bevameter.framework.scenario.concealed.rivals import rivals
-from bevameter.framework.scenario.concealed.strength import LEVELS
-from bevameter.framework.scenario.concealed.table import record
-from bevameter.framework.scenario.concealed.weighing import refit_textbook, refit_with, vector, weights
+from concealed.conceal import conceal
+from concealed.drives import PROTOCOLS, draw_plan
+from concealed.effects import catalogue
+from concealed.mechanics import Body, Ground, simulate, travel_ratio
+from concealed.rivals import rivals
+from concealed.strength import LEVELS
+from concealed.table import record
+from concealed.weighing import refit_textbook, refit_with, vector, weights
 from scipy.optimize import least_squares
 
 BODY = Body(0.15, 0.12, 0.01, 12)

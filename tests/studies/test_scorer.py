@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bevameter.framework.scenario.concealed import summary
-from bevameter.framework.scenario.concealed.effects import catalogue
-from bevameter.framework.scenario.concealed.scorer import COMPARABLE, score, score_left_out
+from concealed import summary
+from concealed.effects import catalogue
+from concealed.scorer import COMPARABLE, score, score_left_out
 
 SLIP_SINKAGE = {
     "effect": "slip_sinkage", "kind": "physics", "form": "exponent", "parameters": {"n1": 0.2},
