@@ -1,41 +1,38 @@
-"""The scorer of explanations, on answers made by hand, and the tables of the study."""
+"""The scorer of explanations, on answers made by hand, and the table of many scores."""
 
 from __future__ import annotations
 
-import importlib.util
-import json
-from pathlib import Path
-
-import numpy as np
 import pytest
-from concealed import summary
 from concealed.effects import catalogue
-from concealed.scorer import COMPARABLE, score, score_left_out
+from concealed.truth import COMPARABLE
+from judging import summary
+from judging.scorer import score
 
 SLIP_SINKAGE = {
-    "effect": "slip_sinkage", "kind": "physics", "form": "exponent", "parameters": {"n1": 0.2},
+    "effect": "slip_sinkage", "kind": "physics", "form": "exponent", "comparable": {"n1": 0.2},
     "channels": ["sinkage_m", "torque_Nm"], "variables": ["slip"],
 }  # fmt: skip
 OFFSET = {
-    "effect": "torque_offset", "kind": "instrument", "form": "constant", "parameters": {"offset_Nm": -0.5},
+    "effect": "torque_offset", "kind": "instrument", "form": "constant", "comparable": {"T_0": -0.5},
     "channels": ["torque_Nm"], "variables": ["constant"],
 }  # fmt: skip
 PATCH = {
-    "effect": "soil_patch", "kind": "physics", "form": "sharp", "parameters": {"from_m": 1.0, "to_m": 2.0},
+    "effect": "soil_patch", "kind": "physics", "form": "sharp",
     "channels": ["torque_Nm"], "variables": ["x_m"], "places": {"x_m": [1.0, 2.0]},
 }  # fmt: skip
+BEYOND = {"effect": "beyond", "kind": "physics"}
 
 
 def truth(*effects) -> dict:
     return {
-        "seed": 7, "level": "hidden" if effects else "null", "protocol": "bench", "reached": True,
+        "level": "hidden" if effects else "null", "reached": True,
         "effects": list(effects), "oracle_rmse": {"torque_Nm": 0.1, "sinkage_m": 0.001},
     }  # fmt: skip
 
 
 def said(effect, probability=0.95, kind="physics", like=(), **parameters) -> dict:
     return {
-        "effect": effect, "kind": kind, "probability": probability, "indistinguishable_from": list(like),
+        "effect": effect, "kind": kind, "form": "", "probability": probability, "indistinguishable_from": list(like),
         "parameters": parameters,
     }  # fmt: skip
 
@@ -44,7 +41,7 @@ def answer(verdict, *missing, located=(), after=None) -> dict:
     channels = {name: {"rmse_before": 1.0, "rmse_after": value} for name, value in (after or {}).items()}
     return {
         "schema": 1, "verdict": verdict, "missing": list(missing), "located": list(located),
-        "fit": {"channels": channels}, "seconds": 12.0,
+        "fit": {"channels": channels},
     }  # fmt: skip
 
 
@@ -54,6 +51,7 @@ def test_a_right_name_with_a_right_parameter():
     found = score(
         truth(SLIP_SINKAGE),
         answer("physics", said("slip_sinkage", n1=n1), located=[place], after={"torque_Nm": 0.105, "sinkage_m": 0.001}),
+        seconds=12.0,
     )
     assert found["named"]
     assert found["kind_right"]
@@ -68,14 +66,17 @@ def test_a_right_name_with_a_right_parameter():
     assert found["false_alarm"] is None
 
 
-def test_an_interval_that_misses_and_a_name_of_another_program():
+def test_intervals_are_of_parameters_that_mean_the_same():
     n1 = {"value": 0.30, "sd": 0.02}
     assert score(truth(SLIP_SINKAGE), answer("physics", said("slip_sinkage", n1=n1)))["intervals"] == [False]
-    other = answer("physics", said("slip_sinkage", growth=n1))
-    assert score(truth(SLIP_SINKAGE), other)["intervals"] == []
-    assert score(truth(SLIP_SINKAGE), other, same={"slip_sinkage.n1": "growth"})["intervals"] == [False]
+    assert score(truth(SLIP_SINKAGE), answer("physics", said("slip_sinkage", p=n1)))["intervals"] == []
     asymmetric = {**n1, "low": 0.19, "high": 0.5}
     assert score(truth(SLIP_SINKAGE), answer("physics", said("slip_sinkage", n1=asymmetric)))["intervals"] == [True]
+    assert score(truth(SLIP_SINKAGE), answer("cannot_tell", said("slip_sinkage", n1=n1)))["intervals"] == []
+    late = {"effect": "time_lag", "kind": "instrument", "comparable": {"tau": 0.2}}
+    for form, held in (("delay of torque_Nm", [True]), ("low-pass of torque_Nm", [])):
+        named = said("time_lag", kind="instrument", tau={"value": 0.2, "sd": 0.01}) | {"form": form}
+        assert score(truth(late), answer("instrument", named))["intervals"] == held
 
 
 def test_indistinguishable_counts_where_the_truth_is_among_them():
@@ -139,11 +140,22 @@ def test_pairs_count_both():
     pair = truth(SLIP_SINKAGE, OFFSET)
     both = score(pair, answer("physics", said("slip_sinkage"), said("torque_offset", kind="instrument")))
     assert both["both_named"]
-    assert both["named_count"] == 2
     assert both["kind_right"] is None
     one = score(pair, answer("physics", said("slip_sinkage")))
     assert one["named"]
     assert not one["both_named"]
+
+
+def test_the_unknown_is_no_name():
+    """An admission beside a right name does no harm; an answer "unknown" names nothing, whatever it mentions."""
+    unknown = said("unknown", 0.6, "unknown")
+    beside = score(truth(SLIP_SINKAGE), answer("physics", said("slip_sinkage"), unknown))
+    assert beside["named"]
+    assert not beside["falsely_named"]
+    mentioned = score(truth(SLIP_SINKAGE), answer("unknown", said("slip_sinkage", 0.3), unknown))
+    assert mentioned["named"] is False
+    assert mentioned["falsely_named"] is False
+    assert mentioned["statements"] == [(0.3, True), (0.6, False)]
 
 
 def test_a_patch_is_found_where_it_lies():
@@ -165,18 +177,39 @@ def test_a_failure_is_nothing_right():
     assert found["intervals"] == []
 
 
-def test_without_its_entry_only_a_confident_name_is_wrong():
-    hidden = truth(SLIP_SINKAGE)
-    assert score_left_out(hidden, answer("unknown"))["right"]
-    assert score_left_out(hidden, answer("cannot_tell", said("exit_angle", 0.6), said("hard_layer", 0.4)))["right"]
-    assert score_left_out(hidden, answer("physics", said("exit_angle", 0.4)))["right"]
-    confident = score_left_out(hidden, answer("physics", said("exit_angle", 0.9)))
-    assert confident["confident_wrong"]
-    assert not confident["right"]
-    silent = score_left_out(hidden, answer("none"))
-    assert silent["silent"]
-    assert not silent["right"]
-    assert score_left_out(hidden, None)["failed"]
+@pytest.mark.parametrize(("hidden", "left_out"), [(SLIP_SINKAGE, True), (BEYOND, False)])
+def test_where_the_catalogue_lacks_the_cause_only_a_confident_name_is_wrong(hidden, left_out):
+    def scored(*given):
+        return score(truth(hidden), answer(*given), left_out=left_out)
+
+    assert scored("unknown", said("unknown", 0.9, "unknown"))["confident_wrong"] is False
+    assert scored("unknown", said("exit_angle", 0.9))["confident_wrong"] is False
+    assert scored("cannot_tell", said("exit_angle", 0.8), said("hard_layer", 0.2))["confident_wrong"] is False
+    assert scored("physics", said("exit_angle", 0.79))["confident_wrong"] is False
+    confident = scored("physics", said("exit_angle", 0.8))
+    assert confident["confident_wrong"] is True
+    assert confident["silent"] is False
+    assert confident["named"] is None
+    assert scored("none")["silent"] is True
+    assert scored("none")["confident_wrong"] is False
+
+
+def test_beside_a_cause_beyond_the_catalogue_the_other_one_may_be_named():
+    both = truth(OFFSET, BEYOND)
+    right = said("torque_offset", kind="instrument")
+    assert score(both, answer("instrument", right))["confident_wrong"] is False
+    assert score(both, answer("instrument", right, said("drift", kind="instrument")))["confident_wrong"] is True
+    unknown = score(truth(BEYOND), answer("unknown", said("unknown", 0.9, "unknown")))
+    assert unknown["statements"] == [(0.9, True)]
+
+
+def test_a_truth_that_lacks_places_and_an_oracle_is_scored_all_the_same():
+    bare = {"level": "plain", "effects": [{"effect": "slip_sinkage", "kind": "physics"}]}
+    found = score(bare, answer("physics", said("slip_sinkage"), after={"torque_Nm": 0.1}))
+    assert found["named"]
+    assert found["located_channel"] is None
+    assert found["error_ratio"] == {}
+    assert found["intervals"] == []
 
 
 def test_comparable_parameters_are_those_that_effects_have():
@@ -184,124 +217,55 @@ def test_comparable_parameters_are_those_that_effects_have():
     for (slug, form), names in COMPARABLE.items():
         assert form in kinds[slug].forms
         effect = kinds[slug](form, 0.1)
-        assert set(names) <= set(effect.parameters()), slug
+        assert {own for own, _ in names.values()} <= set(effect.parameters()), slug
 
 
 def test_shares_have_wilsons_interval():
-    share, low, high = summary.wilson(49, 50)
-    assert share == 0.98
-    assert (low, high) == (pytest.approx(0.8950, abs=1e-4), pytest.approx(0.9965, abs=1e-4))
-    assert summary.wilson(0, 10)[1] == 0.0
-    with pytest.raises(ValueError, match="nothing"):
-        summary.wilson(0, 0)
+    assert summary.share([True] * 49 + [False]) == "98.0 % (89.5-99.6; 49 of 50)"
+    assert summary.share([False] * 10).startswith("0.0 % (0.0-")
+    assert summary.share([]) == "-"
 
 
-def test_the_bootstrap_holds_the_median(rng):
-    median, low, high = summary.bootstrap_median(rng.normal(5.0, 1.0, 200).tolist())
-    assert low < median < high
-    assert high - low == pytest.approx(2.0 * 1.96 * 1.2533 / np.sqrt(200.0), rel=0.4)
+def test_quantiles_have_the_interval_of_order_statistics():
+    assert summary.quantile(list(range(1, 101)), 0.5) == "50.5 (40-61)"
+    assert summary.quantile([1.0, 2.0, 3.0], 0.5).endswith("(-)")
+    assert summary.quantile([], 0.5) == "-"
 
 
 def test_calibration_compares_stated_and_right():
-    statements = [(0.95, True)] * 9 + [(0.95, False)] + [(1.0, True)] * 3
-    rows = summary.calibration(statements)
-    assert [(row["from"], row["count"], row["right"]) for row in rows] == [(0.9, 10, 0.9), (0.97, 3, 1.0)]
+    rows = summary.calibration([(0.9, True)] * 9 + [(0.9, False)] + [(0.95, True)] * 2 + [(1.0, True)])
+    assert rows["right where 0.85 to 0.95 was stated"].startswith("90.0 %")
+    assert "3 of 3" in rows["right where 0.95 to 1 was stated"]
+    assert rows["right where 0 to 0.5 was stated"] == "-"
 
 
-def test_tables_count_what_was_scored():
+def test_the_table_counts_what_was_scored():
     n1 = {"value": 0.21, "sd": 0.02}
     scores = [
-        score(truth(SLIP_SINKAGE), answer("physics", said("slip_sinkage", n1=n1), after={"torque_Nm": 0.11})),
-        score(truth(SLIP_SINKAGE), answer("physics", said("exit_angle"))),
-        score(truth(), answer("none")),
+        score(truth(SLIP_SINKAGE), answer("physics", said("slip_sinkage", n1=n1), after={"torque_Nm": 0.11}), 10.0),
+        score(truth(SLIP_SINKAGE), answer("physics", said("exit_angle")), 30.0),
+        score(truth(), answer("none"), 2.0),
         score(truth(SLIP_SINKAGE, OFFSET), answer("physics", said("slip_sinkage"))),
         score(truth(OFFSET), None),
+        score(truth(BEYOND), answer("physics", said("exit_angle"))),
+        score(truth(SLIP_SINKAGE), answer("unknown"), left_out=True),
     ]
-    scores[1]["rivals"] = {"exit_angle": 2.0, "drift": 90.0}
-    text = summary.table(scores)
-    assert "| named right, hidden | 33.3 %" in text
-    assert "1 of 3" in text
-    assert "| named right, plain | - |" in text
-    assert "| false alarm on nulls | 0.0 %" in text
-    assert "| both of a pair named | 0.0 %" in text
-    assert "| not named, and another effect fits as well (within 4 nats) | 100.0 %" in text
-    assert "| failures | 20.0 %" in text
-    assert "| `slip_sinkage` | 1 of 2 | exit_angle (1) |" in summary.by_effect(scores)
-    assert "| 0.9 to 0.97 |" in summary.calibration_table(scores)
-    assert "| confident wrong name | 100.0 %" in summary.left_out_table(
-        [score_left_out(truth(OFFSET), answer("physics", said("exit_angle")))]
-    )
-
-
-@pytest.fixture(scope="module")
-def study():
-    path = Path(__file__).resolve().parents[2] / "docs" / "studies" / "concealed_physics.py"
-    spec = importlib.util.spec_from_file_location("concealed_physics", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_the_study_draws_nulls_pairs_and_every_effect(study):
-    drawn = [study.draw(seed, False) for seed in range(400)]
-    hidden = [effects for effects, _, _ in drawn]
-    assert np.mean([not effects for effects in hidden]) == pytest.approx(0.30, abs=0.01)
-    assert np.mean([len(effects) == 2 for effects in hidden]) == pytest.approx(0.15, abs=0.01)
-    assert {effects[0] for effects in hidden if len(effects) == 1} == set(catalogue())
-    assert {study.draw(seed, True)[0][0] for seed in range(23)} == set(catalogue())
-
-
-def test_the_study_asks_scores_and_goes_on_where_it_stopped(study, monkeypatch, tmp_path, capsys):
-    """With a tool that answers "none": the folder it is given holds the recording alone."""
-    import bevameter
-
-    asked = []
-
-    def explain(folder, **options):
-        asked.append((sorted(path.name for path in Path(folder).iterdir()), options))
-        return answer("none")
-
-    monkeypatch.setattr(bevameter, "explain", explain, raising=False)
-    monkeypatch.setattr("bevameter.identification.mismatch.explanation.to_json", dict)
-    monkeypatch.setattr(study, "draw", lambda seed, left_out, asked: ((), "hidden", asked or "steady"))
-    out = tmp_path / "out.jsonl"
-    command = ["concealed_physics.py", "--recordings", "3", "--processes", "1", "--out", str(out)]
-    monkeypatch.setattr("sys.argv", command)
-    study.main()
-    assert [names for names, _ in asked] == [["recording.toml", "vehicle.toml", "wheel.csv"]] * 3
-    assert "| false alarm on nulls | 0.0 %" in capsys.readouterr().out
-    lines = out.read_text().splitlines()
-    assert [json.loads(line)["seed"] for line in lines] == [0, 1, 2]
-    out.write_text("\n".join(lines[:2]) + '\n{"seed": 2, "hid')  # cut off while the last line was written
-    study.main()
-    assert len(asked) == 4
-    assert set(study.done(out)) == {0, 1, 2}
-    for protocol in ("ramps", "turns"):
-        others = tmp_path / f"{protocol}.jsonl"
-        monkeypatch.setattr("sys.argv", [*command[:-1], str(others), "--protocol", protocol])
-        study.main()
-        assert {score["protocol"] for score in study.done(others).values()} == {protocol}
-
-
-def test_a_protocol_that_cannot_show_what_is_hidden_gives_way_to_a_bench_test(study):
-    drawn = [study.draw(seed, False, "ramps") for seed in range(60)]
-    assert {protocol for _, _, protocol in drawn} == {"bench", "ramps"}
-    assert all(("inertia" in effects) is (protocol == "bench") for effects, _, protocol in drawn)
-    # Nothing else hangs on what is asked for.
-    assert [row[:2] for row in drawn] == [study.draw(seed, False)[:2] for seed in range(60)]
-
-
-def test_a_tool_that_breaks_is_counted(study, monkeypatch, tmp_path):
-    import bevameter
-
-    def explain(folder, **options):
-        raise RuntimeError("no idea")
-
-    monkeypatch.setattr(bevameter, "explain", explain, raising=False)
-    monkeypatch.setattr(study, "draw", lambda seed, left_out, asked: (("sinkage_offset",), "plain", "steady"))
-    row = study.one((1, True, False, None))
-    assert row["failed"]
-    assert row["failure"] == "RuntimeError: no idea"
-    json.dumps(row)
+    found = summary.measures(scores)
+    assert found["named right, hidden"].startswith("33.3 %")
+    assert found["named right, plain"] == "-"
+    assert "0 of 1" in found["false alarm on nulls"]
+    assert "0 of 1" in found["both of a pair named"]
+    assert "1 of 1" in found["at least one of a pair named"]
+    assert "1 of 4" in found["falsely named beside or instead"]
+    assert "1 of 1" in found["confident wrong name (from 0.8), cause beyond the catalogue"]
+    assert "0 of 1" in found["confident wrong name (from 0.8), effect left out of the catalogue"]
+    assert "1 of 1" in found["parameter's interval holds the truth"]
+    assert "2 of 4" in found["right where 0.95 to 1 was stated"]
+    assert found["held-out error over the oracle's, median"].startswith("1.1 ")
+    assert found["seconds, most"] == "30"
+    assert "1 of 7" in found["failures"]
+    text = summary.table({"one": scores, "two": scores[:2]})
+    assert "| recordings | 7 | 2 |" in text
+    lines = summary.each(dict(zip("abcdefg", scores, strict=True))).splitlines()[2:]
+    assert lines[1] == "| b | single | hidden | slip_sinkage | physics | exit_angle 0.95 | False | 30 |"
+    assert [line.split(" | ")[6] for line in lines] == ["True", "False", "True", "True", "False", "False", "True"]

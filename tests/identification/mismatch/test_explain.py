@@ -17,7 +17,7 @@ from bevameter.identification.effects.catalogue import SLUGS
 from bevameter.identification.mismatch.explanation import to_json
 from concealed.conceal import conceal
 from concealed.mechanics import simulate
-from concealed.scorer import score
+from judging.scorer import score
 
 SEED = 7100
 

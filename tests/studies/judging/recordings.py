@@ -82,8 +82,6 @@ def made(cache: Path, recordings: RecordingSet) -> dict[str, dict[str, Any]]:
 def make(cache: Path, recordings: RecordingSet, processes: int) -> Iterator[tuple[str, str | None]]:
     """Make the recordings that the cache lacks; give each name as it is done, with the error where there was one."""
     missing = {name: seed for name, seed in recordings.named().items() if not truth_path(cache, name).is_file()}
-    for part in ("recordings", "truth"):
-        (cache / part).mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
         jobs = {pool.submit(_make_one, cache, recordings, name, seed): name for name, seed in missing.items()}
         for job in as_completed(jobs):
@@ -92,7 +90,9 @@ def make(cache: Path, recordings: RecordingSet, processes: int) -> Iterator[tupl
 
 
 def _make_one(cache: Path, recordings: RecordingSet, name: str, seed: int) -> None:
-    folder = folder_of(cache, name)
+    folder, path = folder_of(cache, name), truth_path(cache, name)
+    for parent in (folder.parent, path.parent):
+        parent.mkdir(parents=True, exist_ok=True)
     shutil.rmtree(folder, ignore_errors=True)  # half of one that was interrupted
     with tempfile.TemporaryDirectory(dir=cache) as place:
         truth = Path(place) / "truth"
@@ -101,7 +101,7 @@ def _make_one(cache: Path, recordings: RecordingSet, name: str, seed: int) -> No
             study.make(seed, recordings.protocol).write(folder, truth)
         else:
             importlib.import_module("frozen_generator.generate").write(seed, folder, truth)
-        _only(list(truth.glob("*.json")), truth).replace(truth_path(cache, name))
+        _only(list(truth.glob("*.json")), truth).replace(path)
 
 
 def _only(files: Sequence[Path], folder: Path) -> Path:
