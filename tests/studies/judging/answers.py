@@ -125,7 +125,7 @@ def answer_of(folder: Path, without: Collection[str] = ()) -> dict[str, Any]:
     if without:
         slugs = _first("SLUGS", "identification.effects.registry", "identification.effects.catalogue")
         options["catalogue"] = [slug for slug in slugs if slug not in without]
-    found = bevameter.explain(folder, **options)
+    found: Any = bevameter.explain(folder, **options)
     if hasattr(found, "to_json"):
         answer = found.to_json()
     else:
