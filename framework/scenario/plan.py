@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from ...identification.mechanics.soil import Soil
 from ..core.errors import InputError
+from .mechanics import Soil
 from .presets import SLOW_RIM_SPEED_M_S, Fault, Leg, Preset
 from .soils import SOILS
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...identification.mechanics.soil import Soil
+from .mechanics import Soil
 
 
 @dataclass(frozen=True)

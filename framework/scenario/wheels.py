@@ -7,11 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...identification.mechanics.equilibrium import carry
-from ...identification.mechanics.fields import THETA_1
-from ...identification.mechanics.soil import Soil
-from ...identification.mechanics.textbook import USUAL_ENTRY_ANGLE, contact_array
 from ..core.vehicle import Wheel
+from .mechanics import equilibrium
 from .plan import STEP_S, Plan
 from .soils import HARD_FRICTION, HARD_ROLLING, HARD_SLIP_RATE
 
@@ -150,20 +147,11 @@ def _ground_forces(
             pull[rows] = grip - HARD_ROLLING * load[rows]
             continue
         firm = stiffness[rows] * (RUT_STIFFENING if _pass(wheel) > 1 else 1.0)
-        forces, theta_1 = soil_forces(wheel, stretch.soil, load[rows], slip[rows], cohesion[rows], firm)
-        torque[rows], pull[rows] = forces[:, 1], forces[:, 2]
-        sinkage[rows] = wheel.radius_m * (1.0 - np.cos(theta_1))
+        found = equilibrium(
+            wheel.radius_m, wheel.width_m, stretch.soil, load[rows], slip[rows], cohesion=cohesion[rows], stiffness=firm
+        )
+        torque[rows], sinkage[rows], pull[rows] = found.torque_Nm, found.sinkage_m, found.drawbar_pull_N
     return torque, sinkage, pull
-
-
-def soil_forces(
-    wheel: Wheel, soil: Soil, load_N: np.ndarray, slip: np.ndarray, cohesion: np.ndarray, stiffness: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Equilibrium with a soil whose cohesion and stiffness are multiplied row by row: forces (n, 3), theta_1 (n,)."""
-    c_Pa, tan_phi, k_m, stiffness_Pa, n = soil.numbers
-    numbers = c_Pa * cohesion, tan_phi, k_m, stiffness_Pa * stiffness, n
-    found = carry(contact_array(USUAL_ENTRY_ANGLE, slip, numbers, wheel), load_N, wheel.width_m)
-    return found.forces, found.contact[:, THETA_1].copy()
 
 
 def _sensed(plan: Plan, true: dict[str, np.ndarray], names: np.ndarray) -> dict[str, np.ndarray]:

@@ -2,19 +2,10 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import pytest
-
-STUDY = Path(__file__).resolve().parents[2] / "docs" / "studies" / "sound_mismatch.py"
+import sound_mismatch
 
 
 @pytest.fixture(scope="session")
 def study():
-    spec = importlib.util.spec_from_file_location("sound_mismatch", STUDY)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # dataclasses look themselves up there
-    spec.loader.exec_module(module)
-    return module
+    return sound_mismatch

@@ -1,4 +1,4 @@
-"""What `explain_sound` says of drives made by another generator (docs/studies/sound_mismatch.py)."""
+"""What `explain_sound` says of drives made by another generator (tests/studies/sound_mismatch.py)."""
 
 import json
 

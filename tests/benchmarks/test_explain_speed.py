@@ -8,7 +8,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bevameter import explain
-from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.felt_rows import felt_rows
 from bevameter.identification.identify import open_recording
@@ -16,6 +15,7 @@ from bevameter.identification.mechanics.augmented import AugmentedWheel
 from bevameter.identification.mismatch.fit.fitting import fit
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.fit.trial import situation, textbook_trial
+from concealed.conceal import conceal
 from scipy.optimize import least_squares
 
 SEED = 7200

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-from pathlib import Path
-
+import identification_model_error
 import numpy as np
 import pytest
 from bevameter.framework.core.soil import SoilKnowledge
@@ -15,7 +12,6 @@ from bevameter.identification.form_error import rejected, score_statistic
 from bevameter.identification.mechanics.flexible import FREEDOMS, FlexibleWheel
 from bevameter.identification.mechanics.textbook import TextbookWheel
 
-STUDY = Path(__file__).resolve().parents[2] / "docs" / "studies" / "identification_model_error.py"
 WHEEL = Wheel(radius_m=0.15, width_m=0.12)
 VALUES = {"c_Pa": 500.0, "phi_rad": 0.5, "k_m": 0.01, "stiffness_Pa": 1e5, "n": 0.9}
 IMPOSED = np.column_stack([np.linspace(60.0, 160.0, 9), np.linspace(-0.3, 0.7, 9)])
@@ -23,13 +19,7 @@ IMPOSED = np.column_stack([np.linspace(60.0, 160.0, 9), np.linspace(-0.3, 0.7, 9
 
 @pytest.fixture(scope="module")
 def study():
-    spec = importlib.util.spec_from_file_location(STUDY.stem, STUDY)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # dataclasses look their module up there
-    spec.loader.exec_module(module)
-    return module
+    return identification_model_error
 
 
 def recording(study, kind: str, seed: int, *, steady: bool = True):

@@ -33,7 +33,7 @@ UNHEARD_OF = 8.0
 TEMPERATURE, _FORMS_DIFFER, _MOST_DIFFER = 2.5, 0.003, 3.5
 """Held-out nats that make one unit of log-odds: scores of look-alikes differ by chance, and the more is gained, by how
 published forms of one effect differ, here as a share of it [-] and at most [nats]. From the study's training recordings
-(docs/studies/concealed_physics.py): where more than 400 nats were gained, a wrong set led by 6 to 12 in 2 of 7."""
+(docs/concealed-physics.md): where more than 400 nats were gained, a wrong set led by 6 to 12 in 2 of 7."""
 
 NOT_EXCLUDED = 3.0
 """Units of log-odds up to which a set is not excluded, to 5 % [-]."""

@@ -2,22 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
-from pathlib import Path
-
+import forces_against_quadrature
 import pytest
-
-STUDY = Path(__file__).resolve().parents[3] / "docs" / "studies" / "forces_against_quadrature.py"
 
 
 @pytest.fixture(scope="module")
 def study():
-    spec = importlib.util.spec_from_file_location(STUDY.stem, STUDY)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return forces_against_quadrature
 
 
 def test_all_points_agree_with_tanh_sinh_quadrature_to_eight_digits(study):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pytest
-from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.felt_rows import felt_rows
 from bevameter.identification.identify import open_recording
@@ -14,6 +13,7 @@ from bevameter.identification.mismatch.fit.trial import (
     try_adding,
 )
 from bevameter.identification.mismatch.name.tries import Search
+from concealed.conceal import conceal
 
 
 @pytest.fixture(scope="module")

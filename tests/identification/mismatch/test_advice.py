@@ -9,7 +9,6 @@ import pytest
 from bevameter import SoilKnowledge, Wheel, explain
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.core.recording.wheel_file import write_wheel_file
-from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import SLUGS, effects_for
 from bevameter.identification.effects.drive import drive_of, order_of, select_rows
 from bevameter.identification.felt_rows import felt_rows
@@ -27,6 +26,7 @@ from bevameter.identification.mismatch.name.would_tell import (
     _known_soil,
     would_tell,
 )
+from concealed.conceal import conceal
 
 
 @pytest.fixture(scope="module")

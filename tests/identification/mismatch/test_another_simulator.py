@@ -10,7 +10,6 @@ from bevameter import InputError, Vehicle, Wheel, explain, load_vehicle
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.core.recording.wheel_file import derive, read_wheel_file, slip_from_speeds, write_wheel_file
 from bevameter.framework.core.soil import SoilKnowledge
-from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.felt_rows import felt_rows
 from bevameter.identification.identify import open_recording
 from bevameter.identification.mechanics.soil import Soil
@@ -21,6 +20,7 @@ from bevameter.identification.mismatch.fit.samples import SIMULATED
 from bevameter.identification.mismatch.fit.simulated import as_differences
 from bevameter.identification.mismatch.fit.textbook import fit_textbook
 from bevameter.identification.simulate import simulate
+from concealed.conceal import conceal
 
 TIME_S = 0.1 * np.arange(300)
 

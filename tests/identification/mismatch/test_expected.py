@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bevameter import Recording, SoilKnowledge, Vehicle, Wheel, WheelTable, explain
-from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.grousers import LugRadius, LugTips
 from bevameter.identification.felt_rows import felt_rows
@@ -23,6 +22,7 @@ from bevameter.identification.mismatch.name.search import search
 from bevameter.identification.mismatch.name.tries import Search, Tries
 from bevameter.identification.mismatch.show.answer import assemble
 from bevameter.identification.simulate import simulate
+from concealed.conceal import conceal
 
 
 @pytest.fixture(scope="module")

@@ -13,11 +13,11 @@ from bevameter import simulate as simulate_file
 from bevameter.framework.core.recording.readers import read_recording
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.core.recording.wheel_file import write_wheel_file
-from bevameter.framework.scenario.concealed.conceal import conceal
-from bevameter.framework.scenario.concealed.mechanics import simulate
-from bevameter.framework.scenario.concealed.scorer import score
 from bevameter.identification.effects.catalogue import SLUGS
 from bevameter.identification.mismatch.explanation import to_json
+from concealed.conceal import conceal
+from concealed.mechanics import simulate
+from judging.scorer import score
 
 SEED = 7100
 

@@ -10,7 +10,6 @@ import pandas as pd
 import pytest
 from bevameter import Vehicle, Wheel, explain
 from bevameter.framework.core.recording.types import WheelTable
-from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mismatch.explain import _trials_left_out
@@ -21,6 +20,7 @@ from bevameter.identification.mismatch.fit.textbook import fit_textbook
 from bevameter.identification.mismatch.fit.trial import situation, textbook_trial, try_adding
 from bevameter.identification.noise import from_running_median
 from bevameter.identification.simulate import simulate
+from concealed.conceal import conceal
 
 WHEEL = Wheel(radius_m=0.2, width_m=0.15)
 VEHICLE = Vehicle(name="made", wheels=(WHEEL,))

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bevameter import Recording, SoilKnowledge, Vehicle, Wheel, WheelTable, explain
-from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import SLUGS, effects_for
 from bevameter.identification.felt_rows import felt_rows
 from bevameter.identification.identify import open_recording
@@ -17,6 +16,7 @@ from bevameter.identification.mismatch.fit.trial import ASKED_FOR, Trial, situat
 from bevameter.identification.mismatch.name.hiding_pairs import hiding_pairs, pairs_beside_better_fits, pairs_of_weak
 from bevameter.identification.mismatch.name.tries import Tries
 from bevameter.identification.simulate import simulate
+from concealed.conceal import conceal
 
 NOISE = {"load_N": 0.2, "torque_Nm": 0.018, "slip": 0.0014, "sinkage_m": 2.4e-4, "drawbar_pull_N": 0.05}
 VEHICLE = Vehicle(wheels=(Wheel(radius_m=0.09, width_m=0.066),), noise=NOISE)

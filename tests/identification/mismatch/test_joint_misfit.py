@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from bevameter import Vehicle, Wheel, explain
 from bevameter.framework.core.recording.types import WheelTable
-from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import SLUGS, effects_for
 from bevameter.identification.felt_rows import felt_rows
 from bevameter.identification.identify import open_recording
@@ -23,6 +22,7 @@ from bevameter.identification.mismatch.locate.smooth_correction import smooth_co
 from bevameter.identification.mismatch.name.evidence import doubts
 from bevameter.identification.mismatch.name.tries import Search
 from bevameter.identification.simulate import simulate
+from concealed.conceal import conceal
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)
 VEHICLE = Vehicle(name="made", wheels=(WHEEL,))

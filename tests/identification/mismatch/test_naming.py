@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.felt_rows import felt_rows
 from bevameter.identification.identify import open_recording
@@ -24,6 +23,7 @@ from bevameter.identification.mismatch.name.evidence import asks_for_more, doubt
 from bevameter.identification.mismatch.name.naming import ASSERTED, name, why_not
 from bevameter.identification.mismatch.name.preferred import plainest, says_no_more
 from bevameter.identification.mismatch.name.tries import Search, Tries
+from concealed.conceal import conceal
 
 
 @pytest.mark.parametrize(

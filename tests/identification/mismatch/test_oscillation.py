@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from bevameter import explain
-from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.mismatch.locate.oscillation import oscillations
+from concealed.conceal import conceal
 from scipy.signal import butter, lfilter
 
 ROWS, STEP_S = 1000, 0.05

@@ -10,7 +10,6 @@ import pytest
 from bevameter import Vehicle, Wheel, explain
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.core.soil import load_soil
-from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import SLUGS, effects_for
 from bevameter.identification.effects.drive import rate_of_change
 from bevameter.identification.effects.time_faults import filtered
@@ -28,6 +27,7 @@ from bevameter.identification.mismatch.name.evidence import at_odds, borne_out, 
 from bevameter.identification.mismatch.name.naming import name
 from bevameter.identification.mismatch.name.promise import promise
 from bevameter.identification.mismatch.name.tries import Search
+from concealed.conceal import conceal
 from scipy.signal import lfilter
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)

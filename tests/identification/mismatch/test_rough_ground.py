@@ -9,7 +9,6 @@ from functools import partial
 import numpy as np
 import pytest
 from bevameter import InputError
-from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.felt_rows import felt_rows
 from bevameter.identification.identify import open_recording
@@ -22,6 +21,7 @@ from bevameter.identification.mismatch.name.evidence import leaves_to_ground, ou
 from bevameter.identification.mismatch.name.naming import name, why_not
 from bevameter.identification.mismatch.name.search import _as_in_quiet_ground, _forms_of, _proposed
 from bevameter.identification.mismatch.name.tries import Search, Tries
+from concealed.conceal import conceal
 from effects_tried import SITUATION
 
 

@@ -10,7 +10,6 @@ import pytest
 from bevameter import Vehicle, Wheel
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.core.soil import SoilKnowledge
-from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.drive import order_of
 from bevameter.identification.mechanics.augmented import AugmentedWheel
@@ -25,6 +24,7 @@ from bevameter.identification.mismatch.locate.regions import Whitened, _told, lo
 from bevameter.identification.mismatch.name.naming import name
 from bevameter.identification.mismatch.name.search import search
 from bevameter.identification.noise import sensor_noise
+from concealed.conceal import conceal
 from scipy.optimize import brentq
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from bevameter import InputError, Vehicle, Wheel, explain
 from bevameter.framework.core.recording.types import WheelTable
-from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.effects.catalogue import effects_for
 from bevameter.identification.effects.named import parse_effect
 from bevameter.identification.mechanics.soil import Soil
@@ -28,6 +27,7 @@ from bevameter.identification.mismatch.fit.trial import (
     try_adding,
 )
 from bevameter.identification.simulate import simulate
+from concealed.conceal import conceal
 from scipy.optimize import brentq
 from scipy.signal import lfilter
 

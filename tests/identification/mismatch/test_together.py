@@ -6,12 +6,12 @@ import time
 
 import numpy as np
 import pytest
-from bevameter.framework.scenario.concealed.conceal import conceal
 from bevameter.identification.felt_rows import felt_rows
 from bevameter.identification.identify import open_recording
 from bevameter.identification.mismatch.fit.samples import gather
 from bevameter.identification.mismatch.fit.together import together
 from bevameter.identification.mismatch.fit.trial import textbook_trial
+from concealed.conceal import conceal
 
 
 def test_answers_come_in_order_and_a_failure_is_raised():

@@ -5,7 +5,7 @@ what is published, by an integrator of its own (midpoint rule, bisection; nothin
 as if nothing of it were known. Two kinds of recording: steady trials (4 loads x 7 slips) and a drive of 200 samples;
 with and without drawbar pull.
 
-    python docs/studies/identification_model_error.py --seeds 20
+    python tests/studies/identification_model_error.py --seeds 20
 """
 
 from __future__ import annotations

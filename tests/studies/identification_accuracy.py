@@ -5,7 +5,7 @@ n 0.9, c 1 kPa, phi 30 deg; 300 samples at 10 Hz, load 800 +- 300 N, slip 0.3 +-
 a standard deviation that is a share of the channel's maximum. Soil, load and slip of every sample are unknown to the
 estimator.
 
-    python docs/studies/identification_accuracy.py --seeds 200
+    python tests/studies/identification_accuracy.py --seeds 200
 """
 
 from __future__ import annotations

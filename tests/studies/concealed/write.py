@@ -6,8 +6,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...core.recording.types import WheelTable
-from ...core.recording.wheel_file import write_wheel_file
+import pandas as pd
 
 if TYPE_CHECKING:
     from .conceal import ConcealedRecording
@@ -20,14 +19,15 @@ def write_recording(concealed: ConcealedRecording, folder: Path, truth_folder: P
     ------
     ValueError
         The truth would lie where the tool looks.
-    InputError
+    OSError
         A file cannot be written.
     """
     if truth_folder is not None and folder.resolve() in (truth_folder.resolve(), *truth_folder.resolve().parents):
         raise ValueError(f"truth folder {truth_folder} lies in the recording's folder")
     folder.mkdir(parents=True, exist_ok=True)
-    table = WheelTable(concealed.recorded.columns, None, concealed.recorded.run, folder / "wheel.csv")
-    write_wheel_file(table, folder / "wheel.csv")
+    run = {} if concealed.recorded.run is None else {"run": concealed.recorded.run}
+    table = pd.DataFrame({**run, **concealed.recorded.columns})
+    table.to_csv(folder / "wheel.csv", index=False, lineterminator="\n")
     (folder / "recording.toml").write_text(f'name = "{folder.name}"\nstreams = ["wheel"]\n', encoding="utf-8")
     (folder / "vehicle.toml").write_text(_vehicle_toml(concealed.vehicle), encoding="utf-8")
     if concealed.known_soil:

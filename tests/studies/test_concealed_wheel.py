@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bevameter.framework.scenario.concealed.drives import NEEDS, draw_plan
-from bevameter.framework.scenario.concealed.effects import Setting, catalogue, draw_effect
-from bevameter.framework.scenario.concealed.mechanics import Body, Drive, Ground, loaded, simulate, travel_ratio
+from concealed.drives import NEEDS, draw_plan
+from concealed.effects import Setting, catalogue, draw_effect
+from concealed.mechanics import Body, Drive, Ground, loaded, simulate, travel_ratio
 from scipy.integrate import quad
 from scipy.optimize import brentq
 

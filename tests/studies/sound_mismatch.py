@@ -5,7 +5,7 @@ way as grains, louder with speed) where the folder of recordings is given, else 
 of half of them is real rain, sea or fire. Gear lines are phase-continuous, lugs are blows that vary, wind is shaped by
 a von Karman spectrum at the Strouhal number of its speed and gusts, resonances are second-order filters.
 
-    python docs/studies/sound_mismatch.py --data ../shared/data --drives 30 --nulls 60 --classify 12
+    python tests/studies/sound_mismatch.py --data ../shared/data --drives 30 --nulls 60 --classify 12
 """
 
 from __future__ import annotations

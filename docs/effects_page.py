@@ -1,4 +1,4 @@
-"""Write docs/effects.md, the page of effects, from the catalogue: `python docs/studies/effects_page.py`.
+"""Write docs/effects.md, the page of effects, from the catalogue: `python docs/effects_page.py`.
 
 A test (`tests/docs/test_effects_page.py`) fails where the page says something else than the catalogue.
 """
@@ -12,11 +12,11 @@ from bevameter.identification.effects.drive import COLUMNS
 from bevameter.identification.effects.effect import Effect, Parameter
 from bevameter.identification.effects.named import follows_drive, specimen
 
-PAGE = Path(__file__).resolve().parents[1] / "effects.md"
+PAGE = Path(__file__).resolve().parent / "effects.md"
 
 _HEAD = """# Effects beyond the textbook wheel
 
-This page is written from the catalogue by `python docs/studies/effects_page.py`.
+This page is written from the catalogue by `python docs/effects_page.py`.
 
 The textbook wheel is the rigid, smooth, driven wheel of Iagnemma & Dubowsky (2002), Eq. 1-9. Each effect below is
 something real that it leaves out, or a fault of an instrument. `bevameter simulate` and `bevameter.simulate` add any of

@@ -1,6 +1,6 @@
 """Write the example on docs/explain.md anew from `bevameter explain` on the real sand of ../shared/data.
 
-python docs/studies/explain_page.py
+python docs/explain_page.py
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "explain.md"
 SAND = ROOT.parent / "shared" / "data" / "single-wheel-sand"
 BEGIN, END = "\nprints\n", "## How to read the report"

@@ -6,7 +6,7 @@
 2. A stratified subset: the reference itself against `scipy.integrate.quad`, and the entry angle against
    `scipy.optimize.brentq` on that; as many points as the seconds allow.
 
-    python docs/studies/forces_against_quadrature.py --seconds 120
+    python tests/studies/forces_against_quadrature.py --seconds 120
 """
 
 from __future__ import annotations

@@ -15,6 +15,28 @@ from .table import Recorded
 from .turns import Track
 from .weighing import Case, Refit, soil
 
+COMPARABLE: dict[tuple[str, str], dict[str, tuple[str, float]]] = {
+    ("slip_sinkage", "exponent"): {"n1": ("n1", 0.0)},
+    ("stress_peak_shift", "forward"): {"a1": ("a1", 0.0)},
+    ("stress_peak_shift", "balanced"): {"a0": ("a0", 0.0), "a1": ("a1", 0.0)},
+    ("exit_angle", "proportional"): {"s": ("exit_ratio", 0.0)},
+    ("shear_hump", "residual"): {"K_r": ("residual_ratio", 0.0)},
+    ("slope_gravity", "mass"): {"m": ("mass_kg", 0.0)},
+    ("slope_gravity", "load"): {"s": ("load_share", 0.0)},
+    ("inertia", "both"): {"J": ("wheel_inertia_kg_m2", 0.0), "m": ("mass_kg", 0.0)},
+    ("inertia", "wheel"): {"J": ("wheel_inertia_kg_m2", 0.0)},
+    ("inertia", "carriage"): {"m": ("mass_kg", 0.0)},
+    ("drivetrain_friction", "viscous"): {"b_v": ("viscous_Nms", 0.0)},
+    ("torque_offset", "constant"): {"T_0": ("offset_Nm", 0.0)},
+    ("torque_gain", "constant"): {"g": ("gain", -1.0)},
+    ("load_gain", "constant"): {"g": ("gain", -1.0)},
+    ("sinkage_offset", "constant"): {"z_0": ("offset_m", 0.0)},
+    ("rolling_radius", "constant"): {"e": ("radius_ratio", -1.0)},
+    ("time_lag", "delay"): {"tau": ("lag_s", 0.0)},
+}
+"""By slug and form, the names that the answer gives to parameters of the same meaning: the generator's own name, and
+what is added to its value. Parameters of other forms have no counterpart and are not compared."""
+
 
 def truth_of(
     seed: int, level: str, plan: Plan, kind: str, case: Case, found: Sequence[Found], shares: Sequence[float],
@@ -64,6 +86,10 @@ def effect_dict(found: Found, answers: Sequence[str], share: float | None, track
         "kind": effect.kind,
         "form": effect.form,
         "parameters": effect.parameters(),
+        "comparable": {
+            name: effect.parameters()[own] + shift
+            for name, (own, shift) in COMPARABLE.get((effect.slug, effect.form), {}).items()
+        },
         "magnitude": effect.magnitude,
         "nats_alone": found.nats,
         "share_beside_the_other": share,

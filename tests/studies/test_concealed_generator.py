@@ -7,15 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bevameter.framework.core.recording.readers import read_recording
-from bevameter.framework.scenario.concealed.conceal import conceal
-from bevameter.framework.scenario.concealed.drives import PROTOCOLS, draw_plan
-from bevameter.framework.scenario.concealed.effects import catalogue
-from bevameter.framework.scenario.concealed.mechanics import Body, Ground, simulate, travel_ratio
-from bevameter.framework.scenario.concealed.rivals import rivals
-from bevameter.framework.scenario.concealed.strength import LEVELS
-from bevameter.framework.scenario.concealed.table import record
-from bevameter.framework.scenario.concealed.weighing import refit_textbook, refit_with, vector, weights
+from bevameter.framework.core.recording.open import read_recording
+from concealed.conceal import conceal
+from concealed.drives import PROTOCOLS, draw_plan
+from concealed.effects import catalogue
+from concealed.mechanics import Body, Ground, simulate, travel_ratio
+from concealed.strength import LEVELS
+from concealed.table import record
+from concealed.weighing import refit_textbook, refit_with, vector, weights
 from scipy.optimize import least_squares
 
 BODY = Body(0.15, 0.12, 0.01, 12)
@@ -252,19 +251,8 @@ def test_refitting_finds_the_soil_of_a_null():
     assert fit.nats < 0.5
 
 
-def test_rivals_tell_what_data_can_tell():
-    """Other faults cannot stand for slip-sinkage; a shift of the peak, which follows slip too, comes nearest."""
-    made = conceal(3, ("slip_sinkage",), "hidden", "steady", forms=["exponent"])
-    behind = rivals(made, ("stress_peak_shift", "torque_gain", "sinkage_offset"))
-    assert next(iter(behind)) == "stress_peak_shift"
-    assert 0.0 < behind["stress_peak_shift"] < 0.5 * behind["torque_gain"]
-    assert max(behind.values()) <= made.truth["nats"] * 1.02
-    with pytest.raises(ValueError, match="expected one"):
-        rivals(conceal(3, (), "hidden", "steady"))
-
-
-def test_a_rival_that_is_the_truth_leaves_nothing():
-    """The fit with soil and magnitude, given the effect itself, and a fault of the inputs among them."""
+def test_refitting_with_the_effect_itself_leaves_nothing():
+    """The fit with soil and magnitude, of an effect and of a fault of the inputs."""
     for slug in ("load_gain", "bulldozing"):
         made = conceal(1, (slug,), "hidden", "steady")
         _, theta_1 = simulate(made.case.ground, made.case.body, made.case.drive, made.effects)

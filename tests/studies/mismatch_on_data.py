@@ -1,6 +1,6 @@
 """What `explain` finds where nobody concealed anything: real wheels, and a simulation with other physics.
 
-python docs/studies/mismatch_on_data.py        # prints the tables of docs/mismatch-on-data.md
+python tests/studies/mismatch_on_data.py        # prints the tables of docs/mismatch-on-data.md
 """
 
 from __future__ import annotations

@@ -24,10 +24,6 @@ class Fault(Effect):
         """Draw the sign."""
         return cls(form, 0.0, float(rng.choice([-1.0, 1.0])))
 
-    def reversed(self) -> Self:
-        """Give the same fault the other way."""
-        return replace(self, sign=-self.sign)
-
 
 @dataclass(frozen=True)
 class TorqueOffset(Fault):

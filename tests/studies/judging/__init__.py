@@ -1,0 +1,1 @@
+"""How well `bevameter explain` answers: the sets of recordings, the runs over them, the scorer and its table."""

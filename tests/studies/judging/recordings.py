@@ -1,0 +1,110 @@
+"""The sets of recordings that `explain` is judged on, and how they are made into a cache.
+
+A cache holds `recordings/<name>/`, the folders that `explain` reads, and `truth/<name>.json`, what was put into them.
+The truth is moved there last: where it is, the recording is whole.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import multiprocessing
+import shutil
+import tempfile
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+FROZEN_SEEDS = range(880000, 880340)
+"""Of the study; about 30 % of them hide nothing."""
+
+FROZEN_GENERATOR_SEEDS = range(5000, 5120)
+"""Of the frozen generator, which was written by another hand."""
+
+TRAINING_SEEDS = range(900000, 900160)
+"""Of the study, for whoever works on `explain`; all other seeds of the study but the frozen ones are free, too."""
+
+
+@dataclass(frozen=True)
+class RecordingSet:
+    """Recordings by seed.
+
+    Parameters
+    ----------
+    generator
+        ``"study"`` or ``"frozen_generator"``.
+    seeds
+        One recording each.
+    protocol
+        Kind of drive of all recordings of the study that can show what they hide in it; drawn for each where absent.
+    """
+
+    generator: str
+    seeds: range
+    protocol: str | None = None
+
+    @property
+    def frozen(self) -> bool:
+        """Whether nobody who works on `explain` may see more than aggregates."""
+        return self.generator == "frozen_generator" or bool({*self.seeds} & {*FROZEN_SEEDS})
+
+    def named(self) -> dict[str, int]:
+        """Give the seeds by the recordings' names."""
+        kind = [self.generator] if self.protocol is None else [self.generator, self.protocol]
+        return {"-".join([*kind, str(seed)]): seed for seed in self.seeds}
+
+
+SETS = {
+    "training": RecordingSet("study", TRAINING_SEEDS),
+    "frozen": RecordingSet("study", FROZEN_SEEDS),
+    "frozen-generator": RecordingSet("frozen_generator", FROZEN_GENERATOR_SEEDS),
+}
+
+
+def folder_of(cache: Path, name: str) -> Path:
+    """Give the folder of a recording."""
+    return cache / "recordings" / name
+
+
+def truth_path(cache: Path, name: str) -> Path:
+    """Give the file of a recording's truth."""
+    return cache / "truth" / f"{name}.json"
+
+
+def made(cache: Path, recordings: RecordingSet) -> dict[str, dict[str, Any]]:
+    """Read the truths of the recordings that the cache holds, by name."""
+    paths = {name: truth_path(cache, name) for name in recordings.named()}
+    return {name: json.loads(path.read_text(encoding="utf-8")) for name, path in paths.items() if path.is_file()}
+
+
+def make(cache: Path, recordings: RecordingSet, processes: int) -> Iterator[tuple[str, str | None]]:
+    """Make the recordings that the cache lacks; give each name as it is done, with the error where there was one."""
+    missing = {name: seed for name, seed in recordings.named().items() if not truth_path(cache, name).is_file()}
+    with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
+        jobs = {pool.submit(_make_one, cache, recordings, name, seed): name for name, seed in missing.items()}
+        for job in as_completed(jobs):
+            error = job.exception()
+            yield jobs[job], None if error is None else f"{type(error).__name__}: {error}"
+
+
+def _make_one(cache: Path, recordings: RecordingSet, name: str, seed: int) -> None:
+    folder, path = folder_of(cache, name), truth_path(cache, name)
+    for parent in (folder.parent, path.parent):
+        parent.mkdir(parents=True, exist_ok=True)
+    shutil.rmtree(folder, ignore_errors=True)  # half of one that was interrupted
+    with tempfile.TemporaryDirectory(dir=cache) as place:
+        truth = Path(place) / "truth"
+        if recordings.generator == "study":
+            study = importlib.import_module("concealed.study")
+            study.make(seed, recordings.protocol).write(folder, truth)
+        else:
+            importlib.import_module("frozen_generator.generate").write(seed, folder, truth)
+        _only(list(truth.glob("*.json")), truth).replace(path)
+
+
+def _only(files: Sequence[Path], folder: Path) -> Path:
+    if len(files) != 1:
+        raise ValueError(f"{folder}: {len(files)} files of truth, expected one")
+    return files[0]
