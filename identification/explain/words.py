@@ -57,14 +57,11 @@ def headline(explanation: Explanation) -> str:
 
 
 def details(explanation: Explanation) -> str:
-    """Say what happens, what modelling it gains, what to do, and where it is located."""
+    """Say what happens, what modelling it gains, what to do, and where it is located; what to do first if undecided."""
     sure = [each for each in explanation.missing if each.probability >= ASSERTED]
-    parts = [
-        *(_happens(each) for each in (sure or explanation.missing)),
-        _errors(explanation),
-        _action(explanation.missing),
-        _located(explanation.located),
-    ]
+    action, described = _action(explanation.missing), [_happens(each) for each in sure]
+    parts = [*described, _errors(explanation), action] if sure else [action, _errors(explanation)]
+    parts.append(_located(explanation.located))
     return " ".join(part for part in parts if part)
 
 
@@ -107,8 +104,14 @@ def name_of(missing: Missing) -> str:
     """Name what is missing; a fault of one channel with that channel."""
     if missing.kind == "unknown":
         return "something that the catalogue lacks"
-    channel = missing.form.partition(", ")[0]
-    return effect(missing.effect) + (f" of the {shown(channel).words}" if channel in CHANNELS else "")
+    channel = _channel(missing)
+    return effect(missing.effect) + (f" of the {channel}" if channel else "")
+
+
+def _channel(missing: Missing) -> str:
+    """Name the channel that a form is of; empty where it is of none."""
+    name = missing.form.partition(", ")[0]
+    return shown(name).words if name in CHANNELS else ""
 
 
 def _ratio(value: float, unit: float) -> float:
@@ -156,7 +159,11 @@ def _undecided(missing: Sequence[Missing]) -> str:
 
 def _happens(missing: Missing) -> str:
     """Say what an effect does, with its parameters; of the unknown, where it lives."""
-    what = columns_in_words(missing.description) if missing.kind == "unknown" else describe(missing.effect).what
+    what = describe(missing.effect).what
+    if missing.kind == "unknown":
+        what = columns_in_words(missing.description)
+    elif channel := _channel(missing):
+        what = what.replace("a channel", f"the {channel}")
     values = [estimate(name, value) for name, value in missing.parameters.items()]
     if len(values) > _PARAMETERS:
         values[_PARAMETERS:] = [f"{len(values) - _PARAMETERS} more"]
@@ -224,4 +231,5 @@ def _located(regions: Sequence[Region]) -> str:
         return f"Where: {channel} varies with {where}."
     by = f"{abs(first.mean):.2g} times the noise" if math.isfinite(first.mean) else "more than the noise"
     side = "below" if first.mean < 0.0 else "above"
-    return f"Where: measured {channel} lies {side} the simulated one by {by} for {shown(first.variable).words} from {where}."
+    variable = shown(first.variable).words
+    return f"Where: measured {channel} lies {side} the simulated one by {by} for {variable} from {where}."

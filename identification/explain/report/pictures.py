@@ -16,8 +16,8 @@ from ..explanation import Explanation, Region
 from .quantities import Shown, cycles_a_turn, shown
 
 BEFORE, AFTER = "#d55e00", "#0072b2"
-"""Vermilion and blue of M. Okabe and K. Ito's palette (2008), which the colour-blind can distinguish; in print the marks'
-shapes differ, too."""
+"""Vermilion and blue of M. Okabe and K. Ito's palette (2008), which the colour-blind can distinguish; in print the
+shapes of the marks differ, too."""
 
 _LOCATED = "#f0e442"
 _GREY = "#555555"
