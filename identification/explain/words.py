@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from ...framework.core.soil import PARAMETERS
 from ..forward import CHANNELS
@@ -118,7 +118,7 @@ def _ratio(value: float, unit: float) -> float:
     return value / unit if unit > 0.0 else math.nan
 
 
-def _named(missing: Sequence[Missing]) -> list[str]:
+def _named(missing: Iterable[Missing]) -> list[str]:
     return [f"{name_of(each)} ({percent(each.probability)})" for each in missing]
 
 

@@ -68,9 +68,9 @@ def _located(explanation: Explanation) -> str:
     if explanation.located:
         body += table(*located_table(explanation), text_columns=(0, 1, 2))
         body += _note(
-            "Residual: measured less simulated, in units of the channel's noise, for the soil that was found. Each line "
-            "adds to the lines above it; the share is of all that they explain together. p is corrected for the number "
-            "of tests. The pictures below show the simulation on a soil refitted by itself, which hides part of it."
+            "Residual: measured less simulated, in units of the channel's noise, for the soil that was found. Each "
+            "line adds to the lines above it; the share is of all that they explain together. p is corrected for the "
+            "number of tests. The pictures show the simulation on a soil refitted by itself, which hides part of it."
         )
     else:
         body += "<p>No channel departs from the simulation over an interval of any variable.</p>"

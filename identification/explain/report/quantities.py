@@ -134,9 +134,9 @@ def percent(probability: float) -> str:
     """Give a probability in per cent, by its bound where it is next to 0 or 100 %."""
     if not math.isfinite(probability):
         return "unknown"
-    if probability < 0.005:
+    if probability <= 0.005:
         return "< 0.5 %"
-    return "> 99.5 %" if probability > 0.995 else f"{100.0 * probability:.0f} %"
+    return "> 99.5 %" if probability >= 0.995 else f"{100.0 * probability:.0f} %"
 
 
 def p_value(value: float) -> str:
