@@ -208,10 +208,10 @@ def _modelled(explanation: Explanation) -> str:
 
 def _action(missing: Sequence[Missing]) -> str:
     """Say which measurement or check decides."""
-    told = sorted((each for each in missing if each.would_tell), key=lambda each: each.probability >= ASSERTED)
-    if not told:
+    proposed = sorted((each for each in missing if each.would_tell), key=lambda each: each.probability >= ASSERTED)
+    if not proposed:
         return ""
-    first = told[0]
+    first = proposed[0]
     if first.kind == "unknown":
         return f"To find it: {columns_in_words(first.would_tell)}."
     return f"To {'check' if first.probability >= ASSERTED else 'decide'}: {first.would_tell}."
@@ -229,7 +229,5 @@ def _located(regions: Sequence[Region]) -> str:
         return f"Where: {channel} follows the simulation with a delay of {where}."
     if cycles_a_turn(first):
         return f"Where: {channel} varies with {where}."
-    by = f"{abs(first.mean):.2g} times the noise" if math.isfinite(first.mean) else "more than the noise"
-    side = "below" if first.mean < 0.0 else "above"
-    variable = shown(first.variable).words
-    return f"Where: measured {channel} lies {side} the simulated one by {by} for {variable} from {where}."
+    side = "is below" if first.mean < 0.0 else "is above" if first.mean > 0.0 else "departs from"
+    return f"Where: measured {channel} {side} the simulated one for {shown(first.variable).words} from {where}."

@@ -68,9 +68,9 @@ def _located(explanation: Explanation) -> str:
     if explanation.located:
         body += table(*located_table(explanation), text_columns=(0, 1, 2))
         body += _note(
-            "Residual: measured less simulated, in units of the channel's noise, for the soil that was found. Each "
-            "line adds to the lines above it; the share is of all that they explain together. p is corrected for the "
-            "number of tests. The pictures show the simulation on a soil refitted by itself, which hides part of it."
+            "Residual: measured less simulated on the soil that was found, in units of the sensor's noise. Each line "
+            "adds to the lines above it; the share is of all that they explain together. p is corrected for the number "
+            "of tests. The pictures show the simulation on a soil refitted by itself, which hides part of it."
         )
     else:
         body += "<p>No channel departs from the simulation over an interval of any variable.</p>"
@@ -79,8 +79,9 @@ def _located(explanation: Explanation) -> str:
         body += _figure(png, f"Residuals of {shown(channel).words} on held-out rows against {shown(variable).words}.")
     if maps:
         body += _note(
-            "Grey band: plus and minus one noise. Black: means of bins with 95 % intervals, rows taken as independent. "
-            "Triangles: points beyond the edge. Yellow: the interval in the table."
+            "Noise: of sensors, load and slip, and the ground's variation. Grey: plus and minus one noise. Black: "
+            "means of bins with 95 % intervals, rows taken as independent. Triangles: points beyond the edge. Yellow: "
+            "the interval in the table."
         )
     return body
 

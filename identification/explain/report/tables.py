@@ -26,7 +26,7 @@ Table = tuple[list[str], list[list[str]]]
 def located_table(explanation: Explanation) -> Table:
     """Give the regions, the first three columns text."""
     return (
-        ["channel", "depends on", "differs for", "share of misfit", "mean residual [noise]", "p"],
+        ["channel", "depends on", "differs for", "share of misfit", "mean residual [sensor noise]", "p"],
         [
             [
                 shown(region.channel).name, shown(region.variable).name, interval(region),
