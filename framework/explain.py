@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from ..audio.mismatch.explain import explain_sound
+from ..database.store import TerrainDatabase
+from ..identification.explain.explain import explain as explain_wheel
+from ..identification.explain.explanation import Explanation
 from ..identification.felt_rows import felt_rows
 from ..identification.identify import open_recording
-from ..identification.mismatch.explain import explain as explain_wheel
-from ..identification.mismatch.explanation import Explanation
 from .core.arguments import whole
+from .core.class_names import check_class_name
 from .core.errors import InputError
 from .core.recording.types import Recording
 from .core.soil import SoilKnowledge
@@ -47,7 +49,7 @@ def explain(
     catalogue
         Public names of the effects to consider; all where absent.
     progress
-        Told in words what is being done.
+        Called with what is being done, in words.
 
     Returns
     -------
@@ -64,12 +66,63 @@ def explain(
     if opened.sound is None:
         return answer
     if progress is not None:
-        progress("listening for what is not the ground")
+        progress("explaining the sound")
     try:
         sound = _explain_sound(opened, seed)
     except InputError as error:
         return replace(answer, notes=(*answer.notes, f"the sound was not explained: {error}"))
     return replace(answer, sound=sound)
+
+
+def check_store(database: str | Path | None, class_name: str | None) -> None:
+    """Find out before long work whether its answer can be stored; raises `InputError` where it cannot.
+
+    Parameters
+    ----------
+    database
+        Path or SQLAlchemy URL of the terrain database, which need not exist yet; None together with `class_name`.
+    class_name
+        The class of terrain.
+    """
+    if (database is None) != (class_name is None):
+        given, absent = ("--db", "--class") if class_name is None else ("--class", "--db")
+        raise InputError(absent, f"is missing, and {given} is given", expected="both, to store what is found, or none")
+    if database is not None and class_name is not None:
+        check_class_name(class_name, "--class")
+        if (found := TerrainDatabase.open_if_there(database)) is not None:
+            found.close()
+
+
+def store(answer: Explanation, database: str | Path, class_name: str) -> str:
+    """Store soil and effects that were found with a class of terrain, for predictions on it.
+
+    Parameters
+    ----------
+    answer
+        What `explain` found.
+    database
+        Path or SQLAlchemy URL of the terrain database; made where there is none.
+    class_name
+        The class of terrain that the recording was driven on, spelt as drives have it.
+
+    Returns
+    -------
+    str
+        The database's name.
+
+    Raises
+    ------
+    InputError
+        No effect is asserted; one of the effects is less likely than not; or the database or the class is refused.
+    """
+    if answer.verdict not in ("physics", "instrument"):
+        raise InputError(
+            answer.source, f"nothing was found to store: the verdict is {answer.verdict}",
+            expected="missing physics or a fault of an instrument that is asserted",
+        )  # fmt: skip
+    with TerrainDatabase(database) as opened:
+        opened.add_physics(class_name, answer.physics, source=answer.source)
+        return opened.name
 
 
 def _explain_sound(recording: Recording, seed: int) -> dict | None:

@@ -24,21 +24,29 @@ def command(
     json: Annotated[Path | None, typer.Option("--json", help="Write the answer as JSON.")] = None,
     report: Annotated[Path | None, typer.Option("--report", help="Write the answer as an HTML page.")] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the resampling behind the intervals.")] = 0,
+    db: Annotated[
+        str | None, typer.Option("--db", help="Terrain database to store what was found in; needs --class.")
+    ] = None,
+    class_name: Annotated[
+        str | None, typer.Option("--class", help="Class of terrain to store what was found with; needs --db.")
+    ] = None,
 ) -> None:
-    """Locate the mismatch, name what was left out, model it, and show what that gains."""
-    from ...identification.mismatch.explanation import to_json
-    from ..explain import explain
+    """Locate the mismatch, name what is missing, model it, and show what that gains."""
+    from ..explain import check_store, explain, store
     from .explained import print_explanation
     from .printing import check_outputs, status, write_json
 
     check_outputs([json, report], [recording, vehicle, soil, simulated])
+    check_store(db, class_name)
     with status(f"explaining {recording}") as tell:
         answer = explain(recording, vehicle=vehicle, soil=soil, simulated=simulated, seed=seed, progress=tell)
     if json is not None:
-        write_json(to_json(answer), json)
+        write_json(answer.to_json(), json)
     if report is not None:
-        from ...identification.mismatch.show.report import write_report
+        from ...identification.explain.report.page import write_report
 
         with status(f"drawing {report}"):
             write_report(answer, report)
     print_explanation(answer)
+    if db is not None and class_name is not None:
+        print(f"stored with class {class_name} in {store(answer, db, class_name)}")

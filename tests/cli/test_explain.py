@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bevameter import TerrainDatabase
 from bevameter.framework.cli.main import app
-from explanations import cannot_tell, explanation, nothing
+from explanations import SOUND, cannot_tell, explanation, nothing, several, unknown
 from refusals import SOIL, VEHICLE, WHEEL, edited, refused
 from typer.testing import CliRunner
 
@@ -45,9 +46,8 @@ def test_the_answer_is_printed(answers):
     result = call("wheel.csv")
     assert result.exit_code == 0, result.output
     for said in (
-        "The simulation leaves out slip-sinkage (very likely, 98 %).", "Sinkage leaves the simulation above slip 0.3.",
-        "0.3 to 0.55", "n1 = 0.213 ± 0.019", "n = n0 + n1 |i|", "2.8 (2.4 to 3.3)", "0.512 ± 0.083",
-        "Most probable of 2 candidates", "Held-out rows are predicted to within noise.",
+        "slip-sinkage (98 %)", "0.3 to 0.55", "n1 = 0.213 ± 0.019", "n = n0 + n1 |i|", "2.8 (2.4 to 3.3)",
+        "0.512 ± 0.083", "Most probable of 2 candidates", explanation().trust,
         "note: 3 rows without load or slip are left out",
     ):  # fmt: skip
         assert said in result.stdout, said
@@ -56,8 +56,13 @@ def test_the_answer_is_printed(answers):
 
 @pytest.mark.parametrize(
     ("answer", "said"),
-    [(nothing(), "Nothing that held-out data ask for"), (cannot_tell(), "what would tell: measure drawbar pull")],
-    ids=["none", "cannot tell"],
+    [
+        (nothing(), "400 rows"),
+        (cannot_tell(), "to decide: measure drawbar pull"),
+        (unknown(), "93 %"),
+        (several(), "Possibly also: load gain (30 %)"),
+    ],
+    ids=["none", "cannot tell", "unknown", "several"],
 )
 def test_an_answer_of_any_kind_is_a_success(answers, answer, said):
     answers(answer)
@@ -93,6 +98,43 @@ def test_outputs_that_cannot_be_written_are_refused_before_the_work(option, tmp_
     monkeypatch.setattr(EXPLAIN, lambda *_, **__: pytest.fail("the work began"))
     refused(tmp_path, ["explain", "wheel.csv", option, tmp_path / "nowhere" / "o"], "nowhere", "there is no folder")
     refused(tmp_path, ["explain", "wheel.csv", option, tmp_path], "is a folder")
+
+
+def test_the_sound_is_printed_under_a_heading_of_its_own(answers):
+    answers(explanation(sound=SOUND))
+    assert "\nSound\n" in call("wheel.csv").stdout
+
+
+def test_what_was_found_is_stored_with_a_class(answers, tmp_path):
+    answers(explanation())
+    result = call("wheel.csv", "--db", tmp_path / "terrain.db", "--class", "sand")
+    assert result.exit_code == 0, result.output
+    assert "stored with class sand" in result.stdout.splitlines()[-1]
+    with TerrainDatabase(tmp_path / "terrain.db", must_exist=True) as database:
+        (kept,) = database.physics("sand")
+    assert kept.source == explanation().source
+    (effect,) = kept.physics.effects
+    assert (effect.slug, effect.probability, effect.parameters["n1"].value) == ("slip_sinkage", 0.98, 0.2134)
+
+
+@pytest.mark.parametrize("answer", [nothing(), cannot_tell(), unknown()], ids=lambda answer: answer.verdict)
+def test_nothing_is_stored_where_nothing_is_asserted_and_the_answer_is_not_lost(answers, answer, tmp_path):
+    answers(answer)
+    result = call("w.csv", "--db", tmp_path / "terrain.db", "--class", "sand", "--json", tmp_path / "o.json")
+    assert result.exit_code == 2
+    assert answer.verdict in result.stderr
+    assert answer.trust in result.stdout
+    assert [path.name for path in tmp_path.iterdir()] == ["o.json"]
+
+
+def test_a_store_that_cannot_be_is_refused_before_the_work(tmp_path, monkeypatch):
+    monkeypatch.setattr(EXPLAIN, lambda *_, **__: pytest.fail("the work began"))
+    (tmp_path / "other.db").write_text("no database")
+    refused(tmp_path, ["explain", "wheel.csv", "--db", tmp_path / "terrain.db"], "--class")
+    refused(tmp_path, ["explain", "wheel.csv", "--class", "sand"], "--db")
+    refused(tmp_path, ["explain", "wheel.csv", "--db", tmp_path / "terrain.db", "--class", "unknown"], "--class")
+    refused(tmp_path, ["explain", "wheel.csv", "--db", tmp_path / "other.db", "--class", "sand"], "other.db")
+    refused(tmp_path, ["explain", "wheel.csv", "--db", tmp_path / "no" / "t.db", "--class", "sand"], "t.db")
 
 
 @pytest.fixture

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 from bevameter import Wheel
 from bevameter.identification.mechanics.augmented import AugmentedWheel
-from bevameter.identification.mismatch.explanation import (
+from bevameter.identification.effects.named import forms_by_name, specimen
+from bevameter.identification.explain.explanation import (
     Candidate,
     ChannelFit,
     Estimate,
@@ -43,6 +44,7 @@ def rows(seed: int = 0) -> Rows:
 def explanation(**changes) -> Explanation:
     """Slip-sinkage, named with certainty; `changes` are fields of `Explanation`."""
     drive = rows()
+    found = next(each for each in forms_by_name("slip_sinkage", specimen()) if each.form == "exponent")
     answer = Explanation(
         source="somewhere/wheel.csv",
         verdict="physics",
@@ -56,10 +58,8 @@ def explanation(**changes) -> Explanation:
         ),
         missing=(Missing("slip_sinkage", "physics", "exponent", 0.98, N1, EQUATION, "Ding et al. (2010)"),),
         candidates=(
-            Candidate("slip_sinkage[exponent]", "physics", 0.98, 240.0, N1, "chosen"),
-            Candidate(
-                "bulldozing[wedge]", "physics", 1e-9, -2.0, {"s": Estimate(0.1, 0.4)}, "held-out data do not ask"
-            ),
+            Candidate("slip_sinkage[exponent]", "physics", 0.98, 236.0, 240.0, N1),
+            Candidate("bulldozing[wedge]", "physics", 1e-9, -1.5, -2.0, {"s": Estimate(0.1, 0.4)}),
         ),
         fits={
             "torque_Nm": ChannelFit(1.2, 0.52, 0.5, ROWS, (1.1, 1.3), (0.48, 0.55)),
@@ -70,8 +70,9 @@ def explanation(**changes) -> Explanation:
         heldout_nats=Estimate(240.0, 21.0),
         notes=("3 rows without load or slip are left out",),
         rows=drive,
-        simulator=AugmentedWheel(Wheel(radius_m=0.15, width_m=0.12)),
-        vector=np.array([512.0, 0.577, -4.0, 12.0, 0.0]),
+        simulator=AugmentedWheel(Wheel(radius_m=0.15, width_m=0.12), (found,)),
+        vector=np.array([512.0, 0.577, -4.0, 12.0, 0.0, N1["n1"].value]),
+        believed={"slip_sinkage": 0.98},
         seconds=12.3,
         seed=7,
         n=ROWS,
@@ -97,8 +98,25 @@ def cannot_tell() -> Explanation:
         "torque_gain", "instrument", "", 0.42, {"g": Estimate(0.08, 0.02)}, "T reported = (1 + g) T", "definition",
         ("side_wall_friction",), "measure drawbar pull (drawbar_pull_N) on the same drive",
     )  # fmt: skip
-    weighed = tuple(Candidate(each.effect, each.kind, each.probability, 60.0, {}, "") for each in (first, second))
+    weighed = tuple(Candidate(each.effect, each.kind, each.probability, 62.0, 60.0, {}) for each in (first, second))
     return explanation(verdict="cannot_tell", missing=(first, second), candidates=weighed)
+
+
+def unknown() -> Explanation:
+    """Something that the catalogue lacks."""
+    lacked = Missing(
+        "unknown", "unknown", "smooth discrepancy", 0.93, {}, "a polynomial in what the drive varies", "somebody",
+        would_tell="vary rim_speed_m_s with all else held",
+        description="torque_Nm differs by 3 of its noise, mostly with rim_speed_m_s",
+    )  # fmt: skip
+    return explanation(verdict="unknown", missing=(lacked,))
+
+
+def several() -> Explanation:
+    """Physics and an instrument's fault that are asserted, and one effect that is not."""
+    fault = Missing("time_lag", "instrument", "torque_Nm, low-pass", 0.97, {"tau": Estimate(0.4, 0.02, "s")}, "", "")
+    doubtful = Missing("load_gain", "instrument", "", 0.3, {"g": Estimate(0.05, 0.03)}, "", "", would_tell="weigh it")
+    return explanation(missing=(*explanation().missing, fault, doubtful))
 
 
 SOUND = {

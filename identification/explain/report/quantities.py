@@ -1,0 +1,190 @@
+"""Names, units and numbers as people read them: kilopascals, millimetres, degrees and per cent."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from ...effects.descriptions import DESCRIPTIONS, Description
+from ..explanation import Estimate, Region
+from ..variables import CONSTANT
+
+_DEGREES = 180.0 / math.pi
+
+
+@dataclass(frozen=True)
+class Shown:
+    """How a quantity is shown: in words, its unit (``""`` for a pure number), the factor from SI, and its symbol."""
+
+    words: str
+    unit: str = ""
+    scale: float = 1.0
+    symbol: str = ""
+
+    @property
+    def name(self) -> str:
+        """Words and symbol."""
+        return f"{self.words} {self.symbol}" if self.symbol else self.words
+
+    @property
+    def label(self) -> str:
+        """Name with the unit in brackets."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+    def with_unit(self, text: str) -> str:
+        """Give a number, as text, with the unit behind it."""
+        return f"{text} {self.unit}" if self.unit else text
+
+
+_QUANTITIES = {
+    "load_N": Shown("load", "N", symbol="W"),
+    "torque_Nm": Shown("torque", "N m", symbol="T"),
+    "sinkage_m": Shown("sinkage", "mm", 1e3, symbol="z"),
+    "slip": Shown("slip", symbol="i"),
+    "drawbar_pull_N": Shown("drawbar pull", "N", symbol="DP"),
+    "rim_speed_m_s": Shown("rim speed", "m/s"),
+    "travel_speed_m_s": Shown("travel speed", "m/s"),
+    "wheel_speed_rad_s": Shown("angular speed of the wheel", "rad/s"),
+    "wheel_angle_rad": Shown("wheel angle", "deg", _DEGREES),
+    "pitch_rad": Shown("slope along the track", "deg", _DEGREES),
+    "pass": Shown("number of the pass"),
+    "pass_number": Shown("number of the pass"),
+    "acceleration_m_s2": Shown("acceleration", "m/s^2"),
+    "angular_acceleration_rad_s2": Shown("angular acceleration", "rad/s^2"),
+    "x_m": Shown("position", "m", symbol="x"),
+    "y_m": Shown("position", "m", symbol="y"),
+    "distance_m": Shown("distance along the track", "m"),
+    "time_s": Shown("time", "s"),
+    "lag_s": Shown("delay", "s"),
+    CONSTANT: Shown("nothing: constant"),
+    "c_Pa": Shown("cohesion", "kPa", 1e-3, symbol="c"),
+    "phi_rad": Shown("friction angle", "deg", _DEGREES, symbol="phi"),
+    "k_m": Shown("shear modulus", "mm", 1e3, symbol="k"),
+    "stiffness_Pa": Shown("stiffness", "kPa", 1e-3, symbol="k1 + k2 b"),
+    "n": Shown("sinkage exponent", symbol="n"),
+}
+
+_UNITS = {
+    "Pa": ("kPa", 1e-3),
+    "Pa/m": ("kPa/m", 1e-3),
+    "rad": ("deg", _DEGREES),
+    "m": ("mm", 1e3),
+    "m/N": ("mm/kN", 1e6),
+}
+
+_PLACES = ("from", "to")
+"""Parameters in metres that are places along a track, not lengths of the wheel's size."""
+
+_COLUMN = re.compile(r"\b(" + "|".join(name for name in _QUANTITIES if "_" in name) + r")\b")
+
+KINDS = {"physics": "physics", "instrument": "instrument or configuration", "unknown": "unknown"}
+
+
+def shown(name: str, unit: str = "") -> Shown:
+    """Say how a channel, a variable or a parameter is shown; what has no entry is shown as it is, in SI."""
+    if name in _QUANTITIES:
+        return _QUANTITIES[name]
+    if name.rpartition(".")[2] in _PLACES or unit not in _UNITS:
+        return Shown(name, unit)
+    return Shown(name, *_UNITS[unit])
+
+
+def columns_in_words(text: str) -> str:
+    """Replace names of columns in a text by names of quantities: ``torque_Nm`` by ``torque T``."""
+    return _COLUMN.sub(lambda match: _QUANTITIES[match[1]].name, text)
+
+
+def number(value: float, scale: float = 1.0) -> str:
+    """Three significant digits; ``unknown`` where there is no number."""
+    if not math.isfinite(value):
+        return "unknown"
+    text = f"{value * scale:.3g}"
+    return f"{float(text):.0f}" if "e" in text and 1.0 <= abs(value * scale) < 1e6 else text
+
+
+def signed(value: float, places: int = 1) -> str:
+    """Give a number with its sign; ``-`` where there is none."""
+    return f"{value:+.{places}f}" if math.isfinite(value) else "-"
+
+
+def spread(value: float, sd: float, scale: float = 1.0) -> str:
+    """Give value and standard deviation to the digits that the latter allows."""
+    if not math.isfinite(value):
+        return "unknown"
+    if not math.isfinite(sd):
+        return f"{number(value, scale)} (sd unknown)"
+    if sd <= 0.0:
+        return f"{number(value, scale)} (given)"
+    value, sd = value * scale, sd * scale
+    places = 1 - math.floor(math.log10(sd))
+    if not -4 <= places <= 5:
+        return f"{value:.3g} ± {sd:.2g}"
+    return f"{round(value, places):.{max(places, 0)}f} ± {round(sd, places):.{max(places, 0)}f}"
+
+
+def estimate(name: str, value: Estimate) -> str:
+    """``n1 = 0.213 ± 0.019``, with the unit where there is one."""
+    how = shown(name, value.unit)
+    return f"{how.name} = {how.with_unit(spread(value.value, value.sd, how.scale))}"
+
+
+def percent(probability: float) -> str:
+    """Give a probability in per cent, by its bound where it is next to 0 or 100 %."""
+    if not math.isfinite(probability):
+        return "unknown"
+    if probability <= 0.005:
+        return "< 0.5 %"
+    return "> 99.5 %" if probability >= 0.995 else f"{100.0 * probability:.0f} %"
+
+
+def p_value(value: float) -> str:
+    """Give a p-value, very small ones by their bound."""
+    if not math.isfinite(value):
+        return "unknown"
+    return "< 1e-12" if value < 1e-12 else f"{value:.1g}" if value < 0.001 else f"{value:.3f}"
+
+
+def effect(name: str) -> str:
+    """Name one effect, or several joined by plus signs; forms stay in brackets."""
+    return " + ".join(
+        describe(slug).name + (f" ({form[:-1]})" if form else "")
+        for slug, _, form in (part.partition("[") for part in name.split(" + "))
+    )
+
+
+def describe(slug: str) -> Description:
+    """Give name and description of an effect; one that is not in the catalogue has its public name alone."""
+    return DESCRIPTIONS.get(slug, Description(slug, ""))
+
+
+def listed(parts: Iterable[str], last: str = "and") -> str:
+    """Join names as people do: ``a, b and c``."""
+    *first, final = parts
+    return f"{', '.join(first)} {last} {final}" if first else final
+
+
+def capital(text: str) -> str:
+    """Give a text with a capital at its beginning."""
+    return text[:1].upper() + text[1:]
+
+
+def interval(region: Region) -> str:
+    """Say where along its variable a region lies, or by how much the channel is off, in the unit that is shown."""
+    how = shown(region.channel if region.variable == CONSTANT else region.variable)
+    if cycles := cycles_a_turn(region):
+        return f"{cycles} cycle{'s' if cycles > 1 else ''} a turn of the wheel"
+    return how.with_unit(f"{number(region.start, how.scale)} to {number(region.end, how.scale)}")
+
+
+def cycles_a_turn(region: Region) -> int:
+    """Count the cycles a turn of the wheel that a region stands for; 0 where it is an interval of another variable."""
+    ripples = region.variable == "wheel_angle_rad" and region.start == 0.0 and 0.0 < region.end <= 2.0 * math.pi
+    return round(2.0 * math.pi / region.end) if ripples else 0
+
+
+def with_interval(value: float, ends: Sequence[float], scale: float = 1.0) -> str:
+    """Give a value with its 95 % interval: ``2.8 (2.4 to 3.3)``."""
+    low, high = ends
+    return f"{number(value, scale)} ({number(low, scale)} to {number(high, scale)})"

@@ -1,0 +1,287 @@
+"""The report of `explain`: that it is whole, shows what was found, and lets nothing in from the recording's text."""
+
+from __future__ import annotations
+
+import base64
+import math
+import re
+import warnings
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from bevameter import InputError
+from bevameter.identification.effects.catalogue import PHYSICS, SLUGS
+from bevameter.identification.effects.descriptions import DESCRIPTIONS
+from bevameter.identification.explain.answer import ASSERTED
+from bevameter.identification.explain.explanation import Candidate, Estimate, Region, Screened
+from bevameter.identification.explain.report import pictures
+from bevameter.identification.explain.report.page import report_html, write_report
+from bevameter.identification.explain.report.quantities import effect, estimate, number, p_value, shown, spread
+from bevameter.identification.explain.report.tables import fit_table, located_table, soil_table
+from bevameter.identification.explain.words import headline
+from explanations import SOUND, cannot_tell, explanation, nothing, several, unknown
+
+VOID = {"meta", "img", "br"}
+
+
+class Page(HTMLParser):
+    """Collects the text, what the page asks for from elsewhere, and whether tags are closed in order."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.words: list[str] = []
+        self.links: list[str] = []
+        self.tags: list[str] = []
+        self.open: list[str] = []
+        self.feed(page)
+        self.close()
+        assert self.open == [], self.open
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        if tag not in VOID:
+            self.open.append(tag)
+        self.links += [value for name, value in attrs if name in ("src", "href", "action", "data", "srcset")]
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open[-1:] != ["style"]:
+            self.words.append(data)
+
+    @property
+    def text(self) -> str:
+        return " ".join(" ".join(self.words).replace("\xa0", " ").split())
+
+
+@pytest.fixture(scope="module")
+def page() -> Page:
+    return Page(report_html(explanation(sound=SOUND)))
+
+
+def test_the_page_needs_nothing_from_elsewhere(page):
+    assert page.links
+    assert all(link.startswith("data:image/png;base64,") for link in page.links)
+    assert {"script", "link", "iframe", "object", "form"}.isdisjoint(page.tags)
+    style = re.search(r"<style>(.*?)</style>", report_html(explanation()), re.DOTALL).group(1)
+    assert "url(" not in style
+    assert "@import" not in style
+
+
+def test_the_pictures_in_the_page_are_pictures(page):
+    assert len(page.links) == 5, "three channels' residuals, errors, predictions"
+    for link in page.links:
+        data = base64.b64decode(link.split(",")[1])
+        assert data.startswith(b"\x89PNG")
+        picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+        assert min(picture.shape[:2]) > 300
+        assert picture.std() > 5.0, "not blank"
+
+
+def test_the_page_shows_what_was_found(page):
+    for said in (
+        headline(explanation()), explanation().trust, "0.3 to 0.55", "97 %", "< 1e-12", "12 cycles a turn of the wheel",
+        "n = n0 + n1 |i|", "Ding et al. (2010)", "0.213 ± 0.019", "2.8 (2.4 to 3.3)", "0.51 (0.48 to 0.56)",
+        "bulldozing (wedge) physics < 0.5 % -1.5 -2.0 s = 0.10 ± 0.40", "slip-sinkage (exponent) physics 98 % +236.0",
+        "2.10 ± 0.30", "0.512 ± 0.083", "kPa", "21.0 ± 1.7", "deg", "240 ± 21 nats",
+        "12 stretches of time held out in turn", "3 rows without load or slip are left out",
+        "rows compared 400", "seed 7", "seconds 12.3", "gear mesh: 97 %", "8 dB before, 5.7 dB after",
+    ):  # fmt: skip
+        assert said in page.text, said
+
+
+@pytest.mark.parametrize("answer", [nothing(), cannot_tell(), unknown(), several()], ids=lambda each: each.verdict)
+def test_every_verdict_has_its_page_with_the_answer_first(answer):
+    text = Page(report_html(answer)).text
+    first = headline(answer)
+    assert first in text
+    assert text.index(first) < text.index("Where simulation and recording differ")
+    for each in answer.missing:
+        assert each.effect in text
+        assert each.would_tell in text
+    assert ("with what was found" in text) == bool(answer.missing), "one soil where nothing was added"
+
+
+def test_rivals_and_what_separates_them_are_shown():
+    text = Page(report_html(cannot_tell())).text
+    assert "torque gain" in text
+    assert "measure drawbar pull (drawbar_pull_N) on the same drive." in text
+    assert "tau_s 0.90 ± 0.20 kPa" in text
+
+
+def test_a_channel_that_is_predicted_worse_is_said_so():
+    fits = {**explanation().fits, "torque_Nm": replace(explanation().fits["torque_Nm"], rmse_before=0.4)}
+    assert "worse than before: torque" in Page(report_html(explanation(fits=fits))).text
+    assert "worse than before" not in Page(report_html(explanation())).text
+
+
+def test_candidates_beyond_the_first_unfold_and_what_was_not_fitted_is_listed():
+    many = tuple(Candidate(f"soil_patch[{number}]", "physics", 0.01, 1.0, math.nan, {}) for number in range(40))
+    text = Page(report_html(explanation(candidates=many, screened=(Screened("time_lag[load_N]", 0.3),)))).text
+    assert all(f"({number})" in text for number in range(40))
+    assert "25 more" in text
+    assert "time lag (load_N) (+0.3)" in text
+
+
+def test_text_from_files_is_escaped():
+    nasty = "<script>alert('x')</script>"
+    base = explanation()
+    answer = replace(
+        base, source=f"folder/{nasty}.csv", summary=nasty, notes=(nasty,), trust=nasty, split=nasty,
+        missing=(
+            replace(
+                base.missing[0], form=nasty, equation=nasty, source=nasty, description=nasty, would_tell=nasty,
+                parameters={nasty: Estimate(1.0, 0.1, nasty)}, indistinguishable_from=(nasty,),
+            ),
+            replace(unknown().missing[0], description=nasty, would_tell=nasty, effect=nasty),
+        ),
+        candidates=(replace(base.candidates[0], effect=f"soil_patch[{nasty}]", kind=nasty),),
+        screened=(Screened(nasty, 1.0),),
+        sound={**SOUND, "notes": [nasty], "verdict": nasty},
+    )  # fmt: skip
+    page = report_html(answer)
+    assert "<script" not in page
+    assert "&lt;script&gt;" in page
+    assert "script" not in Page(page).tags
+
+
+def test_the_report_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
+    path = tmp_path / "report.html"
+    write_report(explanation(), path)
+    before = path.read_text(encoding="utf-8")
+    assert before == report_html(explanation()), "the same answer gives the same page"
+    with pytest.raises(InputError, match="no folder"):
+        write_report(explanation(), tmp_path / "nowhere" / "report.html")
+
+    def fail(*_):
+        raise OSError("disk full")
+
+    monkeypatch.setattr("bevameter.framework.core.writing.os.replace", fail)
+    with pytest.raises(InputError, match="disk full"):
+        write_report(nothing(), path)
+    assert path.read_text(encoding="utf-8") == before
+    assert [each.name for each in tmp_path.iterdir()] == ["report.html"]
+
+
+@pytest.mark.parametrize("rows", [1, 12])
+def test_few_rows_and_constant_or_absent_variables_are_drawn_all_the_same(rows):
+    base = explanation()
+    few = replace(
+        base.rows,
+        variables={"slip": np.full(rows, 0.2), "load_N": np.full(rows, np.nan)},
+        measured=base.rows.measured[:rows], before=base.rows.before[:rows], after=base.rows.after[:rows],
+    )  # fmt: skip
+    assert len(Page(report_html(replace(base, rows=few))).links) >= 2
+
+
+def test_values_that_are_not_known_are_drawn_and_shown_all_the_same():
+    base, nan = explanation(), math.nan
+    empty = replace(base.rows, measured=np.full_like(base.rows.measured, nan), noise=np.full(3, nan))
+    fits = {
+        name: replace(fit, rmse_before=nan, rmse_after=nan, noise=nan, before_interval=(nan, nan),
+                      after_interval=(nan, nan))
+        for name, fit in base.fits.items()
+    }  # fmt: skip
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        page = report_html(
+            replace(
+                base, rows=empty, fits=fits, heldout_nats=Estimate(nan, nan),
+                soil={"c_Pa": Estimate(nan, nan, "Pa")},
+                located=(Region("torque_Nm", "slip", 0.1, 0.2, 1.0, nan, nan),),
+                missing=(replace(base.missing[0], parameters={"n1": Estimate(nan, nan)}),),
+            )
+        )  # fmt: skip
+    text = Page(page).text
+    assert "unknown" in text
+    assert "nan" not in text
+
+
+def test_every_located_channel_and_variable_is_drawn_and_every_other_channel_too():
+    drawn = [(channel, variable) for channel, variable, _ in pictures.residual_maps(explanation())]
+    assert drawn == [("sinkage_m", "slip"), ("torque_Nm", "wheel_angle_rad"), ("drawbar_pull_N", "slip")]
+
+
+def test_bins_hold_their_rows_mean_and_interval(rng):
+    along = rng.uniform(0.0, 1.0, 6000)
+    values = 3.0 * along + rng.normal(size=6000)
+    middle, mean, half = pictures.bin_means(along, values)
+    assert len(middle) == 12
+    assert np.all(np.diff(middle) > 0.0)
+    assert np.mean(np.abs(mean - 3.0 * middle) < half) >= 0.75
+    np.testing.assert_allclose(half, 1.96 / np.sqrt(500.0), rtol=0.15)
+    repeats = np.repeat([0.0, 0.5, 1.0], 4) + 1e-3 * rng.normal(size=12)
+    middle, mean, half = pictures.bin_means(repeats, np.repeat([1.0, 2.0, 3.0], 4))
+    np.testing.assert_allclose(mean, [1.0, 2.0, 3.0])
+    np.testing.assert_allclose(half, 0.0, atol=1e-12)
+    _, _, half = pictures.bin_means(np.array([0.0, 1.0]), np.array([0.0, 1.0]))
+    assert np.isnan(half).all(), "two rows give no interval"
+
+
+def test_effects_are_named_with_their_forms():
+    assert effect("slip_sinkage[exponent] + grousers[ripple, 18 lugs]") == (
+        "slip-sinkage (exponent) + grousers (ripple, 18 lugs)"
+    )
+    assert effect("something_new") == "something_new"
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "expected"),
+    [
+        ("phi_rad", Estimate(np.radians(31.2), np.radians(1.3), "rad"), "friction angle phi = 31.2 ± 1.3 deg"),
+        ("z_0", Estimate(0.0032, 0.00021, "m"), "z_0 = 3.20 ± 0.21 mm"),
+        ("from", Estimate(12.31, 0.4, "m"), "from = 12.31 ± 0.40 m"),
+        ("soil_patch.from", Estimate(12.31, 0.4, "m"), "soil_patch.from = 12.31 ± 0.40 m"),
+        ("compliance", Estimate(5e-5, 1e-5, "m/N"), "compliance = 50 ± 10 mm/kN"),
+        ("c_Pa", Estimate(1234.0, np.nan, "Pa"), "cohesion c = 1.23 (sd unknown) kPa"),
+        ("k_m", Estimate(0.012, 0.0, "m"), "shear modulus k = 12 (given) mm"),
+        ("T_0", Estimate(np.nan, 1.0, "N m"), "T_0 = unknown N m"),
+        ("stiffness_Pa", Estimate(2.31e6, 1.2e5, "Pa"), "stiffness k1 + k2 b = 2310 ± 120 kPa"),
+    ],
+)
+def test_quantities_read_as_people_write_them(name, value, expected):
+    assert estimate(name, value) == expected
+
+
+def test_numbers_have_the_digits_that_they_deserve():
+    assert [number(value) for value in (1234.0, 0.00012, 1e9, math.nan)] == ["1230", "0.00012", "1e+09", "unknown"]
+    assert spread(123456.0, 2100.0) == "123500 ± 2100"
+    assert [p_value(value) for value in (0.0, 2e-5, 0.0123)] == ["< 1e-12", "2e-05", "0.012"]
+    assert shown("sinkage_m").label == "sinkage z [mm]"
+    assert shown("pass").label == "number of the pass"
+
+
+def test_the_tables_are_in_the_units_of_their_headers():
+    answer = explanation(located=(Region("sinkage_m", "pitch_rad", 0.0, np.radians(10.0), 0.5, 0.004, -3.0),))
+    assert located_table(answer)[1] == [["sinkage z", "slope along the track", "0 to 10 deg", "50 %", "-3.0", "0.004"]]
+    assert fit_table(answer)[1][1] == ["sinkage z [mm]", "2.8 (2.4 to 3.3)", "0.51 (0.48 to 0.56)", "0.5", "396"]
+    headers, rows = soil_table(nothing())
+    assert all(len(row) == len(headers) == 3 for row in rows)
+    headers, rows = soil_table(explanation())
+    assert all(len(row) == len(headers) == 4 for row in rows)
+
+
+def test_where_nothing_was_added_the_soil_shown_is_that_of_the_json():
+    answer = replace(nothing(), soil={**nothing().soil, "c_Pa": Estimate(500.0, 90.0, "Pa")})
+    row = next(row for row in soil_table(answer)[1] if row[0] == "cohesion c")
+    assert row[1] == "0.500 ± 0.090"
+    assert answer.to_json()["soil"]["c_Pa"] == {"value": 500.0, "sd": 90.0, "unit": "Pa"}
+
+
+def test_the_documentation_has_every_effect_and_every_key_of_the_json():
+    page = (Path(__file__).resolve().parents[3] / "docs" / "explain.md").read_text(encoding="utf-8")
+    rows = [line for line in page.split("## The effects")[1].splitlines() if line.startswith("| `")]
+    assert rows == [
+        f"| `{slug}` | {'physics' if slug in PHYSICS else 'instrument'} | {DESCRIPTIONS[slug].what} |" for slug in SLUGS
+    ]
+    assert f"**asserted** from {100 * ASSERTED:.0f} %" in page
+    keys = set(re.findall(r"`(\w+)`", page.split("## The JSON")[1].split("## ")[0]))
+    answer = explanation(sound=SOUND, screened=(Screened("drift", 0.1),)).to_json()
+    parts = (answer["located"][0], answer["missing"][0], answer["candidates"][0], answer["screened"][0], answer["fit"])
+    fits = answer["fit"]["channels"]["torque_Nm"]
+    assert {*answer, *fits, *(key for part in parts for key in part)} - {"channels"} <= keys
