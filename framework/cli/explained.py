@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ...identification.explain.explanation import Explanation, Missing
-from ...identification.explain.report.quantities import KINDS, capital, effect, estimate, listed, percent
+from ...identification.explain.quantities import KINDS, capital, effect, estimate, listed, percent
 from ...identification.explain.report.sound import sound_lines
 from ...identification.explain.report.tables import candidate_table, fit_table, located_table, soil_table
 from ...identification.explain.words import details, headline, name_of, predicted_worse

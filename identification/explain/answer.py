@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...framework.core.soil import PARAMETERS
-from ..augmented import SOIL_COUNT
 from ..effects.effect import Effect
-from ..forward import CHANNELS, from_internal, slope_of_internal
+from ..mechanics.augmented import SOIL_COUNT
+from ..mechanics.soil import from_internal, slope_of_internal
+from ..mechanics.textbook import CHANNELS
 from .discriminate import would_tell
 from .evidence import Discrepancy, dependence
 from .explanation import (
@@ -31,6 +32,7 @@ from .likelihood import Problem
 from .posterior import UNKNOWN, Posterior
 from .search import Hypothesis, Search
 from .variables import names_of
+from .whitening import HUBER
 
 ASSERTED = 0.8
 """Probability from which on an effect is asserted [-]."""
@@ -40,6 +42,9 @@ MENTIONED = 0.05
 
 MOST_LISTED = 6
 """Effects that are listed at most; all that were considered are among the candidates."""
+
+_GROSS = 2.0 * HUBER
+"""An innovation beyond this is a gross error [standard deviations]."""
 
 _RESAMPLES = 400
 
@@ -108,6 +113,8 @@ def assemble(
     if simulated is not None:
         before = simulated[:, problem.answers]
     best = found.textbook if verdict == "none" else chosen.hypothesis
+    gross = problem.seen & (np.abs(best.fitted.white.innovations) > _GROSS)
+    before, after = (np.where(gross, np.nan, each) for each in (before, after))
     gained = chosen.after.gain(chosen.before) if verdict != "none" else (0.0, 0.0)
     return Explanation(
         source=source,
@@ -123,7 +130,7 @@ def assemble(
         fits=_fits(problem, before, after, best.fitted, np.random.default_rng(seed)),
         split=problem.samples.split,
         heldout_nats=Estimate(*gained),
-        notes=(*notes, *problem.samples.notes, *_notes(problem, best.fitted, chosen)),
+        notes=(*notes, *problem.samples.notes, *_notes(problem, best.fitted, chosen, int(gross.sum()))),
         rows=_rows(problem, before, after, best.fitted),
         simulator=best.fitted.model,
         vector=best.fitted.vector,
@@ -324,9 +331,9 @@ def _rows(problem: Problem, before: np.ndarray, after: np.ndarray, fitted: Fitte
     )  # fmt: skip
 
 
-def _notes(problem: Problem, fitted: Fitted, chosen: Chosen) -> list[str]:
+def _notes(problem: Problem, fitted: Fitted, chosen: Chosen, gross: int) -> list[str]:
     """Say what the answer takes of the ground and of the sensors, and what held-out rows cannot test."""
-    notes = []
+    notes = [f"{gross} values are gross errors, which the errors below leave out"] if gross else []
     stiffness, strength = fitted.noise.spread
     if max(stiffness, strength) >= 0.02:
         placed = np.isfinite(problem.samples.position).all()

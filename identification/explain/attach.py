@@ -14,7 +14,7 @@ from ...framework.core.recording.types import WheelTable
 from ...framework.core.recording.wheel_file import derive, read_wheel_file
 from ...framework.core.vehicle import Wheel
 from ..effects.effect import LOAD, SLIP
-from ..forward import CHANNELS
+from ..mechanics.textbook import CHANNELS
 from ..plausible import check_signs, check_sizes
 from ..trials import is_of_trials
 from .samples import ANSWERS, MOST_SLIP, SIMULATED

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..effects.drive import select_rows
 from ..effects.effect import PULL, SINKAGE, TORQUE, Drive
-from ..forward import CHANNELS
+from ..mechanics.textbook import CHANNELS
 from .fit import Fitted
 from .likelihood import Problem
 from .search import Hypothesis

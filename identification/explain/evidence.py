@@ -1,8 +1,9 @@
 """Evidence of a hypothesis: the probability of the recording with all parameters integrated out, by Laplace's method.
 
-D. J. C. MacKay, Neural Computation 4 (1992), 415-447; R. E. Kass, A. E. Raftery, J. Am. Stat. Assoc. 90 (1995), 773-795.
-What no effect of the catalogue explains competes as a discrepancy: a smooth function of what the drive varies, linear in
-its coefficients, which are integrated out exactly (M. C. Kennedy, A. O'Hagan, J. R. Stat. Soc. B 63 (2001), 425-464).
+D. J. C. MacKay, Neural Computation 4 (1992), 415-447; R. E. Kass, A. E. Raftery, J. Am. Stat. Assoc. 90 (1995),
+773-795. What no effect of the catalogue explains competes as a discrepancy: a smooth function of what the drive varies,
+linear in its coefficients, which are integrated out exactly (M. C. Kennedy, A. O'Hagan, J. R. Stat. Soc. B 63 (2001),
+425-464).
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 from scipy.special import erfcx, logsumexp
 
-from ..augmented import SOIL_COUNT
 from ..effects.effect import Drive
+from ..mechanics.augmented import SOIL_COUNT
 from .fit import Fitted
 from .likelihood import Problem
 from .steps import log_determinant, normal_equations, scaled_inverse
@@ -29,7 +30,7 @@ _VARIES = 0.02
 
 
 def log_evidence(problem: Problem, fitted: Fitted) -> float:
-    """ln of the evidence of a fit's model [nats], up to a constant that all models of the same samples share."""
+    """Ln of the evidence of a fit's model [nats], up to a constant that all models of the same samples share."""
     prior = problem.prior(fitted.model)
     information = fitted.information(problem)
     gradient, _ = normal_equations(fitted.white.innovations, fitted.white.jacobian)

@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from ..augmented import AugmentedWheel
 from ..effects.stored import AugmentedSimulator
+from ..mechanics.augmented import AugmentedWheel
 
 Verdict = Literal["none", "physics", "instrument", "unknown", "cannot_tell"]
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from ...framework.core.errors import InputError
 from ...framework.core.soil import SoilKnowledge
-from ..augmented import SOIL_COUNT, AugmentedWheel, Entry, Response
 from ..effects.effect import LOAD, SLIP, Effect
-from ..mismatch.fit.together import together
+from ..mechanics.augmented import SOIL_COUNT, AugmentedWheel, Entry, Response
+from .concurrency import together
 from .likelihood import Problem, White
 from .samples import Samples
 from .steps import normal_equations, scaled_inverse, solve_step
@@ -36,8 +36,8 @@ _SAME = 0.02
 """Soils that differ by less in tan phi, ln k, ln stiffness and ln n are one to start from [-]."""
 
 _SHARE_STEP, _LEAST_SHARE, _WORTH = 0.3, 0.01, 3.0
-"""Factor between the shares of sensor noise that are weighed where the vehicle does not state it, the least one [-], and
-nats from which on a smaller share is taken: a form that is wrong leaves more noise than there is."""
+"""Factor between the shares of sensor noise that are weighed where the vehicle does not state it, the least one [-],
+and nats from which on a smaller share is taken: a form that is wrong leaves more noise than there is."""
 
 
 @dataclass(frozen=True)
@@ -200,7 +200,8 @@ def _smoother(problem: Problem, fitted: Fitted, smooth: int) -> Fitted:
 
 
 def _stated_shares(samples: Samples) -> tuple[float, float]:
-    """Shares of the white part of load and slip that the sensors' stated noise makes; all of it where none is stated."""
+    """Shares of the white part of load and slip that the sensors' stated noise makes; all of it where none is stated.
+    """
     shares = []
     for channel, path in ((LOAD, samples.load), (SLIP, samples.slip)):
         stated, white = samples.noise[channel] ** 2, float(np.mean(path.white_sd**2))

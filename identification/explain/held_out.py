@@ -6,14 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..augmented import SOIL_COUNT
 from ..effects.drive import select_rows
+from ..mechanics.augmented import SOIL_COUNT
 from .fit import LONGEST, Fitted
 from .likelihood import Problem
 from .steps import normal_equations
 
 _ALONE = 0.9
-"""A block with more than this share of the information about a parameter does not test it: nothing else determines it."""
+"""A block with more than this share of the information about a parameter does not test it: nothing else determines it.
+"""
 
 _RIDGE = 1e-9
 

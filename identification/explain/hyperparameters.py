@@ -1,4 +1,6 @@
-"""The numbers of `explain` that were chosen on recordings: on training seeds alone, by tests/studies/hyperparameters.py."""
+"""The numbers of `explain` that were chosen on recordings: on training seeds alone, by
+tests/studies/hyperparameters.py.
+"""
 
 PRIOR_EFFECT = 0.02
 """Prior probability of each effect of the catalogue [-]."""

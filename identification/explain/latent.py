@@ -1,12 +1,13 @@
 """True load and slip of each row: a latent path, of which every row's measurement is noisy.
 
-A channel is taken for a local linear trend with jumps, plus white noise: level and slope are random walks (A. C. Harvey,
-"Forecasting, Structural Time Series Models and the Kalman Filter" (1989), Sec. 2.3.2), whose variances are the likeliest
-ones. A jump is where the prediction fails by much more than these explain (A. C. Harvey, S. J. Koopman, J. Bus. Econ.
-Stat. 10 (1992), 377-389); the path begins anew there. Given all measurements the error of the path's mean is a Markov
-chain, whose transitions the smoother gives (H. E. Rauch et al., AIAA J. 3 (1965), 1445-1450): the likelihood of the other
-channels carries it along. The error is independent of the mean (a Berkson error; R. J. Carroll et al., "Measurement Error
-in Nonlinear Models" (2006), Sec. 1.4), so that regressing on the mean attenuates nothing.
+A channel is taken for a stationary Gaussian process about the mean of each stretch between jumps, with the Matern
+correlation of order 5/2 (C. E. Rasmussen, C. K. I. Williams, "Gaussian Processes for Machine Learning" (2006), Eq.
+4.17; as a state-space model J. Hartikainen, S. Sarkka, IEEE MLSP (2010)), plus white noise; amplitude, length and noise
+are the likeliest ones. A jump is where the prediction fails by much more than these explain (A. C. Harvey, S. J.
+Koopman, J. Bus. Econ. Stat. 10 (1992), 377-389). Given all measurements the error of the path's mean is a Markov chain,
+whose transitions the smoother gives (H. E. Rauch et al., AIAA J. 3 (1965), 1445-1450): the likelihood of the other
+channels carries it along. The error is independent of the mean (a Berkson error; R. J. Carroll et al., "Measurement
+Error in Nonlinear Models" (2006), Sec. 1.4), so that regressing on the mean attenuates nothing.
 
 How much of the white part is the sensor's and how much a true change from row to row cannot be seen in one channel: it
 is the `noise_share`, which the vehicle's stated noise or the likelihood of the other channels decides.
@@ -16,23 +17,30 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
 from scipy.ndimage import maximum_filter1d
 from scipy.optimize import minimize
 
-from .whitening import huber_loss
+from .whitening import Noise, huber_loss, matern
+
+STATES = 3
+"""States of a path: its value and two derivatives."""
 
 _JUMP, _APART, _SEARCHES = 5.0, 5, 8
-"""A step is a jump where the path leaves its prediction by so many standard deviations, more than in so many rows before
-and after; jumps are looked for so many times at most."""
+"""A step is a jump where the path leaves its prediction by so many standard deviations, more than in so many rows
+before and after; jumps are looked for so many times at most."""
 
 _LEAST_NOISE = 1e-6
 """Least white noise, as a share of the channel's size: what a converter's last digit makes [-]."""
 
-_UNKNOWN = 1e6
-"""Variance of level and slope before the first reading, in units of the largest variance [-]."""
+_LEAST_LENGTH = 0.7
+"""Shortest length of the path's correlation, in rows: what is rougher is white."""
+
+_JITTER = 1e-11
+"""Share of a covariance that is added to its diagonal before it is inverted [-]."""
 
 
 @dataclass(frozen=True)
@@ -43,9 +51,9 @@ class Latent:
     ----------
     mean : (n,)
         Expected true value of each row [the channel's unit].
-    keep, fresh : (n, 2, 2)
-        Transition of the error of level and slope from the row before, and the covariance of what is new in it; the
-        level's error is the mean's.
+    keep, fresh : (n, k, k)
+        Transition of the error of the path and its derivatives from the row before, and the covariance of what is new
+        in it; the first state's error is the mean's.
     white : (n,)
         Variance of the part of the error that is independent from row to row.
     """
@@ -60,8 +68,8 @@ class Latent:
 class Path:
     """The smooth path of a channel and the white part about it, before the noise share is known.
 
-    measured, mean (n,), keep, fresh (n, 2, 2) as in `Latent`, of the path alone; covariance (n, 2, 2) of level and slope,
-    and white_sd (n,) standard deviation of the white part about the path.
+    measured, mean (n,), keep, fresh (n, k, k) as in `Latent`, of the path alone; covariance (n, k, k) of the states'
+    errors, and white_sd (n,) standard deviation of the white part about the path.
     """
 
     measured: np.ndarray
@@ -108,49 +116,98 @@ def path_of(
     jumps = np.concatenate([[True], np.diff(stretch) != 0])
     seen = np.isfinite(measured)
     if not seen.any():
-        nothing = np.zeros((len(measured), 2, 2))
-        return Path(measured, measured, nothing, nothing, nothing, np.zeros(len(measured)))
-    values, steps = np.where(seen, measured, 0.0), _steps(time_s, jumps)
+        return exact(np.full(len(measured), math.nan))
     least = _LEAST_NOISE * max(float(np.abs(measured[seen]).max()), 1e-300)
-    relative = np.maximum(relative, 1e-6)
-    first = math.log(max(first_sd, least))
-    # White noise about a smooth path, about a rough one, and hardly any noise.
-    starts = [first + np.array(start) for start in ((0.0, -3.5, 0.0), (0.0, -0.7, -4.0), (-2.0, 0.0, -3.0))]
+    relative, step = np.maximum(relative, 1e-6), _steps(time_s, jumps)
+    first = max(first_sd, least)
+    spread = max(float(np.std(measured[seen])), 2.0 * first)
+    starts = [np.log([first, amplitude, length]) for amplitude in (spread, 2.0 * first) for length in (4.0, 25.0)]
     for _ in range(_SEARCHES):
-        given = (values, seen, jumps, steps, relative, least)
+        course = _Course(np.where(seen, measured, 0.0), seen, jumps, step, relative, least)
         found = [
-            minimize(_loss, start, given, method="Nelder-Mead", options={"xatol": 0.05, "fatol": 0.1})
+            minimize(course.loss, start, method="Nelder-Mead", options={"xatol": 0.05, "fatol": 0.1})
             for start in starts
         ]
         point = min(found, key=lambda each: each.fun).x
-        starts = [point]
-        noise, level, slope = _variances(point, relative, least)
-        away = np.abs(_innovations(values, seen, jumps, steps, noise, level, slope)[0])
+        away = np.abs(course.innovations(point)[0])
         new = (away > _JUMP) & (away >= maximum_filter1d(away, 2 * _APART + 1)) & ~jumps
         if not new.any():
             break
         jumps = jumps | new
-    noise, level, slope = _variances(point, relative, least)
-    mean, covariance, keep, fresh = _smooth(values, seen, jumps, steps, noise, level, slope)
-    return Path(measured, mean, keep, fresh, covariance, np.sqrt(noise))
+    return course.path(point, measured)
+
+
+@dataclass(frozen=True)
+class _Course:
+    """Readings (n,), which were seen, where the path begins anew, steps of the clock, and the relative white noise."""
+
+    values: np.ndarray
+    seen: np.ndarray
+    jumps: np.ndarray
+    step: np.ndarray
+    relative: np.ndarray
+    least: float
+
+    @cached_property
+    def _gaps(self) -> tuple[np.ndarray, np.ndarray]:
+        """The different gaps between rows, infinite where a path begins, and which one is before each row."""
+        return np.unique(np.where(self.jumps, np.inf, self.step), return_inverse=True)
+
+    @cached_property
+    def _centre(self) -> np.ndarray:
+        """Mean (n,) of the readings between two jumps."""
+        part = np.cumsum(self.jumps) - 1
+        count = np.bincount(part, self.seen)
+        return (np.bincount(part, self.values * self.seen) / np.maximum(count, 1.0))[part]
+
+    def _parts(self, point: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Arguments of the filter: off the centre, seen, transitions and new covariances by gap, gap and noise by row.
+        """
+        sd, amplitude, length = np.exp(point)
+        gap, which = self._gaps
+        noise = Noise(np.ones(1), np.zeros(1), np.full(2, amplitude), max(float(length), _LEAST_LENGTH), STATES - 1)
+        keep, fresh = (np.ascontiguousarray(each[:, :STATES, :STATES]) for each in matern(gap, noise))
+        variance = (self.relative * max(float(sd), self.least)) ** 2
+        return self.values - self._centre, self.seen, keep, fresh, which, variance
+
+    def innovations(self, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Innovations (n,) and ln of their standard deviations (n,)."""
+        return _innovations(*self._parts(point))
+
+    def loss(self, point: np.ndarray) -> float:
+        """Minus the log-likelihood [nats] of ln(noise, amplitude, length).
+
+        By Huber's loss: a step that is not known for a jump yet must not pass for noise.
+        """
+        if not (np.abs(point) < 60.0).all():
+            return math.inf
+        away, log_scale = self.innovations(point)
+        return float(huber_loss(away).sum() + log_scale.sum())
+
+    def path(self, point: np.ndarray, measured: np.ndarray) -> Path:
+        """Smooth the readings."""
+        parts = self._parts(point)
+        mean, covariance, keep, fresh = _smooth(*parts)
+        return Path(measured, self._centre + mean, keep, fresh, covariance, np.sqrt(parts[-1]))
 
 
 def independent(measured: np.ndarray, sd: np.ndarray) -> Path:
-    """Give the path of steady trials, each on its own: shrunk towards their mean by how much of the scatter is noise."""
+    """Give the path of steady trials, each on its own: shrunk towards their mean by how much of the scatter is noise.
+    """
     seen = np.isfinite(measured)
     centre, total = float(np.mean(measured[seen])), float(np.var(measured[seen]))
     noise = sd**2
     truth = max(total - float(np.mean(noise[seen])), 0.02 * total + 1e-30)
     share = np.where(seen, truth / (truth + noise), 0.0)
     mean = centre + share * (np.where(seen, measured, centre) - centre)
-    covariance = np.zeros((len(measured), 2, 2))
+    covariance = np.zeros((len(measured), STATES, STATES))
     covariance[:, 0, 0] = np.where(seen, share * noise, truth)
     return Path(measured, mean, np.zeros_like(covariance), covariance, covariance, sd)
 
 
 def exact(values: np.ndarray) -> Path:
     """Give the path of a channel that is known without error."""
-    nothing = np.zeros((len(values), 2, 2))
+    nothing = np.zeros((len(values), STATES, STATES))
     return Path(values, values, nothing, nothing, nothing, np.zeros(len(values)))
 
 
@@ -162,113 +219,86 @@ def _steps(time_s: np.ndarray, jumps: np.ndarray) -> np.ndarray:
     return np.where(going, step / usual, 1.0)
 
 
-def _variances(point: np.ndarray, relative: np.ndarray, least: float) -> tuple[np.ndarray, float, float]:
-    """Variances of the white part (n,), and of what level and slope walk in a step."""
-    sd, level, slope = np.exp(point)
-    return (relative * max(float(sd), least)) ** 2, float(level) ** 2, float(slope) ** 2
-
-
-def _loss(
-    point: np.ndarray, values: np.ndarray, seen: np.ndarray, jumps: np.ndarray, steps: np.ndarray,
-    relative: np.ndarray, least: float,
-) -> float:  # fmt: skip
-    """Minus the log-likelihood [nats] of ln standard deviations (3,) of the white part, the level's and slope's walk.
-
-    By Huber's loss: a step that is not known for a jump yet must not pass for noise.
-    """
-    away, log_scale = _innovations(values, seen, jumps, steps, *_variances(point, relative, least))
-    # Far down, where a variance makes no difference any more, the search is led back.
-    return float(huber_loss(away).sum() + log_scale.sum()) + 1e-3 * float(np.sum((point - np.log(least)) ** 2))
-
-
 @njit(cache=True, nogil=True, error_model="numpy")
-def _innovations(values, seen, jumps, steps, noise, level, slope):
-    """Innovations (n,) of a local linear trend and ln of their standard deviations (n,); zero until it is known."""
-    rows = len(values)
+def _innovations(values, seen, keep, fresh, which, noise):
+    """Innovations (n,) of a path and ln of their standard deviations (n,), zero where nothing was seen.
+
+    keep, fresh (g, k, k): transitions over each of the gaps; which (n,): the gap before each row; noise (n,): variance.
+    """
+    rows, size = len(values), keep.shape[1]
     away, log_scale = np.zeros(rows), np.zeros(rows)
-    at, rate, p00, p01, p11 = 0.0, 0.0, 0.0, 0.0, 0.0
-    wide = _UNKNOWN * (noise.max() + level + slope)
-    known = 0
+    state, there = np.zeros(size), np.zeros(size)
+    p, half = np.zeros((size, size)), np.zeros((size, size))
     for row in range(rows):
-        if jumps[row]:
-            at, rate, p00, p01, p11, known = 0.0, 0.0, wide, 0.0, wide, 0
-        else:
-            dt = steps[row]
-            at += dt * rate
-            p00 += dt * (2.0 * p01 + dt * p11) + dt * level + dt**3 / 3.0 * slope
-            p01 += dt * p11 + 0.5 * dt**2 * slope
-            p11 += dt * slope
+        a, q = keep[which[row]], fresh[which[row]]
+        for i in range(size):
+            there[i] = 0.0
+            for j in range(size):
+                there[i] += a[i, j] * state[j]
+                half[i, j] = 0.0
+                for k in range(size):
+                    half[i, j] += a[i, k] * p[k, j]
+        for i in range(size):
+            state[i] = there[i]
+            for j in range(size):
+                value = q[i, j]
+                for k in range(size):
+                    value += half[i, k] * a[j, k]
+                p[i, j] = value
         if not seen[row]:
             continue
-        scale = p00 + noise[row]
-        off = values[row] - at
-        if known >= 2:
-            away[row], log_scale[row] = off / math.sqrt(scale), 0.5 * math.log(scale)
-        elif known == 0:
-            off = values[row]
-            at = 0.0
-        known += 1
-        gain, turn = p00 / scale, p01 / scale
-        at += gain * off
-        rate += turn * off
-        p11 -= turn * p01
-        p01 *= 1.0 - gain
-        p00 *= 1.0 - gain
+        scale = p[0, 0] + noise[row]
+        off = values[row] - state[0]
+        away[row], log_scale[row] = off / math.sqrt(scale), 0.5 * math.log(scale)
+        for i in range(size):
+            there[i] = p[i, 0] / scale
+        for i in range(size):
+            state[i] += there[i] * off
+            for j in range(size):
+                half[i, j] = there[i] * p[0, j]
+        for i in range(size):
+            for j in range(size):
+                p[i, j] -= half[i, j]
     return away, log_scale
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _smooth(values, seen, jumps, steps, noise, level, slope):
-    """Smooth a local linear trend: mean (n,) and covariance (n, 2, 2) of level and slope, keep and fresh (n, 2, 2)."""
-    rows = len(values)
-    state, ahead_state = np.zeros((rows, 2)), np.zeros((rows, 2))
-    p, ahead = np.zeros((rows, 2, 2)), np.zeros((rows, 2, 2))
-    keep, fresh = np.zeros((rows, 2, 2)), np.zeros((rows, 2, 2))
-    wide = _UNKNOWN * (noise.max() + level + slope)
-    carry = np.eye(2)
+def _inverse(matrix):
+    """Inverse of a covariance, its diagonal a little raised."""
+    return np.linalg.inv(matrix + _JITTER * np.trace(matrix) * np.eye(len(matrix)))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _smooth(values, seen, keep, fresh, which, noise):
+    """Smooth a path: mean (n,) and covariance (n, k, k), and keep and fresh (n, k, k) of its error's chain.
+
+    Arguments as in `_innovations`.
+    """
+    rows, size = len(values), keep.shape[1]
+    state, ahead_state = np.zeros((rows, size)), np.zeros((rows, size))
+    p, ahead = np.zeros((rows, size, size)), np.zeros((rows, size, size))
+    chain, new = np.zeros((rows, size, size)), np.zeros((rows, size, size))
+    before, spread = np.zeros(size), np.zeros((size, size))
     for row in range(rows):
-        if jumps[row]:
-            # Where nothing is known yet the level starts at the next reading.
-            nearest = row
-            while nearest < rows - 1 and not seen[nearest]:
-                nearest += 1
-            ahead_state[row, 0] = values[nearest]
-            ahead[row] = wide * np.eye(2)
-        else:
-            dt = steps[row]
-            carry[0, 1] = dt
-            ahead_state[row] = carry @ state[row - 1]
-            ahead[row] = carry @ p[row - 1] @ carry.T
-            ahead[row, 0, 0] += dt * level + dt**3 / 3.0 * slope
-            ahead[row, 0, 1] += 0.5 * dt**2 * slope
-            ahead[row, 1, 0] = ahead[row, 0, 1]
-            ahead[row, 1, 1] += dt * slope
-        state[row], p[row] = ahead_state[row], ahead[row]
+        a = keep[which[row]]
+        ahead_state[row] = a @ before
+        ahead[row] = a @ spread @ a.T + fresh[which[row]]
+        before, spread = ahead_state[row].copy(), ahead[row].copy()
         if seen[row]:
             gain = ahead[row, :, 0].copy() / (ahead[row, 0, 0] + noise[row])
-            state[row] += gain * (values[row] - ahead_state[row, 0])
-            p[row] -= np.outer(gain, ahead[row, 0])
-    fresh[rows - 1] = p[rows - 1]
+            before = before + gain * (values[row] - before[0])
+            spread = spread - np.outer(gain, ahead[row, 0].copy())
+        state[row], p[row] = before, spread
+    new[rows - 1] = p[rows - 1]
     for row in range(rows - 2, -1, -1):
-        if jumps[row + 1]:
-            fresh[row + 1] = p[row + 1]
-            continue
-        carry[0, 1] = steps[row + 1]
-        there = ahead[row + 1]
-        determinant = max(there[0, 0] * there[1, 1] - there[0, 1] * there[1, 0], 1e-300)
-        inverse = np.array([[there[1, 1], -there[0, 1]], [-there[1, 0], there[0, 0]]]) / determinant
-        back = p[row] @ carry.T @ inverse
+        a = keep[which[row + 1]]
+        back = p[row] @ a.T @ _inverse(ahead[row + 1])
         state[row] += back @ (state[row + 1] - ahead_state[row + 1])
+        own = p[row] + back @ (p[row + 1] - ahead[row + 1]) @ back.T
+        own = 0.5 * (own + own.T)
         common = p[row + 1] @ back.T
-        own = p[row] + back @ (p[row + 1] - there) @ back.T
-        own[0, 1] = own[1, 0] = 0.5 * (own[0, 1] + own[1, 0])
-        determinant = own[0, 0] * own[1, 1] - own[0, 1] ** 2
-        if determinant > 1e-12 * own[0, 0] * own[1, 1]:
-            inverse = np.array([[own[1, 1], -own[0, 1]], [-own[1, 0], own[0, 0]]]) / determinant
-        else:
-            inverse = np.array([[1.0 / max(own[0, 0], 1e-300), 0.0], [0.0, 0.0]])
-        keep[row + 1] = common @ inverse
-        fresh[row + 1] = p[row + 1] - keep[row + 1] @ common.T
+        chain[row + 1] = common @ _inverse(own)
+        new[row + 1] = p[row + 1] - chain[row + 1] @ own @ chain[row + 1].T
         p[row] = own
-    fresh[0] = p[0]
-    return state[:, 0].copy(), p, keep, fresh
+    new[0] = p[0]
+    return state[:, 0].copy(), p, chain, new

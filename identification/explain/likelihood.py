@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...framework.core.soil import PARAMETERS, PLAUSIBLE, SoilKnowledge
-from ..augmented import AugmentedWheel, Entry, Response
-from ..forward import slope_of_internal, to_internal
+from ..mechanics.augmented import AugmentedWheel, Entry, Response
+from ..mechanics.soil import slope_of_internal, to_internal
+from .latent import STATES
 from .samples import Samples
 from .steps import Prior, normal_equations, solve_step
 from .whitening import Chain, Noise, huber_loss, huber_weight, matern
@@ -188,16 +189,17 @@ class Problem:
         by_latent = np.nan_to_num(weights.by_latent[:, self.answers])
         white = [index for index, latent in enumerate((self.load, self.slip)) if latent.white.any()]
         remembers = np.flatnonzero(noise.memory > 0.0)
-        size = 4 + len(white) + len(remembers)
+        paths = 2 * STATES
+        size = paths + len(white) + len(remembers)
         keep, fresh = np.zeros((rows, size, size)), np.zeros((rows, size, size))
         loading, variance = np.zeros((rows, channels, size)), np.tile(noise.sd**2, (rows, 1))
         for index, latent in enumerate((self.load, self.slip)):
-            level = slice(2 * index, 2 * index + 2)
-            keep[:, level, level], fresh[:, level, level] = latent.keep, latent.fresh
-            loading[..., 2 * index] = by_latent[..., index]
-        for state, index in enumerate(white, start=4):
+            own = slice(STATES * index, STATES * (index + 1))
+            keep[:, own, own], fresh[:, own, own] = latent.keep, latent.fresh
+            loading[..., STATES * index] = by_latent[..., index]
+        for state, index in enumerate(white, start=paths):
             fresh[:, state, state], loading[..., state] = (self.load, self.slip)[index].white, by_latent[..., index]
-        for state, channel in enumerate(remembers, start=4 + len(white)):
+        for state, channel in enumerate(remembers, start=paths + len(white)):
             rho = np.where(self.samples.follows, noise.memory[channel], 0.0)
             keep[:, state, state], fresh[:, state, state] = rho, noise.sd[channel] ** 2 * (1.0 - rho**2)
             loading[:, channel, state], variance[:, channel] = 1.0, 0.0

@@ -15,9 +15,9 @@ from itertools import pairwise
 import numpy as np
 from scipy.stats import chi2, false_discovery_control
 
-from ..augmented import SOIL_COUNT, AugmentedWheel, Entry
 from ..effects.drive import rate_of_change
-from ..forward import CHANNELS
+from ..mechanics.augmented import SOIL_COUNT, AugmentedWheel, Entry
+from ..mechanics.textbook import CHANNELS
 from .explanation import Region
 from .fit import Fitted, fit
 from .likelihood import Problem

@@ -7,13 +7,12 @@ from itertools import product
 
 import numpy as np
 
-from ..effects.effect import Drive
 from ..effects.soil_patch import CELLS, SoilPatch, tracks_of
+from .concurrency import together
 from .fit import Fitted
 from .likelihood import Problem
-from .whitening import Noise
 from .steps import normal_equations, scaled_inverse
-from ..mismatch.fit.together import together
+from .whitening import Noise
 
 _EACH = 2
 """Stretches that are given for each description of the noise."""

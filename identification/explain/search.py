@@ -13,10 +13,10 @@ from functools import partial
 
 import numpy as np
 
-from ..augmented import SOIL_COUNT, AugmentedWheel, Entry
 from ..effects.catalogue import effects_for
 from ..effects.effect import Effect, Situation
-from ..mismatch.fit.together import together
+from ..mechanics.augmented import SOIL_COUNT, AugmentedWheel, Entry
+from .concurrency import together
 from .evidence import log_evidence
 from .fit import Fitted, fit, with_effect
 from .hyperparameters import PRIOR_EFFECT, TEMPERATURE
@@ -40,8 +40,8 @@ ADDED, SWAPPED = 6, 3
 """Effects that are fitted beside an expanded hypothesis, and instead of each of its effects."""
 
 LEAST_GAIN, LEAST_BESIDE, LEAST_SHARE = 2.5, 4.0, 0.1
-"""An effect is fitted alone, and beside others, if the score test gives it so many nats, and this share of what it gives
-the best [-]."""
+"""An effect is fitted alone, and beside others, if the score test gives it so many nats, and this share of what it
+gives the best [-]."""
 
 SETTLED = 6
 """Fits of each round with which the noise is fitted, too: those that fit best beside the noise of their base."""
@@ -121,8 +121,8 @@ class Search:
     def fit_added(self, base: Fitted, effects: Sequence[Effect]) -> None:
         """Fit a model with each of some effects more, where that was not done, and the noise of those that fit best.
 
-        Where the ground of the base varies, fits begin in ground that hardly does, too: its variation may have explained
-        what an effect would.
+        Where the ground of the base varies, fits begin in ground that hardly does, too: its variation may have
+        explained what an effect would.
         """
         new = [effect for effect in effects if not self.has((*base.model.effects, effect))]
         noises = [base.noise]
@@ -145,7 +145,7 @@ class Search:
         return any(each.names == names for each in self.hypotheses)
 
     def log_posterior(self, each: Hypothesis) -> float:
-        """ln of the posterior of a hypothesis by itself [nats], up to a constant."""
+        """Ln of the posterior of a hypothesis by itself [nats], up to a constant."""
         several = sum(math.log(self.forms[slug]) for slug in each.slugs)
         odds = math.log(PRIOR_EFFECT / (1.0 - PRIOR_EFFECT))
         return each.log_evidence / TEMPERATURE - several + len(each.slugs) * odds

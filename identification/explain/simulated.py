@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from ...framework.core.errors import InputError
-from ..augmented import AugmentedWheel
 from ..effects.effect import LOAD, SLIP
-from ..forward import CHANNELS
+from ..mechanics.augmented import AugmentedWheel
+from ..mechanics.textbook import CHANNELS
 from .fit import fit_textbook
 from .latent import exact
 from .likelihood import Problem

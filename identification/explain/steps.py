@@ -68,7 +68,7 @@ def scaled_inverse(matrix: np.ndarray) -> np.ndarray:
 
 
 def log_determinant(matrix: np.ndarray) -> float:
-    """ln of the determinant of a symmetric positive matrix (p, p), its units put aside."""
+    """Ln of the determinant of a symmetric positive matrix (p, p), its units put aside."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix * np.outer(scale, scale)
     scaled[np.diag_indices_from(scaled)] += 1e-12

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 from sklearn.preprocessing import SplineTransformer
 
+from ...framework.core.track.place import coordinate
 from ..effects.effect import Drive
 from ..effects.soil_patch import tracks_of
-from ..effects.track import coordinate
 from .samples import Samples
 
 _NAMES = {

@@ -1,11 +1,11 @@
 """Correlated errors made white: a Kalman filter that turns residuals and their derivatives into innovations.
 
 Two stages follow each other. In order of time: errors of load and slip (`latent`), which spread into all channels of a
-row, and autocorrelated sensor noise. In order of place: stiffness and strength of the ground, which vary along the track
-as two Matern processes (C. E. Rasmussen, C. K. I. Williams, "Gaussian Processes for Machine Learning" (2006), Eq. 4.17;
-J. Hartikainen, S. Sarkka, IEEE MLSP (2010)). Innovations are independent with unit variance where the model is right
-(A. C. Harvey, "Forecasting, Structural Time Series Models and the Kalman Filter" (1989), Sec. 3.4). The first stage takes
-the ground to be the same over the few rows whose errors are correlated.
+row, and autocorrelated sensor noise. In order of place: stiffness and strength of the ground, which vary along the
+track as two Matern processes (C. E. Rasmussen, C. K. I. Williams, "Gaussian Processes for Machine Learning" (2006), Eq.
+4.17; J. Hartikainen, S. Sarkka, IEEE MLSP (2010)). Innovations are independent with unit variance where the model is
+right (A. C. Harvey, "Forecasting, Structural Time Series Models and the Kalman Filter" (1989), Sec. 3.4). The first
+stage takes the ground to be the same over the few rows whose errors are correlated.
 """
 
 from __future__ import annotations

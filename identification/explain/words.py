@@ -6,10 +6,10 @@ import math
 from collections.abc import Iterable, Sequence
 
 from ...framework.core.soil import PARAMETERS
-from ..forward import CHANNELS
+from ..mechanics.textbook import CHANNELS
 from .answer import ASSERTED
 from .explanation import ChannelFit, Explanation, Missing, Region
-from .report.quantities import (
+from .quantities import (
     capital,
     columns_in_words,
     cycles_a_turn,

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from bevameter import explain
 from bevameter.identification.effects.catalogue import effects_for
+from bevameter.identification.explain.fit import fit, fit_textbook, with_effect
+from bevameter.identification.explain.samples import gather
+from bevameter.identification.explain.search import situation
 from bevameter.identification.felt_rows import felt_rows
 from bevameter.identification.identify import open_recording
-from bevameter.identification.mechanics.augmented import AugmentedWheel
-from bevameter.identification.mismatch.fit.fitting import fit
-from bevameter.identification.mismatch.fit.samples import gather
-from bevameter.identification.mismatch.fit.trial import situation, textbook_trial
+from bevameter.identification.mechanics.augmented import Entry
 from concealed.conceal import conceal
 from scipy.optimize import least_squares
 
@@ -39,16 +39,15 @@ def test_explain(benchmark, folder):
 def started(folder):
     """Soil and one effect ready to be fitted."""
     rows = felt_rows(open_recording(folder, None))
-    problem, textbook = textbook_trial(gather(rows.table, rows.wheel, rows.vehicle))
-    effect = next(iter(effects_for(situation(problem, textbook.fitted), ["slip_sinkage"])))
-    start = np.concatenate([textbook.fitted.vector, effect.starts()[0]])
-    return problem, textbook.fitted, AugmentedWheel(rows.wheel, (effect,)), start
+    problem, textbook = fit_textbook(gather(rows.table, rows.wheel, rows.vehicle))
+    effect = next(iter(effects_for(situation(problem, textbook), ["slip_sinkage"])))
+    return problem, textbook, *with_effect(textbook, effect, effect.starts()[0])
 
 
 @pytest.mark.benchmark(group="soil and one effect fitted, 1200 samples")
 def test_fit(benchmark, started):
     problem, textbook, model, start = started
-    fitted = benchmark(fit, problem, model, start, textbook.noise, textbook.theta_1)
+    fitted = benchmark(fit, problem, model, start, textbook.noise, Entry(textbook.theta_1))
     assert fitted.score > textbook.score
 
 
@@ -60,7 +59,7 @@ def test_least_squares_with_differences(benchmark, started):
 
     def misfit(vector: np.ndarray) -> np.ndarray:
         answer = model.predict(problem.samples.drive, problem.imposed, vector, textbook.theta_1).channels
-        return np.nan_to_num((problem.measured - answer[:, channels]) / textbook.noise.answers).ravel()
+        return np.nan_to_num((problem.measured - answer[:, channels]) / textbook.noise.sd).ravel()
 
     found = benchmark.pedantic(
         least_squares, args=(misfit, start), kwargs={"loss": "huber", "x_scale": "jac"}, rounds=3

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 from bevameter import Wheel
-from bevameter.identification.mechanics.augmented import AugmentedWheel
 from bevameter.identification.effects.named import forms_by_name, specimen
 from bevameter.identification.explain.explanation import (
     Candidate,
@@ -17,6 +16,7 @@ from bevameter.identification.explain.explanation import (
     Region,
     Rows,
 )
+from bevameter.identification.mechanics.augmented import AugmentedWheel
 
 N1 = {"n1": Estimate(0.2134, 0.0189)}
 EQUATION = "n = n0 + n1 |i|"

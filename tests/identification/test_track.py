@@ -8,7 +8,7 @@ from bevameter import Wheel
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.core.track.place import coordinate
 from bevameter.identification.effects.drive import drive_of, order_of, select_rows
-from bevameter.identification.mismatch.fit.lanes import lanes
+from bevameter.identification.explain.lanes import lanes
 
 ROWS = 400
 ALONG_M = np.linspace(0.0, 10.0, ROWS)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bevameter import Vehicle, Wheel, WheelTable
-from bevameter.identification.mismatch.fit.samples import gather
+from bevameter.identification.explain.samples import gather
 from bevameter.identification.unloaded import carries_nothing
 
 ONE = np.zeros(600, dtype=int)

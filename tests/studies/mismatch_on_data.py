@@ -14,13 +14,13 @@ import numpy as np
 from bevameter import InputError, Vehicle, WheelTable, explain
 from bevameter.framework.core.recording.types import Recording
 from bevameter.framework.core.recording.wheel_file import read_wheel_file
+from bevameter.identification.explain.explanation import Explanation
+from bevameter.identification.explain.fit import fit, fit_textbook
+from bevameter.identification.explain.held_out import hold_out
+from bevameter.identification.explain.samples import gather, levels
 from bevameter.identification.felt_rows import felt_rows
 from bevameter.identification.identify import open_recording
-from bevameter.identification.mismatch.explanation import Explanation
-from bevameter.identification.mismatch.fit.fitting import fit
-from bevameter.identification.mismatch.fit.held_out import hold_out
-from bevameter.identification.mismatch.fit.samples import gather, levels
-from bevameter.identification.mismatch.fit.textbook import fit_textbook
+from bevameter.identification.mechanics.augmented import Entry
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 SHOWN = {"torque_Nm": ("torque [N m]", 1.0), "sinkage_m": ("sinkage [mm]", 1e3), "drawbar_pull_N": ("pull [N]", 1.0)}
@@ -60,7 +60,7 @@ def left_out(recording: Recording, answer: Explanation) -> dict[str, dict[str, t
     for split, block in splits.items():
         problem, textbook = fit_textbook(replace(samples, block=block))
         starts = [np.concatenate([textbook.vector, answer.vector[len(textbook.vector) :]]), answer.vector]
-        fits = [fit(problem, answer.simulator, start, textbook.noise, textbook.theta_1) for start in starts]
+        fits = [fit(problem, answer.simulator, start, textbook.noise, Entry(textbook.theta_1)) for start in starts]
         chosen = max(fits, key=lambda fitted: fitted.score)
         errors = [np.sqrt(np.nanmean(hold_out(problem, each).residuals ** 2, axis=0)) for each in (textbook, chosen)]
         channels = [list(answer.fits)[position] for position in range(len(problem.answers))]

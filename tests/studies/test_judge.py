@@ -170,7 +170,15 @@ def test_the_effects_left_out_are_not_in_the_catalogue_that_the_tool_is_given(mo
     from bevameter.identification.effects.catalogue import SLUGS
 
     asked = []
-    monkeypatch.setattr(bevameter, "explain", lambda folder, **options: asked.append(options), raising=False)
-    monkeypatch.setattr("bevameter.identification.mismatch.explanation.to_json", lambda _: NONE)
+
+    class Answer:
+        def to_json(self):
+            return NONE
+
+    def explain(folder, **options):
+        asked.append(options)
+        return Answer()
+
+    monkeypatch.setattr(bevameter, "explain", explain, raising=False)
     assert answers.answer_of(tmp_path, ["drift"]) == NONE
     assert asked == [{"catalogue": [slug for slug in SLUGS if slug != "drift"]}]

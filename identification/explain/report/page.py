@@ -7,12 +7,12 @@ from html import escape
 from importlib.metadata import version
 from pathlib import Path
 
-from ....framework.core.html_page import page, table, unbroken
-from ....framework.core.writing import write_text
+from ....framework.core.files import write_text
+from ....framework.core.html import page, table, unbroken
 from ..explanation import Candidate, Explanation, Missing
+from ..quantities import KINDS, capital, columns_in_words, describe, effect, listed, percent, shown, signed, spread
 from ..words import details, headline, name_of, predicted_worse
 from . import pictures
-from .quantities import KINDS, capital, columns_in_words, describe, effect, listed, percent, shown, signed, spread
 from .sound import sound_section
 from .tables import candidate_table, fit_table, located_table, parameter_table, soil_table
 

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from scipy.stats import t as t_distribution
 
 from ..explanation import Explanation, Region
-from .quantities import Shown, cycles_a_turn, shown
+from ..quantities import Shown, cycles_a_turn, shown
 
 BEFORE, AFTER = "#d55e00", "#0072b2"
 """Vermilion and blue of M. Okabe and K. Ito's palette (2008), which the colour-blind can distinguish; in print the

@@ -5,8 +5,8 @@ from __future__ import annotations
 from html import escape
 from typing import Any
 
-from ....framework.core.html_page import table
-from .quantities import KINDS, number, p_value, percent, shown, spread
+from ....framework.core.html import table
+from ..quantities import KINDS, number, p_value, percent, shown, spread
 
 _VERDICTS = {
     "none": "The sound is that of the contact: nothing else was found in it.",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from ..explanation import Candidate, Estimate, Explanation
-from .quantities import (
+from ..quantities import (
     KINDS,
     effect,
     estimate,

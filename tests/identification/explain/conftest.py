@@ -1,9 +1,8 @@
 """A drive with a known soil, made by code that shares nothing with the simulator that is fitted."""
 
-import numpy as np
 import pytest
-from bevameter.framework.core.vehicle import Vehicle, Wheel
 from bevameter.framework.core.recording.types import WheelTable
+from bevameter.framework.core.vehicle import Vehicle, Wheel
 from bevameter.identification.explain.fit import fit_textbook
 from bevameter.identification.explain.samples import gather
 from concealed.conceal import conceal

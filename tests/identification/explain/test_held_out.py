@@ -3,10 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
-from bevameter.identification.augmented import Entry
 from bevameter.identification.explain.fit import fit
 from bevameter.identification.explain.held_out import hold_out
 from bevameter.identification.explain.likelihood import Problem
+from bevameter.identification.mechanics.augmented import Entry
 
 
 def test_each_block_is_predicted_as_by_a_fit_without_it(fitted):

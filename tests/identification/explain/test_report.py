@@ -18,9 +18,9 @@ from bevameter.identification.effects.catalogue import PHYSICS, SLUGS
 from bevameter.identification.effects.descriptions import DESCRIPTIONS
 from bevameter.identification.explain.answer import ASSERTED
 from bevameter.identification.explain.explanation import Candidate, Estimate, Region, Screened
+from bevameter.identification.explain.quantities import effect, estimate, number, p_value, shown, spread
 from bevameter.identification.explain.report import pictures
 from bevameter.identification.explain.report.page import report_html, write_report
-from bevameter.identification.explain.report.quantities import effect, estimate, number, p_value, shown, spread
 from bevameter.identification.explain.report.tables import fit_table, located_table, soil_table
 from bevameter.identification.explain.words import headline
 from explanations import SOUND, cannot_tell, explanation, nothing, several, unknown

@@ -9,7 +9,7 @@ import pytest
 from bevameter.identification.effects.catalogue import SLUGS, STORED
 from bevameter.identification.effects.descriptions import DESCRIPTIONS
 from bevameter.identification.explain.explanation import Estimate, Missing, Region
-from bevameter.identification.explain.report.quantities import percent
+from bevameter.identification.explain.quantities import percent
 from bevameter.identification.explain.words import above_noise, details, headline, predicted_worse, summarise, trust
 from explanations import ROWS, cannot_tell, explanation, nothing, several, unknown
 

@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....framework.core.track.passes import side_by_side
-from ....framework.core.track.positions import runs_of
-from ...effects.effect import Drive
-
-if TYPE_CHECKING:
-    from .samples import Samples
+from ...framework.core.track.passes import side_by_side
+from ...framework.core.track.positions import runs_of
+from ..effects.effect import Drive
 
 
 def lanes(drive: Drive, width_m: float, wheel: np.ndarray | None = None) -> np.ndarray:
@@ -51,12 +46,3 @@ def _extent(place_m: np.ndarray) -> tuple[float, float]:
     """From where to where a stretch runs [m]; nowhere where it was not seen."""
     seen = place_m[np.isfinite(place_m)]
     return (float(seen.min()), float(seen.max())) if len(seen) else (math.inf, -math.inf)
-
-
-def passes_apart(samples: Samples) -> Samples:
-    """Give the samples with each pass on ground of its own, as where the pass before has stirred it."""
-    number = samples.drive.pass_number
-    if not (np.isfinite(samples.drive.place_m).all() and np.isfinite(number).all()):
-        return samples
-    lane = np.unique(np.stack([samples.lane, number]), axis=1, return_inverse=True)[1]
-    return replace(samples, lane=lane.reshape(-1))

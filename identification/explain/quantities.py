@@ -7,9 +7,9 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from ...effects.descriptions import DESCRIPTIONS, Description
-from ..explanation import Estimate, Region
-from ..variables import CONSTANT
+from ..effects.descriptions import DESCRIPTIONS, Description
+from .explanation import Estimate, Region
+from .variables import CONSTANT
 
 _DEGREES = 180.0 / math.pi
 
