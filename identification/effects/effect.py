@@ -218,8 +218,8 @@ class Effect:
     kind: Kind = "physics"
     nested: ClassVar[bool] = True
     """Whether the effect vanishes smoothly at its null values: its first step from there tells what it is worth."""
-    sought: float = 0.0
-    """Nats of chance that the search for its place or number has: they do not count."""
+    choices: int = 1
+    """Discrete alternatives, as numbers of lugs, among which it was laid out: each has an equal share of its prior."""
     equation: str
     source: str
     parameters: tuple[Parameter, ...]

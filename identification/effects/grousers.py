@@ -197,7 +197,7 @@ class LugRipple(Effect):
         self.equation = "T, DP, z += " + " + ".join(f"a{n} cos({k} theta_w) + b{n} sin({k} theta_w)" for n, k in own)
         self._latest: tuple[Drive, np.ndarray] | None = None
         # The vehicle's own number was not searched for; multiples of it are its lugs' overtones.
-        self.sought = math.log(_MOST_LUGS + 1 - _FEWEST_LUGS) if count != stated else 0.0
+        self.choices = _MOST_LUGS + 1 - _FEWEST_LUGS if count != stated else 1
         if stated and count % stated:
             self.kind = "instrument"
             self.remark = f"the channels ripple {count} times a turn, and the vehicle is said to have {stated} lugs"

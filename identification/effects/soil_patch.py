@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from copy import copy
 
@@ -60,7 +59,7 @@ class SoilPatch(Effect):
     def __init__(
         self, along: str, values: np.ndarray, starts: Sequence[np.ndarray] = (), *, further: str = "", among: int = 1
     ) -> None:
-        self.sought = 2.0 * math.log(CELLS) + math.log(among)
+        self.choices = among
         self.form = along + further
         self.freed = bool(further)
         self.equation = f"from < {_SYMBOL.get(along, along)} < to: ln stiffness += A, {_EQUATION[further]}"

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
-from scipy.special import erfcx, logsumexp
+from scipy.special import erfcx
 
 from ..effects.effect import Drive
 from ..mechanics.augmented import SOIL_COUNT
@@ -43,6 +43,7 @@ def log_evidence(problem: Problem, fitted: Fitted) -> float:
     curvature = np.diag(information)[bound]
     answer += float(np.sum(np.log(0.5 * erfcx(np.abs(gradient[bound]) / np.sqrt(2.0 * curvature)))))
     answer -= 0.5 * float(np.sum(np.log(curvature)))
+    answer -= sum(math.log(effect.choices) for effect in fitted.model.effects)
     return answer + 0.5 * float(np.sum(np.log(prior.precision[SOIL_COUNT:])))
 
 
@@ -85,7 +86,7 @@ def discrepancy(problem: Problem, fitted: Fitted) -> Discrepancy:
     best = coefficients[int(np.argmax(terms))]
     mean = extra @ best
     return Discrepancy(
-        float(logsumexp(terms)) - math.log(len(AMPLITUDES)), mean,
+        float(np.logaddexp.reduce(terms)) - math.log(len(AMPLITUDES)), mean,
         float(np.sqrt(np.mean((mean / fitted.noise.sd)[problem.seen] ** 2))),
     )  # fmt: skip
 

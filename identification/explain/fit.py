@@ -200,8 +200,7 @@ def _smoother(problem: Problem, fitted: Fitted, smooth: int) -> Fitted:
 
 
 def _stated_shares(samples: Samples) -> tuple[float, float]:
-    """Shares of the white part of load and slip that the sensors' stated noise makes; all of it where none is stated.
-    """
+    """Shares of the white part of load and slip that the stated noise of the sensors makes; 1 where none is stated."""
     shares = []
     for channel, path in ((LOAD, samples.load), (SLIP, samples.slip)):
         stated, white = samples.noise[channel] ** 2, float(np.mean(path.white_sd**2))

@@ -1,6 +1,4 @@
-"""The numbers of `explain` that were chosen on recordings: on training seeds alone, by
-tests/studies/hyperparameters.py.
-"""
+"""The numbers of `explain` that are chosen on recordings, on training seeds alone (tests/studies/hyperparameters.py)."""
 
 PRIOR_EFFECT = 0.02
 """Prior probability of each effect of the catalogue [-]."""
@@ -8,5 +6,6 @@ PRIOR_EFFECT = 0.02
 PRIOR_UNKNOWN = 0.05
 """Prior probability of something that the catalogue lacks [-]."""
 
-TEMPERATURE = 1.0
-"""What differences of ln evidence are divided by: published forms of one effect differ, and so do scores [-]."""
+TEMPERATURE = 2.5
+"""What differences of ln evidence are divided by [-]: published forms of one effect differ, the catalogue holds some of
+them, and the variation of the ground is no exact Matern process, so that evidence is sharper than it should be."""

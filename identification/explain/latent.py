@@ -16,7 +16,7 @@ is the `noise_share`, which the vehicle's stated noise or the likelihood of the 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -122,18 +122,15 @@ def path_of(
     first = max(first_sd, least)
     spread = max(float(np.std(measured[seen])), 2.0 * first)
     starts = [np.log([first, amplitude, length]) for amplitude in (spread, 2.0 * first) for length in (4.0, 25.0)]
+    course = _Course(np.where(seen, measured, 0.0), seen, jumps, step, relative, least)
+    point = course.best(starts)
     for _ in range(_SEARCHES):
-        course = _Course(np.where(seen, measured, 0.0), seen, jumps, step, relative, least)
-        found = [
-            minimize(course.loss, start, method="Nelder-Mead", options={"xatol": 0.05, "fatol": 0.1})
-            for start in starts
-        ]
-        point = min(found, key=lambda each: each.fun).x
         away = np.abs(course.innovations(point)[0])
-        new = (away > _JUMP) & (away >= maximum_filter1d(away, 2 * _APART + 1)) & ~jumps
+        new = (away > _JUMP) & (away >= maximum_filter1d(away, 2 * _APART + 1)) & ~course.jumps
         if not new.any():
             break
-        jumps = jumps | new
+        course = replace(course, jumps=course.jumps | new)
+        point = course.best(starts)
     return course.path(point, measured)
 
 
@@ -161,8 +158,7 @@ class _Course:
         return (np.bincount(part, self.values * self.seen) / np.maximum(count, 1.0))[part]
 
     def _parts(self, point: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Arguments of the filter: off the centre, seen, transitions and new covariances by gap, gap and noise by row.
-        """
+        """Arguments of the filter: off the centre, seen, transitions and covariances by gap, gap and noise by row."""
         sd, amplitude, length = np.exp(point)
         gap, which = self._gaps
         noise = Noise(np.ones(1), np.zeros(1), np.full(2, amplitude), max(float(length), _LEAST_LENGTH), STATES - 1)
@@ -184,6 +180,12 @@ class _Course:
         away, log_scale = self.innovations(point)
         return float(huber_loss(away).sum() + log_scale.sum())
 
+    def best(self, starts: list[np.ndarray]) -> np.ndarray:
+        """Give the likeliest ln(noise, amplitude, length) that is found from some starts."""
+        options = {"xatol": 0.05, "fatol": 0.1}
+        found = [minimize(self.loss, start, method="Nelder-Mead", options=options) for start in starts]
+        return min(found, key=lambda each: each.fun).x
+
     def path(self, point: np.ndarray, measured: np.ndarray) -> Path:
         """Smooth the readings."""
         parts = self._parts(point)
@@ -192,8 +194,7 @@ class _Course:
 
 
 def independent(measured: np.ndarray, sd: np.ndarray) -> Path:
-    """Give the path of steady trials, each on its own: shrunk towards their mean by how much of the scatter is noise.
-    """
+    """Give the path of steady trials, each on its own, shrunk to their mean by the noise's share of the scatter."""
     seen = np.isfinite(measured)
     centre, total = float(np.mean(measured[seen])), float(np.var(measured[seen]))
     noise = sd**2

@@ -10,7 +10,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import logsumexp
 
 from .evidence import Discrepancy, discrepancy
 from .hyperparameters import PRIOR_EFFECT, PRIOR_UNKNOWN, TEMPERATURE
@@ -66,7 +65,7 @@ def posterior(
         several = sum(math.log(found.forms[slug]) for slug in each.slugs)
         forms.setdefault(each.slugs, []).append(each.log_evidence / temperature - several)
     best, odds = found.best(), math.log(effect / (1.0 - effect))
-    weight = {slugs: float(logsumexp(values)) + len(slugs) * odds for slugs, values in forms.items()}
+    weight = {slugs: float(np.logaddexp.reduce(values)) + len(slugs) * odds for slugs, values in forms.items()}
     known = math.log(1.0 - unknown)
     total = {slugs: value + known for slugs, value in weight.items()}
     nearest = sorted(weight, key=lambda slugs: -weight[slugs])[:_WEIGHED]
@@ -75,7 +74,7 @@ def posterior(
         beside = discrepancy(found.problem, best[slugs].fitted)
         discrepancies[slugs] = beside
         total[slugs | {UNKNOWN}] = weight[slugs] + beside.log_evidence / temperature + math.log(unknown)
-    whole = logsumexp(list(total.values()))
+    whole = np.logaddexp.reduce(list(total.values()))
     sets = {slugs: float(np.exp(value - whole)) for slugs, value in sorted(total.items(), key=lambda kv: -kv[1])}
     effects: dict[str, float] = {}
     for slugs, share in sets.items():

@@ -11,7 +11,7 @@ from concealed.conceal import conceal
 @pytest.fixture(scope="session")
 def null():
     """A recording in which nothing is hidden."""
-    return conceal(41, (), "hidden", "field", samples=300)
+    return conceal(44, (), "hidden", "field", samples=300)
 
 
 @pytest.fixture(scope="session")
