@@ -17,8 +17,7 @@ from .estimation import ANSWERS, Measured, Solution, solve
 from .noise import least_noise
 
 TOLD = 25.0
-"""Nats that less noise of load or slip has to gain. Of the drives of trials 22 and 25 (docs/other-generators.md), which
-are as noisy as neighbours show, less of it gained 19 in one and 11 at most in all others."""
+"""Nats that less noise of load or slip has to gain before it is taken: a form that is wrong gains some, too."""
 
 FEWEST = 100
 """Rows from which on they tell the noise of all channels beside five parameters of a soil."""

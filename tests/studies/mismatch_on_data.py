@@ -1,6 +1,6 @@
 """What `explain` finds where nobody concealed anything: real wheels, and a simulation with other physics.
 
-python tests/studies/mismatch_on_data.py        # prints the tables of docs/mismatch-on-data.md
+python tests/studies/mismatch_on_data.py        # prints tables in Markdown
 """
 
 from __future__ import annotations
