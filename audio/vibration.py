@@ -45,7 +45,7 @@ def train_vibration(
     Parameters
     ----------
     labelled
-        Vibration files with class and group (`bevameter.framework.core.labelled.read_labelled`).
+        Vibration files with class and group (`bevameter.framework.core.classifier.labelled.read_labelled`).
     rng
         Draws the splits.
     progress

@@ -32,6 +32,10 @@ _LN_NOISE_SD, _LN_STATED_SD = 0.5, 0.1
 _MEMORY_SD, _MOST_MEMORY = 0.25, 0.97
 """Prior standard deviation of the autocorrelation of sensor noise about 0, and its upper bound [-]."""
 
+_MOST_LN_NOISE = {True: 1.5, False: 0.7}
+"""How far above what neighbours show ln(noise) may be: in drives, in which autocorrelated noise shows less of itself
+between neighbours, and in trials."""
+
 _SPREAD_SD, _LN_LENGTH_SD = 0.05, 1.5
 """Prior standard deviations: ground varies by some per cent, over a length known to a factor of a few."""
 
@@ -228,7 +232,13 @@ class Problem:
             [_LN_LENGTH_SD],
         ])  # fmt: skip
         lower = np.concatenate([mean[:count] + _LEAST_LN_NOISE, np.zeros(count), np.full(2, _LEAST_SPREAD)])
-        upper = np.concatenate([mean[:count] + 6.0, np.full(count, _MOST_MEMORY), np.full(2, self._roughest)])
+        upper = np.concatenate(
+            [
+                mean[:count] + _MOST_LN_NOISE[bool(self.samples.drive.timed)],
+                np.full(count, _MOST_MEMORY),
+                np.full(2, self._roughest),
+            ]
+        )
         free = np.ones(2 * count + 3, dtype=bool)
         free[count : 2 * count] = bool(self.samples.follows.any())
         free[-1] = bool(np.isfinite(self.gap).any())

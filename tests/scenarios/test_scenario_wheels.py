@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -11,6 +11,7 @@ from bevameter.framework.scenario.plan import Plan, make_plan
 from bevameter.framework.scenario.presets import PRESETS
 from bevameter.framework.scenario.soils import SOILS
 from bevameter.framework.scenario.wheels import VARIATION, WheelRows, wheel_rows
+from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import equilibrium
 
 
@@ -35,7 +36,7 @@ def test_slow_rows_are_in_equilibrium_with_the_true_soil(drive: tuple[Plan, Whee
         if stretch.soil is None or not here.any():
             continue
         assert here.sum() >= 250
-        state = equilibrium(wheel, stretch.soil, rows.true["load_N"][here], rows.true["slip"][here])
+        state = equilibrium(wheel, Soil(**asdict(stretch.soil)), rows.true["load_N"][here], rows.true["slip"][here])
         for name, model in (("torque_Nm", state.torque_Nm), ("sinkage_m", state.sinkage_m)):
             off = rows.true[name][here] / model - 1.0
             # Only the soil's variation within the place is between them.
@@ -52,7 +53,7 @@ def test_fast_rows_are_not(drive: tuple[Plan, WheelRows]) -> None:
         here = (time > stretch.slow_until_s + 1.0) & (time < stretch.end_s - 1.0)
         if stretch.soil is None:
             continue
-        state = equilibrium(wheel, stretch.soil, rows.true["load_N"][here], rows.true["slip"][here])
+        state = equilibrium(wheel, Soil(**asdict(stretch.soil)), rows.true["load_N"][here], rows.true["slip"][here])
         off = rows.true["torque_Nm"][here] - state.torque_Nm
         assert np.sqrt(np.mean(off**2)) > 2.0 * noise["torque_Nm"], stretch.terrain
         assert rows.true["travel_speed_m_s"][here].max() > 2.5

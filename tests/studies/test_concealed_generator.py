@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bevameter.framework.core.recording.open import read_recording
+from bevameter.framework.core.recording.readers import read_recording
 from concealed.conceal import conceal
 from concealed.drives import PROTOCOLS, draw_plan
 from concealed.effects import catalogue

@@ -161,7 +161,7 @@ def test_the_report_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
     def fail(*_):
         raise OSError("disk full")
 
-    monkeypatch.setattr("bevameter.framework.core.writing.os.replace", fail)
+    monkeypatch.setattr("bevameter.framework.core.files.os.replace", fail)
     with pytest.raises(InputError, match="disk full"):
         write_report(nothing(), path)
     assert path.read_text(encoding="utf-8") == before
