@@ -49,8 +49,8 @@ def train_audio(
     Parameters
     ----------
     labelled
-        Sound files with class and group (`framework.core.classifier.labelled.read_labelled`); `start_s` and `end_s` of a
-        file are honoured.
+        Sound files with class and group (`framework.core.classifier.labelled.read_labelled`); `start_s` and `end_s` of
+        a file are honoured.
     rng
         Varies the copies and draws the splits.
     progress

@@ -79,11 +79,13 @@ def choose(problem: Problem, found: Search, weighed: Posterior) -> Chosen:
 
 
 def verdict_of(missing: tuple[Missing, ...]) -> Verdict:
-    """Give the verdict on what is listed."""
+    """Give the verdict on what is listed: where something unknown is more probable than not, names are conditional on a
+    model that is incomplete, and none of them is the answer.
+    """
     sure = [each for each in missing if each.probability >= ASSERTED]
     if not missing:
         return "none"
-    if any(each.kind == UNKNOWN for each in sure):
+    if any(each.kind == UNKNOWN and each.probability > 0.5 for each in missing):
         return "unknown"
     if not sure:
         return "cannot_tell"

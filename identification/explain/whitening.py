@@ -106,7 +106,8 @@ def matern(gap: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
 def huber_loss(innovation: np.ndarray) -> np.ndarray:
     """Half the square up to `HUBER`, linear beyond [nats]."""
     size = np.abs(innovation)
-    return np.where(size <= HUBER, 0.5 * size**2, HUBER * (size - 0.5 * HUBER))
+    near = np.minimum(size, HUBER)
+    return near * (size - 0.5 * near)
 
 
 def huber_weight(innovation: np.ndarray) -> np.ndarray:

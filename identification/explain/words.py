@@ -44,6 +44,8 @@ def headline(explanation: Explanation) -> str:
     missing = explanation.missing
     if not missing:
         return _nothing(explanation)
+    if explanation.verdict == "unknown":
+        return _beyond_catalogue(missing)
     sure = [each for each in missing if each.probability >= ASSERTED]
     if not sure:
         return _undecided(missing)
@@ -53,6 +55,14 @@ def headline(explanation: Explanation) -> str:
             parts.append(f"{opening}{listed(named)}.")
     if possible := _named(each for each in missing if each not in sure):
         parts.append(f"Possibly also: {listed(possible, 'or')}.")
+    return " ".join(parts)
+
+
+def _beyond_catalogue(missing: Sequence[Missing]) -> str:
+    """Say that the catalogue lacks something, and which effects fit best as long as that is not in the model."""
+    parts = [f"Missing: {listed(_named(each for each in missing if each.kind == 'unknown'))}."]
+    if named := _named(each for each in missing if each.kind != "unknown"):
+        parts.append(f"With it, and only as far as it is modelled by a smooth discrepancy: {listed(named)}.")
     return " ".join(parts)
 
 
