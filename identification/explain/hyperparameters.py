@@ -1,4 +1,4 @@
-"""The numbers of `explain` that are chosen on recordings: on training seeds (tests/studies/hyperparameters.py)."""
+"""The three numbers of `explain` that recordings decide: starting values (see tests/studies/hyperparameters.py)."""
 
 PRIOR_EFFECT = 0.02
 """Prior probability of each effect of the catalogue [-]."""
