@@ -10,7 +10,7 @@ from pathlib import Path
 from bevameter.identification.effects.catalogue import INSTRUMENTS, PHYSICS, forms_by_name
 from bevameter.identification.effects.drive import COLUMNS
 from bevameter.identification.effects.effect import Effect, Parameter
-from bevameter.identification.effects.named import follows_drive, specimen
+from bevameter.identification.effects.parse import follows_drive, specimen
 
 PAGE = Path(__file__).resolve().parent / "effects.md"
 

@@ -19,7 +19,7 @@ from ..mechanics.soil import Soil, slope_of_internal
 from .catalogue import forms_by_name
 from .drive import PresentDrive
 from .effect import COVARIATES, PULL, Effect
-from .named import lugs_of, pinned, situation_of, smallest_holding, specimen
+from .parse import lugs_of, pinned, situation_of, smallest_holding, specimen
 from .stored import AugmentedSimulator, StoredEffect
 
 GROUND = (

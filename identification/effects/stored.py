@@ -24,9 +24,10 @@ from ...framework.core.vehicle import Vehicle
 from ..mechanics.augmented import SOIL_COUNT, AugmentedWheel
 from ..mechanics.soil import Soil, from_internal, slope_of_internal
 from ..simulate import simulate
-from .catalogue import STORED, forms_by_name
+from .catalogue import SLUGS, effect_class, forms_by_name
 from .effect import Effect
-from .named import NamedEffect, follows_drive, lugs_of, smallest_holding, specimen
+from .parse import NamedEffect, follows_drive, lugs_of, smallest_holding, specimen
+from .registry import RESERVED
 
 SCHEMA = 2
 """Version of the document's meaning: the second one knows correlations and probabilities, and reads the first."""
@@ -36,6 +37,20 @@ _ROUNDING = 1e-9
 
 MOST_EFFECTS = 32
 """No ground needs more; a document that names more is refused before it costs time."""
+
+_FORMER = {
+    "zero of drawbar_pull_N": ("pull_offset", ""),
+    "gain of drawbar_pull_N": ("pull_gain", ""),
+    "gain of sinkage_m": ("sinkage_gain", ""),
+    "zero of load_N": ("load_offset", ""),
+    "load in drawbar_pull_N": ("load_in_pull", ""),
+    "drawbar_pull_N in torque_Nm": ("torque_pull_crosstalk", "pull in torque"),
+    "torque_Nm in drawbar_pull_N": ("torque_pull_crosstalk", "torque in pull"),
+    "drawbar_pull_N in sinkage_m": ("frame_compliance", ""),
+    "torque_Nm saturates softly": ("torque_saturation", "soft"),
+    "torque_Nm saturates": ("torque_saturation", "hard"),
+}
+"""Slugs and forms of effects that documents of earlier versions call ``unknown``, by the form there."""
 
 
 @dataclass(frozen=True)
@@ -120,8 +135,7 @@ class AugmentedSimulator:
         for effect, where in model.slices():
             if effect.by_run:
                 continue
-            if effect.slug not in STORED:
-                raise InputError("effects", repr(effect.slug), expected="one of " + ", ".join(STORED))
+            effect_class(effect.slug)
             numbers = zip(effect.parameters, vector[where].tolist(), spread[where].tolist(), strict=True)
             parameters = {parameter.name: Estimated(value, sd) for parameter, value, sd in numbers}
             probability = probabilities.get(effect.slug, math.nan)
@@ -226,10 +240,12 @@ def _effect(document: Any, schema: object, source: str, place: str) -> StoredEff
     further = {"probability"} if schema == SCHEMA else set()
     page = _table(document, {"slug", "form", "parameters", "constants"} | further, source, place)
     slug, form = page["slug"], page["form"]
-    if not isinstance(slug, str) or slug not in STORED:
-        raise InputError(source, f"effect {shown(slug)}", expected="one of " + ", ".join(STORED), place=place)
     if not isinstance(form, str):
         raise InputError(source, f"form {shown(form)}", expected="text", place=place)
+    if slug == RESERVED:
+        slug, form = _FORMER.get(form, (slug, form))
+    if not isinstance(slug, str) or slug not in SLUGS:
+        raise InputError(source, f"effect {shown(slug)}", expected="one of " + ", ".join(SLUGS), place=place)
     known = [effect for effect in forms_by_name(slug, specimen(lugs_of(form))) if effect.form == form]
     if not known:
         raise InputError(source, f"form {form!r} of {slug}"[:120], expected="a form of the catalogue", place=place)

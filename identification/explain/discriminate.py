@@ -6,8 +6,6 @@ added, for a soil known from elsewhere, for other drives, and for a check of the
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from ..effects.drive import select_rows
@@ -21,18 +19,6 @@ from .steps import scaled_inverse
 _NAMES = {TORQUE: "wheel torque", SINKAGE: "sinkage", PULL: "drawbar pull"}
 _NEW_SENSOR = 0.01
 """Noise of a channel that is not there yet, as a share of its root mean square [-]."""
-
-_CHECKS = {
-    "torque_offset": (TORQUE, "read the torque with the wheel lifted and at rest"),
-    "sinkage_offset": (SINKAGE, "read the sinkage with the wheel on a hard, flat floor"),
-    "torque_gain": (None, "hang a known weight on a lever at the wheel and read the torque"),
-    "load_gain": (None, "stand the wheel on a scale and read the load"),
-    "rolling_radius": (None, "count the wheel's turns over a measured distance on a hard floor"),
-}
-"""How an instrument is checked by itself: a zero against its channel's noise, a gain against `_CHECKED_TO`."""
-
-_CHECKED_TO, _READINGS = 0.01, 100
-"""Relative accuracy of such a check of a gain [-], and readings over which one of a zero is averaged."""
 
 _ROWS = 240
 ENOUGH = 5.0
@@ -113,13 +99,11 @@ def _checks(problem: Problem, right: Hypothesis, other: Hypothesis) -> list[tupl
     answer = []
     for trial, without in ((right, other), (other, right)):
         for effect, where in trial.fitted.model.slices():
-            if effect.slug not in _CHECKS or effect.slug in without.slugs:
-                continue
-            channel, text = _CHECKS[effect.slug]
-            spread = _CHECKED_TO
-            if channel is not None:
-                spread = trial.fitted.noise.sd[problem.answers.index(channel)] / math.sqrt(_READINGS)
-            answer.append((0.5 * (float(trial.fitted.vector[where][0]) / spread) ** 2, text))
+            noise = problem.samples.noise.copy()
+            noise[problem.answers] = trial.fitted.noise.sd
+            sd = effect.check_sd(noise)
+            if sd is not None and effect.slug not in without.slugs:
+                answer.append((0.5 * (float(trial.fitted.vector[where][0]) / sd) ** 2, effect.check))
     return answer
 
 

@@ -215,7 +215,7 @@ def _expand(found: Search, base: Hypothesis) -> None:
     for effect, bare in zip(base.effects, smaller, strict=True):
         others = [each for each in found.catalogue if each.slug not in base.slugs - {effect.slug}]
         others = [each for each in others if not found.has((*bare.model.effects, each))]
-        forms = [*effect.variants(), *effect.freer()]
+        forms = effect.extensions()
         found.consider(forms)
         found.fit_added(bare, [*_first(problem, bare, others, SWAPPED), *forms])
     if len(base.effects) < MOST_EFFECTS:

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from bevameter.identification.effects import time_faults, uncatalogued
 from bevameter.identification.effects.catalogue import effects_for, forms_by_name
+from bevameter.identification.effects.catalogue.grousers import LugRipple, Lugs, _counts
 from bevameter.identification.effects.drive import select_rows
 from bevameter.identification.effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Contact, Drive
-from bevameter.identification.effects.grousers import LugRipple, Lugs, _counts
-from bevameter.identification.effects.named import (
+from bevameter.identification.effects.parse import (
     choose,
     lugs_of,
     parse_effect,

@@ -15,7 +15,7 @@ from bevameter.framework.core.soil import PARAMETERS
 from bevameter.identification.effects.catalogue import SLUGS, forms_by_name
 from bevameter.identification.effects.effect import PULL, TORQUE, Effect
 from bevameter.identification.effects.ensemble import drawbar_pull, error_count, errors_of_fit, soils_off
-from bevameter.identification.effects.named import specimen
+from bevameter.identification.effects.parse import specimen
 from bevameter.identification.effects.stored import AugmentedSimulator, Estimated, StoredEffect
 from bevameter.identification.mechanics.augmented import AugmentedWheel
 from bevameter.identification.mechanics.soil import Soil

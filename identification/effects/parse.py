@@ -15,9 +15,9 @@ from ...framework.core.quantities import magnitude
 from ...framework.core.vehicle import Wheel
 from ..mechanics.soil import Soil
 from ..mechanics.textbook import CHANNELS, equilibrium
-from .catalogue import SLUGS, forms_by_name
+from .catalogue import effect_class, forms_by_name
 from .drive import COLUMNS, PresentDrive
-from .effect import PULL, SINKAGE, TORQUE, Drive, Effect, Parameter, Situation
+from .effect import PULL, SINKAGE, TORQUE, Drive, Effect, Situation
 
 _USUAL_LUGS = 18
 _LEAST_SHARE = {TORQUE: 0.1, SINKAGE: 0.01, PULL: 0.1}
@@ -55,8 +55,7 @@ def parse_effect(text: str) -> NamedEffect:
         The text is not of that form, or names a parameter twice.
     """
     slug, _, rest = text.partition(":")
-    if slug.strip() not in SLUGS:
-        raise InputError("effects", repr(slug.strip()), expected="one of " + ", ".join(SLUGS))
+    effect_class(slug.strip())
     settings: dict[str, float | str] = {}
     # A form's name may hold a comma: only one before another NAME= divides.
     for part in re.split(r",(?=\s*\w+\s*=)", rest) if rest.strip() else []:
@@ -180,7 +179,7 @@ def choose(named: NamedEffect, effects: Sequence[Effect]) -> Effect:
     fewest = min(len(effect.parameters) for effect in fitting)
     best = [effect for effect in fitting if len(effect.parameters) == fewest]
     # Among forms of the same parameters one without a name is the usual one.
-    best = [effect for effect in best if effect.usual] or best
+    best = [effect for effect in best if effect.default_form] or best
     best = [effect for effect in best if not effect.form] or best
     if len(best) > 1:
         choices = " or ".join(f"form={effect.form}" for effect in best)
@@ -201,11 +200,7 @@ def smallest_holding(names: set[str], effects: Sequence[Effect]) -> Effect | Non
 
 def pinned(effect: Effect, named: NamedEffect) -> Effect:
     """Give the effect with the constants that are named; itself where none is."""
-    given = {
-        name: _number(named, Parameter(name, "", -math.inf, math.inf, 0.0, 1.0), named.settings[name])
-        for name in effect.constants
-        if name in named.settings
-    }
+    given = {name: _number(named, name, "") for name in effect.constants if name in named.settings}
     if not given:
         return effect
     answer = copy(effect)
@@ -226,7 +221,7 @@ def values_of(effect: Effect, named: NamedEffect) -> np.ndarray:
         if parameter.name not in named.settings:
             values.append(parameter.null)
             continue
-        value = _number(named, parameter, named.settings[parameter.name])
+        value = _number(named, parameter.name, parameter.unit)
         if named.bounded and not parameter.low <= value <= parameter.high:
             raise InputError(
                 f"effect {named.slug}",
@@ -297,15 +292,16 @@ def _described(effect: Effect) -> str:
     return f"{effect.name}: {parameters}"
 
 
-def _number(named: NamedEffect, parameter: Parameter, given: float | str) -> float:
-    """Read an SI number, or a quantity of the parameter's unit."""
+def _number(named: NamedEffect, name: str, unit: str) -> float:
+    """Read a setting: an SI number, or a quantity of the unit."""
+    given = named.settings[name]
     try:
         value = float(given)
     except (TypeError, ValueError):
-        value = _magnitude(str(given), parameter.unit)
+        value = _magnitude(str(given), unit)
     if not math.isfinite(value):
-        unit = f"a finite number [{parameter.unit}]" if parameter.unit else "a finite number"
-        raise InputError(f"effect {named.slug}", f"{given!r}", expected=unit, place=parameter.name)
+        expected = f"a finite number [{unit}]" if unit else "a finite number"
+        raise InputError(f"effect {named.slug}", f"{given!r}", expected=expected, place=name)
     return value
 
 
