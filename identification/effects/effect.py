@@ -249,6 +249,8 @@ class Effect:
     """
     of_ground: ClassVar[bool] = False
     """Whether it changes the soil itself, from place to place or pass to pass: applied before all others."""
+    of_any_wheel: ClassVar[bool] = False
+    """Whether the ground has the effect on whatever wheel comes next, so that a planner's prediction takes it over."""
     by_run: ClassVar[bool] = False
     """Whether its parameters describe the runs of one recording: not stored, for they mean nothing to another drive."""
     remembers: ClassVar[bool] = False

@@ -16,18 +16,11 @@ from ...framework.core.track.place import ALONG_X
 from ...framework.core.vehicle import Wheel
 from ..mechanics.augmented import SOIL_COUNT, AugmentedWheel
 from ..mechanics.soil import Soil, slope_of_internal
-from .catalogue import forms_by_name
+from .catalogue import effect_class, forms_by_name
 from .drive import PresentDrive
 from .effect import COVARIATES, PULL, Effect
 from .parse import lugs_of, pinned, situation_of, smallest_holding, specimen
 from .stored import AugmentedSimulator, StoredEffect
-
-GROUND = (
-    "slip_sinkage", "stress_peak_shift", "exit_angle", "shear_hump", "hard_layer", "rim_adhesion", "bulldozing",
-    "side_wall_friction", "grousers",
-)  # fmt: skip
-"""Effects that ground has on whatever wheel comes next; lugs shear at a share of that wheel's own height."""
-
 
 _FURTHEST = 50.0
 """Error of a logarithm beyond which every number is out of bounds."""
@@ -58,7 +51,7 @@ def errors_of_fit(physics: AugmentedSimulator, normal: np.ndarray) -> np.ndarray
     sd = [entry.sd / slope_of_internal(name, entry.value) for name, entry in soil.items()]
     taken, start = list(range(SOIL_COUNT)), SOIL_COUNT
     for stored in physics.effects:
-        if stored.slug in GROUND:
+        if effect_class(stored.slug).of_any_wheel:
             taken += range(start, start + len(stored.parameters))
             scale = _usual_scales(stored)
             sd += [entry.sd if math.isfinite(entry.sd) else scale[name] for name, entry in stored.parameters.items()]
@@ -136,7 +129,7 @@ def _usual_scales(stored: StoredEffect) -> dict[str, float]:
 
 
 def _of_the_ground(physics: AugmentedSimulator) -> list[StoredEffect]:
-    return [effect for effect in physics.effects if effect.slug in GROUND]
+    return [effect for effect in physics.effects if effect_class(effect.slug).of_any_wheel]
 
 
 def _drawn(effect: Effect, stored: StoredEffect, off: np.ndarray) -> np.ndarray:

@@ -4,23 +4,28 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable
-from importlib import import_module
-from importlib.metadata import entry_points
+from importlib import import_module, metadata
 from pkgutil import iter_modules
 
 from ....framework.core.errors import InputError
 from ..effect import Effect, Situation
 from ..registry import REGISTRY
 
+
+def load_plugins() -> None:
+    """Import the effects of other packages: entry points of the group ``bevameter.effects``."""
+    for point in metadata.entry_points(group="bevameter.effects"):
+        try:
+            point.load()
+        except Exception as error:  # whatever a module of another package raises
+            warnings.warn(f"effect {point.name} of a plug-in is left out: {error}", stacklevel=2)
+
+
 for _module in iter_modules(__path__):
     import_module(f"{__name__}.{_module.name}")
 for _slug in sorted(REGISTRY, key=lambda slug: (REGISTRY[slug].kind != "physics", slug)):
     REGISTRY[_slug] = REGISTRY.pop(_slug)
-for _point in entry_points(group="bevameter.effects"):
-    try:
-        _point.load()
-    except Exception as error:  # whatever somebody else's module raises
-        warnings.warn(f"effect {_point.name} of a plug-in is left out: {error}", stacklevel=1)
+load_plugins()
 
 SLUGS = REGISTRY.keys()
 """Public names of all effects that are registered, whenever: physics first."""

@@ -22,8 +22,8 @@ _UNSTATED = 0.1
 """Height of lugs that the vehicle's description does not state, as a share of the radius [-]."""
 
 _STATED = 0.5
-"""Prior probability of lugs that the vehicle's description states [-]: they are there, but the radius stated may be that
-of the surface at which soil shears already."""
+"""Prior probability of lugs that the vehicle's description states [-]: they are there, but the radius stated may be
+that of the surface at which soil shears already."""
 
 _BY_CHANCE = 0.01
 """Probability with which noise has a line of the order spectrum that is considered [-]."""
@@ -44,6 +44,7 @@ class Grousers(Effect):
     title = "grousers"
     what_happens = "lugs move the shear surface outwards and make forces ripple"
     check = "count the lugs and measure their height; drive the same with the lugs covered"
+    of_any_wheel = True
 
     @classmethod
     def forms(cls, situation: Situation) -> Sequence[Effect]:

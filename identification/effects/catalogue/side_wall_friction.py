@@ -31,6 +31,7 @@ class SideWallFriction(Effect):
     title = "side-wall friction"
     what_happens = "the buried flanks of the wheel rub on soil"
     check = "drive the same with smooth, greased discs beside the wheel, or with a narrower wheel"
+    of_any_wheel = True
     form = "stress"
     equation = "T += 2 tau_s A r, DP -= 2 tau_s A; A the buried area of a flank ahead of the axle"
     source = "statics of a shear stress on the buried flanks, after L. Ding et al. (2009)"

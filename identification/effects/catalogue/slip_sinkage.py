@@ -34,6 +34,7 @@ class SlipSinkage(Effect):
     title = "slip-sinkage"
     what_happens = "a slipping wheel carries soil out from under itself and sinks further"
     check = "drive at constant load with slips from 0 to 0.6 on fresh soil and read the sinkage"
+    of_any_wheel = True
 
     @classmethod
     def forms(cls, situation: Situation) -> Sequence[Effect]:

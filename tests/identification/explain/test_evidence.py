@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bevameter.identification.effects.instruments import SinkageOffset
+from bevameter.identification.effects.catalogue.sinkage_offset import SinkageOffset
 from bevameter.identification.explain.evidence import AMPLITUDES, discrepancy, log_evidence, smooth_courses
 from bevameter.identification.explain.fit import fit, with_effect
 from bevameter.identification.mechanics.augmented import AugmentedWheel, Entry
