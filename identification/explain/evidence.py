@@ -69,7 +69,7 @@ def discrepancy(problem: Problem, fitted: Fitted) -> Discrepancy:
     for channel in range(channels):
         extra[:, channel, channel * count : (channel + 1) * count] = courses * fitted.noise.sd[channel]
     columns = np.concatenate([problem.columns(fitted.response), np.where(problem.seen[..., None], extra, 0.0)], axis=-1)
-    white, _ = problem.whiten(columns, fitted.noise, fitted.response)
+    white, _ = problem.whitener(fitted.noise, fitted.response).whiten(columns)
     gradient, information = normal_equations(white[..., 0], white[..., 1:])
     prior = problem.prior(fitted.model)
     gradient[:size] += prior.precision * (prior.mean - fitted.vector)

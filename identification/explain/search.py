@@ -24,7 +24,7 @@ from .likelihood import QUIET, Problem
 from .places import stretches_apart
 from .samples import ANSWERS
 from .steps import normal_equations, solve_step
-from .whitening import HUBER, Noise
+from .whitening import HUBER, Noise, huber_loss
 
 MOST_EFFECTS = 3
 """Effects of a hypothesis at most."""
@@ -250,16 +250,20 @@ def expected_gain(problem: Problem, base: Fitted, effect: Effect) -> float:
     """Nats that an effect gains beside a fit by one step from where it is nothing (score test), or from its starts."""
     starts = [np.array([each.null for each in effect.parameters])] if effect.nested else effect.starts()
     before = float(base.white.loss.sum()) + problem.prior(base.model).loss(base.vector)
-    gains = []
+    whitener, gains = problem.whitener(base.noise, base.response), []
     for start in starts:
         model, vector = with_effect(base, effect, start)
         prior = problem.prior(model)
         vector = np.clip(vector, prior.lower, prior.upper)
         response = problem.linearise(model, vector, base.response.entry(np.zeros(0)), base.response)
-        white = problem.white(response, base.noise)
-        gradient, information = normal_equations(white.innovations, white.jacobian)
+        # The derivatives by all that the base has are known.
+        columns = np.delete(problem.columns(response), np.arange(1, 1 + len(base.vector)), axis=-1)
+        white = whitener.whiten(columns)[0]
+        jacobian = np.concatenate([base.white.jacobian, white[..., 1:]], axis=-1)
+        gradient, information = normal_equations(white[..., 0], jacobian)
         step = solve_step(gradient, information, prior, vector, 0.0)[1]
-        gains.append(before - float(white.loss.sum()) - prior.loss(vector) + step)
+        loss = float((huber_loss(white[..., 0]) + whitener.log_sd).sum()) + prior.loss(vector)
+        gains.append(before - loss + step)
     return max(gains)
 
 

@@ -37,7 +37,7 @@ def test_discrepancy_is_marginalised_exactly(fitted):
     for channel in range(channels):
         extra[:, channel, channel * count : (channel + 1) * count] = courses * textbook.noise.sd[channel]
     columns = np.concatenate([problem.columns(textbook.response), extra * problem.seen[..., None]], axis=-1)
-    white, _ = problem.whiten(columns, textbook.noise, textbook.response)
+    white, _ = problem.whitener(textbook.noise, textbook.response).whiten(columns)
     weight = np.minimum(1.0, 4.0 / np.maximum(np.abs(white[..., 0]), 1e-12)).ravel()
     flat = white.reshape(len(weight), -1) * np.sqrt(weight)[:, None]
     residual, soil, smooth = flat[:, 0], flat[:, 1:6], flat[:, 6:]
