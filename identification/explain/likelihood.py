@@ -8,6 +8,7 @@ say how errors of these spread into the channels.
 from __future__ import annotations
 
 import math
+from copy import copy
 from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
@@ -112,6 +113,14 @@ class Problem:
         """Give the same with ground that hardly varies, errors spread alike."""
         answer = Problem(self.samples, self.known, self.noise_share, QUIET)
         answer.weights = self.weights
+        return answer
+
+    def without(self, rows: np.ndarray) -> Problem:
+        """Give the same with nothing seen in some rows."""
+        answer = copy(self)
+        answer.seen = self.seen.copy()
+        answer.seen[rows] = False
+        answer._whiteners = WeakKeyDictionary()
         return answer
 
     @property

@@ -94,7 +94,10 @@ class Filter:
         a gross error; a `trust` from elsewhere is used as it is.
         """
         answer = np.ones(self.seen.shape) if trust is None else trust
-        _filter(columns, order, *vars(self).values(), answer, trust is None)
+        _filter(
+            columns, order, self.seen, self.keep, self.loading, self.gain, self.sd, self.first, self.last, answer,
+            trust is None,
+        )  # fmt: skip
         return answer
 
 
@@ -244,7 +247,7 @@ def _fill_gains(seen, keep, fresh, loading, variance, gains, sds, first, last):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _filter(columns, order, seen, keep, loading, gains, sds, first, last, trust, robust):
-    """Whiten columns (n, m, q) in place by gains whose rows are in the order given (n,); fill trust (n, m) if robust."""
+    """Whiten columns (n, m, q) in place by gains, rows in the order given (n,); fill trust (n, m) where robust."""
     rows, channels, count = columns.shape
     size = keep.shape[1]
     state, following = np.zeros((size, count)), np.empty((size, count))
