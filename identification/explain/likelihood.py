@@ -34,9 +34,9 @@ _LN_NOISE_SD, _LN_STATED_SD = 0.5, 0.1
 _MEMORY_SD, _MOST_MEMORY = 0.25, 0.97
 """Prior standard deviation of the autocorrelation of sensor noise about 0, and its upper bound [-]."""
 
-_MOST_LN_NOISE = {True: 1.5, False: 0.7}
-"""How far above what neighbours show ln(noise) may be: in drives, in which autocorrelated noise shows less of itself
-between neighbours, and in trials."""
+_NEIGHBOURS_ERROR = 3.6
+"""Three standard errors of ln(noise) from neighbours, times the root of their number: a median absolute deviation tells
+with 37 % of the efficiency of a standard deviation (F. R. Hampel, J. Am. Stat. Assoc. 69 (1974), 383-393) [-]."""
 
 _SPREAD_SD, _LN_LENGTH_SD = 0.05, 1.5
 """Prior standard deviations: ground varies by some per cent, over a length known to a factor of a few."""
@@ -236,15 +236,12 @@ class Problem:
             [_LN_LENGTH_SD],
         ])  # fmt: skip
         lower = np.concatenate([mean[:count] + _LEAST_LN_NOISE, np.zeros(count), np.full(2, _LEAST_SPREAD)])
-        upper = np.concatenate(
-            [
-                mean[:count] + _MOST_LN_NOISE[bool(self.samples.drive.timed)],
-                np.full(count, _MOST_MEMORY),
-                np.full(2, self._roughest),
-            ]
-        )
         free = np.ones(2 * count + 3, dtype=bool)
         free[count : 2 * count] = bool(self.samples.follows.any())
+        most = mean[:count] + _NEIGHBOURS_ERROR / np.sqrt(np.maximum(self.seen.sum(axis=0), 1))
+        if free[count]:
+            most += _hidden(_MOST_MEMORY)
+        upper = np.concatenate([most, np.full(count, _MOST_MEMORY), np.full(2, self._roughest)])
         free[-1] = bool(np.isfinite(self.gap).any())
         bounds = math.log(shortest), math.log(longest)
         return Prior(mean, sd**-2.0, np.append(lower, bounds[0]), np.append(upper, bounds[1])), free
@@ -317,6 +314,11 @@ class Problem:
         weight = huber_weight(here)
         score = -(moved @ (weight * here)) - widened.sum(axis=1)
         return score, (moved * weight) @ moved.T + widened @ widened.T
+
+
+def _hidden(memory: float) -> float:
+    """How far ln of an autocorrelated noise lies above what second differences show of it [-]."""
+    return 0.5 * math.log(6.0 / (6.0 - 8.0 * memory + 2.0 * memory**2))
 
 
 def _packed(noise: Noise) -> np.ndarray:
