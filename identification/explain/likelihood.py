@@ -187,8 +187,10 @@ class Problem:
         return self._whiteners[noise]
 
     def _whitener(self, errors: Filter, transitions: tuple[np.ndarray, np.ndarray], weights: Response) -> Whitener:
-        ground = np.where(self.seen[..., None], np.nan_to_num(weights.by_ground[:, self.answers]), 0.0)
-        return whitener(errors, ground, transitions, self.order)
+        return whitener(errors, self._by_ground(weights), transitions, self.order)
+
+    def _by_ground(self, weights: Response) -> np.ndarray:
+        return np.where(self.seen[..., None], np.nan_to_num(weights.by_ground[:, self.answers]), 0.0)
 
     def _errors(self, noise: Noise, weights: Response) -> Filter:
         """Filter of errors of load and slip, and of sensor noise, in order of time."""
@@ -210,7 +212,8 @@ class Problem:
             rho = np.where(self.samples.follows, noise.memory[channel], 0.0)
             keep[:, state, state], fresh[:, state, state] = rho, noise.sd[channel] ** 2 * (1.0 - rho**2)
             loading[:, channel, state], variance[:, channel] = 1.0, 0.0
-        return Chain(keep, fresh, loading, variance).filter(self.seen)
+        of_ground = self._by_ground(weights) ** 2 @ noise.spread**2
+        return Chain(keep, fresh, loading, variance).filter(self.seen, of_ground)
 
     def white(self, response: Response, noise: Noise) -> White:
         """Innovations of a response, with derivatives and losses."""

@@ -64,11 +64,13 @@ class Chain:
     loading: np.ndarray
     variance: np.ndarray
 
-    def filter(self, seen: np.ndarray) -> Filter:
-        """Give the filter of the channels seen (n, m)."""
+    def filter(self, seen: np.ndarray, further: np.ndarray | float = 0.0) -> Filter:
+        """Give the filter of the channels seen (n, m), whose values have a `further` variance (n, m) that is not the
+        chain's: it makes no gross errors.
+        """
         gain, sd, blocks = np.zeros_like(self.loading), np.ones(seen.shape), _blocks(self.keep)
         _fill_gains(seen, self.keep, self.fresh, self.loading, self.variance, gain, sd, *blocks)
-        return Filter(seen, self.keep, self.loading, gain, sd, *blocks)
+        return Filter(seen, self.keep, self.loading, gain, sd, HUBER * np.sqrt(sd**2 + further), *blocks)
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,8 @@ class Filter:
     """Kalman filter of a chain. Its gains follow from what is random alone: any residuals can be filtered by them.
 
     seen (n, m), keep and loading as of the `Chain`; gain (n, m, d) of each innovation, and its standard deviation
-    sd (n, m), 1 where nothing was seen; first, last (d,) as of `_blocks`.
+    sd (n, m), 1 where nothing was seen; farthest (n, m) that it is from 0 without being a gross error; first, last (d,)
+    as of `_blocks`.
     """
 
     seen: np.ndarray
@@ -84,6 +87,7 @@ class Filter:
     loading: np.ndarray
     gain: np.ndarray
     sd: np.ndarray
+    farthest: np.ndarray
     first: np.ndarray
     last: np.ndarray
 
@@ -95,8 +99,8 @@ class Filter:
         """
         answer = np.ones(self.seen.shape) if trust is None else trust
         _filter(
-            columns, order, self.seen, self.keep, self.loading, self.gain, self.sd, self.first, self.last, answer,
-            trust is None,
+            columns, order, self.seen, self.keep, self.loading, self.gain, self.sd, self.farthest, self.first,
+            self.last, answer, trust is None,
         )  # fmt: skip
         return answer
 
@@ -246,7 +250,7 @@ def _fill_gains(seen, keep, fresh, loading, variance, gains, sds, first, last):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _filter(columns, order, seen, keep, loading, gains, sds, first, last, trust, robust):
+def _filter(columns, order, seen, keep, loading, gains, sds, farthest, first, last, trust, robust):
     """Whiten columns (n, m, q) in place by gains, rows in the order given (n,); fill trust (n, m) where robust."""
     rows, channels, count = columns.shape
     size = keep.shape[1]
@@ -275,7 +279,7 @@ def _filter(columns, order, seen, keep, loading, gains, sds, first, last, trust,
                         values[column] -= share * state[i, column]
             if robust:
                 # A gross error must not be taken for a change of the states.
-                trust[at, channel] = min(1.0, HUBER * sd / max(abs(values[0]), 1e-300))
+                trust[at, channel] = min(1.0, farthest[at, channel] / max(abs(values[0]), 1e-300))
             for i in range(size):
                 share = gain[i] * trust[at, channel]
                 for column in range(count):
