@@ -94,11 +94,16 @@ def test_it_is_named_reported_and_stored(cable, tmp_path):
                                 - there["drawbar_pull_N"], 1)[0]) - W) < 0.3  # fmt: skip
 
 
-def test_a_plug_in_that_does_not_load_is_left_out_with_a_warning(monkeypatch):
-    points = [EntryPoint("broken", "no_such_module", "bevameter.effects")]
+def test_plug_ins_are_entry_points_and_one_that_does_not_load_is_left_out_with_a_warning(monkeypatch):
+    monkeypatch.delitem(sys.modules, "cable_drag", raising=False)
+    monkeypatch.delitem(REGISTRY, "cable_drag", raising=False)
+    points = [EntryPoint(name, module, "bevameter.effects")
+              for name, module in (("broken", "no_such_module"), ("cable_drag", "cable_drag"))]  # fmt: skip
     monkeypatch.setattr("importlib.metadata.entry_points", lambda group: points)
     with pytest.warns(UserWarning, match="broken of a plug-in is left out: No module named 'no_such_module'"):
         catalogue.load_plugins()
+    assert "cable_drag" in catalogue.SLUGS
+    del REGISTRY["cable_drag"]
 
 
 @pytest.mark.parametrize(

@@ -24,8 +24,8 @@ class ZerosByRun(Effect):
     """Zeros differ from run to run, as where sensors are reset before each run, or the surface is levelled again."""
 
     slug = "zeros_by_run"
-    title = "zeros that differ by run"
-    what_happens = "zeros of the sensors differ from run to run"
+    title = "run-to-run zero error"
+    what_happens = "the zero of a channel differs from run to run"
     check = "read the sensors before and after each run with the wheel just touching the ground"
     kind = "instrument"
     by_run = True
@@ -33,7 +33,7 @@ class ZerosByRun(Effect):
     source = "definition"
 
     def __init__(self, channels: Sequence[int], typical: np.ndarray, runs: np.ndarray, remark: str = "") -> None:
-        self.form = ", ".join(CHANNELS[each] for each in channels)
+        self.form = " and ".join(CHANNELS[each] for each in channels)
         self.remark, self.changes = remark, tuple(channels)
         self._channels, self._runs = list(channels), runs
         parameters = []
@@ -59,7 +59,7 @@ class ZerosByRun(Effect):
             return ()
         held = [words for name, words in _HELD.items() if drive.has(name) and _within_runs(drive, name) < _WITHIN]
         remark = (
-            f"what is taken for zeros that differ by run may depend on the {' or the '.join(held)}, which each run has "
+            f"what is taken for zeros that differ from run to run may depend on the {' or the '.join(held)}, which each run has "
             "its own of"
             if held
             else ""
