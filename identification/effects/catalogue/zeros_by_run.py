@@ -58,12 +58,8 @@ class ZerosByRun(Effect):
         if not drive.has("slip") or _within_runs(drive, "slip") < 1.0 - _WITHIN:
             return ()
         held = [words for name, words in _HELD.items() if drive.has(name) and _within_runs(drive, name) < _WITHIN]
-        remark = (
-            f"what is taken for zeros that differ from run to run may depend on the {' or the '.join(held)}, which each run has "
-            "its own of"
-            if held
-            else ""
-        )
+        others = " or the ".join(held)
+        remark = f"{cls.title}: it may depend on the {others} instead, which differs between runs" if held else ""
         seen = _measured(situation)
         together = [seen] if len(seen) > 1 else []
         return [cls(each, situation.typical, runs, remark) for each in [*([one] for one in seen), *together]]
