@@ -24,7 +24,7 @@ from .likelihood import QUIET, Problem
 from .places import stretches_apart
 from .samples import ANSWERS
 from .steps import Prior, normal_equations, solve_step
-from .whitening import HUBER, Noise
+from .whitening import GROSS, Noise
 
 MOST_EFFECTS = 3
 """Effects of a hypothesis at most."""
@@ -303,7 +303,7 @@ def situation(problem: Problem, fitted: Fitted) -> Situation:
     samples, measured = problem.samples, problem.samples.measured
     innovations = np.full_like(measured, np.nan)
     # A gross error has a share of every line of the spectrum.
-    white = np.clip(fitted.white.innovations, -HUBER, HUBER)
+    white = np.clip(fitted.white.innovations, -GROSS, GROSS)
     innovations[:, problem.answers] = np.where(problem.seen, white, np.nan)
     seen = np.isfinite(measured).any(axis=0)
     typical = np.where(seen, np.sqrt(np.nanmean(np.where(seen, measured, 0.0) ** 2, axis=0)), np.nan)
