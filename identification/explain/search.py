@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -23,8 +23,8 @@ from .hyperparameters import PRIOR_EFFECT, TEMPERATURE
 from .likelihood import QUIET, Problem
 from .places import stretches_apart
 from .samples import ANSWERS
-from .steps import normal_equations, solve_step
-from .whitening import HUBER, Noise, huber_loss
+from .steps import Prior, normal_equations, solve_step
+from .whitening import GROSS, Noise
 
 MOST_EFFECTS = 3
 """Effects of a hypothesis at most."""
@@ -251,24 +251,35 @@ def _less(problem: Problem, fitted: Fitted, dropped: Effect) -> Fitted:
 
 
 def expected_gain(problem: Problem, base: Fitted, effect: Effect) -> float:
-    """Nats that an effect gains beside a fit by one step from where it is nothing (score test), or from its starts."""
-    starts = [np.array([each.null for each in effect.parameters])] if effect.nested else effect.starts()
-    before = float(base.white.loss.sum()) + problem.prior(base.model).loss(base.vector)
-    whitener, gains = problem.whitener(base.noise, base.response), []
-    for start in starts:
-        model, vector = with_effect(base, effect, start)
-        prior = problem.prior(model)
-        vector = np.clip(vector, prior.lower, prior.upper)
+    """Nats that an effect gains beside a fit to first order: by a step from where it is nothing (score test), or by as
+    much as fits best of what it changes at one of its starts, where it vanishes nowhere smoothly.
+    """
+    if effect.nested:
+        model, vector = with_effect(base, effect, np.array([each.null for each in effect.parameters]))
         response = problem.linearise(model, vector, base.response.entry(np.zeros(0)), base.response)
-        # The derivatives by all that the base has are known.
-        columns = np.delete(problem.columns(response), np.arange(1, 1 + len(base.vector)), axis=-1)
-        white = whitener.whiten(columns)[0]
-        jacobian = np.concatenate([base.white.jacobian, white[..., 1:]], axis=-1)
-        gradient, information = normal_equations(white[..., 0], jacobian)
-        step = solve_step(gradient, information, prior, vector, 0.0)[1]
-        loss = float((huber_loss(white[..., 0]) + whitener.log_sd).sum()) + prior.loss(vector)
-        gains.append(before - loss + step)
+        return _gain(
+            problem, base, problem.columns(response)[..., 1 + len(base.vector) :], problem.prior(model), vector
+        )
+    prior, vector = problem.prior(base.model), np.append(base.vector, 0.0)
+    prior = Prior(
+        *(np.append(each, value) for each, value in zip(astuple(prior), (0.0, 0.0, 0.0, np.inf), strict=True))
+    )
+    gains = []
+    for start in effect.starts():
+        model, there = with_effect(base, effect, start)
+        channels = model.predict(problem.samples.drive, problem.imposed, there, base.theta_1).channels
+        change = (channels - base.response.channels)[:, problem.answers, None]
+        change = np.where(problem.seen[..., None], np.nan_to_num(change), 0.0)
+        gains.append(_gain(problem, base, change, prior, vector))
     return max(gains)
+
+
+def _gain(problem: Problem, base: Fitted, columns: np.ndarray, prior: Prior, vector: np.ndarray) -> float:
+    """Nats that columns (n, m, k) gain beside a fit, whose own parameters follow, with priors of all of them (p,)."""
+    white, _ = problem.whitener(base.noise, base.response).whiten(columns, base.white.trust)
+    jacobian = np.concatenate([base.white.jacobian, white], axis=-1)
+    gradient, information = normal_equations(base.white.innovations, jacobian)
+    return solve_step(gradient, information, prior, np.clip(vector, prior.lower, prior.upper), 0.0)[1]
 
 
 def add_effect(problem: Problem, base: Fitted, noise: Noise, effect: Effect) -> Fitted:
@@ -292,7 +303,7 @@ def situation(problem: Problem, fitted: Fitted) -> Situation:
     samples, measured = problem.samples, problem.samples.measured
     innovations = np.full_like(measured, np.nan)
     # A gross error has a share of every line of the spectrum.
-    white = np.clip(fitted.white.innovations, -HUBER, HUBER)
+    white = np.clip(fitted.white.innovations, -GROSS, GROSS)
     innovations[:, problem.answers] = np.where(problem.seen, white, np.nan)
     seen = np.isfinite(measured).any(axis=0)
     typical = np.where(seen, np.sqrt(np.nanmean(np.where(seen, measured, 0.0) ** 2, axis=0)), np.nan)
