@@ -19,7 +19,7 @@ from ..mechanics.soil import Soil, slope_of_internal
 from .catalogue import effect_class, forms_by_name
 from .drive import PresentDrive
 from .effect import COVARIATES, PULL, Effect
-from .parse import lugs_of, pinned, situation_of, smallest_holding, specimen
+from .parse import lugs_of, pinned, situation_of, smallest_form, specimen
 from .stored import AugmentedSimulator, StoredEffect
 
 _FURTHEST = 50.0
@@ -109,8 +109,7 @@ def drawbar_pull(
         for stored in _of_the_ground(physics):
             off = errors[:, column : column + len(stored.parameters)]
             column += len(stored.parameters)
-            alike = [effect for effect in forms_by_name(stored.slug, situation) if effect.form == stored.form]
-            effect = smallest_holding(set(stored.parameters), alike)
+            effect = smallest_form(stored.form, set(stored.parameters), forms_by_name(stored.slug, situation))
             if effect is not None:
                 effects.append(pinned(effect, stored.named))
                 vectors += list(_drawn(effect, stored, off))
@@ -123,7 +122,7 @@ def drawbar_pull(
 def _usual_scales(stored: StoredEffect) -> dict[str, float]:
     """Standard deviations of the priors of an effect's parameters, by name."""
     known = forms_by_name(stored.slug, specimen(lugs_of(stored.form)))
-    effect = smallest_holding(set(stored.parameters), [each for each in known if each.form == stored.form])
+    effect = smallest_form(stored.form, set(stored.parameters), known)
     assert effect is not None, "stored effects were checked when read"
     return {parameter.name: parameter.scale for parameter in effect.parameters}
 

@@ -199,9 +199,9 @@ def _bare(form: str) -> str:
     return form.replace(", ", ",")
 
 
-def smallest_holding(names: set[str], effects: Sequence[Effect]) -> Effect | None:
-    """Give the effect with the fewest parameters among those that have all of these; None where none has."""
-    holding = [effect for effect in effects if names and names <= set(_names(effect))]
+def smallest_form(form: str, names: set[str], effects: Sequence[Effect]) -> Effect | None:
+    """Give the effect of this form with the fewest parameters that has all of these; None where none has."""
+    holding = [effect for effect in effects if effect.form == form and names and names <= set(_names(effect))]
     return min(holding, key=lambda effect: len(effect.parameters), default=None)
 
 

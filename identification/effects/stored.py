@@ -26,7 +26,7 @@ from ..mechanics.soil import Soil, from_internal, slope_of_internal
 from ..simulate import simulate
 from .catalogue import SLUGS, effect_class, forms_by_name
 from .effect import Effect
-from .parse import NamedEffect, follows_drive, lugs_of, smallest_holding, specimen
+from .parse import NamedEffect, follows_drive, lugs_of, smallest_form, specimen
 from .registry import RESERVED
 
 SCHEMA = 2
@@ -250,7 +250,7 @@ def _effect(document: Any, schema: object, source: str, place: str) -> StoredEff
     if not known:
         raise InputError(source, f"form {form!r} of {slug}"[:120], expected="a form of the catalogue", place=place)
     names = set(page["parameters"]) if isinstance(page["parameters"], dict) else set()
-    effect = smallest_holding(names, known)
+    effect = smallest_form(form, names, known)
     if effect is None:
         wanted = " or ".join(", ".join(parameter.name for parameter in each.parameters) for each in known)
         raise InputError(source, f"parameters {sorted(map(str, names))}"[:120], expected=wanted, place=place)

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..effects.drive import select_rows
 from ..effects.effect import PULL, SINKAGE, TORQUE, Drive
+from ..effects.registry import REGISTRY
 from ..mechanics.textbook import CHANNELS
 from .fit import Fitted
 from .likelihood import Problem
@@ -64,7 +65,7 @@ def would_tell(problem: Problem, right: Hypothesis, *others: Hypothesis) -> str:
 
 def _apart(right: Hypothesis, other: Hypothesis) -> str:
     """Name what another set has that the right one has not."""
-    return " with ".join(sorted(slug.replace("_", " ") for slug in other.slugs - right.slugs or other.slugs))
+    return " with ".join(sorted(REGISTRY[slug].title for slug in other.slugs - right.slugs or other.slugs))
 
 
 def _channels(problem: Problem, right: Hypothesis, other: Hypothesis) -> list[tuple[float, str]]:
