@@ -36,8 +36,8 @@ WINDOW = 5.0
 """A hypothesis so far behind the most probable one is not expanded [nats] (Occam's window; D. Madigan, A. E. Raftery,
 J. Am. Stat. Assoc. 89 (1994), 1535-1546)."""
 
-ADDED, SWAPPED = 6, 3
-"""Effects that are fitted beside an expanded hypothesis, and instead of each of its effects."""
+ADDED, SWAPPED, FORMS = 6, 3, 2
+"""Effects that are fitted beside an expanded hypothesis and instead of each of its effects, and other forms of that."""
 
 LEAST_GAIN, LEAST_BESIDE, LEAST_SHARE = 2.5, 4.0, 0.1
 """An effect is fitted alone, and beside others, if the score test gives it so many nats, and this share of what it
@@ -212,10 +212,11 @@ def _expand(found: Search, base: Hypothesis) -> None:
     new = [bare for bare in smaller if not found.has(bare.model.effects)]
     found.take(together(lambda bare: fit(problem, bare.model, bare.vector, bare.noise, Entry(bare.theta_1)), new))
     for effect, bare in zip(base.effects, smaller, strict=True):
-        others = [each for each in found.catalogue if each.slug not in base.slugs - {effect.slug}]
-        others = [each for each in others if not found.has((*bare.model.effects, each))]
-        forms = effect.extensions()
-        found.consider(forms)
+        others = [each for each in found.catalogue if each.slug not in base.slugs]
+        same = [each for each in found.catalogue if each.slug == effect.slug and each.name != effect.name]
+        derived = effect.extensions()
+        found.consider(derived)
+        forms = [*_ranked(problem, bare, same)[:FORMS], *derived]
         found.fit_added(bare, [*_first(problem, bare, others, SWAPPED), *forms])
     if len(base.effects) < MOST_EFFECTS:
         others = [each for each in found.catalogue if each.slug not in base.slugs]
@@ -228,10 +229,18 @@ def _leading(fits: Iterable[Fitted]) -> list[Fitted]:
 
 
 def _first(problem: Problem, base: Fitted, effects: Sequence[Effect], most: int) -> list[Effect]:
-    """Give the effects that a score test ranks first beside a fit."""
+    """Give the effects that a score test ranks first beside a fit, each in its best form."""
+    best: dict[str, Effect] = {}
+    for effect in _ranked(problem, base, effects):
+        best.setdefault(effect.slug, effect)
+    return list(best.values())[:most]
+
+
+def _ranked(problem: Problem, base: Fitted, effects: Sequence[Effect]) -> list[Effect]:
+    """Give the effects that gain enough beside a fit by a score test, the best first."""
     gains = _gains(problem, base, effects)
     enough = _enough(gains, LEAST_BESIDE)
-    return [effects[index] for index in np.argsort(-gains)[:most] if enough[index]]
+    return [effects[index] for index in np.argsort(-gains) if enough[index]]
 
 
 def _gains(problem: Problem, base: Fitted, effects: Sequence[Effect]) -> np.ndarray:
