@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -99,6 +100,19 @@ class Problem:
         self.weights: Response | None = None
         self._whiteners: WeakKeyDictionary[Noise, Whitener] = WeakKeyDictionary()
         self.first_noise = self._first_noise()
+
+    @cached_property
+    def _transitions(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Transitions and new covariances (g, d, d) of the errors of load and slip, and whether a row that has them
+        follows the one before (g,): each once; and which of them each row has (n,).
+        """
+        both = [np.zeros((len(self.samples), 2 * STATES, 2 * STATES)) for _ in range(2)]
+        for index, latent in enumerate((self.load, self.slip)):
+            own = slice(STATES * index, STATES * (index + 1))
+            both[0][:, own, own], both[1][:, own, own] = latent.keep, latent.fresh
+        rows = np.column_stack([*(each.reshape(len(each), -1) for each in both), self.samples.follows])
+        _, first, which = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+        return both[0][first], both[1][first], self.samples.follows[first].astype(bool), which.ravel()
 
     def _first_noise(self) -> Noise:
         finite = self.gap[np.isfinite(self.gap)]
@@ -194,26 +208,25 @@ class Problem:
 
     def _errors(self, noise: Noise, weights: Response) -> Filter:
         """Filter of errors of load and slip, and of sensor noise, in order of time."""
-        rows, channels = self.seen.shape
+        paths_keep, paths_fresh, follows, which = self._transitions
         by_latent = np.nan_to_num(weights.by_latent[:, self.answers])
         white = [index for index, latent in enumerate((self.load, self.slip)) if latent.white.any()]
         remembers = np.flatnonzero(noise.memory > 0.0)
         paths = 2 * STATES
         size = paths + len(white) + len(remembers)
-        keep, fresh = np.zeros((rows, size, size)), np.zeros((rows, size, size))
-        loading, variance = np.zeros((rows, channels, size)), np.tile(noise.sd**2, (rows, 1))
-        for index, latent in enumerate((self.load, self.slip)):
-            own = slice(STATES * index, STATES * (index + 1))
-            keep[:, own, own], fresh[:, own, own] = latent.keep, latent.fresh
-            loading[..., STATES * index] = by_latent[..., index]
+        keep, fresh = np.zeros((2, len(follows), size, size))
+        loading, variance = np.zeros((*self.seen.shape, size)), np.tile(noise.sd**2, (len(which), 1))
+        keep[:, :paths, :paths], fresh[:, :paths, :paths] = paths_keep, paths_fresh
+        loading[..., :paths:STATES] = by_latent
         for state, index in enumerate(white, start=paths):
-            fresh[:, state, state], loading[..., state] = (self.load, self.slip)[index].white, by_latent[..., index]
+            fresh[:, state, state] = 1.0
+            loading[..., state] = by_latent[..., index] * np.sqrt((self.load, self.slip)[index].white)[:, None]
         for state, channel in enumerate(remembers, start=paths + len(white)):
-            rho = np.where(self.samples.follows, noise.memory[channel], 0.0)
+            rho = np.where(follows, noise.memory[channel], 0.0)
             keep[:, state, state], fresh[:, state, state] = rho, noise.sd[channel] ** 2 * (1.0 - rho**2)
             loading[:, channel, state], variance[:, channel] = 1.0, 0.0
         of_ground = self._by_ground(weights) ** 2 @ noise.spread**2
-        return Chain(keep, fresh, loading, variance).filter(self.seen, of_ground)
+        return Chain(keep, fresh, which, loading, variance).filter(self.seen, of_ground)
 
     def white(self, response: Response, noise: Noise) -> White:
         """Innovations of a response, with derivatives and losses."""

@@ -56,12 +56,13 @@ class Noise:
 class Chain:
     """A Gauss-Markov chain of d states along the rows.
 
-    keep, fresh (n, d, d): transition from the row before and covariance of what is new; loading (n, m, d) of the m
-    channels; variance (n, m) of the channels' white noise.
+    keep, fresh (g, d, d): transitions from the row before and covariances of what is new; which (n,) of them each row
+    has; loading (n, m, d) of the m channels; variance (n, m) of the channels' white noise.
     """
 
     keep: np.ndarray
     fresh: np.ndarray
+    which: np.ndarray
     loading: np.ndarray
     variance: np.ndarray
 
@@ -70,21 +71,21 @@ class Chain:
         chain's: it makes no gross errors.
         """
         gain, sd, blocks = np.zeros_like(self.loading), np.ones(seen.shape), _blocks(self.keep)
-        _fill_gains(seen, self.keep, self.fresh, self.loading, self.variance, gain, sd, *blocks)
-        return Filter(seen, self.keep, self.loading, gain, sd, GROSS * np.sqrt(sd**2 + further), *blocks)
+        _fill_gains(seen, self.keep, self.fresh, self.which, self.loading, self.variance, gain, sd, *blocks)
+        return Filter(seen, self.keep, self.which, self.loading, gain, sd, GROSS * np.sqrt(sd**2 + further), *blocks)
 
 
 @dataclass(frozen=True)
 class Filter:
     """Kalman filter of a chain. Its gains follow from what is random alone: any residuals can be filtered by them.
 
-    seen (n, m), keep and loading as of the `Chain`; gain (n, m, d) of each innovation, and its standard deviation
-    sd (n, m), 1 where nothing was seen; farthest (n, m) that it is from 0 without being a gross error; first, last (d,)
-    as of `_blocks`.
+    seen (n, m); keep, which and loading as of the `Chain`; gain (n, m, d) of each innovation; sd (n, m) of it, 1 where
+    nothing was seen; farthest (n, m) that it is from 0 without being a gross error; first, last (d,) as of `_blocks`.
     """
 
     seen: np.ndarray
     keep: np.ndarray
+    which: np.ndarray
     loading: np.ndarray
     gain: np.ndarray
     sd: np.ndarray
@@ -100,8 +101,8 @@ class Filter:
         """
         answer = np.ones(self.seen.shape) if trust is None else trust
         _filter(
-            columns, order, self.seen, self.keep, self.loading, self.gain, self.sd, self.farthest, self.first,
-            self.last, answer, trust is None,
+            columns, order, self.seen, self.keep, self.which, self.loading, self.gain, self.sd, self.farthest,
+            self.first, self.last, answer, trust is None,
         )  # fmt: skip
         return answer
 
@@ -155,14 +156,16 @@ def whitener(
     errors.whiten(white, np.arange(len(white)), np.ones(seen.shape))
     loading = np.zeros((*seen.shape, size))
     loading[..., :: size // 2] = white[order]
-    field = Chain(*transitions, loading, np.ones(seen.shape)).filter(np.ascontiguousarray(seen[order]))
+    field = Chain(*transitions, np.arange(len(order)), loading, np.ones(seen.shape)).filter(
+        np.ascontiguousarray(seen[order])
+    )
     log_sd = np.log(errors.sd)
     log_sd[order] += np.log(field.sd)
     return Whitener(errors, field, order, log_sd)
 
 
 def _blocks(keep: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """First and one past the last state (d,) that each state follows from, in any row of transitions (n, d, d)."""
+    """First and one past the last state (d,) that each state follows from, in any of the transitions (g, d, d)."""
     linked = (keep != 0.0).any(axis=0) | np.eye(keep.shape[1], dtype=bool)
     return np.argmax(linked, axis=1), keep.shape[1] - np.argmax(linked[:, ::-1], axis=1)
 
@@ -171,26 +174,45 @@ def matern(gap: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
     """Transitions and new covariances (n, 2 k, 2 k) of the ground's two processes over gaps (n,), infinite at first."""
     size = noise.smooth + 1
     far = np.minimum(TO_ONE_OVER_E[noise.smooth] * gap / noise.length, 500.0)
-    decay, half = np.exp(-far), 0.5 * far**2
-    one = np.zeros((len(gap), size, size))
-    everywhere = np.eye(size)
-    # In units of the length over which the process decays.
-    if size == 1:
-        one[:, 0, 0] = 1.0
-    elif size == 2:
-        one[:, 0, 0], one[:, 0, 1], one[:, 1, 0], one[:, 1, 1] = 1.0 + far, far, -far, 1.0 - far
-    else:
-        everywhere = np.array([[1.0, 0.0, -1.0 / 3.0], [0.0, 1.0 / 3.0, 0.0], [-1.0 / 3.0, 0.0, 1.0]])
-        one[:, 0] = np.stack([1.0 + far + half, far + 2.0 * half, half], axis=-1)
-        one[:, 1] = np.stack([-half, 1.0 + far - 2.0 * half, far - half], axis=-1)
-        one[:, 2] = np.stack([half - far, 2.0 * half - 3.0 * far, 1.0 - 2.0 * far + half], axis=-1)
-    one *= decay[:, None, None]
-    new = everywhere - one @ everywhere @ one.transpose(0, 2, 1)
-    keep, fresh = np.zeros((len(gap), 2 * size, 2 * size)), np.zeros((len(gap), 2 * size, 2 * size))
-    for field in range(2):
-        own = slice(field * size, (field + 1) * size)
-        keep[:, own, own], fresh[:, own, own] = one, noise.spread[field] ** 2 * new
+    keep, fresh = np.zeros((2, len(gap), 2 * size, 2 * size))
+    _fill_matern(far, _EVERYWHERE[noise.smooth], noise.spread**2, keep, fresh)
     return keep, fresh
+
+
+_EVERYWHERE = (
+    np.eye(1), np.eye(2), np.array([[1.0, 0.0, -1.0 / 3.0], [0.0, 1.0 / 3.0, 0.0], [-1.0 / 3.0, 0.0, 1.0]])
+)  # fmt: skip
+"""Covariance of a Matern process of order 1/2, 3/2 and 5/2 and its derivatives, in units of the length over which it
+decays."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fill_matern(far, everywhere, variance, keep, fresh):
+    """Fill transitions and new covariances (n, 2 k, 2 k) over distances `far` (n,), in lengths of decay."""
+    size = len(everywhere)
+    one, half = np.ones((size, size)), np.empty((size, size))
+    for row in range(len(far)):
+        x = far[row]
+        decay, square = math.exp(-x), 0.5 * x * x
+        if size == 2:
+            one[0, 0], one[0, 1], one[1, 0], one[1, 1] = 1.0 + x, x, -x, 1.0 - x
+        elif size == 3:
+            one[0, 0], one[0, 1], one[0, 2] = 1.0 + x + square, x + 2.0 * square, square
+            one[1, 0], one[1, 1], one[1, 2] = -square, 1.0 + x - 2.0 * square, x - square
+            one[2, 0], one[2, 1], one[2, 2] = square - x, 2.0 * square - 3.0 * x, 1.0 - 2.0 * x + square
+        for i in range(size):
+            for j in range(size):
+                half[i, j] = 0.0
+                for k in range(size):
+                    half[i, j] += one[i, k] * everywhere[k, j] * decay
+        for i in range(size):
+            for j in range(size):
+                new = everywhere[i, j]
+                for k in range(size):
+                    new -= half[i, k] * one[j, k] * decay
+                for field in range(2):
+                    keep[row, field * size + i, field * size + j] = one[i, j] * decay
+                    fresh[row, field * size + i, field * size + j] = variance[field] * new
 
 
 def robust_loss(innovation: np.ndarray) -> np.ndarray:
@@ -205,7 +227,7 @@ def robust_weight(innovation: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _fill_gains(seen, keep, fresh, loading, variance, gains, sds, first, last):
+def _fill_gains(seen, keep, fresh, which, loading, variance, gains, sds, first, last):
     """Fill gains (n, m, d) and standard deviations (n, m) of the innovations, channel by channel.
 
     first, last (d,) as of `_blocks`: states that do not follow from each other are passed over.
@@ -213,7 +235,7 @@ def _fill_gains(seen, keep, fresh, loading, variance, gains, sds, first, last):
     rows, channels, size = loading.shape
     p, half = np.zeros((size, size)), np.empty((size, size))
     for row in range(rows):
-        a, q = keep[row], fresh[row]
+        a, q = keep[which[row]], fresh[which[row]]
         for i in range(size):
             for j in range(size):
                 half[i, j] = 0.0
@@ -250,13 +272,13 @@ def _fill_gains(seen, keep, fresh, loading, variance, gains, sds, first, last):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _filter(columns, order, seen, keep, loading, gains, sds, farthest, first, last, trust, robust):
+def _filter(columns, order, seen, keep, which, loading, gains, sds, farthest, first, last, trust, robust):
     """Whiten columns (n, m, q) in place by gains, rows in the order given (n,); fill trust (n, m) where robust."""
     rows, channels, count = columns.shape
     size = keep.shape[1]
     state, following = np.zeros((size, count)), np.empty((size, count))
     for at in range(rows):
-        row, a = order[at], keep[at]
+        row, a = order[at], keep[which[at]]
         for i in range(size):
             for column in range(count):
                 following[i, column] = 0.0

@@ -13,11 +13,12 @@ def _dense(chain: Chain, seen: np.ndarray) -> np.ndarray:
     states = np.zeros((rows, rows, size, size))
     own = np.zeros((size, size))
     for row in range(rows):
-        own = chain.keep[row] @ own @ chain.keep[row].T + chain.fresh[row]
+        keep, fresh = chain.keep[chain.which[row]], chain.fresh[chain.which[row]]
+        own = keep @ own @ keep.T + fresh
         states[row, row] = own
         carried = own
         for later in range(row + 1, rows):
-            carried = chain.keep[later] @ carried
+            carried = chain.keep[chain.which[later]] @ carried
             states[later, row] = carried
             states[row, later] = carried.T
     covariance = np.einsum("ics,ijst,jdt->icjd", chain.loading, states, chain.loading).reshape(rows * channels, -1)
@@ -32,7 +33,7 @@ def _chain(rng: np.random.Generator, smooth: int) -> Chain:
     noise = Noise(np.ones(CHANNELS), np.zeros(CHANNELS), np.array([0.8, 1.5]), 0.3, smooth)
     loading = np.zeros((ROWS, CHANNELS, 2 * (smooth + 1)))
     loading[..., :: smooth + 1] = rng.normal(size=(ROWS, CHANNELS, 2))
-    return Chain(*matern(gap, noise), loading, rng.uniform(0.5, 2.0, (ROWS, CHANNELS)))
+    return Chain(*matern(gap, noise), np.arange(ROWS), loading, rng.uniform(0.5, 2.0, (ROWS, CHANNELS)))
 
 
 @pytest.mark.parametrize("smooth", [0, 1, 2])
