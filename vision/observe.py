@@ -137,7 +137,7 @@ def _look(
             blur_share=np.repeat(blur[usable], k),
         )
         for place, index in enumerate(usable):
-            seen[index] = _part(evidence, slice(place * k, (place + 1) * k))
+            seen[index] = evidence.select(slice(place * k, (place + 1) * k))
     parts = [
         seen[index] if index in seen else ClassEvidence.nothing(model.classes, [(problems[index] or "",)] * k)
         for index in range(len(batch))
@@ -156,16 +156,6 @@ def _look(
 
 def _cell(value: np.ndarray, cell_size_m: float) -> np.ndarray:
     return (np.floor(value / cell_size_m) + 0.5) * cell_size_m
-
-
-def _part(evidence: ClassEvidence, rows: slice) -> ClassEvidence:
-    return ClassEvidence(
-        evidence.classes,
-        evidence.probabilities[rows],
-        evidence.quality[rows],
-        evidence.unknown[rows],
-        evidence.reasons[rows],
-    )
 
 
 def _problem(frame: Frame, camera: Camera) -> str | None:
