@@ -90,10 +90,17 @@ def observe_ground(
     layout = ground_patches(camera, cell_size_m)
     batch: list[tuple[Frame, float, float, float]] = []
     last: tuple[float, float, float] | None = None
-    for frame in camera_stream.frames():
-        x, y, yaw = (float(np.asarray(value).reshape(-1)[0]) for value in pose_at(np.array([frame.time_s])))
-        if not np.isfinite([x, y, yaw]).all() or (last is not None and _near(last, x, y, yaw, cell_size_m)):
-            continue
+
+    def pose(time_s: float) -> tuple[float, float, float]:
+        x, y, yaw = (float(np.asarray(value).reshape(-1)[0]) for value in pose_at(np.array([time_s])))
+        return x, y, yaw
+
+    def wanted(time_s: float) -> bool:
+        here = pose(time_s)
+        return bool(np.isfinite(here).all()) and (last is None or not _near(last, *here, cell_size_m))
+
+    for frame in camera_stream.frames(wanted):
+        x, y, yaw = pose(frame.time_s)
         if frame.image is not None:  # else the next whole image is looked at, however near
             last = (x, y, yaw)
         batch.append((frame, x, y, yaw))
