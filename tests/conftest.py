@@ -33,10 +33,10 @@ def short_drive(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="session")
 def small_models(tmp_path_factory) -> Path:
-    """The default models from a third of their material: a folder for --models."""
+    """The default models from a sixth of their material: a folder for --models."""
     from bevameter.framework.default_models import train_default
 
     folder = tmp_path_factory.mktemp("models")
     for sense in ("vision", "audio"):
-        train_default(sense, sites_per_class=8).save(folder / f"{sense}.skops")
+        train_default(sense, sites_per_class=4).save(folder / f"{sense}.skops")
     return folder
