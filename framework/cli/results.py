@@ -16,7 +16,7 @@ from rich.panel import Panel
 from .printing import console, print_line, print_table
 
 if TYPE_CHECKING:
-    from ...identification.explain.explanation import Explanation, Missing
+    from ...identification.explain.explanation import Explanation
     from ...identification.identify import Identification, Segment
     from ..core.soil import Quantity, SoilEstimate
     from ..summary import LearntSoil, SenseSummary, TraverseSummary
@@ -159,7 +159,7 @@ def print_explanation(answer: Explanation) -> None:
     from ...identification.explain.quantities import listed
     from ...identification.explain.report.sound import sound_lines
     from ...identification.explain.report.tables import candidate_table, fit_table, located_table, soil_table
-    from ...identification.explain.words import details, headline, predicted_worse
+    from ...identification.explain.words import details, headline, missing_lines, predicted_worse
 
     print(headline(answer))
     for text in (details(answer), answer.trust):
@@ -170,7 +170,7 @@ def print_explanation(answer: Explanation) -> None:
     if answer.located:
         print()
     for each in answer.missing:
-        _print_missing(each)
+        print(*missing_lines(each), "", sep="\n")
     print_table(*fit_table(answer), title=f"Error on held-out rows: {answer.split}")
     print()
     headers, rows = candidate_table(answer.candidates[:_CANDIDATES_PRINTED])
@@ -185,26 +185,6 @@ def print_explanation(answer: Explanation) -> None:
         print(f"note: predicted worse than before: {listed(worse)}")
     for note in answer.notes:
         print(f"note: {note}")
-
-
-def _print_missing(missing: Missing) -> None:
-    from ...identification.explain.quantities import KINDS, capital, effect, estimate, percent
-    from ...identification.explain.words import name_of
-
-    form = f", {missing.form}" if missing.form else ""
-    kind = KINDS.get(missing.kind, missing.kind)
-    print(f"{capital(name_of(missing))} ({missing.effect}{form}; {kind}): {percent(missing.probability)}")
-    for name, value in missing.parameters.items():
-        print(f"  {estimate(name, value)}")
-    print(f"  {missing.equation}; {missing.source}")
-    for title, text in (
-        ("where", missing.description),
-        ("indistinguishable from", ", ".join(effect(slug) for slug in missing.indistinguishable_from)),
-        ("to decide", missing.would_tell),
-    ):
-        if text:
-            print(f"  {title}: {text}")
-    print()
 
 
 def print_summary(summary: TraverseSummary) -> None:

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from ...framework.core.sound_explanation import SOUND_NAMES
 from ..effects.descriptions import DESCRIPTIONS, Description
 from .explanation import Estimate, Region
 from .variables import CONSTANT
@@ -156,7 +157,7 @@ def effect(name: str) -> str:
 
 def describe(slug: str) -> Description:
     """Give name and description of an effect; one that is not in the catalogue has its public name alone."""
-    return DESCRIPTIONS.get(slug, Description(slug, ""))
+    return DESCRIPTIONS.get(slug, Description(SOUND_NAMES.get(slug, slug), ""))
 
 
 def listed(parts: Iterable[str], last: str = "and") -> str:
