@@ -9,6 +9,8 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
+from .quantities import finite_or_none
+
 Verdict = Literal["none", "physics", "instrument", "unknown", "cannot_tell"]
 """``"none"``: nothing beyond noise. ``"cannot_tell"``: something, whose possible causes the data do not separate."""
 
@@ -63,11 +65,6 @@ class Missing:
             "indistinguishable_from": list(self.indistinguishable_from), "would_tell": self.would_tell,
             **({"description": self.description} if self.description else {}),
         }  # fmt: skip
-
-
-def finite_or_none(value: float) -> float | None:
-    """Give a number, or None where it is not finite: JSON knows no NaN."""
-    return float(value) if math.isfinite(value) else None
 
 
 def estimates_json(estimates: Mapping[str, Estimate]) -> dict[str, Any]:

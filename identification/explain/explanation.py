@@ -9,7 +9,8 @@ import numpy as np
 from ...framework.core.explanation import Estimate as Estimate
 from ...framework.core.explanation import Missing as Missing
 from ...framework.core.explanation import Verdict as Verdict
-from ...framework.core.explanation import estimates_json, finite_or_none
+from ...framework.core.explanation import estimates_json
+from ...framework.core.quantities import finite_or_none
 from ...framework.core.sound_explanation import SoundFindings
 from ..effects.stored import AugmentedSimulator
 from ..mechanics.augmented import AugmentedWheel
