@@ -98,16 +98,13 @@ def find_models(
     if folder is not None and not found:
         names = " or ".join(path.name for path in paths.values())
         raise InputError(Path(folder), "no model", expected=f"a folder with {names}")
-    classifiers, origins, synthetic = {}, {}, []
-    for sense in senses:
-        if sense in found:
-            origins[sense] = str(found[sense])
-            classifiers[sense] = TerrainClassifier.load(found[sense], modality=sense)
-        elif sense in _TRAINERS:
-            origins[sense] = str(cached_path(sense))
-            classifiers[sense] = default_model(sense, progress=progress)
-            synthetic.append(sense)
-    return Models(classifiers, origins, tuple(synthetic))
+    own = [sense for sense in senses if sense in found]
+    synthetic = tuple(sense for sense in senses if sense not in found and sense in _TRAINERS)
+    # A damaged model is found out before others are trained.
+    classifiers = {sense: TerrainClassifier.load(found[sense], modality=sense) for sense in own}
+    classifiers |= {sense: default_model(sense, progress=progress) for sense in synthetic}
+    origins = {sense: str(found[sense]) for sense in own} | {sense: str(cached_path(sense)) for sense in synthetic}
+    return Models(classifiers, origins, synthetic)
 
 
 def models_beside(database: str | Path | None) -> Path | None:

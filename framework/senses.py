@@ -111,6 +111,10 @@ class Sense(ABC):
     def absence(self, recording: Recording) -> str:
         """Say why a recording cannot be observed by this sense; empty where it can, given places and a model."""
 
+    def recorded(self, recording: Recording) -> bool:
+        """Tell whether a recording has what this sense observes, whatever else it lacks: then a model is looked for."""
+        return not self.absence(recording)
+
     @abstractmethod
     def observe(
         self, recording: Recording, track: Track, model: TerrainClassifier, cell_size_m: float
@@ -163,8 +167,8 @@ def sense_named(name: str) -> Sense:
 
 
 def senses_of(recording: Recording) -> tuple[str, ...]:
-    """Name the senses that can observe a recording, and so need a model."""
-    return tuple(sense.name for sense in senses() if not sense.absence(recording))
+    """Name the senses that a recording has something for, and so need a model."""
+    return tuple(sense.name for sense in senses() if sense.recorded(recording))
 
 
 def train_sense(name: str, folder: str | Path, *, seed: int = 0) -> TrainingOutcome:

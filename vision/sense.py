@@ -38,11 +38,15 @@ class Vision(Sense):
 
     def absence(self, recording: Recording) -> str:
         """Say what is missing: images, or the camera's geometry."""
-        if recording.camera is None or not len(recording.camera):
+        if not self.recorded(recording):
             return "no camera in the recording"
         if recording.vehicle is None or recording.vehicle.camera is None:
             return "the vehicle's description has no [camera], so images cannot be laid on the ground"
         return ""
+
+    def recorded(self, recording: Recording) -> bool:
+        """Tell whether there are images."""
+        return recording.camera is not None and len(recording.camera) > 0
 
     def observe(
         self, recording: Recording, track: Track, model: TerrainClassifier, cell_size_m: float
