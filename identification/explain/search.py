@@ -214,7 +214,7 @@ def _expand(found: Search, base: Hypothesis) -> None:
     for effect, bare in zip(base.effects, smaller, strict=True):
         others = [each for each in found.catalogue if each.slug not in base.slugs]
         same = [each for each in found.catalogue if each.slug == effect.slug and each.name != effect.name]
-        derived = [*effect.variants(), *effect.freer()]
+        derived = effect.extensions()
         found.consider(derived)
         forms = [*_ranked(problem, bare, same)[:FORMS], *derived]
         found.fit_added(bare, [*_first(problem, bare, others, SWAPPED), *forms])

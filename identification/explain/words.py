@@ -14,7 +14,6 @@ from .quantities import (
     capital,
     columns_in_words,
     cycles_a_turn,
-    describe,
     effect,
     estimate,
     interval,
@@ -22,6 +21,7 @@ from .quantities import (
     number,
     percent,
     shown,
+    what_happens,
 )
 from .variables import CONSTANT, LAG
 
@@ -188,7 +188,7 @@ def _undecided(missing: Sequence[Missing]) -> str:
 
 def _happens(missing: Missing) -> str:
     """Say what an effect does, with its parameters; of the unknown, where it lives."""
-    what = describe(missing.effect).what
+    what = what_happens(missing.effect)
     if missing.kind == "unknown":
         what = columns_in_words(missing.description)
     elif channel := _channel(missing):

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from bevameter import Wheel
 from bevameter.framework.core.sound_explanation import SoundCause, SoundFindings, SoundRegion, SpectralFit
-from bevameter.identification.effects.named import forms_by_name, specimen
+from bevameter.identification.effects.parse import forms_by_name, specimen
 from bevameter.identification.explain.explanation import (
     Candidate,
     ChannelFit,

@@ -6,14 +6,14 @@ from html import escape
 
 from ....framework.core.explanation import Missing
 from ....framework.core.html import table, unbroken
-from ..quantities import KINDS, capital, columns_in_words, describe, effect, listed, percent
+from ..quantities import KINDS, capital, columns_in_words, effect, listed, percent, what_happens
 from ..words import name_of
 from .tables import parameter_table
 
 
 def missing_section(missing: Missing) -> str:
     """Give what is missing as HTML, with its parameters and what else it may be."""
-    what = columns_in_words(missing.description) or describe(missing.effect).what
+    what = columns_in_words(missing.description) or what_happens(missing.effect)
     form = f" Form: {missing.form}." if missing.form else ""
     kind = KINDS.get(missing.kind, missing.kind)
     body = (
