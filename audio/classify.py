@@ -14,10 +14,6 @@ from ..framework.core.recording.channels import mixed
 from ..framework.core.recording.sound import read_channels
 from .features import FEATURE_NAMES, HOP_S, RATE_HZ, WINDOW_S, cut_windows, resample, window_features
 from .quality import MEASURES, NoiseModel, assess, noise_measures, recording_faults
-from .rows import evidence_rows
-from .vibration import classify_vibration
-
-__all__ = ["SETTINGS", "classify_sounds", "classify_vibration", "noise_model", "sound_evidence"]
 
 SETTINGS = {"rate_hz": RATE_HZ, "window_s": WINDOW_S, "hop_s": HOP_S}
 """How features are made; a model that was trained otherwise is refused."""
@@ -97,5 +93,6 @@ def classify_sounds(files: Iterable[str | Path] | Sequence[Path], model: Terrain
     rows: list[dict] = []
     for file in map(Path, files):
         samples, rate_hz = read_channels(file)
-        rows += evidence_rows(file, *sound_evidence(samples, rate_hz, model, noise))
+        start_s, end_s, evidence = sound_evidence(samples, rate_hz, model, noise)
+        rows += evidence.as_rows(file, start_s, end_s)
     return rows

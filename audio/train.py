@@ -17,12 +17,9 @@ from .augment import add_noise, place, varied_window
 from .classify import SETTINGS
 from .features import FEATURE_NAMES, RATE_HZ, WINDOW_S, cut_windows, resample, window_features
 from .quality import NOISE_FREE_DB, SILENT_RMS, NoiseModel, noise_inputs, noise_measures
-from .vibration import train_vibration
 
 if TYPE_CHECKING:
     from ..framework.core.classifier.labelled import LabelledFile
-
-__all__ = ["train_audio", "train_audio_arrays", "train_audio_windows", "train_vibration"]
 
 FILE_WINDOWS = 24
 """At most so many windows of one file, evenly spread: more of the same take say little that is new."""

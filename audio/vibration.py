@@ -11,10 +11,10 @@ import numpy as np
 
 from ..framework.core.classifier.classifier import TerrainClassifier, TrainingOutcome
 from ..framework.core.errors import InputError
+from ..framework.core.evidence import ClassEvidence
 from ..framework.core.recording.tables import read_table
 from ..framework.core.recording.types import VibrationRun
 from ..framework.core.recording.vibration import SAMPLE_RATE_HZ, read_vibration_run
-from .rows import evidence_rows
 from .vibration_features import HOP_S, WINDOW_S, VibrationChannels, vibration_features
 
 if TYPE_CHECKING:
@@ -115,19 +115,46 @@ def classify_vibration(files: Iterable[str | Path], model: TerrainClassifier) ->
     InputError
         A file cannot be read or lacks a channel; the model is none of vibration, or of another version.
     """
-    channels, fill, quietest = _opened(model)
+    channels, *_ = _opened(model)
     rows: list[dict] = []
     for file in map(Path, files):
         run = read_vibration_run(file, wheel_file_of(file) if channels.drive or channels.speed else None)
-        if missing := [name for name in channels.inertial if name not in run.names]:
-            raise InputError(file, f"no column {', '.join(missing)}", expected=", ".join(channels.inertial))
-        features, first = vibration_features(run, channels)
-        quality, reasons = _rated(features, channels, quietest)
-        length = min(WINDOW_S, len(run.time_s) / run.sample_rate_Hz)
-        start_s = first / run.sample_rate_Hz
-        features = np.where((quality > 0)[:, None], _filled(features, fill), 0.0)
-        rows += evidence_rows(file, start_s, start_s + length, model.evidence(features, quality, reasons))
+        start_s, end_s, evidence = vibration_evidence(run, model)
+        rows += evidence.as_rows(file, start_s, end_s)
     return rows
+
+
+def vibration_evidence(run: VibrationRun, model: TerrainClassifier) -> tuple[np.ndarray, np.ndarray, ClassEvidence]:
+    """Classify a run window by window.
+
+    Parameters
+    ----------
+    run
+        It has every inertial channel of the model.
+    model
+        A classifier of modality ``"vibration"``.
+
+    Returns
+    -------
+    start_s, end_s : (n,)
+        The windows [s], counted from the first sample; a run shorter than a window is one window.
+    evidence
+        n items.
+
+    Raises
+    ------
+    InputError
+        The run lacks a channel, or the model is none of vibration, or of another version.
+    """
+    channels, fill, quietest = _opened(model)
+    if missing := [name for name in channels.inertial if name not in run.names]:
+        raise InputError(run.source, f"no column {', '.join(missing)}", expected=", ".join(channels.inertial))
+    features, first = vibration_features(run, channels)
+    quality, reasons = _rated(features, channels, quietest)
+    start_s = first / run.sample_rate_Hz
+    features = np.where((quality > 0)[:, None], _filled(features, fill), 0.0)
+    end_s = start_s + min(WINDOW_S, len(run.time_s) / run.sample_rate_Hz)
+    return start_s, end_s, model.evidence(features, quality, reasons)
 
 
 def wheel_file_of(file: Path) -> Path | None:

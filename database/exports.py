@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..framework.core.evidence import UNKNOWN
+from ..framework.core.quantities import finite_or_none
 from .answer import GroundAnswer
 from .posterior import ClassSoil
 from .snapshot import Snapshot
@@ -48,19 +49,19 @@ def answer_rows(answer: GroundAnswer) -> list[dict[str, Any]]:
         probabilities = dict(zip(answer.class_names, answer.class_probability[index].tolist(), strict=True))
         rows.append(
             {
-                "x_m": _finite(answer.x[index]),
-                "y_m": _finite(answer.y[index]),
+                "x_m": finite_or_none(answer.x[index]),
+                "y_m": finite_or_none(answer.y[index]),
                 "known": known,
                 "unknown": None if known else str(answer.reason[index]),
                 "class": label if seen else None,
                 "class_probabilities": probabilities if seen else None,
-                "c_Pa": _finite(answer.cohesion[index]),
-                "tan_phi": _finite(math.tan(answer.friction_angle[index])),
-                "phi_rad": _finite(answer.friction_angle[index]),
+                "c_Pa": finite_or_none(answer.cohesion[index]),
+                "tan_phi": finite_or_none(math.tan(answer.friction_angle[index])),
+                "phi_rad": finite_or_none(answer.friction_angle[index]),
                 "covariance_c_tan_phi": answer.covariance[index].tolist() if known else None,
-                "shear_strength_Pa": _finite(answer.shear_strength[index]),
-                "shear_strength_lower_Pa": _finite(answer.shear_strength_lower[index]),
-                "age_s": _finite(answer.age[index]),
+                "shear_strength_Pa": finite_or_none(answer.shear_strength[index]),
+                "shear_strength_lower_Pa": finite_or_none(answer.shear_strength_lower[index]),
+                "age_s": finite_or_none(answer.age[index]),
                 "observations": int(answer.observation_count[index]),
                 "note": EXTRAPOLATED if extrapolated[index] else None,
             }
@@ -101,8 +102,8 @@ def _soil_row(snapshot: Snapshot, soil: ClassSoil, normal_stress: float, confide
         "k_m": _other(soil, "log_k"),
         "stiffness_Pa": _other(soil, "log_stiffness"),
         "n": _other(soil, "n"),
-        "normal_stress_driven_Pa": [_finite(stress) for stress in soil.normal_stress_Pa],
-        "load_N": _finite(soil.load_N),
+        "normal_stress_driven_Pa": [finite_or_none(stress) for stress in soil.normal_stress_Pa],
+        "load_N": finite_or_none(soil.load_N),
         "misfits": soil.misfits,
         "note": EXTRAPOLATED if sure.extrapolated[0] else None,
     }
@@ -188,7 +189,3 @@ def csv_columns(class_names: Sequence[str]) -> list[str]:
         else:
             columns += flat({name: None})
     return columns
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None

@@ -9,8 +9,9 @@ same answer.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,13 +21,13 @@ from scipy.stats import chi2, qmc
 
 from ..framework.core.arguments import number, numbers, refused
 from ..framework.core.errors import InputError
-from ..framework.core.soil import PARAMETERS, PLAUSIBLE
+from ..framework.core.soil import PARAMETERS, PLAUSIBLE, Quantity
 from ..framework.core.vehicle import Vehicle, Wheel, as_vehicle
 from ..identification.effects.ensemble import drawbar_pull as wheel_pull
-from ..identification.effects.ensemble import error_count, soils_off
+from ..identification.effects.ensemble import error_count, errors_of_fit, soils_off
+from ..identification.effects.stored import AugmentedSimulator, Estimated
 from .mixture import MixtureTable
-from .physics import about_physics, errors_of
-from .posterior import ClassSoil, RandomEffects
+from .posterior import LEAST_SCATTER, PRIOR_VARIATION, ClassSoil, RandomEffects, other_parameters
 
 if TYPE_CHECKING:
     from .answer import GroundAnswer
@@ -215,8 +216,8 @@ def _pull(snapshot: Snapshot, name: str, vehicle: Vehicle, loads: tuple[float, .
     if physics is None:
         draws = soil_draws(soil)
     else:
-        errors = errors_of(physics, ndtri(_uniform(_SOIL_NUMBERS + error_count(physics))[:, _SOIL_NUMBERS:]))
-        draws = soils_off(soil_draws(about_physics(soil, physics)), errors)
+        errors = _errors_of(physics, ndtri(_uniform(_SOIL_NUMBERS + error_count(physics))[:, _SOIL_NUMBERS:]))
+        draws = soils_off(soil_draws(_about_physics(soil, physics)), errors)
     total = np.zeros((DRAWS, len(slips)))
     by_wheel: dict[tuple[tuple[float, float, float], float], np.ndarray] = {}
     for wheel, load in zip(vehicle.wheels, loads, strict=True):
@@ -276,3 +277,38 @@ def _bound(answer: GroundAnswer, draws: np.ndarray, weight: np.ndarray) -> np.nd
     """Lower bound at the answer's confidence; the mass of classes not known counts as not carrying at all."""
     level = weight.sum(axis=1) - answer.confidence
     return MixtureTable.of_samples(draws).lower_bound(weight, level)
+
+
+def _about_physics(soil: ClassSoil, physics: AugmentedSimulator) -> ClassSoil:
+    """Give the class's soil about the one that was fitted together with the effects.
+
+    The textbook wheel's soil has the effects bent into it: with them in the model it would count them twice. How places
+    of the class scatter, and how well its mean is known, stays as the stretches show; a parameter that no stretch could
+    tell is the fitted one, with the scatter that soils of one kind usually show. What the fit itself errs by comes on
+    top of that (`_errors_of`).
+    """
+    values = physics.soil_values
+    centre = {"log_k": np.log(values.k_m), "log_stiffness": np.log(values.stiffness_Pa), "n": values.n}
+    fitted = {name: Quantity(entry.value, 0.0, entry.value, entry.value) for name, entry in physics.soil.items()}
+    others = {**other_parameters([fitted], np.ones(1)), **soil.others}
+    others = {name: replace(others[name], mean=np.array([centre[name]])) for name in centre if name in others}
+    strength = replace(soil.strength, mean=np.array([values.c_Pa, np.tan(values.phi_rad)]))
+    return replace(soil, strength=strength, others=others)
+
+
+def _errors_of(physics: AugmentedSimulator, normal: np.ndarray) -> np.ndarray:
+    """Draw what a fit errs by (`errors_of_fit`), a soil's parameter of which nobody knows how well it was told by as
+    much as places of one class commonly differ.
+    """
+    values = physics.soil_values
+    slope = math.cos(values.phi_rad) ** 2
+    usual = {
+        "c_Pa": max(PRIOR_VARIATION["c_Pa"] * values.c_Pa, LEAST_SCATTER["c_Pa"]),
+        "phi_rad": max(PRIOR_VARIATION["tan_phi"] * math.tan(values.phi_rad), LEAST_SCATTER["tan_phi"]) * slope,
+        **{name: PRIOR_VARIATION[name] * getattr(values, name) for name in ("k_m", "stiffness_Pa", "n")},
+    }
+    soil = {
+        name: entry if math.isfinite(entry.sd) else Estimated(entry.value, usual[name])
+        for name, entry in physics.soil.items()
+    }
+    return errors_of_fit(replace(physics, soil=soil), normal)

@@ -185,6 +185,13 @@ class Drive:
             return self.start_time and self.start_time.astimezone(UTC)
         return self.start_time.replace(tzinfo=UTC)
 
+    @property
+    def synthetic(self) -> bool:
+        """Whether it is of a synthetic world: its site calls itself so, or a model knows no other."""
+        return "synthetic" in self.site.lower() or any(
+            version.startswith("synthetic") for version in self.models.values()
+        )
+
     @cached_property
     def id(self) -> uuid.UUID:
         """The drive's identity: UUID 5 of the recording's digest and of all that shapes what was made of it.

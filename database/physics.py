@@ -1,23 +1,27 @@
-"""Physics of classes of ground: what the textbook wheel lacked there, found by somebody at some time."""
+"""Physics of classes of ground: what the textbook wheel lacked there, found by somebody at some time.
+
+The wheel's mechanics are imported where there is physics to be read: most databases hold none.
+"""
 
 from __future__ import annotations
 
 import json
-import math
 import uuid
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
+from sqlalchemy import Connection, select
 
 from ..framework.core.arguments import refused
+from ..framework.core.class_names import check_spelling
 from ..framework.core.errors import InputError
-from ..framework.core.soil import Quantity
-from ..identification.effects.ensemble import errors_of_fit
-from ..identification.effects.stored import AugmentedSimulator, Estimated
-from .posterior import LEAST_SCATTER, PRIOR_VARIATION, ClassSoil, RandomEffects, other_parameters
+from .tables import DriveRow, PhysicsRow, SoilRow, insertion, table_of
+
+if TYPE_CHECKING:
+    from ..identification.effects.stored import AugmentedSimulator
 
 _NAMESPACE = uuid.UUID("0d9a6d0c-6f4e-5d63-8a51-2c1b7f0f3a42")
 _LONGEST_NAME, _LONGEST_SOURCE = 200, 4096
@@ -57,6 +61,8 @@ class ClassPhysics:
     site: str = ""
 
     def __post_init__(self) -> None:
+        from ..identification.effects.stored import AugmentedSimulator
+
         for name, least, most in (("class_name", 1, _LONGEST_NAME), ("source", 0, _LONGEST_SOURCE),
                                   ("site", 0, _LONGEST_NAME)):  # fmt: skip
             value = getattr(self, name)
@@ -91,6 +97,8 @@ def check_likely(physics: AugmentedSimulator, source: str) -> None:
 
 def sound_physics(physics: AugmentedSimulator, source: str) -> AugmentedSimulator:
     """Give physics number by number as it is read back, and likely; raises `InputError` where it is not sound."""
+    from ..identification.effects.stored import AugmentedSimulator
+
     try:
         document = physics.to_json()
     except (AttributeError, KeyError, TypeError, ValueError) as error:
@@ -119,46 +127,67 @@ def physics_row(found: ClassPhysics) -> dict[str, Any]:
     }
 
 
-def class_physics(row: Any, database: str) -> ClassPhysics:
-    """Read a `class_physics` row; raises `InputError` where somebody wrote what is no physics."""
-    physics = AugmentedSimulator.from_json(row.physics, f"{database}, physics of {row.class_name}")
-    return ClassPhysics(row.class_name, physics, row.source, row.observed_at, row.site)
+def add_rows(connection: Connection, rows: Sequence[dict[str, Any]]) -> int:
+    """Insert rows of physics, and count those that are new; those that are there already stay as they are."""
+    statement = insertion(connection, PhysicsRow).returning(table_of(PhysicsRow).c.id)
+    return sum(connection.execute(statement, row).first() is not None for row in rows)
 
 
-def about_physics(soil: ClassSoil, physics: AugmentedSimulator) -> ClassSoil:
-    """Give the class's soil about the one that was fitted together with the effects.
+def read_physics(connection: Connection, database: str, site: str | None = None) -> list[ClassPhysics]:
+    """Physics of classes, oldest first; with a site only what holds there.
 
-    The textbook wheel's soil has the effects bent into it: with them in the model it would count them twice. How places
-    of the class scatter, and how well its mean is known, stays as the stretches show; a parameter that no stretch could
-    tell is the fitted one, with the scatter that soils of one kind usually show. What the fit itself errs by comes on
-    top of that (`errors_of`).
+    Raises
+    ------
+    InputError
+        Somebody wrote what is no physics.
     """
-    values = physics.soil_values
-    centre = {"log_k": np.log(values.k_m), "log_stiffness": np.log(values.stiffness_Pa), "n": values.n}
-    fitted = {name: Quantity(entry.value, 0.0, entry.value, entry.value) for name, entry in physics.soil.items()}
-    others = {**other_parameters([fitted], np.ones(1)), **soil.others}
-    others = {name: _about(others[name], np.array([centre[name]])) for name in centre if name in others}
-    strength = _about(soil.strength, np.array([values.c_Pa, np.tan(values.phi_rad)]))
-    return replace(soil, strength=strength, others=others)
+    table = table_of(PhysicsRow)
+    query = select(table).order_by(table.c.observed_at, table.c.id)
+    if site is not None:
+        query = query.where(table.c.site.in_(("", site)))
+    rows = connection.execute(query).all()
+    if not rows:
+        return []
+    from ..identification.effects.stored import AugmentedSimulator
+
+    return [
+        ClassPhysics(
+            row.class_name,
+            AugmentedSimulator.from_json(row.physics, f"{database}, physics of {row.class_name}"),
+            row.source,
+            row.observed_at,
+            row.site,
+        )
+        for row in rows
+    ]
 
 
-def errors_of(physics: AugmentedSimulator, normal: np.ndarray) -> np.ndarray:
-    """Draw what a fit errs by (`errors_of_fit`), a soil's parameter of which nobody knows how well it was told by as
-    much as places of one class commonly differ.
+def found_by_others(connection: Connection, database: str, driven: set[str], own: set[str]) -> list[dict[str, Any]]:
+    """Rows of another database's physics, read as strictly as they are added to one whose classes, those that drives
+    bring with a merge included, are `driven`, and those of whose physics are its `own`.
     """
-    values = physics.soil_values
-    slope = math.cos(values.phi_rad) ** 2
-    usual = {
-        "c_Pa": max(PRIOR_VARIATION["c_Pa"] * values.c_Pa, LEAST_SCATTER["c_Pa"]),
-        "phi_rad": max(PRIOR_VARIATION["tan_phi"] * math.tan(values.phi_rad), LEAST_SCATTER["tan_phi"]) * slope,
-        **{name: PRIOR_VARIATION[name] * getattr(values, name) for name in ("k_m", "stiffness_Pa", "n")},
-    }
-    soil = {
-        name: entry if math.isfinite(entry.sd) else Estimated(entry.value, usual[name])
-        for name, entry in physics.soil.items()
-    }
-    return errors_of_fit(replace(physics, soil=soil), normal)
+    rows = []
+    for each in read_physics(connection, database):
+        source = f"{database}, physics of {each.class_name}"
+        check_likely(each.physics, source)
+        check_spelling(each.class_name, (driven, own), source)
+        own = own | {each.class_name}
+        rows.append(physics_row(each))
+    return rows
 
 
-def _about(effects: RandomEffects, mean: np.ndarray) -> RandomEffects:
-    return replace(effects, mean=mean)
+def driven_classes(connection: Connection) -> set[str]:
+    """Names of the classes that drives brought, as their senses and their stretches have them."""
+    return set(_names(connection))
+
+
+def _names(connection: Connection) -> Iterator[str]:
+    for column in (table_of(DriveRow).c.classes, table_of(SoilRow).c.class_probabilities):
+        for names in connection.execute(select(column)).scalars():
+            # Damaged ones are none of a snapshot, which says so.
+            yield from (name for name in names if isinstance(name, str)) if isinstance(names, list | dict) else ()
+
+
+def physics_classes(connection: Connection) -> set[str]:
+    """Names of the classes whose physics is kept."""
+    return set(connection.execute(select(table_of(PhysicsRow).c.class_name)).scalars())

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..framework.core.evidence import ClassEvidence
+from ..framework.core.quantities import finite_or_none
 from ..framework.core.soil import PLAUSIBLE, Quantity, ShearStrength, SoilEstimate
 from .observations import Drive, SoilEffect, SoilObservation, TerrainObservations
 
@@ -72,22 +73,22 @@ def soil_rows(drive: Drive) -> Iterator[dict[str, Any]]:
 
 def _soil_columns(soil: SoilObservation) -> dict[str, Any]:
     estimate = soil.estimate
-    mean = [None, None] if estimate is None else [_number(value) for value in estimate.mean_c_tan_phi]
+    mean = [None, None] if estimate is None else [finite_or_none(value) for value in estimate.mean_c_tan_phi]
     covariance = np.full((2, 2), math.nan) if estimate is None else estimate.covariance_c_tan_phi
     return {
         "start_s": soil.start_s,
         "end_s": soil.end_s,
-        "x_m": _number(soil.x_m),
-        "y_m": _number(soil.y_m),
+        "x_m": finite_or_none(soil.x_m),
+        "y_m": finite_or_none(soil.y_m),
         "class_probabilities": {name: float(value) for name, value in soil.class_probabilities.items()},
         "c_Pa": mean[0],
         "tan_phi": mean[1],
-        "variance_c": _number(covariance[0, 0]),
-        "covariance_c_tan_phi": _number(covariance[0, 1]),
-        "variance_tan_phi": _number(covariance[1, 1]),
-        "normal_stress_low_Pa": _number(soil.normal_stress_Pa[0]),
-        "normal_stress_high_Pa": _number(soil.normal_stress_Pa[1]),
-        "load_N": _number(soil.load_N),
+        "variance_c": finite_or_none(covariance[0, 0]),
+        "covariance_c_tan_phi": finite_or_none(covariance[0, 1]),
+        "variance_tan_phi": finite_or_none(covariance[1, 1]),
+        "normal_stress_low_Pa": finite_or_none(soil.normal_stress_Pa[0]),
+        "normal_stress_high_Pa": finite_or_none(soil.normal_stress_Pa[1]),
+        "load_N": finite_or_none(soil.load_N),
         "effects": [
             {"slug": effect.slug, "parameters": {name: float(value) for name, value in effect.parameters.items()}}
             for effect in soil.effects
@@ -223,11 +224,6 @@ def terrain_observations(rows: Sequence[Any], classes: Sequence[str], cell_size_
         np.array([row.sense for row in rows], dtype=str),
         evidence,
     )
-
-
-def _number(value: float) -> float | None:
-    """A finite number, or NULL."""
-    return float(value) if math.isfinite(value) else None
 
 
 def _float(value: float | None) -> float:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import islice
@@ -17,8 +18,17 @@ from sqlalchemy.exc import DBAPIError
 from ..framework.core.arguments import refused
 from ..framework.core.class_names import check_class_names, check_spelling
 from ..framework.core.errors import InputError
-from .kept_physics import add_rows, driven_classes, found_by_others, physics_classes, read_physics
 from .observations import Drive
+from .physics import (
+    ClassPhysics,
+    add_rows,
+    driven_classes,
+    found_by_others,
+    physics_classes,
+    physics_row,
+    read_physics,
+    sound_physics,
+)
 from .rows import drive_of, drive_row, soil_rows, terrain_rows
 from .schema import holds_database, open_engine, shown, unreachable
 from .snapshot import Snapshot
@@ -26,7 +36,6 @@ from .tables import Base, DriveRow, ImportRow, SoilRow, TerrainRow, insertion, t
 
 if TYPE_CHECKING:
     from ..identification.effects.stored import AugmentedSimulator
-    from .physics import ClassPhysics
 
 _CHUNK = 5000
 """Rows that are written at a time."""
@@ -112,7 +121,7 @@ class TerrainDatabase:
         rows = [(TerrainRow, terrain_rows(drive)), (SoilRow, soil_rows(drive))]
         total = len(drive.terrain) + len(drive.soils)
         moment = {"id": uuid.uuid4(), "drive_id": drive.id, "imported_at": datetime.now(UTC)}
-        with _Written(self) as connection:
+        with self._written() as connection:
             if not _is_new(connection, drive_row(drive)):
                 if _in_use(connection, drive.recording_digest) != drive.id:
                     _insert(connection, ImportRow, [moment])
@@ -157,13 +166,11 @@ class TerrainDatabase:
             is none, a number in it is not finite or out of bounds, or an effect is less likely than not; or the
             database cannot be written.
         """
-        from .physics import ClassPhysics, physics_row, sound_physics
-
         found = ClassPhysics(class_name, physics, source, time if time is not None else datetime.now(UTC), site)
         with self._read() as connection:
             check_spelling(class_name, (driven_classes(connection), physics_classes(connection)), "class_name")
         found = replace(found, physics=sound_physics(physics, f"physics of {class_name}"))
-        with _Written(self) as connection:
+        with self._written() as connection:
             new = add_rows(connection, [physics_row(found)])
         return Added(new, 1 - new)
 
@@ -198,14 +205,14 @@ class TerrainDatabase:
             found = found_by_others(source, other.name, driven, physics_classes(own))
         with other._read() as source:
             for drive in source.execute(select(table_of(DriveRow)).order_by(DriveRow.id)).all():
-                with _Written(self) as connection:
+                with self._written() as connection:
                     is_new = _is_new(connection, drive._asdict())
                     _insert(connection, ImportRow, _rows_of(source, ImportRow, drive.id))
                     for table in _OBSERVATIONS if is_new else ():
                         _insert(connection, table, _rows_of(source, table, drive.id))
                 size = sum(_count(source, table, drive.id) for table in _OBSERVATIONS)
                 new, known = (new + size, known) if is_new else (new, known + size)
-            with _Written(self) as connection:
+            with self._written() as connection:
                 added = add_rows(connection, found)
         return Added(new + added, known + len(found) - added)
 
@@ -258,51 +265,28 @@ class TerrainDatabase:
             physics = {found.class_name: found.physics for found in read_physics(connection, self.name, site)}
             return Snapshot.derive(site, [_read_drive(connection, row, senses=("fused",)) for row in rows], physics)
 
-    def _read(self) -> _Reading:
-        return _Reading(self)
+    @contextmanager
+    def _read(self) -> Iterator[Connection]:
+        """Open a connection whose faults come out as one line."""
+        with self._reached(self._engine.connect) as connection:
+            try:
+                yield connection
+            except (ValueError, RecursionError) as error:
+                # The driver decodes numbers, times and JSON as it goes.
+                what = f"holds what cannot be read: {error}".splitlines()[0][:200]
+                raise InputError(self.name, what, expected="what was stored by bevameter") from error
 
-
-class _Reading:
-    """A connection whose faults come out as one line."""
-
-    def __init__(self, database: TerrainDatabase):
-        self._database = database
-        self._connection: Connection | None = None
-
-    def __enter__(self) -> Connection:
+    @contextmanager
+    def _reached(self, opened: Callable[[], AbstractContextManager[Connection]]) -> Iterator[Connection]:
         try:
-            self._connection = self._database._engine.connect()
+            with opened() as connection:
+                yield connection
         except DBAPIError as error:
-            raise unreachable(self._database._engine.url, error) from error
-        return self._connection
+            raise unreachable(self._engine.url, error) from error
 
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        self._close(error)
-        if isinstance(error, ValueError | RecursionError):
-            # The driver decodes numbers, times and JSON as it goes.
-            what = f"holds what cannot be read: {error}".splitlines()[0][:200]
-            raise InputError(self._database.name, what, expected="what was stored by bevameter") from error
-
-    def _close(self, error: BaseException | None) -> None:
-        assert self._connection is not None
-        self._connection.close()
-        if isinstance(error, DBAPIError):
-            raise unreachable(self._database._engine.url, error) from error
-
-
-class _Written(_Reading):
-    """A transaction: everything or nothing of it is stored, whatever ends it."""
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        assert self._connection is not None
-        try:
-            if error is None:
-                self._connection.commit()
-            else:
-                self._connection.rollback()
-        except DBAPIError as fault:
-            error = fault
-        self._close(error)
+    def _written(self) -> AbstractContextManager[Connection]:
+        """Open a transaction: everything or nothing of it is stored, whatever ends it."""
+        return self._reached(self._engine.begin)
 
 
 def _is_new(connection: Connection, row: dict[str, Any]) -> bool:

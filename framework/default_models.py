@@ -23,11 +23,10 @@ from .core.arguments import path_of
 from .core.classifier.classifier import TerrainClassifier
 from .core.classifier.store import FORMAT_VERSION
 from .core.errors import InputError
+from .senses import senses as all_senses
 
 CACHE_VARIABLE = "BEVAMETER_CACHE"
 """Environment variable that names another folder for the cache."""
-
-SENSES = ("vision", "audio")
 
 SYNTHETIC_WARNING = (
     "trained on synthetic ground only: {senses}. On real ground such a model's classes mean nothing. "
@@ -35,13 +34,9 @@ SYNTHETIC_WARNING = (
 )
 
 _SEED = 20021
-_SITES_PER_CLASS = {"vision": 24, "audio": 24}
+_SITES_PER_CLASS = 24
 _CANDIDATES = ("logistic",)
 """On synthetic sites of its own it beats trees and kernels, whose training would make the first run wait."""
-_GENERATORS = {
-    "vision": ("framework/scenario", "vision", "framework/core"),
-    "audio": ("framework/scenario", "audio", "framework/core"),
-}
 
 
 @dataclass(frozen=True)
@@ -51,7 +46,7 @@ class Models:
     Parameters
     ----------
     classifiers
-        By sense: ``"vision"``, ``"audio"``.
+        By name of the sense: ``"vision"``, ``"audio"`` ...
     origins
         By sense: the file that a model was read from.
     synthetic
@@ -72,13 +67,14 @@ def find_models(
     folder: str | Path | None = None,
     database: str | Path | None = None,
     *,
-    senses: Sequence[str] = SENSES,
+    senses: Sequence[str] = ("audio", "vision"),
     progress: Callable[[str, float], None] | None = None,
 ) -> Models:
     """Find the model of each sense.
 
     Looked for in `folder` if given; else beside the database, in ``terrain.models`` for ``terrain.db``; a sense that
-    has no ``vision.skops`` or ``audio.skops`` there gets the default model, trained now if it is not in the cache.
+    has no ``vision.skops``, say, there gets the default model, trained now if it is not in the cache, or none where it
+    is a sense that the synthetic world has nothing for.
 
     Parameters
     ----------
@@ -87,7 +83,7 @@ def find_models(
     database
         Path or SQLAlchemy URL of the terrain database.
     senses
-        Those that are needed: no model is trained for nothing.
+        Names of those that are needed: no model is trained for nothing.
     progress
         Told the name of a model in training, and how much of it is done, in [0, 1].
 
@@ -97,21 +93,18 @@ def find_models(
         `folder` is missing or holds no model; a model there is damaged or of another sense.
     """
     where = path_of("models", folder, "the folder that holds them") if folder is not None else models_beside(database)
-    found = {sense: where / f"{sense}.skops" for sense in SENSES} if where is not None else {}
-    found = {sense: path for sense, path in found.items() if path.is_file()}
+    paths = {} if where is None else {sense.name: where / f"{sense.name}.skops" for sense in all_senses()}
+    found = {name: path for name, path in paths.items() if path.is_file()}
     if folder is not None and not found:
-        raise InputError(Path(folder), "no model", expected="a folder with vision.skops or audio.skops")
-    classifiers, origins, synthetic = {}, {}, []
-    for sense in senses:
-        if sense in found:
-            path = found[sense]
-            classifiers[sense] = TerrainClassifier.load(path, modality=sense)
-        else:
-            path = cached_path(sense)
-            classifiers[sense] = default_model(sense, progress=progress)
-            synthetic.append(sense)
-        origins[sense] = str(path)
-    return Models(classifiers, origins, tuple(synthetic))
+        names = " or ".join(path.name for path in paths.values())
+        raise InputError(Path(folder), "no model", expected=f"a folder with {names}")
+    own = [sense for sense in senses if sense in found]
+    synthetic = tuple(sense for sense in senses if sense not in found and sense in _TRAINERS)
+    # A damaged model is found out before others are trained.
+    classifiers = {sense: TerrainClassifier.load(found[sense], modality=sense) for sense in own}
+    classifiers |= {sense: default_model(sense, progress=progress) for sense in synthetic}
+    origins = {sense: str(found[sense]) for sense in own} | {sense: str(cached_path(sense)) for sense in synthetic}
+    return Models(classifiers, origins, synthetic)
 
 
 def models_beside(database: str | Path | None) -> Path | None:
@@ -148,11 +141,11 @@ def cached_path(sense: str) -> Path:
 @cache
 def _recipe(sense: str) -> str:
     """Hash of the settings and of the sources that make samples and features: a change of either is another model."""
-    digest = hashlib.sha256(repr((_SEED, _SITES_PER_CLASS[sense], FORMAT_VERSION)).encode())
-    package = Path(__file__).resolve().parents[1]
-    for folder in _GENERATORS[sense]:
-        for file in sorted((package / folder).glob("*.py")):
-            digest.update(file.name.encode() + file.read_bytes())
+    digest = hashlib.sha256(repr((_SEED, _SITES_PER_CLASS, FORMAT_VERSION)).encode())
+    own = Path(__file__).resolve().parent
+    files = [*(own / "core").rglob("*.py"), *(own / "scenario").glob("*.py"), *(own.parent / sense).glob("*.py")]
+    for file in sorted(files):
+        digest.update(file.name.encode() + file.read_bytes())
     return digest.hexdigest()[:12]
 
 
@@ -170,31 +163,55 @@ def default_model(sense: str, *, progress: Callable[[str, float], None] | None =
             return TerrainClassifier.load(path, modality=sense)
         except InputError:
             path.unlink(missing_ok=True)  # damaged: made anew below
-    classifier = _train(sense, progress)
+    classifier = train_default(sense, progress=progress)
     classifier.save(path)
     return classifier
 
 
-def _train(sense: str, progress: Callable[[str, float], None] | None) -> TerrainClassifier:
-    from ..audio.train import train_audio_windows
-    from ..vision.train import train_vision_patches
-    from .scenario.samples import labelled_looks, labelled_sounds
+def train_default(
+    sense: str, *, sites_per_class: int = _SITES_PER_CLASS, progress: Callable[[str, float], None] | None = None
+) -> TerrainClassifier:
+    """Train the default model of a sense on synthetic ground.
 
-    rng = np.random.default_rng(_SEED)
+    Parameters
+    ----------
+    sense
+        ``"vision"`` or ``"audio"``.
+    sites_per_class
+        Sites of each class of the synthetic world.
+    progress
+        Told what is trained, and the share of it that is done, in [0, 1].
+    """
 
     def tell(share: float) -> None:
         if progress is not None:
             progress(f"training {sense}", share)
 
     tell(0.0)
-    if sense == "vision":
-        looks = labelled_looks(rng, _SITES_PER_CLASS[sense], progress=lambda share: tell(0.8 * share))
-        return train_vision_patches(
-            looks.patches, looks.labels, looks.groups, looks.blurred, rng, lambda share: tell(0.8 + 0.2 * share),
-            candidates=_CANDIDATES,
-        ).classifier  # fmt: skip
-    sounds = labelled_sounds(rng, _SITES_PER_CLASS[sense], progress=lambda share: tell(0.8 * share))
+    return _TRAINERS[sense](np.random.default_rng(_SEED), sites_per_class, tell)
+
+
+def _vision(rng: np.random.Generator, sites: int, tell: Callable[[float], None]) -> TerrainClassifier:
+    from ..vision.train import train_vision_patches
+    from .scenario.samples import labelled_looks
+
+    looks = labelled_looks(rng, sites, progress=lambda share: tell(0.8 * share))
+    return train_vision_patches(
+        looks.patches, looks.labels, looks.groups, looks.blurred, rng, lambda share: tell(0.8 + 0.2 * share),
+        candidates=_CANDIDATES,
+    ).classifier  # fmt: skip
+
+
+def _audio(rng: np.random.Generator, sites: int, tell: Callable[[float], None]) -> TerrainClassifier:
+    from ..audio.train import train_audio_windows
+    from .scenario.samples import labelled_sounds
+
+    sounds = labelled_sounds(rng, sites, progress=lambda share: tell(0.8 * share))
     return train_audio_windows(
         sounds.windows, sounds.labels, sounds.groups, sounds.snr_dB, rng,
         progress=lambda share: tell(0.8 + 0.2 * share), candidates=_CANDIDATES,
     ).classifier  # fmt: skip
+
+
+_TRAINERS = {"vision": _vision, "audio": _audio}
+"""What the synthetic world has samples for."""

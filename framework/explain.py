@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..audio.mismatch.explain import explain_sound
+from ..audio.explain.explain import explain_sound
 from ..database.store import TerrainDatabase
 from ..identification.explain.explain import explain as explain_wheel
 from ..identification.explain.explanation import Explanation
@@ -19,6 +19,7 @@ from .core.class_names import check_class_name
 from .core.errors import InputError
 from .core.recording.types import Recording
 from .core.soil import SoilKnowledge
+from .core.sound_explanation import SoundFindings
 from .core.vehicle import Vehicle
 
 
@@ -125,7 +126,7 @@ def store(answer: Explanation, database: str | Path, class_name: str) -> str:
         return opened.name
 
 
-def _explain_sound(recording: Recording, seed: int) -> dict | None:
+def _explain_sound(recording: Recording, seed: int) -> SoundFindings:
     """Explain the sound along the clock of one wheel."""
     rows = felt_rows(recording)
     table = rows.table
@@ -140,8 +141,7 @@ def _explain_sound(recording: Recording, seed: int) -> dict | None:
     columns = [table[name] for name in names]
     good = np.isfinite(np.column_stack(columns)).all(axis=1)
     time_s, wheel_speed, travel_speed = (column[good] for column in columns)
-    found = explain_sound(
+    return explain_sound(
         recording.sound, time_s, wheel_speed, travel_speed, lug_count=rows.wheel.grouser_count or None,
         rng=np.random.default_rng(seed),
-    )  # fmt: skip
-    return found.to_json()
+    ).findings  # fmt: skip

@@ -29,7 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import log_softmax
 
-from .core.evidence import UNKNOWN
+from .core.evidence import ClassEvidence
 from .core.pooling import cell_keys, cells_from_keys, pooled, rows_of_keys
 from .sense_map import SenseMap, SummedLooks, look_correlation
 
@@ -38,23 +38,16 @@ CONTRADICTION_SAID = 0.25
 
 
 @dataclass(frozen=True)
-class Belief:
-    """What is believed of n ground cells.
+class Belief(ClassEvidence):
+    """What is believed of n ground cells: evidence over the classes that any sense knows, and where it is from.
+
+    The quality is that of the best sense, lowered where the senses contradict each other; unknown is a cell where no
+    sense was open.
 
     Parameters
     ----------
-    classes
-        Names of the k classes that any sense knows, sorted.
     cells : (n, 2)
         Integer cell indices: cell (i, j) covers ``[i, i + 1) * cell_size_m`` in x and likewise in y.
-    probabilities : (n, k)
-        Belief over classes [-]; uniform where unknown.
-    quality : (n,)
-        That of the best sense, lowered where the senses contradict each other [-].
-    unknown : (n,)
-        True where no sense was open.
-    reasons
-        Why a cell is unknown or its quality lowered; one tuple a cell.
     sense_weights
         By sense, (n,): the quality with which it voted [-], 0 where it did not.
     looks
@@ -65,27 +58,11 @@ class Belief:
         Time of the last look, open or closed [s]; NaN where there was none.
     """
 
-    classes: tuple[str, ...]
     cells: np.ndarray
-    probabilities: np.ndarray
-    quality: np.ndarray
-    unknown: np.ndarray
-    reasons: tuple[tuple[str, ...], ...]
     sense_weights: Mapping[str, np.ndarray]
     looks: Mapping[str, np.ndarray]
     effective_looks: Mapping[str, np.ndarray]
     last_seen_s: np.ndarray
-
-    def __len__(self) -> int:
-        return len(self.quality)
-
-    def labels(self) -> np.ndarray:
-        """Give the most probable class of each cell, (n,) of str, ``"unknown"`` where no class may be named."""
-        if not len(self):
-            return np.empty(0, dtype=object)
-        names = np.array([*self.classes, UNKNOWN], dtype=object)
-        best = np.argmax(self.probabilities, axis=1) if self.classes else np.zeros(len(self), dtype=int)
-        return names[np.where(self.unknown, len(self.classes), best)]
 
     def rows(self, cells: np.ndarray) -> np.ndarray:
         """Find cells, (m, 2): their rows in this belief, (m,), -1 where a cell is not in it."""

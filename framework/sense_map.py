@@ -1,4 +1,4 @@
-"""What one sense saw of the ground, summed up cell by cell as it arrives; how far its looks go together.
+"""What the senses observe of a recording's ground, summed up cell by cell as it arrives; how far looks go together.
 
 Memory grows with the ground covered, not with the length of the recording.
 """
@@ -6,13 +6,24 @@ Memory grows with the ground covered, not with the length of the recording.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+import threading
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
+from dataclasses import dataclass, field
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
+from .core.classifier.classifier import TerrainClassifier
 from .core.evidence import ClassEvidence
 from .core.pooling import cell_keys, centred_logs, sums_by
+from .core.recording.types import Recording
+from .core.track.way import Track
+from .senses import Observation, senses
+
+Progress = Callable[[str, float], None]
+"""Called with the name of a stage and the share of it that is done, in [0, 1]. What it raises ends the work."""
 
 CORRELATION_RANGE = (1.0 / 3.0, 1.0)
 """Bounds of the correlation between looks [-]. The lower one allows at most three independent looks: what a whole
@@ -21,6 +32,8 @@ stretch of ground has in common (wet, in shadow) looks like its class to the est
 PRIOR_CORRELATION, PRIOR_CELLS = 0.8, 20.0
 """Correlation assumed before any data [-], and the number of repeatedly seen cells it is worth."""
 
+_POLL_S = 0.1
+_NOWHERE = "where no place was recorded"
 _BUFFER_LOOKS = 100_000
 _MAX_REASONS = 32
 _OTHER = "other reasons"
@@ -29,6 +42,139 @@ _PATH, _REMARK, _NUMBER = (
     re.compile(r"\s*\([^()]*\)"),
     re.compile(r"(?<!\w)-?\d+(?:\.\d+)?|\d+(?:\.\d+)?"),
 )
+
+
+def observe(
+    recording: Recording,
+    track: Track | None,
+    models: Mapping[str, TerrainClassifier],
+    cell_size_m: float,
+    progress: Progress | None = None,
+) -> tuple[SenseRecord, ...]:
+    """Observe the ground of a recording with every sense that there is, concurrently.
+
+    Parameters
+    ----------
+    recording
+        Its streams are read once, in order, a few frames and blocks at a time.
+    track
+        Where the vehicle was; without one nothing can be placed on the ground, and all senses stay unused.
+    models
+        Classifiers by name of their sense.
+    cell_size_m
+        Edge of a ground cell [m].
+    progress
+        Told how far each sense has come.
+
+    Returns
+    -------
+    tuple of SenseRecord
+        One a sense, with the reason where it is absent.
+    """
+    records, jobs = [], []
+    for sense in senses():
+        absent = sense.absence(recording) or ("no places in the recording" if track is None else "")
+        if not absent and sense.name not in models:
+            absent = f"no model: {sense.name}.skops is not among the models"
+        record = SenseRecord(sense.instrument, sense.name, SenseMap(sense.instrument), absent=absent)
+        records.append(record)
+        if not absent and track is not None:
+            jobs.append((record, sense.observe(recording, track, models[sense.name], cell_size_m)))
+    if jobs and track is not None:
+        _run_concurrently(jobs, track, progress)
+    return tuple(records)
+
+
+def _run_concurrently(
+    jobs: Sequence[tuple[SenseRecord, Iterator[Observation]]], track: Track, progress: Progress | None
+) -> None:
+    """One thread a sense: OpenCV, numpy and FFTs let go of the interpreter's lock, so two cores are used."""
+    stop = threading.Event()
+    done = {record.sense: 0.0 for record, _ in jobs}
+    start, length = float(track.time_s[0]), float(np.ptp(track.time_s))
+
+    def work(record: SenseRecord, observations: Iterator[Observation]) -> None:
+        for observation in observations:
+            if stop.is_set():
+                return
+            record.add(observation)
+            until = float(np.max(observation.time_s, initial=start))
+            done[record.sense] = float(np.clip((until - start) / max(length, 1e-9), 0.0, 1.0))
+
+    # The threads fill the cores by themselves: more of BLAS's own would only wait for each other.
+    with threadpool_limits(1), ThreadPoolExecutor(len(jobs)) as pool:
+        futures = [pool.submit(work, *job) for job in jobs]
+        try:
+            pending = set(futures)
+            while pending:
+                finished, pending = wait(pending, timeout=_POLL_S, return_when=FIRST_EXCEPTION)
+                for future in finished:
+                    future.result()
+                if progress is not None:
+                    for sense, share in done.items():
+                        progress(sense, share)
+        except BaseException:
+            stop.set()
+            raise
+    if progress is not None:
+        for sense in done:
+            progress(sense, 1.0)
+
+
+@dataclass
+class SenseRecord:
+    """What one sense did during a recording.
+
+    Parameters
+    ----------
+    sense
+        Its instrument: ``"camera"``.
+    name
+        Its name: ``"vision"``.
+    map
+        What it observed of the ground.
+    items
+        Looks at a cell (camera) or windows of time.
+    opened
+        How many of them had an open gate.
+    quality_sum
+        Sum of the open ones' qualities [-].
+    said
+        How many open items named a class, by class.
+    closed, doubted
+        How many items were closed, or open with a reservation, by reason.
+    absent
+        Why the sense was not there at all; empty where it was.
+    """
+
+    sense: str
+    name: str
+    map: SenseMap
+    items: int = 0
+    opened: int = 0
+    quality_sum: float = 0.0
+    said: Counter[str] = field(default_factory=Counter)
+    closed: Counter[str] = field(default_factory=Counter)
+    doubted: Counter[str] = field(default_factory=Counter)
+    absent: str = ""
+
+    def add(self, observation: Observation) -> None:
+        """Take n items into the counts, and into the map where they are of cells of the ground."""
+        evidence, item = observation.evidence, observation.item
+        is_open = ~evidence.unknown & (evidence.quality > 0)
+        self.items += len(evidence)
+        self.opened += int(is_open.sum())
+        self.quality_sum += float(evidence.quality[is_open].sum())
+        best = np.argmax(evidence.probabilities[is_open], axis=1)
+        for index, number in enumerate(np.bincount(best, minlength=len(evidence.classes)).tolist()):
+            if number:
+                self.said[evidence.classes[index]] += number
+        for texts, one_open in zip(evidence.reasons, is_open.tolist(), strict=True):
+            if texts:
+                (self.doubted if one_open else self.closed).update(map(kind_of_reason, texts))
+        if nowhere := len(evidence) - len(np.unique(item)):
+            self.doubted[_NOWHERE] += nowhere
+        self.map.add(observation.cells, evidence.select(item), observation.time_s[item])
 
 
 class SenseMap:

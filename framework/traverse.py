@@ -16,23 +16,16 @@ from ..database.observations import Drive, TerrainObservations
 from ..database.schema import holds_database, parse_url, shown
 from ..database.store import Added, TerrainDatabase
 from .core.arguments import number, refused
-from .core.evidence import ClassEvidence
 from .core.recording.readers import read_recording
 from .core.recording.types import Recording
 from .core.track.way import DEAD_RECKONING, Track, cells_under_wheels, track_of
 from .core.vehicle import Vehicle, as_vehicle
 from .default_models import Models, find_models
 from .fusion import Belief, fuse
-from .perception import Progress, SenseRecord, perceive, senses_of
-from .soil_along import learn_soil, recall_soil
-from .stretches import classes_along
-from .traverse_summary import (
-    SenseSummary,
-    TraverseSummary,
-    count_cells,
-    count_contradictions,
-    sense_summary,
-)
+from .segments import classes_along, learn_soil, recall_soil
+from .sense_map import Progress, SenseRecord, observe
+from .senses import senses, senses_of
+from .summary import SenseSummary, TraverseSummary, count_cells, count_contradictions, sense_summary
 
 CELL_SIZE_M = 0.5
 """Edge of a ground cell where nothing else is asked for [m]: about the width of a rut and of what a camera patch
@@ -40,9 +33,6 @@ covers a few metres ahead."""
 
 METHOD = f"bevameter {version('bevameter')}, traverse 2"
 """Version of what a run makes of a recording; a change of it is another processing of the same drive."""
-
-_SENSE_MODELS = {"camera": "vision", "microphone": "audio"}
-_SYNTHETIC = "synthetic"
 
 
 def run_traverse(
@@ -109,7 +99,7 @@ def run_traverse(
     known = _recall(database, drive)
     if known is not None:
         return _recalled_summary(*known, about, _problems(recording, track), began)
-    records = perceive(recording, track, recording.vehicle, models.classifiers, cell_size_m, progress=tell)
+    records = observe(recording, track, models.classifiers, cell_size_m, progress=tell)
     belief = _believe(records, track, recording.vehicle, cell_size_m)
     along = classes_along(belief, track, recording.vehicle, cell_size_m) if track is not None else None
     soil = learn_soil(recording, track, along, progress=tell)
@@ -148,11 +138,6 @@ def _cell_size(cell_size_m: float) -> float:
     return edge
 
 
-def is_synthetic(site: str, synthetic_models: tuple[str, ...]) -> bool:
-    """Say whether a result is of a synthetic world: the site calls itself so, or a model knows no other."""
-    return _SYNTHETIC in site.lower() or bool(synthetic_models)
-
-
 def _believe(
     records: tuple[SenseRecord, ...], track: Track | None, vehicle: Vehicle | None, cell_size_m: float
 ) -> Belief:
@@ -173,7 +158,7 @@ def _about(recording: Recording, drive: Drive, models: Models, track: Track | No
         "site": drive.site,
         "vehicle": drive.vehicle_name,
         "database": shown(parse_url(url)),
-        "synthetic": is_synthetic(drive.site, models.synthetic),
+        "synthetic": drive.synthetic,
         "duration_s": _duration_s(recording, track),
         "distance_m": track.distance_m if track else 0.0,
         "places": track.origin if track else "",
@@ -221,20 +206,13 @@ def _terrain(belief: Belief, cell_size_m: float, track: Track | None) -> Terrain
     if track is None or track.origin == DEAD_RECKONING:
         return TerrainObservations.nothing(cell_size_m)
     looked = np.flatnonzero(np.isfinite(belief.last_seen_s))
-    evidence = ClassEvidence(
-        belief.classes,
-        belief.probabilities[looked],
-        belief.quality[looked],
-        belief.unknown[looked],
-        tuple(belief.reasons[row] for row in looked.tolist()),
-    )
     return TerrainObservations(
         cell_size_m,
         belief.cells[looked, 0],
         belief.cells[looked, 1],
         belief.last_seen_s[looked],
         np.full(len(looked), "fused"),
-        evidence,
+        belief.select(looked),
     )
 
 
@@ -249,9 +227,9 @@ def _to_be_observed(recording: Recording, models: Models, cell_size_m: float, tr
         vehicle_name=vehicle.name if vehicle else "",
         start_time=recording.start_time,
         models={
-            sense: ("synthetic " if name in models.synthetic else "") + models.classifiers[name].version
-            for sense, name in _SENSE_MODELS.items()
-            if name in models.classifiers
+            one.instrument: "synthetic " * (one.name in models.synthetic) + models.classifiers[one.name].version
+            for one in senses()
+            if one.name in models.classifiers
         },
         method=f"{METHOD}, vehicle {described}, places {track.origin if track else 'none'}",
         terrain=TerrainObservations.nothing(cell_size_m),
@@ -273,7 +251,7 @@ def _duration_s(recording: Recording, track: Track | None) -> float:
 
 
 def _sense_summary(record: SenseRecord, belief: Belief, models: Models) -> SenseSummary:
-    name = _SENSE_MODELS[record.sense]
+    name = record.name
     classifier = models.classifiers.get(name)
     return sense_summary(
         record,

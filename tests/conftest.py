@@ -33,12 +33,10 @@ def short_drive(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="session")
 def small_models(tmp_path_factory) -> Path:
-    """The default models from a third of their material: a folder for --models."""
-    from bevameter.framework import default_models
+    """The default models from a sixth of their material: a folder for --models."""
+    from bevameter.framework.default_models import train_default
 
     folder = tmp_path_factory.mktemp("models")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(default_models, "_SITES_PER_CLASS", {"vision": 8, "audio": 8})
-        for sense in default_models.SENSES:
-            default_models._train(sense, None).save(folder / f"{sense}.skops")
+    for sense in ("vision", "audio"):
+        train_default(sense, sites_per_class=4).save(folder / f"{sense}.skops")
     return folder

@@ -87,25 +87,12 @@ def classify_images(files: Sequence[str | Path], model: TerrainClassifier) -> li
         A file is no whole image, or the model is for other features.
     """
     check_model(model)
-    rows = []
+    rows: list[dict] = []
     for file in files:
         image = read_image(file)
         if min(image.shape[:2]) < MIN_SIDE_PX:
             raise InputError(
                 file, f"{image.shape[1]} x {image.shape[0]} px", expected=f"{MIN_SIDE_PX} px or more on each side"
             )
-        evidence = image_evidence(model, [image])
-        chances = zip(evidence.classes, evidence.probabilities[0], strict=True)
-        rows.append(
-            {
-                "file": str(file),
-                "start_s": None,
-                "end_s": None,
-                "class": evidence.labels()[0],
-                "probabilities": {name: float(value) for name, value in chances},
-                "quality": float(evidence.quality[0]),
-                "unknown": bool(evidence.unknown[0]),
-                "reasons": list(evidence.reasons[0]),
-            }
-        )
+        rows += image_evidence(model, [image]).as_rows(file)
     return rows

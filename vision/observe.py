@@ -90,10 +90,17 @@ def observe_ground(
     layout = ground_patches(camera, cell_size_m)
     batch: list[tuple[Frame, float, float, float]] = []
     last: tuple[float, float, float] | None = None
-    for frame in camera_stream.frames():
-        x, y, yaw = (float(np.asarray(value).reshape(-1)[0]) for value in pose_at(np.array([frame.time_s])))
-        if not np.isfinite([x, y, yaw]).all() or (last is not None and _near(last, x, y, yaw, cell_size_m)):
-            continue
+
+    def pose(time_s: float) -> tuple[float, float, float]:
+        x, y, yaw = (float(np.asarray(value).reshape(-1)[0]) for value in pose_at(np.array([time_s])))
+        return x, y, yaw
+
+    def wanted(time_s: float) -> bool:
+        here = pose(time_s)
+        return bool(np.isfinite(here).all()) and (last is None or not _near(last, *here, cell_size_m))
+
+    for frame in camera_stream.frames(wanted):
+        x, y, yaw = pose(frame.time_s)
         if frame.image is not None:  # else the next whole image is looked at, however near
             last = (x, y, yaw)
         batch.append((frame, x, y, yaw))
@@ -137,7 +144,7 @@ def _look(
             blur_share=np.repeat(blur[usable], k),
         )
         for place, index in enumerate(usable):
-            seen[index] = _part(evidence, slice(place * k, (place + 1) * k))
+            seen[index] = evidence.select(slice(place * k, (place + 1) * k))
     parts = [
         seen[index] if index in seen else ClassEvidence.nothing(model.classes, [(problems[index] or "",)] * k)
         for index in range(len(batch))
@@ -156,16 +163,6 @@ def _look(
 
 def _cell(value: np.ndarray, cell_size_m: float) -> np.ndarray:
     return (np.floor(value / cell_size_m) + 0.5) * cell_size_m
-
-
-def _part(evidence: ClassEvidence, rows: slice) -> ClassEvidence:
-    return ClassEvidence(
-        evidence.classes,
-        evidence.probabilities[rows],
-        evidence.quality[rows],
-        evidence.unknown[rows],
-        evidence.reasons[rows],
-    )
 
 
 def _problem(frame: Frame, camera: Camera) -> str | None:

@@ -20,9 +20,9 @@ def command(
 ) -> None:
     """Draw the ground by class, the surer the more opaque, and the soil where the wheels felt it."""
     from ...database.store import TerrainDatabase
+    from ..core.files import check_outputs
     from ..core.recording.readers import read_recording
-    from ..map_picture import draw_map
-    from .printing import check_outputs
+    from ..map import draw_map
 
     check_outputs([out], track or [])
     recordings = [read_recording(path) for path in track or []]

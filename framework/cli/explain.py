@@ -32,9 +32,10 @@ def command(
     ] = None,
 ) -> None:
     """Locate the mismatch, name what is missing, model it, and show what that gains."""
+    from ..core.files import check_outputs
     from ..explain import check_store, explain, store
-    from .explained import print_explanation
-    from .printing import check_outputs, status, write_json
+    from .printing import status, write_json
+    from .results import print_explanation
 
     check_outputs([json, report], [recording, vehicle, soil, simulated])
     check_store(db, class_name)

@@ -39,9 +39,10 @@ def command(
     from ...identification.identify import identify, open_recording
     from ...identification.report import identification_json
     from ..core.errors import InputError
+    from ..core.files import check_outputs
     from ..core.soil import load_soil
-    from .identified import print_identification
-    from .printing import check_outputs, status, write_json
+    from .printing import status, write_json
+    from .results import print_identification
 
     check_outputs([json, plot], [recording, vehicle, soil])
     if plot is not None and (method is not Method.ML or plot.suffix.lower() not in PICTURES):

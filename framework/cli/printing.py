@@ -1,45 +1,98 @@
-"""What the commands share in showing progress and results and in writing files whole or not at all."""
+"""How commands print: tables, CSV and JSON on stdout, progress on stderr, files whole or not at all.
+
+What they print is in `results`. Nothing heavy is imported here: `rich` comes with the first table.
+"""
 
 from __future__ import annotations
 
+import csv
 import json
+import math
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from rich.console import Console
-from rich.markup import escape
-from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from ..core.errors import InputError
 
-from ..core.files import check_outputs as check_outputs
-from ..core.files import write_text as write_text
-from .output import console_of_results, print_table
+if TYPE_CHECKING:
+    from rich.console import Console
 
+FORMATS = ("table", "json", "csv", "geojson")
+"""What ``--format`` takes."""
 
-def out() -> Console:
-    """Give the console for results; wide where nobody is watching, so that no line is broken in a file."""
-    return console_of_results(160)
+_TABLE_WIDTH, _TEXT_WIDTH = 400, 160
+"""Columns where stdout is no terminal: no line of a file is to be broken."""
 
 
-@contextmanager
-def status(text: str) -> Iterator[Callable[[str], None]]:
-    """Show on stderr that work is going on, and what at present once told; nothing where stderr is no terminal."""
-    with Console(stderr=True).status(escape(text)) as shown:
-        yield lambda doing: shown.update(escape(f"{text}: {doing}"))
+def check_format(name: str, allowed: Sequence[str] = FORMATS) -> str:
+    """Give the format back; raises `InputError` where there is no such format."""
+    if name not in allowed:
+        raise InputError("--format", f"{name!r}", expected=" or ".join(allowed))
+    return name
 
 
-def print_rows(headers: Sequence[str], rows: Sequence[Sequence[str]], title: str | None = None) -> None:
-    """Print rows of text under their headers; nothing where there are no rows."""
-    if rows:
-        if title is not None:
-            print(title)
-        print_table([dict(zip(headers, row, strict=True)) for row in rows], "")
+def console(width: int = _TEXT_WIDTH) -> Console:
+    """Give the console for results; `width` columns wide where stdout is no terminal."""
+    from rich.console import Console
+
+    class Results(Console):
+        def on_broken_pipe(self) -> None:
+            """Leave it to the command line (`main`) what is done where the reader is gone."""
+            raise
+
+    usual = Results(highlight=False)
+    return usual if usual.is_terminal else Results(highlight=False, width=width)
+
+
+def print_table(
+    headers: Sequence[str], rows: Sequence[Sequence[str]], *, title: str | None = None, empty: str | None = None
+) -> None:
+    """Print rows of text under their headers; where there are none the line `empty`, or nothing."""
+    if not rows:
+        if empty is not None:
+            print(empty)
+        return
+    from rich.table import Table
+    from rich.text import Text
+
+    if title is not None:
+        print(title)
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for name in headers:
+        table.add_column(Text(name), overflow="fold")
+    for row in rows:
+        table.add_row(*map(Text, row))
+    console(_TABLE_WIDTH).print(table)
+
+
+def print_line(markup: str) -> None:
+    """Print one line of rich's markup; it is broken nowhere."""
+    console().print(markup, soft_wrap=True)
+
+
+def print_csv(rows: Sequence[dict[str, Any]], columns: Sequence[str] | None = None) -> None:
+    """Print rows as CSV under a header, cells empty where a row has no value.
+
+    Columns are those given, and else those of the rows in the order in which they first appear.
+    """
+    if columns is None:
+        columns = list(dict.fromkeys(name for row in rows for name in row))
+    writer = csv.DictWriter(sys.stdout, columns, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+
+
+def print_json(page: Any) -> None:
+    """Print JSON on one page; NaN is a fault of the caller (`ValueError`), for JSON knows none."""
+    print(json.dumps(page, ensure_ascii=False, allow_nan=False, indent=1))
 
 
 def write_json(page: Any, path: Path) -> None:
     """Write JSON whole or not at all; what is not finite becomes null, since JSON knows no NaN."""
+    from ..core.files import write_text
+
     write_text(json.dumps(_jsonable(page), indent=1, ensure_ascii=False, allow_nan=False) + "\n", path)
 
 
@@ -48,24 +101,33 @@ def _jsonable(value: Any) -> Any:
         return {str(key): _jsonable(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
         return [_jsonable(entry) for entry in value]
-    if isinstance(value, np.ndarray):
+    if hasattr(value, "tolist"):  # an array or a number of numpy's
         return _jsonable(value.tolist())
-    if isinstance(value, np.generic):
-        return _jsonable(value.item())
-    if isinstance(value, float) and not np.isfinite(value):
+    if isinstance(value, float) and not math.isfinite(value):
         return None
-    if isinstance(value, Path):
-        return str(value)
-    return value
+    return str(value) if isinstance(value, Path) else value
+
+
+@contextmanager
+def status(text: str) -> Iterator[Callable[[str], None]]:
+    """Show on stderr that work is going on, and what at present once told; nothing where stderr is no terminal."""
+    from rich.console import Console
+    from rich.markup import escape
+
+    with Console(stderr=True).status(escape(text)) as shown:
+        yield lambda doing: shown.update(escape(f"{text}: {doing}"))
 
 
 @contextmanager
 def progress_bars() -> Iterator[Callable[[str, float], None]]:
     """Show on stderr how far each stage has come; the stages are named as they begin, nothing where nobody watches."""
-    console = Console(stderr=True)
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
+    errors = Console(stderr=True)
     with Progress(
         TextColumn("{task.description:<22}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn(),
-        console=console, transient=True, disable=not console.is_terminal,
+        console=errors, transient=True, disable=not errors.is_terminal,
     ) as bars:  # fmt: skip
         tasks: dict[str, TaskID] = {}
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,7 +11,7 @@ import typer
 
 from ..core.errors import InputError
 from ..core.quantities import magnitude
-from .output import FORMATS, check_format, print_csv, print_json, print_table
+from .printing import FORMATS, check_format, print_csv, print_json
 
 if TYPE_CHECKING:
     import numpy as np
@@ -108,6 +107,7 @@ def _print_places(
     answer = ask(view, {"normal_stress": stress, "confidence": confidence})
 
     from ...database.exports import answer_rows, csv_columns, flat, geojson
+    from .results import print_places
 
     rows = answer_rows(answer)
     if form == "json":
@@ -117,8 +117,7 @@ def _print_places(
     elif form == "geojson":
         print_json(geojson(rows, view.site, view.cell_size_m if query == "near" else None))
     else:
-        print_table([_place_text(row) for row in rows], "unknown: nobody has seen ground there")
-        _print_notes(rows, stress, confidence)
+        print_places(rows, stress, confidence)
 
 
 def _print_classes(
@@ -129,6 +128,7 @@ def _print_classes(
     view = _open(db, site)
 
     from ...database.exports import class_rows, flat
+    from .results import print_classes
 
     if name is not None:
         view.class_answer(name)  # finds out whether there is such a class
@@ -139,27 +139,7 @@ def _print_classes(
     elif form == "csv":
         print_csv([flat(row) for row in rows])
     else:
-        print_table([_class_text(row) for row in rows], "unknown: no class was recognised yet")
-        _print_notes(rows, stress, confidence)
-
-
-def _print_notes(rows: list[dict[str, Any]], stress: float, confidence: float) -> None:
-    """Say below a table what its strengths are, and why what is not known is not: each reason once."""
-    if any(row["known"] for row in rows):
-        print(
-            f"± one standard deviation; shear strength at {stress / 1e3:g} kPa normal stress, "
-            f"lower bound at confidence {confidence:.4g}"
-        )
-    for note in dict.fromkeys(row["note"] for row in rows if row.get("note")):
-        print(f"note: {note}")
-    for row in rows:
-        if row.get("misfits"):
-            print(
-                f"note: {row['class']}: the textbook wheel does not fit what was felt; its stretches count as one place"
-            )
-    reasons = Counter(row["unknown"] for row in rows if not row["known"])
-    for reason, count in reasons.items():
-        print(f"unknown: {reason}" + (f" ({count} of {len(rows)})" if count > 1 else ""))
+        print_classes(rows, stress, confidence)
 
 
 def _page(query: str, view: Snapshot, stress: float, confidence: float) -> dict[str, Any]:
@@ -171,47 +151,6 @@ def _page(query: str, view: Snapshot, stress: float, confidence: float) -> dict[
         "normal_stress_Pa": stress,
         "confidence": confidence,
     }
-
-
-def _place_text(row: dict[str, Any]) -> dict[str, str]:
-    place = {"x [m]": _text(row["x_m"], ".2f"), "y [m]": _text(row["y_m"], ".2f")}
-    ranked = sorted((row["class_probabilities"] or {}).items(), key=lambda entry: -entry[1])
-    terrain = ", ".join(f"{name} {share:.0%}" for name, share in ranked[:3] if share >= 0.005)
-    seen = {"age": _age(row["age_s"]), "drives": str(row["observations"])}
-    return place | {"terrain": terrain or "unknown"} | _strength_text(row) | seen
-
-
-def _class_text(row: dict[str, Any]) -> dict[str, str]:
-    counts = {"cells": str(row["cells"]), "stretches": str(row["observations"])}
-    return {"class": row["class"]} | counts | _strength_text(row)
-
-
-def _strength_text(row: dict[str, Any]) -> dict[str, str]:
-    names = ("c [kPa]", "phi [deg]", "strength [kPa]", "lower [kPa]")
-    if not row["known"]:
-        return dict.fromkeys(names, "") | {names[0]: "unknown"}
-    covariance = row["covariance_c_tan_phi"]
-    degrees = math.degrees(math.sqrt(covariance[1][1]) / (1.0 + row["tan_phi"] ** 2))
-    texts = (
-        f"{row['c_Pa'] / 1e3:.2f} ± {math.sqrt(covariance[0][0]) / 1e3:.2f}",
-        f"{math.degrees(row['phi_rad']):.1f} ± {degrees:.1f}",
-        f"{row['shear_strength_Pa'] / 1e3:.2f}",
-        f"{row['shear_strength_lower_Pa'] / 1e3:.2f}",
-    )
-    return dict(zip(names, texts, strict=True))
-
-
-def _text(value: float | None, form: str) -> str:
-    return "unknown" if value is None else format(value, form)
-
-
-def _age(seconds: float | None) -> str:
-    if seconds is None:
-        return "unknown"
-    for unit, length in (("d", 86400.0), ("h", 3600.0), ("min", 60.0)):
-        if abs(seconds) >= length:
-            return f"{seconds / length:.1f} {unit}"
-    return f"{seconds:.0f} s"
 
 
 def _number(name: str, text: str) -> float:

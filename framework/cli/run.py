@@ -23,17 +23,18 @@ def command(
         Path | None,
         typer.Option(
             "--models",
-            help="Folder with vision.skops and audio.skops; NAME.models beside NAME.db where absent, and else small "
+            help="Folder with vision.skops, audio.skops ...; NAME.models beside NAME.db where absent, and else small "
             "models of synthetic ground.",
         ),
     ] = None,
     json: Annotated[Path | None, typer.Option("--json", help="Write the summary as JSON.")] = None,
 ) -> None:
     """Read, recognise, fuse, identify, store, and say what was found."""
+    from ..core.files import check_outputs
     from ..core.recording.readers import read_recording
     from ..traverse import run_traverse
-    from .printing import check_outputs, progress_bars, write_json
-    from .run_summary import print_summary
+    from .printing import progress_bars, write_json
+    from .results import print_summary
 
     check_outputs([json], [recording, vehicle, topics])
     with progress_bars() as progress:

@@ -22,10 +22,10 @@ def command(
     from ..scenario.presets import PRESETS
 
     if list_them:
-        from .printing import print_rows
+        from .printing import print_table
 
         rows = [(key, f"{one.duration_s:g} s", one.about) for key, one in PRESETS.items()]
-        print_rows(("name", "duration", "about"), rows)
+        print_table(("name", "duration", "about"), rows)
         return
     if name is None or out is None:
         missing = "NAME and OUT" if name is None else "OUT"

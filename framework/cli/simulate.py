@@ -26,9 +26,9 @@ def command(
 ) -> None:
     """Add torque, sinkage and drawbar pull to a drive."""
     from ...identification.simulate import notes, simulate
+    from ..core.files import check_outputs
     from ..core.recording.wheel_file import write_wheel_file
     from ..core.vehicle import load_vehicle
-    from .printing import check_outputs
 
     check_outputs([out], [drive, vehicle, soil])
     driven, effects = load_vehicle(vehicle), tuple(effect or ())

@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-
-class Modality(StrEnum):
-    """What a classifier is trained on."""
-
-    VISION = "vision"
-    AUDIO = "audio"
-    VIBRATION = "vibration"
+SENSE = "vision|audio|vibration"
+"""The package's own senses; others may be registered (`framework.senses`)."""
 
 
 def command(
-    modality: Annotated[Modality, typer.Argument(metavar="vision|audio|vibration", help="Which sense to train.")],
+    sense: Annotated[str, typer.Argument(metavar=SENSE, help="Which sense to train.")],
     labelled: Annotated[
         Path,
         typer.Argument(
@@ -33,13 +27,15 @@ def command(
 ) -> None:
     """Train, test on groups that were held out, and write the model."""
     from ..core.classifier.report import report_html
-    from ..training import train_from_folder
-    from .printing import check_outputs, status, write_json, write_text
-    from .training_report import print_report
+    from ..core.files import check_outputs, write_text
+    from ..senses import sense_named, train_sense
+    from .printing import status, write_json
+    from .results import print_report
 
+    sense_named(sense)
     check_outputs([out, json, report], [labelled])
-    with status(f"training {modality.value} on {labelled}"):
-        outcome = train_from_folder(modality.value, labelled, seed=seed)
+    with status(f"training {sense} on {labelled}"):
+        outcome = train_sense(sense, labelled, seed=seed)
     outcome.classifier.save(out)
     if json is not None:
         origin = {"model": str(out), "version": outcome.classifier.version, "seed": seed}

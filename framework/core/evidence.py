@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -55,6 +56,44 @@ class ClassEvidence:
             return [UNKNOWN] * len(self)
         best = np.argmax(self.probabilities, axis=1)
         return [UNKNOWN if closed else self.classes[index] for index, closed in zip(best, self.unknown, strict=True)]
+
+    def select(self, rows: np.ndarray | slice) -> ClassEvidence:
+        """Give the items of a boolean mask, an index array or a slice, as new evidence."""
+        index = np.arange(len(self))[rows]
+        return ClassEvidence(
+            self.classes, self.probabilities[index], self.quality[index], self.unknown[index],
+            tuple(self.reasons[item] for item in index.tolist()),
+        )  # fmt: skip
+
+    def as_rows(
+        self, file: str | Path, start_s: np.ndarray | None = None, end_s: np.ndarray | None = None
+    ) -> list[dict]:
+        """Lay n items out as rows of `bevameter classify` (CONTRACTS.md).
+
+        Parameters
+        ----------
+        file
+            What they are of.
+        start_s, end_s : (n,)
+            Their stretches of it [s]; absent where an item is of the whole file.
+        """
+
+        def seconds(times: np.ndarray | None, item: int) -> float | None:
+            return None if times is None else round(float(times[item]), 6)
+
+        return [
+            {
+                "file": str(file),
+                "start_s": seconds(start_s, item),
+                "end_s": seconds(end_s, item),
+                "class": name,
+                "probabilities": dict(zip(self.classes, self.probabilities[item].tolist(), strict=True)),
+                "quality": float(self.quality[item]),
+                "unknown": bool(self.unknown[item]),
+                "reasons": list(self.reasons[item]),
+            }
+            for item, name in enumerate(self.labels())
+        ]
 
     @staticmethod
     def nothing(classes: Sequence[str], reasons: Sequence[tuple[str, ...]]) -> ClassEvidence:

@@ -1,7 +1,8 @@
-"""Quantities that people write: a number, and its unit."""
+"""Quantities that people write, a number and its unit, and numbers that files hold."""
 
 from __future__ import annotations
 
+import math
 import re
 
 _WRITTEN = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)(?![\d.,_])\s*(.*?)\s*", re.ASCII | re.IGNORECASE)
@@ -36,3 +37,8 @@ def magnitude(text: str, unit: str) -> float:
         return float(pint.Quantity(float(written[1]), written[2] or unit).m_as(unit))
     except Exception as error:  # pint raises its own, and the tokenizer's, errors for what it cannot read
         raise ValueError(f"{written[2]!r} is no unit like {unit!r}") from error
+
+
+def finite_or_none(value: float) -> float | None:
+    """Give a number, or None where it is not finite: neither JSON nor SQL knows NaN alike everywhere."""
+    return float(value) if math.isfinite(value) else None

@@ -18,7 +18,7 @@ from ..core.classifier.scores import calibration_error
 from ..core.errors import InputError
 from ..core.evidence import ClassEvidence
 from ..core.recording.camera import decode_image
-from ..core.recording.types import Frame
+from ..core.recording.types import Frame, Wanted, always
 from .hearing import heard
 from .plan import Plan
 from .seeing import frame_times, ground_sites, seen
@@ -156,8 +156,10 @@ class _Film:
     def __len__(self) -> int:
         return len(frame_times(self._plan))
 
-    def frames(self) -> Iterator[Frame]:
+    def frames(self, wanted: Wanted = always) -> Iterator[Frame]:
         for picture in seen(self._plan):
+            if not wanted(picture.time_s):
+                continue
             try:
                 yield Frame(picture.time_s, decode_image(picture.data, "picture"), None)
             except InputError as error:
@@ -180,12 +182,4 @@ def _judged(
     for kind in faults:
         on = plan.fault(kind, time_s)
         fault[on.any(axis=0) if on.ndim == 2 else on] = kind
-    index = np.flatnonzero(whole)
-    part = ClassEvidence(
-        evidence.classes,
-        evidence.probabilities[index],
-        evidence.quality[index],
-        evidence.unknown[index],
-        tuple(evidence.reasons[i] for i in index.tolist()),
-    )
-    return Judged(part, truth[index], fault[index])
+    return Judged(evidence.select(whole), truth[whole], fault[whole])

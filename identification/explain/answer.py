@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...framework.core.explanation import ASSERTED, verdict_of
 from ...framework.core.soil import PARAMETERS
 from ..effects.effect import Effect
 from ..mechanics.augmented import SOIL_COUNT
@@ -24,7 +25,6 @@ from .explanation import (
     Region,
     Rows,
     Screened,
-    Verdict,
 )
 from .fit import Fitted
 from .held_out import HeldOut, hold_out
@@ -32,9 +32,6 @@ from .likelihood import Problem
 from .posterior import UNKNOWN, Posterior
 from .search import Hypothesis, Search
 from .variables import names_of
-
-ASSERTED = 0.8
-"""Probability from which on an effect is asserted [-]."""
 
 MENTIONED = 0.05
 """Probability from which on an effect is listed where none is asserted [-]."""
@@ -75,20 +72,6 @@ def choose(problem: Problem, found: Search, weighed: Posterior) -> Chosen:
     after = before if not hypothesis.effects else hold_out(problem, hypothesis.fitted)
     beside = weighed.discrepancies.get(first - {UNKNOWN}) if UNKNOWN in first else None
     return Chosen(hypothesis, beside, before, after)
-
-
-def verdict_of(missing: tuple[Missing, ...]) -> Verdict:
-    """Give the verdict on what is listed: where something unknown is more probable than not, names are conditional on a
-    model that is incomplete, and none of them is the answer.
-    """
-    sure = [each for each in missing if each.probability >= ASSERTED]
-    if not missing:
-        return "none"
-    if any(each.kind == UNKNOWN and each.probability > 0.5 for each in missing):
-        return "unknown"
-    if not sure:
-        return "cannot_tell"
-    return "physics" if any(each.kind == "physics" for each in sure) else "instrument"
 
 
 def assemble(

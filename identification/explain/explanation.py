@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
-from typing import Literal
 
 import numpy as np
 
+from ...framework.core.explanation import Estimate as Estimate
+from ...framework.core.explanation import Missing as Missing
+from ...framework.core.explanation import Verdict as Verdict
+from ...framework.core.explanation import estimates_json
+from ...framework.core.quantities import finite_or_none
+from ...framework.core.sound_explanation import SoundFindings
 from ..effects.stored import AugmentedSimulator
 from ..mechanics.augmented import AugmentedWheel
-
-Verdict = Literal["none", "physics", "instrument", "unknown", "cannot_tell"]
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A value and its standard deviation."""
-
-    value: float
-    sd: float
-    unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -39,25 +32,6 @@ class Region:
     share: float
     p_value: float
     mean: float
-
-
-@dataclass(frozen=True)
-class Missing:
-    """Something that was left out, with its share of the probability.
-
-    `kind` is ``"physics"``, ``"instrument"`` or ``"unknown"``; `form` says which published form, or which channel.
-    """
-
-    effect: str
-    kind: str
-    form: str
-    probability: float
-    parameters: dict[str, Estimate]
-    equation: str
-    source: str
-    indistinguishable_from: tuple[str, ...] = ()
-    would_tell: str = ""
-    description: str = ""
 
 
 @dataclass(frozen=True)
@@ -167,7 +141,7 @@ class Explanation:
     simulator: AugmentedWheel
     vector: np.ndarray
     seconds: float
-    sound: dict | None = None
+    sound: SoundFindings | None = None
     seed: int = 0
     n: int = field(default=0)
     covariance: np.ndarray | None = None
@@ -193,17 +167,6 @@ class Explanation:
         return to_json(self)
 
 
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
-
-
-def _quantities(estimates: dict[str, Estimate]) -> dict:
-    return {
-        name: {"value": _number(each.value), "sd": _number(each.sd), **({"unit": each.unit} if each.unit else {})}
-        for name, each in estimates.items()
-    }
-
-
 def to_json(explanation: Explanation) -> dict:
     """Lay the answer out as the documented JSON (schema 1)."""
     answer = {
@@ -211,8 +174,8 @@ def to_json(explanation: Explanation) -> dict:
         "verdict": explanation.verdict,
         "summary": explanation.summary,
         "n": explanation.n,
-        "soil": _quantities(explanation.soil),
-        "soil_textbook": _quantities(explanation.soil_textbook),
+        "soil": estimates_json(explanation.soil),
+        "soil_textbook": estimates_json(explanation.soil_textbook),
         "trust": explanation.trust,
         "located": [
             {
@@ -221,32 +184,25 @@ def to_json(explanation: Explanation) -> dict:
             }
             for region in explanation.located
         ],
-        "missing": [
-            {
-                "effect": each.effect, "kind": each.kind, "form": each.form, "probability": each.probability,
-                "parameters": _quantities(each.parameters), "equation": each.equation, "source": each.source,
-                "indistinguishable_from": list(each.indistinguishable_from), "would_tell": each.would_tell,
-                **({"description": each.description} if each.description else {}),
-            }
-            for each in explanation.missing
-        ],
+        "missing": [each.to_json() for each in explanation.missing],
         "candidates": [
             {
                 "effect": each.effect, "kind": each.kind, "probability": each.probability,
-                "evidence_nats": _number(each.evidence_nats), "heldout_nats": _number(each.heldout_nats),
-                "parameters": _quantities(each.parameters),
+                "evidence_nats": finite_or_none(each.evidence_nats), "heldout_nats": finite_or_none(each.heldout_nats),
+                "parameters": estimates_json(each.parameters),
             }
             for each in explanation.candidates
         ],
         "screened": [
-            {"effect": each.effect, "expected_nats": _number(each.expected_nats)} for each in explanation.screened
+            {"effect": each.effect, "expected_nats": finite_or_none(each.expected_nats)}
+            for each in explanation.screened
         ],
         "fit": {
             "split": explanation.split,
             "channels": {
                 name: {
-                    "rmse_before": _number(each.rmse_before), "rmse_after": _number(each.rmse_after),
-                    "noise": _number(each.noise), "n": each.n,
+                    "rmse_before": finite_or_none(each.rmse_before), "rmse_after": finite_or_none(each.rmse_after),
+                    "noise": finite_or_none(each.noise), "n": each.n,
                     "rmse_before_interval": list(each.before_interval),
                     "rmse_after_interval": list(each.after_interval),
                 }
@@ -259,5 +215,5 @@ def to_json(explanation: Explanation) -> dict:
         "seconds": explanation.seconds,
     }  # fmt: skip
     if explanation.sound is not None:
-        answer["sound"] = explanation.sound
+        answer["sound"] = explanation.sound.to_json()
     return answer

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from ...framework.core.sound_explanation import SOUND_NAMES
 from ..effects.catalogue import REGISTRY
 from ..effects.registry import RESERVED
 from .explanation import Estimate, Region
@@ -157,7 +158,7 @@ def effect(name: str) -> str:
 
 def title(slug: str) -> str:
     """Name an effect; one that is not in the catalogue has its public name."""
-    return REGISTRY[slug].title if slug in REGISTRY else slug
+    return REGISTRY[slug].title if slug in REGISTRY else SOUND_NAMES.get(slug, slug)
 
 
 def what_happens(slug: str) -> str:

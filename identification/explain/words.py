@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
+from ...framework.core.explanation import ASSERTED
 from ...framework.core.soil import PARAMETERS
 from ..mechanics.textbook import CHANNELS
-from .answer import ASSERTED
 from .explanation import ChannelFit, Explanation, Missing, Region
 from .quantities import (
+    KINDS,
     capital,
     columns_in_words,
     cycles_a_turn,
@@ -107,6 +108,24 @@ def predicted_worse(explanation: Explanation) -> list[str]:
         return []
     return [
         shown(name).words for name, fit in explanation.fits.items() if _ratio(fit.rmse_after, fit.rmse_before) > WORSE
+    ]
+
+
+def missing_lines(missing: Missing) -> list[str]:
+    """Give what is missing in lines of text: its name and probability, its parameters, and what else it may be."""
+    form = f", {missing.form}" if missing.form else ""
+    kind = KINDS.get(missing.kind, missing.kind)
+    source = f"; {missing.source}" if missing.source else ""
+    further = {
+        "where": missing.description,
+        "indistinguishable from": ", ".join(map(effect, missing.indistinguishable_from)),
+        "to decide": missing.would_tell,
+    }
+    return [
+        f"{capital(name_of(missing))} ({missing.effect}{form}; {kind}): {percent(missing.probability)}",
+        *(f"  {estimate(name, value)}" for name, value in missing.parameters.items()),
+        f"  {missing.equation}{source}",
+        *(f"  {title}: {text}" for title, text in further.items() if text),
     ]
 
 

@@ -16,7 +16,7 @@ from bevameter.framework.core.classifier.labelled import LabelledFile
 from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.recording.sound import SoundFileStream, read_sound
 from bevameter.framework.core.recording.types import SoundBlock
-from bevameter.framework.training import train_from_folder
+from bevameter.framework.senses import train_sense
 
 RATE = 22050
 
@@ -168,14 +168,14 @@ def test_silent_sounds_are_counted_and_a_silent_class_is_refused(tmp_path):
     (tmp_path / "sand" / "notes.txt").write_text("made up")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(train, "CANDIDATES", ("logistic",))
-        warnings = train_from_folder("audio", tmp_path).report["warnings"]
+        warnings = train_sense("audio", tmp_path).report["warnings"]
     assert warnings[:2] == [
         "Passed over in sand: .txt (1); used: 5.", "Silent and left out in sand: 2 of 5 sounds."
     ]  # fmt: skip
     for path in (tmp_path / "sand").glob("?.wav"):
         path.unlink()
     with pytest.raises(InputError, match="class 'sand': 2 of 2 sounds are silent"):
-        train_from_folder("audio", tmp_path)
+        train_sense("audio", tmp_path)
 
 
 def footsteps(folder, keep=lambda row: True):

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from bevameter.audio.mismatch.alignment import Aligned, null_of
-from bevameter.audio.mismatch.combs import find_comb
+from bevameter.audio.explain.alignment import Aligned, null_of
+from bevameter.audio.explain.combs import find_comb
 
 
 def spectra(rng: np.random.Generator, lines: dict[float, float]) -> Aligned:

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from bevameter.audio.mismatch.drive_spectra import Track, drive_spectra, observed_hz, reference_level
-from bevameter.audio.mismatch.explain import explain_sound
-from bevameter.audio.mismatch.resonances import find_resonances
-from bevameter.audio.mismatch.wind import find_wind
+from bevameter.audio.explain.drive_spectra import Speeds, drive_spectra, observed_hz, reference_level
+from bevameter.audio.explain.explain import explain_sound
+from bevameter.audio.explain.resonances import find_resonances
+from bevameter.audio.explain.wind import find_wind
 from bevameter.framework.core.errors import InputError
 
 SECONDS = 64.0
@@ -21,7 +21,7 @@ def noise_at(rate, rng):
 
 
 def spectra_of(study, samples, rate):
-    return drive_spectra(study.ArraySound(samples, rate), Track.of(TIME_S, WHEEL, TRAVEL))
+    return drive_spectra(study.ArraySound(samples, rate), Speeds.of(TIME_S, WHEEL, TRAVEL))
 
 
 @pytest.mark.parametrize("rate", [1000, 2000, 4000, 8000, 11025, 12000])

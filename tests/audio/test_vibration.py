@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bevameter.audio.classify import classify_vibration
-from bevameter.audio.train import train_vibration
+from bevameter.audio.vibration import classify_vibration, train_vibration
 from bevameter.audio.vibration_features import VibrationChannels, vibration_features
 from bevameter.framework.core.classifier.labelled import read_labelled
 from bevameter.framework.core.errors import InputError

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from bevameter import SoilEstimate
 from bevameter.framework.cli.main import app
-from bevameter.framework.cli.run_summary import print_summary
+from bevameter.framework.cli.results import print_summary
 from bevameter.framework.core.soil import Quantity
-from bevameter.framework.traverse_summary import LearntSoil, TraverseSummary
+from bevameter.framework.summary import LearntSoil, TraverseSummary
 from typer.testing import CliRunner
 
 WHEEL = "time_s,load_N,slip,torque_Nm\n0.0,500,0.1,12\n0.1,500,0.2,13\n"

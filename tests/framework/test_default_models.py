@@ -33,11 +33,11 @@ def cache(tmp_path, monkeypatch, tiny):
     monkeypatch.setenv("BEVAMETER_CACHE", str(tmp_path / "cache"))
     trained = []
 
-    def train(sense, progress):
+    def train(sense, *, progress=None):
         trained.append(sense)
         return tiny[sense]
 
-    monkeypatch.setattr(default_models, "_train", train)
+    monkeypatch.setattr(default_models, "train_default", train)
     return trained
 
 
@@ -67,10 +67,10 @@ def test_a_cached_model_of_another_sense_is_not_believed(cache, tiny):
 
 
 def test_an_interrupted_training_leaves_no_model(cache, monkeypatch):
-    def interrupted(sense, progress):
+    def interrupted(sense, *, progress=None):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(default_models, "_train", interrupted)
+    monkeypatch.setattr(default_models, "train_default", interrupted)
     with pytest.raises(KeyboardInterrupt):
         default_model("vision")
     assert not cached_path("vision").exists()

@@ -55,7 +55,7 @@ def test_most_of_the_track_is_recognised_rightly(drive):
 
 def test_drop_outs_are_noticed_and_the_other_sense_goes_on(drive):
     folder, path, summary = drive
-    camera, microphone = summary.senses
+    camera, microphone, _ = summary.senses
     closed_camera, closed_microphone = " ".join(camera.closed), " ".join(microphone.closed)
     assert "black image" in closed_camera
     assert "JPEG" in closed_camera

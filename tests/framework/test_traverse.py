@@ -10,8 +10,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from bevameter.audio import listen as listening
 from bevameter.database.store import TerrainDatabase
-from bevameter.framework import perception, soil_along
+from bevameter.framework import segments
 from bevameter.framework.cli.printing import write_json
 from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.evidence import ClassEvidence
@@ -21,6 +22,7 @@ from bevameter.framework.core.vehicle import Camera, Vehicle, Wheel
 from bevameter.framework.default_models import Models
 from bevameter.framework.traverse import run_traverse
 from bevameter.identification.identify import Segment
+from bevameter.vision import observe as looking
 
 CLASSES = ("loam", "sand")
 CHANGE_M = 20.0
@@ -93,9 +95,9 @@ def world(monkeypatch):
         )
 
     felt = estimate(1000.0, 0.55)
-    monkeypatch.setattr(perception, "observe_ground", observe_ground)
-    monkeypatch.setattr(perception, "listen", listen)
-    monkeypatch.setattr(soil_along, "identify_segments", identify_segments)
+    monkeypatch.setattr(looking, "observe_ground", observe_ground)
+    monkeypatch.setattr(listening, "listen", listen)
+    monkeypatch.setattr(segments, "identify_segments", identify_segments)
 
 
 def estimate(c_Pa, phi_rad):
@@ -144,7 +146,7 @@ def test_nothing_is_put_on_the_map_in_a_hole_of_the_poses_which_is_said(world, t
 
 
 def test_the_summary_says_how_far_each_sense_was_trusted(world, tmp_path):
-    camera, microphone = run_traverse(recording(), tmp_path / "t.db", models=MODELS).senses
+    camera, microphone, _ = run_traverse(recording(), tmp_path / "t.db", models=MODELS).senses
     assert camera.closed == {"blurred": camera.items - round(camera.trusted_share * camera.items)}
     assert microphone.closed == {"wind": 10}
     assert microphone.trusted_share == pytest.approx(1 - 10 / 79)
@@ -212,7 +214,7 @@ def test_what_a_sense_raises_reaches_the_caller(world, tmp_path, monkeypatch):
         raise InputError("audio.skops", "no sound classifier")
         yield
 
-    monkeypatch.setattr(perception, "listen", listen)
+    monkeypatch.setattr(listening, "listen", listen)
     with pytest.raises(InputError, match="no sound classifier"):
         run_traverse(recording(), tmp_path / "t.db", models=MODELS)
     assert not (tmp_path / "t.db").exists()
@@ -281,7 +283,7 @@ def test_soil_that_cannot_be_identified_is_said(world, tmp_path, monkeypatch):
     def identify_segments(recording, **options):
         raise InputError("wheel.csv", "no slip was observed")
 
-    monkeypatch.setattr(soil_along, "identify_segments", identify_segments)
+    monkeypatch.setattr(segments, "identify_segments", identify_segments)
     summary = run_traverse(recording(), tmp_path / "t.db", models=MODELS)
     assert summary.problems == ("no soil was identified: wheel.csv: no slip was observed",)
     assert summary.track_m["sand"] > 10

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from bevameter import Wheel
+from bevameter.framework.core.sound_explanation import SoundCause, SoundFindings, SoundRegion, SpectralFit
 from bevameter.identification.effects.parse import forms_by_name, specimen
 from bevameter.identification.explain.explanation import (
     Candidate,
@@ -119,20 +120,16 @@ def several() -> Explanation:
     return explanation(missing=(*explanation().missing, fault, doubtful))
 
 
-SOUND = {
-    "schema": 1,
-    "verdict": "physics",
-    "located": [
-        {"channel": "sound", "variable": "wheel_angle_rad", "from": 18.0, "to": 18.0, "from_Hz": 12.0, "to_Hz": 90.0,
-         "share": 0.6, "p_value": 1e-5}
-    ],
-    "missing": [
-        {"effect": "gear_mesh", "kind": "physics", "probability": 0.97,
-         "parameters": {"order": {"value": 18.0, "sd": 0.1, "unit": ""}}, "equation": "f = k omega / 2 pi",
-         "source": "somebody", "indistinguishable_from": [], "would_tell": "", "subtracted": True}
-    ],
-    "fit": {"split": "12 stretches", "rms_before_dB": 8.0, "rms_after_dB": 5.7, "noise_dB": 5.6, "nats_gained": 900.0,
-            "nats_sd": 80.0, "n": 12345},
-    "notes": ["<i>a note</i>"],
-    "seconds": 2.0,
-}  # fmt: skip
+SOUND = SoundFindings(
+    "physics",
+    (SoundRegion("wheel_order", 18.0, 18.0, 12.0, 90.0, 0.6, 1e-5),),
+    (
+        SoundCause(
+            "gear_mesh", "physics", "", 0.97, {"order": Estimate(18.0, 0.1, "turns^-1")}, "f = k omega / 2 pi",
+            "somebody",
+        ),
+    ),
+    SpectralFit("12 stretches", 8.0, 5.7, 5.6, 900.0, 80.0, 12345),
+    ("<i>a note</i>",),
+    2.0,
+)  # fmt: skip

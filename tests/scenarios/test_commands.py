@@ -124,10 +124,10 @@ def test_a_table_of_classes_fits_a_terminal_of_80_columns(stored):
 
 
 def test_a_known_drive_is_not_processed_again(short_drive, stored, small_models, tmp_path, monkeypatch):
-    def perceive(*arguments, **options):
+    def observe(*arguments, **options):
         raise AssertionError("the senses were run again")
 
-    monkeypatch.setattr(traverse, "perceive", perceive)
+    monkeypatch.setattr(traverse, "observe", observe)
     with TerrainDatabase(stored) as database:
         before = database.drives()
     out = tmp_path / "o.json"
@@ -377,7 +377,7 @@ BEGUN += "module.{name} = begun; app()"
 @pytest.mark.parametrize(
     ("stage", "arguments"),
     [
-        (("bevameter.framework.traverse", "perceive"), ["run", "{drive}", "--db", "t.db", "--models", "{models}"]),
+        (("bevameter.framework.traverse", "observe"), ["run", "{drive}", "--db", "t.db", "--models", "{models}"]),
         (("bevameter.framework.scenario.write", "_write_camera"), ["scenario", "short", "out/deep"]),
         (("bevameter.vision.train", "reduced"), ["train", "vision", "{data}", "--out", "m", "--json", "o.json"]),
     ],

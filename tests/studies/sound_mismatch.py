@@ -21,14 +21,14 @@ import pandas as pd
 import scipy.signal
 import soundfile
 import soxr
+from bevameter.audio.explain.explain import SoundExplanation, explain_sound
 from bevameter.audio.features import RATE_HZ, WINDOW_S
-from bevameter.audio.mismatch.benefit import Gain, gain_of, heard
-from bevameter.audio.mismatch.explain import SoundExplanation, explain_sound
 from bevameter.audio.quality import NOISE_FREE_DB
 from bevameter.audio.train import train_audio_windows
 from bevameter.framework.core.classifier.classifier import TerrainClassifier
 from bevameter.framework.core.recording.types import Labels, SoundBlock
 from bevameter.framework.scenario.contact_sound import VOICES, contact_sound
+from sound_benefit import Gain, gain_of, heard
 
 RATE = 22050
 EFFECTS = ("gear_mesh", "lug_passing", "wind_noise", "resonance", "steady_tone")

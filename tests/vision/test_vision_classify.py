@@ -11,7 +11,7 @@ from bevameter.framework.core.classifier import fitting
 from bevameter.framework.core.classifier.classifier import TerrainClassifier
 from bevameter.framework.core.classifier.labelled import LabelledFile, read_labelled
 from bevameter.framework.core.errors import InputError
-from bevameter.framework.core.recording.types import Frame
+from bevameter.framework.core.recording.types import Frame, always
 from bevameter.framework.core.vehicle import Camera
 from bevameter.vision import train as training
 from bevameter.vision.augment import motion_blur
@@ -152,9 +152,10 @@ class Film:
     def __len__(self):
         return len(self.images)
 
-    def frames(self):
+    def frames(self, wanted=always):
         for index, image in enumerate(self.images):
-            yield Frame(index * self.step_s, image, "cut off" if image is None else None)
+            if wanted(index * self.step_s):
+                yield Frame(index * self.step_s, image, "cut off" if image is None else None)
 
 
 def straight(speed, x=0.0, y=0.0, yaw=0.0):

@@ -17,7 +17,7 @@ from .bag_messages import DecodeError, decode, field, fields_of
 from .camera import MAX_IMAGE_PIXELS, decode_image
 from .sound import block_hop, sound_block
 from .topic_map import SoundFormat
-from .types import Frame, SoundBlock
+from .types import Frame, SoundBlock, Wanted, always
 
 MAX_JITTER_S = 0.1
 """A sound message that arrives this much later than its samples go on leaves a gap [s]."""
@@ -50,10 +50,12 @@ class BagCamera:
     def __len__(self) -> int:
         return len(self._time_ns)
 
-    def frames(self) -> Iterator[Frame]:
-        """Yield every image; one that cannot be decoded comes as None with its problem."""
+    def frames(self, wanted: Wanted = always) -> Iterator[Frame]:
+        """Yield every image that is wanted; one that cannot be decoded comes as None with its problem."""
         messages = self._bag.messages({self._topic})
         for number, (time, message) in enumerate(zip((self._time_ns - self._origin_ns) * 1e-9, messages, strict=False)):
+            if not wanted(float(time)):
+                continue
             try:
                 yield Frame(float(time), image_of(decode(message), f"{self._bag.path}, {self._topic}, image {number}"))
             except (DecodeError, InputError) as error:

@@ -19,7 +19,7 @@ from ..errors import InputError, reading
 from ..files import file_size, inside
 from .jpeg import jpeg_layout, refuse_damage
 from .tables import read_table
-from .types import Frame
+from .types import Frame, Wanted, always
 
 MAX_IMAGE_BYTES = 64 * 2**20
 """No image file is read that is larger [bytes]."""
@@ -119,9 +119,11 @@ class FolderCamera:
     def __len__(self) -> int:
         return len(self.files)
 
-    def frames(self) -> Iterator[Frame]:
-        """Yield every image; one that cannot be read comes as None with its problem."""
+    def frames(self, wanted: Wanted = always) -> Iterator[Frame]:
+        """Yield every image that is wanted; one that cannot be read comes as None with its problem."""
         for time, file in zip(self.time_s.tolist(), self.files, strict=True):
+            if not wanted(time):
+                continue
             try:
                 image = read_image(file)
             except InputError as error:

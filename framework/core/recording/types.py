@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -112,13 +112,29 @@ class SoundBlock:
     channels: np.ndarray | None = None
 
 
+Wanted = Callable[[float], bool]
+"""Says of a time [s] whether the image that was taken then is wanted."""
+
+
+def always(time_s: float) -> bool:
+    """Want every image."""
+    return True
+
+
 class CameraStream(Protocol):
     """Images in order of time, decoded one at a time so that memory does not grow with the recording."""
 
     def __len__(self) -> int: ...
 
-    def frames(self) -> Iterator[Frame]:
-        """Yield every image of the stream, also those that could not be read (then with their problem)."""
+    def frames(self, wanted: Wanted = always) -> Iterator[Frame]:
+        """Yield every image of the stream, also those that could not be read (then with their problem).
+
+        Parameters
+        ----------
+        wanted
+            Called with the time of each image [s] before it is decoded, after the one before it was yielded; an image
+            for which it answers False is passed over.
+        """
         ...
 
 

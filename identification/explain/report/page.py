@@ -9,23 +9,13 @@ from pathlib import Path
 
 from ....framework.core.files import write_text
 from ....framework.core.html import page, table, unbroken
-from ..explanation import Candidate, Explanation, Missing
-from ..quantities import (
-    KINDS,
-    capital,
-    columns_in_words,
-    effect,
-    listed,
-    percent,
-    shown,
-    signed,
-    spread,
-    what_happens,
-)
-from ..words import details, headline, name_of, predicted_worse
+from ..explanation import Candidate, Explanation
+from ..quantities import capital, effect, listed, shown, signed, spread
+from ..words import details, headline, predicted_worse
 from . import pictures
+from .missing import missing_section
 from .sound import sound_section
-from .tables import candidate_table, fit_table, located_table, parameter_table, soil_table
+from .tables import candidate_table, fit_table, located_table, soil_table
 
 _CANDIDATES_SHOWN = 15
 """Candidates in the table that is seen at once; the others unfold."""
@@ -101,27 +91,7 @@ def _missing(explanation: Explanation) -> str:
     if not explanation.missing:
         return ""
     title = "What may be missing" if explanation.verdict == "cannot_tell" else "What is missing"
-    return f"<h2>{title}</h2>" + "".join(_one_missing(each) for each in explanation.missing)
-
-
-def _one_missing(missing: Missing) -> str:
-    what = columns_in_words(missing.description) or what_happens(missing.effect)
-    form = f" Form: {missing.form}." if missing.form else ""
-    kind = KINDS.get(missing.kind, missing.kind)
-    body = (
-        f"<h3>{escape(capital(name_of(missing)))}: {unbroken(percent(missing.probability))}</h3>"
-        f"<p>{escape(capital(what))}{'.' if what else ''}{escape(form)} Kind: {escape(kind)}. "
-        f"Name in files: <code>{escape(missing.effect)}</code>.</p>"
-        f"<p>Equation: <code>{escape(missing.equation)}</code><br>Source: {escape(missing.source)}</p>"
-    )
-    if missing.parameters:
-        body += table(*parameter_table(missing.parameters))
-    if missing.indistinguishable_from:
-        alike = listed((effect(slug) for slug in missing.indistinguishable_from), "or")
-        body += f"<p>These data do not separate it from {escape(alike)}.</p>"
-    if missing.would_tell:
-        body += f"<p>To decide: {escape(missing.would_tell)}.</p>"
-    return body
+    return f"<h2>{title}</h2>" + "".join(missing_section(each) for each in explanation.missing)
 
 
 def _predictions(explanation: Explanation) -> str:

@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 import pytest
 from bevameter import InputError
+from bevameter.framework.core.explanation import ASSERTED
 from bevameter.identification.effects.catalogue import REGISTRY
-from bevameter.identification.explain.answer import ASSERTED
 from bevameter.identification.explain.explanation import Candidate, Estimate, Region, Screened
 from bevameter.identification.explain.quantities import effect, estimate, number, p_value, shown, spread
 from bevameter.identification.explain.report import pictures
@@ -89,7 +89,7 @@ def test_the_page_shows_what_was_found(page):
         "bulldozing (wedge) physics < 0.5 % -1.5 -2.0 s = 0.10 ± 0.40", "slip-sinkage (exponent) physics 98 % +236.0",
         "2.10 ± 0.30", "0.512 ± 0.083", "kPa", "21.0 ± 1.7", "deg", "240 ± 21 nats",
         "12 stretches of time held out in turn", "3 rows without load or slip are left out",
-        "rows compared 400", "seed 7", "seconds 12.3", "gear mesh: 97 %", "8 dB before, 5.7 dB after",
+        "rows compared 400", "seed 7", "seconds 12.3", "Gear mesh: 97 %", "8 dB before, 5.7 dB after",
     ):  # fmt: skip
         assert said in page.text, said
 
@@ -141,7 +141,7 @@ def test_text_from_files_is_escaped():
         ),
         candidates=(replace(base.candidates[0], effect=f"soil_patch[{nasty}]", kind=nasty),),
         screened=(Screened(nasty, 1.0),),
-        sound={**SOUND, "notes": [nasty], "verdict": nasty},
+        sound=replace(SOUND, notes=(nasty,), missing=(replace(SOUND.missing[0], effect=nasty, source=nasty),)),
     )  # fmt: skip
     page = report_html(answer)
     assert "<script" not in page

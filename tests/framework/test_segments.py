@@ -10,8 +10,8 @@ from bevameter.framework.core.evidence import ClassEvidence
 from bevameter.framework.core.recording.types import Pose, Recording
 from bevameter.framework.core.track.way import track_of
 from bevameter.framework.fusion import fuse
+from bevameter.framework.segments import classes_along
 from bevameter.framework.sense_map import SenseMap
-from bevameter.framework.stretches import classes_along
 
 
 def drive(rows):

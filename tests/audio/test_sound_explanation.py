@@ -4,14 +4,14 @@ import json
 
 import numpy as np
 import pytest
+from bevameter.audio.explain.cleaning import Subtraction, TrackedLine
+from bevameter.audio.explain.drive_spectra import Speeds, whitened
+from bevameter.audio.explain.explain import explain_sound
+from bevameter.audio.explain.wind import WindModel
 from bevameter.audio.features import RATE_HZ
-from bevameter.audio.mismatch.benefit import Heard, gain_of
-from bevameter.audio.mismatch.cleaning import Subtraction, TrackedLine
-from bevameter.audio.mismatch.drive_spectra import Track, whitened
-from bevameter.audio.mismatch.explain import explain_sound
-from bevameter.audio.mismatch.wind import WindModel
 from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.recording.types import SoundBlock
+from sound_benefit import Heard, gain_of
 
 
 def drive_with(study, effect, level_dB, seed=5, **options):
@@ -50,7 +50,7 @@ def test_wind_is_named_with_its_exponent(study):
     wind = next(c for c in found.findings.missing if c.effect == "wind_noise")
     # The generator's exponent is between 4 (low Strouhal numbers) and 5.7 (high ones).
     assert 3.5 < wind.parameters["exponent"].value < 6.5
-    assert wind.applied
+    assert wind.subtracted
     assert found.subtraction.wind is not None
 
 
@@ -104,14 +104,14 @@ def test_a_reference_tells_a_resonance_from_the_ground(study):
     study.add("resonance", drive, 16.0, rng)
     alone = [c for c in drive.explain().findings.missing if c.effect == "resonance"]
     assert alone
-    assert all(c.probability <= 0.5 and c.indistinguishable_from and not c.applied for c in alone)
+    assert all(c.probability <= 0.5 and c.indistinguishable_from and not c.subtracted for c in alone)
     told = [c for c in drive.explain(reference=clean).findings.missing if c.effect == "resonance"]
     assert told
     assert told[0].probability > 0.5
 
 
 def test_the_json_is_plain_and_has_its_schema(geared):
-    answer = json.loads(json.dumps(geared[3].to_json(), allow_nan=False))
+    answer = json.loads(json.dumps(geared[3].findings.to_json(), allow_nan=False))
     assert answer["schema"] == 1
     assert answer["verdict"] == "instrument"
     assert {"channel", "variable", "from", "to", "share", "p_value"} <= set(answer["located"][0])
@@ -163,7 +163,7 @@ def test_whitened_noise_of_any_colour_has_mean_one(rng):
 
 
 def test_a_line_is_taken_away_and_its_surroundings_stay(rng):
-    track = Track(np.array([0.0, 20.0]), np.array([3.0, 9.0]), np.array([1.0, 2.0]))
+    track = Speeds(np.array([0.0, 20.0]), np.array([3.0, 9.0]), np.array([1.0, 2.0]))
     count = 10 * RATE_HZ
     angle = track.angle(0.0, count, RATE_HZ)
     noise = 0.01 * rng.standard_normal(count).astype(np.float32)
@@ -175,7 +175,7 @@ def test_a_line_is_taken_away_and_its_surroundings_stay(rng):
 
 
 def test_wind_is_held_down_and_louder_sound_stays(rng):
-    track = Track(np.array([0.0, 20.0]), np.array([5.0, 5.0]), np.array([2.0, 2.0]))
+    track = Speeds(np.array([0.0, 20.0]), np.array([5.0, 5.0]), np.array([2.0, 2.0]))
     noise = rng.standard_normal(5 * RATE_HZ).astype(np.float32) * 0.01
     density = 2.0 * 0.01**2 / RATE_HZ
     model = WindModel(float(np.log(density)) - 5.0 * float(np.log(2.0)), 5.0, 0.0)

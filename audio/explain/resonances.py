@@ -15,7 +15,7 @@ from scipy.ndimage import convolve1d, uniform_filter1d
 from scipy.optimize import curve_fit
 from scipy.signal import find_peaks
 
-from .alignment import FOLDS
+from .alignment import FOLDS, HeldOut
 from .drive_spectra import DriveSpectra
 from .lines import FALSE_DISCOVERY_RATE, Line
 
@@ -41,7 +41,7 @@ _NEAR_OCTAVES = 0.36
 
 
 @dataclass(frozen=True)
-class ResonanceFinding:
+class ResonanceFinding(HeldOut):
     """A hump 1 + G / (1 + (2 Q (f - f_0) / f_0)^2) on contact sound's power.
 
     Parameters
@@ -52,8 +52,6 @@ class ResonanceFinding:
         Against spectra of the grounds shifted along frequency.
     grounds
         On how many grounds it stands.
-    nats, by_stretch, before_dB2, after_dB2, n
-        As `HeldOutGain` has them.
     """
 
     frequency_hz: tuple[float, float]
@@ -61,11 +59,6 @@ class ResonanceFinding:
     gain: tuple[float, float]
     p_value: float
     grounds: int
-    nats: float
-    by_stretch: np.ndarray
-    before_dB2: float
-    after_dB2: float
-    n: int
 
     def power_ratio(self, frequency_hz: np.ndarray) -> np.ndarray:
         """Factor on the power at frequencies [Hz]."""
@@ -206,8 +199,8 @@ def _fitted(
     if not (1.02 * _WIDEST_Q < q < 0.98 * _SHARPEST_Q and gain < 0.98 * _MOST_GAIN):
         return None  # no hump of this form: a shoulder, a step, or a line
     return ResonanceFinding(
-        (middle, float(sd[0])), (q, float(sd[1])), (gain, float(sd[2])), p_value, grounds, float(by_stretch.sum()),
-        by_stretch, before, after, int(y.size),
+        by_stretch, before, after, int(y.size), (middle, float(sd[0])), (q, float(sd[1])), (gain, float(sd[2])),
+        p_value, grounds,
     )  # fmt: skip
 
 

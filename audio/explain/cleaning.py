@@ -16,7 +16,7 @@ from numba import njit
 
 from ...framework.core.recording.types import SoundBlock, SoundStream
 from ..features import RATE_HZ, resample
-from .drive_spectra import BLOCK_S, Track
+from .drive_spectra import BLOCK_S, Speeds
 from .line_fit import NOISE_BINS
 from .resonances import ResonanceFinding
 from .wind import WindModel
@@ -64,19 +64,19 @@ class Subtraction:
     def __bool__(self) -> bool:
         return bool(self.lines or self.wind or self.resonances)
 
-    def apply(self, samples: np.ndarray, start_s: float, track: Track) -> np.ndarray:
+    def apply(self, samples: np.ndarray, start_s: float, speeds: Speeds) -> np.ndarray:
         """Clean sound (m,) at `RATE_HZ` whose first sample is at `start_s` [s]: (m,) float32."""
         clean = samples.astype(np.float32, copy=True)
         if self.lines:
-            turned = track.angle(start_s, samples.size, RATE_HZ)
+            turned = speeds.angle(start_s, samples.size, RATE_HZ)
             clock = 2.0 * np.pi * np.arange(samples.size) / RATE_HZ
             for line in self.lines:
                 clean -= _tracked(clean, line, turned if line.turns else clock)
         if self.wind is not None or self.resonances:
-            clean = self._levelled(clean, start_s, track)
+            clean = self._levelled(clean, start_s, speeds)
         return clean
 
-    def _levelled(self, samples: np.ndarray, start_s: float, track: Track) -> np.ndarray:
+    def _levelled(self, samples: np.ndarray, start_s: float, speeds: Speeds) -> np.ndarray:
         """Short-time spectra times the gains of wind and resonances, put together again."""
         if samples.size < _FFT:
             return samples
@@ -85,7 +85,7 @@ class Subtraction:
         for hump in self.resonances:
             gain = gain / np.sqrt(hump.power_ratio(hz))[:, None]
         if self.wind is not None:
-            gain = gain * _wiener(spectra, self.wind.power(hz, track.travel(start_s + at)).T)
+            gain = gain * _wiener(spectra, self.wind.power(hz, speeds.travel(start_s + at)).T)
         return scipy.signal.istft(spectra * gain, RATE_HZ, nperseg=_FFT, noverlap=3 * _FFT // 4)[1][
             : samples.size
         ].astype(np.float32)
@@ -165,7 +165,7 @@ class CleanedSound:
     """A `SoundStream` at `RATE_HZ` of another stream's sound, cleaned as it is read."""
 
     recorded: SoundStream
-    track: Track
+    speeds: Speeds
     subtraction: Subtraction
 
     @property
@@ -221,6 +221,6 @@ class CleanedSound:
         pieces = [block.samples for block in before + run if block.samples is not None]
         samples = resample(np.concatenate(pieces), self.recorded.sample_rate)
         start_s = (before + run)[0].start_s
-        clean = self.subtraction.apply(samples, start_s, self.track)
+        clean = self.subtraction.apply(samples, start_s, self.speeds)
         piece = round(_PIECE_S * RATE_HZ)
         yield run[0].start_s, clean[len(before) * piece : (len(before) + len(run) - after) * piece], ""

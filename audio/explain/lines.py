@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import false_discovery_control
 
+from ...framework.core.explanation import posterior
 from .alignment import Aligned, HeldOutGain, Null, held_out_gain, null_of
 from .combs import MOST_LUGS, Comb, find_comb
 from .drive_spectra import BLOCK_S, ENVELOPE_RATE_HZ, ENVELOPE_S, LOW_HZ, DriveSpectra
@@ -145,20 +146,18 @@ def _judged(families: dict[str, Aligned], name: str, place: float, p_value: floa
     if rival_name in families:
         rival = _best_rival(families[rival_name], families[name], own.line.multiple)
     # Places were sought among all multiples of the family: that many chances to be wrong.
-    logs = [own.nats - np.log(families[name].multiples.size), 0.0]
+    weights = {name: own.nats - np.log(families[name].multiples.size), "none": 0.0}
     if rival is not None and rival_name is not None:
-        logs.append(rival.nats - np.log(families[rival_name].multiples.size))
-    weight = np.exp(np.array(logs) - max(logs))
-    share = weight / weight.sum()
-    if rival is not None and rival_name is not None and share[2] > share[0]:
+        weights[rival_name] = rival.nats - np.log(families[rival_name].multiples.size)
+    share = posterior(weights)
+    if rival is not None and rival_name is not None and share[rival_name] > share[name]:
         name, own, rival_name, rival = rival_name, rival, name, own
-        share = share[[2, 1, 0]]
     heard = families[name].speed[~np.isnan(families[name].along(own.line.multiple))]
     reach = np.quantile(own.line.multiple * heard, [0.02, 0.98]) if heard.size else (0.0, 0.0)
     return Line(
-        name, own.line.multiple, own.line.sd, own.line.excess, p_value, float(share[0]),
+        name, own.line.multiple, own.line.sd, own.line.excess, p_value, share[name],
         None if rival is None or rival_name is None else (rival_name, rival.line.multiple),
-        float(share[2]) if share.size > 2 else 0.0, own, float(reach[0]), float(reach[1]),
+        share.get(rival_name or "", 0.0), own, float(reach[0]), float(reach[1]),
     )  # fmt: skip
 
 

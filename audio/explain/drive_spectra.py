@@ -48,7 +48,7 @@ _HIGHEST_BAND_HZ = 7000.0
 
 
 @dataclass(frozen=True)
-class Track:
+class Speeds:
     """Speeds of the drive on the recording's clock: time_s [s], wheel_rad_s [rad/s] and travel_m_s [m/s], each (n,)."""
 
     time_s: np.ndarray
@@ -56,7 +56,7 @@ class Track:
     travel_m_s: np.ndarray
 
     @staticmethod
-    def of(time_s: np.ndarray, wheel_speed_rad_s: np.ndarray, travel_speed_m_s: np.ndarray) -> Track:
+    def of(time_s: np.ndarray, wheel_speed_rad_s: np.ndarray, travel_speed_m_s: np.ndarray) -> Speeds:
         """Check the channels (n,) and drop rows that were not observed; reversing counts as driving.
 
         Raises
@@ -82,7 +82,7 @@ class Track:
                 "wheel table", f"time runs backwards at {time[back[0] + 1]:g} s", expected="time that does not decrease"
             )
         fresh = np.concatenate([[True], np.diff(time) > 0])
-        return Track(time[fresh], wheel[fresh], travel[fresh])
+        return Speeds(time[fresh], wheel[fresh], travel[fresh])
 
     def wheel(self, time_s: np.ndarray) -> np.ndarray:
         """Wheel speed at times [rad/s]."""
@@ -176,7 +176,7 @@ def _centred(samples: np.ndarray) -> np.ndarray:
     return samples - samples.mean(dtype=np.float64).astype(samples.dtype)
 
 
-def drive_spectra(sound: SoundStream, track: Track) -> DriveSpectra:
+def drive_spectra(sound: SoundStream, speeds: Speeds) -> DriveSpectra:
     """Transform the sound of a drive.
 
     Raises
@@ -198,12 +198,12 @@ def drive_spectra(sound: SoundStream, track: Track) -> DriveSpectra:
         problem = block.problem
         if number < total and number not in keep:
             problem = f"thinned: {LONGEST_S:g} s of sound are enough"
-        elif block.samples is not None and not track.covers(block.start_s, block.start_s + STRETCH_S):
+        elif block.samples is not None and not speeds.covers(block.start_s, block.start_s + STRETCH_S):
             problem = "no wheel speed recorded"
         if problem or block.samples is None:
             skipped[problem or "unread"] = skipped.get(problem or "unread", 0) + 1
             continue
-        part = _stretch(block.samples, block.start_s, track, heard_hz)
+        part = _stretch(block.samples, block.start_s, speeds, heard_hz)
         if part is None:
             skipped["silent"] = skipped.get("silent", 0) + 1
         else:
@@ -226,7 +226,7 @@ def drive_spectra(sound: SoundStream, track: Track) -> DriveSpectra:
     )  # fmt: skip
 
 
-def _stretch(samples: np.ndarray, start_s: float, track: Track, heard_hz: float) -> dict[str, np.ndarray] | None:
+def _stretch(samples: np.ndarray, start_s: float, speeds: Speeds, heard_hz: float) -> dict[str, np.ndarray] | None:
     length, hop = round(BLOCK_S * RATE_HZ), round(HOP_S * RATE_HZ)
     first = np.arange(0, samples.size - length + 1, hop)
     blocks = np.lib.stride_tricks.sliding_window_view(samples, length)[first]
@@ -235,7 +235,7 @@ def _stretch(samples: np.ndarray, start_s: float, track: Track, heard_hz: float)
     if not loud.any():
         return None
     first, power = first[loud], power[loud]
-    angle = track.angle(start_s, samples.size, RATE_HZ)
+    angle = speeds.angle(start_s, samples.size, RATE_HZ)
     turned = np.stack([_turned(samples, angle, at, length) for at in first])
     middle = start_s + (first + length / 2) / RATE_HZ
     top = int(min(TOP_HZ, heard_hz) * BLOCK_S) + 1
@@ -247,7 +247,7 @@ def _stretch(samples: np.ndarray, start_s: float, track: Track, heard_hz: float)
         "start": start_s + first / RATE_HZ,
         # From the first sample to the last there is one step less than samples.
         "shaft": (angle[first + length - 1] - angle[first]) * RATE_HZ / (2 * np.pi * (length - 1)),
-        "travel": track.travel(middle),
+        "travel": speeds.travel(middle),
         "fixed": whitened(power[:, :top], _GROUP),
         "turned": turned,
         "bands": _band_power(power, heard_hz),

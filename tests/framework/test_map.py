@@ -16,7 +16,7 @@ from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.evidence import ClassEvidence
 from bevameter.framework.core.recording.types import Pose, Recording
 from bevameter.framework.core.soil import Quantity, ShearStrength, SoilEstimate
-from bevameter.framework.map_picture import draw_map
+from bevameter.framework.map import draw_map
 from typer.testing import CliRunner
 
 CLASSES = ("clay", "gravel", "marsh")

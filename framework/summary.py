@@ -12,7 +12,7 @@ import numpy as np
 from .core.evidence import ClassEvidence
 from .core.soil import Quantity, SoilEstimate
 from .fusion import Belief
-from .perception import SenseRecord
+from .sense_map import SenseRecord
 
 _REASONS_KEPT = 12
 
@@ -221,11 +221,11 @@ def sense_summary(
     )
 
 
-def count_cells(belief: Belief | ClassEvidence) -> dict[str, int]:
+def count_cells(belief: ClassEvidence) -> dict[str, int]:
     """Count ground cells by class, the most frequent first."""
-    return dict(Counter(map(str, belief.labels())).most_common())
+    return dict(Counter(belief.labels()).most_common())
 
 
-def count_contradictions(belief: Belief | ClassEvidence) -> int:
+def count_contradictions(belief: ClassEvidence) -> int:
     """Count the cells at which the senses contradict each other."""
     return sum(bool(texts) for texts, unknown in zip(belief.reasons, belief.unknown, strict=True) if not unknown)

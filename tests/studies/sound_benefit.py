@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-
-from ...framework.core.classifier.classifier import TerrainClassifier
-from ...framework.core.recording.types import Labels, SoundStream
-from ..listen import listen
+from bevameter.audio.listen import listen
+from bevameter.framework.core.classifier.classifier import TerrainClassifier
+from bevameter.framework.core.recording.types import Labels, SoundStream
 
 
 @dataclass(frozen=True)

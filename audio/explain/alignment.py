@@ -157,27 +157,38 @@ def _shifted(values: np.ndarray, stretch: np.ndarray, rng: np.random.Generator) 
 
 
 @dataclass(frozen=True)
-class HeldOutGain:
-    """What a line gains where it was not fitted.
+class HeldOut:
+    """What a model gains where it was not fitted.
 
     Parameters
     ----------
-    line
-        Where it stands and how strong it is, fitted to all blocks.
-    nats
-        Held-out log-likelihood gained, overlap of the blocks allowed for.
     by_stretch
-        The same by stretch.
+        Held-out log-likelihood gained, by stretch [nats].
     before_dB2, after_dB2, n
-        Sums of squared errors of the log spectrum along the line, and how many blocks.
+        Sums of squared errors of the log spectrum without and with it, and over how many cells.
     """
 
-    line: LineFit
-    nats: float
     by_stretch: np.ndarray
     before_dB2: float
     after_dB2: float
     n: int
+
+    @property
+    def nats(self) -> float:
+        """Held-out log-likelihood gained."""
+        return float(self.by_stretch.sum())
+
+    @property
+    def closer(self) -> bool:
+        """Whether held-out spectra come closer to contact sound by it."""
+        return self.after_dB2 < self.before_dB2
+
+
+@dataclass(frozen=True)
+class HeldOutGain(HeldOut):
+    """What a line gains where it was not fitted; `line` is where it stands and how strong it is, from all blocks."""
+
+    line: LineFit
 
 
 _CLIP = 30.0
@@ -215,7 +226,7 @@ def held_out_gain(family: Aligned, multiple: float) -> HeldOutGain:
         before, after = before + float(np.sum(error**2)), after + float(np.sum((error - told) ** 2))
         n += int(test.sum())
     by_stretch = np.array([total[family.stretch == number].sum() for number in numbers])
-    return HeldOutGain(whole, float(total.sum()), by_stretch, before, after, n)
+    return HeldOutGain(by_stretch, before, after, n, whole)
 
 
 def _roughly(family: Aligned, multiple: float) -> float:

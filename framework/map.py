@@ -219,7 +219,7 @@ def _decorate(
     where = f" of {snapshot.site}" if snapshot.site else ""
     title = f"Terrain{where}: {len(snapshot.cells.key)} cells from {len(drives)} drive{'s' * (len(drives) != 1)}"
     figure.suptitle(title, x=0.01, ha="left", fontsize=11)  # a line of its own: a narrow map has no room for two titles
-    if any(is_synthetic_drive(drive) for drive in drives):
+    if any(drive.synthetic for drive in drives):
         axes.set_title("synthetic", loc="right", fontsize=11, color="#b00020", fontweight="bold")
     seen = np.isfinite(snapshot.cells.probability).all(axis=1)
     present = set(np.argmax(snapshot.cells.probability[seen], axis=1).tolist()) if seen.any() else set()
@@ -252,10 +252,3 @@ def _legend_title(snapshot: Snapshot) -> str:
     cells = np.ptp(cells_from_keys(snapshot.cells.key), axis=0).max() + 1
     widened = "\ncells drawn wider than they are" if cells >= _CELLS_PLAIN_TO_SEE else ""
     return f"more opaque: surer{widened}"
-
-
-def is_synthetic_drive(drive: Drive) -> bool:
-    """Say whether a drive is of a synthetic world: its site calls itself so, or a model knows no other."""
-    return "synthetic" in drive.site.lower() or any(
-        version.startswith("synthetic") for version in drive.models.values()
-    )

@@ -1,0 +1,340 @@
+"""What the commands print of their results, in the units that people read.
+
+The modules whose results are printed are not imported here: no command waits for what another one needs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from rich.markup import escape
+from rich.panel import Panel
+
+from .printing import console, print_line, print_table
+
+if TYPE_CHECKING:
+    from ...identification.explain.explanation import Explanation
+    from ...identification.identify import Identification, Segment
+    from ..core.soil import Quantity, SoilEstimate
+    from ..summary import LearntSoil, SenseSummary, TraverseSummary
+
+_SOIL = {
+    "c_Pa": ("cohesion c", "kPa", 1e-3),
+    "phi_rad": ("friction angle phi", "deg", 180.0 / math.pi),
+    "k_m": ("shear modulus k", "mm", 1e3),
+    "stiffness_Pa": ("stiffness k1 + k2 b", "kPa", 1e-3),
+    "n": ("sinkage exponent n", "-", 1.0),
+}
+"""By name: in words, unit, and how many of it are one in SI."""
+
+_CANDIDATES_PRINTED, _REASONS_PRINTED = 5, 6
+
+
+def print_report(report: dict[str, Any], model: str) -> None:
+    """Print a training report: how well the model does on groups it has not seen, and on what that rests.
+
+    Parameters
+    ----------
+    report
+        As `TerrainClassifier.train` gives it.
+    model
+        Where the model was written.
+    """
+
+    def interval(score: dict[str, float]) -> str:
+        return f"{score['value']:.3f} ({score['low']:.3f} to {score['high']:.3f})"
+
+    print_line(
+        f"[bold]{report['modality']}[/bold] model written to {escape(model)}: {report['n']} items in "
+        f"{report['groups']} groups, {len(report['classes'])} classes"
+    )
+    if report["validated"]:
+        scores = {"one item": report, "a group's items averaged": report["by_group"]}
+        print_table(
+            ["on groups held out", "n", "balanced accuracy (95 %)", "accuracy (95 %)", "calibration error"],
+            [
+                [
+                    name, str(score.get("n_scored", score["n"])), interval(score["balanced_accuracy"]),
+                    interval(score["accuracy"]), f"{score['calibration_error']:.3f}",
+                ]
+                for name, score in scores.items()
+            ],
+        )  # fmt: skip
+        rows = zip(report["classes"], report["confusion"], strict=True)
+        print_table(["truth \\ said", *report["classes"]], [[name, *map(str, counts)] for name, counts in rows])
+        print_line(report["split"])
+    for warning in report["warnings"]:
+        print_line(f"[yellow]{escape(warning)}[/yellow]")
+
+
+def print_classified(rows: Sequence[dict[str, Any]]) -> None:
+    """Print the class of each file and window, or why there is none."""
+
+    def seconds(value: float | None) -> str:
+        return "" if value is None else f"{value:.2f}"
+
+    print_table(
+        ["file", "from s", "to s", "class", "probability", "quality", "why not"],
+        [
+            [
+                str(row["file"]), seconds(row.get("start_s")), seconds(row.get("end_s")), row["class"],
+                "" if row["unknown"] else f"{row['probabilities'][row['class']]:.2f}", f"{row['quality']:.2f}",
+                ", ".join(row["reasons"]),
+            ]
+            for row in rows
+        ],
+    )  # fmt: skip
+
+
+def print_identification(result: Identification) -> None:
+    """Print the overall estimate, then what became of each stretch."""
+    for problem in result.problems:
+        print(f"note: {problem}")
+    if result.overall is not None:
+        _print_estimate(result.overall)
+        print()
+    elif not any(segment.used for segment in result.segments):
+        print("No row could be used:")
+    print_table(
+        ["stretch", "rows", "c [kPa]", "phi [deg]", "why not"],
+        [_segment_row(segment) for segment in result.segments],
+        title="Stretches",
+    )
+
+
+def _print_estimate(found: SoilEstimate) -> None:
+    from ...identification.identifiability import is_search_limit
+
+    print(f"Soil from {found.n} rows of {', '.join(found.channels)} (method {found.method})")
+    rows = []
+    for name, quantity in found.parameters.items():
+        label, unit, scale = _SOIL[name]
+        low, high = (
+            "open" if is_search_limit(name, end) else f"{end * scale:.4g}" for end in (quantity.low, quantity.high)
+        )
+        determined = "given" if quantity.low == quantity.high else "yes" if found.separable[name] else "no"
+        rows.append([label, unit, f"{quantity.value * scale:.4g}", f"{low} to {high}", determined])
+    print_table(["parameter", "unit", "value", "95 % interval", "determined"], rows)
+    print_table(
+        ["normal stress [kPa]", "shear strength [kPa]", "95 % interval"],
+        [
+            [
+                f"{strength.normal_stress_Pa / 1e3:.3g}", f"{strength.value_Pa / 1e3:.3g}",
+                f"{strength.low_Pa / 1e3:.3g} to {strength.high_Pa / 1e3:.3g}",
+            ]
+            for strength in found.shear_strength
+        ],
+        title="Shear strength over the stresses driven",
+    )  # fmt: skip
+    if found.advice:
+        print(f"Advice: {found.advice}.")
+    for problem in found.problems:
+        print(f"note: {problem}")
+
+
+def _interval(quantities: Mapping[str, Quantity], name: str, digits: int = 2) -> str:
+    """Give a quantity with its 95 % interval in the unit that people read; empty where there is none."""
+    if name not in quantities:
+        return ""
+    one, scale = quantities[name], _SOIL[name][2]
+    value, low, high = (f"{each * scale:.{digits}f}" for each in (one.value, one.low, one.high))
+    return f"{value} ({low} to {high})"
+
+
+def _segment_row(segment: Segment) -> list[str]:
+    where = "steady-state trials" if math.isnan(segment.start_s) else f"{segment.start_s:.1f} to {segment.end_s:.1f} s"
+    if segment.wheel:
+        where = f"{where}, {segment.wheel}"
+    if segment.estimate is None:
+        return [where, str(segment.n), "", "", segment.reason]
+    found = segment.estimate.parameters
+    return [where, str(segment.estimate.n), _interval(found, "c_Pa"), _interval(found, "phi_rad", 1), ""]
+
+
+def print_explanation(answer: Explanation) -> None:
+    """Print the answer, where the channels differ, what is missing, what it gains, the sound, and what to rely on."""
+    from ...identification.explain.quantities import listed
+    from ...identification.explain.report.sound import sound_lines
+    from ...identification.explain.report.tables import candidate_table, fit_table, located_table, soil_table
+    from ...identification.explain.words import details, headline, missing_lines, predicted_worse
+
+    print(headline(answer))
+    for text in (details(answer), answer.trust):
+        if text:
+            print(text)
+    print()
+    print_table(*located_table(answer), title="Where simulation and recording differ")
+    if answer.located:
+        print()
+    for each in answer.missing:
+        print(*missing_lines(each), "", sep="\n")
+    print_table(*fit_table(answer), title=f"Error on held-out rows: {answer.split}")
+    print()
+    headers, rows = candidate_table(answer.candidates[:_CANDIDATES_PRINTED])
+    title = f"Most probable of {len(answer.candidates)} candidates"
+    print_table(headers[:-1], [row[:-1] for row in rows], title=title)
+    print()
+    print_table(*soil_table(answer), title="Soil")
+    print()
+    if answer.sound is not None:
+        print("Sound", *sound_lines(answer.sound), "", sep="\n")
+    if worse := predicted_worse(answer):
+        print(f"note: predicted worse than before: {listed(worse)}")
+    for note in answer.notes:
+        print(f"note: {note}")
+
+
+def print_summary(summary: TraverseSummary) -> None:
+    """Print what a run found: the drive, the ground, the senses, the soil, and what was stored."""
+    for warning in summary.warnings:
+        console().print(Panel(escape(warning), title="mind", border_style="yellow", expand=False))
+    vehicle = f" by {escape(summary.vehicle)}" if summary.vehicle else ""
+    places = f", places {summary.places}" if summary.places else ""
+    print_line(
+        f"[bold]{escape(summary.recording)}[/bold]{vehicle}: {summary.distance_m:.1f} m in {summary.duration_s:.0f} s"
+        f"{places}"
+    )
+    _print_ground(summary)
+    _print_senses(summary.senses)
+    _print_soils(summary)
+    for problem in summary.problems:
+        print_line(f"[yellow]not usable:[/yellow] {escape(problem)}")
+    database = escape(summary.database)
+    if summary.known or summary.observations_known:
+        text = f"nothing added: {database} holds this drive already ({summary.observations_known} observations)"
+    elif summary.observations_new:
+        text = f"{summary.observations_new} observations added to {database}"
+    else:
+        text = f"nothing added to {database}: nothing was observed"
+    print_line(f"\n[bold]{text}[/bold] in {summary.seconds:.1f} s")
+
+
+def _print_ground(summary: TraverseSummary) -> None:
+    names = list(dict.fromkeys([*summary.track_m, *summary.cells]))
+    cells = f"cells of {summary.cell_size_m:g} m"
+    if summary.known:
+        rows = [[name, str(summary.cells[name])] for name in names]
+        print_table(["ground", cells], rows, title="\nseen and heard, as it was stored")
+    else:
+        names.sort(key=lambda name: -summary.track_m.get(name, 0.0))
+        rows = [[name, f"{summary.track_m.get(name, 0.0):.1f}", str(summary.cells.get(name, 0))] for name in names]
+        print_table(["ground", "m of track", cells], rows, title="\nseen and heard")
+    if summary.contradictions:
+        print_line(f"the senses contradict each other in {summary.contradictions} cells")
+
+
+def _print_senses(senses: Sequence[SenseSummary]) -> None:
+    print_table(
+        ["sense", "looks", "trusted", "mean quality", "cells", "not trusted because"],
+        [
+            [one.sense, "", "", "", "", one.absent]
+            if one.absent
+            else [
+                one.sense, str(one.items), f"{100 * one.trusted_share:.1f} %", f"{one.mean_quality:.2f}",
+                str(one.cells), _most(one.closed),
+            ]
+            for one in senses
+        ],
+        title="\nhow far to trust",
+    )  # fmt: skip
+
+
+def _most(counts: Mapping[str, int]) -> str:
+    shown = list(counts.items())[:_REASONS_PRINTED]
+    rest = len(counts) - len(shown)
+    text = "; ".join(f"{reason} ({count})" for reason, count in shown)
+    return f"{text}; {rest} more" if rest else text
+
+
+def _print_soils(summary: TraverseSummary) -> None:
+    print_table(
+        ["class", "probability", "from .. to s", "n", "c [kPa] (95 %)", "phi [deg] (95 %)"],
+        [
+            [
+                soil.class_name or "unknown", f"{soil.class_probability:.2f}" if soil.class_name else "",
+                f"{soil.start_s:.0f} to {soil.end_s:.0f}", str(soil.n), _learnt(soil, "c_Pa"), _learnt(soil, "phi_rad"),
+            ]
+            for soil in summary.soils
+        ],
+        title="\nsoil learnt",
+    )  # fmt: skip
+    for soil in summary.soils:
+        for problem in soil.problems:
+            print_line(f"note, {soil.start_s:.0f} to {soil.end_s:.0f} s: {escape(problem)}")
+    for advice in dict.fromkeys(soil.advice for soil in summary.soils if soil.advice):
+        print_line(f"to learn more: {escape(advice)}")
+    closed = [[f"{seconds:.0f}", reason] for reason, seconds in list(summary.closed_s.items())[:_REASONS_PRINTED]]
+    print_table(["s", f"not used for soil because ({summary.used_s:.0f} s were used)"], closed)
+
+
+def _learnt(soil: LearntSoil, name: str) -> str:
+    text = _interval(soil.parameters, name)
+    return text if not text or soil.separable.get(name, True) else f"{text}, not determined"
+
+
+def print_places(rows: Sequence[dict[str, Any]], stress_Pa: float, confidence: float) -> None:
+    """Print the answers of `bevameter query` for places (`database.exports.answer_rows`)."""
+    texts = []
+    for row in rows:
+        ranked = sorted((row["class_probabilities"] or {}).items(), key=lambda entry: -entry[1])
+        terrain = ", ".join(f"{name} {share:.0%}" for name, share in ranked[:3] if share >= 0.005)
+        place = ["unknown" if row[axis] is None else f"{row[axis]:.2f}" for axis in ("x_m", "y_m")]
+        seen = [_age(row["age_s"]), str(row["observations"])]
+        texts.append([*place, terrain or "unknown", *_strength(row), *seen])
+    headers = ["x [m]", "y [m]", "terrain", *_STRENGTH, "age", "drives"]
+    print_table(headers, texts, empty="unknown: nobody has seen ground there")
+    _print_notes(rows, stress_Pa, confidence)
+
+
+def print_classes(rows: Sequence[dict[str, Any]], stress_Pa: float, confidence: float) -> None:
+    """Print the answers of `bevameter query` for classes (`database.exports.class_rows`)."""
+    texts = [[row["class"], str(row["cells"]), str(row["observations"]), *_strength(row)] for row in rows]
+    headers = ["class", "cells", "stretches", *_STRENGTH]
+    print_table(headers, texts, empty="unknown: no class was recognised yet")
+    _print_notes(rows, stress_Pa, confidence)
+
+
+_STRENGTH = ("c [kPa]", "phi [deg]", "strength [kPa]", "lower [kPa]")
+
+
+def _strength(row: dict[str, Any]) -> list[str]:
+    if not row["known"]:
+        return ["unknown", "", "", ""]
+    (variance, _), (_, variance_tan) = row["covariance_c_tan_phi"]
+    degrees = math.degrees(math.sqrt(variance_tan) / (1.0 + row["tan_phi"] ** 2))
+    return [
+        f"{row['c_Pa'] / 1e3:.2f} ± {math.sqrt(variance) / 1e3:.2f}",
+        f"{math.degrees(row['phi_rad']):.1f} ± {degrees:.1f}",
+        f"{row['shear_strength_Pa'] / 1e3:.2f}",
+        f"{row['shear_strength_lower_Pa'] / 1e3:.2f}",
+    ]
+
+
+def _age(seconds: float | None) -> str:
+    if seconds is None:
+        return "unknown"
+    for unit, length in (("d", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if abs(seconds) >= length:
+            return f"{seconds / length:.1f} {unit}"
+    return f"{seconds:.0f} s"
+
+
+def _print_notes(rows: Sequence[dict[str, Any]], stress_Pa: float, confidence: float) -> None:
+    """Say below a table what its strengths are, and why what is not known is not: each reason once."""
+    if any(row["known"] for row in rows):
+        print(
+            f"± one standard deviation; shear strength at {stress_Pa / 1e3:g} kPa normal stress, "
+            f"lower bound at confidence {confidence:.4g}"
+        )
+    for note in dict.fromkeys(row["note"] for row in rows if row.get("note")):
+        print(f"note: {note}")
+    for row in rows:
+        if row.get("misfits"):
+            print(
+                f"note: {row['class']}: the textbook wheel does not fit what was felt; its stretches count as one place"
+            )
+    for reason, count in Counter(row["unknown"] for row in rows if not row["known"]).items():
+        print(f"unknown: {reason}" + (f" ({count} of {len(rows)})" if count > 1 else ""))

@@ -1,0 +1,210 @@
+"""The senses: what trains, classifies files and observes a recording's ground, and the registry of them.
+
+A sense is one class in one module. Modules of this package whose name ends in ``sense`` are found where they lie; one
+of another distribution is found by its entry point in the group ``bevameter.senses``, or registers itself when its
+module is imported::
+
+    @register
+    class Thermal(Sense):
+        name, instrument = "thermal", "thermal camera"
+
+        def train(self, labelled, rng, *, notes=()): ...
+        def classify(self, files, model): ...
+        def absence(self, recording): ...
+        def observe(self, recording, track, model, cell_size_m): ...
+"""
+
+from __future__ import annotations
+
+import pkgutil
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from .core.classifier.classifier import TerrainClassifier, TrainingOutcome
+from .core.classifier.labelled import LabelledFile, read_labelled
+from .core.errors import InputError
+from .core.evidence import ClassEvidence
+from .core.recording.types import Recording
+from .core.track.way import Track, cells_under_wheels
+
+
+@dataclass(frozen=True)
+class Observation:
+    """Evidence of n items (looks, windows of time), and the m cells of the ground that they are of.
+
+    Parameters
+    ----------
+    evidence
+        n items.
+    time_s : (n,)
+        When each was observed [s].
+    item : (m,)
+        Index of an item. An item may be of several cells, and of none where nobody knows the place.
+    cells : (m, 2)
+        The cell (`framework.core.pooling.cells_of`).
+    """
+
+    evidence: ClassEvidence
+    time_s: np.ndarray
+    item: np.ndarray
+    cells: np.ndarray
+
+    @staticmethod
+    def under_wheels(
+        evidence: ClassEvidence,
+        start_s: np.ndarray,
+        end_s: np.ndarray,
+        recording: Recording,
+        track: Track,
+        cell_size_m: float,
+    ) -> Observation:
+        """Lay n windows of time from `start_s` to `end_s` (n,) [s] on the cells that the wheels then ran over."""
+        item, cells = cells_under_wheels(track, recording.vehicle, start_s, end_s, cell_size_m)
+        return Observation(evidence, 0.5 * (start_s + end_s), item, cells)
+
+
+class Sense(ABC):
+    """Recognises classes of terrain by one instrument.
+
+    Attributes
+    ----------
+    name
+        That of its models: ``vision`` is trained by ``bevameter train vision`` and read from ``vision.skops``.
+    instrument
+        That of what it observes with, for summaries and reasons: ``camera``.
+    """
+
+    name: ClassVar[str]
+    instrument: ClassVar[str]
+
+    @abstractmethod
+    def train(
+        self, labelled: Sequence[LabelledFile], rng: np.random.Generator, *, notes: Sequence[str] = ()
+    ) -> TrainingOutcome:
+        """Train a classifier of modality `name` on labelled files; `notes` go among the report's warnings.
+
+        Raises
+        ------
+        InputError
+            A file cannot be used, or there are fewer than two classes.
+        """
+
+    @abstractmethod
+    def classify(self, files: Sequence[Path], model: TerrainClassifier) -> list[dict]:
+        """Classify files: the rows of `ClassEvidence.as_rows`, one for each file and window.
+
+        Raises
+        ------
+        InputError
+            A file cannot be read, or the model is not of this version.
+        """
+
+    @abstractmethod
+    def absence(self, recording: Recording) -> str:
+        """Say why a recording cannot be observed by this sense; empty where it can, given places and a model."""
+
+    def recorded(self, recording: Recording) -> bool:
+        """Tell whether a recording has what this sense observes, whatever else it lacks: then a model is looked for."""
+        return not self.absence(recording)
+
+    @abstractmethod
+    def observe(
+        self, recording: Recording, track: Track, model: TerrainClassifier, cell_size_m: float
+    ) -> Iterator[Observation]:
+        """Observe the ground of a recording, in order of time, in memory that does not grow with its length.
+
+        Raises
+        ------
+        InputError
+            The model is not of this version.
+        """
+
+
+_SENSES: dict[str, Sense] = {}
+
+
+def register(sense: type[Sense]) -> type[Sense]:
+    """Add a sense, as a decorator of its class; it takes the place of another of the same name."""
+    _SENSES[sense.name] = sense()
+    return sense
+
+
+@cache
+def _load() -> None:
+    """Import the modules of this package's senses, and of others that entry points name."""
+    others = dict(_SENSES)
+    package = import_module("..", __package__)
+    for part in pkgutil.iter_modules(package.__path__):
+        folders = [str(Path(folder) / part.name) for folder in package.__path__]
+        for module in pkgutil.iter_modules(folders) if part.ispkg else ():
+            if module.name.endswith("sense"):
+                import_module(f"{package.__name__}.{part.name}.{module.name}")
+    for point in entry_points(group="bevameter.senses"):
+        point.load()
+    _SENSES.update(others)  # what was registered before stays
+
+
+def senses() -> tuple[Sense, ...]:
+    """Give all senses, in the order of their instruments' names."""
+    _load()
+    return tuple(sorted(_SENSES.values(), key=lambda sense: (sense.instrument, sense.name)))
+
+
+def sense_named(name: str) -> Sense:
+    """Give a sense; raises `InputError` where there is none of that name."""
+    known = {sense.name: sense for sense in senses()}
+    if name not in known:
+        raise InputError("sense", f"no sense {name!r}", expected=" or ".join(known))
+    return known[name]
+
+
+def senses_of(recording: Recording) -> tuple[str, ...]:
+    """Name the senses that a recording has something for, and so need a model."""
+    return tuple(sense.name for sense in senses() if sense.recorded(recording))
+
+
+def train_sense(name: str, folder: str | Path, *, seed: int = 0) -> TrainingOutcome:
+    """Train a sense on a labelled folder.
+
+    Parameters
+    ----------
+    name
+        Of the sense, such as ``"vision"``.
+    folder
+        With ``index.csv`` (file, class, group[, start_s, end_s]), or with sub-folders named by class.
+    seed
+        Seed of everything random.
+
+    Returns
+    -------
+    TrainingOutcome
+        The classifier, and the report of how well it does on groups that it was not trained on.
+
+    Raises
+    ------
+    InputError
+        There is no such sense; the folder, its index, or a file in it cannot be used; the text names it.
+    """
+    sense, notes = sense_named(name), []
+    labelled = read_labelled(Path(folder), notes)
+    return sense.train(labelled, np.random.default_rng(seed), notes=notes)
+
+
+def classify_files(name: str, files: Sequence[str | Path], model: str | Path) -> list[dict]:
+    """Classify files by a sense's model: one row for each file and window.
+
+    Raises
+    ------
+    InputError
+        There is no such sense, the model is not one of it, or a file cannot be read.
+    """
+    sense = sense_named(name)
+    return sense.classify([Path(file) for file in files], TerrainClassifier.load(Path(model), modality=name))

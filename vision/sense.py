@@ -1,0 +1,62 @@
+"""Vision as a sense: the camera's images, laid on the ground ahead."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..framework.core.classifier.classifier import TerrainClassifier, TrainingOutcome
+from ..framework.core.classifier.labelled import LabelledFile
+from ..framework.core.pooling import cells_of
+from ..framework.core.recording.types import Recording
+from ..framework.core.track.way import Track
+from ..framework.senses import Observation, Sense, register
+
+
+@register
+class Vision(Sense):
+    """Recognises the ground on images."""
+
+    name = "vision"
+    instrument = "camera"
+
+    def train(
+        self, labelled: Sequence[LabelledFile], rng: np.random.Generator, *, notes: Sequence[str] = ()
+    ) -> TrainingOutcome:
+        """Train on photographs of ground."""
+        from .train import train_vision
+
+        return train_vision(labelled, rng, notes=notes)
+
+    def classify(self, files: Sequence[Path], model: TerrainClassifier) -> list[dict]:
+        """Name the ground on photographs, one row a file."""
+        from .classify import classify_images
+
+        return classify_images(files, model)
+
+    def absence(self, recording: Recording) -> str:
+        """Say what is missing: images, or the camera's geometry."""
+        if not self.recorded(recording):
+            return "no camera in the recording"
+        if recording.vehicle is None or recording.vehicle.camera is None:
+            return "the vehicle's description has no [camera], so images cannot be laid on the ground"
+        return ""
+
+    def recorded(self, recording: Recording) -> bool:
+        """Tell whether there are images."""
+        return recording.camera is not None and len(recording.camera) > 0
+
+    def observe(
+        self, recording: Recording, track: Track, model: TerrainClassifier, cell_size_m: float
+    ) -> Iterator[Observation]:
+        """Look at the ground ahead, a few frames at a time."""
+        from .observe import observe_ground
+
+        images, camera = recording.camera, recording.vehicle.camera if recording.vehicle else None
+        assert images is not None and camera is not None  # noqa: PT018 - see `absence`
+        for looks in observe_ground(images, camera, track.place_at, track.speed_at, model, cell_size_m):
+            item = np.flatnonzero(np.isfinite(looks.x_m) & np.isfinite(looks.y_m) & np.isfinite(looks.time_s))
+            cells = cells_of(looks.x_m[item], looks.y_m[item], cell_size_m)
+            yield Observation(looks.evidence, looks.time_s, item, cells)
