@@ -10,10 +10,10 @@ import numpy as np
 
 from ..audio.mismatch.explain import explain_sound
 from ..database.store import TerrainDatabase
+from ..identification.estimate.identify import open_recording
 from ..identification.explain.explain import explain as explain_wheel
 from ..identification.explain.explanation import Explanation
-from ..identification.felt_rows import felt_rows
-from ..identification.identify import open_recording
+from ..identification.rows.select import felt_rows
 from .core.arguments import whole
 from .core.class_names import check_class_name
 from .core.errors import InputError

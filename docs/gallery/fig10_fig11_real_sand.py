@@ -17,9 +17,9 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from bevameter import identify, read_recording
-from bevameter.identification.felt_rows import felt_rows
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import equilibrium
+from bevameter.identification.rows.select import felt_rows
 
 
 def main(wheel_file: Path, out: Path) -> dict[str, float]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from ...identification.identifiability import is_search_limit
-from ...identification.identify import Identification, Segment
+from ...identification.estimate.identifiability import is_search_limit
+from ...identification.estimate.identify import Identification, Segment
 from ..core.soil import Quantity, SoilEstimate
 from .printing import print_rows
 

@@ -14,8 +14,8 @@ from ...framework.core.recording.types import Recording
 from ...framework.core.soil import SoilKnowledge, as_knowledge
 from ...framework.core.vehicle import Vehicle
 from ..effects.catalogue import SLUGS
-from ..felt_rows import felt_rows, only_steady
-from ..identify import open_recording
+from ..estimate.identify import open_recording
+from ..rows.select import felt_rows, only_steady
 from .answer import assemble, choose
 from .attach import attach
 from .explanation import Explanation

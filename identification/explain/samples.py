@@ -13,12 +13,12 @@ from ...framework.core.recording.types import WheelTable
 from ...framework.core.vehicle import Vehicle, Wheel
 from ..effects.drive import drive_of, order_of, select_rows
 from ..effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Drive
-from ..gate import LIMITS
 from ..mechanics.textbook import CHANNELS
-from ..noise import from_running_median, least_noise, noise_from_neighbours, sensor_noise
-from ..standing import stands
-from ..trials import AS_TRIALS, is_of_trials, without_clock, without_time
-from ..unloaded import carries_nothing
+from ..rows.gate import LIMITS
+from ..rows.noise import from_running_median, least_noise, noise_from_neighbours, sensor_noise
+from ..rows.standstill import stands
+from ..rows.trials import AS_TRIALS, is_of_trials, without_clock, without_time
+from ..rows.unloaded import carries_nothing
 from .lanes import lanes
 from .latent import Path, independent, path_of
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bevameter import Recording, Vehicle, Wheel, WheelTable
-from bevameter.identification.angle_check import angle_disagreement
-from bevameter.identification.felt_rows import felt_rows
+from bevameter.identification.rows.angle import angle_disagreement
+from bevameter.identification.rows.select import felt_rows
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.12)
 TURN = 2.0 * np.pi

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bevameter import Recording, Vehicle, Wheel, WheelTable, explain, identify
-from bevameter.identification.copies import without_copies
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import equilibrium
+from bevameter.identification.rows.duplicates import without_copies
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.12)
 SAND = Soil(c_Pa=300.0, phi_rad=0.55, k_m=0.012, stiffness_Pa=9e4, n=0.9)

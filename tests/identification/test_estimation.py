@@ -9,8 +9,8 @@ import pytest
 from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.soil import SoilKnowledge
 from bevameter.framework.core.vehicle import Wheel
-from bevameter.identification.errors_in_variables import fit
-from bevameter.identification.estimation import Measured, estimate_soil, physical, solve, usable
+from bevameter.identification.estimate.estimate import Measured, estimate_soil, physical, solve, usable
+from bevameter.identification.estimate.optimise import fit
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import CHANNELS, TextbookWheel, equilibrium
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bevameter import Vehicle
-from bevameter.identification.felt_rows import felt_rows
+from bevameter.identification.rows.select import felt_rows
 from slow_drive import WHEEL, recording, with_columns
 from steady_trials import trials, without
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from bevameter.framework.core.soil import SoilKnowledge
 from bevameter.framework.core.vehicle import Wheel
-from bevameter.identification.estimation import WRONG_FORM, estimate_soil, solve, usable
-from bevameter.identification.form_error import rejected, score_statistic
+from bevameter.identification.estimate.estimate import WRONG_FORM, estimate_soil, solve, usable
+from bevameter.identification.estimate.form_error import rejected, score_statistic
 from bevameter.identification.mechanics.flexible import FREEDOMS, FlexibleWheel
 from bevameter.identification.mechanics.textbook import TextbookWheel
 

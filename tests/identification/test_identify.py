@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bevameter import InputError, Recording, Vehicle, Wheel, WheelTable, identify
-from bevameter.identification.gate import find_stretches, quasi_static
-from bevameter.identification.identify import identify_segments
+from bevameter.identification.estimate.identify import identify_segments
+from bevameter.identification.estimate.report import identification_json
 from bevameter.identification.mechanics.textbook import equilibrium
-from bevameter.identification.report import identification_json
-from bevameter.identification.trials import AS_TRIALS
+from bevameter.identification.rows.gate import find_stretches, quasi_static
+from bevameter.identification.rows.trials import AS_TRIALS
 from slow_drive import CLAY, SAND, VEHICLE, WHEEL, drive, recording, with_columns
 
 
@@ -190,7 +190,7 @@ def test_the_linear_method_says_which_channel_it_lacks_that_is_stuck(rng):
 
 
 def test_thinning_is_said(rng, monkeypatch):
-    monkeypatch.setattr("bevameter.identification.identify.MOST_ROWS", 120)
+    monkeypatch.setattr("bevameter.identification.estimate.identify.MOST_ROWS", 120)
     result = identify(recording(drive(rng)))
     assert result.segments[0].estimate.n == 120
     assert any("more than 120 rows are thinned" in problem for problem in result.problems)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from bevameter.framework.core.soil import Quantity, ShearStrength
 from bevameter.identification import intervals
-from bevameter.identification.identifiability import separable
+from bevameter.identification.estimate.identifiability import separable
 
 QUANTILE = 1.96
 

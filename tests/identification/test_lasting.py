@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bevameter import Recording, Vehicle, Wheel, WheelTable, identify
-from bevameter.identification.identify import Segment
+from bevameter.identification.estimate.identify import Segment
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import equilibrium
-from bevameter.identification.noise import alike, memory
+from bevameter.identification.rows.noise import alike, memory
 from scipy.signal import butter, lfilter
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.12)

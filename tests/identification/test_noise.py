@@ -9,7 +9,7 @@ import pytest
 from bevameter import InputError, Recording, Vehicle, Wheel, WheelTable, explain
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import equilibrium
-from bevameter.identification.noise import scatter_along_slip
+from bevameter.identification.rows.noise import scatter_along_slip
 
 SLIPS = np.array([0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
 WHEEL = Wheel(radius_m=0.15, width_m=0.12)
@@ -66,7 +66,7 @@ def test_a_mirrored_pull_is_refused():
 @pytest.fixture
 def mirrored_pull(monkeypatch):
     """The answer to a pull the other way round that nobody refused; no two trials are alike."""
-    monkeypatch.setattr("bevameter.identification.felt_rows.check_pull", lambda *_: None)
+    monkeypatch.setattr("bevameter.identification.rows.select.check_pull", lambda *_: None)
     recording = mirrored("drawbar_pull_N")
     return explain(recording), np.abs(recording.wheel["drawbar_pull_N"]).max()
 

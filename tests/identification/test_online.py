@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from bevameter.framework.core.soil import SoilKnowledge
 from bevameter.framework.core.vehicle import Wheel
-from bevameter.identification.estimation import Measured, solve
+from bevameter.identification.estimate.estimate import Measured, solve
+from bevameter.identification.estimate.online import LEAST_SAMPLES, OnlineIdentifier
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import CHANNELS, equilibrium
-from bevameter.identification.online import LEAST_SAMPLES, OnlineIdentifier
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.12)
 SAND = Soil(c_Pa=300.0, phi_rad=np.radians(33.0), k_m=0.012, stiffness_Pa=9e4, n=0.9)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bevameter.identification.population import Grid, Population
+from bevameter.identification.estimate.population import Grid, Population
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bevameter import InputError, WheelTable
-from bevameter.identification.felt_rows import felt_rows
 from bevameter.identification.mechanics.textbook import equilibrium
+from bevameter.identification.rows.select import felt_rows
 from slow_drive import SAND, WHEEL, drive, recording, with_columns
 from steady_trials import SLIPS, trials, without
 

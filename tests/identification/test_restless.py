@@ -10,10 +10,10 @@ import pytest
 from bevameter import Vehicle, identify
 from bevameter.framework.core.recording.types import Recording, WheelTable
 from bevameter.framework.core.soil import SoilEstimate, SoilKnowledge
-from bevameter.identification.estimation import usable
-from bevameter.identification.felt_rows import felt_rows
-from bevameter.identification.identify import measured_rows
-from bevameter.identification.restless import as_answers_tell
+from bevameter.identification.estimate.estimate import usable
+from bevameter.identification.estimate.identify import measured_rows
+from bevameter.identification.estimate.noise_likelihood import as_answers_tell
+from bevameter.identification.rows.select import felt_rows
 from restless_drive import ROWS, SOIL, WHEEL, drive
 
 NOTE = "seems to change from row to row"

@@ -7,7 +7,7 @@ import pytest
 from bevameter import Recording, Vehicle, Wheel, WheelTable, explain, identify
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import equilibrium
-from bevameter.identification.run_in import without_run_in
+from bevameter.identification.rows.settling import without_run_in
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)
 ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")

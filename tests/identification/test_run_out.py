@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bevameter import Recording, Vehicle, Wheel, WheelTable, explain, identify
-from bevameter.identification.felt_rows import felt_rows, only_steady
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import equilibrium
-from bevameter.identification.run_out import without_stops
-from bevameter.identification.standing import stands, with_standstill
-from bevameter.identification.steady_runs import steady_runs
+from bevameter.identification.rows.select import felt_rows, only_steady
+from bevameter.identification.rows.standstill import stands, with_standstill
+from bevameter.identification.rows.steady_runs import steady_runs
+from bevameter.identification.rows.stops import without_stops
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.1)
 ROWS, STEP_S = 50, 0.2

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bevameter import Recording, Vehicle, Wheel, WheelTable, explain, identify
-from bevameter.identification.felt_rows import felt_rows
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import equilibrium
-from bevameter.identification.slip_check import slip_disagreement, speeds_in_another_unit
+from bevameter.identification.rows.kinematics import slip_disagreement, speeds_in_another_unit
+from bevameter.identification.rows.select import felt_rows
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.12)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from bevameter import Vehicle, Wheel, WheelTable
 from bevameter.identification.explain.samples import gather
-from bevameter.identification.unloaded import carries_nothing
+from bevameter.identification.rows.unloaded import carries_nothing
 
 ONE = np.zeros(600, dtype=int)
 

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from bevameter.framework.core.soil import SoilKnowledge
 from bevameter.framework.core.vehicle import Wheel
-from bevameter.identification.estimation import WRONG_FORM, Measured, solve, summarise, usable
-from bevameter.identification.form_error import rejected
+from bevameter.identification.estimate.estimate import WRONG_FORM, Measured, solve, summarise, usable
+from bevameter.identification.estimate.form_error import rejected
 
 KINDS = {
     "none": {},

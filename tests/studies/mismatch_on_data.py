@@ -14,13 +14,13 @@ import numpy as np
 from bevameter import InputError, Vehicle, WheelTable, explain
 from bevameter.framework.core.recording.types import Recording
 from bevameter.framework.core.recording.wheel_file import read_wheel_file
+from bevameter.identification.estimate.identify import open_recording
 from bevameter.identification.explain.explanation import Explanation
 from bevameter.identification.explain.fit import fit, fit_textbook
 from bevameter.identification.explain.held_out import hold_out
 from bevameter.identification.explain.samples import gather, levels
-from bevameter.identification.felt_rows import felt_rows
-from bevameter.identification.identify import open_recording
 from bevameter.identification.mechanics.augmented import Entry
+from bevameter.identification.rows.select import felt_rows
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 SHOWN = {"torque_Nm": ("torque [N m]", 1.0), "sinkage_m": ("sinkage [mm]", 1e3), "drawbar_pull_N": ("pull [N]", 1.0)}

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..framework.core.soil import PARAMETERS, PLAUSIBLE, PUBLISHED, Quantity, ShearStrength
-from .mechanics.stresses import FINE
-from .mechanics.textbook import PEAK_SHARE, TextbookWheel
+from ...framework.core.soil import PARAMETERS, PLAUSIBLE, PUBLISHED, Quantity, ShearStrength
+from ..mechanics.stresses import FINE
+from ..mechanics.textbook import PEAK_SHARE, TextbookWheel
 
 if TYPE_CHECKING:
-    from .estimation import Solution
+    from .estimate import Solution
     from .intervals import Intervals
 
 SHARE_OF_STRENGTH = 0.25

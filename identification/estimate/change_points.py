@@ -13,12 +13,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import median_filter
 
-from ..framework.core.soil import WRONG_FORM, SoilKnowledge
-from ..framework.core.vehicle import Wheel
-from .estimation import ANSWERS, Measured, Solution, solve
-from .gate import Limits
+from ...framework.core.soil import WRONG_FORM, SoilKnowledge
+from ...framework.core.vehicle import Wheel
+from ..rows.gate import Limits
+from ..rows.noise import alike, correlation_time
+from .estimate import ANSWERS, Measured, Solution, solve
 from .lasting import as_rows_repeat
-from .noise import alike, correlation_time
 
 
 def split_soils(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..framework.core.recording.types import WHEEL_COLUMNS, WheelTable
+from ...framework.core.recording.types import WHEEL_COLUMNS, WheelTable
 
 _ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ..framework.core.recording.types import WheelTable
+from ...framework.core.recording.types import WheelTable
 from .steady_runs import Runs, steady_runs
 
 _ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from ..framework.core.recording.types import WheelTable
-from ..framework.core.vehicle import Wheel
+from ...framework.core.recording.types import WheelTable
+from ...framework.core.vehicle import Wheel
 from .trials import is_of_trials
 
 _TURNED_RAD, _MOST_TURNED_RAD = 0.8, 4.0

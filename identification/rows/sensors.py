@@ -6,10 +6,10 @@ from collections.abc import Collection
 
 import numpy as np
 
-from ..framework.core.errors import InputError
-from ..framework.core.recording.types import WheelTable
-from ..framework.core.vehicle import Vehicle
-from .mechanics.textbook import CHANNELS
+from ...framework.core.errors import InputError
+from ...framework.core.recording.types import WheelTable
+from ...framework.core.vehicle import Vehicle
+from ..mechanics.textbook import CHANNELS
 from .noise import measured_noise
 from .trials import is_of_trials, without_time
 

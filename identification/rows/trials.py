@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..framework.core.recording.types import WheelTable
+from ...framework.core.recording.types import WheelTable
 
 AS_TRIALS = "slip or load leap from each row to the next: each is taken for a steady trial, whatever its time"
 """Note where that was found."""

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from ..framework.core.recording.types import WheelTable
-from .effects.drive import order_of
+from ...framework.core.recording.types import WheelTable
+from ..effects.drive import order_of
 from .noise import in_time, noise_of_series, running_median
 
 _SPEEDS = ("wheel_speed_rad_s", "travel_speed_m_s")

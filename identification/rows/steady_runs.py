@@ -10,10 +10,10 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.signal import find_peaks
 
-from ..framework.core.recording.types import WheelTable
-from .effects.drive import order_of
+from ...framework.core.recording.types import WheelTable
+from ..effects.drive import order_of
 from .noise import NORMAL_MAD, noise_of_series, running_median
-from .standing import stands
+from .standstill import stands
 
 _HELD_LOAD, _HELD_SLIP, _HELD_SPEED = 0.1, 0.03, 0.1
 """How far load and speeds that are held may be off, as shares of them, and how far slip [-]."""

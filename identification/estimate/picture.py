@@ -14,13 +14,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from scipy.stats import chi2
 
-from ..framework.core.files import whole
-from ..framework.core.recording.types import Recording
-from ..framework.core.soil import SoilEstimate, SoilKnowledge
-from .estimation import LEAST_ROWS, Measured, solve, usable
-from .felt_rows import FeltRows, felt_rows
+from ...framework.core.files import whole
+from ...framework.core.recording.types import Recording
+from ...framework.core.soil import SoilEstimate, SoilKnowledge
+from ..rows.select import FeltRows, felt_rows
+from .estimate import LEAST_ROWS, Measured, solve, usable
 from .identify import Identification, measured_rows
-from .restless import as_answers_tell
+from .noise_likelihood import as_answers_tell
 
 CHECKPOINTS = 24
 """Points of the convergence curve of one stretch."""

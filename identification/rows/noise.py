@@ -8,9 +8,9 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.spatial import KDTree
 
-from ..framework.core.recording.types import WheelTable
-from ..framework.core.vehicle import Vehicle
-from .mechanics.textbook import CHANNELS
+from ...framework.core.recording.types import WheelTable
+from ...framework.core.vehicle import Vehicle
+from ..mechanics.textbook import CHANNELS
 
 NORMAL_MAD = 1.4826
 """Standard deviation of a normal variable, in median absolute deviations [-]."""

@@ -15,18 +15,18 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.stats import t as t_distribution
 
-from ..framework.core.errors import InputError
-from ..framework.core.soil import PARAMETERS, PLAUSIBLE, WRONG_FORM, SoilEstimate, SoilKnowledge
-from ..framework.core.vehicle import Wheel
+from ...framework.core.errors import InputError
+from ...framework.core.soil import PARAMETERS, PLAUSIBLE, WRONG_FORM, SoilEstimate, SoilKnowledge
+from ...framework.core.vehicle import Wheel
+from ..mechanics.soil import Soil, from_internal, slope_of_internal, to_internal
+from ..mechanics.stresses import rim_forces
+from ..mechanics.textbook import CHANNELS, TextbookWheel, contact_array, entry_angle
+from ..rows.noise import alike, correlation_time, memory
 from . import form_error
-from .errors_in_variables import Fit, best_start, fit
 from .identifiability import advise, separable, strengths
 from .intervals import consistent, hull, parameter_intervals
-from .marginal_likelihood import Problem
-from .mechanics.soil import Soil, from_internal, slope_of_internal, to_internal
-from .mechanics.stresses import rim_forces
-from .mechanics.textbook import CHANNELS, TextbookWheel, contact_array, entry_angle
-from .noise import alike, correlation_time, memory
+from .likelihood import Problem
+from .optimise import Fit, best_start, fit
 
 ANSWERS = np.array([False, True, True, False, True])
 """Channels that the soil answers with (T, z, DP): the model's error lives there; load and slip are imposed."""

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .mechanics.textbook import ForwardModel
+from ..mechanics.textbook import ForwardModel
 from .population import LEAST_SPREAD, Grid, Population
 
 POPULATION = 5

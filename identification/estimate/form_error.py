@@ -20,13 +20,13 @@ import numpy as np
 from scipy.stats import chi2
 from scipy.stats import t as t_distribution
 
-from .errors_in_variables import best_start, fit
-from .marginal_likelihood import POPULATION, Point, Problem, State, evaluate, mean_score
-from .mechanics.flexible import FREEDOMS, FlexibleWheel
-from .mechanics.textbook import TextbookWheel
+from ..mechanics.flexible import FREEDOMS, FlexibleWheel
+from ..mechanics.textbook import TextbookWheel
+from .likelihood import POPULATION, Point, Problem, State, evaluate, mean_score
+from .optimise import best_start, fit
 
 if TYPE_CHECKING:
-    from .estimation import Solution
+    from .estimate import Solution
 
 FALSE_ALARMS = 0.01
 """How often the score test rejects the textbook's form where it holds [-]."""

@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..framework.core.soil import WRONG_FORM, SoilKnowledge
-from ..framework.core.vehicle import Wheel
-from .estimation import Measured, Solution, solve
-from .restless import FEWEST, beside_any_noise
+from ...framework.core.soil import WRONG_FORM, SoilKnowledge
+from ...framework.core.vehicle import Wheel
+from .estimate import Measured, Solution, solve
+from .noise_likelihood import FEWEST, beside_any_noise
 
 _WORTH_A_WORD = 2.0
 """Rows that count as one from which on a note says so."""

@@ -7,22 +7,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..framework.core.errors import InputError
-from ..framework.core.recording.types import Recording, WheelTable
-from ..framework.core.recording.wheel_file import derive
-from ..framework.core.vehicle import Vehicle, Wheel
-from .angle_check import angle_disagreement
-from .copies import without_copies
-from .force_units import load_in_kilograms, pull_in_another_unit
+from ...framework.core.errors import InputError
+from ...framework.core.recording.types import Recording, WheelTable
+from ...framework.core.recording.wheel_file import derive
+from ...framework.core.vehicle import Vehicle, Wheel
+from .angle import angle_disagreement
+from .duplicates import without_copies
 from .gate import Stretch, find_stretches, quasi_static
 from .geometry import by_geometry, half_stated_lugs, of_vehicle
+from .kinematics import slip_disagreement, speeds_in_another_unit
 from .plausible import check_load, check_signs, check_sizes, check_torque, slow_clock, without_stuck
-from .pull_check import check_pull
-from .run_in import without_run_in
-from .run_out import without_stops
-from .slip_check import slip_disagreement, speeds_in_another_unit
-from .standing import with_standstill
-from .stated_noise import check_stated_noise
+from .sensors import check_stated_noise
+from .settling import without_run_in
+from .signs import check_pull
+from .standstill import with_standstill
+from .stops import without_stops
+from .units import load_in_kilograms, pull_in_another_unit
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..framework.core.recording.types import WheelTable
-from ..framework.core.vehicle import Wheel
+from ...framework.core.recording.types import WheelTable
+from ...framework.core.vehicle import Wheel
 from .gate import GRAVITY_M_S2
 from .plausible import FEWEST_TOLD, is_steady
 

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from ..framework.core.recording.types import WheelTable
-from ..framework.core.recording.wheel_file import slip_from_speeds
-from ..framework.core.vehicle import Wheel
+from ...framework.core.recording.types import WheelTable
+from ...framework.core.recording.wheel_file import slip_from_speeds
+from ...framework.core.vehicle import Wheel
 
 _FAR, _PARTS, _LEAST_ROWS = 0.02, 10, 20
 """A difference of slip that matters [-]; parts of the rows in each of which it has to lie to the same side, so that it

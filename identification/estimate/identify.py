@@ -11,23 +11,23 @@ from typing import Literal
 import numpy as np
 from scipy.stats import t as t_distribution
 
-from ..framework.core.arguments import refused
-from ..framework.core.errors import InputError
-from ..framework.core.recording.readers import read_recording
-from ..framework.core.recording.types import Recording, WheelTable
-from ..framework.core.soil import Quantity, ShearStrength, SoilEstimate, SoilKnowledge, as_knowledge
-from ..framework.core.vehicle import Vehicle, Wheel, as_vehicle
-from .changes import split_soils
-from .estimation import Measured, estimate_soil, summarise, usable
-from .felt_rows import FeltRows, felt_rows
-from .gate import LIMITS, Stretch, quasi_static
-from .geometry import by_geometry
+from ...framework.core.arguments import refused
+from ...framework.core.errors import InputError
+from ...framework.core.recording.readers import read_recording
+from ...framework.core.recording.types import Recording, WheelTable
+from ...framework.core.soil import Quantity, ShearStrength, SoilEstimate, SoilKnowledge, as_knowledge
+from ...framework.core.vehicle import Vehicle, Wheel, as_vehicle
+from ..mechanics import linearised
+from ..mechanics.textbook import CHANNELS
+from ..rows.gate import LIMITS, Stretch, quasi_static
+from ..rows.geometry import by_geometry
+from ..rows.noise import sensor_noise
+from ..rows.select import FeltRows, felt_rows
+from ..rows.trials import AS_TRIALS, is_of_trials, without_time
+from .change_points import split_soils
+from .estimate import Measured, estimate_soil, summarise, usable
 from .lasting import as_rows_repeat, said
-from .mechanics import linearised
-from .mechanics.textbook import CHANNELS
-from .noise import sensor_noise
-from .restless import as_answers_tell
-from .trials import AS_TRIALS, is_of_trials, without_time
+from .noise_likelihood import as_answers_tell
 
 Method = Literal["ml", "linear"]
 METHODS: tuple[Method, ...] = ("ml", "linear")

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 from pydantic import ValidationError
 
-from ..framework.core.errors import InputError
-from ..framework.core.recording.types import Recording, WheelTable
-from ..framework.core.vehicle import Vehicle, Wheel
+from ...framework.core.errors import InputError
+from ...framework.core.recording.types import Recording, WheelTable
+from ...framework.core.vehicle import Vehicle, Wheel
 
 _COLUMNS = ("radius_m", "width_m", "grouser_height_m", "grouser_count")
 _NEEDED = _COLUMNS[:2]

@@ -13,12 +13,12 @@ from itertools import pairwise
 import numpy as np
 from scipy.signal import savgol_filter
 
-from ..framework.core.recording.types import WheelTable
-from ..framework.core.recording.wheel_file import STANDSTILL_M_S
-from ..framework.core.vehicle import Wheel
-from .mechanics.textbook import CHANNELS
+from ...framework.core.recording.types import WheelTable
+from ...framework.core.recording.wheel_file import STANDSTILL_M_S
+from ...framework.core.vehicle import Wheel
+from ..mechanics.textbook import CHANNELS
 from .noise import running_median
-from .standing import stands
+from .standstill import stands
 
 GRAVITY_M_S2 = 9.81
 

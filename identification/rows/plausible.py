@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from ..framework.core.errors import InputError
-from ..framework.core.recording.types import WheelTable
-from ..framework.core.vehicle import Wheel
+from ...framework.core.errors import InputError
+from ...framework.core.recording.types import WheelTable
+from ...framework.core.vehicle import Wheel
 from .trials import is_of_trials
 
 _ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from ..framework.core.errors import InputError
-from ..framework.core.recording.types import WheelTable
-from ..framework.core.vehicle import Wheel
+from ...framework.core.errors import InputError
+from ...framework.core.recording.types import WheelTable
+from ...framework.core.vehicle import Wheel
 from .plausible import FEWEST_TOLD, is_steady
 
 _WIDE = 0.1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ..framework.core.soil import Quantity, SoilEstimate
+from ...framework.core.soil import Quantity, SoilEstimate
 from .identifiability import is_search_limit
 from .identify import Identification
 

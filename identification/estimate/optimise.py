@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .marginal_likelihood import (
+from .likelihood import (
     NO_OUTLIERS,
     NODE_COUNT,
     POPULATION,

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..framework.core.soil import Quantity
-from .errors_in_variables import fit
-from .mechanics.flexible import FlexibleWheel
-from .mechanics.soil import from_internal, slope_of_internal
-from .mechanics.textbook import TextbookWheel
+from ...framework.core.soil import Quantity
+from ..mechanics.flexible import FlexibleWheel
+from ..mechanics.soil import from_internal, slope_of_internal
+from ..mechanics.textbook import TextbookWheel
+from .optimise import fit
 
 if TYPE_CHECKING:
-    from .estimation import Solution
+    from .estimate import Solution
 
 _TOLERANCE = 0.15
 """An end is taken where the profile has fallen to within this share of the critical value."""

@@ -10,11 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..framework.core.soil import WRONG_FORM, SoilKnowledge
-from ..framework.core.vehicle import Wheel
-from .errors_in_variables import Fit, fit
-from .estimation import ANSWERS, Measured, Solution, solve
-from .noise import least_noise
+from ...framework.core.soil import WRONG_FORM, SoilKnowledge
+from ...framework.core.vehicle import Wheel
+from ..rows.noise import least_noise
+from .estimate import ANSWERS, Measured, Solution, solve
+from .optimise import Fit, fit
 
 TOLD = 25.0
 """Nats that less noise of load or slip has to gain before it is taken: a form that is wrong gains some, too."""

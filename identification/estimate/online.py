@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..framework.core.soil import PARAMETERS, PLAUSIBLE, Quantity, SoilKnowledge
-from ..framework.core.vehicle import Wheel
-from .errors_in_variables import Fit, fit
-from .estimation import Measured, build_problem, converge
-from .marginal_likelihood import Point, Problem
-from .mechanics.soil import from_internal, slope_of_internal, to_internal
-from .mechanics.textbook import CHANNELS
+from ...framework.core.soil import PARAMETERS, PLAUSIBLE, Quantity, SoilKnowledge
+from ...framework.core.vehicle import Wheel
+from ..mechanics.soil import from_internal, slope_of_internal, to_internal
+from ..mechanics.textbook import CHANNELS
+from .estimate import Measured, build_problem, converge
+from .likelihood import Point, Problem
+from .optimise import Fit, fit
 
 LEAST_SAMPLES = 40
 """Samples before the first estimate: four seconds at 10 Hz."""

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from ..framework.core.recording.types import WheelTable
+from ...framework.core.recording.types import WheelTable
 from .noise import NORMAL_MAD, running_median
-from .run_in import FEWEST_RUNS
+from .settling import FEWEST_RUNS
 from .steady_runs import Runs, steady_runs
 
 _FORCES = ("torque_Nm", "drawbar_pull_N")
