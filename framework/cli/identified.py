@@ -6,6 +6,8 @@ import math
 
 from ...identification.estimate.identifiability import is_search_limit
 from ...identification.estimate.identify import Identification, Segment
+from ...identification.estimate.words import sentences
+from ..core.findings import Finding
 from ..core.soil import Quantity, SoilEstimate
 from .printing import print_rows
 
@@ -18,10 +20,15 @@ _SHOWN = {
 }
 
 
+def print_findings(findings: tuple[Finding, ...]) -> None:
+    """Print findings in words, each as the note or the warning that it is."""
+    for finding, text in zip(findings, sentences(findings), strict=True):
+        print(f"{finding.severity}: {text}")
+
+
 def print_identification(result: Identification) -> None:
     """Print the overall estimate, then what became of each stretch."""
-    for problem in result.problems:
-        print(f"note: {problem}")
+    print_findings(result.findings)
     if result.overall is not None:
         _print_estimate(result.overall)
         print()
@@ -58,8 +65,7 @@ def _print_estimate(estimate: SoilEstimate) -> None:
     )
     if estimate.advice:
         print(f"Advice: {estimate.advice}.")
-    for problem in estimate.problems:
-        print(f"note: {problem}")
+    print_findings(estimate.findings)
 
 
 def _interval(name: str, quantity: Quantity, scale: float) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 from .arguments import refused
 from .errors import InputError
 from .files import load_toml
+from .findings import Finding
 
 PARAMETERS = ("c_Pa", "phi_rad", "k_m", "stiffness_Pa", "n")
 """Cohesion c [Pa], friction angle phi [rad], Janosi shear modulus k [m], stiffness k1 + k2 b of the paper's Eq. 6
@@ -91,6 +92,8 @@ class SoilEstimate:
         Samples used.
     misfit
         Root of the mean squared residual in units of the sensors' noise [-]: 1 where model and noise explain all.
+    findings
+        What has to be known to use it, such as a model that does not fit.
     """
 
     parameters: Mapping[str, Quantity]
@@ -104,7 +107,7 @@ class SoilEstimate:
     channels: tuple[str, ...]
     n: int
     misfit: float
-    problems: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     def strength_at(self, normal_stress_Pa: float) -> tuple[float, float]:
         """Give the shear strength at a normal stress [Pa] and its standard deviation [Pa]."""

@@ -16,9 +16,9 @@ from scipy.ndimage import median_filter
 from ...framework.core.soil import WRONG_FORM, SoilKnowledge
 from ...framework.core.vehicle import Wheel
 from ..rows.gate import Limits
-from ..rows.noise import alike, correlation_time
+from .autocorrelation import are_correlated, correlation_time
 from .estimate import ANSWERS, Measured, Solution, solve
-from .lasting import as_rows_repeat
+from .noise_likelihood import with_autocorrelated_noise
 
 
 def split_soils(
@@ -45,7 +45,7 @@ def split_soils(
 def _split(
     measured: Measured, wheel: Wheel, known: SoilKnowledge, limits: Limits, offset: int, whole: Solution
 ) -> list[tuple[slice, Solution]]:
-    count, whole = len(measured.channels), as_rows_repeat(measured, whole, wheel, known)
+    count, whole = len(measured.channels), with_autocorrelated_noise(measured, whole, wheel, known)
     undivided = [(slice(offset, offset + count), whole)]
     allowed = _long_enough(measured.order, limits)
     if whole.misfit <= WRONG_FORM or not allowed.any():
@@ -86,7 +86,7 @@ def _repeated(fits: list[Solution], window: int) -> float:
     for each in fits:
         left = np.nan_to_num(each.fit.residuals[:, ANSWERS])
         quick = left - median_filter(left, size=(window, 1), mode="nearest")
-        times.append(correlation_time(quick[:, alike(quick)]))
+        times.append(correlation_time(quick[:, are_correlated(quick)]))
     return max(times)
 
 

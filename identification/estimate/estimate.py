@@ -1,6 +1,6 @@
 """Statistically efficient estimation of soil parameters, with intervals and a statement of what the data determine.
 
-Maximum likelihood with errors in all channels (`errors_in_variables`); where residuals exceed the sensors' noise, a
+Maximum likelihood with errors in all channels (`optimise`); where residuals exceed the sensors' noise, a
 discrepancy variance is estimated with the parameters and carried into the intervals (after M. C. Kennedy, A. O'Hagan,
 "Bayesian calibration of computer models", J. R. Stat. Soc. B 63 (2001), Eq. 5, with an independent discrepancy), and
 its correlation from sample to sample lowers the number of samples that count. Where the samples contradict the form of
@@ -16,13 +16,14 @@ import numpy as np
 from scipy.stats import t as t_distribution
 
 from ...framework.core.errors import InputError
+from ...framework.core.findings import Finding, warning
 from ...framework.core.soil import PARAMETERS, PLAUSIBLE, WRONG_FORM, SoilEstimate, SoilKnowledge
 from ...framework.core.vehicle import Wheel
 from ..mechanics.soil import Soil, from_internal, slope_of_internal, to_internal
 from ..mechanics.stresses import rim_forces
 from ..mechanics.textbook import CHANNELS, TextbookWheel, contact_array, entry_angle
-from ..rows.noise import alike, correlation_time, memory
 from . import form_error
+from .autocorrelation import are_correlated, correlation_time, rows_in_noise
 from .identifiability import advise, separable, strengths
 from .intervals import consistent, hull, parameter_intervals
 from .likelihood import Problem
@@ -56,7 +57,7 @@ class Measured:
     stated : (5,)
         True where the noise stands; elsewhere it is what neighbours in time show, and perhaps too much.
     timed
-        Neighbours are so in time: their noise may last.
+        Neighbours are so in time: their noise may be autocorrelated.
     """
 
     channels: np.ndarray
@@ -71,8 +72,8 @@ class Solution:
     """The fit behind a `SoilEstimate`.
 
     `inflation` multiplies the covariance, `widening` (p,) each parameter's variance where the form is wrong; `quantile`
-    is Student's t at 97.5 %, `misfit`, of the textbook's form, as in `SoilEstimate`; `repeated` neighbouring rows say
-    the same for the noise's memory.
+    is Student's t at 97.5 %, `misfit`, of the textbook's form, as in `SoilEstimate`; `repeated` neighbouring rows count
+    as one because the noise is autocorrelated.
     """
 
     problem: Problem
@@ -127,12 +128,12 @@ def summarise(solution: Solution, kept: Measured, wheel: Wheel, *, one_soil: boo
     model = TextbookWheel(wheel)
     covariance, bounded = solution.covariance(), physical(solution)
     intervals = parameter_intervals(bounded, covariance, model)
-    problems: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     if one_soil and form_error.rejected(solution, WRONG_FORM):
         freed = physical(_freed(solution, kept, wheel))
         # The textbook's values stand, for they predict best with the textbook; the intervals hold both readings.
         intervals = hull(bounded, intervals, parameter_intervals(freed, freed.covariance(), model))
-        problems = _model_error(solution, freed)
+        findings = (_wrong_form(solution, freed),)
     strength = strengths(bounded, covariance, intervals, model)
     covariance = consistent(covariance, bounded, intervals)
     determined = separable(intervals.quantities, strength, solution.free, solution.misfit)
@@ -149,7 +150,7 @@ def summarise(solution: Solution, kept: Measured, wheel: Wheel, *, one_soil: boo
         channels=tuple(name for name, present in zip(CHANNELS, seen.tolist(), strict=True) if present),
         n=len(kept.channels),
         misfit=solution.misfit,
-        problems=problems,
+        findings=findings,
     )
 
 
@@ -162,17 +163,13 @@ def _freed(solution: Solution, kept: Measured, wheel: Wheel) -> Solution:
     return replace(freed, widening=np.maximum(freed.widening, least))
 
 
-def _model_error(solution: Solution, freed: Solution) -> tuple[str, ...]:
-    """Say what a wrong form means for what the estimate may be used for."""
-    left = misfit(freed.problem, freed.fit)
-    remains = "" if left <= WRONG_FORM else f", and {left:.1f} times with all the freedom that is published"
-    c_kPa, phi_deg = freed.fit.vector[0] / 1e3, math.degrees(math.atan(freed.fit.vector[1]))
-    return (
-        f"the textbook's form does not hold (it misses the channels by {solution.misfit:.1f} times the sensors' noise"
-        f"{remains}): something is left out of it. Predictions under the conditions driven may be good, but the "
-        f"parameters are not vouched for as properties of the soil; with the form free, c would be {c_kPa:.2f} kPa and "
-        f"phi {phi_deg:.1f} deg, and the intervals hold both readings",
-    )
+def _wrong_form(solution: Solution, freed: Solution) -> Finding:
+    """Warn of a wrong form, with what the freer form says of the soil."""
+    c_Pa, tan_phi = freed.fit.vector[:2].tolist()
+    return warning(
+        "wrong_form", misfit=solution.misfit, misfit_with_freedom=misfit(freed.problem, freed.fit),
+        c_Pa=c_Pa, phi_rad=math.atan(tan_phi),
+    )  # fmt: skip
 
 
 def usable(measured: Measured) -> Measured:
@@ -226,7 +223,7 @@ def unexplained(problem: Problem, best: Fit) -> float:
     ratio = np.exp(best.point.log_sd[problem.answers]) / problem.noise[problem.answers]
     residuals = _weighted(problem, best)
     if not (ratio > _EXPLAINED).any():
-        residuals = residuals[:, alike(residuals)]
+        residuals = residuals[:, are_correlated(residuals)]
     return correlation_time(residuals) if residuals.size else 0.0
 
 
@@ -236,9 +233,9 @@ def _weighted(problem: Problem, best: Fit) -> np.ndarray:
 
 
 def _repeated(problem: Problem, best: Fit) -> float:
-    """How many neighbouring samples say the same because the noise lasts from row to row."""
+    """How many neighbouring samples count as one because the noise is autocorrelated."""
     driven = problem.measured[:, problem.answers] * np.exp(-best.point.log_sd[problem.answers])
-    return memory(_weighted(problem, best), driven)
+    return rows_in_noise(_weighted(problem, best), driven)
 
 
 def converge(problem: Problem, wheel: Wheel, known: SoilKnowledge) -> Fit:

@@ -1,4 +1,4 @@
-"""`identify`: the soil that a recording's wheels felt, stretch by stretch and overall."""
+"""`identify`: the soil of a recording from its wheel channels, stretch by stretch and overall."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from scipy.stats import t as t_distribution
 
 from ...framework.core.arguments import refused
 from ...framework.core.errors import InputError
+from ...framework.core.findings import Finding, note, warning
 from ...framework.core.recording.readers import read_recording
 from ...framework.core.recording.types import Recording, WheelTable
 from ...framework.core.soil import Quantity, ShearStrength, SoilEstimate, SoilKnowledge, as_knowledge
@@ -22,12 +23,11 @@ from ..mechanics.textbook import CHANNELS
 from ..rows.gate import LIMITS, Stretch, quasi_static
 from ..rows.geometry import by_geometry
 from ..rows.noise import sensor_noise
-from ..rows.select import FeltRows, felt_rows
+from ..rows.select import WheelRows, wheel_rows
 from ..rows.trials import AS_TRIALS, is_of_trials, without_time
 from .change_points import split_soils
 from .estimate import Measured, estimate_soil, summarise, usable
-from .lasting import as_rows_repeat, said
-from .noise_likelihood import as_answers_tell
+from .noise_likelihood import autocorrelation_finding, solve_with_noise, with_autocorrelated_noise
 
 Method = Literal["ml", "linear"]
 METHODS: tuple[Method, ...] = ("ml", "linear")
@@ -65,7 +65,7 @@ class Identification:
     overall: SoilEstimate | None
     segments: tuple[Segment, ...]
     method: str
-    problems: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
 
 def identify(
@@ -103,12 +103,13 @@ def identify(
     recording, known = open_recording(recording, vehicle), as_knowledge(soil)
     parts = by_geometry(recording)
     result = _several_wheels(parts, known, method) if len(parts) > 1 else _one_wheel(parts[0], known, method)
-    return replace(result, problems=(*recording.problems, *result.problems))
+    read = (note("recording", text=problem) for problem in recording.problems)
+    return replace(result, findings=(*read, *result.findings))
 
 
 def _several_wheels(parts: list[Recording], known: SoilKnowledge, method: Method) -> Identification:
-    """Identify for each wheel by itself what it felt: nothing says that they ran on one soil."""
-    segments, problems = [], []
+    """Identify the soil under each wheel by itself: nothing says that they ran on one."""
+    segments, findings = [], [note("several_wheels", wheels=len(parts))]
     for part in parts:
         assert part.vehicle is not None
         name = part.vehicle.name
@@ -118,33 +119,32 @@ def _several_wheels(parts: list[Recording], known: SoilKnowledge, method: Method
             segments.append(Segment(math.nan, math.nan, False, str(error), len(part.wheel or ()), wheel=name))
             continue
         segments.extend(replace(segment, wheel=name) for segment in result.segments)
-        problems.extend(f"{name}: {problem}" for problem in result.problems)
-    several = f"{len(parts)} wheels, each identified by itself; there is no estimate over all of them"
-    return Identification(None, tuple(segments), method, (several, *problems))
+        findings.extend(each.with_values(of_wheel=name) for each in result.findings)
+    return Identification(None, tuple(segments), method, tuple(findings))
 
 
 def _one_wheel(recording: Recording, known: SoilKnowledge, method: Method) -> Identification:
-    rows = felt_rows(recording)
+    rows = wheel_rows(recording)
     if is_of_trials(rows.table):
         table = without_time(rows.table)
-        rows = replace(rows, table=table, reasons=quasi_static(table, rows.wheel), problems=(*rows.problems, AS_TRIALS))
+        rows = replace(rows, table=table, reasons=quasi_static(table, rows.wheel), findings=(*rows.findings, AS_TRIALS))
     stretches = rows.stretches()
     segments = tuple(segment for stretch in stretches for segment in _segments(rows, stretch, known, method))
     chosen = [stretch.rows for stretch in stretches if not stretch.reason]
     found = [segment.estimate for segment in segments if segment.used]
-    overall, problems = None, rows.problems
+    overall, findings = None, [*rows.findings]
     if rows.wheel.grouser_count and rows.wheel.grouser_height_m:
-        problems = (*problems, "the wheel's lugs are left out, as the textbook wheel has none: `explain` models them")
+        findings.append(note("grousers_left_out"))
     if found and any(len(each) > MOST_ROWS for each in chosen):
-        problems = (*problems, f"stretches of more than {MOST_ROWS} rows are thinned evenly to so many")
+        findings.append(note("thinned", rows=MOST_ROWS))
     if len(found) == 1:
         overall = found[0]
     elif found:
         worst = max(each.misfit for each in found if each is not None)
         overall, mixed = _overall(rows, np.sort(np.concatenate(chosen)), known, method, MIXED * worst)
         if mixed:
-            problems = (*problems, "the stretches differ in soil: the overall estimate mixes several soils")
-    return Identification(overall, segments, method, problems)
+            findings.append(warning("mixed_soils"))
+    return Identification(overall, segments, method, tuple(findings))
 
 
 def identify_segments(
@@ -155,14 +155,14 @@ def identify_segments(
     method: Method = "ml",
 ) -> tuple[Segment, ...]:
     """Identify the soil of each quasi-static stretch, cut where the ground is known to change (`boundaries_s` [s])."""
-    rows = felt_rows(recording)
+    rows = wheel_rows(recording)
     known = soil or SoilKnowledge()
     stretches = rows.stretches(np.asarray(boundaries_s, dtype=float))
     return tuple(segment for stretch in stretches for segment in _segments(rows, stretch, known, method))
 
 
-def _segments(rows: FeltRows, stretch: Stretch, known: SoilKnowledge, method: Method) -> list[Segment]:
-    """Identify one stretch; several segments where the wheels feel that the soil changes within it."""
+def _segments(rows: WheelRows, stretch: Stretch, known: SoilKnowledge, method: Method) -> list[Segment]:
+    """Identify one stretch; several segments where the soil changes within it."""
     n = len(stretch.rows)
     if stretch.reason:
         return [Segment(stretch.start_s, stretch.end_s, False, stretch.reason, n)]
@@ -178,8 +178,8 @@ def _segments(rows: FeltRows, stretch: Stretch, known: SoilKnowledge, method: Me
         return [Segment(stretch.start_s, stretch.end_s, False, error.problem, n)]
 
 
-def _soils(rows: FeltRows, stretch: Stretch, known: SoilKnowledge) -> list[Segment]:
-    kept, whole, notes = as_answers_tell(usable(measured_rows(rows, stretch.rows)), rows.wheel, known)
+def _soils(rows: WheelRows, stretch: Stretch, known: SoilKnowledge) -> list[Segment]:
+    kept, whole, notes = solve_with_noise(usable(measured_rows(rows, stretch.rows)), rows.wheel, known)
     parts = split_soils(kept, rows.wheel, known, whole, LIMITS)
     borders = [float(kept.order[part.start]) for part, _ in parts[1:]]
     starts, ends = [stretch.start_s, *borders], [*borders, stretch.end_s]
@@ -187,31 +187,31 @@ def _soils(rows: FeltRows, stretch: Stretch, known: SoilKnowledge) -> list[Segme
     for (part, solution), start, end in zip(parts, starts, ends, strict=True):
         own = replace(kept, channels=kept.channels[part], order=kept.order[part])
         estimate = summarise(solution, own, rows.wheel)
-        estimate = replace(estimate, problems=(*estimate.problems, *notes, *said(kept, solution)))
+        estimate = replace(estimate, findings=(*estimate.findings, *notes, *autocorrelation_finding(kept, solution)))
         segments.append(Segment(start, end, True, "", len(own.channels), estimate))
     return segments
 
 
-def _estimate(rows: FeltRows, chosen: np.ndarray, known: SoilKnowledge, method: Method) -> SoilEstimate:
+def _estimate(rows: WheelRows, chosen: np.ndarray, known: SoilKnowledge, method: Method) -> SoilEstimate:
     if method == "linear":
         return _linear(rows.table.select(chosen), rows.wheel, known)
     return estimate_soil(measured_rows(rows, chosen), rows.wheel, known)
 
 
 def _overall(
-    rows: FeltRows, chosen: np.ndarray, known: SoilKnowledge, method: Method, most_misfit: float
+    rows: WheelRows, chosen: np.ndarray, known: SoilKnowledge, method: Method, most_misfit: float
 ) -> tuple[SoilEstimate, bool]:
     """Give one estimate over several stretches, and whether it mixes soils: it then misfits as no stretch does."""
     if method == "linear":
         return _estimate(rows, chosen, known, method), False
-    kept, solution, notes = as_answers_tell(usable(measured_rows(rows, chosen)), rows.wheel, known)
-    solution = as_rows_repeat(kept, solution, rows.wheel, known)
+    kept, solution, notes = solve_with_noise(usable(measured_rows(rows, chosen)), rows.wheel, known)
+    solution = with_autocorrelated_noise(kept, solution, rows.wheel, known)
     mixed = solution.misfit > most_misfit
     estimate = summarise(solution, kept, rows.wheel, one_soil=not mixed)
-    return replace(estimate, problems=(*estimate.problems, *notes, *said(kept, solution))), mixed
+    return replace(estimate, findings=(*estimate.findings, *notes, *autocorrelation_finding(kept, solution))), mixed
 
 
-def measured_rows(rows: FeltRows, chosen: np.ndarray) -> Measured:
+def measured_rows(rows: WheelRows, chosen: np.ndarray) -> Measured:
     """Lay out chosen rows (m,) for the estimator, with their noise; thinned evenly beyond `MOST_ROWS`."""
     noise = sensor_noise(rows.table.select(chosen), rows.vehicle)
     if len(chosen) > MOST_ROWS:
@@ -251,9 +251,9 @@ def _linear(table: WheelTable, wheel: Wheel, known: SoilKnowledge) -> SoilEstima
         ),
         "phi_rad": Quantity(max(result.phi_rad, 0.0), sd[1] * slope, ends[0], ends[1]),
     }  # fmt: skip
-    problems = ["the intervals are those of ordinary least squares: they know nothing of the method's bias"]
+    findings = [note("least_squares_intervals")]
     if result.c_Pa < 0.0:
-        problems.append(f"the closed form gives a cohesion of {result.c_Pa:.0f} Pa, not physical: 0 is reported")
+        findings.append(warning("negative_cohesion", c_Pa=result.c_Pa))
     sigma, _ = linearised.peak_stresses(load, torque, sinkage, wheel)
     strength = []
     for stress in np.nanpercentile(np.where(sigma > 0.0, sigma, np.nan), [10.0, 50.0, 90.0]):
@@ -275,7 +275,7 @@ def _linear(table: WheelTable, wheel: Wheel, known: SoilKnowledge) -> SoilEstima
         channels=needed,
         n=result.n,
         misfit=math.nan,
-        problems=tuple(problems),
+        findings=tuple(findings),
     )
 
 

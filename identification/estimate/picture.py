@@ -17,10 +17,10 @@ from scipy.stats import chi2
 from ...framework.core.files import whole
 from ...framework.core.recording.types import Recording
 from ...framework.core.soil import SoilEstimate, SoilKnowledge
-from ..rows.select import FeltRows, felt_rows
+from ..rows.select import WheelRows, wheel_rows
 from .estimate import LEAST_ROWS, Measured, solve, usable
 from .identify import Identification, measured_rows
-from .noise_likelihood import as_answers_tell
+from .noise_likelihood import solve_with_noise
 
 CHECKPOINTS = 24
 """Points of the convergence curve of one stretch."""
@@ -46,7 +46,7 @@ def draw_identification(
     soil
         What was known beforehand.
     """
-    rows, known = felt_rows(recording), soil or SoilKnowledge()
+    rows, known = wheel_rows(recording), soil or SoilKnowledge()
     timed = "time_s" in rows.table
     figure, panels = plt.subplots(1, 3 if timed else 1, figsize=(13.0 if timed else 5.0, 4.0), layout="constrained")
     panels = np.atleast_1d(panels)
@@ -77,8 +77,8 @@ def _cycle(count: int) -> list[str]:
     return [_COLOURS[index % len(_COLOURS)] for index in range(count)]
 
 
-def _converge(panels: np.ndarray, rows: FeltRows, chosen: np.ndarray, known: SoilKnowledge, colour: str) -> None:
-    measured, _, _ = as_answers_tell(usable(measured_rows(rows, chosen)), rows.wheel, known)
+def _converge(panels: np.ndarray, rows: WheelRows, chosen: np.ndarray, known: SoilKnowledge, colour: str) -> None:
+    measured, _, _ = solve_with_noise(usable(measured_rows(rows, chosen)), rows.wheel, known)
     count = len(measured.channels)
     first = min(max(5 * LEAST_ROWS, count // CHECKPOINTS), count)
     ends = np.unique(np.linspace(first, count, CHECKPOINTS).astype(int))
@@ -90,7 +90,7 @@ def _converge(panels: np.ndarray, rows: FeltRows, chosen: np.ndarray, known: Soi
         panel.fill_between(times, np.maximum(value - half, 0.0), value + half, color=colour, alpha=0.2, lw=0)
 
 
-def _at(measured: Measured, end: int, rows: FeltRows, known: SoilKnowledge) -> tuple[float, float, float, float]:
+def _at(measured: Measured, end: int, rows: WheelRows, known: SoilKnowledge) -> tuple[float, float, float, float]:
     """Cohesion [Pa] and phi [deg] from the first `end` samples, each with the half of its Wald interval."""
     part = replace(measured, channels=measured.channels[:end], order=measured.order[:end])
     solution = solve(part, rows.wheel, known)

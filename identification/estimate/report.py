@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from ...framework.core.findings import Finding
 from ...framework.core.soil import Quantity, SoilEstimate
 from .identifiability import is_search_limit
 from .identify import Identification
+from .words import sentences
 
 
 def identification_json(result: Identification) -> dict[str, Any]:
@@ -31,7 +33,7 @@ def identification_json(result: Identification) -> dict[str, Any]:
             }
             for segment in result.segments
         ],
-        "problems": list(result.problems),
+        **_findings(result.findings),
     }
 
 
@@ -53,8 +55,13 @@ def estimate_json(estimate: SoilEstimate) -> dict[str, Any]:
         "advice": estimate.advice,
         "misfit": _number(estimate.misfit),
         "channels": list(estimate.channels),
-        "problems": list(estimate.problems),
+        **_findings(estimate.findings),
     }
+
+
+def _findings(findings: tuple[Finding, ...]) -> dict[str, Any]:
+    """Lay out findings: in words, and as data."""
+    return {"problems": list(sentences(findings)), "findings": [each.to_json() for each in findings]}
 
 
 def _quantity(name: str, quantity: Quantity) -> dict[str, Any]:

@@ -1,12 +1,12 @@
-"""Rows that stand in a recording twice: copies, which look like repeats that measure no noise."""
+"""Rows that a recording holds twice, which would look like repeats without noise."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from ...framework.core.findings import Finding, note
 from ...framework.core.recording.types import WHEEL_COLUMNS, WheelTable
-
-_ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
+from ..mechanics.textbook import ANSWERS
 
 _BY_CHANCE = 0.25
 """Pairs of rows that miss each other by the last digit of one channel, as a share of those that are equal, from which
@@ -14,15 +14,15 @@ on coarse readings may be equal by chance [-]. Of a reading that is equal in a s
 (1 - p) / p as many miss by one step: 0.25 where four of five are equal. Readings still coarser round all repeats to the
 same number, and tell no more than one of them."""
 
-_MOST_TOLD = 4
-"""Runs or times of rows left out that a note names; the others are counted."""
+_MOST_NAMED = 4
+"""Runs or times of rows left out that a finding names; the others are counted."""
 
 
-def without_copies(table: WheelTable) -> tuple[WheelTable, list[str]]:
-    """Leave out all but the first of rows that are equal in every channel, the time among them, and say which.
+def without_duplicates(table: WheelTable) -> tuple[WheelTable, Finding | None]:
+    """Leave out all but the first of rows that are equal in every channel, the time among them.
 
-    Runs and wheels of different names may hold copies of one another. Rows stay where coarse readings make them equal
-    by chance: more of them are then nearly equal.
+    Runs and wheels of different names may hold duplicates of one another. Rows stay where coarse readings make them
+    equal by chance: more of them are then nearly equal.
 
     Parameters
     ----------
@@ -33,31 +33,33 @@ def without_copies(table: WheelTable) -> tuple[WheelTable, list[str]]:
     -------
     WheelTable
         The other rows.
-    list
-        A sentence, where rows are left out.
+    Finding or None
+        ``duplicate_rows``, where rows are left out.
     """
-    answered = [np.isfinite(table[name]) for name in _ANSWERS if name in table]
+    answered = [np.isfinite(table[name]) for name in ANSWERS if name in table]
     if not answered:
-        return table, []
+        return table, None
     rows = np.flatnonzero(np.any(answered, axis=0))
     names = [name for name in WHEEL_COLUMNS if name in table]
     # Rows are told apart by sums: two that differ have the same one once in 2^64.
     parts = [_parts(table[name][rows], seed) for seed, name in enumerate(names)]
     whole = np.sum(parts, axis=0, dtype=np.uint64)
     _, first, which, counts = np.unique(whole, return_index=True, return_inverse=True, return_counts=True)
-    copies = rows[first[which] != np.arange(len(rows))]
-    if not len(copies):
-        return table, []
+    duplicates = rows[first[which] != np.arange(len(rows))]
+    if not len(duplicates):
+        return table, None
     near = sum(
         _one_step_apart(table[name][rows[first]], (whole - part)[first], counts)
         for name, part in zip(names, parts, strict=True)
         if name != "time_s"
     )
     if near > _BY_CHANCE * float((counts * (counts - 1)).sum()) / 2.0:
-        return table, []
+        return table, None
     kept = np.ones(len(table), dtype=bool)
-    kept[copies] = False
-    return table.select(kept), [_said(table, copies)]
+    kept[duplicates] = False
+    labels = list(dict.fromkeys(_label(table, row) for row in duplicates.tolist()))
+    found = note("duplicate_rows", n=len(duplicates), rows=labels[:_MOST_NAMED], more=max(len(labels) - _MOST_NAMED, 0))
+    return table.select(kept), found
 
 
 def _parts(values: np.ndarray, seed: int) -> np.ndarray:
@@ -79,16 +81,6 @@ def _one_step_apart(values: np.ndarray, others: np.ndarray, counts: np.ndarray) 
     apart = np.diff(values[order])
     together = (others[order][1:] == others[order][:-1]) & (apart < 1.5 * steps.min())
     return float((counts[order][:-1] * counts[order][1:])[together].sum())
-
-
-def _said(table: WheelTable, rows: np.ndarray) -> str:
-    """Say how many rows are copies, and which the first of them are."""
-    labels = list(dict.fromkeys(_label(table, row) for row in rows.tolist()))
-    further = [f"{len(labels) - _MOST_TOLD} more"] if len(labels) > _MOST_TOLD else []
-    each = "; ".join(labels[:_MOST_TOLD] + further)
-    if len(rows) == 1:
-        return f"1 row equals an earlier one in every channel and is left out, as a copy: {each}"
-    return f"{len(rows)} rows equal earlier ones in every channel and are left out, as copies: {each}"
 
 
 def _label(table: WheelTable, row: int) -> str:

@@ -92,6 +92,11 @@ def quasi_static(table: WheelTable, wheel: Wheel, limits: Limits = LIMITS) -> np
     return reasons
 
 
+def balanced(reasons: np.ndarray) -> np.ndarray:
+    """Tell rows (n,) whose forces balance, by why each is not used (n,): those that are, and those only braked."""
+    return np.array([reason == "" or str(reason).startswith("braked") for reason in reasons], dtype=bool)
+
+
 def _checks(table: WheelTable, wheel: Wheel, limits: Limits) -> Iterator[tuple[str, np.ndarray]]:
     seen = {name: np.isfinite(table[name]) if name in table else np.zeros(len(table), bool) for name in CHANNELS}
     slip, sinkage = table.get("slip"), table.get("sinkage_m")

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from ...framework.core.errors import InputError
+from ...framework.core.findings import Finding, note
 from ...framework.core.recording.types import Recording, WheelTable
 from ...framework.core.vehicle import Vehicle, Wheel
 
@@ -47,8 +48,15 @@ def by_geometry(recording: Recording) -> list[Recording]:
     return parts
 
 
-def of_vehicle(table: WheelTable, vehicle: Vehicle) -> tuple[WheelTable, list[str]]:
-    """Give the rows whose own geometry, where they have one, is that of the vehicle's wheel, and say which are not.
+def of_vehicle(table: WheelTable, vehicle: Vehicle) -> tuple[WheelTable, Finding | None]:
+    """Give the rows whose own geometry, where they have one, is that of the vehicle's wheel.
+
+    Returns
+    -------
+    WheelTable
+        These rows.
+    Finding or None
+        ``other_wheels`` where there are rows of others.
 
     Raises
     ------
@@ -57,7 +65,7 @@ def of_vehicle(table: WheelTable, vehicle: Vehicle) -> tuple[WheelTable, list[st
     """
     own = [name for name in _NEEDED if name in table]
     if not own or not len(table):
-        return table, []
+        return table, None
     names, which = np.unique(
         np.full(len(table), "") if table.wheel is None else table.wheel.astype(str), return_inverse=True
     )
@@ -67,18 +75,15 @@ def of_vehicle(table: WheelTable, vehicle: Vehicle) -> tuple[WheelTable, list[st
     other = np.abs(written - expected) > _SAME * expected
     lost = other.any(axis=1)
     if not lost.any():
-        return table, []
+        return table, None
     if lost.all():
         column = int(np.argmax(other[0]))
         raise InputError(
             table.source, f"{written[0, column]:g}", place=f"sample 1, column {own[column]}",
             expected=f"{expected[0, column]:g}, the vehicle's wheel, in some row",
         )  # fmt: skip
-    note = (
-        f"rows of other wheels, by {' and '.join(own)}: only the {np.count_nonzero(~lost)} of {len(table)} of the "
-        "vehicle's wheel were used; give the others in a file of their own"
-    )
-    return table.select(np.flatnonzero(~lost)), [note]
+    used = int(np.count_nonzero(~lost))
+    return table.select(np.flatnonzero(~lost)), note("other_wheels", columns=own, used=used, n=len(table))
 
 
 def _vehicle(table: WheelTable, geometry: dict[str, float], row: int) -> Vehicle:
@@ -102,17 +107,9 @@ def describe(geometry: dict[str, float]) -> str:
     return f"wheel of radius {1e3 * geometry['radius_m']:g} mm, width {1e3 * geometry['width_m']:g} mm{grousers}"
 
 
-def half_stated_lugs(wheel: Wheel) -> list[str]:
-    """Say, in words, what of a wheel's lugs is not considered because only their number or height is stated."""
+def half_stated_grousers(wheel: Wheel) -> Finding | None:
+    """Note what of a wheel's grousers is not considered because only their number or only their height is stated."""
     count, height_m = wheel.grouser_count, wheel.grouser_height_m
     if count and not height_m:
-        return [
-            f"the vehicle states {count} lugs without their height: but for a ripple with the wheel's angle they are "
-            "not considered; give grouser_height_m"
-        ]
-    if height_m and not count:
-        return [
-            f"the vehicle states lugs of {1e3 * height_m:g} mm without their number: what their faces and sides do is "
-            "not considered; give grouser_count"
-        ]
-    return []
+        return note("grouser_height_missing", count=count)
+    return note("grouser_count_missing", height_m=height_m) if height_m and not count else None

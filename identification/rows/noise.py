@@ -18,19 +18,7 @@ NORMAL_MAD = 1.4826
 _LEAST_SHARE = 2e-3
 """No sensor is taken to be better than this share of the channel's largest value [-]."""
 
-_FEWEST_NEIGHBOURS, _FEWEST_DIFFERENCES, _FEWEST_BETWEEN = 7, 30, 8
-
-_STANDS_OUT = 3.0
-"""Neighbours are alike from so many standard deviations on of what white noise shows by chance [-]."""
-
-_REMEMBERED = 0.4
-"""Correlation of neighbours from which on it is the noise that lasts [-]: a misfit that noise hides has less."""
-
-_HALF = 0.5
-"""What is driven has changed where its autocorrelation has fallen to this [-]."""
-
-_SAME_LOAD = 0.05
-"""Loads of trials that lie no further apart, sorted by size, are the same (logarithm) [-]."""
+_FEWEST_NEIGHBOURS, _FEWEST_DIFFERENCES = 7, 30
 
 
 def sensor_noise(table: WheelTable, vehicle: Vehicle) -> np.ndarray:
@@ -113,38 +101,6 @@ def _from_repeats(table: WheelTable, values: np.ndarray, name: str) -> float:
     return NORMAL_MAD * float(np.median(np.abs(difference))) / np.sqrt(2.0) if difference.size else 0.0
 
 
-def scatter_along_slip(load_N: np.ndarray, slip: np.ndarray, values: np.ndarray) -> float:
-    """Standard deviation of what single trials scatter by, from how far each lies from the line between its neighbours
-    in slip under the same load; NaN where too few have two.
-
-    Rather too much than too little: what bends over a few of them counts, and so does a standard deviation of what so
-    few can tell (neighbouring differences share trials, and say as much as half as many).
-
-    Parameters
-    ----------
-    load_N, slip : (n,)
-        Of the trials.
-    values : (n,)
-        What they answer, or what a model leaves of it.
-    """
-    seen = np.flatnonzero(np.isfinite(values) & np.isfinite(slip) & (load_N > 0.0))
-    seen = seen[np.argsort(load_N[seen])]
-    away = []
-    for rows in np.split(seen, np.flatnonzero(np.diff(np.log(load_N[seen])) > _SAME_LOAD) + 1):
-        rows = rows[np.argsort(slip[rows])]
-        before, here, after = rows[:-2], rows[1:-1], rows[2:]
-        wide = slip[after] - slip[before]
-        with np.errstate(invalid="ignore"):
-            share = (slip[here] - slip[before]) / wide
-        line = (1.0 - share) * values[before] + share * values[after]
-        apart = (values[here] - line) / np.sqrt(1.0 + share**2 + (1.0 - share) ** 2)
-        away.append(apart[wide > 0.0])
-    away = np.concatenate(away)
-    if len(away) < _FEWEST_BETWEEN:
-        return float("nan")
-    return float(np.sqrt(np.mean(away**2)) * (1.0 + len(away) ** -0.5))
-
-
 def in_time(values: np.ndarray, stretch: np.ndarray) -> list[np.ndarray]:
     """Series of neighbours in time of values (n,), whose `stretch` (n,) is numbered; such as are too short aside."""
     ends = np.flatnonzero(np.diff(stretch)) + 1
@@ -174,57 +130,3 @@ def running_median(values: np.ndarray, window: int) -> np.ndarray:
     index = np.arange(len(values))
     filled = np.interp(index, index[known], values[known])
     return median_filter(filled, size=min(window, len(values)), mode="mirror")
-
-
-def autocorrelations(values: np.ndarray) -> np.ndarray:
-    """Autocorrelation of a series (n,) that is not all zero, at lags from 0 to n // 2 - 1."""
-    spectrum = np.fft.rfft(values, 2 * len(values))
-    covariance = np.fft.irfft(np.abs(spectrum) ** 2)[: len(values) // 2]
-    return covariance / covariance[0]
-
-
-def correlation_time(values: np.ndarray) -> float:
-    """Number of neighbouring samples that say the same: 1 + 2 sum of autocorrelations, the largest over columns (n, m).
-
-    The sum runs while pairs of autocorrelations are positive (C. J. Geyer, Statist. Sci. 7 (1992), Sec. 3.3).
-    """
-    longest = 1.0
-    for column in values.T:
-        correlation = _seen_autocorrelations(column)
-        pairs = correlation[1:-1:2] + correlation[2::2]
-        positive = int(np.argmax(pairs <= 0.0)) if (pairs <= 0.0).any() else len(pairs)
-        longest = max(longest, 1.0 + 2.0 * float(pairs[:positive].sum()))
-    return min(longest, max(len(values) / 4.0, 1.0))
-
-
-def alike(values: np.ndarray) -> np.ndarray:
-    """Say of columns (n, m) where neighbours are more alike than white noise's: (m,)."""
-    least = _STANDS_OUT * np.sqrt(2.0 / max(len(values), 1))
-    return np.array([_seen_autocorrelations(column)[1:3].sum() > least for column in values.T], dtype=bool)
-
-
-def memory(residuals: np.ndarray, driven: np.ndarray) -> float:
-    """Number of neighbouring rows of residuals (n, m) that say the same as noise that lasts from row to row; 1 where it
-    does not, or where what is `driven` (n, m), in units of the noise, changes as fast: a misfit that follows it would.
-    """
-    lasting = residuals[:, alike(residuals)]
-    lasting = lasting[:, [bool(_seen_autocorrelations(column)[1] > _REMEMBERED) for column in lasting.T]]
-    if not lasting.size:
-        return 1.0
-    least = _STANDS_OUT / np.sqrt(len(residuals))
-    forgotten = max(_first_below(_seen_autocorrelations(column), least) for column in lasting.T)
-    swing = np.nan_to_num(driven - np.nanmean(driven, axis=0))
-    together = np.sum([each @ each * autocorrelations(each) for each in swing.T if each.any()], axis=0)
-    return correlation_time(lasting) if 2 * forgotten <= _first_below(together, _HALF) else 1.0
-
-
-def _seen_autocorrelations(column: np.ndarray) -> np.ndarray:
-    """Autocorrelations of what was seen of a column (n,); 1 and nothing after it where that is too little."""
-    values = column[np.isfinite(column)]
-    return autocorrelations(values) if len(values) >= _FEWEST_BETWEEN and values.any() else np.ones(1)
-
-
-def _first_below(correlation: np.ndarray, least: float) -> int:
-    """First lag at which autocorrelations, in proportion, fall below a value."""
-    below = np.asarray(correlation) < least * correlation[0]
-    return int(np.argmax(below)) if below.any() else len(below)

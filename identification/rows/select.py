@@ -1,39 +1,47 @@
-"""Rows of a recording in which its wheels felt the soil: of one wheel geometry, each with why it is not used."""
+"""The wheel rows of a recording to identify from: of one wheel geometry, each with the reason why it is not used."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...framework.core.errors import InputError
+from ...framework.core.findings import Finding, note
 from ...framework.core.recording.types import Recording, WheelTable
 from ...framework.core.recording.wheel_file import derive
 from ...framework.core.vehicle import Vehicle, Wheel
-from .angle import angle_disagreement
-from .duplicates import without_copies
+from .duplicates import without_duplicates
 from .gate import Stretch, find_stretches, quasi_static
-from .geometry import by_geometry, half_stated_lugs, of_vehicle
-from .kinematics import slip_disagreement, speeds_in_another_unit
-from .plausible import check_load, check_signs, check_sizes, check_torque, slow_clock, without_stuck
-from .sensors import check_stated_noise
-from .settling import without_run_in
-from .signs import check_pull
+from .geometry import by_geometry, half_stated_grousers, of_vehicle
+from .kinematics import angle_disagreement, slip_disagreement
+from .sensors import check_stated_noise, without_stuck
+from .settling import only_steady
+from .signs import check_pull, check_signs, check_torque
 from .standstill import with_standstill
-from .stops import without_stops
-from .units import load_in_kilograms, pull_in_another_unit
+from .trials import slow_clock
+from .units import check_load, check_sizes, load_in_kilograms, pull_in_another_unit, speeds_in_another_unit
 
 
 @dataclass(frozen=True)
-class FeltRows:
-    """Rows of all wheels of one geometry, each with the reason why it is not used (``""`` where it is)."""
+class WheelRows:
+    """Rows of all wheels of one geometry, each with the reason why it is not used (``""`` where it is).
+
+    `findings` say what was left out, and what of the channels is in doubt.
+    """
 
     table: WheelTable
     wheel: Wheel
     vehicle: Vehicle
     reasons: np.ndarray
-    problems: tuple[str, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def used(self) -> int:
+        """Number of rows that are used."""
+        return int((self.reasons == "").sum())
 
     def stretches(self, boundaries_s: np.ndarray | None = None) -> list[Stretch]:
         """Cut into stretches by time; steady-state trials make one used stretch and one for each reason not to."""
@@ -46,10 +54,10 @@ class FeltRows:
         ]
 
 
-def felt_rows(recording: Recording, *, every_row: bool = False) -> FeltRows:
-    """Gather the wheel rows to identify from: of one wheel geometry, that with most rows to use, which it says.
+def wheel_rows(recording: Recording, *, every_row: bool = False) -> WheelRows:
+    """Gather the wheel rows to identify from: of one wheel geometry, that with most rows to use.
 
-    Left out are copies, rows in which runs settle, and rows of wheels that are not the vehicle's; of these only the
+    Left out are duplicates, rows in which runs settle, and rows of wheels that are not the vehicle's; of these only the
     last, which is an error then, where `every_row` is to be matched with those of another file.
 
     Raises
@@ -60,24 +68,14 @@ def felt_rows(recording: Recording, *, every_row: bool = False) -> FeltRows:
     if recording.wheel is None or len(recording.wheel) == 0:
         raise InputError(recording.source, "no wheel channels", expected="wheel.csv or wheel.parquet")
     of_wheel = [_of_vehicle(part, every_row) for part in by_geometry(recording)]
-    best = max(of_wheel, key=lambda rows: int((rows.reasons == "").sum()))
+    best = max(of_wheel, key=lambda rows: rows.used)
     if len(of_wheel) == 1:
         return best
-    note = (
-        f"rows of {len(of_wheel)} wheels: only the {len(best.table)} of the {best.vehicle.name} were used, for their "
-        "soils may differ; give the others in a file of their own"
-    )
-    return replace(best, problems=(*best.problems, note))
+    found = note("other_geometries", wheels=len(of_wheel), used=len(best.table), wheel=best.vehicle.name)
+    return replace(best, findings=(*best.findings, found))
 
 
-def only_steady(table: WheelTable) -> tuple[WheelTable, list[str]]:
-    """Leave out where the wheels of a test at constant slips get going, settle and stop, and say so."""
-    table, stops, got_going = without_stops(table)
-    table, settling = without_run_in(table, got_going=got_going)
-    return table, [*stops, *settling]
-
-
-def _of_vehicle(recording: Recording, every_row: bool) -> FeltRows:
+def _of_vehicle(recording: Recording, every_row: bool) -> WheelRows:
     """Gather the rows of a vehicle's wheels of one geometry, that with most rows to use."""
     if recording.vehicle is None:
         raise InputError(
@@ -89,12 +87,14 @@ def _of_vehicle(recording: Recording, every_row: bool) -> FeltRows:
     assert recording.wheel is not None
     table, others = of_vehicle(recording.wheel, vehicle)
     if every_row and others:
-        raise InputError(recording.source, others[0], expected="rows of the vehicle's wheel only, beside another file")
-    table, unlike = with_standstill(table), list[str]()
+        raise InputError(
+            recording.source, f"{others.values['used']} of {others.values['n']} rows are of the vehicle's wheel",
+            expected="rows of the vehicle's wheel only, beside another file",
+        )  # fmt: skip
+    table, duplicates, unsteady = with_standstill(table), None, list[Finding]()
     if not every_row:
-        table, copies = without_copies(table)
+        table, duplicates = without_duplicates(table)
         table, unsteady = only_steady(table)
-        unlike = [*copies, *unsteady]
     groups: dict[tuple[float, float], list[str | None]] = {}
     names = [None] if table.wheel is None else [str(name) for name in np.unique(table.wheel)]
     for name in names:
@@ -107,58 +107,59 @@ def _of_vehicle(recording: Recording, every_row: bool) -> FeltRows:
     ):
         if not any(name in rows.table for rows in gathered):
             raise InputError(table.source, f"no column {name}", expected=remedy)
-    gathered = [_checked(rows) for rows in gathered]
-    best = max(gathered, key=lambda rows: int((rows.reasons == "").sum()))
-    said = [*others, *unlike]
-    if len(gathered) > 1:
-        said.append(f"wheels of {len(gathered)} geometries: only those of radius {best.wheel.radius_m:g} m were used")
-    return replace(best, problems=(*said, *best.problems))
+    best = max((_checked(rows) for rows in gathered), key=lambda rows: rows.used)
+    radii = note("one_radius", geometries=len(gathered), radius_m=best.wheel.radius_m) if len(gathered) > 1 else None
+    return replace(best, findings=(*_found(others, duplicates, *unsteady, radii), *best.findings))
 
 
-def _checked(rows: FeltRows) -> FeltRows:
-    """Refuse channels that cannot be what their names say, and add what may not be so to the problems."""
+def _found(*findings: Finding | None) -> Iterable[Finding]:
+    return (each for each in findings if each is not None)
+
+
+def _checked(rows: WheelRows) -> WheelRows:
+    """Refuse channels that cannot be what their names say, and doubt those that may not be."""
     table, wheel, reasons = rows.table, rows.wheel, rows.reasons
     check_signs(table, wheel)
     check_sizes(table, wheel)
     check_load(table, wheel)
     unit = pull_in_another_unit(table, wheel, reasons)
     doubts = (
+        half_stated_grousers(wheel),
         check_torque(table, wheel, reasons),
         check_pull(table, wheel, reasons),
         load_in_kilograms(table, wheel, reasons),
         unit,
+        # Of a pull in another unit its noise in newtons is too large: it is the pull that is at fault.
+        *check_stated_noise(table, rows.vehicle, ignore={"drawbar_pull_N"} if unit else ()),
     )
-    # Beside a pull in another unit its noise in newtons is too large: it is the pull that is at fault.
-    noise = check_stated_noise(table, rows.vehicle, besides={"drawbar_pull_N"} if unit else ())
-    said = [*half_stated_lugs(wheel), *(doubt for doubt in doubts if doubt), *noise]
-    return replace(rows, problems=(*rows.problems, *said))
+    return replace(rows, findings=(*rows.findings, *_found(*doubts)))
 
 
-def _gather(table: WheelTable, vehicle: Vehicle, names: list[str | None]) -> FeltRows:
-    parts, reasons, problems = [], [], []
+def _gather(table: WheelTable, vehicle: Vehicle, names: list[str | None]) -> WheelRows:
+    """Put the rows of wheels of one geometry together."""
+    parts, reasons, findings = [], [], []
     for name in names:
         wheel = vehicle.wheel(name)
-        part = table if name is None else table.select(np.asarray(table.wheel) == name)
-        recorded, part = part, derive(part, wheel)
-        checks = (
+        recorded = table if name is None else table.select(np.asarray(table.wheel) == name)
+        part = derive(recorded, wheel)
+        doubts = _found(
             slip_disagreement(recorded, wheel),
             speeds_in_another_unit(recorded, wheel),
             angle_disagreement(part, wheel),
             slow_clock(part),
         )
-        doubts = [doubt for doubt in checks if doubt]
         # Before what is stuck is left out: on ground that does not yield a sinkage may well stay what it is.
         reasons.append(quasi_static(part, wheel))
         part, stuck = without_stuck(part)
         parts.append(part)
-        said = [*doubts, *stuck]
-        problems.extend(said if len(names) == 1 else [f"wheel {name}: {each}" for each in said])
+        findings += [
+            each if len(names) == 1 else each.with_values(of_wheel=f"wheel {name}") for each in (*doubts, *stuck)
+        ]
     wheel = vehicle.wheel(names[0])
     if len(parts) == 1:
-        return FeltRows(parts[0], wheel, vehicle, reasons[0], tuple(problems))
+        return WheelRows(parts[0], wheel, vehicle, reasons[0], tuple(findings))
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0].columns}
     labels = np.concatenate([np.asarray(part.wheel) for part in parts])
     runs = None if parts[0].run is None else np.concatenate([np.asarray(part.run) for part in parts])
-    return FeltRows(
-        WheelTable(columns, labels, runs, table.source), wheel, vehicle, np.concatenate(reasons), tuple(problems)
-    )
+    together = WheelTable(columns, labels, runs, table.source)
+    return WheelRows(together, wheel, vehicle, np.concatenate(reasons), tuple(findings))

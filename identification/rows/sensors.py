@@ -1,15 +1,17 @@
-"""Whether the noise that a vehicle states can be that of its sensors, by what they read."""
+"""Sensors that are stuck, and stated noise that contradicts what the sensors read."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 
 import numpy as np
 
 from ...framework.core.errors import InputError
+from ...framework.core.findings import Finding, note, warning
 from ...framework.core.recording.types import WheelTable
 from ...framework.core.vehicle import Vehicle
-from ..mechanics.textbook import CHANNELS
+from ..mechanics.textbook import ANSWERS, CHANNELS
 from .noise import measured_noise
 from .trials import is_of_trials, without_time
 
@@ -29,8 +31,32 @@ _TOO_SMALL = 100.0
 22 times it at most."""
 
 
-def check_stated_noise(table: WheelTable, vehicle: Vehicle, besides: Collection[str] = ()) -> list[str]:
-    """Refuse a stated noise that leaves nothing of what its sensor reads, and say, in words, which is far too small.
+def without_stuck(table: WheelTable) -> tuple[WheelTable, list[Finding]]:
+    """Leave out answers of the ground that never change: ``stuck_channel`` for each.
+
+    A load may be the wheel's share of the weight, and a slip may be held.
+
+    Parameters
+    ----------
+    table
+        Rows of one wheel.
+
+    Returns
+    -------
+    WheelTable
+        The same rows, NaN where a channel was left out.
+    list of Finding
+        What was left out.
+    """
+    seen = {name: table.observed(name) for name in ANSWERS}
+    stuck = [name for name, values in seen.items() if len(values) >= _FEWEST and np.ptp(values) == 0.0]
+    columns = {**table.columns, **{name: np.full(len(table), math.nan) for name in stuck}}
+    kept = WheelTable(columns, table.wheel, table.run, table.source)
+    return kept, [note("stuck_channel", channel=name) for name in stuck]
+
+
+def check_stated_noise(table: WheelTable, vehicle: Vehicle, ignore: Collection[str] = ()) -> list[Finding]:
+    """Refuse a stated noise that leaves nothing of what its sensor reads, and doubt one that is far too small.
 
     Parameters
     ----------
@@ -38,8 +64,13 @@ def check_stated_noise(table: WheelTable, vehicle: Vehicle, besides: Collection[
         Rows of the vehicle's wheels; channels that were left out, or never change, say nothing of their noise.
     vehicle
         With `noise`, standard deviations by channel, in its unit.
-    besides
+    ignore
         Channels that are not looked at.
+
+    Returns
+    -------
+    list of Finding
+        ``stated_noise`` for each channel whose noise is far too small.
 
     Raises
     ------
@@ -48,20 +79,16 @@ def check_stated_noise(table: WheelTable, vehicle: Vehicle, besides: Collection[
     """
     if is_of_trials(table) and "time_s" in table:
         table = without_time(table)
-    notes = []
+    doubts = []
     for name in CHANNELS:
-        stated, values = vehicle.noise.get(name), table.get(name)
-        seen = np.empty(0) if values is None else values[np.isfinite(values)]
-        if stated is None or name in besides or len(seen) < _FEWEST:
+        stated, seen = vehicle.noise.get(name), table.observed(name)
+        if stated is None or name in ignore or len(seen) < _FEWEST:
             continue
         _check_size(name, stated, seen, table, vehicle)
         shown = measured_noise(table, name)
         if shown > _TOO_SMALL * stated:
-            notes.append(
-                f"the noise stated of {name}, {stated:.3g}, is less than a hundredth of what neighbours differ by "
-                f"({shown:.2g}): check it; it is used as it is, and without it would be estimated from the data"
-            )
-    return notes
+            doubts.append(warning("stated_noise", channel=name, stated=stated, shown=shown))
+    return doubts
 
 
 def _check_size(name: str, stated: float, seen: np.ndarray, table: WheelTable, vehicle: Vehicle) -> None:
@@ -84,8 +111,7 @@ def _check_size(name: str, stated: float, seen: np.ndarray, table: WheelTable, v
 def _is_repeated(table: WheelTable) -> bool:
     """Say whether load and slip, as far as they were recorded, are the same in all rows."""
     for name, held in (("load_N", _SAME_LOAD), ("slip", _SAME_SLIP)):
-        values = table.get(name)
-        seen = np.empty(0) if values is None else values[np.isfinite(values)]
+        seen = table.observed(name)
         scale = float(np.abs(seen).max()) if name == "load_N" and len(seen) else 1.0
         if len(seen) and np.ptp(seen) > held * scale:
             return False

@@ -1,4 +1,4 @@
-"""First rows of runs at constant load, slip and speed that settle: where the wheel starts, nothing is steady yet."""
+"""Rows of runs at constant load, slip and speed in which the wheel has not settled yet: it starts, or a step ends."""
 
 from __future__ import annotations
 
@@ -6,13 +6,11 @@ import math
 
 import numpy as np
 
+from ...framework.core.findings import Finding, note
 from ...framework.core.recording.types import WheelTable
-from .steady_runs import Runs, steady_runs
-
-_ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
-
-FEWEST_RUNS = 6
-"""Runs that tell what all share from ground that varies along each."""
+from ..mechanics.textbook import ANSWERS
+from .steady_runs import FEWEST_RUNS, Runs, steady_runs
+from .stops import without_stops
 
 _ONE_RATE = 0.2
 """Share of the usual time from row to row by which a run's may differ [-]."""
@@ -45,7 +43,27 @@ _MARGIN = 1.25
 """Times which so long is left out."""
 
 
-def without_run_in(table: WheelTable, *, got_going: bool = False) -> tuple[WheelTable, list[str]]:
+def only_steady(table: WheelTable) -> tuple[WheelTable, list[Finding]]:
+    """Leave out where the wheels of a test at constant slips start, settle and stop.
+
+    Parameters
+    ----------
+    table
+        Channels as `standstill.with_standstill` gives them.
+
+    Returns
+    -------
+    WheelTable
+        The other rows.
+    list of Finding
+        ``stop_rows`` and ``settling_rows``, where rows are left out.
+    """
+    table, stopped, started = without_stops(table)
+    table, settling = without_settling(table, started=started)
+    return table, [found for found in (stopped, settling) if found]
+
+
+def without_settling(table: WheelTable, *, started: bool = False) -> tuple[WheelTable, Finding | None]:
     """Leave out the first rows of runs in which torque, sinkage or pull settle though nothing that drives them changes.
 
     A test at constant slip begins with a wheel that sinks in and shears its way to a steady state, which is all that
@@ -58,7 +76,7 @@ def without_run_in(table: WheelTable, *, got_going: bool = False) -> tuple[Wheel
     ----------
     table
         Channels as recorded.
-    got_going
+    started
         The runs' first rows were left out, in which the wheel got going: an instrument that warms up does so from the
         first one on, and one answer that settles is enough.
 
@@ -66,32 +84,28 @@ def without_run_in(table: WheelTable, *, got_going: bool = False) -> tuple[Wheel
     -------
     WheelTable
         The other rows.
-    list
-        A sentence, where rows are left out.
+    Finding or None
+        ``settling_rows``, where rows are left out.
     """
     runs = steady_runs(table)
     if runs is None or len(runs.each) < FEWEST_RUNS or np.ptp(runs.step_s) > _ONE_RATE * np.median(runs.step_s):
-        return table, []
-    channels = {name: runs.of(table[name]) for name in _ANSWERS if name in table}
+        return table, None
+    channels = {name: runs.of(table[name]) for name in ANSWERS if name in table}
     settling = {name: _settling(values, runs.after) for name, values in channels.items()}
     begin = sum(np.isfinite(values[:, :_SHORTEST]).any(axis=1).sum() >= FEWEST_RUNS for values in channels.values())
     # One alone that settles is an instrument that warms up.
-    if sum(rows > 0 for rows in settling.values()) < max(1, min(1 if got_going else 2, begin)):
-        return table, []
+    if sum(rows > 0 for rows in settling.values()) < max(1, min(1 if started else 2, begin)):
+        return table, None
     if _imposed(table, runs) or (runs.stepped and _late(channels, settling, runs.after)):
-        return table, []
+        return table, None
     longest = max(settling.values())
     first = runs.rows[:, : math.ceil(_MARGIN * longest)]
     kept = np.ones(len(table), dtype=bool)
     kept[first[first >= 0]] = False
-    names = ", ".join(name for name, rows in settling.items() if rows)
-    what, where = ("steps", "gets from one state to the next") if runs.stepped else ("runs", "starts")
-    last_s = first.shape[1] * float(np.median(runs.step_s))
-    said = (
-        f"the first {last_s:.3g} s of {len(first)} {what} are left out, where the wheel {where}: "
-        f"load, slip and speed stay the same there, and what follows from them still settles ({names})"
-    )
-    return table.select(kept), [said]
+    return table.select(kept), note(
+        "settling_rows", seconds=first.shape[1] * float(np.median(runs.step_s)), runs=len(first), steps=runs.stepped,
+        channels=[name for name, rows in settling.items() if rows],
+    )  # fmt: skip
 
 
 def _imposed(table: WheelTable, runs: Runs) -> bool:

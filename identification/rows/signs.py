@@ -1,4 +1,4 @@
-"""Whether the pull can be measured forwards, by what torque, sinkage and slip say of it."""
+"""Whether load, sinkage, torque and drawbar pull are measured in the directions that their columns are defined in."""
 
 from __future__ import annotations
 
@@ -7,12 +7,26 @@ import math
 import numpy as np
 
 from ...framework.core.errors import InputError
+from ...framework.core.findings import Finding, warning
 from ...framework.core.recording.types import WheelTable
 from ...framework.core.vehicle import Wheel
-from .plausible import FEWEST_TOLD, is_steady
+from .gate import balanced
+
+_REVERSED = 0.9
+"""Share of rows below zero from which on a channel is measured the other way round [-]."""
+
+_CLEARLY = 0.03
+"""Sinkage, or torque, so far below zero is no reading of a sensor with a small offset [radii, loads at the rim]."""
+
+_DRIVEN, _BRAKED = 0.1, -0.2
+"""From these slips on a wheel is driven, or braked, whatever the error of its radius [-]. Tips of lugs that carry a
+wheel at 1.15 radii make a slip of -0.13 of none."""
+
+_FEWEST_TORQUES, _FEWEST_PULLS = 5, 8
+"""Rows from which on a sign, and a correlation, can be judged."""
 
 _WIDE = 0.1
-"""Range of the torque, over radius and load, beside which a course of the pull means something [-]."""
+"""Least range of the torque, over radius and load, against which the pull is judged [-]."""
 
 _AGAINST, _FALLS, _WITHOUT_TORQUE = -0.5, -0.3, -0.7
 """Correlation of pull and torque, both over the load, and slope, below which the one falls as the other rises; the
@@ -24,7 +38,7 @@ _NEARLY_ALL = 0.9
 """Share of rows in which a pull of the other sign would leave the ground a resistance, as it does [-]."""
 
 _MORE_THAN_DRIVEN = 0.03
-"""Pull beyond what the torque pushes, over the load, that is no zero a little off [-]."""
+"""Pull beyond what the torque pushes, over the load, that is more than an offset [-]."""
 
 _SLOPING = 0.05
 """Slope from which on gravity may have its share in what is called pull [rad]."""
@@ -33,8 +47,88 @@ _STEEPEST = 1.4
 """Entry angle of a wheel that is as good as buried: steeper ones only make tangents run away [rad]."""
 
 
-def check_pull(table: WheelTable, wheel: Wheel, reasons: np.ndarray) -> str | None:
-    """Refuse a pull that is measured the other way round, and say, in words, where it may be; None where it is not so.
+def check_signs(table: WheelTable, wheel: Wheel) -> None:
+    """Refuse a load or a sinkage that is measured the other way round.
+
+    Raises
+    ------
+    InputError
+        Nearly all rows of one are below zero.
+    """
+    for name, least, expected in (
+        ("load_N", 0.0, "the wheel's load, positive"),
+        ("sinkage_m", _CLEARLY * wheel.radius_m, "positive downwards"),
+    ):
+        seen = table.observed(name)
+        if not seen.size or np.median(seen) >= -least:
+            continue
+        share = float(np.mean(seen < 0.0))
+        if share > _REVERSED:
+            raise InputError(
+                table.source, f"{np.median(seen):.3g} (median), {100.0 * share:.0f} % of the rows below 0",
+                expected=expected, place=f"column {name}",
+            )  # fmt: skip
+
+
+def check_torque(table: WheelTable, wheel: Wheel, reasons: np.ndarray) -> Finding | None:
+    """Refuse a torque that brakes a wheel whose slip is that of a driven one, or the reverse.
+
+    Parameters
+    ----------
+    table, wheel
+        Rows of one wheel's geometry, and the wheel.
+    reasons : (n,)
+        Why each row is not used, ``""`` where it is.
+
+    Returns
+    -------
+    Finding or None
+        ``torque_sign``, where only the lesser part of the rows contradict each other.
+
+    Raises
+    ------
+    InputError
+        Of the rows that are used and slip, nearly all have a torque below zero, and clearly so; or of those that are
+        braked, and are more than the driven ones, nearly all have one above it.
+    """
+    torque, slip, load = table.get("torque_Nm"), table.get("slip"), table.get("load_N")
+    if torque is None or slip is None or load is None:
+        return None
+    seen = np.isfinite(torque) & (load > 0.0)
+    driven, braked = (reasons == "") & (slip > _DRIVEN) & seen, balanced(reasons) & (slip < _BRAKED) & seen
+    clearly = _CLEARLY * wheel.radius_m * load
+    if _mostly_below(torque[driven], clearly[driven]):
+        raise _contradiction(table, torque[driven], f"above {_DRIVEN:g} below 0", "column torque_Nm")
+    if not _mostly_below(-torque[braked], clearly[braked]):
+        return None
+    if braked.sum() > driven.sum():
+        raise _contradiction(table, torque[braked], f"below {_BRAKED:g} above 0", "columns torque_Nm and slip")
+    return warning(
+        "torque_sign", torque_Nm=float(np.median(torque[braked])), share=float(np.mean(torque[braked] > 0.0)),
+        slip=_BRAKED,
+    )  # fmt: skip
+
+
+def _mostly_below(values: np.ndarray, clearly: np.ndarray) -> bool:
+    """Tell whether nearly all values (n,), of enough rows, are below zero, and their median by more than is clear."""
+    return (
+        len(values) >= _FEWEST_TORQUES
+        and float(np.mean(values < 0.0)) > _REVERSED
+        and float(np.median(values)) < -float(np.median(clearly))
+    )
+
+
+def _contradiction(table: WheelTable, torque: np.ndarray, rows: str, place: str) -> InputError:
+    """Make the error that torques (n,) [N m] and slips have not the same sign."""
+    share = 100.0 * max(float(np.mean(torque < 0.0)), float(np.mean(torque > 0.0)))
+    return InputError(
+        table.source, f"{np.median(torque):.3g} (median), {share:.0f} % of the rows with a slip {rows}",
+        expected="torque and slip both positive where the wheel drives, both negative where it is braked", place=place,
+    )  # fmt: skip
+
+
+def check_pull(table: WheelTable, wheel: Wheel, reasons: np.ndarray) -> Finding | None:
+    """Refuse a drawbar pull that is measured the other way round, and doubt one that may be.
 
     On level ground DP = T/r - R: at like loads pull rises with torque, but for a resistance R that grows faster still,
     as where a wheel digs itself in. It is beyond doubt where, besides, R is impossible one way: the pull falls short of
@@ -49,6 +143,11 @@ def check_pull(table: WheelTable, wheel: Wheel, reasons: np.ndarray) -> str | No
     reasons : (n,)
         Why each row is not used, ``""`` where it is.
 
+    Returns
+    -------
+    Finding or None
+        ``pull_sign``, or ``pull_sign_by_slip`` where there is no torque.
+
     Raises
     ------
     InputError
@@ -57,9 +156,9 @@ def check_pull(table: WheelTable, wheel: Wheel, reasons: np.ndarray) -> str | No
     pull, load, torque = (table.get(name) for name in ("drawbar_pull_N", "load_N", "torque_Nm"))
     if pull is None or load is None:
         return None
-    rows = is_steady(reasons) & np.isfinite(pull) & (load > 0.0)
+    rows = balanced(reasons) & np.isfinite(pull) & (load > 0.0)
     driven = None if torque is None else rows & np.isfinite(torque)
-    if torque is None or driven is None or driven.sum() < FEWEST_TOLD:
+    if torque is None or driven is None or driven.sum() < _FEWEST_PULLS:
         return _by_slip(table, rows)
     thrust, pulled = torque[driven] / (wheel.radius_m * load[driven]), pull[driven] / load[driven]
     least, most = np.quantile(thrust, (0.05, 0.95))
@@ -70,15 +169,18 @@ def check_pull(table: WheelTable, wheel: Wheel, reasons: np.ndarray) -> str | No
     sensible = float(np.mean(thrust + pulled > 0.0)) > _NEARLY_ALL
     if correlation > _AGAINST or slope > _FALLS or not sensible:
         return None
-    told = f"falls by {-slope:.2g} N for each newton that torque over radius rises by (correlation {correlation:.2f})"
     sinkage = table.get("sinkage_m")
     depth = np.full(len(thrust), math.nan) if sinkage is None else sinkage[driven]
-    if not _slopes(table) and _impossible(thrust, pulled, depth, wheel):
+    pitch = np.abs(table.observed("pitch_rad"))
+    slopes = bool(pitch.size) and float(np.quantile(pitch, 0.9)) > _SLOPING
+    if not slopes and _impossible(thrust, pulled, depth, wheel):
         raise InputError(
-            table.source, told, expected="positive forwards: a wheel that is driven harder pulls more",
-            place="column drawbar_pull_N",
+            table.source, place="column drawbar_pull_N",
+            problem=f"falls by {-slope:.2g} N for each newton that torque over radius rises by (correlation "
+            f"{correlation:.2f})",
+            expected="positive forwards: a wheel that is driven harder pulls more",
         )  # fmt: skip
-    return f"drawbar_pull_N {told}: it may be measured the other way round (positive forwards); it is used as it is"
+    return warning("pull_sign", slope=slope, correlation=correlation)
 
 
 def _impossible(thrust: np.ndarray, pulled: np.ndarray, depth_m: np.ndarray, wheel: Wheel) -> bool:
@@ -93,27 +195,17 @@ def _impossible(thrust: np.ndarray, pulled: np.ndarray, depth_m: np.ndarray, whe
     return (len(hardest) > 1 and float(np.median(hardest)) < 0.0) or float(np.median(beyond)) > _MORE_THAN_DRIVEN
 
 
-def _slopes(table: WheelTable) -> bool:
-    """Tell whether the ground is said to slope."""
-    pitch = table.get("pitch_rad")
-    seen = np.empty(0) if pitch is None else np.abs(pitch[np.isfinite(pitch)])
-    return bool(seen.size) and float(np.quantile(seen, 0.9)) > _SLOPING
-
-
-def _by_slip(table: WheelTable, rows: np.ndarray) -> str | None:
-    """Say, in words, that the pull of rows (n,) is forwards where slip is least and backwards where it is largest."""
+def _by_slip(table: WheelTable, rows: np.ndarray) -> Finding | None:
+    """Doubt a pull that is forwards where slip is least and backwards where it is largest, in rows (n,) of bool."""
     slip, pull, load = table.get("slip"), table["drawbar_pull_N"], table["load_N"]
     if slip is None:
         return None
     rows = rows & np.isfinite(slip)
     slips, pulled = slip[rows], pull[rows] / load[rows]
-    if len(slips) < FEWEST_TOLD or np.ptp(slips) == 0.0 or np.ptp(pulled) == 0.0:
+    if len(slips) < _FEWEST_PULLS or np.ptp(slips) == 0.0 or np.ptp(pulled) == 0.0:
         return None
     first, last = (slips <= np.quantile(slips, 1 / 3)), (slips >= np.quantile(slips, 2 / 3))
     turned = np.median(pulled[first]) > 0.0 > np.median(pulled[last])
     if not turned or np.corrcoef(slips, pulled)[0, 1] > _WITHOUT_TORQUE:
         return None
-    return (
-        "drawbar_pull_N is forwards where slip is least and backwards where it is largest: it may be measured the "
-        "other way round (positive forwards), or slip; they are used as they are"
-    )
+    return warning("pull_sign_by_slip")

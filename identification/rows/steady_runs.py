@@ -21,6 +21,9 @@ _HELD_LOAD, _HELD_SLIP, _HELD_SPEED = 0.1, 0.03, 0.1
 _FEWEST_ROWS = 15
 """Rows of a run that can show it."""
 
+FEWEST_RUNS = 6
+"""Runs from which on what they share is told from ground that varies along each."""
+
 _MOST_RUNS = 0.8
 """Share of the rows that are in such runs at least [-]: else it is no test at constant slips."""
 

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
+from ...framework.core.findings import Finding, note
 from ...framework.core.recording.types import WheelTable
 from .noise import NORMAL_MAD, running_median
-from .settling import FEWEST_RUNS
-from .steady_runs import Runs, steady_runs
+from .steady_runs import FEWEST_RUNS, Runs, steady_runs
 
 _FORCES = ("torque_Nm", "drawbar_pull_N")
 
@@ -30,7 +30,7 @@ _LONGEST = 0.3
 """Share of a run that its end is at most [-]."""
 
 
-def without_stops(table: WheelTable) -> tuple[WheelTable, list[str], bool]:
+def without_stops(table: WheelTable) -> tuple[WheelTable, Finding | None, bool]:
     """Leave out the rows of runs at constant conditions in which the wheel is got going, is stopped or has stopped.
 
     What a wheel feels once it is driven no longer is what is left of it: torque and pull relax. Where speeds were
@@ -45,22 +45,21 @@ def without_stops(table: WheelTable) -> tuple[WheelTable, list[str], bool]:
     -------
     WheelTable
         The other rows.
-    list
-        A sentence, where rows are left out.
+    Finding or None
+        ``stop_rows``, where rows are left out.
     bool
         Whether most runs begin with rows that are.
     """
     runs = steady_runs(table)
     if runs is None:
-        return table, [], False
+        return table, None, False
     left_out = np.unique(np.concatenate([*runs.starts, *runs.stops, _relaxed(table, runs)]))
     if not len(left_out):
-        return table, [], False
+        return table, None, False
     kept = np.ones(len(table), dtype=bool)
     kept[left_out] = False
-    of = "a run" if len(runs.each) == 1 else f"{len(runs.each)} runs"
-    said = f"{len(left_out)} rows of {of} are left out, in which the wheel is got going or stopped"
-    return table.select(kept), [said], sum(len(rows) > 0 for rows in runs.starts) >= _MOST * len(runs.starts)
+    started = sum(len(rows) > 0 for rows in runs.starts) >= _MOST * len(runs.starts)
+    return table.select(kept), note("stop_rows", n=len(left_out), runs=len(runs.each)), started
 
 
 def _relaxed(table: WheelTable, runs: Runs) -> np.ndarray:

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...framework.core.findings import Finding, note, warning
 from ...framework.core.recording.types import WheelTable
 
-AS_TRIALS = "slip or load leap from each row to the next: each is taken for a steady trial, whatever its time"
-"""Note where that was found."""
+AS_TRIALS = note("steady_trials")
+"""Slip or load leap from each row to the next: each row is taken for a steady trial, whatever its time."""
 
 _UNRELATED, _FAR_APART = 1.2, {"slip": 0.05, "load_N": 0.1}
 """Mean square of the steps from row to row over the variance, 2 where the order is by chance, from which on rows do not
 follow from one another; and how large the usual step of slip, or of load as a share of it, then is at least [-]."""
 
-_ROWS_OF_A_DRIVE = 50
-"""Rows to a run without a time from which on they look like a drive's."""
-
-_SHORTEST_S = 2.0
-"""A trial takes longer [s]; a drive that is so unsteady is logged more often."""
+_ROWS_OF_A_DRIVE, _SLOWEST_S = 50, 2.0
+"""Rows (of a run without a time) from which on they look like a drive's, and the longest step of a drive's clock [s]:
+one that is so unsteady is logged more often."""
 
 
 def is_of_trials(table: WheelTable) -> bool:
@@ -25,7 +24,7 @@ def is_of_trials(table: WheelTable) -> bool:
 
     The measure is that of J. von Neumann, Ann. Math. Stat. 12 (1941), 367-395.
     """
-    if "time_s" not in table or len(table) < 2 or not np.median(np.diff(table["time_s"])) > _SHORTEST_S:
+    if "time_s" not in table or len(table) < 2 or not np.median(np.diff(table["time_s"])) > _SLOWEST_S:
         return False
     for name, far in _FAR_APART.items():
         values = table.get(name)
@@ -39,17 +38,26 @@ def is_of_trials(table: WheelTable) -> bool:
     return False
 
 
-def without_clock(table: WheelTable) -> list[str]:
-    """Say, in words, that rows are taken for trials of their own though they may be those of a drive."""
+def slow_clock(table: WheelTable) -> Finding | None:
+    """Doubt the time of rows of a drive that follow each other as slowly as if it were not in seconds: ``time_unit``.
+
+    Parameters
+    ----------
+    table
+        Rows of one wheel, in order of time, slip derived.
+    """
+    if len(table) < _ROWS_OF_A_DRIVE or "time_s" not in table or is_of_trials(table):
+        return None
+    step = float(np.median(np.diff(table["time_s"])))
+    return warning("time_unit", step_s=step) if step > _SLOWEST_S else None
+
+
+def missing_clock(table: WheelTable) -> Finding | None:
+    """Note that rows are taken for trials of their own though they may be those of a drive: ``rows_without_time``."""
     if "time_s" in table or table.run is None:
-        return []
+        return None
     runs = len(set(table.run))
-    if len(table) < _ROWS_OF_A_DRIVE * runs:
-        return []
-    return [
-        f"{len(table)} rows of {runs} run{'s' if runs > 1 else ''} have no time_s: each is taken for a steady trial of "
-        "its own, not for the next one's neighbour as in a drive"
-    ]
+    return note("rows_without_time", n=len(table), runs=runs) if len(table) >= _ROWS_OF_A_DRIVE * runs else None
 
 
 def without_time(table: WheelTable) -> WheelTable:
