@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bevameter import Recording, Vehicle, Wheel, WheelTable, explain, identify
+from bevameter.framework.core.findings import codes
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import equilibrium
-from bevameter.identification.rows.select import felt_rows, only_steady
+from bevameter.identification.rows.select import wheel_rows
+from bevameter.identification.rows.settling import only_steady
 from bevameter.identification.rows.standstill import stands, with_standstill
 from bevameter.identification.rows.steady_runs import steady_runs
 from bevameter.identification.rows.stops import without_stops
@@ -94,15 +96,14 @@ def test_neither_a_crawling_nor_a_dragged_wheel_stands():
 @pytest.mark.parametrize("lifted", [False, True])
 @pytest.mark.parametrize("speeds", [("wheel_speed_rad_s", "travel_speed_m_s"), ("wheel_speed_rad_s",), ()])
 def test_the_rows_of_a_stop_are_left_out(speeds, lifted):
-    table, said, _ = without_stops(with_standstill(runs(speeds=speeds, lifted=lifted)))
-    assert len(said) == 1
-    assert "of 18 runs are left out, in which the wheel is got going or stopped" in said[0]
+    table, found, _ = without_stops(with_standstill(runs(speeds=speeds, lifted=lifted)))
+    assert found.values["runs"] == 18
     kept = np.unique(table.run, return_counts=True)[1]
     assert np.all(np.abs(kept - (ROWS - SLOWS - STANDS)) <= 1)
     assert table["time_s"].max() <= (ROWS - SLOWS - STANDS) * STEP_S
 
 
-def test_the_rows_in_which_a_wheel_gets_going_are_left_out():
+def test_the_rows_in_which_a_wheel_starts_are_left_out():
     table = runs()
     begun = WheelTable(
         {name: values.reshape(-1, ROWS)[:, ::-1].ravel() for name, values in table.columns.items() if name != "time_s"}
@@ -111,15 +112,15 @@ def test_the_rows_in_which_a_wheel_gets_going_are_left_out():
         table.run,
         "rig.csv",
     )
-    fewer, said, got_going = without_stops(with_standstill(begun))
-    assert len(said) == 1
-    assert got_going
+    fewer, found, started = without_stops(with_standstill(begun))
+    assert found.values["n"] == len(begun) - len(fewer)
+    assert started
     assert fewer["time_s"].min() >= (SLOWS + STANDS - 1) * STEP_S
     assert len(fewer) >= 18 * (ROWS - SLOWS - STANDS - 1)
 
 
 @pytest.mark.parametrize("starts", [True, False])
-def test_one_answer_that_settles_once_the_wheel_got_going_is_its_start(starts):
+def test_one_answer_that_settles_once_the_wheel_started_is_its_start(starts):
     table = runs()
     rows = np.arange(len(table)).reshape(-1, ROWS)
     # The last rows of a stop, in the order of a start, and then what is steady.
@@ -131,8 +132,9 @@ def test_one_answer_that_settles_once_the_wheel_got_going_is_its_start(starts):
     climbs = 0.002 * np.exp(-np.maximum(np.arange(count) - (SLOWS + STANDS if starts else 0), 0) / 3.0)
     columns = {**begun.columns, "time_s": np.tile(np.arange(count) * STEP_S, 18)}
     columns["sinkage_m"] = begun["sinkage_m"] + np.tile(climbs, 18)
-    fewer, said = only_steady(with_standstill(WheelTable(columns, None, begun.run, "rig.csv")))
-    assert any("(sinkage_m)" in each for each in said) == starts
+    fewer, found = only_steady(with_standstill(WheelTable(columns, None, begun.run, "rig.csv")))
+    settling = [each.values["channels"] for each in found if each.code == "settling_rows"]
+    assert settling == ([["sinkage_m"]] if starts else [])
     assert len(fewer) < len(begun) if starts else len(fewer) == len(begun)
 
 
@@ -155,8 +157,8 @@ def test_a_carriage_that_stands_for_long_beside_a_commanded_wheel_is_a_stop(stop
     longer = table.select(order.ravel())
     columns = {**longer.columns, "time_s": np.tile(np.arange(order.shape[1]) * STEP_S, 18)}
     columns["wheel_speed_rad_s"] = np.full(order.size, 0.4)
-    fewer, said, _ = without_stops(with_standstill(WheelTable(columns, None, longer.run, "rig.csv")))
-    assert len(said) == 1
+    fewer, found, _ = without_stops(with_standstill(WheelTable(columns, None, longer.run, "rig.csv")))
+    assert found.code == "stop_rows"
     assert abs(len(fewer) - driven.size) <= 18
 
 
@@ -192,26 +194,26 @@ def test_what_is_no_stop_is_left_to_be_found(change):
     longer = driven.select(np.concatenate([again, again[:, -(SLOWS + STANDS) :]], axis=1).ravel())
     columns = {**longer.columns, "time_s": whole["time_s"]}
     steady = WheelTable(columns, None, whole.run, "rig.csv")
-    assert without_stops(with_standstill(steady))[1] == []
+    assert without_stops(with_standstill(steady))[1] is None
     changed = WheelTable({**columns, **change(steady)}, None, whole.run, "rig.csv")
-    assert without_stops(with_standstill(changed))[1] == []
+    assert without_stops(with_standstill(changed))[1] is None
 
 
 def test_a_drive_that_stands_in_between_is_used_where_it_rolls():
     table = runs()
     one = WheelTable({**table.columns, "time_s": np.arange(len(table)) * STEP_S}, None, None, "drive.csv")
-    rows = felt_rows(recording(one))
+    rows = wheel_rows(recording(one))
     standing = rows.reasons == "standing"
     assert 18 * (STANDS - 2) <= standing.sum() <= 18 * (STANDS + 1)
 
 
 def test_what_is_found_of_runs_that_stop_is_what_is_found_of_their_steady_rows():
     table = runs(speeds=())
-    answer = explain(recording(table))
+    answer = explain(recording(table), catalogue=("soil_patch", "drift", "torque_offset", "time_lag"))
     assert answer.verdict == "none"
     assert any("stopped" in note for note in answer.notes)
     found = identify(recording(table))
     assert found.overall is not None
     phi = found.overall.parameters["phi_rad"]
     assert phi.low < np.radians(31.0) < phi.high
-    assert any("stopped" in problem for problem in found.problems)
+    assert codes(found.findings) == ["stop_rows"]

@@ -1,4 +1,4 @@
-"""Soil from sensors whose noise lasts from row to row: rows that repeat each other are no change of soil."""
+"""Soil from sensors whose noise is autocorrelated: rows that repeat each other are no change of soil."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bevameter import Recording, Vehicle, Wheel, WheelTable, identify
+from bevameter.framework.core.findings import codes
+from bevameter.identification.estimate.autocorrelation import are_correlated, rows_in_noise
 from bevameter.identification.estimate.identify import Segment
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import equilibrium
-from bevameter.identification.rows.noise import alike, memory
 from scipy.signal import butter, lfilter
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.12)
 SAND = Soil(1e3, np.radians(30.0), 0.015, 3e5, 0.9)
 CLAY = Soil(4e3, np.radians(18.0), 0.008, 1.5e5, 0.75)
 NOISE = {"load_N": 2.4, "torque_Nm": 0.18, "sinkage_m": 2.5e-4, "slip": 0.01, "drawbar_pull_N": 0.6}
-NOTE = "noise lasts from row to row"
 
 
 def autoregressive(rho: float):
@@ -64,18 +64,18 @@ def test_one_soil_stays_one_and_its_intervals_hold():
     for seed in range(6):
         (segment,) = driven(seed, autoregressive(0.7))
         answers.append(held(segment, SAND))
-        assert any(NOTE in problem for problem in segment.estimate.problems)
+        assert "autocorrelated_noise" in codes(segment.estimate.findings)
     assert np.mean(answers) >= 0.9
 
 
 def test_filtered_sensors_make_no_soils():
     (segment,) = driven(1, low_passed, n=600, step_s=0.02)
     assert all(held(segment, SAND)[:2])
-    assert any(NOTE in problem for problem in segment.estimate.problems)
+    assert "autocorrelated_noise" in codes(segment.estimate.findings)
     assert segment.estimate.misfit < 1.5
 
 
-def test_a_change_of_soil_is_found_beside_noise_that_lasts():
+def test_a_change_of_soil_is_found_beside_autocorrelated_noise():
     first, second = driven(1, autoregressive(0.8), (SAND, CLAY))
     assert second.start_s == pytest.approx(15.0, abs=0.3)
     assert all(held(first, SAND)[:2] + held(second, CLAY)[:2])
@@ -87,15 +87,18 @@ def test_no_segment_is_shorter_than_the_gate_uses():
     assert min(segment.end_s - segment.start_s for segment in segments) >= 5.0
 
 
-def test_a_misfit_that_follows_what_is_driven_is_no_noise_that_lasts(rng):
+def test_a_misfit_that_follows_what_is_driven_is_no_autocorrelated_noise(rng):
     slip = np.sin(np.arange(400) / 12.0)
     misfit = (slip**2 - 0.5)[:, None] + 0.1 * rng.normal(size=(400, 1))
-    assert alike(misfit).all()
-    assert memory(misfit, 50.0 * slip[:, None]) == 1.0
+    assert are_correlated(misfit).all()
+    assert rows_in_noise(misfit, 50.0 * slip[:, None]) == 1.0
 
 
 @pytest.mark.parametrize(("rho", "rows"), [(0.0, 1.0), (0.6, 4.0), (0.8, 9.0)])
 def test_rows_that_say_the_same_are_counted(rho, rows):
     rng = np.random.default_rng(3)
-    found = [memory(autoregressive(rho)(2000, rng)[:, None], np.sin(np.arange(2000) / 50.0)[:, None]) for _ in range(9)]
+    found = [
+        rows_in_noise(autoregressive(rho)(2000, rng)[:, None], np.sin(np.arange(2000) / 50.0)[:, None])
+        for _ in range(9)
+    ]
     assert np.median(found) == pytest.approx(rows, rel=0.25)

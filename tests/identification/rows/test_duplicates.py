@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bevameter import Recording, Vehicle, Wheel, WheelTable, explain, identify
+from bevameter.framework.core.findings import codes
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import equilibrium
-from bevameter.identification.rows.duplicates import without_copies
+from bevameter.identification.rows.duplicates import without_duplicates
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.12)
 SAND = Soil(c_Pa=300.0, phi_rad=0.55, k_m=0.012, stiffness_Pa=9e4, n=0.9)
@@ -42,34 +43,33 @@ def recording(table: WheelTable) -> Recording:
 
 
 @pytest.mark.parametrize("times", [2, 3])
-def test_copies_are_left_out_and_counted(rng, times):
+def test_duplicates_are_left_out_and_counted(rng, times):
     table = trials(rng)
     doubled = together(*[table] * times, run=np.array([f"u{row}" for row in range(21 * times)]))
-    kept, said = without_copies(doubled)
+    kept, found = without_duplicates(doubled)
     for name in table.columns:
         np.testing.assert_array_equal(kept[name], table[name])
-    (note,) = said
-    assert note.startswith(f"{21 * (times - 1)} rows equal earlier ones in every channel and are left out, as copies")
-    assert f"run u21; run u22; run u23; run u24; {21 * (times - 1) - 4} more" in note
+    count = 21 * (times - 1)
+    assert found.values == {"n": count, "rows": ["run u21", "run u22", "run u23", "run u24"], "more": count - 4}
 
 
-def test_copies_under_another_wheel_are_copies(rng):
+def test_duplicates_under_another_wheel_are_duplicates(rng):
     table = trials(rng)
-    kept, said = without_copies(together(table, table, wheel=np.repeat(["A", "B"], 21), run=np.tile(table.run, 2)))
+    kept, found = without_duplicates(together(table, table, wheel=np.repeat(["A", "B"], 21), run=np.tile(table.run, 2)))
     assert set(kept.wheel) == {"A"}
-    assert len(said) == 1
+    assert found.values["n"] == 21
 
 
-def test_one_copy_is_named(rng):
+def test_one_duplicate_is_named(rng):
     table = trials(rng)
-    kept, said = without_copies(table.select(np.append(np.arange(21), 4)))
+    kept, found = without_duplicates(table.select(np.append(np.arange(21), 4)))
     assert len(kept) == 21
-    assert said == ["1 row equals an earlier one in every channel and is left out, as a copy: run t4"]
+    assert found.values == {"n": 1, "rows": ["run t4"], "more": 0}
 
 
-def test_repeats_are_no_copies(rng):
+def test_repeats_are_no_duplicates(rng):
     table = trials(rng, repeats=3)
-    assert without_copies(table) == (table, [])
+    assert without_duplicates(table) == (table, None)
 
 
 @pytest.mark.parametrize("repeats", [2, 5, 20])
@@ -78,43 +78,43 @@ def test_readings_so_coarse_that_repeats_agree_by_chance_are_kept(rng, repeats):
     table = trials(rng, repeats, digits=(-1, 3, 1, 3, 0), noise=1.5)
     rows = np.column_stack([table[name] for name in table.columns])
     assert len(np.unique(rows, axis=0)) < 0.9 * len(rows)
-    assert without_copies(table) == (table, [])
+    assert without_duplicates(table) == (table, None)
 
 
-def test_copies_of_trials_that_were_repeated_are_found_all_the_same(rng):
+def test_duplicates_of_trials_that_were_repeated_are_found_all_the_same(rng):
     table = trials(rng, repeats=3)
-    kept, said = without_copies(together(table, table, run=np.tile(table.run, 2)))
+    kept, found = without_duplicates(together(table, table, run=np.tile(table.run, 2)))
     assert len(kept) == 63
-    assert len(said) == 1
+    assert found.values["n"] == 63
 
 
-def test_rows_at_different_times_are_no_copies_and_at_the_same_time_they_are(rng):
+def test_rows_at_different_times_are_no_duplicates_and_at_the_same_time_they_are(rng):
     time_s = np.repeat(0.1 * np.arange(20), 2)
     columns = {"time_s": time_s, "load_N": np.full(40, 60.0), "slip": np.full(40, 0.2), "sinkage_m": np.full(40, 0.01)}
     table = WheelTable(columns, None, None, Path("drive.csv"))
-    kept, said = without_copies(table)
+    kept, found = without_duplicates(table)
     np.testing.assert_array_equal(kept["time_s"], time_s[::2])
-    assert "as copies: 0 s; 0.1 s; 0.2 s; 0.3 s; 16 more" in said[0]
+    assert found.values == {"n": 20, "rows": ["0 s", "0.1 s", "0.2 s", "0.3 s"], "more": 16}
 
 
-def test_what_was_not_observed_makes_no_copy(rng):
+def test_what_was_not_observed_makes_no_duplicate(rng):
     table = trials(rng)
     empty = {name: np.full(21, np.nan) for name in table.columns if name not in ("load_N", "slip")}
     unanswered = replace(table, columns={**table.columns, **empty})
     doubled = together(unanswered, unanswered, run=np.tile(table.run, 2))
-    assert without_copies(doubled) == (doubled, [])
+    assert without_duplicates(doubled) == (doubled, None)
     no_torque = replace(table, columns={**table.columns, "torque_Nm": np.full(21, np.nan)})
-    assert len(without_copies(together(no_torque, no_torque, run=np.tile(table.run, 2)))[0]) == 21
+    assert len(without_duplicates(together(no_torque, no_torque, run=np.tile(table.run, 2)))[0]) == 21
 
 
-def test_identify_and_explain_answer_as_without_copies(rng):
+def test_identify_and_explain_answer_as_without_duplicates(rng):
     table = trials(rng)
     doubled = together(table, table, run=np.tile(table.run, 2))
     once, twice = (identify(recording(each)) for each in (table, doubled))
     assert twice.overall.n == once.overall.n == 21
     assert twice.overall.parameters == once.overall.parameters
-    assert "as copies" in twice.problems[0]
+    assert codes(twice.findings) == ["duplicate_rows"]
     answers = [explain(recording(each), catalogue=()) for each in (table, doubled)]
     assert [answer.n for answer in answers] == [21, 21]
     assert answers[0].soil == answers[1].soil
-    assert "as copies" in answers[1].notes[0]
+    assert "duplicates" in answers[1].notes[0]

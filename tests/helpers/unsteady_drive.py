@@ -14,15 +14,15 @@ ROWS = 600
 
 
 def drive(
-    seed: int, restless: tuple[float, float], noise: tuple[float, float], friction_Nm: float = 0.0
+    seed: int, unsteady: tuple[float, float], noise: tuple[float, float], friction_Nm: float = 0.0
 ) -> WheelTable:  # fmt: skip
     """A drive whose load and slip really change from row to row by so much [share, -], and are measured so badly; its
     true slip is kept beside, as a column that nothing reads.
     """
     rng = np.random.default_rng(seed)
     time = 0.2 * np.arange(ROWS)
-    load = 150.0 * (1.0 + 0.3 * np.sin(0.11 * time)) * (1.0 + restless[0] * rng.normal(size=ROWS))
-    slip = 0.25 + 0.18 * np.sin(0.17 * time + 1.0) + restless[1] * rng.normal(size=ROWS)
+    load = 150.0 * (1.0 + 0.3 * np.sin(0.11 * time)) * (1.0 + unsteady[0] * rng.normal(size=ROWS))
+    slip = 0.25 + 0.18 * np.sin(0.17 * time + 1.0) + unsteady[1] * rng.normal(size=ROWS)
     state = equilibrium(WHEEL, SOIL, load, slip)
     answers = {
         "torque_Nm": state.torque_Nm + friction_Nm + 0.05 * rng.normal(size=ROWS),
