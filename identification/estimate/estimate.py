@@ -16,7 +16,7 @@ import numpy as np
 from scipy.stats import t as t_distribution
 
 from ...framework.core.errors import InputError
-from ...framework.core.findings import Finding, warning
+from ...framework.core.findings import Finding, note, warning
 from ...framework.core.soil import PARAMETERS, PLAUSIBLE, WRONG_FORM, SoilEstimate, SoilKnowledge
 from ...framework.core.vehicle import Wheel
 from ..mechanics.soil import Soil, from_internal, slope_of_internal, to_internal
@@ -73,7 +73,7 @@ class Solution:
 
     `inflation` multiplies the covariance, `widening` (p,) each parameter's variance where the form is wrong; `quantile`
     is Student's t at 97.5 %, `misfit`, of the textbook's form, as in `SoilEstimate`; `repeated` neighbouring rows count
-    as one because the noise is autocorrelated.
+    as one because the noise is autocorrelated; `timed` as in `Measured`.
     """
 
     problem: Problem
@@ -83,6 +83,7 @@ class Solution:
     misfit: float
     widening: np.ndarray | None = None
     repeated: float = 1.0
+    timed: bool = True
 
     @property
     def free(self) -> np.ndarray:
@@ -134,6 +135,8 @@ def summarise(solution: Solution, kept: Measured, wheel: Wheel, *, one_soil: boo
         # The textbook's values stand, for they predict best with the textbook; the intervals hold both readings.
         intervals = hull(bounded, intervals, parameter_intervals(freed, freed.covariance(), model))
         findings = (_wrong_form(solution, freed),)
+    elif one_soil and solution.misfit > WRONG_FORM:
+        findings = (note("ground_variation", misfit=solution.misfit),)
     strength = strengths(bounded, covariance, intervals, model)
     covariance = consistent(covariance, bounded, intervals)
     determined = separable(intervals.quantities, strength, solution.free, solution.misfit)
@@ -200,11 +203,11 @@ def solve(measured: Measured, wheel: Wheel, known: SoilKnowledge) -> Solution:
     best = converge(problem, wheel, known)
     correlation, repeated = unexplained(problem, best), _repeated(problem, best) if measured.timed else 1.0
     if correlation == 0.0:
-        return Solution(problem, best, 1.0, _two_sided(dof), misfit(problem, best))
+        return Solution(problem, best, 1.0, _two_sided(dof), misfit(problem, best), timed=measured.timed)
     # The maximum-likelihood variance spends no degrees of freedom on the parameters; neighbours repeat each other.
     quantile = _two_sided(max(dof / correlation, 1.0))
     inflation = observations / dof * correlation
-    return Solution(problem, best, inflation, quantile, misfit(problem, best), repeated=repeated)
+    return Solution(problem, best, inflation, quantile, misfit(problem, best), repeated=repeated, timed=measured.timed)
 
 
 def _two_sided(dof: float) -> float:

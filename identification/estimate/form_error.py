@@ -1,7 +1,11 @@
 """What the error of the model's form does to the parameters: found by a score test, carried into the intervals.
 
 1. Is the textbook's form rejected? C. R. Rao's score test (Proc. Camb. Phil. Soc. 44 (1948), Sec. 4) of all the
-   freedoms of `mechanics.flexible` at once needs no further fit.
+   freedoms of `mechanics.flexible` at once needs no further fit. Along a drive the soil varies from place to place,
+   which is no error of form: it goes with the place and not with slip and load. What it adds to the variance of the
+   scores is seen in their autocorrelation, what goes with slip and load apart; the statistic is divided by it (first
+   order correction of J. N. K. Rao, A. J. Scott, Ann. Statist. 12 (1984), 46-60), and the samples count as so many
+   fewer. A misfit is held against the form only as far as it goes with slip and load, or from sample to sample.
 2. If so, the freedoms are estimated beside the soil, under their priors.
 3. What is still left out shows as residuals that go together under like conditions. The variance of the parameters is
    then that of the scores summed by cluster (K.-Y. Liang, S. L. Zeger, Biometrika 73 (1986), Eq. 6; G. Kauermann,
@@ -18,10 +22,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.stats import chi2
+from scipy.stats import f as f_distribution
 from scipy.stats import t as t_distribution
 
 from ..mechanics.flexible import FREEDOMS, FlexibleWheel
 from ..mechanics.textbook import TextbookWheel
+from ..rows.noise import noise_of_series
+from .autocorrelation import correlation_time
 from .likelihood import POPULATION, Point, Problem, State, evaluate, mean_score
 from .optimise import best_start, fit
 
@@ -36,6 +43,9 @@ CLUSTERS = 6
 
 LEAST_IN_CLUSTER = 3
 
+_TERMS = 5
+"""Terms of a quadratic in load and slip, its constant apart."""
+
 MOST_ROWS = 200
 """Samples are thinned evenly to this number where the form is free: its error, not noise, then sets the intervals."""
 
@@ -45,10 +55,19 @@ _FITS = 80
 
 def rejected(solution: Solution, wrong_form: float) -> bool:
     """Say whether the samples contradict the textbook's form: by its misfit, or by the score test of the freedoms."""
-    if solution.misfit > wrong_form:
+    if solution.misfit > wrong_form and (not solution.timed or _goes_with_conditions(solution, wrong_form)):
         return True
-    # Rows that repeat each other make the score's variance as many times what it is of independent ones.
-    return bool(score_statistic(solution) / solution.repeated > chi2.ppf(1.0 - FALSE_ALARMS, len(FREEDOMS)))
+    statistic, scores = _score_test(solution)
+    if not solution.timed:
+        return bool(statistic > chi2.ppf(1.0 - FALSE_ALARMS, len(FREEDOMS)))
+    _, left, worth = _by_conditions(solution, scores)
+    # In how many samples the scores' variance is known, and by how much it is larger than that of independent ones.
+    larger = max(float(np.sum(left**2 / worth)) / len(FREEDOMS), solution.repeated, 1.0)
+    freedom = len(scores) / larger - len(FREEDOMS)
+    if freedom < 1.0:
+        return False
+    limit = f_distribution.ppf(1.0 - FALSE_ALARMS, len(FREEDOMS), freedom)
+    return bool(statistic / (larger * len(FREEDOMS)) > limit)
 
 
 def score_statistic(solution: Solution) -> float:
@@ -56,23 +75,55 @@ def score_statistic(solution: Solution) -> float:
 
     The priors of the freedoms are in the information, which damps directions that the samples say nothing of.
     """
+    return _score_test(solution)[0]
+
+
+def _score_test(solution: Solution) -> tuple[float, np.ndarray]:
+    """Score statistic of the freedoms, and each sample's part (n, f) of the scores, whitened by their information."""
     problem = _freed(solution.problem)
     point = replace(solution.fit.point, vector=_extended(solution.fit.vector))
     state = evaluate(problem, point)
-    score = np.einsum("n,nd->d", state.weights, mean_score(state))
     p = len(problem.held)
+    each = state.weights[:, None] * mean_score(state)
+    score = each.sum(axis=0)
     score[:p] -= problem.precision * (point.vector - problem.prior_mean)
     moving = _moving(problem, point, state)
-    soil = len(solution.problem.held)
     tested = np.zeros(len(moving), dtype=bool)
-    tested[soil:p] = True
+    tested[len(solution.problem.held) : p] = True
     rest = moving & ~tested
     # A freedom at its bound is tested all the same.
     information = state.information
     cross = information[np.ix_(tested, rest)] @ _inverse(information[np.ix_(rest, rest)])
-    left = information[np.ix_(tested, tested)] - cross @ information[np.ix_(rest, tested)]
-    shown = score[tested] - cross @ score[rest]
-    return float(shown @ _inverse(left) @ shown)
+    root = np.linalg.cholesky(_inverse(information[np.ix_(tested, tested)] - cross @ information[np.ix_(rest, tested)]))
+    shown = (score[tested] - cross @ score[rest]) @ root
+    return float(shown @ shown), (each[:, tested] - each[:, rest] @ cross.T) @ root
+
+
+def _by_conditions(solution: Solution, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Split values (n, m) into a quadratic in load and slip, (n, m), and what is left, (n, m); and give the number of
+    independent samples that the latter is worth, as a share of n, by column (m,).
+    """
+    imposed = solution.fit.load_slip
+    load, slip = ((imposed - imposed.mean(axis=0)) / np.maximum(imposed.std(axis=0), 1e-12)).T
+    design = np.column_stack([np.ones(len(load)), load, slip, load**2, load * slip, slip**2])
+    along = design @ np.linalg.lstsq(design, values, rcond=None)[0]
+    left = values - along
+    times = np.array([correlation_time(column[:, None]) for column in left.T])
+    return along, left, np.maximum(1.0 / times - design.shape[1] / len(values), 1.0 / len(values))
+
+
+def _goes_with_conditions(solution: Solution, wrong_form: float) -> bool:
+    """Say whether what a fit leaves goes with slip and load, or from sample to sample, and not with the place."""
+    answers = np.flatnonzero(solution.problem.answers)
+    residuals = np.nan_to_num(solution.fit.residuals[:, answers]) * np.sqrt(solution.fit.weights)[:, None]
+    sd = np.exp(solution.fit.point.log_sd[answers]) / solution.problem.noise[answers]
+    white = sd * [np.nan_to_num(noise_of_series([column])) for column in residuals.T]
+    if math.sqrt(float(np.mean(white**2))) > wrong_form:
+        return True
+    along, left, worth = _by_conditions(solution, residuals)
+    terms, freedom = _TERMS, worth * len(residuals)
+    ratio = np.var(along, axis=0) / terms / np.maximum(np.var(left, axis=0) / freedom, 1e-300)
+    return bool((ratio > f_distribution.ppf(1.0 - FALSE_ALARMS / len(answers), terms, freedom)).any())
 
 
 def with_freedom(solution: Solution, starts: list[tuple[np.ndarray, np.ndarray]]) -> Solution:

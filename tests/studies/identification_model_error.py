@@ -136,7 +136,7 @@ def recording(
     measured = channels + noise * rng.normal(size=channels.shape)
     if not pull:
         measured[:, 4], noise = np.nan, np.where(np.arange(5) == 4, np.nan, noise)
-    return Measured(measured, noise, order)
+    return Measured(measured, noise, order, timed=not steady)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from bevameter.framework.core.soil import Quantity, ShearStrength
-from bevameter.identification import intervals
+from bevameter.identification.estimate import intervals
 from bevameter.identification.estimate.identifiability import separable
 
 QUANTILE = 1.96

@@ -198,18 +198,29 @@ def test_of_several_wheels_the_one_is_named_whose_slip_disagrees(rng):
     assert [(each.code, each.values["of_wheel"]) for each in findings] == [("slip_disagrees", "wheel right")]
 
 
-def test_identify_and_explain_say_so(rng):
+@pytest.fixture
+def drive_with_another_radius(rng) -> Recording:
     table = with_radius(rng, 0.165, rows=60)
     load = 80.0 + 60.0 * rng.random(len(table))
     state = equilibrium(WHEEL, Soil(c_Pa=300.0, phi_rad=0.55, k_m=0.012, stiffness_Pa=9e4, n=0.9), load, table["slip"])
     torque = state.torque_Nm + 0.05 * rng.normal(size=len(table))
     sinkage = state.sinkage_m + 2e-4 * rng.normal(size=len(table))
-    columns = {**table.columns, "load_N": load, "torque_Nm": torque, "sinkage_m": sinkage}
-    drive = WheelTable(columns, None, None, Path("wheel.csv"))
-    recording = Recording("test", Path("wheel.csv"), Vehicle(wheels=(WHEEL,)), None, "", "0" * 64, wheel=drive)
-    assert "slip_disagrees" in codes(identify(recording).findings)
-    # What was filled in from the speeds agrees with them, and says nothing of what was recorded.
-    table.columns["slip"][rng.random(len(table)) < 0.6] = np.nan
-    drive = replace(drive, columns={**columns, "slip": table["slip"]})
-    assert "slip_disagrees" in codes(wheel_rows(replace(recording, wheel=drive)).findings)
-    assert any("0.165 m would make them agree" in note for note in explain(recording, catalogue=()).notes)
+    drive = changed(table, load_N=load, torque_Nm=torque, sinkage_m=sinkage)
+    return Recording("test", drive.source, Vehicle(wheels=(WHEEL,)), None, "", "0" * 64, wheel=drive)
+
+
+def test_identify_says_so(drive_with_another_radius):
+    assert "slip_disagrees" in codes(identify(drive_with_another_radius).findings)
+
+
+def test_explain_says_so(drive_with_another_radius):
+    notes = explain(drive_with_another_radius, catalogue=()).notes
+    assert any("0.165 m would make them agree" in note for note in notes)
+
+
+def test_slips_that_are_filled_in_from_the_speeds_do_not_hide_it(rng, drive_with_another_radius):
+    """They agree with the speeds, and say nothing of what was recorded."""
+    drive = drive_with_another_radius.wheel
+    fewer = changed(drive, slip=np.where(rng.random(len(drive)) < 0.6, np.nan, drive["slip"]))
+    found = wheel_rows(replace(drive_with_another_radius, wheel=fewer)).findings
+    assert "slip_disagrees" in codes(found)

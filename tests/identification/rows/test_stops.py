@@ -27,7 +27,7 @@ def at_end(length: int, course) -> np.ndarray:
     return one
 
 
-def runs(*, speeds=("wheel_speed_rad_s", "travel_speed_m_s"), lifted=False, slip="commanded", noise=0.0):
+def runs(*, speeds=("wheel_speed_rad_s", "travel_speed_m_s"), lifted=False, slip="commanded", noise=0.0, slips=SLIPS):
     """Runs at constant slips and loads, on one soil, whose wheel slows down and stands at the end."""
     rng = np.random.default_rng(3)
     slows = at_end(ROWS, np.concatenate([np.linspace(1.0, 0.0, SLOWS + 2)[1:-1], np.zeros(STANDS)]))
@@ -36,14 +36,14 @@ def runs(*, speeds=("wheel_speed_rad_s", "travel_speed_m_s"), lifted=False, slip
     columns: dict[str, list[np.ndarray]] = {}
     labels = []
     for load_N in LOADS_N:
-        for set_slip in SLIPS:
+        for set_slip in slips:
             load = load_N * (1.0 + 0.01 * rng.normal(size=ROWS))
-            slips = set_slip + 0.003 * rng.normal(size=ROWS)
-            state = equilibrium(WHEEL, Soil(600.0, np.radians(31.0), 0.012, 6e5, 1.0), load, slips)
+            driven = set_slip + 0.003 * rng.normal(size=ROWS)
+            state = equilibrium(WHEEL, Soil(600.0, np.radians(31.0), 0.012, 6e5, 1.0), load, driven)
             channels = {
                 "time_s": np.arange(ROWS) * STEP_S,
                 "load_N": load * lifts,
-                "slip": slips,
+                "slip": driven,
                 "wheel_speed_rad_s": 0.4 * slows + noise * 0.4 * rng.normal(size=ROWS),
                 "travel_speed_m_s": 0.06 * (1.0 - set_slip) * slows + noise * 0.06 * rng.normal(size=ROWS),
                 "torque_Nm": state.torque_Nm * relaxes + 0.05 * rng.normal(size=ROWS),
@@ -208,7 +208,7 @@ def test_a_drive_that_stands_in_between_is_used_where_it_rolls():
 
 
 def test_what_is_found_of_runs_that_stop_is_what_is_found_of_their_steady_rows():
-    table = runs(speeds=())
+    table = runs(speeds=(), slips=(0.05, 0.2, 0.45))
     answer = explain(recording(table), catalogue=("soil_patch", "drift", "torque_offset", "time_lag"))
     assert answer.verdict == "none"
     assert any("stopped" in note for note in answer.notes)
