@@ -17,8 +17,9 @@ from ...framework.core.soil import WRONG_FORM, SoilKnowledge
 from ...framework.core.vehicle import Wheel
 from ..rows.gate import Limits
 from .autocorrelation import are_correlated, correlation_time
-from .estimate import ANSWERS, Measured, Solution, solve
+from .estimate import solve
 from .noise_likelihood import with_autocorrelated_noise
+from .solution import ANSWERS, Measured, Solution
 
 
 def split_soils(

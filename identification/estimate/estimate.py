@@ -10,7 +10,7 @@ the model, its form is uncertain too (`form_error`).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.stats import t as t_distribution
@@ -28,9 +28,7 @@ from .identifiability import advise, separable, strengths
 from .intervals import consistent, hull, parameter_intervals
 from .likelihood import Problem
 from .optimise import Fit, best_start, fit
-
-ANSWERS = np.array([False, True, True, False, True])
-"""Channels that the soil answers with (T, z, DP): the model's error lives there; load and slip are imposed."""
+from .solution import ANSWERS, Measured, Solution
 
 _EXPLAINED = 1.1
 """A channel whose standard deviation comes out within this factor of the sensor's is explained by the model [-]."""
@@ -40,64 +38,6 @@ LEAST_ROWS = len(PARAMETERS)
 
 _STARTS = ((0.8, 0.02), (1.1, 0.005), (0.5, 0.03))
 """Starting values of n and k [m]; cohesion and friction start at 1 kPa and 30 degrees, the stiffness from the load."""
-
-
-@dataclass(frozen=True)
-class Measured:
-    """Samples for an estimate.
-
-    Parameters
-    ----------
-    channels : (n, 5)
-        Columns as `textbook.CHANNELS`, SI; NaN where not observed.
-    noise : (5,)
-        Standard deviations of the sensors, SI; NaN for absent channels.
-    order : (n,)
-        What neighbours are neighbours in: time, or slip for steady-state trials.
-    stated : (5,)
-        True where the noise stands; elsewhere it is what neighbours in time show, and perhaps too much.
-    timed
-        Neighbours are so in time: their noise may be autocorrelated.
-    """
-
-    channels: np.ndarray
-    noise: np.ndarray
-    order: np.ndarray
-    stated: np.ndarray = field(default_factory=lambda: np.ones(len(CHANNELS), dtype=bool))
-    timed: bool = True
-
-
-@dataclass(frozen=True)
-class Solution:
-    """The fit behind a `SoilEstimate`.
-
-    `inflation` multiplies the covariance, `widening` (p,) each parameter's variance where the form is wrong; `quantile`
-    is Student's t at 97.5 %, `misfit`, of the textbook's form, as in `SoilEstimate`; `repeated` neighbouring rows count
-    as one because the noise is autocorrelated; `timed` as in `Measured`.
-    """
-
-    problem: Problem
-    fit: Fit
-    inflation: float
-    quantile: float
-    misfit: float
-    widening: np.ndarray | None = None
-    repeated: float = 1.0
-    timed: bool = True
-
-    @property
-    def free(self) -> np.ndarray:
-        """(p,) True where a parameter was estimated."""
-        return self.problem.free
-
-    def covariance(self) -> np.ndarray:
-        """Covariance (p, p) of the parameter vector, the model's error carried in it."""
-        factor = np.sqrt([self.widened(index) for index in range(len(self.free))])
-        return self.fit.covariance(self.free) * np.outer(factor, factor)
-
-    def widened(self, index: int) -> float:
-        """Factor on the variance of one parameter, the model's error carried in it."""
-        return self.inflation * (1.0 if self.widening is None else float(self.widening[index]))
 
 
 def estimate_soil(measured: Measured, wheel: Wheel, known: SoilKnowledge | None = None) -> SoilEstimate:

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.stats import chi2
@@ -31,9 +30,7 @@ from ..rows.noise import noise_of_series
 from .autocorrelation import correlation_time
 from .likelihood import POPULATION, Point, Problem, State, evaluate, mean_score
 from .optimise import best_start, fit
-
-if TYPE_CHECKING:
-    from .estimate import Solution
+from .solution import Solution
 
 FALSE_ALARMS = 0.01
 """How often the score test rejects the textbook's form where it holds [-]."""

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...framework.core.soil import PARAMETERS, PLAUSIBLE, PUBLISHED, Quantity, ShearStrength
 from ..mechanics.stresses import FINE
 from ..mechanics.textbook import PEAK_SHARE, TextbookWheel
-
-if TYPE_CHECKING:
-    from .estimate import Solution
-    from .intervals import Intervals
+from .intervals import Intervals
+from .solution import Solution
 
 SHARE_OF_STRENGTH = 0.25
 """Cohesion or friction is separable if its half interval is below this share of the shear strength [-]."""

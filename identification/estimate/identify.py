@@ -26,8 +26,9 @@ from ..rows.noise import sensor_noise
 from ..rows.select import WheelRows, wheel_rows
 from ..rows.trials import AS_TRIALS, is_of_trials, without_time
 from .change_points import split_soils
-from .estimate import Measured, estimate_soil, summarise, usable
+from .estimate import estimate_soil, summarise, usable
 from .noise_likelihood import autocorrelation_finding, solve_with_noise, with_autocorrelated_noise
+from .solution import Measured
 
 Method = Literal["ml", "linear"]
 METHODS: tuple[Method, ...] = ("ml", "linear")

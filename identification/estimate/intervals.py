@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,9 +12,7 @@ from ..mechanics.flexible import FlexibleWheel
 from ..mechanics.soil import from_internal, slope_of_internal
 from ..mechanics.textbook import TextbookWheel
 from .optimise import fit
-
-if TYPE_CHECKING:
-    from .estimate import Solution
+from .solution import Solution
 
 _TOLERANCE = 0.15
 """An end is taken where the profile has fallen to within this share of the critical value."""

@@ -16,8 +16,9 @@ from ...framework.core.soil import WRONG_FORM, SoilKnowledge
 from ...framework.core.vehicle import Wheel
 from ..mechanics.textbook import CHANNELS
 from ..rows.noise import least_noise
-from .estimate import ANSWERS, Measured, Solution, solve
+from .estimate import solve
 from .optimise import Fit, fit
+from .solution import ANSWERS, Measured, Solution
 
 LEAST_GAIN = 25.0
 """Nats that less noise of load or slip has to gain before it is taken: a form that is wrong gains some, too."""

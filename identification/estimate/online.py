@@ -11,9 +11,10 @@ from ...framework.core.soil import PARAMETERS, PLAUSIBLE, Quantity, SoilKnowledg
 from ...framework.core.vehicle import Wheel
 from ..mechanics.soil import from_internal, slope_of_internal, to_internal
 from ..mechanics.textbook import CHANNELS
-from .estimate import Measured, build_problem, converge
+from .estimate import build_problem, converge
 from .likelihood import Point, Problem
 from .optimise import Fit, fit
+from .solution import Measured
 
 LEAST_SAMPLES = 40
 """Samples before the first estimate: four seconds at 10 Hz."""

@@ -18,9 +18,10 @@ from ...framework.core.files import whole
 from ...framework.core.recording.types import Recording
 from ...framework.core.soil import SoilEstimate, SoilKnowledge
 from ..rows.select import WheelRows, wheel_rows
-from .estimate import LEAST_ROWS, Measured, solve, usable
+from .estimate import LEAST_ROWS, solve, usable
 from .identify import Identification, measured_rows
 from .noise_likelihood import solve_with_noise
+from .solution import Measured
 
 CHECKPOINTS = 24
 """Points of the convergence curve of one stretch."""

@@ -17,8 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from bevameter.framework.core.soil import SoilKnowledge
 from bevameter.framework.core.vehicle import Wheel
-from bevameter.identification.estimate.estimate import WRONG_FORM, Measured, solve, summarise, usable
+from bevameter.identification.estimate.estimate import WRONG_FORM, solve, summarise, usable
 from bevameter.identification.estimate.form_error import rejected
+from bevameter.identification.estimate.solution import Measured
 
 KINDS = {
     "none": {},

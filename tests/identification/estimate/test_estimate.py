@@ -9,8 +9,9 @@ import pytest
 from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.soil import SoilKnowledge
 from bevameter.framework.core.vehicle import Wheel
-from bevameter.identification.estimate.estimate import Measured, estimate_soil, physical, solve, usable
+from bevameter.identification.estimate.estimate import estimate_soil, physical, solve, usable
 from bevameter.identification.estimate.optimise import fit
+from bevameter.identification.estimate.solution import Measured
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import CHANNELS, TextbookWheel, equilibrium
 

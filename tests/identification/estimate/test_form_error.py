@@ -11,8 +11,9 @@ from bevameter.framework.core.findings import codes
 from bevameter.framework.core.soil import SoilKnowledge
 from bevameter.framework.core.vehicle import Wheel
 from bevameter.framework.scenario import mechanics as scenario
-from bevameter.identification.estimate.estimate import WRONG_FORM, Measured, estimate_soil, solve, usable
+from bevameter.identification.estimate.estimate import WRONG_FORM, estimate_soil, solve, usable
 from bevameter.identification.estimate.form_error import rejected, score_statistic
+from bevameter.identification.estimate.solution import Measured
 from bevameter.identification.mechanics.flexible import FREEDOMS, FlexibleWheel
 from bevameter.identification.mechanics.textbook import TextbookWheel
 from scipy.ndimage import gaussian_filter1d

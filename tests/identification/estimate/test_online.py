@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from bevameter.framework.core.soil import SoilKnowledge
 from bevameter.framework.core.vehicle import Wheel
-from bevameter.identification.estimate.estimate import Measured, solve
+from bevameter.identification.estimate.estimate import solve
 from bevameter.identification.estimate.online import LEAST_SAMPLES, OnlineIdentifier
+from bevameter.identification.estimate.solution import Measured
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import CHANNELS, equilibrium
 
