@@ -13,13 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
-from scipy.special import erfcx
+from scipy.special import erfcx, ndtr
 
 from ..effects.effect import Drive
 from ..mechanics.augmented import SOIL_COUNT
 from .fit import Fitted
 from .likelihood import Problem
-from .steps import log_determinant, normal_equations, scaled_inverse
+from .steps import Prior, log_determinant, normal_equations, scaled_inverse
 
 AMPLITUDES = (0.3, 1.0, 3.0, 10.0, 30.0)
 """Standard deviations of each of the discrepancy's coefficients, in units of the channel's noise, over which its
@@ -35,16 +35,42 @@ def log_evidence(problem: Problem, fitted: Fitted) -> float:
     information = fitted.information(problem)
     gradient, _ = normal_equations(fitted.white.innovations, fitted.white.jacobian)
     gradient = gradient - prior.precision * (fitted.vector - prior.mean)
-    low, high = fitted.vector <= prior.lower, fitted.vector >= prior.upper
-    bound = (low & (gradient < 0.0)) | (high & (gradient > 0.0))
-    inside = ~bound
-    answer = fitted.score - 0.5 * log_determinant(information[np.ix_(inside, inside)])
-    # Beyond a bound there is nothing: the tail inside of it is integrated as an exponential that bends.
-    curvature = np.diag(information)[bound]
-    answer += float(np.sum(np.log(0.5 * erfcx(np.abs(gradient[bound]) / np.sqrt(2.0 * curvature)))))
-    answer -= 0.5 * float(np.sum(np.log(curvature)))
+    answer = fitted.score + log_integral(gradient, information, fitted.vector, prior)
     answer -= sum(math.log(effect.choices) for effect in fitted.model.effects)
-    return answer + 0.5 * float(np.sum(np.log(prior.precision[SOIL_COUNT:])))
+    return answer + _log_prior_scale(prior)
+
+
+def log_integral(gradient: np.ndarray, information: np.ndarray, vector: np.ndarray, prior: Prior) -> float:
+    """Ln of the integral of exp(gradient d - d information d / 2) over all steps d (p,) that stay within the bounds,
+    for gradients that vanish except where a vector leans on its bound; less p / 2 ln(2 pi).
+
+    The vector's other parameters are integrated out beside those that lean on a bound, and these and the mass of the
+    others that is cut off then one by one: exact for one parameter with bounds.
+    """
+    bound = ((vector <= prior.lower) & (gradient < 0.0)) | ((vector >= prior.upper) & (gradient > 0.0))
+    inside = ~bound
+    free = information[np.ix_(inside, inside)]
+    covariance = scaled_inverse(free)
+    answer = -0.5 * log_determinant(free)
+    if bound.any():
+        across = information[np.ix_(bound, inside)]
+        curvature = np.diag(information)[bound] - np.einsum("bi,ij,bj->b", across, covariance, across)
+        curvature = np.maximum(curvature, 1e-12 * np.diag(information)[bound])
+        # Beyond a bound there is nothing: the tail inside of it is an exponential that bends.
+        tail = 0.5 * erfcx(np.abs(gradient[bound]) / np.sqrt(2.0 * curvature))
+        answer += float(np.sum(np.log(tail) - 0.5 * np.log(curvature)))
+    return answer + _log_mass(vector[inside], np.sqrt(np.diag(covariance)), prior.lower[inside], prior.upper[inside])
+
+
+def _log_mass(mean: np.ndarray, sd: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> float:
+    """Ln of the shares of normal distributions that lie within bounds, summed."""
+    return float(np.sum(np.log(ndtr((upper - mean) / sd) - ndtr((lower - mean) / sd))))
+
+
+def _log_prior_scale(prior: Prior) -> float:
+    """Ln of the prior density of the effects' parameters at their null, less that of a unit normal each."""
+    mean, sd = prior.mean[SOIL_COUNT:], 1.0 / np.sqrt(prior.precision[SOIL_COUNT:])
+    return -float(np.sum(np.log(sd))) - _log_mass(mean, sd, prior.lower[SOIL_COUNT:], prior.upper[SOIL_COUNT:])
 
 
 @dataclass(frozen=True)
@@ -69,7 +95,7 @@ def discrepancy(problem: Problem, fitted: Fitted) -> Discrepancy:
     for channel in range(channels):
         extra[:, channel, channel * count : (channel + 1) * count] = courses * fitted.noise.sd[channel]
     columns = np.concatenate([problem.columns(fitted.response), np.where(problem.seen[..., None], extra, 0.0)], axis=-1)
-    white, _ = problem.whiten(columns, fitted.noise, fitted.response)
+    white, _ = problem.whitener(fitted.noise, fitted.response).whiten(columns)
     gradient, information = normal_equations(white[..., 0], white[..., 1:])
     prior = problem.prior(fitted.model)
     gradient[:size] += prior.precision * (prior.mean - fitted.vector)

@@ -14,10 +14,10 @@ from ..mechanics.augmented import SOIL_COUNT, AugmentedWheel, Entry, Response
 from .concurrency import together
 from .likelihood import Problem, White
 from .samples import Samples
-from .steps import normal_equations, scaled_inverse, solve_step
+from .steps import Prior, normal_equations, scaled_inverse, solve_step
 from .whitening import SMOOTHEST, Noise
 
-LONGEST = np.array([np.inf, 0.5, 1.0, 1.0, 0.5])
+_LONGEST = np.array([np.inf, 0.5, 1.0, 1.0, 0.5])
 """Steps of c, tan phi, ln k, ln stiffness and ln n beyond which the model is no straight line."""
 
 _ENOUGH = 0.02
@@ -80,7 +80,8 @@ class Fitted:
 
 def fit(
     problem: Problem, model: AugmentedWheel, vector: np.ndarray, noise: Noise | None = None,
-    entry: Entry | None = None, *, known: Response | None = None, steps: int = _MOST_STEPS, settle: bool = True,
+    entry: Entry | None = None, *, known: Response | None = None, free: np.ndarray | None = None,
+    steps: int = _MOST_STEPS, settle: bool = True,
 ) -> Fitted:  # fmt: skip
     """Fit a model from a start.
 
@@ -94,6 +95,8 @@ def fit(
         Where the noise and the entry angles start.
     known
         Response of the model less its last effect at the start, if there is one.
+    free : (p,)
+        Which parameters are fitted: all, unless it is stated.
     steps
         Most steps.
     settle
@@ -108,7 +111,7 @@ def fit(
     total = float(white.loss.sum()) + prior.loss(vector)
     damping, settlings = 1e-3, 0
     for _ in range(steps):
-        step, expected = _step(white, prior, vector, damping)
+        step, expected = _step(white, prior, vector, damping, free)
         if expected < _ENOUGH:
             if not settle or settlings == _SETTLINGS:
                 break
@@ -138,11 +141,13 @@ def fit(
     return Fitted(model, vector, noise, -total - problem.noise_loss(noise), white, response)
 
 
-def _step(white: White, prior, vector: np.ndarray, damping: float) -> tuple[np.ndarray, float]:
+def _step(
+    white: White, prior: Prior, vector: np.ndarray, damping: float, free: np.ndarray | None
+) -> tuple[np.ndarray, float]:
     """Damped step (p,), no longer than the model is straight, and the gain expected of it [nats]."""
     gradient, information = normal_equations(white.innovations, white.jacobian)
-    step, expected = solve_step(gradient, information, prior, vector, damping)
-    share = min(1.0, 1.0 / max(float(np.max(np.abs(step[:SOIL_COUNT]) / LONGEST)), 1e-12))
+    step, expected = solve_step(gradient, information, prior, vector, damping, free)
+    share = min(1.0, 1.0 / max(float(np.max(np.abs(step[:SOIL_COUNT]) / _LONGEST)), 1e-12))
     return share * step, expected * share * (2.0 - share)
 
 

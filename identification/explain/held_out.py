@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from ..effects.drive import select_rows
 from ..mechanics.augmented import SOIL_COUNT
-from .fit import LONGEST, Fitted
+from .concurrency import together
+from .fit import Fitted, fit
 from .likelihood import Problem
 from .steps import normal_equations
 
@@ -16,7 +17,8 @@ _ALONE = 0.9
 """A block with more than this share of the information about a parameter does not test it: nothing else determines it.
 """
 
-_RIDGE = 1e-9
+_MOST_STEPS = 10
+"""Steps of a fit without a block: it starts near its end."""
 
 
 @dataclass(frozen=True)
@@ -37,49 +39,30 @@ class HeldOut:
 
 
 def hold_out(problem: Problem, fitted: Fitted) -> HeldOut:
-    """Predict each block from the fit to all others, which is one Newton step away from the fit to all rows.
+    """Predict each block from a fit to all others, with the noise of the fit to all rows.
 
-    The prediction at the parameters so found is the full model's; the ground's variation is followed from neighbours.
+    The ground's variation is followed from neighbours.
     """
-    samples, model, prior = problem.samples, fitted.model, problem.prior(fitted.model)
+    block = problem.samples.block
+    parts = [np.flatnonzero(block == each) for each in np.unique(block)]
+    predictions = together(partial(_predicted, problem, fitted), parts)
+    residuals = np.full(problem.seen.shape, np.nan)
+    for rows, (there, _, _) in zip(parts, predictions, strict=True):
+        residuals[rows] = there
+    return HeldOut(np.array([nats for _, nats, _ in predictions]), residuals, any(each[2] for each in predictions))
+
+
+def _predicted(problem: Problem, fitted: Fitted, rows: np.ndarray) -> tuple[np.ndarray, float, bool]:
+    """Residuals (k, m) of rows by a fit to the others, their log-likelihood, and whether it left parameters out."""
     white = fitted.white
-    parts = [np.flatnonzero(samples.block == block) for block in np.unique(samples.block)]
-    known = [normal_equations(white.innovations[rows], white.jacobian[rows]) for rows in parts]
-    total = np.sum([own for _, own in known], axis=0)
-    information = total + np.diag(prior.precision)
-    own_share = np.array([np.diag(own) for _, own in known]) / np.maximum(np.diag(information), 1e-300)
-    alone = own_share > _ALONE
-    alone[:, :SOIL_COUNT] = False
-    residuals, nats = np.full(problem.seen.shape, np.nan), np.empty(len(parts))
-    at_fit, slopes = problem.residuals(fitted.response), fitted.response.by_parameter[:, problem.answers]
-    remembers = any(effect.remembers for effect in model.effects)
-    for number, (rows, (gradient, own)) in enumerate(zip(parts, known, strict=True)):
-        free = ~alone[number]
-        step = _step_without(information - own, gradient, free)
-        leans = ((fitted.vector <= prior.lower) & (step < 0.0)) | ((fitted.vector >= prior.upper) & (step > 0.0))
-        if leans.any():
-            step = _step_without(information - own, gradient, free & ~leans)
-        step *= min(1.0, 1.0 / max(float(np.max(np.abs(step[:SOIL_COUNT]) / LONGEST)), 1e-12))
-        vector = np.clip(fitted.vector + step, prior.lower, prior.upper)
-        if remembers:
-            channels = model.predict(samples.drive, problem.imposed, vector, fitted.theta_1).channels[rows]
-        else:
-            part = select_rows(samples.drive, rows)
-            channels = model.predict(part, problem.imposed[rows], vector, fitted.theta_1[rows]).channels
-        # Rows around the block lie as the other parameters have them, to first order.
-        there = at_fit - np.nan_to_num(slopes @ (vector - fitted.vector))
-        there[rows] = np.where(problem.seen[rows], problem.measured[rows] - channels[:, problem.answers], np.nan)
-        residuals[rows] = there[rows]
-        missed = np.where(np.isfinite(there), there, problem.measured)
-        nats[number] = -problem.loss(missed, fitted.noise, fitted.response)[rows].sum()
-    return HeldOut(nats, np.where(problem.seen, residuals, np.nan), bool(alone.any()))
-
-
-def _step_without(information: np.ndarray, gradient: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """Newton step (p,) that takes a block's gradient out of a fit, by those parameters that are `free`."""
-    step = np.zeros(len(gradient))
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(information)[free], 1e-300))
-    scaled = information[np.ix_(free, free)] * np.outer(scale, scale)
-    scaled[np.diag_indices_from(scaled)] += _RIDGE
-    step[free] = -scale * np.linalg.solve(scaled, scale * gradient[free])
-    return step
+    _, own = normal_equations(white.innovations[rows], white.jacobian[rows])
+    alone = np.diag(own) > _ALONE * np.diag(fitted.information(problem))
+    alone[:SOIL_COUNT] = False
+    refitted = fit(
+        problem.without(rows), fitted.model, fitted.vector, fitted.noise,
+        fitted.response.entry(np.zeros(len(fitted.vector))), free=~alone, steps=_MOST_STEPS, settle=False,
+    )  # fmt: skip
+    residuals = problem.residuals(refitted.response)
+    missed = np.where(np.isfinite(residuals), residuals, problem.measured)
+    nats = -float(problem.loss(missed, fitted.noise, fitted.response)[rows].sum())
+    return residuals[rows], nats, bool(alone.any())

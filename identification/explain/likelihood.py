@@ -8,7 +8,9 @@ say how errors of these spread into the channels.
 from __future__ import annotations
 
 import math
+from copy import copy
 from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -18,7 +20,7 @@ from ..mechanics.soil import slope_of_internal, to_internal
 from .latent import STATES
 from .samples import Samples
 from .steps import Prior, normal_equations, solve_step
-from .whitening import Chain, Noise, huber_loss, huber_weight, matern
+from .whitening import Chain, Filter, Noise, Whitener, huber_loss, huber_weight, matern, whitener
 
 SOIL_PRIOR = {
     "c_Pa": (0.0, 2e4), "phi_rad": (0.6, 0.4), "k_m": (math.log(0.012), 1.2), "stiffness_Pa": (0.0, math.inf),
@@ -32,9 +34,9 @@ _LN_NOISE_SD, _LN_STATED_SD = 0.5, 0.1
 _MEMORY_SD, _MOST_MEMORY = 0.25, 0.97
 """Prior standard deviation of the autocorrelation of sensor noise about 0, and its upper bound [-]."""
 
-_MOST_LN_NOISE = {True: 1.5, False: 0.7}
-"""How far above what neighbours show ln(noise) may be: in drives, in which autocorrelated noise shows less of itself
-between neighbours, and in trials."""
+_NEIGHBOURS_ERROR = 3.6
+"""Three standard errors of ln(noise) from neighbours, times the root of their number: a median absolute deviation tells
+with 37 % of the efficiency of a standard deviation (F. R. Hampel, J. Am. Stat. Assoc. 69 (1974), 383-393) [-]."""
 
 _SPREAD_SD, _LN_LENGTH_SD = 0.05, 1.5
 """Prior standard deviations: ground varies by some per cent, over a length known to a factor of a few."""
@@ -57,11 +59,14 @@ _NOISE_STEPS, _NOISE_ENOUGH = 12, 0.05
 
 @dataclass(frozen=True)
 class White:
-    """Innovations (n, m), their derivatives by the parameters (n, m, p), and each row's loss (n,) [nats]."""
+    """Innovations (n, m), their derivatives by the parameters (n, m, p), each row's loss (n,) [nats], and the trust of
+    each stage of whitening (`whitening.Whitener`).
+    """
 
     innovations: np.ndarray
     jacobian: np.ndarray
     loss: np.ndarray
+    trust: tuple[np.ndarray, np.ndarray]
 
 
 class Problem:
@@ -91,8 +96,8 @@ class Problem:
         self.seen = np.ascontiguousarray(samples.seen)
         self.measured = samples.measured[:, self.answers]
         self.order, self.gap = _neighbours(samples.position, samples.lane)
-        self._back, self._seen_along = np.argsort(self.order), np.ascontiguousarray(self.seen[self.order])
         self.weights: Response | None = None
+        self._whiteners: WeakKeyDictionary[Noise, Whitener] = WeakKeyDictionary()
         self.first_noise = self._first_noise()
 
     def _first_noise(self) -> Noise:
@@ -108,6 +113,14 @@ class Problem:
         """Give the same with ground that hardly varies, errors spread alike."""
         answer = Problem(self.samples, self.known, self.noise_share, QUIET)
         answer.weights = self.weights
+        return answer
+
+    def without(self, rows: np.ndarray) -> Problem:
+        """Give the same with nothing seen in some rows."""
+        answer = copy(self)
+        answer.seen = self.seen.copy()
+        answer.seen[rows] = False
+        answer._whiteners = WeakKeyDictionary()
         return answer
 
     @property
@@ -160,35 +173,27 @@ class Problem:
         good = (self.seen & np.isfinite(response.channels[:, self.answers]))[..., None] & (np.abs(slopes) < _STEEPEST)
         return np.concatenate([residual[..., None], np.where(good, slopes, 0.0)], axis=-1)
 
-    def whiten(self, columns: np.ndarray, noise: Noise, response: Response) -> tuple[np.ndarray, np.ndarray]:
-        """Whiten columns (n, m, q), residuals first; give them and ln of each innovation's scale (n, m).
+    def whitener(self, noise: Noise, response: Response) -> Whitener:
+        """Give the whitener of a noise.
 
         Errors spread as the `weights` have it, where they are fixed, else as the response has it: hypotheses that are
         weighed alike can be compared.
         """
-        in_time, scales = self._in_time(columns, noise, response)
-        white, more = self._in_place(in_time, noise, matern(self.gap, noise))
-        return white, scales + more
+        if self.weights is None:
+            return self._whitener(self._errors(noise, response), matern(self.gap, noise), response)
+        if noise not in self._whiteners:
+            errors = self._errors(noise, self.weights)
+            self._whiteners[noise] = self._whitener(errors, matern(self.gap, noise), self.weights)
+        return self._whiteners[noise]
 
-    def _in_time(self, columns: np.ndarray, noise: Noise, response: Response) -> tuple[np.ndarray, np.ndarray]:
-        """Whiten columns, and how the channels answer ground (the last two), by errors that go along in time."""
-        weights = self.weights or response
-        ground = np.where(self.seen[..., None], np.nan_to_num(weights.by_ground[:, self.answers]), 0.0)
-        white, scales = self._errors(noise, weights).whiten(np.concatenate([columns, ground], axis=-1), self.seen)
-        return white, np.log(scales)
+    def _whitener(self, errors: Filter, transitions: tuple[np.ndarray, np.ndarray], weights: Response) -> Whitener:
+        return whitener(errors, self._by_ground(weights), transitions, self.order)
 
-    def _in_place(
-        self, white: np.ndarray, noise: Noise, transitions: tuple[np.ndarray, np.ndarray]
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Whiten what `_in_time` gives by ground that varies from place to place."""
-        loading = np.zeros((*self.seen.shape, 2 * (noise.smooth + 1)))
-        loading[..., :: noise.smooth + 1] = white[..., -2:]
-        field = Chain(*transitions, loading[self.order], np.ones(self.seen.shape))
-        whiter, scales = field.whiten(white[self.order, :, :-2], self._seen_along)
-        return whiter[self._back], np.log(scales[self._back])
+    def _by_ground(self, weights: Response) -> np.ndarray:
+        return np.where(self.seen[..., None], np.nan_to_num(weights.by_ground[:, self.answers]), 0.0)
 
-    def _errors(self, noise: Noise, weights: Response) -> Chain:
-        """Errors of load and slip, and sensor noise, in order of time."""
+    def _errors(self, noise: Noise, weights: Response) -> Filter:
+        """Filter of errors of load and slip, and of sensor noise, in order of time."""
         rows, channels = self.seen.shape
         by_latent = np.nan_to_num(weights.by_latent[:, self.answers])
         white = [index for index, latent in enumerate((self.load, self.slip)) if latent.white.any()]
@@ -207,19 +212,21 @@ class Problem:
             rho = np.where(self.samples.follows, noise.memory[channel], 0.0)
             keep[:, state, state], fresh[:, state, state] = rho, noise.sd[channel] ** 2 * (1.0 - rho**2)
             loading[:, channel, state], variance[:, channel] = 1.0, 0.0
-        return Chain(keep, fresh, loading, variance)
+        of_ground = self._by_ground(weights) ** 2 @ noise.spread**2
+        return Chain(keep, fresh, loading, variance).filter(self.seen, of_ground)
 
     def white(self, response: Response, noise: Noise) -> White:
         """Innovations of a response, with derivatives and losses."""
-        columns, log_scale = self.whiten(self.columns(response), noise, response)
+        whitened = self.whitener(noise, response)
+        columns, trust = whitened.whiten(self.columns(response))
         innovations = columns[..., 0]
-        return White(innovations, columns[..., 1:], (huber_loss(innovations) + log_scale).sum(axis=1))
+        return White(innovations, columns[..., 1:], (huber_loss(innovations) + whitened.log_sd).sum(axis=1), trust)
 
     def loss(self, residuals: np.ndarray, noise: Noise, response: Response) -> np.ndarray:
         """Loss of each row (n,) [nats] for residuals (n, m), SI."""
-        columns = np.where(self.seen, residuals, 0.0)[..., None]
-        columns, log_scale = self.whiten(columns, noise, response)
-        return (huber_loss(columns[..., 0]) + log_scale).sum(axis=1)
+        whitened = self.whitener(noise, response)
+        white, _ = whitened.whiten(np.where(self.seen, residuals, 0.0)[..., None])
+        return (huber_loss(white[..., 0]) + whitened.log_sd).sum(axis=1)
 
     def noise_prior(self, noise: Noise) -> tuple[Prior, np.ndarray]:
         """Prior of ln sd (m,), memory (m,), spread (2,) and ln length, and which of them can be estimated."""
@@ -232,15 +239,12 @@ class Problem:
             [_LN_LENGTH_SD],
         ])  # fmt: skip
         lower = np.concatenate([mean[:count] + _LEAST_LN_NOISE, np.zeros(count), np.full(2, _LEAST_SPREAD)])
-        upper = np.concatenate(
-            [
-                mean[:count] + _MOST_LN_NOISE[bool(self.samples.drive.timed)],
-                np.full(count, _MOST_MEMORY),
-                np.full(2, self._roughest),
-            ]
-        )
         free = np.ones(2 * count + 3, dtype=bool)
         free[count : 2 * count] = bool(self.samples.follows.any())
+        most = mean[:count] + _NEIGHBOURS_ERROR / np.sqrt(np.maximum(self.seen.sum(axis=0), 1))
+        if free[count]:
+            most += _hidden(_MOST_MEMORY)
+        upper = np.concatenate([most, np.full(count, _MOST_MEMORY), np.full(2, self._roughest)])
         free[-1] = bool(np.isfinite(self.gap).any())
         bounds = math.log(shortest), math.log(longest)
         return Prior(mean, sd**-2.0, np.append(lower, bounds[0]), np.append(upper, bounds[1])), free
@@ -285,35 +289,39 @@ class Problem:
         self, columns: np.ndarray, response: Response, noise: Noise, vector: np.ndarray, prior: Prior
     ) -> tuple[float, np.ndarray]:
         """Loss of a noise [nats] less what one step (p,) of the parameters gains beside it, and that step."""
-        white, log_scale = self.whiten(columns, noise, response)
+        whitened = self.whitener(noise, response)
+        white, _ = whitened.whiten(columns)
         gradient, information = normal_equations(white[..., 0], white[..., 1:])
         step, gained = solve_step(gradient, information, prior, vector, 0.0)
-        return float(huber_loss(white[..., 0]).sum() + log_scale.sum()) - gained + self.noise_loss(noise), step
+        loss = float(huber_loss(white[..., 0]).sum() + whitened.log_sd.sum())
+        return loss - gained + self.noise_loss(noise), step
 
     def _noise_score(
         self, left: np.ndarray, response: Response, noise: Noise, free: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Score (k,) and information (k, k) of the noise from residuals (n, m, 1), by differences."""
-        packed, ground = _packed(noise), matern(self.gap, noise)
-        in_time = self._in_time(left, noise, response)
-        here, here_scale = self._in_place(in_time[0], noise, ground)
-        here_scale = here_scale + in_time[1]
-        moved, widened = np.zeros((len(packed), here.size)), np.zeros((len(packed), here.size))
+        packed, weights = _packed(noise), self.weights or response
+        base, ground = self.whitener(noise, response), matern(self.gap, noise)
+        here = base.whiten(left)[0].ravel()
+        moved, widened = np.zeros((2, len(packed), here.size))
         for index in np.flatnonzero(free):
             there = packed.copy()
             there[index] += _DIFFERENCE
             changed = _unpacked(there, noise)
             if index < len(packed) - 3:
-                first = self._in_time(left, changed, response)
-                white, scale = self._in_place(first[0], changed, ground)
+                further = self._whitener(self._errors(changed, weights), ground, weights)
             else:
-                first = in_time
-                white, scale = self._in_place(first[0], changed, matern(self.gap, changed))
-            moved[index] = (white - here).ravel() / _DIFFERENCE
-            widened[index] = (scale + first[1] - here_scale).ravel() / _DIFFERENCE
-        weight = huber_weight(here.ravel())
-        score = -(moved @ (weight * here.ravel())) - widened.sum(axis=1)
+                further = self._whitener(base.in_time, matern(self.gap, changed), weights)
+            moved[index] = (further.whiten(left)[0].ravel() - here) / _DIFFERENCE
+            widened[index] = (further.log_sd - base.log_sd).ravel() / _DIFFERENCE
+        weight = huber_weight(here)
+        score = -(moved @ (weight * here)) - widened.sum(axis=1)
         return score, (moved * weight) @ moved.T + widened @ widened.T
+
+
+def _hidden(memory: float) -> float:
+    """How far ln of an autocorrelated noise lies above what second differences show of it [-]."""
+    return 0.5 * math.log(6.0 / (6.0 - 8.0 * memory + 2.0 * memory**2))
 
 
 def _packed(noise: Noise) -> np.ndarray:

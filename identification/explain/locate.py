@@ -188,7 +188,7 @@ class Whitened:
         for question, place in zip(tested, self._places, strict=True):
             extra[:, question.position, place - self._soil] = question.columns
         columns = np.concatenate([problem.columns(textbook.response), extra], axis=-1)
-        white, _ = problem.whiten(columns, noise, textbook.response)
+        white, _ = problem.whitener(noise, textbook.response).whiten(columns)
         innovations = white[..., 0]
         weight = huber_weight(innovations).ravel()
         full = white[..., 1:].reshape(len(weight), -1)

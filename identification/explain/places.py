@@ -85,7 +85,7 @@ def _pulls(
     response, own = fitted.response, len(fitted.vector)
     by_cell = response.by_ground[:, problem.answers, :, None] * inside[:, None, None, :]
     by_cell = np.where(problem.seen[..., None], np.nan_to_num(by_cell.reshape(*problem.seen.shape, -1)), 0.0)
-    white, _ = problem.whiten(np.concatenate([problem.columns(response), by_cell], axis=-1), noise, response)
+    white, _ = problem.whitener(noise, response).whiten(np.concatenate([problem.columns(response), by_cell], axis=-1))
     innovations, jacobian = white[..., 0], white[..., 1:]
     gradient, information = normal_equations(innovations, jacobian)
     prior = problem.prior(fitted.model)

@@ -24,7 +24,7 @@ from .likelihood import QUIET, Problem
 from .places import stretches_apart
 from .samples import ANSWERS
 from .steps import normal_equations, solve_step
-from .whitening import HUBER, Noise
+from .whitening import HUBER, Noise, huber_loss
 
 MOST_EFFECTS = 3
 """Effects of a hypothesis at most."""
@@ -44,7 +44,11 @@ LEAST_GAIN, LEAST_BESIDE, LEAST_SHARE = 2.5, 4.0, 0.1
 gives the best [-]."""
 
 SETTLED = 6
-"""Fits of each round with which the noise is fitted, too: those that fit best beside the noise of their base."""
+"""Fits of each round whose noise is fitted, too: those that fit best beside the noise that they began with."""
+
+BEHIND = 50.0
+"""A fit beside the noise of its base so far behind the best one is left as it is [nats]: fitting its noise gains less.
+"""
 
 _SHORT = 6
 """Steps by which starts of one effect are compared."""
@@ -118,25 +122,22 @@ class Search:
             evidence = log_evidence(self.problem, fitted) - self.origin
             self.hypotheses.append(Hypothesis(fitted.model.effects, fitted, evidence))
 
-    def fit_added(self, base: Fitted, effects: Sequence[Effect]) -> None:
+    def fit_added(self, base: Fitted, effects: Sequence[Effect], quiet: Sequence[Effect] = ()) -> None:
         """Fit a model with each of some effects more, where that was not done, and the noise of those that fit best.
 
-        Where the ground of the base varies, fits begin in ground that hardly does, too: its variation may have
-        explained what an effect would.
+        Those of `quiet` begin in ground that hardly varies, too: its variation may have explained what they would.
         """
-        new = [effect for effect in effects if not self.has((*base.model.effects, effect))]
-        noises = [base.noise]
-        if base.noise.spread.max() > 2.0 * QUIET:
-            noises.append(replace(self.problem.quiet_noise, smooth=base.noise.smooth))
+        starts = [(base.noise, effect) for effect in effects if not self.has((*base.model.effects, effect))]
+        calm = replace(self.problem.quiet_noise, smooth=base.noise.smooth)
+        held = together(lambda start: add_effect(self.problem, base, *start), starts)
+        held_quiet = together(partial(add_effect, self.problem, base, calm), quiet)
+        highest = max(each.score for each in (*(each.fitted for each in self.hypotheses), *held))
+        first = [each for each in _leading(held) if each.score > highest - BEHIND]
         best: dict[str, Fitted] = {}
-        for noise in noises:
-            held = together(partial(add_effect, self.problem, base, noise), new)
-            first = sorted(held, key=lambda each: -each.score)[:SETTLED]
-            settled = together(partial(settle, self.problem), first)
-            for each in (*held, *settled):
-                name = each.model.effects[-1].name
-                if name not in best or each.score > best[name].score:
-                    best[name] = each
+        for each in (*held, *together(partial(settle, self.problem), [*first, *_leading(held_quiet)])):
+            name = each.model.effects[-1].name
+            if name not in best or each.score > best[name].score:
+                best[name] = each
         self.take(best.values())
 
     def has(self, effects: Sequence[Effect]) -> bool:
@@ -194,15 +195,13 @@ def _fit_alone(found: Search) -> None:
     """Fit every effect alone that a score test gives enough, as ground varies or in ground that hardly varies."""
     problem, base = found.problem, found.textbook.fitted
     gains = _gains(problem, base, found.catalogue)
-    wanted = _enough(gains, LEAST_GAIN)
+    wanted, quiet = _enough(gains, LEAST_GAIN), []
     if base.noise.spread.max() > 2.0 * QUIET:
-        # Ground that varies may have explained what an effect would.
-        quiet = problem.quiet()
-        in_quiet = _gains(quiet, fit(quiet, base.model, base.vector, None, Entry(base.theta_1)), found.catalogue)
-        wanted |= _enough(in_quiet, LEAST_BESIDE) & (in_quiet >= np.sort(in_quiet)[-min(ADDED, len(in_quiet)) :][0])
-    found.fit_added(base, [effect for effect, fits in zip(found.catalogue, wanted, strict=True) if fits])
+        calm = problem.quiet()
+        quiet = _first(calm, fit(calm, base.model, base.vector, None, Entry(base.theta_1)), found.catalogue, ADDED)
+    found.fit_added(base, [effect for effect, fits in zip(found.catalogue, wanted, strict=True) if fits], quiet)
     for effect, gain, fits in zip(found.catalogue, gains, wanted, strict=True):
-        if not fits:
+        if not fits and effect not in quiet:
             found.passed[effect.name] = float(gain)
 
 
@@ -221,6 +220,11 @@ def _expand(found: Search, base: Hypothesis) -> None:
     if len(base.effects) < MOST_EFFECTS:
         others = [each for each in found.catalogue if each.slug not in base.slugs]
         found.fit_added(base.fitted, _first(problem, base.fitted, others, ADDED))
+
+
+def _leading(fits: Iterable[Fitted]) -> list[Fitted]:
+    """Give the fits whose noise is worth fitting."""
+    return sorted(fits, key=lambda each: -each.score)[:SETTLED]
 
 
 def _first(problem: Problem, base: Fitted, effects: Sequence[Effect], most: int) -> list[Effect]:
@@ -250,16 +254,20 @@ def expected_gain(problem: Problem, base: Fitted, effect: Effect) -> float:
     """Nats that an effect gains beside a fit by one step from where it is nothing (score test), or from its starts."""
     starts = [np.array([each.null for each in effect.parameters])] if effect.nested else effect.starts()
     before = float(base.white.loss.sum()) + problem.prior(base.model).loss(base.vector)
-    gains = []
+    whitener, gains = problem.whitener(base.noise, base.response), []
     for start in starts:
         model, vector = with_effect(base, effect, start)
         prior = problem.prior(model)
         vector = np.clip(vector, prior.lower, prior.upper)
         response = problem.linearise(model, vector, base.response.entry(np.zeros(0)), base.response)
-        white = problem.white(response, base.noise)
-        gradient, information = normal_equations(white.innovations, white.jacobian)
+        # The derivatives by all that the base has are known.
+        columns = np.delete(problem.columns(response), np.arange(1, 1 + len(base.vector)), axis=-1)
+        white = whitener.whiten(columns)[0]
+        jacobian = np.concatenate([base.white.jacobian, white[..., 1:]], axis=-1)
+        gradient, information = normal_equations(white[..., 0], jacobian)
         step = solve_step(gradient, information, prior, vector, 0.0)[1]
-        gains.append(before - float(white.loss.sum()) - prior.loss(vector) + step)
+        loss = float((huber_loss(white[..., 0]) + whitener.log_sd).sum()) + prior.loss(vector)
+        gains.append(before - loss + step)
     return max(gains)
 
 

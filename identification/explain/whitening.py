@@ -26,7 +26,7 @@ SMOOTHEST = 2
 """Derivatives that the ground's variation may have: Matern 5/2."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Noise:
     """What is random in a recording.
 
@@ -64,11 +64,100 @@ class Chain:
     loading: np.ndarray
     variance: np.ndarray
 
-    def whiten(self, columns: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Whiten columns (n, m, q), residuals first; give them and the innovations' standard deviations (n, m)."""
-        columns, scales = columns.copy(), np.ones(seen.shape)
-        _whiten(columns, seen, self.keep, self.fresh, self.loading, self.variance, scales, *_blocks(self.keep))
-        return columns, scales
+    def filter(self, seen: np.ndarray, further: np.ndarray | float = 0.0) -> Filter:
+        """Give the filter of the channels seen (n, m), whose values have a `further` variance (n, m) that is not the
+        chain's: it makes no gross errors.
+        """
+        gain, sd, blocks = np.zeros_like(self.loading), np.ones(seen.shape), _blocks(self.keep)
+        _fill_gains(seen, self.keep, self.fresh, self.loading, self.variance, gain, sd, *blocks)
+        return Filter(seen, self.keep, self.loading, gain, sd, HUBER * np.sqrt(sd**2 + further), *blocks)
+
+
+@dataclass(frozen=True)
+class Filter:
+    """Kalman filter of a chain. Its gains follow from what is random alone: any residuals can be filtered by them.
+
+    seen (n, m), keep and loading as of the `Chain`; gain (n, m, d) of each innovation, and its standard deviation
+    sd (n, m), 1 where nothing was seen; farthest (n, m) that it is from 0 without being a gross error; first, last (d,)
+    as of `_blocks`.
+    """
+
+    seen: np.ndarray
+    keep: np.ndarray
+    loading: np.ndarray
+    gain: np.ndarray
+    sd: np.ndarray
+    farthest: np.ndarray
+    first: np.ndarray
+    last: np.ndarray
+
+    def whiten(self, columns: np.ndarray, order: np.ndarray, trust: np.ndarray | None = None) -> np.ndarray:
+        """Whiten columns (n, m, q) in place, row after row of an order (n,).
+
+        Give the share (n, m) with which each innovation of the first column moved the states, less than 1 where it is
+        a gross error; a `trust` from elsewhere is used as it is.
+        """
+        answer = np.ones(self.seen.shape) if trust is None else trust
+        _filter(
+            columns, order, self.seen, self.keep, self.loading, self.gain, self.sd, self.farthest, self.first,
+            self.last, answer, trust is None,
+        )  # fmt: skip
+        return answer
+
+
+@dataclass(frozen=True)
+class Whitener:
+    """Two filters, one after the other: by errors that go along in time, and by ground that varies along the track.
+
+    in_time, in_place
+        The filters, rows in order of time and of place.
+    order : (n,)
+        Rows in order of place.
+    log_sd : (n, m)
+        Ln of the standard deviation of each innovation.
+    """
+
+    in_time: Filter
+    in_place: Filter
+    order: np.ndarray
+    log_sd: np.ndarray
+
+    def whiten(
+        self, columns: np.ndarray, trust: tuple[np.ndarray, np.ndarray] | None = None
+    ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
+        """Whiten columns (n, m, q), residuals first, or others with the `trust` that residuals gave.
+
+        Give them, and the trust of each stage.
+        """
+        white, (early, late) = columns.copy(), trust or (None, None)
+        early = self.in_time.whiten(white, np.arange(len(white)), early)
+        return white, (early, self.in_place.whiten(white, self.order, late))
+
+
+def whitener(
+    errors: Filter, ground: np.ndarray, transitions: tuple[np.ndarray, np.ndarray], order: np.ndarray
+) -> Whitener:
+    """Give the whitener of a noise.
+
+    Parameters
+    ----------
+    errors
+        Filter of errors that go along in time.
+    ground : (n, m, 2)
+        How the channels answer ln stiffness and ln strength of the ground.
+    transitions
+        How these two vary along the track (`matern`), rows in order of place.
+    order : (n,)
+        Rows in order of place.
+    """
+    white, seen, size = ground.copy(), errors.seen, transitions[0].shape[1]
+    errors.whiten(white, np.arange(len(white)), np.ones(seen.shape))
+    loading = np.zeros((*seen.shape, size))
+    loading[..., :: size // 2] = white[order]
+    field = Chain(*transitions, loading, np.ones(seen.shape)).filter(np.ascontiguousarray(seen[order]))
+    log_sd = np.log(errors.sd)
+    log_sd[order] += np.log(field.sd)
+    return Whitener(errors, field, order, log_sd)
 
 
 def _blocks(keep: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -116,43 +205,33 @@ def huber_weight(innovation: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _whiten(columns, seen, keep, fresh, loading, variance, scales, first, last):
-    """Whiten columns (n, m, q) in place, channel by channel, and fill scales (n, m) where something was seen.
+def _fill_gains(seen, keep, fresh, loading, variance, gains, sds, first, last):
+    """Fill gains (n, m, d) and standard deviations (n, m) of the innovations, channel by channel.
 
     first, last (d,) as of `_blocks`: states that do not follow from each other are passed over.
     """
-    rows, channels, count = columns.shape
-    size = keep.shape[1]
-    state, p = np.zeros((size, count)), np.zeros((size, size))
-    next_state, half = np.empty((size, count)), np.empty((size, size))
-    gain = np.empty(size)
+    rows, channels, size = loading.shape
+    p, half = np.zeros((size, size)), np.empty((size, size))
     for row in range(rows):
         a, q = keep[row], fresh[row]
         for i in range(size):
-            for column in range(count):
-                next_state[i, column] = 0.0
             for j in range(size):
                 half[i, j] = 0.0
             for k in range(first[i], last[i]):
                 share = a[i, k]
-                for column in range(count):
-                    next_state[i, column] += share * state[k, column]
                 for j in range(size):
                     half[i, j] += share * p[k, j]
         for i in range(size):
-            for column in range(count):
-                state[i, column] = next_state[i, column]
-            for j in range(size):
+            for j in range(i + 1):
                 value = q[i, j]
                 for k in range(first[j], last[j]):
                     value += half[i, k] * a[j, k]
                 p[i, j] = value
+                p[j, i] = value
         for channel in range(channels):
             if not seen[row, channel]:
-                for column in range(count):
-                    columns[row, channel, column] = 0.0
                 continue
-            h = loading[row, channel]
+            h, gain = loading[row, channel], gains[row, channel]
             scale = variance[row, channel]
             for i in range(size):
                 value = 0.0
@@ -161,21 +240,49 @@ def _whiten(columns, seen, keep, fresh, loading, variance, scales, first, last):
                 gain[i] = value
                 scale += h[i] * value
             scale = max(scale, 1e-300)
-            away = columns[row, channel, 0]
             for i in range(size):
-                away -= h[i] * state[i, 0]
-            root = math.sqrt(scale)
-            # A gross error must not be taken for a change of the states.
-            trust = min(1.0, HUBER * root / max(abs(away), 1e-300))
-            for column in range(count):
-                innovation = columns[row, channel, column]
-                for i in range(size):
-                    innovation -= h[i] * state[i, column]
-                columns[row, channel, column] = innovation / root
-                innovation *= trust / scale
-                for i in range(size):
-                    state[i, column] += gain[i] * innovation
-            for i in range(size):
+                share = gain[i] / scale
                 for k in range(size):
-                    p[i, k] -= gain[i] * gain[k] / scale
-            scales[row, channel] = root
+                    p[i, k] -= share * gain[k]
+            for i in range(size):
+                gain[i] /= scale
+            sds[row, channel] = math.sqrt(scale)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _filter(columns, order, seen, keep, loading, gains, sds, farthest, first, last, trust, robust):
+    """Whiten columns (n, m, q) in place by gains, rows in the order given (n,); fill trust (n, m) where robust."""
+    rows, channels, count = columns.shape
+    size = keep.shape[1]
+    state, following = np.zeros((size, count)), np.empty((size, count))
+    for at in range(rows):
+        row, a = order[at], keep[at]
+        for i in range(size):
+            for column in range(count):
+                following[i, column] = 0.0
+            for k in range(first[i], last[i]):
+                share = a[i, k]
+                for column in range(count):
+                    following[i, column] += share * state[k, column]
+        state, following = following, state
+        for channel in range(channels):
+            values = columns[row, channel]
+            if not seen[at, channel]:
+                for column in range(count):
+                    values[column] = 0.0
+                continue
+            h, gain, sd = loading[at, channel], gains[at, channel], sds[at, channel]
+            for i in range(size):
+                share = h[i]
+                if share != 0.0:
+                    for column in range(count):
+                        values[column] -= share * state[i, column]
+            if robust:
+                # A gross error must not be taken for a change of the states.
+                trust[at, channel] = min(1.0, farthest[at, channel] / max(abs(values[0]), 1e-300))
+            for i in range(size):
+                share = gain[i] * trust[at, channel]
+                for column in range(count):
+                    state[i, column] += share * values[column]
+            for column in range(count):
+                values[column] /= sd

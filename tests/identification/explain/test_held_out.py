@@ -22,7 +22,7 @@ def test_each_block_is_predicted_as_by_a_fit_without_it(fitted):
         without = fit(others, textbook.model, textbook.vector, textbook.noise, Entry(textbook.theta_1), settle=False)
         predicted = without.response.channels[np.ix_(rows, problem.answers)]
         expected = problem.measured[rows] - predicted
-        np.testing.assert_allclose(held.residuals[rows], expected, atol=0.25 * textbook.noise.sd.max(), rtol=0.2)
+        np.testing.assert_allclose(held.residuals[rows] / textbook.noise.sd, expected / textbook.noise.sd, atol=0.02)
 
 
 def test_the_true_model_is_predicted_to_within_its_noise(fitted):

@@ -40,11 +40,12 @@ def test_innovations_are_the_inverse_root_of_the_full_covariance(smooth):
     rng = np.random.default_rng(smooth)
     chain, seen = _chain(rng, smooth), rng.random((ROWS, CHANNELS)) > 0.2
     columns = rng.normal(size=(ROWS, CHANNELS, 3)) * 0.3
-    white, scales = chain.whiten(columns, seen)
+    filtered, white = chain.filter(seen), columns.copy()
+    filtered.whiten(white, np.arange(ROWS))
     root = np.linalg.cholesky(_dense(chain, seen))
     expected = np.linalg.solve(root, columns[seen])
     np.testing.assert_allclose(white[seen], expected, rtol=1e-8, atol=1e-10)
-    assert np.log(scales[seen]).sum() == pytest.approx(0.5 * np.linalg.slogdet(_dense(chain, seen))[1], rel=1e-10)
+    assert np.log(filtered.sd[seen]).sum() == pytest.approx(0.5 * np.linalg.slogdet(_dense(chain, seen))[1], rel=1e-10)
     assert not white[~seen].any()
 
 
@@ -54,8 +55,14 @@ def test_a_gross_error_does_not_move_the_states():
     columns = rng.normal(size=(ROWS, CHANNELS, 1)) * 0.3
     spoilt = columns.copy()
     spoilt[5, 0] = 1e6
-    near, far = chain.whiten(columns, seen)[0], chain.whiten(spoilt, seen)[0]
+    near, far, filtered = columns.copy(), spoilt.copy(), chain.filter(seen)
+    assert filtered.whiten(near, np.arange(ROWS)).min() == 1.0
+    trust = filtered.whiten(far, np.arange(ROWS))
+    assert trust[5, 0] < 1e-4
     np.testing.assert_allclose(far[8:], near[8:], atol=3.0)
+    # Further columns can follow later, by the trust that the first have given.
+    np.testing.assert_allclose(filtered.whiten(spoilt, np.arange(ROWS), trust), trust)
+    np.testing.assert_allclose(spoilt, far)
 
 
 @pytest.mark.parametrize("smooth", [0, 1, 2])
