@@ -1,4 +1,4 @@
-"""Identification while driving: the estimator of `estimation` on a sliding window, one warm-started step a sample."""
+"""Identification while driving: the estimator of `estimate` on a sliding window, one warm-started step a sample."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class OnlineIdentifier:
     """Maximum likelihood with errors in all channels over the last samples of a drive.
 
     Each sample costs one step of the iteration from where the last one ended, so that the estimate follows the soil;
-    the first comes after `LEAST_SAMPLES`, from a search as `estimation` does it, and so does the next where the soil
+    the first comes after `LEAST_SAMPLES`, from a search as `estimate` does it, and so does the next where the soil
     has changed. Feed it only what the gate lets through.
 
     Parameters

@@ -3,7 +3,7 @@
 Least squares on noisy regressors is biased (attenuation). Here the true load and slip of a sample are latent, drawn
 from a `population` that is estimated with the soil (the structural model of W. A. Fuller, "Measurement Error Models"
 (1987), Sec. 1.2 and 4.2). Where the model cannot explain a channel, its standard deviation is estimated too, never
-below the sensor's. The likelihood itself is in `marginal_likelihood`.
+below the sensor's. The likelihood itself is in `likelihood`.
 """
 
 from __future__ import annotations

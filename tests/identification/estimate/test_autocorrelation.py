@@ -58,14 +58,15 @@ def held(segment: Segment, soil: Soil) -> list[bool]:
     ]
 
 
-def test_one_soil_stays_one_and_its_intervals_hold():
-    """Six drives with first-order noise of 0.7: 30 intervals."""
+@pytest.mark.parametrize("seeds", [[0], pytest.param(range(6), marks=pytest.mark.slow)])
+def test_one_soil_stays_one_and_its_intervals_hold(seeds):
+    """Drives with first-order noise of 0.7: five intervals each."""
     answers = []
-    for seed in range(6):
+    for seed in seeds:
         (segment,) = driven(seed, autoregressive(0.7))
         answers.append(held(segment, SAND))
         assert "autocorrelated_noise" in codes(segment.estimate.findings)
-    assert np.mean(answers) >= 0.9
+    assert np.mean(answers) >= (0.9 if len(answers) > 1 else 0.8)
 
 
 def test_filtered_sensors_make_no_soils():
@@ -83,7 +84,7 @@ def test_a_change_of_soil_is_found_beside_autocorrelated_noise():
 
 def test_no_segment_is_shorter_than_the_gate_uses():
     """At 50 Hz 30 rows, which are enough, are 0.6 s: soils that change every second are not told apart."""
-    segments = driven(1, lambda n, rng: rng.normal(size=n), (SAND, CLAY) * 8, n=800, step_s=0.02)
+    segments = driven(1, lambda n, rng: rng.normal(size=n), (SAND, CLAY) * 6, n=600, step_s=0.02)
     assert min(segment.end_s - segment.start_s for segment in segments) >= 5.0
 
 

@@ -44,8 +44,11 @@ def test_noise_free_data_give_the_soil_back(rng):
     assert estimate.channels == ("load_N", "torque_Nm", "sinkage_m", "slip", "drawbar_pull_N")
 
 
-def test_estimates_reach_the_cramer_rao_bound_and_cover_at_ten_per_cent_noise():
-    """40 seeds: root-mean-square error within 1.35 of the bound (its own scatter is 11 %), intervals that cover.
+@pytest.mark.parametrize(
+    ("drives", "most", "least_covered"), [(6, 1.6, 0.8), pytest.param(40, 1.35, 0.87, marks=pytest.mark.slow)]
+)
+def test_estimates_reach_the_cramer_rao_bound_and_cover_at_ten_per_cent_noise(drives, most, least_covered):
+    """Root-mean-square error near the bound (its own scatter is 11 % of 40 drives, 29 % of 6), intervals that cover.
 
     The shear modulus is the one that suffers where the slips, which swing, are taken to be normal.
     """
@@ -64,19 +67,19 @@ def test_estimates_reach_the_cramer_rao_bound_and_cover_at_ten_per_cent_noise():
     assert np.sqrt(bound[0, 0]) == pytest.approx(707.0, rel=0.02)
 
     errors, covered = [], []
-    for _ in range(40):
+    for _ in range(drives):
         solution = physical(solve(paper_case(rng, 0.10), WHEEL, SoilKnowledge()))
         error = (solution.fit.vector - vector)[:3]
         errors.append(error)
         covered.append(np.abs(error) <= 1.96 * np.sqrt(np.diag(solution.covariance())[:3]))
     rms = np.sqrt(np.mean(np.square(errors), axis=0))[:2]
-    assert (rms <= 1.35 * np.sqrt(np.diag(bound)[:2])).all()
-    assert (np.mean(covered, axis=0) >= 0.87).all()
-    assert abs(np.mean(errors, axis=0)[2]) < 0.08
+    assert (rms <= most * np.sqrt(np.diag(bound)[:2])).all()
+    assert (np.mean(covered, axis=0) >= least_covered).all()
+    assert abs(np.mean(errors, axis=0)[2]) < 0.08 * np.sqrt(40 / drives)
 
 
 def test_at_constant_load_cohesion_and_friction_are_not_told_apart_but_strength_is(rng):
-    estimate = estimate_soil(paper_case(rng, 0.02, swing_N=0.0), WHEEL)
+    estimate = estimate_soil(paper_case(rng, 0.02, swing_N=0.0, n=120), WHEEL)
     assert not estimate.separable["c_Pa"]
     assert not estimate.separable["phi_rad"]
     assert "vary the load" in estimate.advice
@@ -87,6 +90,7 @@ def test_at_constant_load_cohesion_and_friction_are_not_told_apart_but_strength_
     assert estimate.parameters["c_Pa"].low <= SOIL.c_Pa <= estimate.parameters["c_Pa"].high
 
 
+@pytest.mark.slow
 def test_at_constant_load_other_drives_say_the_same():
     held = []
     for seed in range(3):
@@ -152,7 +156,7 @@ def test_gross_errors_cost_little(rng):
 
 
 def test_what_is_known_is_held_and_what_is_uncertain_is_weighed(rng):
-    measured = paper_case(rng, 0.05)
+    measured = paper_case(rng, 0.05, n=150)
     held = estimate_soil(measured, WHEEL, SoilKnowledge({"k_m": 0.005, "n": 0.9}))
     assert held.parameters["k_m"].low == held.parameters["k_m"].high == pytest.approx(0.005)
     prior = SoilKnowledge({"phi_rad": np.radians(30.0)}, {"phi_rad": np.radians(0.5)})
@@ -162,7 +166,7 @@ def test_what_is_known_is_held_and_what_is_uncertain_is_weighed(rng):
 
 
 def test_where_the_model_is_wrong_the_intervals_say_so(rng):
-    measured = paper_case(rng, 0.02, pull=True)
+    measured = paper_case(rng, 0.02, pull=True, n=120)
     wrong = measured.channels.copy()
     wrong[:, 2] *= 1.0 + 0.6 * wrong[:, 3]  # sinkage grows with slip, which the textbook wheel knows nothing of
     before, after = estimate_soil(measured, WHEEL), estimate_soil(replace(measured, channels=wrong), WHEEL)

@@ -35,7 +35,7 @@ def estimated(table: WheelTable, stated: dict[str, float] | None = None) -> Soil
 def test_the_noise_of_each_channel_is_told(noise):
     """Torque by 0.05 Nm, sinkage by 0.2 mm and pull by 0.4 N (`unsteady_drive`)."""
     rows = wheel_rows(recording(drive(1, (0.02, 0.016), noise)))
-    measured = usable(measured_rows(rows, np.arange(ROWS)))
+    measured = usable(measured_rows(rows, np.arange(300)))
     told, _, notes = solve_with_noise(measured, WHEEL, SoilKnowledge())
     assert told.noise[[1, 2, 4]] == pytest.approx([0.05, 2e-4, 0.4], rel=0.25)
     assert told.noise[0] == pytest.approx(150.0 * noise[0], rel=0.25, abs=0.7)
@@ -43,25 +43,28 @@ def test_the_noise_of_each_channel_is_told(noise):
     assert len(notes) == 2
 
 
-def test_intervals_are_as_wide_as_they_have_to_be_and_hold():
-    """20 drives; with the noise that neighbours show the intervals of c are seven times as wide."""
+@pytest.mark.parametrize(
+    ("drives", "rows", "least"), [(2, 200, 0.5), pytest.param(20, ROWS, 0.8, marks=pytest.mark.slow)]
+)
+def test_intervals_are_as_wide_as_they_have_to_be_and_hold(drives, rows, least):
+    """With the noise that neighbours show the intervals of c are seven times as wide."""
     held, width = [], []
-    for seed in range(20):
-        found = estimated(drive(seed, (0.04, 0.02), (0.0, 0.0)))
+    for seed in range(drives):
+        found = estimated(drive(seed, (0.04, 0.02), (0.0, 0.0)).select(np.arange(rows)))
         each = [(found.parameters[field.name], getattr(SOIL, field.name)) for field in fields(SOIL)]
         held.append([quantity.low <= true <= quantity.high for quantity, true in each])
         width.append(found.parameters["c_Pa"].high - found.parameters["c_Pa"].low)
         assert codes(found.findings).count(CODE) == 2
-    assert (np.mean(held, axis=0) >= 0.8).all()
+    assert (np.mean(held, axis=0) >= least).all()
     assert np.mean(held) >= 0.9
-    shown = estimated(drive(0, (0.04, 0.02), (0.0, 0.0)), {"load_N": 5.8, "slip": 0.019})
+    shown = estimated(drive(0, (0.04, 0.02), (0.0, 0.0)).select(np.arange(rows)), {"load_N": 5.8, "slip": 0.019})
     assert CODE not in codes(shown.findings)
     assert np.median(width) < 0.25 * (shown.parameters["c_Pa"].high - shown.parameters["c_Pa"].low)
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_what_answers_do_not_follow_is_noise(seed):
-    found = estimated(drive(seed, (0.0, 0.0), (0.02, 0.012)))
+    found = estimated(drive(seed, (0.0, 0.0), (0.02, 0.012)).select(np.arange(300)))
     assert CODE not in codes(found.findings)
 
 
@@ -76,7 +79,7 @@ def test_steady_trials_have_no_neighbours_that_are_unsteady():
 
 @pytest.mark.filterwarnings("error")
 def test_a_channel_that_is_not_there_has_no_noise():
-    table = drive(1, (0.04, 0.02), (0.0, 0.0))
+    table = drive(1, (0.04, 0.02), (0.0, 0.0)).select(np.arange(300))
     columns = {name: values for name, values in table.columns.items() if name != "drawbar_pull_N"}
     assert CODE in codes(estimated(replace(table, columns=columns)).findings)
 
@@ -91,7 +94,7 @@ def test_a_form_that_does_not_fit_tells_no_noise():
     """A load that is said to be constant, and is not: no noise of slip makes one soil of it."""
     table = drive(1, (0.0, 0.02), (0.0, 0.0))
     held = {**table.columns, "load_N": np.full(ROWS, 150.0) + 0.1 * np.random.default_rng(1).normal(size=ROWS)}
-    measured = usable(measured_rows(wheel_rows(recording(replace(table, columns=held))), np.arange(ROWS)))
+    measured = usable(measured_rows(wheel_rows(recording(replace(table, columns=held))), np.arange(300)))
     told, solution, notes = solve_with_noise(measured, WHEEL, SoilKnowledge())
     np.testing.assert_array_equal(told.noise, measured.noise)
     assert not notes

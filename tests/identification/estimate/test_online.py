@@ -33,21 +33,21 @@ def feed(identifier, rows):
 
 
 def test_a_window_gives_what_the_batch_gives(rng):
-    rows, noise = drive(rng, SAND, 200)
-    identifier = OnlineIdentifier(WHEEL, dict(zip(CHANNELS, noise, strict=True)), window=150)
+    rows, noise = drive(rng, SAND, 140)
+    identifier = OnlineIdentifier(WHEEL, dict(zip(CHANNELS, noise, strict=True)), window=100)
     assert feed(identifier, rows[: LEAST_SAMPLES - 1]) is None
     estimate = feed(identifier, rows[LEAST_SAMPLES - 1 :])
-    batch = solve(Measured(rows[-150:], noise, np.arange(150)), WHEEL, SoilKnowledge())
+    batch = solve(Measured(rows[-100:], noise, np.arange(100)), WHEEL, SoilKnowledge())
     sd = np.sqrt(np.diag(batch.fit.covariance(batch.free)))
-    assert estimate.n == 150
+    assert estimate.n == 100
     assert np.tan(estimate.parameters["phi_rad"].value) == pytest.approx(batch.fit.vector[1], abs=0.2 * sd[1])
     assert estimate.parameters["phi_rad"].low < SAND.phi_rad < estimate.parameters["phi_rad"].high
 
 
 def test_it_follows_a_change_of_soil(rng):
-    sand, noise = drive(rng, SAND, 120)
-    loam, _ = drive(rng, LOAM, 120)
-    identifier = OnlineIdentifier(WHEEL, dict(zip(CHANNELS, noise, strict=True)), window=100)
+    sand, noise = drive(rng, SAND, 80)
+    loam, _ = drive(rng, LOAM, 100)
+    identifier = OnlineIdentifier(WHEEL, dict(zip(CHANNELS, noise, strict=True)), window=80)
     before, after = feed(identifier, sand), feed(identifier, loam)
     for estimate, soil in ((before, SAND), (after, LOAM)):
         phi = estimate.parameters["phi_rad"]
