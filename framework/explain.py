@@ -13,7 +13,7 @@ from ..database.store import TerrainDatabase
 from ..identification.estimate.identify import open_recording
 from ..identification.explain.explain import explain as explain_wheel
 from ..identification.explain.explanation import Explanation
-from ..identification.rows.select import wheel_rows
+from ..identification.rows.select import select_wheel_rows
 from .core.arguments import whole
 from .core.class_names import check_class_name
 from .core.errors import InputError
@@ -127,7 +127,7 @@ def store(answer: Explanation, database: str | Path, class_name: str) -> str:
 
 def _explain_sound(recording: Recording, seed: int) -> dict | None:
     """Explain the sound along the clock of one wheel."""
-    rows = wheel_rows(recording)
+    rows = select_wheel_rows(recording)
     table = rows.table
     names = ("time_s", "wheel_speed_rad_s", "travel_speed_m_s")
     missing = [name for name in names if name not in table]

@@ -61,10 +61,13 @@ def estimate_soil(measured: Measured, wheel: Wheel, known: SoilKnowledge | None 
     return summarise(solve(kept, wheel, known or SoilKnowledge()), kept, wheel)
 
 
-def summarise(solution: Solution, kept: Measured, wheel: Wheel, *, one_soil: bool = True) -> SoilEstimate:
+def summarise(
+    solution: Solution, kept: Measured, wheel: Wheel, *, one_soil: bool = True, notes: tuple[Finding, ...] = ()
+) -> SoilEstimate:
     """Turn a fit into an estimate: intervals, strength, what is determined and what driving would do for the rest.
 
-    Where the samples are known to be of several soils (`one_soil` False), the form of the model is not at fault.
+    Where the samples are known to be of several soils (`one_soil` False), the form of the model is not at fault. The
+    `notes` of what was done with them before come after the findings of the fit.
     """
     model = TextbookWheel(wheel)
     covariance, bounded = solution.covariance(), physical(solution)
@@ -93,7 +96,7 @@ def summarise(solution: Solution, kept: Measured, wheel: Wheel, *, one_soil: boo
         channels=tuple(name for name, present in zip(CHANNELS, seen.tolist(), strict=True) if present),
         n=len(kept.channels),
         misfit=solution.misfit,
-        findings=findings,
+        findings=(*findings, *notes),
     )
 
 

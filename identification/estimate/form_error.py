@@ -29,7 +29,7 @@ from ..mechanics.textbook import TextbookWheel
 from ..rows.noise import noise_of_series
 from .autocorrelation import correlation_time
 from .likelihood import POPULATION, Point, Problem, State, evaluate, mean_score
-from .optimise import best_start, fit
+from .optimise import best_start, fit, inverse_information
 from .solution import Solution
 
 FALSE_ALARMS = 0.01
@@ -54,7 +54,7 @@ def rejected(solution: Solution, wrong_form: float) -> bool:
     """Say whether the samples contradict the textbook's form: by its misfit, or by the score test of the freedoms."""
     if solution.misfit > wrong_form and (not solution.timed or _goes_with_conditions(solution, wrong_form)):
         return True
-    statistic, scores = _score_test(solution)
+    statistic, scores = score_test(solution)
     if not solution.timed:
         return bool(statistic > chi2.ppf(1.0 - FALSE_ALARMS, len(FREEDOMS)))
     _, left, worth = _by_conditions(solution, scores)
@@ -67,16 +67,13 @@ def rejected(solution: Solution, wrong_form: float) -> bool:
     return bool(statistic / (larger * len(FREEDOMS)) > limit)
 
 
-def score_statistic(solution: Solution) -> float:
-    """Score statistic of all freedoms at the textbook's optimum, at most chi-squared with as many degrees of freedom.
+def score_test(solution: Solution) -> tuple[float, np.ndarray]:
+    """Give the score statistic of all freedoms at the textbook's optimum, and each sample's part in it, (n, f).
 
-    The priors of the freedoms are in the information, which damps directions that the samples say nothing of.
+    Of independent samples of the textbook's form it is at most chi-squared with f degrees of freedom: the priors of the
+    freedoms are in the information, which damps directions that the samples say nothing of. The parts are scores that
+    are whitened by it.
     """
-    return _score_test(solution)[0]
-
-
-def _score_test(solution: Solution) -> tuple[float, np.ndarray]:
-    """Score statistic of the freedoms, and each sample's part (n, f) of the scores, whitened by their information."""
     problem = _freed(solution.problem)
     point = replace(solution.fit.point, vector=_extended(solution.fit.vector))
     state = evaluate(problem, point)
@@ -90,8 +87,9 @@ def _score_test(solution: Solution) -> tuple[float, np.ndarray]:
     rest = moving & ~tested
     # A freedom at its bound is tested all the same.
     information = state.information
-    cross = information[np.ix_(tested, rest)] @ _inverse(information[np.ix_(rest, rest)])
-    root = np.linalg.cholesky(_inverse(information[np.ix_(tested, tested)] - cross @ information[np.ix_(rest, tested)]))
+    cross = information[np.ix_(tested, rest)] @ inverse_information(information[np.ix_(rest, rest)])
+    left = information[np.ix_(tested, tested)] - cross @ information[np.ix_(rest, tested)]
+    root = np.linalg.cholesky(inverse_information(left))
     shown = (score[tested] - cross @ score[rest]) @ root
     return float(shown @ shown), (each[:, tested] - each[:, rest] @ cross.T) @ root
 
@@ -147,7 +145,7 @@ def widening(problem: Problem, point: Point, clusters: list[np.ndarray]) -> np.n
     """
     state = evaluate(problem, point)
     moving = _moving(problem, point, state)
-    inverse = _inverse(state.information[np.ix_(moving, moving)])
+    inverse = inverse_information(state.information[np.ix_(moving, moving)])
     scores = (mean_score(state) * state.weights[:, None])[:, moving]
     most = np.ones(int(moving.sum()))
     for labels in clusters:
@@ -203,10 +201,3 @@ def _memberships(problem: Problem) -> list[np.ndarray]:
 def _by_quantile(values: np.ndarray, count: int) -> np.ndarray:
     edges = np.quantile(values, np.linspace(0.0, 1.0, count + 1)[1:-1])
     return np.searchsorted(edges, values, side="right")
-
-
-def _inverse(matrix: np.ndarray) -> np.ndarray:
-    """Inverse of an information matrix; a direction without information has a huge variance, not a negative one."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-12))
-    values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
-    return (vectors / np.maximum(values, 1e-10)) @ vectors.T * np.outer(scale, scale)

@@ -187,8 +187,7 @@ def _soils(rows: WheelRows, stretch: Stretch, known: SoilKnowledge) -> list[Segm
     segments = []
     for (part, solution), start, end in zip(parts, starts, ends, strict=True):
         own = replace(kept, channels=kept.channels[part], order=kept.order[part])
-        estimate = summarise(solution, own, rows.wheel)
-        estimate = replace(estimate, findings=(*estimate.findings, *notes, *autocorrelation_finding(kept, solution)))
+        estimate = summarise(solution, own, rows.wheel, notes=(*notes, *autocorrelation_finding(kept, solution)))
         segments.append(Segment(start, end, True, "", len(own.channels), estimate))
     return segments
 
@@ -208,8 +207,8 @@ def _overall(
     kept, solution, notes = solve_with_noise(usable(measured_rows(rows, chosen)), rows.wheel, known)
     solution = with_autocorrelated_noise(kept, solution, rows.wheel, known)
     mixed = solution.misfit > most_misfit
-    estimate = summarise(solution, kept, rows.wheel, one_soil=not mixed)
-    return replace(estimate, findings=(*estimate.findings, *notes, *autocorrelation_finding(kept, solution))), mixed
+    notes = (*notes, *autocorrelation_finding(kept, solution))
+    return summarise(solution, kept, rows.wheel, one_soil=not mixed, notes=notes), mixed
 
 
 def measured_rows(rows: WheelRows, chosen: np.ndarray) -> Measured:

@@ -65,8 +65,8 @@ def parameter_intervals(solution: Solution, covariance: np.ndarray, model: Textb
     """
     quantities, ends = {}, {}
     for index, name in enumerate(model.names):
-        value = from_internal(name, float(solution.fit.vector[index]))
         if not solution.free[index]:
+            value = from_internal(name, float(solution.fit.vector[index]))
             quantities[name] = Quantity(value, 0.0, value, value)
             continue
         sd = math.sqrt(max(covariance[index, index], 0.0))
@@ -74,13 +74,15 @@ def parameter_intervals(solution: Solution, covariance: np.ndarray, model: Textb
         low = _end(solution, index, sd, ridge, -1.0)
         high = _end(solution, index, sd, ridge, 1.0)
         ends[index] = low, high
-        quantities[name] = Quantity(
-            value,
-            spread(solution, index, low, high) * slope_of_internal(name, value),
-            from_internal(name, float(low[index])),
-            from_internal(name, float(high[index])),
-        )
+        quantities[name] = _quantity(solution, index, name, low, high)
     return Intervals(quantities, ends)
+
+
+def _quantity(solution: Solution, index: int, name: str, low: np.ndarray, high: np.ndarray) -> Quantity:
+    """Give a parameter in SI with the interval between the ends (p,) of its profile."""
+    value = from_internal(name, float(solution.fit.vector[index]))
+    sd = spread(solution, index, low, high) * slope_of_internal(name, value)
+    return Quantity(value, sd, from_internal(name, float(low[index])), from_internal(name, float(high[index])))
 
 
 def hull(solution: Solution, first: Intervals, other: Intervals) -> Intervals:
@@ -95,18 +97,13 @@ def hull(solution: Solution, first: Intervals, other: Intervals) -> Intervals:
     """
     quantities, ends = dict(first.quantities), {}
     size = len(solution.fit.vector)
-    for index, (name, quantity) in enumerate(first.quantities.items()):
+    for index, name in enumerate(first.quantities):
         if index not in first.ends:
             continue
         low = min(first.ends[index][0], other.ends[index][0][:size], key=lambda vector, at=index: float(vector[at]))
         high = max(first.ends[index][1], other.ends[index][1][:size], key=lambda vector, at=index: float(vector[at]))
         ends[index] = low, high
-        quantities[name] = Quantity(
-            quantity.value,
-            spread(solution, index, low, high) * slope_of_internal(name, quantity.value),
-            from_internal(name, float(low[index])),
-            from_internal(name, float(high[index])),
-        )
+        quantities[name] = _quantity(solution, index, name, low, high)
     return Intervals(quantities, ends)
 
 

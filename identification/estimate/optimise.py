@@ -55,15 +55,18 @@ class Fit:
     def covariance(self, free: np.ndarray) -> np.ndarray:
         """Covariance (p, p) of the vector; zero for parameters that are held (`free` (p,) bool is False)."""
         everything = np.concatenate([free, np.ones(len(self.information) - len(free), dtype=bool)])
-        block = self.information[np.ix_(everything, everything)]
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(block), 1e-12))
-        values, vectors = np.linalg.eigh(block * np.outer(scale, scale))
-        # A direction without information has a huge variance, not a negative one.
-        inverse = (vectors / np.maximum(values, 1e-10)) @ vectors.T * np.outer(scale, scale)
+        inverse = inverse_information(self.information[np.ix_(everything, everything)])
         kept = int(free.sum())
         answer = np.zeros((len(free), len(free)))
         answer[np.ix_(free, free)] = inverse[:kept, :kept]
         return answer
+
+
+def inverse_information(matrix: np.ndarray) -> np.ndarray:
+    """Inverse of an information matrix; a direction without information has a huge variance, not a negative one."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-12))
+    values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
+    return (vectors / np.maximum(values, 1e-10)) @ vectors.T * np.outer(scale, scale)
 
 
 def best_start(problem: Problem, starts: list[tuple[np.ndarray, np.ndarray]]) -> Point:

@@ -17,7 +17,7 @@ from scipy.stats import chi2
 from ...framework.core.files import whole
 from ...framework.core.recording.types import Recording
 from ...framework.core.soil import SoilEstimate, SoilKnowledge
-from ..rows.select import WheelRows, wheel_rows
+from ..rows.select import SelectedRows, select_wheel_rows
 from .estimate import LEAST_ROWS, solve, usable
 from .identify import Identification, measured_rows
 from .noise_likelihood import solve_with_noise
@@ -47,7 +47,7 @@ def draw_identification(
     soil
         What was known beforehand.
     """
-    rows, known = wheel_rows(recording), soil or SoilKnowledge()
+    rows, known = select_wheel_rows(recording), soil or SoilKnowledge()
     timed = "time_s" in rows.table
     figure, panels = plt.subplots(1, 3 if timed else 1, figsize=(13.0 if timed else 5.0, 4.0), layout="constrained")
     panels = np.atleast_1d(panels)
@@ -78,7 +78,7 @@ def _cycle(count: int) -> list[str]:
     return [_COLOURS[index % len(_COLOURS)] for index in range(count)]
 
 
-def _converge(panels: np.ndarray, rows: WheelRows, chosen: np.ndarray, known: SoilKnowledge, colour: str) -> None:
+def _converge(panels: np.ndarray, rows: SelectedRows, chosen: np.ndarray, known: SoilKnowledge, colour: str) -> None:
     measured, _, _ = solve_with_noise(usable(measured_rows(rows, chosen)), rows.wheel, known)
     count = len(measured.channels)
     first = min(max(5 * LEAST_ROWS, count // CHECKPOINTS), count)
@@ -91,7 +91,7 @@ def _converge(panels: np.ndarray, rows: WheelRows, chosen: np.ndarray, known: So
         panel.fill_between(times, np.maximum(value - half, 0.0), value + half, color=colour, alpha=0.2, lw=0)
 
 
-def _at(measured: Measured, end: int, rows: WheelRows, known: SoilKnowledge) -> tuple[float, float, float, float]:
+def _at(measured: Measured, end: int, rows: SelectedRows, known: SoilKnowledge) -> tuple[float, float, float, float]:
     """Cohesion [Pa] and phi [deg] from the first `end` samples, each with the half of its Wald interval."""
     part = replace(measured, channels=measured.channels[:end], order=measured.order[:end])
     solution = solve(part, rows.wheel, known)

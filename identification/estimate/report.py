@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from typing import Any
 
 from ...framework.core.findings import Finding
@@ -42,15 +43,7 @@ def estimate_json(estimate: SoilEstimate) -> dict[str, Any]:
     return {
         **{name: _quantity(name, quantity) for name, quantity in estimate.parameters.items()},
         "correlation": dict(estimate.correlation),
-        "shear_strength": [
-            {
-                "normal_stress_Pa": strength.normal_stress_Pa,
-                "value_Pa": strength.value_Pa,
-                "low_Pa": strength.low_Pa,
-                "high_Pa": strength.high_Pa,
-            }
-            for strength in estimate.shear_strength
-        ],
+        "shear_strength": [asdict(strength) for strength in estimate.shear_strength],
         "separable": {name: bool(value) for name, value in estimate.separable.items()},
         "advice": estimate.advice,
         "misfit": _number(estimate.misfit),

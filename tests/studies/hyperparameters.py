@@ -34,9 +34,9 @@ def searched(folder: Path) -> dict[str, Any]:
     from bevameter.identification.explain.posterior import posterior
     from bevameter.identification.explain.samples import gather
     from bevameter.identification.explain.search import search
-    from bevameter.identification.rows.select import wheel_rows
+    from bevameter.identification.rows.select import select_wheel_rows
 
-    rows = wheel_rows(open_recording(folder, None))
+    rows = select_wheel_rows(open_recording(folder, None))
     soil = folder / "soil.toml"
     problem, textbook = fit_textbook(
         gather(rows.table, rows.wheel, rows.vehicle), as_knowledge(soil if soil.is_file() else None)

@@ -20,7 +20,7 @@ from bevameter.identification.explain.fit import fit, fit_textbook
 from bevameter.identification.explain.held_out import hold_out
 from bevameter.identification.explain.samples import gather, levels
 from bevameter.identification.mechanics.augmented import Entry
-from bevameter.identification.rows.select import wheel_rows
+from bevameter.identification.rows.select import select_wheel_rows
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 SHOWN = {"torque_Nm": ("torque [N m]", 1.0), "sinkage_m": ("sinkage [mm]", 1e3), "drawbar_pull_N": ("pull [N]", 1.0)}
@@ -50,7 +50,7 @@ def recordings() -> Iterator[tuple[str, Recording]]:
 
 def left_out(recording: Recording, answer: Explanation) -> dict[str, dict[str, tuple[float, float]]]:
     """Held-out error of each channel without and with what was named, whole loads and whole slips held out."""
-    rows = wheel_rows(recording)
+    rows = select_wheel_rows(recording)
     samples = gather(rows.table, rows.wheel, rows.vehicle)
     loads = levels(samples.drive.load_N / samples.drive.load_N.max(), 0.05)
     splits = {"one slip left out": levels(samples.drive.slip)}

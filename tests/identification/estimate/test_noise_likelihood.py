@@ -14,7 +14,7 @@ from bevameter.framework.core.soil import SoilEstimate, SoilKnowledge
 from bevameter.identification.estimate.estimate import usable
 from bevameter.identification.estimate.identify import measured_rows
 from bevameter.identification.estimate.noise_likelihood import solve_with_noise
-from bevameter.identification.rows.select import wheel_rows
+from bevameter.identification.rows.select import select_wheel_rows
 from unsteady_drive import ROWS, SOIL, WHEEL, drive
 
 CODE = "unsteady_input"
@@ -34,7 +34,7 @@ def estimated(table: WheelTable, stated: dict[str, float] | None = None) -> Soil
 @pytest.mark.parametrize("noise", [(0.0, 0.0), (0.0, 0.006), (0.01, 0.014)])
 def test_the_noise_of_each_channel_is_told(noise):
     """Torque by 0.05 Nm, sinkage by 0.2 mm and pull by 0.4 N (`unsteady_drive`)."""
-    rows = wheel_rows(recording(drive(1, (0.02, 0.016), noise)))
+    rows = select_wheel_rows(recording(drive(1, (0.02, 0.016), noise)))
     measured = usable(measured_rows(rows, np.arange(300)))
     told, _, notes = solve_with_noise(measured, WHEEL, SoilKnowledge())
     assert told.noise[[1, 2, 4]] == pytest.approx([0.05, 2e-4, 0.4], rel=0.25)
@@ -94,7 +94,7 @@ def test_a_form_that_does_not_fit_tells_no_noise():
     """A load that is said to be constant, and is not: no noise of slip makes one soil of it."""
     table = drive(1, (0.0, 0.02), (0.0, 0.0))
     held = {**table.columns, "load_N": np.full(ROWS, 150.0) + 0.1 * np.random.default_rng(1).normal(size=ROWS)}
-    measured = usable(measured_rows(wheel_rows(recording(replace(table, columns=held))), np.arange(300)))
+    measured = usable(measured_rows(select_wheel_rows(recording(replace(table, columns=held))), np.arange(300)))
     told, solution, notes = solve_with_noise(measured, WHEEL, SoilKnowledge())
     np.testing.assert_array_equal(told.noise, measured.noise)
     assert not notes

@@ -12,7 +12,7 @@ from bevameter.framework.core.findings import codes
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import equilibrium
 from bevameter.identification.rows.kinematics import angle_disagreement, slip_disagreement
-from bevameter.identification.rows.select import wheel_rows
+from bevameter.identification.rows.select import select_wheel_rows
 
 WHEEL = Wheel(radius_m=0.15, width_m=0.12)
 TURN = 2.0 * np.pi
@@ -124,7 +124,7 @@ def test_a_recording_says_so(rng):
     opened = Recording(
         "test", table.source, Vehicle(wheels=(WHEEL,)), None, "", "0" * 64, wheel=changed(table, **columns)
     )
-    assert codes(wheel_rows(opened).findings) == ["angle_disagrees"]
+    assert codes(select_wheel_rows(opened).findings) == ["angle_disagrees"]
 
 
 @pytest.mark.filterwarnings("error")
@@ -194,7 +194,9 @@ def test_of_several_wheels_the_one_is_named_whose_slip_disagrees(rng):
     both["load_N"] = np.full(400, 80.0)
     table = WheelTable(both, np.repeat(["left", "right"], 200), None, Path("wheel.csv"))
     vehicle = Vehicle(wheels=tuple(Wheel(name=name, radius_m=0.15, width_m=0.12) for name in ("left", "right")))
-    findings = wheel_rows(Recording("test", Path("wheel.csv"), vehicle, None, "", "0" * 64, wheel=table)).findings
+    findings = select_wheel_rows(
+        Recording("test", Path("wheel.csv"), vehicle, None, "", "0" * 64, wheel=table)
+    ).findings
     assert [(each.code, each.values["of_wheel"]) for each in findings] == [("slip_disagrees", "wheel right")]
 
 
@@ -222,5 +224,5 @@ def test_slips_that_are_filled_in_from_the_speeds_do_not_hide_it(rng, drive_with
     """They agree with the speeds, and say nothing of what was recorded."""
     drive = drive_with_another_radius.wheel
     fewer = changed(drive, slip=np.where(rng.random(len(drive)) < 0.6, np.nan, drive["slip"]))
-    found = wheel_rows(replace(drive_with_another_radius, wheel=fewer)).findings
+    found = select_wheel_rows(replace(drive_with_another_radius, wheel=fewer)).findings
     assert "slip_disagrees" in codes(found)

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from bevameter import InputError, Vehicle, Wheel, WheelTable, identify
 from bevameter.framework.core.findings import Finding, codes
-from bevameter.identification.rows.select import wheel_rows
+from bevameter.identification.rows.select import select_wheel_rows
 from slow_drive import SAND, VEHICLE, WHEEL, drive, recording, with_columns
 from steady_trials import trials
 
 
 def found(table, **noise) -> list[Finding]:
-    findings = wheel_rows(recording(table, Vehicle(wheels=(WHEEL,), noise=noise))).findings
+    findings = select_wheel_rows(recording(table, Vehicle(wheels=(WHEEL,), noise=noise))).findings
     return [each for each in findings if each.code == "stated_noise"]
 
 
@@ -98,4 +98,4 @@ def test_of_two_wheels_only_the_one_whose_sensor_is_stuck_loses_it(rng):
 )
 def test_lugs_that_are_stated_by_half_are_named(lugs, expected, rng):
     vehicle = Vehicle(wheels=(Wheel(radius_m=0.15, width_m=0.12, **lugs),), noise=VEHICLE.noise)
-    assert codes(wheel_rows(recording(drive(rng), vehicle)).findings) == expected
+    assert codes(select_wheel_rows(recording(drive(rng), vehicle)).findings) == expected

@@ -7,7 +7,7 @@ import pytest
 from bevameter import InputError, WheelTable
 from bevameter.framework.core.findings import codes
 from bevameter.identification.mechanics.textbook import equilibrium
-from bevameter.identification.rows.select import wheel_rows
+from bevameter.identification.rows.select import select_wheel_rows
 from slow_drive import SAND, WHEEL, drive, recording, with_columns
 from steady_trials import SLIPS, trials, without
 
@@ -15,7 +15,9 @@ MIRRORED = r"column drawbar_pull_N: falls by .* N for each newton that torque ov
 
 
 def found(table: WheelTable) -> list[str]:
-    return [code for code in codes(wheel_rows(recording(table)).findings) if code.endswith(("_sign", "_by_slip"))]
+    return [
+        code for code in codes(select_wheel_rows(recording(table)).findings) if code.endswith(("_sign", "_by_slip"))
+    ]
 
 
 def turned(table: WheelTable, **columns) -> WheelTable:
@@ -27,7 +29,7 @@ def test_a_pull_of_steady_trials_with_the_other_sign_is_refused(slips, rng):
     table = trials(rng, slips)
     assert found(table) == []
     with pytest.raises(InputError, match=MIRRORED):
-        wheel_rows(recording(turned(table)))
+        select_wheel_rows(recording(turned(table)))
 
 
 def test_a_pull_along_a_drive_with_the_other_sign_is_refused(rng):
@@ -36,7 +38,7 @@ def test_a_pull_along_a_drive_with_the_other_sign_is_refused(rng):
     pull = equilibrium(WHEEL, SAND, load, slip).drawbar_pull_N
     assert found(with_columns(table, drawbar_pull_N=pull)) == []
     with pytest.raises(InputError, match=MIRRORED):
-        wheel_rows(recording(with_columns(table, drawbar_pull_N=-pull)))
+        select_wheel_rows(recording(with_columns(table, drawbar_pull_N=-pull)))
 
 
 @pytest.mark.parametrize("why", ["no sinkage", "slope"])
@@ -61,7 +63,7 @@ def test_a_wheel_that_digs_itself_in_until_it_is_dragged_is_not_refused(rng):
     dug = with_columns(table, drawbar_pull_N=pull, sinkage_m=0.02 + 0.12 * table["slip"] / table["slip"].max())
     assert found(dug) == ["pull_sign"]
     with pytest.raises(InputError, match=MIRRORED):
-        wheel_rows(recording(with_columns(table, drawbar_pull_N=pull)))
+        select_wheel_rows(recording(with_columns(table, drawbar_pull_N=pull)))
 
 
 @pytest.mark.parametrize("offset", [-8.0, 8.0])
@@ -83,19 +85,21 @@ def test_few_rows_show_nothing(rng):
 def test_a_torque_that_brakes_a_driven_wheel_is_refused(rng):
     table = drive(rng)
     with pytest.raises(InputError, match=r"column torque_Nm: -.*100 % of the rows with a slip above 0.1 below 0"):
-        wheel_rows(recording(with_columns(table, torque_Nm=-table["torque_Nm"])))
+        select_wheel_rows(recording(with_columns(table, torque_Nm=-table["torque_Nm"])))
 
 
 def test_a_wheel_without_torque_or_braked_is_not_refused(rng):
     table = drive(rng)
-    wheel_rows(recording(with_columns(table, torque_Nm=-0.1 + 0.01 * rng.normal(size=len(table)))))
+    select_wheel_rows(recording(with_columns(table, torque_Nm=-0.1 + 0.01 * rng.normal(size=len(table)))))
     braked = with_columns(table, torque_Nm=-table["torque_Nm"], slip=-table["slip"])
-    assert all("braked" in reason for reason in wheel_rows(recording(braked)).reasons)
+    assert all("braked" in reason for reason in select_wheel_rows(recording(braked)).reasons)
 
 
 def test_a_sinkage_whose_zero_is_a_little_off_is_not_refused(rng):
     table = drive(rng)
-    wheel_rows(recording(with_columns(table, sinkage_m=table["sinkage_m"] - np.median(table["sinkage_m"]) - 1e-3)))
+    select_wheel_rows(
+        recording(with_columns(table, sinkage_m=table["sinkage_m"] - np.median(table["sinkage_m"]) - 1e-3))
+    )
 
 
 def mirrored_slip(rng, braked=1.0):
@@ -110,7 +114,7 @@ def test_a_torque_that_drives_a_braked_wheel_is_refused(rng):
         r"columns torque_Nm and slip: .* 100 % of the rows with a slip below -0.2 above 0 \(expected .* both negative"
     )
     with pytest.raises(InputError, match=said):
-        wheel_rows(recording(mirrored_slip(rng)))
+        select_wheel_rows(recording(mirrored_slip(rng)))
 
 
 def test_where_the_lesser_part_of_a_drive_is_so_it_is_doubted(rng):

@@ -8,7 +8,7 @@ from bevameter import Recording, Vehicle, Wheel, WheelTable, explain, identify
 from bevameter.framework.core.findings import codes
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import equilibrium
-from bevameter.identification.rows.select import wheel_rows
+from bevameter.identification.rows.select import select_wheel_rows
 from bevameter.identification.rows.settling import only_steady
 from bevameter.identification.rows.standstill import stands, with_standstill
 from bevameter.identification.rows.steady_runs import steady_runs
@@ -202,7 +202,7 @@ def test_what_is_no_stop_is_left_to_be_found(change):
 def test_a_drive_that_stands_in_between_is_used_where_it_rolls():
     table = runs()
     one = WheelTable({**table.columns, "time_s": np.arange(len(table)) * STEP_S}, None, None, "drive.csv")
-    rows = wheel_rows(recording(one))
+    rows = select_wheel_rows(recording(one))
     standing = rows.reasons == "standing"
     assert 18 * (STANDS - 2) <= standing.sum() <= 18 * (STANDS + 1)
 

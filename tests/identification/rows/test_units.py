@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from bevameter import InputError, Recording, Vehicle, WheelTable
 from bevameter.framework.core.findings import Finding, codes
-from bevameter.identification.rows.select import wheel_rows
+from bevameter.identification.rows.select import select_wheel_rows
 from bevameter.identification.rows.units import speeds_in_another_unit
 from slow_drive import WHEEL, drive, recording, with_columns
 from steady_trials import trials, without
 
 
 def found(table, **noise) -> list[Finding]:
-    return list(wheel_rows(recording(table, Vehicle(wheels=(WHEEL,), noise=noise))).findings)
+    return list(select_wheel_rows(recording(table, Vehicle(wheels=(WHEEL,), noise=noise))).findings)
 
 
 def test_forces_in_newtons_are_not_doubted(rng):
@@ -127,20 +127,22 @@ def test_the_unit_is_noted(rng):
     table.columns["wheel_speed_rad_s"] *= 9.55
     table.columns["load_N"] = np.full(200, 80.0)
     vehicle = Vehicle(wheels=(WHEEL,))
-    findings = wheel_rows(Recording("test", Path("wheel.csv"), vehicle, None, "", "0" * 64, wheel=table)).findings
+    findings = select_wheel_rows(
+        Recording("test", Path("wheel.csv"), vehicle, None, "", "0" * 64, wheel=table)
+    ).findings
     assert codes(findings) == ["speed_unit"]
 
 
 def test_a_load_cell_that_reads_nothing_is_refused(rng):
     table = drive(rng)
     with pytest.raises(InputError, match=r"column load_N: 0 at most \(expected the wheel's load, positive\)"):
-        wheel_rows(recording(with_columns(table, load_N=np.zeros(len(table)))))
+        select_wheel_rows(recording(with_columns(table, load_N=np.zeros(len(table)))))
 
 
 def test_a_sinkage_in_millimetres_is_refused(rng):
     table = drive(rng)
     with pytest.raises(InputError, match=r"column sinkage_m: .* m \(median\) .*the wheel's diameter, 0\.3 m"):
-        wheel_rows(recording(with_columns(table, sinkage_m=1e3 * table["sinkage_m"])))
+        select_wheel_rows(recording(with_columns(table, sinkage_m=1e3 * table["sinkage_m"])))
 
 
 @pytest.mark.parametrize(
@@ -153,7 +155,7 @@ def test_a_sinkage_in_millimetres_is_refused(rng):
 def test_a_load_that_no_soil_lets_a_wheel_turn_against_is_refused(rng, name, unit, said):
     table = drive(rng)
     with pytest.raises(InputError, match=said):
-        wheel_rows(recording(with_columns(table, **{name: unit * table[name]})))
+        select_wheel_rows(recording(with_columns(table, **{name: unit * table[name]})))
 
 
 def test_a_load_in_kilonewtons_shows_by_its_pull_and_one_in_kilograms_does_not(rng):
@@ -162,8 +164,8 @@ def test_a_load_in_kilonewtons_shows_by_its_pull_and_one_in_kilograms_does_not(r
         {name: values for name, values in table.columns.items() if name != "torque_Nm"}, None, None, table.source
     )
     with pytest.raises(InputError, match="columns load_N and drawbar_pull_N"):
-        wheel_rows(recording(with_columns(without, load_N=1e-3 * table["load_N"])))
-    assert wheel_rows(recording(with_columns(without, load_N=table["load_N"] / 9.81))).used
+        select_wheel_rows(recording(with_columns(without, load_N=1e-3 * table["load_N"])))
+    assert select_wheel_rows(recording(with_columns(without, load_N=table["load_N"] / 9.81))).used
 
 
 def test_a_wheel_that_is_mostly_in_the_air_is_not_refused(rng):
@@ -171,11 +173,11 @@ def test_a_wheel_that_is_mostly_in_the_air_is_not_refused(rng):
     table = drive(rng)
     load = table["load_N"].copy()
     load[: int(0.8 * len(load))] = 0.01
-    assert wheel_rows(recording(with_columns(table, load_N=load))).used
+    assert select_wheel_rows(recording(with_columns(table, load_N=load))).used
 
 
 @pytest.mark.parametrize(("unit", "doubted"), [(1e3, True), (1.0, False)])
 def test_a_clock_in_milliseconds_is_doubted(rng, unit, doubted):
     table = drive(rng)
-    rows = wheel_rows(recording(with_columns(table, time_s=unit * table["time_s"])))
+    rows = select_wheel_rows(recording(with_columns(table, time_s=unit * table["time_s"])))
     assert ("time_unit" in codes(rows.findings)) == doubted
