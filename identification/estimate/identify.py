@@ -23,7 +23,7 @@ from ..mechanics.textbook import CHANNELS
 from ..rows.gate import LIMITS, Stretch, quasi_static
 from ..rows.geometry import by_geometry
 from ..rows.noise import sensor_noise
-from ..rows.select import WheelRows, wheel_rows
+from ..rows.select import SelectedRows, select_wheel_rows
 from ..rows.trials import AS_TRIALS, is_of_trials, without_time
 from .change_points import split_soils
 from .estimate import estimate_soil, summarise, usable
@@ -125,7 +125,7 @@ def _several_wheels(parts: list[Recording], known: SoilKnowledge, method: Method
 
 
 def _one_wheel(recording: Recording, known: SoilKnowledge, method: Method) -> Identification:
-    rows = wheel_rows(recording)
+    rows = select_wheel_rows(recording)
     if is_of_trials(rows.table):
         table = without_time(rows.table)
         rows = replace(rows, table=table, reasons=quasi_static(table, rows.wheel), findings=(*rows.findings, AS_TRIALS))
@@ -156,13 +156,13 @@ def identify_segments(
     method: Method = "ml",
 ) -> tuple[Segment, ...]:
     """Identify the soil of each quasi-static stretch, cut where the ground is known to change (`boundaries_s` [s])."""
-    rows = wheel_rows(recording)
+    rows = select_wheel_rows(recording)
     known = soil or SoilKnowledge()
     stretches = rows.stretches(np.asarray(boundaries_s, dtype=float))
     return tuple(segment for stretch in stretches for segment in _segments(rows, stretch, known, method))
 
 
-def _segments(rows: WheelRows, stretch: Stretch, known: SoilKnowledge, method: Method) -> list[Segment]:
+def _segments(rows: SelectedRows, stretch: Stretch, known: SoilKnowledge, method: Method) -> list[Segment]:
     """Identify one stretch; several segments where the soil changes within it."""
     n = len(stretch.rows)
     if stretch.reason:
@@ -179,7 +179,7 @@ def _segments(rows: WheelRows, stretch: Stretch, known: SoilKnowledge, method: M
         return [Segment(stretch.start_s, stretch.end_s, False, error.problem, n)]
 
 
-def _soils(rows: WheelRows, stretch: Stretch, known: SoilKnowledge) -> list[Segment]:
+def _soils(rows: SelectedRows, stretch: Stretch, known: SoilKnowledge) -> list[Segment]:
     kept, whole, notes = solve_with_noise(usable(measured_rows(rows, stretch.rows)), rows.wheel, known)
     parts = split_soils(kept, rows.wheel, known, whole, LIMITS)
     borders = [float(kept.order[part.start]) for part, _ in parts[1:]]
@@ -192,14 +192,14 @@ def _soils(rows: WheelRows, stretch: Stretch, known: SoilKnowledge) -> list[Segm
     return segments
 
 
-def _estimate(rows: WheelRows, chosen: np.ndarray, known: SoilKnowledge, method: Method) -> SoilEstimate:
+def _estimate(rows: SelectedRows, chosen: np.ndarray, known: SoilKnowledge, method: Method) -> SoilEstimate:
     if method == "linear":
         return _linear(rows.table.select(chosen), rows.wheel, known)
     return estimate_soil(measured_rows(rows, chosen), rows.wheel, known)
 
 
 def _overall(
-    rows: WheelRows, chosen: np.ndarray, known: SoilKnowledge, method: Method, most_misfit: float
+    rows: SelectedRows, chosen: np.ndarray, known: SoilKnowledge, method: Method, most_misfit: float
 ) -> tuple[SoilEstimate, bool]:
     """Give one estimate over several stretches, and whether it mixes soils: it then misfits as no stretch does."""
     if method == "linear":
@@ -211,7 +211,7 @@ def _overall(
     return summarise(solution, kept, rows.wheel, one_soil=not mixed, notes=notes), mixed
 
 
-def measured_rows(rows: WheelRows, chosen: np.ndarray) -> Measured:
+def measured_rows(rows: SelectedRows, chosen: np.ndarray) -> Measured:
     """Lay out chosen rows (m,) for the estimator, with their noise; thinned evenly beyond `MOST_ROWS`."""
     noise = sensor_noise(rows.table.select(chosen), rows.vehicle)
     if len(chosen) > MOST_ROWS:

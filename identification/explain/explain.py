@@ -15,7 +15,7 @@ from ...framework.core.soil import SoilKnowledge, as_knowledge
 from ...framework.core.vehicle import Vehicle
 from ..effects.catalogue import SLUGS
 from ..estimate.identify import open_recording
-from ..rows.select import wheel_rows
+from ..rows.select import select_wheel_rows
 from ..rows.settling import only_steady
 from ..rows.words import sentence
 from .answer import assemble, choose
@@ -74,7 +74,7 @@ def explain(
     opened, known = open_recording(recording, vehicle), as_knowledge(soil)
     if simulated is not None:
         simulated = path_of("simulated", simulated, "the path of a wheel file")
-    rows = wheel_rows(opened, every_row=simulated is not None)
+    rows = select_wheel_rows(opened, every_row=simulated is not None)
     table, notes = rows.table, (*opened.problems, *map(sentence, rows.findings))
     if simulated is not None:
         table, unsteady = only_steady(attach(table, simulated, rows.wheel))

@@ -26,7 +26,7 @@ from .units import check_load, check_sizes, load_in_kilograms, pull_in_another_u
 
 
 @dataclass(frozen=True)
-class WheelRows:
+class SelectedRows:
     """Rows of all wheels of one geometry, each with the reason why it is not used (``""`` where it is).
 
     `findings` say what was left out, and what of the channels is in doubt.
@@ -54,7 +54,7 @@ class WheelRows:
         ]
 
 
-def wheel_rows(recording: Recording, *, every_row: bool = False) -> WheelRows:
+def select_wheel_rows(recording: Recording, *, every_row: bool = False) -> SelectedRows:
     """Gather the wheel rows to identify from: of one wheel geometry, that with most rows to use.
 
     Left out are duplicates, rows in which runs settle, and rows of wheels that are not the vehicle's; of these only the
@@ -75,7 +75,7 @@ def wheel_rows(recording: Recording, *, every_row: bool = False) -> WheelRows:
     return replace(best, findings=(*best.findings, found))
 
 
-def _of_vehicle(recording: Recording, every_row: bool) -> WheelRows:
+def _of_vehicle(recording: Recording, every_row: bool) -> SelectedRows:
     """Gather the rows of a vehicle's wheels of one geometry, that with most rows to use."""
     if recording.vehicle is None:
         raise InputError(
@@ -116,7 +116,7 @@ def _found(*findings: Finding | None) -> Iterable[Finding]:
     return (each for each in findings if each is not None)
 
 
-def _checked(rows: WheelRows) -> WheelRows:
+def _checked(rows: SelectedRows) -> SelectedRows:
     """Refuse channels that cannot be what their names say, and doubt those that may not be."""
     table, wheel, reasons = rows.table, rows.wheel, rows.reasons
     check_signs(table, wheel)
@@ -135,7 +135,7 @@ def _checked(rows: WheelRows) -> WheelRows:
     return replace(rows, findings=(*rows.findings, *_found(*doubts)))
 
 
-def _gather(table: WheelTable, vehicle: Vehicle, names: list[str | None]) -> WheelRows:
+def _gather(table: WheelTable, vehicle: Vehicle, names: list[str | None]) -> SelectedRows:
     """Put the rows of wheels of one geometry together."""
     parts, reasons, findings = [], [], []
     for name in names:
@@ -157,9 +157,9 @@ def _gather(table: WheelTable, vehicle: Vehicle, names: list[str | None]) -> Whe
         ]
     wheel = vehicle.wheel(names[0])
     if len(parts) == 1:
-        return WheelRows(parts[0], wheel, vehicle, reasons[0], tuple(findings))
+        return SelectedRows(parts[0], wheel, vehicle, reasons[0], tuple(findings))
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0].columns}
     labels = np.concatenate([np.asarray(part.wheel) for part in parts])
     runs = None if parts[0].run is None else np.concatenate([np.asarray(part.run) for part in parts])
     together = WheelTable(columns, labels, runs, table.source)
-    return WheelRows(together, wheel, vehicle, np.concatenate(reasons), tuple(findings))
+    return SelectedRows(together, wheel, vehicle, np.concatenate(reasons), tuple(findings))
