@@ -16,7 +16,7 @@ import numpy as np
 from scipy.stats import t as t_distribution
 
 from ...framework.core.errors import InputError
-from ...framework.core.findings import Finding, note, warning
+from ...framework.core.findings import Finding, warning
 from ...framework.core.soil import PARAMETERS, PLAUSIBLE, WRONG_FORM, SoilEstimate, SoilKnowledge
 from ...framework.core.vehicle import Wheel
 from ..mechanics.soil import Soil, from_internal, slope_of_internal, to_internal
@@ -79,7 +79,7 @@ def summarise(
         intervals = hull(bounded, intervals, parameter_intervals(freed, freed.covariance(), model))
         findings = (_wrong_form(solution, freed),)
     elif one_soil and solution.misfit > WRONG_FORM:
-        findings = (note("ground_variation", misfit=solution.misfit),)
+        findings = (warning("ground_variation", misfit=solution.misfit),)
     strength = strengths(bounded, covariance, intervals, model)
     covariance = consistent(covariance, bounded, intervals)
     determined = separable(intervals.quantities, strength, solution.free, solution.misfit)

@@ -1,11 +1,9 @@
 """What the error of the model's form does to the parameters: found by a score test, carried into the intervals.
 
-1. Is the textbook's form rejected? C. R. Rao's score test (Proc. Camb. Phil. Soc. 44 (1948), Sec. 4) of all the
-   freedoms of `mechanics.flexible` at once needs no further fit. Along a drive the soil varies from place to place,
-   which is no error of form: it goes with the place and not with slip and load. What it adds to the variance of the
-   scores is seen in their autocorrelation, what goes with slip and load apart; the statistic is divided by it (first
-   order correction of J. N. K. Rao, A. J. Scott, Ann. Statist. 12 (1984), 46-60), and the samples count as so many
-   fewer. A misfit is held against the form only as far as it goes with slip and load, or from sample to sample.
+1. Is the textbook's form rejected? Of trials, C. R. Rao's score test (Proc. Camb. Phil. Soc. 44 (1948), Sec. 4) of all
+   the freedoms of `mechanics.flexible` at once needs no further fit, and a misfit counts by itself. Along a drive the
+   soil varies from place to place, which is no error of form: there the freedoms are weighed against it
+   (`ground_variation`), and a misfit counts as far as it is one from sample to sample.
 2. If so, the freedoms are estimated beside the soil, under their priors.
 3. What is still left out shows as residuals that go together under like conditions. The variance of the parameters is
    then that of the scores summed by cluster (K.-Y. Liang, S. L. Zeger, Biometrika 73 (1986), Eq. 6; G. Kauermann,
@@ -21,14 +19,14 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.stats import chi2
-from scipy.stats import f as f_distribution
 from scipy.stats import t as t_distribution
 
+from ...framework.core.soil import PARAMETERS
 from ..mechanics.flexible import FREEDOMS, FlexibleWheel
 from ..mechanics.textbook import TextbookWheel
 from ..rows.noise import noise_of_series
-from .autocorrelation import correlation_time
-from .likelihood import POPULATION, Point, Problem, State, evaluate, mean_score
+from .ground_variation import likelihood_ratio
+from .likelihood import POPULATION, Point, Problem, State, evaluate, linearised, mean_score, recentre
 from .optimise import best_start, fit, inverse_information
 from .solution import Solution
 
@@ -40,9 +38,6 @@ CLUSTERS = 6
 
 LEAST_IN_CLUSTER = 3
 
-_TERMS = 5
-"""Terms of a quadratic in load and slip, its constant apart."""
-
 MOST_ROWS = 200
 """Samples are thinned evenly to this number where the form is free: its error, not noise, then sets the intervals."""
 
@@ -51,35 +46,56 @@ _FITS = 80
 
 
 def rejected(solution: Solution, wrong_form: float) -> bool:
-    """Say whether the samples contradict the textbook's form: by its misfit, or by the score test of the freedoms."""
-    if solution.misfit > wrong_form and (not solution.timed or _goes_with_conditions(solution, wrong_form)):
-        return True
-    statistic, scores = score_test(solution)
+    """Say whether the samples contradict the textbook's form: by its misfit, or by a test of the freedoms."""
     if not solution.timed:
-        return bool(statistic > chi2.ppf(1.0 - FALSE_ALARMS, len(FREEDOMS)))
-    _, left, worth = _by_conditions(solution, scores)
-    # In how many samples the scores' variance is known, and by how much it is larger than that of independent ones.
-    larger = max(float(np.sum(left**2 / worth)) / len(FREEDOMS), solution.repeated, 1.0)
-    freedom = len(scores) / larger - len(FREEDOMS)
-    if freedom < 1.0:
-        return False
-    limit = f_distribution.ppf(1.0 - FALSE_ALARMS, len(FREEDOMS), freedom)
-    return bool(statistic / (larger * len(FREEDOMS)) > limit)
+        limit = chi2.ppf(1.0 - FALSE_ALARMS, len(FREEDOMS))
+        return solution.misfit > wrong_form or bool(score_statistic(solution) > limit)
+    white = _white_sd(solution)
+    noise = solution.problem.noise[solution.problem.answers]
+    if math.sqrt(float(np.mean((white / noise) ** 2))) > wrong_form:
+        return True
+    return bool(_gain_of_freedoms(solution, white) > chi2.ppf(1.0 - FALSE_ALARMS, len(FREEDOMS)))
 
 
-def score_test(solution: Solution) -> tuple[float, np.ndarray]:
-    """Give the score statistic of all freedoms at the textbook's optimum, and each sample's part in it, (n, f).
+def _white_sd(solution: Solution) -> np.ndarray:
+    """Standard deviation (m,) of the answers from sample to sample, SI: what varies along the track is not in it."""
+    answers = solution.problem.answers
+    left = solution.fit.residuals[:, answers] * np.sqrt(solution.fit.weights)[:, None]
+    share = np.array([np.nan_to_num(noise_of_series([column]), nan=1.0) for column in left.T])
+    return np.exp(solution.fit.point.log_sd[answers]) * share
 
-    Of independent samples of the textbook's form it is at most chi-squared with f degrees of freedom: the priors of the
-    freedoms are in the information, which damps directions that the samples say nothing of. The parts are scores that
-    are whitened by it.
+
+def _gain_of_freedoms(solution: Solution, white: np.ndarray) -> float:
+    """Twice the log-likelihood that the freedoms gain beside soil that varies along the track.
+
+    Answers have the noise `white` (m,) from sample to sample.
+    """
+    problem = _freed(solution.problem)
+    log_sd = solution.fit.point.log_sd.copy()
+    log_sd[problem.answers] = np.log(np.maximum(problem.noise[problem.answers], white))
+    vector = _extended(solution.fit.vector)
+    point = recentre(problem, recentre(problem, replace(solution.fit.point, vector=vector, log_sd=log_sd)))
+    scores, information = linearised(problem, point, solution.fit.weights)
+    processes = np.zeros((len(vector), 3))
+    varied = [0, 1, PARAMETERS.index("stiffness_Pa")]
+    processes[varied, range(3)] = [max(abs(vector[0]), 1.0), vector[1], 1.0]
+    free = np.append(solution.problem.free, np.ones(len(FREEDOMS), dtype=bool))
+    soil = int(solution.problem.free.sum())
+    # The soil is at its best already, its priors included.
+    precision = np.append(np.zeros(soil), problem.precision[free][soil:])
+    return likelihood_ratio(scores[:, free], information[:, free][:, :, free], precision, processes[free], soil)
+
+
+def score_statistic(solution: Solution) -> float:
+    """Score statistic of all freedoms at the textbook's optimum, at most chi-squared with as many degrees of freedom.
+
+    The priors of the freedoms are in the information, which damps directions that the samples say nothing of.
     """
     problem = _freed(solution.problem)
     point = replace(solution.fit.point, vector=_extended(solution.fit.vector))
     state = evaluate(problem, point)
     p = len(problem.held)
-    each = state.weights[:, None] * mean_score(state)
-    score = each.sum(axis=0)
+    score = np.einsum("n,nd->d", state.weights, mean_score(state))
     score[:p] -= problem.precision * (point.vector - problem.prior_mean)
     moving = _moving(problem, point, state)
     tested = np.zeros(len(moving), dtype=bool)
@@ -89,36 +105,8 @@ def score_test(solution: Solution) -> tuple[float, np.ndarray]:
     information = state.information
     cross = information[np.ix_(tested, rest)] @ inverse_information(information[np.ix_(rest, rest)])
     left = information[np.ix_(tested, tested)] - cross @ information[np.ix_(rest, tested)]
-    root = np.linalg.cholesky(inverse_information(left))
-    shown = (score[tested] - cross @ score[rest]) @ root
-    return float(shown @ shown), (each[:, tested] - each[:, rest] @ cross.T) @ root
-
-
-def _by_conditions(solution: Solution, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Split values (n, m) into a quadratic in load and slip, (n, m), and what is left, (n, m); and give the number of
-    independent samples that the latter is worth, as a share of n, by column (m,).
-    """
-    imposed = solution.fit.load_slip
-    load, slip = ((imposed - imposed.mean(axis=0)) / np.maximum(imposed.std(axis=0), 1e-12)).T
-    design = np.column_stack([np.ones(len(load)), load, slip, load**2, load * slip, slip**2])
-    along = design @ np.linalg.lstsq(design, values, rcond=None)[0]
-    left = values - along
-    times = np.array([correlation_time(column[:, None]) for column in left.T])
-    return along, left, np.maximum(1.0 / times - design.shape[1] / len(values), 1.0 / len(values))
-
-
-def _goes_with_conditions(solution: Solution, wrong_form: float) -> bool:
-    """Say whether what a fit leaves goes with slip and load, or from sample to sample, and not with the place."""
-    answers = np.flatnonzero(solution.problem.answers)
-    residuals = np.nan_to_num(solution.fit.residuals[:, answers]) * np.sqrt(solution.fit.weights)[:, None]
-    sd = np.exp(solution.fit.point.log_sd[answers]) / solution.problem.noise[answers]
-    white = sd * [np.nan_to_num(noise_of_series([column])) for column in residuals.T]
-    if math.sqrt(float(np.mean(white**2))) > wrong_form:
-        return True
-    along, left, worth = _by_conditions(solution, residuals)
-    terms, freedom = _TERMS, worth * len(residuals)
-    ratio = np.var(along, axis=0) / terms / np.maximum(np.var(left, axis=0) / freedom, 1e-300)
-    return bool((ratio > f_distribution.ppf(1.0 - FALSE_ALARMS / len(answers), terms, freedom)).any())
+    shown = score[tested] - cross @ score[rest]
+    return float(shown @ inverse_information(left) @ shown)
 
 
 def with_freedom(solution: Solution, starts: list[tuple[np.ndarray, np.ndarray]]) -> Solution:

@@ -264,6 +264,25 @@ def _information(
     return information
 
 
+def linearised(problem: Problem, point: Point, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Score (n, p) and information (n, p, p) of each sample on the parameter vector, `weights` as in `State`.
+
+    The model is linearised at each sample's load and slip, and their population is the normal one of its moments.
+    """
+    prediction = problem.model.predict(point.imposed, point.vector, point.theta_1[:, 0])
+    inverse_sd = np.where(problem.seen, np.exp(-point.log_sd), 0.0)
+    by_parameter = np.nan_to_num(prediction.by_parameter) * inverse_sd[..., None]
+    by_latent = np.nan_to_num(prediction.by_latent) * inverse_sd[..., None]
+    mean, covariance = point.population.moments
+    left = np.nan_to_num((problem.filled - prediction.channels) * inverse_sd)
+    left += np.einsum("nma,na->nm", by_latent, point.imposed - mean)
+    reach = by_latent @ np.linalg.cholesky(covariance)
+    inner = _inverse_2x2(np.eye(2) + reach.transpose(0, 2, 1) @ reach)
+    weighted = by_parameter - reach @ (inner @ (reach.transpose(0, 2, 1) @ by_parameter))
+    weighted *= weights[:, None, None]
+    return np.einsum("nmp,nm->np", weighted, left), weighted.transpose(0, 2, 1) @ by_parameter
+
+
 def _inverse_2x2(matrices: np.ndarray) -> np.ndarray:
     """Inverses of positive definite matrices, (n, 2, 2)."""
     a, b, d = matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 1, 1]

@@ -38,8 +38,8 @@ SENTENCES: dict[str, Sentence] = {
     **of_rows.SENTENCES,
     "autocorrelated_noise": _autocorrelated,
     "grousers_left_out": "the wheel's lugs are left out, as the textbook wheel has none: `explain` models them",
-    "ground_variation": "the soil varies along the track: one soil misses the channels by {misfit:.1f} times the "
-    "sensors' noise, which goes with the place and not with slip and load; the intervals hold it",
+    "ground_variation": "one soil misses the channels by {misfit:.1f} times the sensors' noise, as ground that varies "
+    "along the track does; the intervals hold that variation",
     "least_squares_intervals": "the intervals are those of ordinary least squares: they hold none of the method's bias",
     "mixed_soils": "the stretches differ in soil: the overall estimate mixes several soils",
     "negative_cohesion": "the closed form gives a cohesion of {c_Pa:.0f} Pa, not physical: 0 is reported",

@@ -12,7 +12,7 @@ from bevameter.framework.core.soil import SoilKnowledge
 from bevameter.framework.core.vehicle import Wheel
 from bevameter.framework.scenario import mechanics as scenario
 from bevameter.identification.estimate.estimate import WRONG_FORM, estimate_soil, solve, usable
-from bevameter.identification.estimate.form_error import rejected, score_test
+from bevameter.identification.estimate.form_error import rejected, score_statistic
 from bevameter.identification.estimate.solution import Measured
 from bevameter.identification.mechanics.flexible import FREEDOMS, FlexibleWheel
 from bevameter.identification.mechanics.textbook import TextbookWheel
@@ -69,7 +69,7 @@ def test_the_textbooks_form_is_not_rejected_where_it_holds(study):
     for seed in range(6):
         ground, measured = recording(study, "none", seed)
         solution = solve(measured, ground.wheel, SoilKnowledge())
-        assert score_test(solution)[0] < 18.5  # chi-squared with six degrees of freedom: 0.5 %
+        assert score_statistic(solution) < 18.5  # chi-squared with six degrees of freedom: 0.5 %
         assert not rejected(solution, WRONG_FORM)
 
 
