@@ -32,7 +32,6 @@ from .likelihood import Problem
 from .posterior import UNKNOWN, Posterior
 from .search import Hypothesis, Search
 from .variables import names_of
-from .whitening import HUBER
 
 ASSERTED = 0.8
 """Probability from which on an effect is asserted [-]."""
@@ -43,7 +42,7 @@ MENTIONED = 0.05
 MOST_LISTED = 6
 """Effects that are listed at most; all that were considered are among the candidates."""
 
-_GROSS = 2.0 * HUBER
+_GROSS = 8.0
 """An innovation beyond this is a gross error [standard deviations]."""
 
 _RESAMPLES = 400

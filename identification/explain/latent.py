@@ -24,7 +24,7 @@ from numba import njit
 from scipy.ndimage import maximum_filter1d
 from scipy.optimize import minimize
 
-from .whitening import Noise, huber_loss, matern
+from .whitening import Noise, matern, robust_loss
 
 STATES = 3
 """States of a path: its value and two derivatives."""
@@ -178,7 +178,7 @@ class _Course:
         if not (np.abs(point) < 60.0).all():
             return math.inf
         away, log_scale = self.innovations(point)
-        return float(huber_loss(away).sum() + log_scale.sum())
+        return float(robust_loss(away).sum() + log_scale.sum())
 
     def best(self, starts: list[np.ndarray]) -> np.ndarray:
         """Give the likeliest ln(noise, amplitude, length) that is found from some starts."""

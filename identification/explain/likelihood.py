@@ -1,8 +1,8 @@
 """Likelihood of a recording under a model: latent load and slip, sensor noise, ground that varies, gross errors.
 
-All are parts of one Gaussian likelihood with Huber's loss for gross errors, linear in small errors: the model's answers
-at the expected load and slip, and the derivatives of the answers by load, slip, stiffness and strength of the ground,
-say how errors of these spread into the channels.
+All are parts of one likelihood, Gaussian but for gross errors, linear in small errors: the model's answers at the
+expected load and slip, and the derivatives of the answers by load, slip, stiffness and strength of the ground, say how
+errors of these spread into the channels.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ..mechanics.soil import slope_of_internal, to_internal
 from .latent import STATES
 from .samples import Samples
 from .steps import Prior, normal_equations, solve_step
-from .whitening import Chain, Filter, Noise, Whitener, huber_loss, huber_weight, matern, whitener
+from .whitening import Chain, Filter, Noise, Whitener, matern, robust_loss, robust_weight, whitener
 
 SOIL_PRIOR = {
     "c_Pa": (0.0, 2e4), "phi_rad": (0.6, 0.4), "k_m": (math.log(0.012), 1.2), "stiffness_Pa": (0.0, math.inf),
@@ -220,13 +220,13 @@ class Problem:
         whitened = self.whitener(noise, response)
         columns, trust = whitened.whiten(self.columns(response))
         innovations = columns[..., 0]
-        return White(innovations, columns[..., 1:], (huber_loss(innovations) + whitened.log_sd).sum(axis=1), trust)
+        return White(innovations, columns[..., 1:], (robust_loss(innovations) + whitened.log_sd).sum(axis=1), trust)
 
     def loss(self, residuals: np.ndarray, noise: Noise, response: Response) -> np.ndarray:
         """Loss of each row (n,) [nats] for residuals (n, m), SI."""
         whitened = self.whitener(noise, response)
         white, _ = whitened.whiten(np.where(self.seen, residuals, 0.0)[..., None])
-        return (huber_loss(white[..., 0]) + whitened.log_sd).sum(axis=1)
+        return (robust_loss(white[..., 0]) + whitened.log_sd).sum(axis=1)
 
     def noise_prior(self, noise: Noise) -> tuple[Prior, np.ndarray]:
         """Prior of ln sd (m,), memory (m,), spread (2,) and ln length, and which of them can be estimated."""
@@ -293,7 +293,7 @@ class Problem:
         white, _ = whitened.whiten(columns)
         gradient, information = normal_equations(white[..., 0], white[..., 1:])
         step, gained = solve_step(gradient, information, prior, vector, 0.0)
-        loss = float(huber_loss(white[..., 0]).sum() + whitened.log_sd.sum())
+        loss = float(robust_loss(white[..., 0]).sum() + whitened.log_sd.sum())
         return loss - gained + self.noise_loss(noise), step
 
     def _noise_score(
@@ -314,7 +314,7 @@ class Problem:
                 further = self._whitener(base.in_time, matern(self.gap, changed), weights)
             moved[index] = (further.whiten(left)[0].ravel() - here) / _DIFFERENCE
             widened[index] = (further.log_sd - base.log_sd).ravel() / _DIFFERENCE
-        weight = huber_weight(here)
+        weight = robust_weight(here)
         score = -(moved @ (weight * here)) - widened.sum(axis=1)
         return score, (moved * weight) @ moved.T + widened @ widened.T
 

@@ -23,7 +23,7 @@ from .fit import Fitted, fit
 from .likelihood import Problem
 from .steps import scaled_inverse
 from .variables import CONSTANT, LAG, Variable, cycles, public_name, rank, span_of, variables
-from .whitening import Noise, huber_weight
+from .whitening import Noise, robust_weight
 
 FALSE_DISCOVERIES = 0.01
 """Expected share of false statements among those made [-]."""
@@ -190,7 +190,7 @@ class Whitened:
         columns = np.concatenate([problem.columns(textbook.response), extra], axis=-1)
         white, _ = problem.whitener(noise, textbook.response).whiten(columns)
         innovations = white[..., 0]
-        weight = huber_weight(innovations).ravel()
+        weight = robust_weight(innovations).ravel()
         full = white[..., 1:].reshape(len(weight), -1)
         self._gradient = full.T @ (weight * innovations.ravel())
         self._information = (full * weight[:, None]).T @ full

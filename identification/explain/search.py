@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -23,8 +23,8 @@ from .hyperparameters import PRIOR_EFFECT, TEMPERATURE
 from .likelihood import QUIET, Problem
 from .places import stretches_apart
 from .samples import ANSWERS
-from .steps import normal_equations, solve_step
-from .whitening import HUBER, Noise, huber_loss
+from .steps import Prior, normal_equations, solve_step
+from .whitening import GROSS, Noise
 
 MOST_EFFECTS = 3
 """Effects of a hypothesis at most."""
@@ -36,8 +36,8 @@ WINDOW = 5.0
 """A hypothesis so far behind the most probable one is not expanded [nats] (Occam's window; D. Madigan, A. E. Raftery,
 J. Am. Stat. Assoc. 89 (1994), 1535-1546)."""
 
-ADDED, SWAPPED = 6, 3
-"""Effects that are fitted beside an expanded hypothesis, and instead of each of its effects."""
+ADDED, SWAPPED, FORMS = 6, 3, 2
+"""Effects that are fitted beside an expanded hypothesis and instead of each of its effects, and other forms of that."""
 
 LEAST_GAIN, LEAST_BESIDE, LEAST_SHARE = 2.5, 4.0, 0.1
 """An effect is fitted alone, and beside others, if the score test gives it so many nats, and this share of what it
@@ -212,10 +212,11 @@ def _expand(found: Search, base: Hypothesis) -> None:
     new = [bare for bare in smaller if not found.has(bare.model.effects)]
     found.take(together(lambda bare: fit(problem, bare.model, bare.vector, bare.noise, Entry(bare.theta_1)), new))
     for effect, bare in zip(base.effects, smaller, strict=True):
-        others = [each for each in found.catalogue if each.slug not in base.slugs - {effect.slug}]
-        others = [each for each in others if not found.has((*bare.model.effects, each))]
-        forms = [*effect.variants(), *effect.freer()]
-        found.consider(forms)
+        others = [each for each in found.catalogue if each.slug not in base.slugs]
+        same = [each for each in found.catalogue if each.slug == effect.slug and each.name != effect.name]
+        derived = [*effect.variants(), *effect.freer()]
+        found.consider(derived)
+        forms = [*_ranked(problem, bare, same)[:FORMS], *derived]
         found.fit_added(bare, [*_first(problem, bare, others, SWAPPED), *forms])
     if len(base.effects) < MOST_EFFECTS:
         others = [each for each in found.catalogue if each.slug not in base.slugs]
@@ -228,10 +229,18 @@ def _leading(fits: Iterable[Fitted]) -> list[Fitted]:
 
 
 def _first(problem: Problem, base: Fitted, effects: Sequence[Effect], most: int) -> list[Effect]:
-    """Give the effects that a score test ranks first beside a fit."""
+    """Give the effects that a score test ranks first beside a fit, each in its best form."""
+    best: dict[str, Effect] = {}
+    for effect in _ranked(problem, base, effects):
+        best.setdefault(effect.slug, effect)
+    return list(best.values())[:most]
+
+
+def _ranked(problem: Problem, base: Fitted, effects: Sequence[Effect]) -> list[Effect]:
+    """Give the effects that gain enough beside a fit by a score test, the best first."""
     gains = _gains(problem, base, effects)
     enough = _enough(gains, LEAST_BESIDE)
-    return [effects[index] for index in np.argsort(-gains)[:most] if enough[index]]
+    return [effects[index] for index in np.argsort(-gains) if enough[index]]
 
 
 def _gains(problem: Problem, base: Fitted, effects: Sequence[Effect]) -> np.ndarray:
@@ -251,24 +260,35 @@ def _less(problem: Problem, fitted: Fitted, dropped: Effect) -> Fitted:
 
 
 def expected_gain(problem: Problem, base: Fitted, effect: Effect) -> float:
-    """Nats that an effect gains beside a fit by one step from where it is nothing (score test), or from its starts."""
-    starts = [np.array([each.null for each in effect.parameters])] if effect.nested else effect.starts()
-    before = float(base.white.loss.sum()) + problem.prior(base.model).loss(base.vector)
-    whitener, gains = problem.whitener(base.noise, base.response), []
-    for start in starts:
-        model, vector = with_effect(base, effect, start)
-        prior = problem.prior(model)
-        vector = np.clip(vector, prior.lower, prior.upper)
+    """Nats that an effect gains beside a fit to first order: by a step from where it is nothing (score test), or by as
+    much as fits best of what it changes at one of its starts, where it vanishes nowhere smoothly.
+    """
+    if effect.nested:
+        model, vector = with_effect(base, effect, np.array([each.null for each in effect.parameters]))
         response = problem.linearise(model, vector, base.response.entry(np.zeros(0)), base.response)
-        # The derivatives by all that the base has are known.
-        columns = np.delete(problem.columns(response), np.arange(1, 1 + len(base.vector)), axis=-1)
-        white = whitener.whiten(columns)[0]
-        jacobian = np.concatenate([base.white.jacobian, white[..., 1:]], axis=-1)
-        gradient, information = normal_equations(white[..., 0], jacobian)
-        step = solve_step(gradient, information, prior, vector, 0.0)[1]
-        loss = float((huber_loss(white[..., 0]) + whitener.log_sd).sum()) + prior.loss(vector)
-        gains.append(before - loss + step)
+        return _gain(
+            problem, base, problem.columns(response)[..., 1 + len(base.vector) :], problem.prior(model), vector
+        )
+    prior, vector = problem.prior(base.model), np.append(base.vector, 0.0)
+    prior = Prior(
+        *(np.append(each, value) for each, value in zip(astuple(prior), (0.0, 0.0, 0.0, np.inf), strict=True))
+    )
+    gains = []
+    for start in effect.starts():
+        model, there = with_effect(base, effect, start)
+        channels = model.predict(problem.samples.drive, problem.imposed, there, base.theta_1).channels
+        change = (channels - base.response.channels)[:, problem.answers, None]
+        change = np.where(problem.seen[..., None], np.nan_to_num(change), 0.0)
+        gains.append(_gain(problem, base, change, prior, vector))
     return max(gains)
+
+
+def _gain(problem: Problem, base: Fitted, columns: np.ndarray, prior: Prior, vector: np.ndarray) -> float:
+    """Nats that columns (n, m, k) gain beside a fit, whose own parameters follow, with priors of all of them (p,)."""
+    white, _ = problem.whitener(base.noise, base.response).whiten(columns, base.white.trust)
+    jacobian = np.concatenate([base.white.jacobian, white], axis=-1)
+    gradient, information = normal_equations(base.white.innovations, jacobian)
+    return solve_step(gradient, information, prior, np.clip(vector, prior.lower, prior.upper), 0.0)[1]
 
 
 def add_effect(problem: Problem, base: Fitted, noise: Noise, effect: Effect) -> Fitted:
@@ -292,7 +312,7 @@ def situation(problem: Problem, fitted: Fitted) -> Situation:
     samples, measured = problem.samples, problem.samples.measured
     innovations = np.full_like(measured, np.nan)
     # A gross error has a share of every line of the spectrum.
-    white = np.clip(fitted.white.innovations, -HUBER, HUBER)
+    white = np.clip(fitted.white.innovations, -GROSS, GROSS)
     innovations[:, problem.answers] = np.where(problem.seen, white, np.nan)
     seen = np.isfinite(measured).any(axis=0)
     typical = np.where(seen, np.sqrt(np.nanmean(np.where(seen, measured, 0.0) ** 2, axis=0)), np.nan)

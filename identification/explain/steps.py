@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .whitening import huber_weight
+from .whitening import robust_weight
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Prior:
 
 def normal_equations(innovations: np.ndarray, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Gradient (p,) and information (p, p) of the log-likelihood of some rows."""
-    weight = huber_weight(innovations)
+    weight = robust_weight(innovations)
     flat = jacobian.reshape(-1, jacobian.shape[-1])
     return flat.T @ (weight * innovations).ravel(), (flat * weight.ravel()[:, None]).T @ flat
 

@@ -16,8 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-HUBER = 4.0
-"""Innovations beyond this count linearly, not squared, so that a gross error does not rule the fit [-]."""
+GROSS = 3.0
+"""Size of an innovation from which on it may be a gross error, whose density falls with a power of it: neither the fit
+nor the scale of the noise follows it (F. R. Hampel et al., "Robust Statistics" (1986), Sec. 2.6) [-]."""
 
 TO_ONE_OVER_E = (1.0, 2.146193220620582, 2.9046299750299145)
 """Arguments at which the Matern correlations of order 1/2, 3/2 and 5/2 are 1/e."""
@@ -70,7 +71,7 @@ class Chain:
         """
         gain, sd, blocks = np.zeros_like(self.loading), np.ones(seen.shape), _blocks(self.keep)
         _fill_gains(seen, self.keep, self.fresh, self.loading, self.variance, gain, sd, *blocks)
-        return Filter(seen, self.keep, self.loading, gain, sd, HUBER * np.sqrt(sd**2 + further), *blocks)
+        return Filter(seen, self.keep, self.loading, gain, sd, GROSS * np.sqrt(sd**2 + further), *blocks)
 
 
 @dataclass(frozen=True)
@@ -192,16 +193,15 @@ def matern(gap: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
     return keep, fresh
 
 
-def huber_loss(innovation: np.ndarray) -> np.ndarray:
-    """Half the square up to `HUBER`, linear beyond [nats]."""
+def robust_loss(innovation: np.ndarray) -> np.ndarray:
+    """Half the square up to `GROSS`, beyond it the logarithm that goes on with the same slope [nats]."""
     size = np.abs(innovation)
-    near = np.minimum(size, HUBER)
-    return near * (size - 0.5 * near)
+    return 0.5 * np.minimum(size, GROSS) ** 2 + GROSS**2 * np.log(np.maximum(size, GROSS) / GROSS)
 
 
-def huber_weight(innovation: np.ndarray) -> np.ndarray:
+def robust_weight(innovation: np.ndarray) -> np.ndarray:
     """Share with which an innovation counts in the normal equations."""
-    return np.minimum(1.0, HUBER / np.maximum(np.abs(innovation), 1e-12))
+    return (GROSS / np.maximum(np.abs(innovation), GROSS)) ** 2
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -279,7 +279,7 @@ def _filter(columns, order, seen, keep, loading, gains, sds, farthest, first, la
                         values[column] -= share * state[i, column]
             if robust:
                 # A gross error must not be taken for a change of the states.
-                trust[at, channel] = min(1.0, farthest[at, channel] / max(abs(values[0]), 1e-300))
+                trust[at, channel] = min(1.0, (farthest[at, channel] / max(abs(values[0]), 1e-300)) ** 2)
             for i in range(size):
                 share = gain[i] * trust[at, channel]
                 for column in range(count):

@@ -12,6 +12,7 @@ from bevameter.identification.explain.evidence import (
 )
 from bevameter.identification.explain.fit import fit, with_effect
 from bevameter.identification.explain.steps import Prior
+from bevameter.identification.explain.whitening import robust_weight
 from bevameter.identification.mechanics.augmented import AugmentedWheel, Entry
 from scipy.integrate import dblquad
 from scipy.special import logsumexp
@@ -63,7 +64,7 @@ def test_discrepancy_is_marginalised_exactly(fitted):
         extra[:, channel, channel * count : (channel + 1) * count] = courses * textbook.noise.sd[channel]
     columns = np.concatenate([problem.columns(textbook.response), extra * problem.seen[..., None]], axis=-1)
     white, _ = problem.whitener(textbook.noise, textbook.response).whiten(columns)
-    weight = np.minimum(1.0, 4.0 / np.maximum(np.abs(white[..., 0]), 1e-12)).ravel()
+    weight = robust_weight(white[..., 0]).ravel()
     flat = white.reshape(len(weight), -1) * np.sqrt(weight)[:, None]
     residual, soil, smooth = flat[:, 0], flat[:, 1:6], flat[:, 6:]
     prior = problem.prior(textbook.model)
