@@ -82,9 +82,10 @@ def test_a_change_of_soil_is_found_beside_autocorrelated_noise():
     assert all(held(first, SAND)[:2] + held(second, CLAY)[:2])
 
 
+@pytest.mark.slow
 def test_no_segment_is_shorter_than_the_gate_uses():
     """At 50 Hz 30 rows, which are enough, are 0.6 s: soils that change every second are not told apart."""
-    segments = driven(1, lambda n, rng: rng.normal(size=n), (SAND, CLAY) * 6, n=600, step_s=0.02)
+    segments = driven(1, lambda n, rng: rng.normal(size=n), (SAND, CLAY) * 8, n=800, step_s=0.02)
     assert min(segment.end_s - segment.start_s for segment in segments) >= 5.0
 
 
