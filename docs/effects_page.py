@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from bevameter.identification.effects.catalogue import INSTRUMENTS, PHYSICS, forms_by_name
+from bevameter.identification.effects.catalogue import REGISTRY, forms_by_name
 from bevameter.identification.effects.drive import COLUMNS
 from bevameter.identification.effects.effect import Effect, Parameter
-from bevameter.identification.effects.named import follows_drive, specimen
+from bevameter.identification.effects.parse import follows_drive, specimen
+from bevameter.identification.mechanics.textbook import CHANNELS
 
 PAGE = Path(__file__).resolve().parent / "effects.md"
 
@@ -30,12 +31,15 @@ them by its public name, as often as `--effect` is given, in that order:
 - A parameter that is not named stays at the value at which it does nothing, except those marked *required*.
 - *Bounds of the drive* follow from the size of the wheel and from what it would sense without the effect; a value
   outside is refused with the bounds in the message.
+- The *prior* is a normal distribution about the value at which the effect does nothing, or about the usual one, with
+  the standard deviation given; where that comes from is listed for each effect.
 - *Constants* are part of the formula and taken from the drive. They may be named like a parameter, so that two drives
   share them.
+- *Changes* lists the channels that an effect changes; `explain` considers it where one of them was measured.
 - A row that lacks what an effect needs is answered with nothing, not with a guess; a drive that lacks the column is
   refused.
 
-Symbols are in the [glossary](glossary.md).
+Symbols are in the [glossary](glossary.md). A new effect is one file: see [contributing](contributing.md#add-an-effect).
 
 ## Kept with a class of ground
 
@@ -50,10 +54,8 @@ A soil and the effects that were fitted together with it are one object, `Augmen
   a class that is there, are refused, also by a merge, as nothing would match them. A class that no drive has brought
   yet is taken: its physics waits until wheels have felt it.
 - The class's soil is then the one that was fitted with the effects; places scatter about it as the stretches show.
-- Only effects of the ground act, on any wheel: `slip_sinkage`, `stress_peak_shift`, `exit_angle`, `shear_hump`,
-  `hard_layer`,
-  `rim_adhesion`, `bulldozing`, `side_wall_friction`, and `grousers[radius]` with the height of the lugs of the wheel
-  asked about.
+- Only effects of the ground act, on any wheel: %GROUND%;
+  lugs shear at the height of those of the wheel asked about.
 - What the fit may err by is in the bounds: its numbers, soil and effects, are drawn together as they are correlated, on
   top of how places scatter. A number of an effect whose error nobody stated errs by as much as its prior allows, one of
   the soil as much as places of one class commonly differ.
@@ -68,45 +70,72 @@ A soil and the effects that were fitted together with it are one object, `Augmen
 
 def page() -> str:
     """Give the page's text."""
-    parts = [_HEAD, "## Physics\n", *map(_section, PHYSICS), "## Instruments\n", *map(_section, INSTRUMENTS)]
+    titles = {"physics": "## Physics\n", "instrument": "## Instruments\n"}
+    ground = ", ".join(f"`{slug}`" for slug, effect in REGISTRY.items() if effect.of_any_wheel)
+    parts = [_HEAD.replace("%GROUND%", ground)]
+    for kind, title in titles.items():
+        parts += [title, *(_section(slug) for slug, effect in REGISTRY.items() if effect.kind == kind)]
     return "\n".join(parts).rstrip() + "\n"
 
 
 def _section(slug: str) -> str:
-    lines = [f"### `{slug}`\n"]
-    for effect in forms_by_name(slug, specimen()):
-        lines.append(f"- {_title(effect)}{_story(effect)} `{effect.equation}`")
-        free = follows_drive(effect)
+    effect = REGISTRY[slug]
+    lines = [f"### `{slug}`\n", f"{effect.title[0].upper()}{effect.title[1:]}: {effect.what_happens}.\n"]
+    lines += [f"Check: {effect.check}.\n", "Priors:\n"]
+    forms = forms_by_name(slug, specimen())
+    sources: dict[str, list[str]] = {}
+    for each in (parameter for form in forms for parameter in form.parameters):
+        names = sources.setdefault(each.source, [])
+        if f"`{each.name}`" not in names:
+            names.append(f"`{each.name}`")
+    lines += [f"- {_listed(names)}: {source}" for source, names in sources.items()]
+    facts = [_facts(form) for form in forms]
+    common = [fact for fact in facts[0] if all(fact in others for others in facts)]
+    lines += ["", *(f"{fact[0].upper()}{fact[1:]}.\n" for fact in common)]
+    for form in forms:
+        lines.append(f"- {_title(form)}{_story(form)} `{form.equation}`")
+        free = follows_drive(form)
         alike: dict[str, list[str]] = {}
-        for each in effect.parameters:
-            alike.setdefault(_bounds(each, effect, each.name in free), []).append(f"`{each.name}`")
-        lines += [f"    - {', '.join(names)}{bounds}" for bounds, names in alike.items()]
-        if effect.constants:
-            lines.append("    - constants: " + ", ".join(f"`{name}`" for name in effect.constants))
-        needs = sorted(
-            {COLUMNS[need] for need in effect.needs} | {"time_s" for need in effect.needs if "accel" in need}
-        )
-        lines.append("    - needs " + ", ".join(f"`{name}`" for name in ("load_N", "slip", *needs)))
-        lines.append(f"    - source: {effect.source}")
+        for each in form.parameters:
+            alike.setdefault(_bounds(each, form, each.name in free), []).append(f"`{each.name}`")
+        lines += [f"    - {_listed(names)}{bounds}" for bounds, names in alike.items()]
+        if form.constants:
+            lines.append("    - constants: " + ", ".join(f"`{name}`" for name in form.constants))
+        lines += [f"    - {fact}" for fact in _facts(form) if fact not in common]
     return "\n".join(lines) + "\n"
 
 
-def _title(effect: Effect) -> str:
-    return f"form `{effect.form}`: " if effect.form else ""
+def _facts(form: Effect) -> list[str]:
+    """What a form needs and changes, and its source."""
+    needs = sorted({COLUMNS[need] for need in form.needs} | {"time_s" for need in form.needs if "accel" in need})
+    return [
+        "needs " + ", ".join(f"`{name}`" for name in ("load_N", "slip", *needs)),
+        "changes " + ", ".join(f"`{CHANNELS[channel]}`" for channel in sorted(form.changes)),
+        f"source: {form.source}",
+    ]
 
 
-def _story(effect: Effect) -> str:
+def _title(form: Effect) -> str:
+    return f"form `{form.form}`: " if form.form else ""
+
+
+def _story(form: Effect) -> str:
     """First line of the class's docstring."""
-    return (type(effect).__doc__ or "").strip().splitlines()[0]
+    return (type(form).__doc__ or "").strip().splitlines()[0]
 
 
-def _bounds(parameter: Parameter, effect: Effect, free: bool) -> str:
+def _listed(names: list[str]) -> str:
+    return ", ".join(names) if len(names) < 7 else f"{names[0]} to {names[-1]}"
+
+
+def _bounds(parameter: Parameter, form: Effect, free: bool) -> str:
     unit = f" [{parameter.unit}]" if parameter.unit else " [-]"
     within = "bounds of the drive" if free else f"{parameter.low:g} to {parameter.high:g}"
-    required = ", required" if parameter.name in effect.required else f", does nothing at {parameter.null:g}"
-    if free and parameter.name not in effect.required and parameter.null != 0.0:
+    required = ", required" if parameter.name in form.required else f", does nothing at {parameter.null:g}"
+    if free and parameter.name not in form.required and parameter.null != 0.0:
         required = ""
-    return f"{unit}: {within}{required}"
+    prior = "" if free else f", prior {parameter.null:g} +- {parameter.scale:g}"
+    return f"{unit}: {within}{required}{prior}"
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from ..framework.core.soil import SoilKnowledge, as_knowledge
 from ..framework.core.vehicle import Vehicle, Wheel, as_vehicle
 from .effects.drive import PresentDrive, drive_of, order_of, select_rows
 from .effects.effect import PULL, SINKAGE, TORQUE
-from .effects.named import NamedEffect, build, parse_effect, situation_of
+from .effects.parse import NamedEffect, build, parse_effect, situation_of
 from .mechanics.augmented import AugmentedWheel
 from .mechanics.soil import Soil, soil_vector
 from .mechanics.textbook import equilibrium

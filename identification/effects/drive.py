@@ -1,4 +1,4 @@
-"""From a wheel table to what effects ask of each sample: place, speeds, accelerations, uninterrupted stretches."""
+"""Covariates of each sample from a wheel table: place, speeds, accelerations, uninterrupted stretches."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ COLUMNS = {
     "acceleration_m_s2": "travel_speed_m_s",
     "angular_acceleration_rad_s2": "wheel_speed_rad_s",
 }
-"""The wheel column that each attribute of `Drive` comes from; accelerations need `time_s` as well."""
+"""Wheel column of each attribute of `Drive`; accelerations need `time_s` as well."""
 
 _WINDOWS, _DEGREE = (9, 13, 19, 27, 39, 55), 4
-"""Samples over which speeds are fitted for their derivative, and by a polynomial of which degree: a parabola over
-nine flattens what a wheel does within a second by some per cent, and masses come out too large by as much."""
+"""Windows [samples] over which speeds are fitted for their derivative, and degree of the polynomial: a parabola over
+nine samples attenuates accelerations within a second by some per cent, and overestimates masses by as much."""
 
 
 class PresentDrive(Drive):
-    """A drive that is simulated, not learnt from: whatever was observed at all is there, constant or not."""
+    """A drive that is simulated: a column that was observed in any row is there, constant or not."""
 
     def has(self, name: str) -> bool:
         """Say whether a channel was observed in any sample."""
@@ -47,11 +47,12 @@ class PresentDrive(Drive):
 
 
 def order_of(table: WheelTable) -> tuple[np.ndarray, np.ndarray]:
-    """Order by run, then stretch, the earlier begun first (trials as they stand), (n,), and the stretch of each row in
-    that order, (n,).
+    """Order (n,) by run, then stretch, the earlier begun first (trials as given), and the stretch (n,) of each row in
+    that order.
 
-    A stretch ends where wheel, run or pass change, where time does not go on or jumps by five usual steps, and where
-    the wheel was set down elsewhere (`positions.set_down`). What one wheel leaves is what one behind it finds.
+    A stretch ends where wheel, run or pass change, where time does not increase or jumps by five usual steps, and where
+    the wheel was set down elsewhere (`positions.set_down`). Of several wheels the one in front comes first: the next
+    runs on ground that it has left.
     """
     time_s = table.get("time_s")
     if time_s is None:
@@ -71,7 +72,7 @@ def order_of(table: WheelTable) -> tuple[np.ndarray, np.ndarray]:
         broken |= set_down(np.column_stack([table[name][order] for name in ("x_m", "y_m") if name in table]), of_one)
     stretch = np.concatenate([[0], np.cumsum(broken)])[: len(order)]
     first = np.flatnonzero(np.diff(stretch, prepend=-1))
-    # Of several wheels that begin together the one that is behind comes last.
+    # Of several wheels that begin together the rear one comes last.
     begun = np.sort(time_s[first])
     together = np.concatenate([[0], np.cumsum(np.diff(begun) > 2.0 * usual)])[np.searchsorted(begun, time_s[first])]
     passes = np.ones(len(first))
@@ -97,8 +98,9 @@ def _labels(table: WheelTable) -> np.ndarray:
 
 
 def _carried(number: np.ndarray, label: np.ndarray) -> np.ndarray:
-    """Numbers of passes (n,), where not stated those of the last row with the same label (n,) that states it, or of the
-    next one; NaN where none does.
+    """Numbers of passes (n,), missing ones filled from the last row of the same label (n,) that has one, or the next.
+
+    NaN where none has one.
     """
     order = np.argsort(label, kind="stable")
     answer = number.copy()
@@ -111,14 +113,14 @@ def _carried(number: np.ndarray, label: np.ndarray) -> np.ndarray:
 
 
 def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Drive] = Drive) -> Drive:
-    """Lay out the covariates of a table's rows.
+    """Compute the covariates of a table's rows.
 
     Parameters
     ----------
     table
         Rows of one wheel geometry in the order of `order_of`, with load and slip.
     wheel
-        The wheel: its radius turns rad/s into the rim's speed.
+        The wheel, whose radius relates angular speed and rim speed.
     stretch : (n,)
         Stretch of each row.
     kind
@@ -130,7 +132,7 @@ def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Dr
         return table.columns.get(name, nothing)
 
     rate, travel, time_s = column("wheel_speed_rad_s"), column("travel_speed_m_s"), column("time_s")
-    # Of slip and the two speeds the third follows.
+    # Slip and one of the two speeds give the other.
     slip = table["slip"]
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(slip >= 0.0, 1.0 - slip, 1.0 / (1.0 + slip))
@@ -171,11 +173,11 @@ def select_rows(drive: Drive, rows: np.ndarray) -> Drive:
 def rate_of_change(values: np.ndarray, time_s: np.ndarray, stretch: np.ndarray) -> np.ndarray:
     """Rate of change [1/s], (n,), from a local polynomial between gaps of each stretch; NaN where that is too short.
 
-    The polynomial's window is as wide as makes the expected error least, noise and flattening together (after
-    C. M. Stein, Ann. Statist. 9 (1981), 1135-1151: an unbiased estimate of the risk). The rate is shrunk to its mean by
-    the share of its variance that noise does not make: what is regressed on it is then not attenuated (regression
-    calibration; R. J. Carroll et al., "Measurement Error in Nonlinear Models" (2006), Ch. 4), but for rows near the
-    ends of stretches, whose noise is larger: stretches of tens of rows and less are attenuated still.
+    The polynomial's window minimises the expected error, of noise and attenuation together (after C. M. Stein, Ann.
+    Statist. 9 (1981), 1135-1151: an unbiased estimate of the risk). The rate is shrunk to its mean by the share of its
+    variance that is noise: regressions on it are then not attenuated (regression calibration; R. J. Carroll et al.,
+    "Measurement Error in Nonlinear Models" (2006), Ch. 4), but for rows near the ends of stretches, whose noise is
+    larger: in stretches of tens of rows and less they still are.
     """
     seen = np.isfinite(values) & np.isfinite(time_s)
     broken = (np.diff(stretch) != 0) | (seen[1:] != seen[:-1])
@@ -185,7 +187,7 @@ def rate_of_change(values: np.ndarray, time_s: np.ndarray, stretch: np.ndarray) 
     if not usable:
         return narrow
     steps = [float(np.median(np.diff(time_s[rows]))) for rows in usable]
-    # Rows weigh by how fast they were sampled: a rate's noise goes with that.
+    # The noise of a rate grows with the sampling rate.
     per_s2 = float(np.average([step**-2 for step in steps], weights=[len(rows) for rows in usable]))
     left = np.concatenate([values[rows] - savgol_filter(values[rows], _WINDOWS[0], _DEGREE) for rows in usable])
     kept = 1.0 - savgol_coeffs(_WINDOWS[0], _DEGREE)[_WINDOWS[0] // 2]
@@ -199,9 +201,9 @@ def rate_of_change(values: np.ndarray, time_s: np.ndarray, stretch: np.ndarray) 
             rate[rows] = savgol_filter(values[rows], fits, _DEGREE, deriv=1, delta=step)
         narrow = rate if best is None else narrow
         slope = savgol_coeffs(window, _DEGREE, deriv=1)
-        beside = slope - np.pad(savgol_coeffs(_WINDOWS[0], _DEGREE, deriv=1), (window - _WINDOWS[0]) // 2)
+        difference = slope - np.pad(savgol_coeffs(_WINDOWS[0], _DEGREE, deriv=1), (window - _WINDOWS[0]) // 2)
         of_noise = noise * per_s2 * float(slope @ slope)
-        risk = float(np.nanmean((rate - narrow) ** 2)) - noise * per_s2 * float(beside @ beside) + of_noise
+        risk = float(np.nanmean((rate - narrow) ** 2)) - noise * per_s2 * float(difference @ difference) + of_noise
         if best is None or risk < best[0]:
             best = risk, of_noise, rate
     assert best is not None

@@ -1,4 +1,4 @@
-"""What an effect is: something that the textbook wheel leaves out, with its formula, parameters and place to enter."""
+"""An effect: something that the textbook wheel leaves out, with its formula, its parameters and where it acts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ...framework.core.track.place import ALONG_X, Axis
 from ...framework.core.vehicle import Wheel
 from ..mechanics.fields import COLUMN
 
-Kind = Literal["physics", "instrument", "unknown"]
+Kind = Literal["physics", "instrument"]
 
 LOAD, TORQUE, SINKAGE, SLIP, PULL = range(5)
 """Columns of an array of channels, in the order of `textbook.CHANNELS`."""
@@ -23,24 +23,24 @@ LOAD, TORQUE, SINKAGE, SLIP, PULL = range(5)
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of an effect.
+    """A parameter of an effect and its prior, a normal distribution about `null` between the bounds.
 
     Parameters
     ----------
     name, unit
-        Its name, and its SI unit (``""`` for a pure number).
+        Name, and SI unit (``""`` for a pure number).
     low, high
         Bounds.
     start
-        Where the search starts.
+        Value at which a fit starts.
     scale
-        Standard deviation of the prior about `null`: how strong the effect usually is.
+        Standard deviation of the prior: how far from `null` the parameter usually is.
+    source
+        Where the prior comes from: the range of published values with their reference, or an engineering judgement.
     null
-        The value at which the effect vanishes, or the usual one where none does so.
+        Value at which the effect vanishes, or the usual value where none does so.
     step
-        Step of the difference that derivatives are taken by, where a minute one would not do.
-    published
-        Range that published values fill, with room: an effect that needs one beyond it stands in for something else.
+        Step of the difference quotient, where the default step is too small.
     """
 
     name: str
@@ -49,14 +49,14 @@ class Parameter:
     high: float
     start: float
     scale: float
+    source: str
     null: float = 0.0
     step: float = 0.0
-    published: tuple[float, float] = (-math.inf, math.inf)
 
 
 @dataclass(frozen=True)
 class Drive:
-    """What is known of each sample besides the channels that answer, all (n,), NaN where not observed.
+    """Covariates of each sample, all (n,), NaN where not observed.
 
     Parameters
     ----------
@@ -67,8 +67,8 @@ class Drive:
     place_m
         Place along the track (`track.place_of`): `x_m` where it runs that way.
     slip_before
-        Size of the slip of the wheel that ran before at the same place [-] (`passes.slip_before`); on fresh ground it
-        says nothing.
+        Absolute slip of the wheel that ran before at the same place [-] (`passes.slip_before`); without meaning on
+        fresh ground.
     acceleration_m_s2, angular_acceleration_rad_s2
         dV/dt and d(omega)/dt, smoothed.
     stretch
@@ -99,12 +99,12 @@ class Drive:
 
     @property
     def timed(self) -> bool:
-        """Whether rows follow from one another in time: steady trials do not, each a stretch of its own."""
+        """Whether rows are a time series: steady trials are not, each is a stretch of its own."""
         return bool(np.isfinite(self.time_s).all() and (np.diff(self.stretch) == 0).any())
 
     @cached_property
     def runs(self) -> tuple[np.ndarray, ...]:
-        """Rows of each uninterrupted run of the clock: instruments do not forget where a new pass begins at once."""
+        """Rows of each uninterrupted run of the clock: a sensor keeps its state where a new pass begins at once."""
         step = np.diff(self.time_s)
         usual = np.median(step[step > 0.0]) if (step > 0.0).any() else math.inf
         broken = (np.diff(self.stretch) != 0) & ~((step > 0.0) & (step < 2.0 * usual))
@@ -119,19 +119,19 @@ class Drive:
         )
 
 
-_LEAST_FRICTION = 0.1
-"""Least tan phi that the strength of a soil is reckoned from [-]: a fit may end without any."""
+_LEAST_TAN_PHI = 0.1
+"""Least tan phi from which a soil's strength is computed [-]: a fit may end at zero."""
 
-_SHALLOW = 0.05
-"""Least sinkage that the length of the contact is reckoned from, and that where none was seen [wheel radii]."""
+_LEAST_DEPTH = 0.05
+"""Least sinkage from which the contact's length is computed, and the one assumed where none was measured [radii]."""
 
 COVARIATES = tuple(name for name in Drive.__dataclass_fields__ if name != "axis")
-"""What a drive has of each sample."""
+"""Covariates that a drive has of each sample."""
 
 
 @dataclass(frozen=True)
 class Situation:
-    """What decides which forms of an effect a recording can show, and how strong they usually are.
+    """What decides which forms of an effect a recording can show, and how strong they usually are (the priors).
 
     Parameters
     ----------
@@ -144,12 +144,11 @@ class Situation:
     sinkage_m : (n,)
         As measured, NaN where not observed.
     innovations : (n, 5)
-        What the textbook wheel leaves of each channel, made white, gross errors cut short; NaN where not observed.
+        White residuals of the textbook wheel, gross errors clipped; NaN where not observed.
     c_Pa, tan_phi, stiffness_Pa
-        The soil that the textbook wheel fits.
+        Soil of the textbook wheel's fit.
     places
-        Parameter vectors at which to look for another soil, by the attribute of the drive along which it lies, where
-        somebody laid them out.
+        Parameter vectors from which a fit of a soil patch starts, by the attribute of the drive along which it lies.
     """
 
     wheel: Wheel
@@ -164,20 +163,20 @@ class Situation:
 
     @property
     def depth_m(self) -> float:
-        """Usual sinkage, where none was seen a small one."""
-        least = _SHALLOW * self.wheel.radius_m
+        """Median sinkage [m], a small one where none was measured."""
+        least = _LEAST_DEPTH * self.wheel.radius_m
         return max(float(np.nanmedian(self.sinkage_m)), least) if np.isfinite(self.sinkage_m).any() else least
 
     @property
     def strength_Pa(self) -> float:
-        """Shear strength of the soil at the mean pressure below the rim."""
+        """Shear strength of the soil at the mean pressure below the rim [Pa]."""
         radius, depth = self.wheel.radius_m, min(self.depth_m, self.wheel.radius_m)
         length = math.sqrt(depth * (2.0 * radius - depth))
         pressure = float(np.nanmedian(np.abs(self.drive.load_N))) / (self.wheel.width_m * length)
-        return max(self.c_Pa, 0.0) + pressure * max(self.tan_phi, _LEAST_FRICTION)
+        return max(self.c_Pa, 0.0) + pressure * max(self.tan_phi, _LEAST_TAN_PHI)
 
-    def seen(self, *channels: int) -> bool:
-        """Say whether one of the channels, by number, was observed."""
+    def measures(self, *channels: int) -> bool:
+        """Say whether one of the channels (column numbers) was measured."""
         return bool(np.isfinite(self.typical[list(channels)]).any())
 
 
@@ -209,54 +208,55 @@ class Contact:
 
 
 class Effect:
-    """An effect, at most one of whose four places to enter a sub-class overrides, or several.
+    """An effect of the catalogue, in one of its forms.
 
-    In each, `values` (k,) are the parameters in the order of `parameters`.
+    A module of an effect has one class with its name, description and check, registered with `registry.register`;
+    further published forms are its sub-classes. A form enters the wheel through one or several of `impose`, `contact`,
+    `act` and `report`, in each of which `values` (k,) are its parameters in the order of `parameters`.
     """
 
     slug: ClassVar[str]
-    kind: Kind = "physics"
-    nested: ClassVar[bool] = True
-    """Whether the effect vanishes smoothly at its null values: its first step from there tells what it is worth."""
-    choices: int = 1
-    """Discrete alternatives, as numbers of lugs, among which it was laid out: each has an equal share of its prior."""
+    """Public name: in code, files, reports and on the command line."""
+    title: ClassVar[str]
+    """Name in text, lower case."""
+    what_happens: ClassVar[str]
+    """A clause that says what happens: no capital, no full stop."""
+    check: str
+    """Measurement that would show the effect: an imperative clause."""
     equation: str
     source: str
+    """Publication that the equation comes from."""
     parameters: tuple[Parameter, ...]
+    kind: Kind = "physics"
     form: str = ""
     """Which published form, or which channel, where an effect has several."""
-    usual: bool = True
-    """Whether it is meant where several forms have the parameters that are named."""
     needs: tuple[str, ...] = ()
-    """Attributes of `Drive` without which the formula says nothing of a sample."""
+    """Attributes of `Drive` without which the formula has no value for a sample."""
+    changes: tuple[int, ...] = (TORQUE, SINKAGE, PULL)
+    """Channels that the effect changes: one of them has to be measured."""
     required: tuple[str, ...] = ()
-    """Parameters that have to be stated where an effect is asked for by name; the others are `Parameter.null` then."""
-    local: ClassVar[bool] = False
-    """Whether it says what the ground's variation along the track could say too."""
-    edges: ClassVar[slice] = slice(0)
-    """Parameters that say where it begins and ends: no rows but those nearby tell them."""
-    by_run: ClassVar[bool] = False
-    """Whether its parameters say what each run of a recording was, which is nothing to another drive."""
-    of_ground: ClassVar[bool] = False
-    """Whether it says what the soil is, from place to place or pass to pass: others act on that."""
-    remembers: ClassVar[bool] = False
-    """Whether what is reported of a sample follows from samples before it."""
-    any_course: tuple[str, str] | None = None
-    """Channel, and variable with which it changes in whatever course: what else changes so is the same effect."""
-    expected: bool = False
-    """Whether the vehicle's description says that it is there, so that the textbook wheel is known to lack it."""
-    ripples: slice | None = None
-    """Parameters of what comes and goes with the wheel's turns, for which nothing else stands in."""
-    freed: bool = False
-    """Whether it is what another form's `freer` gives, and may hold a third form as well."""
-    said_by: str = ""
-    """Slug of another effect whose whole law says what this form says, which is only a part of its own."""
-    remark: str = ""
-    """What there is to say of it where it is found."""
-    check: str = ""
-    """What tells whether it is there, where something simpler than a drive does."""
+    """Parameters that have to be stated where the effect is simulated by name; the others are `Parameter.null`."""
     constants: Mapping[str, float] = MappingProxyType({})
-    """What the formula holds besides its parameters, taken from the drive that it was found on, by name [SI]."""
+    """Constants of the formula that were taken from the drive that the effect was built for, by name [SI]."""
+    prior_probability: float | None = None
+    """Prior probability of the effect, where something besides the recording speaks for it; None for the usual one."""
+    default_form: bool = True
+    """Whether this form is meant where several forms have the parameters that are named."""
+    nested: ClassVar[bool] = True
+    """Whether the effect vanishes smoothly at its null values, so that a score test there ranks it."""
+    choices: int = 1
+    """Number of discrete alternatives (numbers of lugs, say) that were searched: each has an equal share of the prior.
+    """
+    of_ground: ClassVar[bool] = False
+    """Whether it changes the soil itself, from place to place or pass to pass: applied before all others."""
+    of_any_wheel: ClassVar[bool] = False
+    """Whether the ground has the effect on whatever wheel comes next, so that a planner's prediction takes it over."""
+    by_run: ClassVar[bool] = False
+    """Whether its parameters describe the runs of one recording: not stored, for they mean nothing to another drive."""
+    remembers: ClassVar[bool] = False
+    """Whether a sample's report depends on earlier samples."""
+    remark: str = ""
+    """Note for the report where the effect is found."""
 
     @property
     def name(self) -> str:
@@ -265,59 +265,55 @@ class Effect:
 
     @property
     def moves_wheel(self) -> np.ndarray:
-        """(k,) True for parameters that may change how the wheel stands in the ground, with its stresses: the others
-        change forces and sinkage only.
-        """
+        """(k,) True for parameters that may change the entry angle; the others change forces and reports only."""
         kind = type(self)
-        answer = np.full(len(self.parameters), kind.contact is not Effect.contact or kind.impose is not Effect.impose)
-        if self.ripples is not None:
-            answer[self.ripples] = False
-        return answer
+        return np.full(len(self.parameters), kind.contact is not Effect.contact or kind.impose is not Effect.impose)
+
+    @classmethod
+    def forms(cls, situation: Situation) -> Sequence[Effect]:
+        """Give the forms that a recording can show: one, where what it needs varies and what it changes was measured.
+
+        A class whose constructor needs arguments, or that has several forms, overrides this.
+        """
+        shown = all(situation.drive.has(name) for name in cls.needs) and situation.measures(*cls.changes)
+        return (cls(),) if shown else ()
+
+    @classmethod
+    def forms_by_name(cls, situation: Situation) -> Sequence[Effect]:
+        """Give the forms that can be simulated by name: as `forms`, where that asks no more than that columns exist."""
+        return cls.forms(situation)
+
+    def extensions(self) -> list[Effect]:
+        """Give further forms, with other constants or more parameters, that are fitted once this form is probable."""
+        return []
 
     def starts(self) -> list[np.ndarray]:
-        """Parameter vectors (k,) at which a search may start."""
+        """Parameter vectors (k,) from which fits start."""
         return [np.array([parameter.start for parameter in self.parameters])]
 
-    def beside(self, soil: np.ndarray) -> np.ndarray:
-        """Give the soil (5,), in internal coordinates, to start from with the effect, from the one without it."""
+    def initial_soil(self, soil: np.ndarray) -> np.ndarray:
+        """Give the soil (5,) [internal coordinates] from which a fit with the effect starts, from the one without."""
         return soil
 
-    def unheard_of(self, values: np.ndarray, sd: np.ndarray) -> list[str]:
-        """Say, in words, which parameters (k,), known to their standard deviations, are beyond what was published."""
-        return [
-            f"{parameter.name} = {value:.3g}"
-            for parameter, value in zip(self.parameters, values, strict=True)
-            if not parameter.published[0] <= value <= parameter.published[1]
-        ]
-
-    def as_announced(self, values: np.ndarray, sd: np.ndarray) -> bool:
-        """Say whether what is `expected` came out as the vehicle's description has it: the form is right, then."""
-        return False
-
-    def delay(self, values: np.ndarray) -> tuple[int, float] | None:
-        """Give the channel, of `textbook.CHANNELS`, that arrives late and by how many samples; None where none does."""
-        return None
-
     def extent(self, values: np.ndarray) -> tuple[str, float, float] | None:
-        """Give the attribute of `Drive` along which the effect is a stretch, and its ends; None where it is none."""
+        """Attribute of `Drive` along which the effect acts on an interval, and the interval; None where it has none."""
         return None
 
-    def variants(self) -> list[Effect]:
-        """Give the same effect with other constants, which are tried once it is found, the likeliest first."""
-        return []
+    def check_sd(self, noise: np.ndarray) -> float | None:
+        """Standard deviation with which `check` measures the first parameter, from the channels' noise (5,) [SI].
 
-    def freer(self) -> list[Effect]:
-        """Give the same effect with further parameters behind its own, which are tried once it is found."""
-        return []
+        None where the check does not measure it.
+        """
+        return None
 
     def impose(self, imposed: np.ndarray, drive: Drive, values: np.ndarray) -> None:
-        """Correct the load [N] and slip that the wheel truly had, (n, 2), in place, from those reported."""
+        """Correct load [N] and slip (n, 2), in place, from the reported to the true ones."""
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
-        """Change geometry, pressure-sinkage or shear law, in place, at the entry angle that `contact` holds."""
+        """Change geometry, pressure-sinkage or shear law, in place, at the entry angle of `contact`."""
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
-        """Add forces: `channels` (n, 5) as `textbook.CHANNELS`, in place, with the entry angle found."""
+        """Add forces to `channels` (n, 5), in place, once the entry angle is found."""
 
     def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
         """Change what the instruments report: `channels` (n, 5), in place."""

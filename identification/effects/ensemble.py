@@ -1,8 +1,8 @@
-"""Many soils at once through the wheel with effects: what a planner's draws from a class of ground need.
+"""Many soils at once through the wheel with effects: a planner's draws from a class of ground.
 
-The class's ground is asked about, not a drive: level, steady, fresh, at the speed that the effects were found at. So
-only effects of the ground act; those that wait for a slope, a pass number or a speed have nothing to say, and those of
-the vehicle that drove there, or of its instruments, stay with that vehicle.
+Predictions are for level, fresh ground and steady driving at the speed of the fit. Only effects that any wheel meets
+act (`Effect.of_any_wheel`): those that depend on slope, pass number or speed do nothing, and those of the vehicle that
+drove there, or of its instruments, belong to that vehicle.
 """
 
 from __future__ import annotations
@@ -16,36 +16,29 @@ from ...framework.core.track.place import ALONG_X
 from ...framework.core.vehicle import Wheel
 from ..mechanics.augmented import SOIL_COUNT, AugmentedWheel
 from ..mechanics.soil import Soil, slope_of_internal
-from .catalogue import forms_by_name
+from .catalogue import effect_class, forms_by_name
 from .drive import PresentDrive
 from .effect import COVARIATES, PULL, Effect
-from .named import lugs_of, pinned, situation_of, smallest_holding, specimen
+from .parse import lugs_of, pinned, situation_of, smallest_form, specimen
 from .stored import AugmentedSimulator, StoredEffect
 
-GROUND = (
-    "slip_sinkage", "stress_peak_shift", "exit_angle", "shear_hump", "hard_layer", "rim_adhesion", "bulldozing",
-    "side_wall_friction", "grousers",
-)  # fmt: skip
-"""Effects that ground has on whatever wheel comes next; lugs shear at a share of that wheel's own height."""
-
-
 _FURTHEST = 50.0
-"""Error of a logarithm beyond which every number is out of bounds."""
+"""Error of a logarithm beyond which every value is out of bounds [-]."""
 
 
 def error_count(physics: AugmentedSimulator) -> int:
-    """Count the numbers that a planner's prediction takes from a fit: of the soil, and of the effects that act."""
+    """Number of parameters that a planner's prediction takes from a fit: of the soil and of the effects that act."""
     return SOIL_COUNT + sum(len(effect.parameters) for effect in _of_the_ground(physics))
 
 
 def errors_of_fit(physics: AugmentedSimulator, normal: np.ndarray) -> np.ndarray:
-    """Draw what a fit errs by, all its numbers together as they are correlated.
+    """Draw errors of a fit, all parameters together as they are correlated.
 
     Parameters
     ----------
     physics
-        Soil, with its standard deviations, and effects; a parameter of these whose error nobody knows errs by as much
-        as its prior allows.
+        Soil, with its standard deviations, and effects; a parameter of these whose error is unknown has the standard
+        deviation of its prior.
     normal : (s, `error_count`)
         Standard normal numbers.
 
@@ -58,7 +51,7 @@ def errors_of_fit(physics: AugmentedSimulator, normal: np.ndarray) -> np.ndarray
     sd = [entry.sd / slope_of_internal(name, entry.value) for name, entry in soil.items()]
     taken, start = list(range(SOIL_COUNT)), SOIL_COUNT
     for stored in physics.effects:
-        if stored.slug in GROUND:
+        if effect_class(stored.slug).of_any_wheel:
             taken += range(start, start + len(stored.parameters))
             scale = _usual_scales(stored)
             sd += [entry.sd if math.isfinite(entry.sd) else scale[name] for name, entry in stored.parameters.items()]
@@ -69,7 +62,7 @@ def errors_of_fit(physics: AugmentedSimulator, normal: np.ndarray) -> np.ndarray
 
 
 def soils_off(soils: np.ndarray, errors: np.ndarray) -> np.ndarray:
-    """Give soils (s, 5), columns as `PARAMETERS`, off by errors (s, 5 or more) as of `errors_of_fit`, yet plausible."""
+    """Add errors (s, 5 or more) of `errors_of_fit` to soils (s, 5), columns as `PARAMETERS`, within `PLAUSIBLE`."""
     tan_phi = np.tan(soils[:, 1]) + errors[:, 1]
     logarithmic = soils[:, 2:] * np.exp(np.clip(errors[:, 2:SOIL_COUNT], -_FURTHEST, _FURTHEST))
     answer = np.column_stack([soils[:, 0] + errors[:, 0], np.arctan(tan_phi), logarithmic])
@@ -90,7 +83,7 @@ def drawbar_pull(
     Parameters
     ----------
     wheel
-        Any wheel.
+        The wheel.
     soils : (s, 5)
         Columns as `PARAMETERS`, SI.
     load_N
@@ -98,10 +91,10 @@ def drawbar_pull(
     slips : (k,)
         [-].
     physics
-        Effects; the textbook's wheel where absent.
+        Effects; the textbook wheel where absent.
     errors : (s, `error_count`)
-        What the fit errs by on each soil (`errors_of_fit`): of the effects' parameters, which stay within their bounds;
-        soils have theirs in them already.
+        Errors of the fit on each soil (`errors_of_fit`): those of the effects' parameters, which stay within their
+        bounds, are added; soils contain theirs already.
 
     Returns
     -------
@@ -116,8 +109,7 @@ def drawbar_pull(
         for stored in _of_the_ground(physics):
             off = errors[:, column : column + len(stored.parameters)]
             column += len(stored.parameters)
-            alike = [effect for effect in forms_by_name(stored.slug, situation) if effect.form == stored.form]
-            effect = smallest_holding(set(stored.parameters), alike)
+            effect = smallest_form(stored.form, set(stored.parameters), forms_by_name(stored.slug, situation))
             if effect is not None:
                 effects.append(pinned(effect, stored.named))
                 vectors += list(_drawn(effect, stored, off))
@@ -128,19 +120,19 @@ def drawbar_pull(
 
 
 def _usual_scales(stored: StoredEffect) -> dict[str, float]:
-    """How far each of an effect's parameters is from nothing, usually, by name."""
+    """Standard deviations of the priors of an effect's parameters, by name."""
     known = forms_by_name(stored.slug, specimen(lugs_of(stored.form)))
-    effect = smallest_holding(set(stored.parameters), [each for each in known if each.form == stored.form])
-    assert effect is not None, "what is stored was read"
+    effect = smallest_form(stored.form, set(stored.parameters), known)
+    assert effect is not None, "stored effects were checked when read"
     return {parameter.name: parameter.scale for parameter in effect.parameters}
 
 
 def _of_the_ground(physics: AugmentedSimulator) -> list[StoredEffect]:
-    return [effect for effect in physics.effects if effect.slug in GROUND]
+    return [effect for effect in physics.effects if effect_class(effect.slug).of_any_wheel]
 
 
 def _drawn(effect: Effect, stored: StoredEffect, off: np.ndarray) -> np.ndarray:
-    """Parameters (k, s) in the effect's order, off by errors (s, k) in the stored one's."""
+    """Parameters (k, s) in the effect's order, with errors (s, k) in the stored effect's order added."""
     order = list(stored.parameters)
     values = []
     for parameter in effect.parameters:
@@ -148,7 +140,7 @@ def _drawn(effect: Effect, stored: StoredEffect, off: np.ndarray) -> np.ndarray:
         if entry is None:
             values.append(np.full(len(off), parameter.null))
             continue
-        # Bounds that follow from the drive that it was found on are not this wheel's; the value itself was in them.
+        # Bounds of the drive of the fit are not this wheel's; the value itself was in them.
         low, high = min(parameter.low, entry.value), max(parameter.high, entry.value)
         values.append(np.clip(entry.value + off[:, order.index(parameter.name)], low, high))
     return np.array(values)

@@ -1,8 +1,8 @@
-"""The augmented simulator as an object that outlives its fit: soil and effects as numbers, written as JSON.
+"""The augmented simulator as a stored object: soil and effects as numbers, written as JSON.
 
-But for the number of lugs that the name of a ripple says, nothing in it depends on the wheel that it was found with:
-effects are built anew for the wheel and the drive asked about. What the formulas of effects take from the drive that
-they were found on (`Effect.constants`) is kept.
+Apart from the number of lugs in the name of a ripple, nothing in it depends on the wheel of the fit: effects are built
+for the wheel and the drive that are simulated. Constants that a formula takes from the drive of the fit
+(`Effect.constants`) are kept.
 """
 
 from __future__ import annotations
@@ -24,23 +24,38 @@ from ...framework.core.vehicle import Vehicle
 from ..mechanics.augmented import SOIL_COUNT, AugmentedWheel
 from ..mechanics.soil import Soil, from_internal, slope_of_internal
 from ..simulate import simulate
-from .catalogue import STORED, forms_by_name
+from .catalogue import SLUGS, effect_class, forms_by_name
 from .effect import Effect
-from .named import NamedEffect, follows_drive, lugs_of, smallest_holding, specimen
+from .parse import NamedEffect, follows_drive, lugs_of, smallest_form, specimen
+from .registry import RESERVED
 
 SCHEMA = 2
-"""Version of the document's meaning: the second one knows correlations and probabilities, and reads the first."""
+"""Version of the document: the second has correlations and probabilities; both are read."""
 
 _ROUNDING = 1e-9
-"""Negative eigenvalue, for each number, that rounding leaves of correlations [-]."""
+"""Negative eigenvalue per row that rounding leaves of correlations [-]."""
 
 MOST_EFFECTS = 32
-"""No ground needs more; a document that names more is refused before it costs time."""
+"""Effects of a document at most: a longer one is refused before it costs time."""
+
+_FORMER = {
+    "zero of drawbar_pull_N": ("pull_offset", ""),
+    "gain of drawbar_pull_N": ("pull_gain", ""),
+    "gain of sinkage_m": ("sinkage_gain", ""),
+    "zero of load_N": ("load_offset", ""),
+    "load in drawbar_pull_N": ("load_in_pull", ""),
+    "drawbar_pull_N in torque_Nm": ("torque_pull_crosstalk", "pull in torque"),
+    "torque_Nm in drawbar_pull_N": ("torque_pull_crosstalk", "torque in pull"),
+    "drawbar_pull_N in sinkage_m": ("frame_compliance", ""),
+    "torque_Nm saturates softly": ("torque_saturation", "soft"),
+    "torque_Nm saturates": ("torque_saturation", "hard"),
+}
+"""Slugs and forms of effects that documents of earlier versions call ``unknown``, by the form there."""
 
 
 @dataclass(frozen=True)
 class Estimated:
-    """A number and its standard deviation, NaN where nobody knows it."""
+    """A number and its standard deviation, NaN where unknown."""
 
     value: float
     sd: float = math.nan
@@ -48,9 +63,9 @@ class Estimated:
 
 @dataclass(frozen=True)
 class StoredEffect:
-    """An effect that was found: slug, form, its parameters that were fitted, constants of the formula; by name [SI].
+    """An effect that was found: slug, form, fitted parameters and constants of the formula by name [SI].
 
-    `probability` is that of its being there at all, NaN where nobody asked.
+    `probability` is that of the effect, NaN where unknown.
     """
 
     slug: str
@@ -61,7 +76,7 @@ class StoredEffect:
 
     @property
     def named(self) -> NamedEffect:
-        """The effect as it is asked for by name."""
+        """The effect as it is simulated by name."""
         values = {name: entry.value for name, entry in self.parameters.items()}
         return NamedEffect(self.slug, {**values, **self.constants}, self.form, bounded=False)
 
@@ -75,10 +90,10 @@ class AugmentedSimulator:
     soil
         By name, all of `PARAMETERS` [SI], fitted together with the effects.
     effects
-        Those found, in the order in which they act; instruments' faults among them.
+        In the order in which they act; faults of instruments among them.
     correlation : (p, p)
         Of the errors of c, tan phi, ln k, ln stiffness, ln n and the effects' parameters, in their order; empty where
-        it is not known.
+        unknown.
     """
 
     soil: Mapping[str, Estimated]
@@ -90,7 +105,7 @@ class AugmentedSimulator:
         model: AugmentedWheel, vector: np.ndarray, covariance: np.ndarray | None = None,
         probabilities: Mapping[str, float] = MappingProxyType({}),
     ) -> AugmentedSimulator:  # fmt: skip
-        """Take over what was fitted, but for what each run of the recording was (`Effect.by_run`).
+        """Take over a fit, without effects that describe the runs of its recording (`Effect.by_run`).
 
         Parameters
         ----------
@@ -104,11 +119,11 @@ class AugmentedSimulator:
         Raises
         ------
         InputError
-            An effect is none of the catalogue's.
+            An effect is not in the catalogue.
         """
-        lasting = np.ones(len(vector), dtype=bool)
+        stored = np.ones(len(vector), dtype=bool)
         for effect, where in model.slices():
-            lasting[where] = not effect.by_run
+            stored[where] = not effect.by_run
         spread = np.full(len(vector), math.nan) if covariance is None else np.sqrt(np.diag(covariance))
         soil = {}
         for name, inside, sd in zip(
@@ -120,13 +135,12 @@ class AugmentedSimulator:
         for effect, where in model.slices():
             if effect.by_run:
                 continue
-            if effect.slug not in STORED:
-                raise InputError("effects", repr(effect.slug), expected="one of " + ", ".join(STORED))
+            effect_class(effect.slug)
             numbers = zip(effect.parameters, vector[where].tolist(), spread[where].tolist(), strict=True)
             parameters = {parameter.name: Estimated(value, sd) for parameter, value, sd in numbers}
             probability = probabilities.get(effect.slug, math.nan)
             effects.append(StoredEffect(effect.slug, effect.form, parameters, dict(effect.constants), probability))
-        kept = None if covariance is None else covariance[np.ix_(lasting, lasting)]
+        kept = None if covariance is None else covariance[np.ix_(stored, stored)]
         return AugmentedSimulator(MappingProxyType(soil), tuple(effects), _correlation_of(kept))
 
     @property
@@ -139,14 +153,14 @@ class AugmentedSimulator:
         return simulate(vehicle, self.soil_values, drive, [effect.named for effect in self.effects])
 
     def to_json(self) -> dict[str, Any]:
-        """Give the document that `from_json` reads; what is not known is None.
+        """Give the document that `from_json` reads; what is unknown is None.
 
-        What knows neither correlations nor probabilities is a document of the first version, as it was.
+        Without correlations and probabilities it is a document of the first version.
         """
-        told = bool(self.correlation) or any(math.isfinite(effect.probability) for effect in self.effects)
-        second = {"correlation": [list(row) for row in self.correlation] or None} if told else {}
+        second = bool(self.correlation) or any(math.isfinite(effect.probability) for effect in self.effects)
+        further = {"correlation": [list(row) for row in self.correlation] or None} if second else {}
         return {
-            "schema": SCHEMA if told else 1,
+            "schema": SCHEMA if second else 1,
             "soil": {name: _packed(self.soil[name]) for name in PARAMETERS},
             "effects": [
                 {
@@ -154,11 +168,11 @@ class AugmentedSimulator:
                     "form": effect.form,
                     "parameters": {name: _packed(entry) for name, entry in effect.parameters.items()},
                     "constants": {name: float(value) for name, value in effect.constants.items()},
-                    **({"probability": _known(effect.probability)} if told else {}),
+                    **({"probability": _known(effect.probability)} if second else {}),
                 }
                 for effect in self.effects
             ],
-            **second,
+            **further,
         }
 
     @staticmethod
@@ -192,7 +206,7 @@ class AugmentedSimulator:
 
 
 def _correlation_of(covariance: np.ndarray | None) -> tuple[tuple[float, ...], ...]:
-    """Correlations of a covariance (p, p), those of what is known exactly zero; empty where it is none."""
+    """Correlations of a covariance (p, p), zero where a variance is zero; empty where it is no covariance."""
     if covariance is None or not np.isfinite(covariance).all() or (np.diag(covariance) < 0.0).any():
         return ()
     sd = np.sqrt(np.diag(covariance))
@@ -200,7 +214,7 @@ def _correlation_of(covariance: np.ndarray | None) -> tuple[tuple[float, ...], .
     # Rounding leaves a covariance not quite symmetric.
     answer = np.clip(0.5 * (covariance + covariance.T) * np.outer(scale, scale), -1.0, 1.0)
     np.fill_diagonal(answer, 1.0)
-    # Nor does it leave all eigenvalues where they cannot be less than zero.
+    # Nor are all of its eigenvalues above zero.
     short = max(-float(np.linalg.eigvalsh(answer)[0]), 0.0)
     answer = (answer + short * np.eye(len(sd))) / (1.0 + short)
     np.fill_diagonal(answer, 1.0)
@@ -226,15 +240,17 @@ def _effect(document: Any, schema: object, source: str, place: str) -> StoredEff
     further = {"probability"} if schema == SCHEMA else set()
     page = _table(document, {"slug", "form", "parameters", "constants"} | further, source, place)
     slug, form = page["slug"], page["form"]
-    if not isinstance(slug, str) or slug not in STORED:
-        raise InputError(source, f"effect {shown(slug)}", expected="one of " + ", ".join(STORED), place=place)
     if not isinstance(form, str):
         raise InputError(source, f"form {shown(form)}", expected="text", place=place)
+    if slug == RESERVED:
+        slug, form = _FORMER.get(form, (slug, form))
+    if not isinstance(slug, str) or slug not in SLUGS:
+        raise InputError(source, f"effect {shown(slug)}", expected="one of " + ", ".join(SLUGS), place=place)
     known = [effect for effect in forms_by_name(slug, specimen(lugs_of(form))) if effect.form == form]
     if not known:
         raise InputError(source, f"form {form!r} of {slug}"[:120], expected="a form of the catalogue", place=place)
     names = set(page["parameters"]) if isinstance(page["parameters"], dict) else set()
-    effect = smallest_holding(names, known)
+    effect = smallest_form(form, names, known)
     if effect is None:
         wanted = " or ".join(", ".join(parameter.name for parameter in each.parameters) for each in known)
         raise InputError(source, f"parameters {sorted(map(str, names))}"[:120], expected=wanted, place=place)
@@ -254,7 +270,7 @@ def _effect(document: Any, schema: object, source: str, place: str) -> StoredEff
 
 def _constants(document: Any, effect: Effect, source: str, place: str) -> dict[str, float]:
     page = _table(document, set(effect.constants), source, f"{place}, constants")
-    # Speeds and widths are what a formula divides by; moments of time may be anything.
+    # Speeds and widths are divisors; moments of time may be anything.
     lowest = {name: -math.inf if name.startswith("t_") else math.ulp(0.0) for name in effect.constants}
     return {
         name: _finite(page[name], (lowest[name], math.inf), source, f"{place}, constants, {name}") for name in page

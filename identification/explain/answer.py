@@ -171,10 +171,12 @@ def _missing(problem: Problem, found: Search, weighed: Posterior, chosen: Chosen
     effect = next(each for each in best.effects if each.slug == slug)
     rivals = rivals_of(weighed, slug)
     others = [weighed.best[slugs] for slugs in rivals.values()]
-    tell = would_tell(problem, best, *others) if probability < ASSERTED and others else ""
+    # A fault is checked by itself; what decides between physical effects is computed.
+    computed = effect.kind != "instrument" and probability < ASSERTED and others
+    tell = would_tell(problem, best, *others) if computed else effect.check
     return Missing(
         effect.slug, effect.kind, effect.form, probability, _parameters(problem, found, best, effect), effect.equation,
-        effect.source, tuple(rivals), effect.check or tell,
+        effect.source, tuple(rivals), tell or effect.check,
     )  # fmt: skip
 
 

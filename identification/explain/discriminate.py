@@ -6,12 +6,11 @@ added, for a soil known from elsewhere, for other drives, and for a check of the
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from ..effects.drive import select_rows
 from ..effects.effect import PULL, SINKAGE, TORQUE, Drive
+from ..effects.registry import REGISTRY
 from ..mechanics.textbook import CHANNELS
 from .fit import Fitted
 from .likelihood import Problem
@@ -21,18 +20,6 @@ from .steps import scaled_inverse
 _NAMES = {TORQUE: "wheel torque", SINKAGE: "sinkage", PULL: "drawbar pull"}
 _NEW_SENSOR = 0.01
 """Noise of a channel that is not there yet, as a share of its root mean square [-]."""
-
-_CHECKS = {
-    "torque_offset": (TORQUE, "read the torque with the wheel lifted and at rest"),
-    "sinkage_offset": (SINKAGE, "read the sinkage with the wheel on a hard, flat floor"),
-    "torque_gain": (None, "hang a known weight on a lever at the wheel and read the torque"),
-    "load_gain": (None, "stand the wheel on a scale and read the load"),
-    "rolling_radius": (None, "count the wheel's turns over a measured distance on a hard floor"),
-}
-"""How an instrument is checked by itself: a zero against its channel's noise, a gain against `_CHECKED_TO`."""
-
-_CHECKED_TO, _READINGS = 0.01, 100
-"""Relative accuracy of such a check of a gain [-], and readings over which one of a zero is averaged."""
 
 _ROWS = 240
 ENOUGH = 5.0
@@ -78,7 +65,7 @@ def would_tell(problem: Problem, right: Hypothesis, *others: Hypothesis) -> str:
 
 def _apart(right: Hypothesis, other: Hypothesis) -> str:
     """Name what another set has that the right one has not."""
-    return " with ".join(sorted(slug.replace("_", " ") for slug in other.slugs - right.slugs or other.slugs))
+    return " with ".join(sorted(REGISTRY[slug].title for slug in other.slugs - right.slugs or other.slugs))
 
 
 def _channels(problem: Problem, right: Hypothesis, other: Hypothesis) -> list[tuple[float, str]]:
@@ -113,13 +100,11 @@ def _checks(problem: Problem, right: Hypothesis, other: Hypothesis) -> list[tupl
     answer = []
     for trial, without in ((right, other), (other, right)):
         for effect, where in trial.fitted.model.slices():
-            if effect.slug not in _CHECKS or effect.slug in without.slugs:
-                continue
-            channel, text = _CHECKS[effect.slug]
-            spread = _CHECKED_TO
-            if channel is not None:
-                spread = trial.fitted.noise.sd[problem.answers.index(channel)] / math.sqrt(_READINGS)
-            answer.append((0.5 * (float(trial.fitted.vector[where][0]) / spread) ** 2, text))
+            noise = problem.samples.noise.copy()
+            noise[problem.answers] = trial.fitted.noise.sd
+            sd = effect.check_sd(noise)
+            if sd is not None and effect.slug not in without.slugs:
+                answer.append((0.5 * (float(trial.fitted.vector[where][0]) / sd) ** 2, effect.check))
     return answer
 
 

@@ -103,7 +103,7 @@ def explain(
 def _considered(catalogue: Iterable[str] | None) -> tuple[str, ...]:
     """Public names of the effects to consider; raises `InputError` where they are no list, or one is no effect."""
     if catalogue is None:
-        return SLUGS
+        return tuple(SLUGS)
     if isinstance(catalogue, str) or not isinstance(catalogue, Iterable):
         raise refused("catalogue", catalogue, "a list of names of effects")
     names = tuple(catalogue)

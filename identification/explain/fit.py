@@ -243,4 +243,4 @@ def with_effect(base: Fitted, effect: Effect, start: np.ndarray) -> tuple[Augmen
     """Give the model of a fit with one more effect, and where it starts (p,)."""
     soil, others = np.split(base.vector, [SOIL_COUNT])
     model = AugmentedWheel(base.model.wheel, (*base.model.effects, effect))
-    return model, np.concatenate([effect.beside(soil), others, start])
+    return model, np.concatenate([effect.initial_soil(soil), others, start])

@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from ..effects.soil_patch import CELLS, SoilPatch, tracks_of
+from ..effects.catalogue.soil_patch import CELLS, SoilPatch, tracks_of
 from .concurrency import together
 from .fit import Fitted
 from .likelihood import Problem

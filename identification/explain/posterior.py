@@ -57,15 +57,14 @@ def posterior(
     found
         The search.
     effect, unknown, temperature
-        Prior probability of each effect and of something that the catalogue lacks, and what differences of ln evidence
-        are divided by [-].
+        Prior probability of an effect that does not state its own and of something that the catalogue lacks, and what
+        differences of ln evidence are divided by [-].
     """
-    forms: dict[frozenset[str], list[float]] = {}
+    by_set: dict[frozenset[str], list[float]] = {}
     for each in found.hypotheses:
-        several = sum(math.log(found.forms[slug]) for slug in each.slugs)
-        forms.setdefault(each.slugs, []).append(each.log_evidence / temperature - several)
-    best, odds = found.best(), math.log(effect / (1.0 - effect))
-    weight = {slugs: float(np.logaddexp.reduce(values)) + len(slugs) * odds for slugs, values in forms.items()}
+        by_set.setdefault(each.slugs, []).append(each.log_evidence / temperature + found.log_prior(each, effect))
+    best = found.best()
+    weight = {slugs: float(np.logaddexp.reduce(values)) for slugs, values in by_set.items()}
     known = math.log(1.0 - unknown)
     total = {slugs: value + known for slugs, value in weight.items()}
     nearest = sorted(weight, key=lambda slugs: -weight[slugs])[:_WEIGHED]

@@ -7,7 +7,8 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from ..effects.descriptions import DESCRIPTIONS, Description
+from ..effects.catalogue import REGISTRY
+from ..effects.registry import RESERVED
 from .explanation import Estimate, Region
 from .variables import CONSTANT
 
@@ -149,14 +150,21 @@ def p_value(value: float) -> str:
 def effect(name: str) -> str:
     """Name one effect, or several joined by plus signs; forms stay in brackets."""
     return " + ".join(
-        describe(slug).name + (f" ({form[:-1]})" if form else "")
+        title(slug) + (f" ({form[:-1]})" if form else "")
         for slug, _, form in (part.partition("[") for part in name.split(" + "))
     )
 
 
-def describe(slug: str) -> Description:
-    """Give name and description of an effect; one that is not in the catalogue has its public name alone."""
-    return DESCRIPTIONS.get(slug, Description(slug, ""))
+def title(slug: str) -> str:
+    """Name an effect; one that is not in the catalogue has its public name."""
+    return REGISTRY[slug].title if slug in REGISTRY else slug
+
+
+def what_happens(slug: str) -> str:
+    """Say what happens, in a clause; empty for what is not in the catalogue."""
+    if slug == RESERVED:
+        return "nothing in the catalogue explains it"
+    return REGISTRY[slug].what_happens if slug in REGISTRY else ""
 
 
 def listed(parts: Iterable[str], last: str = "and") -> str:

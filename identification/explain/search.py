@@ -145,11 +145,17 @@ class Search:
         names = frozenset(effect.name for effect in effects)
         return any(each.names == names for each in self.hypotheses)
 
+    def log_prior(self, each: Hypothesis, effect: float = PRIOR_EFFECT) -> float:
+        """Ln of the prior odds of a hypothesis [nats]: those of its effects, of which each form has an equal share.
+
+        `effect` is the prior probability of effects that do not state their own.
+        """
+        stated = ((one.slug, one.prior_probability or effect) for one in each.effects)
+        return sum(math.log(share / (1.0 - share) / self.forms[slug]) for slug, share in stated)
+
     def log_posterior(self, each: Hypothesis) -> float:
         """Ln of the posterior of a hypothesis by itself [nats], up to a constant."""
-        several = sum(math.log(self.forms[slug]) for slug in each.slugs)
-        odds = math.log(PRIOR_EFFECT / (1.0 - PRIOR_EFFECT))
-        return each.log_evidence / TEMPERATURE - several + len(each.slugs) * odds
+        return each.log_evidence / TEMPERATURE + self.log_prior(each)
 
     def best(self) -> dict[frozenset[str], Hypothesis]:
         """Give the best hypothesis of each set of effects."""
@@ -214,7 +220,7 @@ def _expand(found: Search, base: Hypothesis) -> None:
     for effect, bare in zip(base.effects, smaller, strict=True):
         others = [each for each in found.catalogue if each.slug not in base.slugs]
         same = [each for each in found.catalogue if each.slug == effect.slug and each.name != effect.name]
-        derived = [*effect.variants(), *effect.freer()]
+        derived = effect.extensions()
         found.consider(derived)
         forms = [*_ranked(problem, bare, same)[:FORMS], *derived]
         found.fit_added(bare, [*_first(problem, bare, others, SWAPPED), *forms])

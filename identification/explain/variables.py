@@ -11,8 +11,8 @@ from numpy.polynomial.legendre import legvander
 from sklearn.preprocessing import SplineTransformer
 
 from ...framework.core.track.place import coordinate
+from ..effects.catalogue.soil_patch import tracks_of
 from ..effects.effect import Drive
-from ..effects.soil_patch import tracks_of
 from .samples import Samples
 
 _NAMES = {

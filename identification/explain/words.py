@@ -13,7 +13,6 @@ from .quantities import (
     capital,
     columns_in_words,
     cycles_a_turn,
-    describe,
     effect,
     estimate,
     interval,
@@ -21,6 +20,7 @@ from .quantities import (
     number,
     percent,
     shown,
+    what_happens,
 )
 from .variables import CONSTANT, LAG
 
@@ -169,7 +169,7 @@ def _undecided(missing: Sequence[Missing]) -> str:
 
 def _happens(missing: Missing) -> str:
     """Say what an effect does, with its parameters; of the unknown, where it lives."""
-    what = describe(missing.effect).what
+    what = what_happens(missing.effect)
     if missing.kind == "unknown":
         what = columns_in_words(missing.description)
     elif channel := _channel(missing):

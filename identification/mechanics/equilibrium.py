@@ -58,7 +58,7 @@ _ROUNDING = 1e-9
 @dataclass(frozen=True)
 class Equilibrium:
     """Contacts (n, f) that carry their load, their forces W [N], T [N m], DP [N] (n, 3) and derivatives of these by
-    the fields (n, 3, 20) where they were wanted; and the power of the entry angle with which the load grows (n,). Rows
+    the fields (n, 3, 21) where they were wanted; and the power of the entry angle with which the load grows (n,). Rows
     whose load is not carried are NaN.
     """
 

@@ -9,28 +9,28 @@ import numpy as np
 FIELDS = (
     "theta_1", "theta_2", "theta_m", "advance_m", "c_Pa", "tan_phi", "k_m", "stiffness_Pa", "n", "radius_m",
     "shear_radius_m", "lever_m", "lift_N", "residual", "adhesion_Pa", "tan_delta", "layer_depth_m",
-    "layer_stiffness_Pa", "most_normal_Pa", "hump", "rim_cuts_off",
+    "layer_stiffness_Pa", "most_normal_Pa", "hump", "decay", "rim_cuts_off",
 )  # fmt: skip
 """Columns of a contact: entry, exit and peak angle [rad], V / omega [m], c [Pa], tan phi, Janosi k [m], stiffness
 k1 + k2 b [Pa], n, radius of the contact, radius at which soil shears and lever arm of the shear stress [m], what
 carries load besides the stresses on the rim [N], share of the shear strength left after its peak (infinite for
 Janosi's law, which has no peak), adhesion [Pa] and friction of the rim (infinite where soil never slips on it), depth
 [m] and stiffness [Pa] of a layer beneath, the largest normal stress that the wheel transmits [Pa] (infinite for a rigid
-one), h of Kacigin & Guskov's law (infinite where it is not theirs) [-], and one where the rim cuts the soil's shear
-stress off instead of its strength."""
+one), h of Kacigin & Guskov's law (infinite where it is not theirs) [-], m of Bekker's (likewise) [-],
+and one where the rim cuts the soil's shear stress off instead of its strength."""
 
 COLUMN = {name: index for index, name in enumerate(FIELDS)}
 
 (
     THETA_1, THETA_2, THETA_M, ADVANCE, COHESION, TAN_PHI, MODULUS, STIFFNESS, EXPONENT, RADIUS, SHEAR_RADIUS, LEVER,
-    LIFT, RESIDUAL, ADHESION, TAN_DELTA, LAYER_DEPTH, LAYER_STIFFNESS, MOST_NORMAL, HUMP, CUTS_OFF,
+    LIFT, RESIDUAL, ADHESION, TAN_DELTA, LAYER_DEPTH, LAYER_STIFFNESS, MOST_NORMAL, HUMP, DECAY, CUTS_OFF,
 ) = range(len(FIELDS))  # fmt: skip
 
 SLOPED = CUTS_OFF
 """Forces have derivatives by all fields but the last, which is a switch."""
 
 TEXTBOOK = np.zeros(len(FIELDS))
-TEXTBOOK[[RESIDUAL, TAN_DELTA, LAYER_DEPTH, MOST_NORMAL, HUMP]] = math.inf
+TEXTBOOK[[RESIDUAL, TAN_DELTA, LAYER_DEPTH, MOST_NORMAL, HUMP, DECAY]] = math.inf
 """A row (f,) whose fields beyond geometry and soil are such that the textbook wheel has nothing of the kind."""
 
 LOCKED = 1e-9

@@ -14,6 +14,7 @@ from .fields import (
     ADVANCE,
     COHESION,
     CUTS_OFF,
+    DECAY,
     EXPONENT,
     HUMP,
     LAYER_DEPTH,
@@ -126,8 +127,10 @@ def _over_the_rim(field, width, sin_1, cos_1, top, zone, along):
     theta = ahead if zone == 0 else theta_2 + (theta_m - theta_2) * along
     displacement = field[SHEAR_RADIUS] * (theta_1 - theta) - field[ADVANCE] * (sin_1 - math.sin(theta))
     mobilised = 1.0 - math.exp(-abs(displacement) / field[MODULUS])
-    if min(field[RESIDUAL], field[HUMP]) < math.inf:
-        mobilised = abs(with_peak(displacement, field[MODULUS], field[RESIDUAL], field[HUMP], top, 0.0)[0])
+    if has_peak(field):
+        mobilised = abs(
+            with_peak(displacement, field[MODULUS], field[RESIDUAL], field[HUMP], field[DECAY], top, 0.0)[0]
+        )
     return (field[COHESION] + normal * field[TAN_PHI]) * mobilised - field[ADHESION] - normal * field[TAN_DELTA]
 
 
@@ -195,27 +198,39 @@ def _depth_of(field, normal, width):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def with_peak(displacement, modulus, residual, hump, top, by_top):
+def has_peak(field):
+    """Say whether the shear stress of a contact (f,) passes a peak."""
+    return min(field[RESIDUAL], field[HUMP], field[DECAY]) < math.inf
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def with_peak(displacement, modulus, residual, hump, decay, top, by_top):
     """Mobilised share of the shear strength where it passes a peak, odd in the displacement [m], and its derivatives.
 
-    They are by the displacement [1/m], by `residual` and by `hump`. Where `residual` is finite the law is that of
+    They are by the displacement [1/m], by `residual`, `hump` and `decay`. Where `residual` is finite the law is that of
     J. Y. Wong, J. Preston-Thomas, J. Terramechanics 19 (1983): a peak at the displacement `modulus`, then a fall to the
     residual share; where `hump` is finite that of V. V. Kacigin, V. V. Guskov, J. Terramechanics 5(3) (1968), over its
-    largest value, the `top`. By the modulus [m] the derivative is that by the displacement, times
-    -displacement / modulus.
+    largest value, the `top`; where `decay` is finite that of M. G. Bekker, "Theory of Land Locomotion" (1956), the
+    difference of two exponentials over its largest value. By the modulus [m] the derivative is
+    that by the displacement, times -displacement / modulus.
     """
     along, sign = abs(displacement) / modulus, math.copysign(1.0, displacement)
     if hump < math.inf:
         along = min(along, _LEVEL)
         share, slope = _hump(along, hump)
         by_hump = (math.tanh(along) / math.cosh(along) - share / top * by_top) / top
-        return sign * share / top, slope / top / modulus, 0.0, sign * by_hump
-    decay = math.exp(-along)
-    rising = 1.0 - decay
-    excess = (1.0 / (1.0 - math.exp(-1.0)) - residual) * math.e * decay
-    slope = decay * (residual + excess) - rising * excess
-    by_residual = rising * (1.0 - math.e * decay)
-    return sign * rising * (residual + excess), slope / modulus, sign * by_residual, 0.0
+        return sign * share / top, slope / top / modulus, 0.0, sign * by_hump, 0.0
+    fast = math.exp(-along)
+    if decay < math.inf:
+        slow = math.exp(-decay * along)
+        share = (slow - fast) / top
+        by_decay = -(along * slow + share * by_top) / top
+        return sign * share, (fast - decay * slow) / top / modulus, 0.0, 0.0, sign * by_decay
+    rising = 1.0 - fast
+    excess = (1.0 / (1.0 - math.exp(-1.0)) - residual) * math.e * fast
+    slope = fast * (residual + excess) - rising * excess
+    by_residual = rising * (1.0 - math.e * fast)
+    return sign * rising * (residual + excess), slope / modulus, sign * by_residual, 0.0, 0.0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -227,7 +242,13 @@ def _hump(along, hump):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def top_of(hump):
-    """Give the largest value of Kacigin & Guskov's stress over what is left of it, and its derivative by h."""
-    where = math.acosh((1.0 + math.sqrt(1.0 + 8.0 * hump * hump)) / (2.0 * hump))
-    return _hump(where, hump)[0], math.tanh(where) / math.cosh(where)
+def top_of(hump, decay):
+    """Largest value of Kacigin & Guskov's law or of Bekker's, before it is scaled, and its derivative by h or by m."""
+    if hump < math.inf:
+        where = math.acosh((1.0 + math.sqrt(1.0 + 8.0 * hump * hump)) / (2.0 * hump))
+        return _hump(where, hump)[0], math.tanh(where) / math.cosh(where)
+    if 0.0 < decay < math.inf:
+        where = -math.log(decay) / (1.0 - decay)
+        slow = math.exp(-decay * where)
+        return slow - math.exp(-where), -where * slow
+    return 1.0, 0.0

@@ -22,6 +22,7 @@ from .fields import (
     ADVANCE,
     COHESION,
     CUTS_OFF,
+    DECAY,
     EXPONENT,
     HUMP,
     LAYER_DEPTH,
@@ -41,7 +42,7 @@ from .fields import (
     THETA_2,
     THETA_M,
 )  # fmt: skip
-from .kinks import EDGES, cut, top_of, with_peak
+from .kinks import EDGES, cut, has_peak, top_of, with_peak
 
 Rule = tuple[np.ndarray, np.ndarray]
 """Nodes u and weights on [0, 1] of a quadrature, (m,) each."""
@@ -73,7 +74,7 @@ def rim_forces(contact: np.ndarray, width_m: float, rule: Rule = FINE) -> np.nda
 def rim_forces_and_slopes(
     contact: np.ndarray, width_m: float, rule: Rule = FINE, *, sloped: bool = True
 ) -> tuple[np.ndarray, np.ndarray]:
-    """As `rim_forces`, with the derivatives (n, 3, 20) by all fields but the last; by none where not `sloped`."""
+    """As `rim_forces`, with the derivatives (n, 3, 21) by all fields but the last; by none where not `sloped`."""
     rows = len(contact)
     forces, slopes = np.empty((rows, 3)), np.empty((rows, 3, SLOPED if sloped else 0))
     integrate(np.asfortranarray(contact), width_m, *rule, np.ones(rows, dtype=bool), forces, slopes)
@@ -82,7 +83,7 @@ def rim_forces_and_slopes(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def integrate(contact, width, nodes, weights, wanted, forces, slopes):
-    """Integrate the stresses of each row of `contact` (n, f) into `forces` (n, 3) and `slopes` (n, 3, 20 or 0).
+    """Integrate the stresses of each row of `contact` (n, f) into `forces` (n, 3) and `slopes` (n, 3, 21 or 0).
 
     Rows that are not `wanted` (n,) keep what they have.
     """
@@ -119,10 +120,10 @@ def one_rim(field, width, nodes, weights, scratch, forces, slopes):
     cohesion, tan_phi, modulus, exponent = field[COHESION], field[TAN_PHI], field[MODULUS], field[EXPONENT]
     radius, shear_radius = field[RADIUS], field[SHEAR_RADIUS]
     layered, capped_by_rim = field[LAYER_DEPTH] < math.inf, field[TAN_DELTA] < math.inf
-    cuts_off, has_peak = field[CUTS_OFF] > 0.5, min(field[RESIDUAL], field[HUMP]) < math.inf
+    cuts_off, peaked = field[CUTS_OFF] > 0.5, has_peak(field)
     sin_1, cos_1 = math.sin(theta_1), math.cos(theta_1)
     scale = field[STIFFNESS] * (radius / width) ** exponent
-    top, by_hump = top_of(field[HUMP]) if field[HUMP] < math.inf else (1.0, 0.0)
+    top, by_top = top_of(field[HUMP], field[DECAY])
     sloped = slopes.shape[1] > 0
     forces[:] = 0.0
     slopes[:, :] = 0.0
@@ -158,10 +159,10 @@ def one_rim(field, width, nodes, weights, scratch, forces, slopes):
                 weight = share_of_rule * abs(theta_m - end)
                 friction, strength = tan_phi, cohesion + normal * tan_phi
                 displacement = shear_radius * (theta_1 - theta) - advance * (sin_1 - sine)
-                by_residual, by_h = 0.0, 0.0
-                if has_peak:
-                    mobilised, slope, by_residual, by_h = with_peak(
-                        displacement, modulus, field[RESIDUAL], field[HUMP], top, by_hump
+                by_residual, by_h, by_m = 0.0, 0.0, 0.0
+                if peaked:
+                    mobilised, slope, by_residual, by_h, by_m = with_peak(
+                        displacement, modulus, field[RESIDUAL], field[HUMP], field[DECAY], top, by_top
                     )
                 else:
                     decay = math.exp(-abs(displacement) / modulus)
@@ -174,7 +175,7 @@ def one_rim(field, width, nodes, weights, scratch, forces, slopes):
                         friction, strength = field[TAN_DELTA], rim
                         if cuts_off:
                             mobilised, slope = math.copysign(1.0, mobilised), 0.0
-                            by_residual, by_h = 0.0, 0.0
+                            by_residual, by_h, by_m = 0.0, 0.0, 0.0
                 shear = strength * mobilised
                 up = radius * normal * cosine + shear_radius * shear * sine
                 on = shear_radius * shear * cosine - radius * normal * sine
@@ -209,9 +210,10 @@ def one_rim(field, width, nodes, weights, scratch, forces, slopes):
                     else:
                         slopes[force, COHESION] += by_strength
                         slopes[force, TAN_PHI] += by_strength * normal
-                    if has_peak:
+                    if peaked:
                         slopes[force, RESIDUAL] += by_shear[force] * strength * by_residual
                         slopes[force, HUMP] += by_shear[force] * strength * by_h
+                        slopes[force, DECAY] += by_shear[force] * strength * by_m
                 slopes[0, RADIUS] += weight * normal * cosine
                 slopes[2, RADIUS] -= weight * normal * sine
                 slopes[0, SHEAR_RADIUS] += weight * shear * sine

@@ -17,3 +17,10 @@ def test_the_page_of_effects_is_that_of_the_catalogue():
     written = (DOCS / "effects.md").read_text(encoding="utf-8")
     assert written == module.page(), "run python docs/effects_page.py"
     assert all(f"### `{slug}`" in written for slug in SLUGS)
+
+
+def test_the_effect_that_contributing_shows_is_the_one_that_is_tested():
+    file = DOCS.parent / "tests" / "helpers" / "cable_drag.py"
+    code = file.read_text(encoding="utf-8").split('"""', 2)[2].strip()
+    shown = "\n".join(f"    {line}".rstrip() for line in code.splitlines())
+    assert shown in (DOCS / "contributing.md").read_text(encoding="utf-8")

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from bevameter.identification.effects.catalogue import SLUGS, forms_by_name
 from bevameter.identification.effects.effect import Effect, Situation
-from bevameter.identification.effects.named import choose, parse_effect, pinned, specimen, values_of
+from bevameter.identification.effects.parse import choose, parse_effect, pinned, specimen, values_of
 from bevameter.identification.mechanics.augmented import AugmentedWheel
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import equilibrium

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from bevameter import Wheel
-from bevameter.identification.effects.named import forms_by_name, specimen
+from bevameter.identification.effects.parse import forms_by_name, specimen
 from bevameter.identification.explain.explanation import (
     Candidate,
     ChannelFit,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import cache
 from itertools import pairwise
 
@@ -20,6 +21,7 @@ LAWS: dict[str, dict[str, float]] = {
     "textbook": {},
     "hump": {"residual": 0.6},
     "sech": {"hump": 1.4},
+    "decay": {"decay": 0.2},
     "slips on the rim": {"adhesion_Pa": 300.0, "tan_delta": 0.3},
     "cut off at the rim": {"adhesion_Pa": 300.0, "tan_delta": 0.3, "rim_cuts_off": 1.0},
     "layer": {"layer_depth_m": 0.005, "layer_stiffness_Pa": 5e5},
@@ -46,15 +48,21 @@ def _kacigin(along: float, hump: float) -> float:
 
 
 @cache
-def _peak(hump: float) -> float:
+def _peak(law: Callable[[float, float], float], shape: float) -> float:
     within = {"bounds": (0.0, 8.0), "method": "bounded", "options": {"xatol": 1e-9}}
-    return -minimize_scalar(lambda at: -_kacigin(at, hump), **within).fun
+    return -minimize_scalar(lambda at: -law(at, shape), **within).fun
+
+
+def _bekker(along: float, decay: float) -> float:
+    return math.exp(-decay * along) - math.exp(-along)
 
 
 def mobilised(along: float, f: dict[str, float]) -> float:
-    """Mobilised share after Janosi, Wong & Preston-Thomas, and Kacigin & Guskov, written out as they print them."""
+    """Mobilised share after Janosi, Wong & Preston-Thomas, Kacigin & Guskov, and Bekker, as they print them."""
     if math.isfinite(f["hump"]):
-        return _kacigin(along, f["hump"]) / _peak(f["hump"])
+        return _kacigin(along, f["hump"]) / _peak(_kacigin, f["hump"])
+    if math.isfinite(f["decay"]):
+        return _bekker(along, f["decay"]) / _peak(_bekker, f["decay"])
     share = 1.0 - math.exp(-along)
     if math.isinf(f["residual"]):
         return share

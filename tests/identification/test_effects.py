@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bevameter import InputError
-from bevameter.identification.effects.catalogue import INSTRUMENTS, SLUGS, effects_for, forms_by_name
+from bevameter.identification.effects.catalogue import REGISTRY, SLUGS, effects_for, forms_by_name
 from bevameter.identification.effects.effect import (
     LOAD,
     PULL,
@@ -17,7 +17,7 @@ from bevameter.identification.effects.effect import (
     TORQUE,
     Effect,
 )
-from bevameter.identification.effects.named import (
+from bevameter.identification.effects.parse import (
     NamedEffect,
     choose,
     parse_effect,
@@ -44,13 +44,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 
+def test_every_effect_is_a_module_of_its_name_and_says_what_happens():
+    for slug, kind in REGISTRY.items():
+        assert kind.__module__.endswith(f".catalogue.{slug}")
+        assert kind.title == kind.title.strip()
+        assert kind.what_happens[0].islower()
+        assert not kind.what_happens.endswith(".")
+        assert not kind.check.endswith(".")
+    assert list(SLUGS) == sorted(SLUGS, key=lambda slug: (REGISTRY[slug].kind != "physics", slug))
+
+
 def test_every_slug_has_a_form_and_every_form_says_what_it_is():
     assert {effect.slug for effect in FORMS} == set(SLUGS)
-    assert {effect.slug for effect in FORMS if effect.kind == "instrument"} == set(INSTRUMENTS)
     for effect in FORMS:
+        assert effect.kind == REGISTRY[effect.slug].kind
         assert effect.equation
         assert effect.source
         for parameter in effect.parameters:
+            assert parameter.source, identity(effect)
             assert parameter.low < parameter.high, identity(effect)
             assert parameter.low <= parameter.start <= parameter.high, identity(effect)
             assert parameter.scale > 0.0
@@ -58,6 +69,14 @@ def test_every_slug_has_a_form_and_every_form_says_what_it_is():
             assert len(start) == len(effect.parameters)
     with pytest.raises(InputError, match=r"'gravity'.*slip_sinkage"):
         effects_for(SITUATION, ["gravity"])
+
+
+@pytest.mark.parametrize("effect", FORMS, ids=identity)
+def test_an_effect_changes_the_channels_that_it_says(effect):
+    values = [min(p.start + 0.3 * p.scale, p.high) for p in effect.parameters]
+    answer = AugmentedWheel(WHEEL, (effect,)).predict(DRIVE, IMPOSED, np.concatenate([soil_vector(SOIL), values]))
+    moved = [channel for channel in range(5) if not untouched(answer.channels - textbook(), channel)]
+    assert set(moved) <= set(effect.changes)
 
 
 WITHOUT_NULL = ("shear_hump", "rim_adhesion", "grousers[displacement of the tips]")

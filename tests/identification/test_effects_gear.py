@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
 import pytest
-from bevameter.identification.effects import time_faults, uncatalogued
-from bevameter.identification.effects.catalogue import effects_for, forms_by_name
+from bevameter.identification.effects.catalogue import SLUGS, effects_for, forms_by_name
+from bevameter.identification.effects.catalogue.drift import ChannelDrift, curves_predicted
+from bevameter.identification.effects.catalogue.grousers import LugRipple, _counts
+from bevameter.identification.effects.catalogue.time_lag import TimeLag
+from bevameter.identification.effects.catalogue.zeros_by_run import ZerosByRun
 from bevameter.identification.effects.drive import select_rows
-from bevameter.identification.effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Contact, Drive
-from bevameter.identification.effects.grousers import LugRipple, Lugs, _counts
-from bevameter.identification.effects.named import (
+from bevameter.identification.effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Contact, Drive, Effect
+from bevameter.identification.effects.parse import (
     choose,
     lugs_of,
     parse_effect,
@@ -90,69 +93,17 @@ def test_the_sides_of_the_block_between_lugs_shear_too():
         np.testing.assert_allclose(away[:, TORQUE], (factor - 1.0) * flat * (WHEEL.radius_m + height), rtol=1e-3)
 
 
-@pytest.mark.parametrize("form", ["radius", "radius with its slip", "radius and ripple, 24 lugs"])
-def test_soil_that_shears_beyond_the_lugs_tips_is_told(form):
-    effect = next(each for each in forms_by_name("grousers", specimen(24)) if each.form == form)
-    values, sd = np.zeros(len(effect.parameters)), np.full(len(effect.parameters), 0.02)
-    for share, told in ((0.9, []), (1.09, []), (1.3, ["s = 1.3"])):
-        values[0] = share
-        assert effect.unheard_of(values, sd) == told
-    assert effect.unheard_of(values, 10.0 * sd) == []
-
-
-def test_lugs_that_nobody_stated_may_stand_out_farther_than_is_assumed():
-    unstated = replace(SITUATION, wheel=WHEEL.model_copy(update={"grouser_height_m": 0.0}))
-    effect = next(each for each in forms_by_name("grousers", unstated) if each.form == "radius and ripple, 18 lugs")
-    values = np.zeros(len(effect.parameters))
-    values[:2] = 1.8, 0.05
-    sd = np.full(len(values), 0.01)
-    assert effect.unheard_of(values, sd) == []
-    # By their ripple alone they are known: without one the radius may be larger for any reason.
-    values[1] = 0.03
-    assert effect.unheard_of(values, sd) == ["18 lugs of which nothing ripples"]
-
-
-def lugs(kind: str, height_m: float, stated: int, *channels: int) -> LugRipple:
-    """18 lugs that were found, of a wheel that is said to have so many, where these channels were measured."""
-    wheel = WHEEL.model_copy(update={"grouser_height_m": height_m, "grouser_count": stated})
-    typical = np.array([1.0 if channel in channels else np.nan for channel in range(5)])
-    if kind == "ripple":
-        return LugRipple(18, typical, wheel)
-    return Lugs(18, typical, wheel, even=kind == "even")
-
-
-@pytest.mark.parametrize("kind", ["shares", "ripple", "even"])
-@pytest.mark.parametrize(("height_m", "count"), [(0.0, 0), (0.01, 0), (0.01, 7)])
-def test_lugs_whose_number_nobody_stated_pull_where_they_turn_the_wheel(kind, height_m, count):
-    effect = lugs(kind, height_m, count, TORQUE, SINKAGE, PULL)
-    where = {parameter.name: index for index, parameter in enumerate(effect.parameters)}
-    arm = 1.0 if kind == "shares" else WHEEL.radius_m
-    values, sd = np.zeros(len(where)), np.full(len(where), 0.001)
-    sd[[where["a_T"], where["b_T"]]] *= arm
-    values[[where["a_T"], where["b_T"]]] = 0.03 * arm, 0.04 * arm
-    assert effect.unheard_of(values, sd) == ["18 lugs that turn the wheel and hardly pull"]
-    assert "count the wheel's lugs" in effect.check
-    for announced in (18, 9):
-        stated = lugs(kind, 0.01, announced, TORQUE, SINKAGE, PULL)
-        assert (stated.unheard_of(values, sd), stated.check) == ([], "")
-    for pull, hardly in ((0.008, True), (0.015, False)):
-        values[where["a_DP"]] = pull
-        assert bool(effect.unheard_of(values, sd)) == hardly
-    # Where neither pull nor torque would show it, nothing speaks against them.
-    values[where["a_DP"]] = 0.0
-    assert effect.unheard_of(values, np.where(np.arange(len(sd)) == where["b_DP"], 0.02, sd)) == []
-    values[where["a_z"]] = 0.5
-    off = sd.copy()
-    off[[where["a_T"], where["b_T"]]] = 0.02 * arm
-    assert effect.unheard_of(values, off) == []
-
-
-@pytest.mark.parametrize(("ripples_m", "told"), [(0.0, ["18 lugs of which the torque alone ripples"]), (0.01, [])])
-def test_without_the_pull_sinkage_that_ripples_tells_of_lugs(ripples_m, told):
-    effect = lugs("ripple", 0.0, 0, TORQUE, SINKAGE)
-    assert [parameter.name for parameter in effect.parameters] == ["a_T", "a_z", "b_T", "b_z"]
-    assert effect.unheard_of(np.array([0.1, ripples_m, 0.1, 0.0]), np.full(4, 1e-3)) == told
-    assert lugs("ripple", 0.01, 18, TORQUE, SINKAGE).unheard_of(np.array([0.1, 0.0, 0.1, 0.0]), np.full(4, 1e-3)) == []
+def test_lugs_that_the_vehicle_states_are_likely_before_anything_is_measured():
+    stated, unstated = SITUATION, replace(SITUATION, wheel=WHEEL.model_copy(update={"grouser_count": 0}))
+    assert {form.prior_probability for form in forms_by_name("grousers", stated)} == {0.5}
+    typical = np.ones(5)
+    for count, prior in ((WHEEL.grouser_count, 0.5), (2 * WHEEL.grouser_count, 0.5), (7, None)):
+        assert LugRipple(count, typical, WHEEL).prior_probability == prior
+    ripple = LugRipple(7, typical, unstated.wheel)
+    assert ripple.prior_probability is None
+    assert "count the wheel's lugs" in ripple.check
+    others = [form for slug in SLUGS if slug != "grousers" for form in forms_by_name(slug, SITUATION)]
+    assert {form.prior_probability for form in others} == {None}
 
 
 def test_lugs_that_nobody_stated_are_a_tenth_of_the_radius_high():
@@ -168,7 +119,7 @@ def test_lugs_that_nobody_stated_are_a_tenth_of_the_radius_high():
 
 def test_every_form_of_lugs_is_found_again_by_its_name():
     here = specimen(24)
-    found = [each for form in effects_for(here, ["grousers"]) for each in (form, *form.variants())]
+    found = [each for form in effects_for(here, ["grousers"]) for each in (form, *form.extensions())]
     assert {effect.form for effect in found} >= {
         "radius with its slip", "ripple, 24 lugs, overtone", "radius with its slip and ripple, 24 lugs",
         "radius and even ripple, 24 lugs", "radius and even ripple, 24 lugs, overtone",
@@ -250,6 +201,39 @@ def test_constant_faults_change_what_is_reported_and_nothing_else():
     np.testing.assert_allclose(heavy[:, LOAD], DRIVE.load_N)
 
 
+def test_faults_of_force_and_sinkage_sensors_change_what_is_reported_and_nothing_else():
+    book = textbook()
+    for named, channel, expected in (
+        ("pull_offset:DP_0=3", PULL, book[:, PULL] + 3.0),
+        ("pull_gain:g=0.1", PULL, 1.1 * book[:, PULL]),
+        ("sinkage_gain:g=-0.1", SINKAGE, 0.9 * book[:, SINKAGE]),
+        ("load_in_pull:s=0.03", PULL, book[:, PULL] + 0.03 * DRIVE.load_N),
+        ("torque_pull_crosstalk:l=0.01", TORQUE, book[:, TORQUE] + 0.01 * book[:, PULL]),
+        ("torque_pull_crosstalk:s=0.05", PULL, book[:, PULL] + 0.05 * book[:, TORQUE] / WHEEL.radius_m),
+        ("frame_compliance:c=1e-5", SINKAGE, book[:, SINKAGE] + 1e-5 * book[:, PULL]),
+    ):
+        away = predict(named)
+        np.testing.assert_allclose(away[:, channel], expected, rtol=1e-4, atol=1e-4 * np.abs(expected).max())
+        assert untouched(away - book, *(each for each in range(5) if each != channel)), named
+
+
+def test_a_wrong_zero_of_the_load_cell_is_another_load():
+    true = equilibrium(WHEEL, SOIL, DRIVE.load_N - 5.0, DRIVE.slip)
+    off = predict("load_offset:W_0=5")
+    np.testing.assert_allclose(off[:, SINKAGE], true.sinkage_m, rtol=1e-5)
+    np.testing.assert_allclose(off[:, LOAD], DRIVE.load_N)
+
+
+@pytest.mark.parametrize("form", ["soft", "hard"])
+def test_a_torque_that_saturates_is_itself_while_small_and_never_beyond_its_limit(form):
+    share, usual = 4.0, 0.05 * textbook()[:, TORQUE].max()
+    power = {"soft": 2.5, "hard": 8.0}[form]
+    reported = predict(f"torque_saturation:form={form},s={share},T_usual={usual}")[:, TORQUE]
+    assert (reported < usual * share ** (-1.0 / power)).all()
+    small = predict(f"torque_saturation:form={form},s=0.1,T_usual={1e3 * usual}")[:, TORQUE]
+    np.testing.assert_allclose(small, textbook()[:, TORQUE], rtol=1e-3)
+
+
 def test_a_wrong_radius_is_a_wrong_slip_and_leaves_the_angle_of_the_wheel():
     wrong = predict("rolling_radius:e=0.05")
     true = equilibrium(WHEEL, SOIL, DRIVE.load_N, 1.0 - (1.0 - DRIVE.slip) / 1.05)
@@ -295,7 +279,7 @@ def test_lines_of_white_residuals_stand_out_of_noise_and_overtones_are_no_lugs_o
 def test_what_warms_settles():
     drive = replace(DRIVE, time_s=3.0 + 0.5 * np.arange(len(DRIVE)))
     (effect,) = (
-        each for each in time_faults.named(replace(SITUATION, drive=drive)) if each.form == "torque_Nm, warming"
+        each for each in forms_by_name("drift", replace(SITUATION, drive=drive)) if each.form == "torque_Nm, warming"
     )
     channels = np.zeros((len(drive), 5))
     effect.report(channels, drive, np.array([2.0, 4.0]))
@@ -322,25 +306,24 @@ def test_zeros_of_each_run_are_offered_where_slip_changes_within_runs():
     longer = replace(select_rows(DRIVE, np.arange(200) % len(DRIVE)), time_s=0.1 * np.arange(200), stretch=run)
     load = 100.0 + 20.0 * np.sin(9.0 * along)
 
-    def offered(slip: np.ndarray, load_N: np.ndarray, drive: Drive = longer) -> list[uncatalogued.Uncatalogued]:
-        situation = replace(SITUATION, drive=replace(drive, slip=slip, load_N=load_N))
-        return [fault for fault in uncatalogued.forms(situation) if fault.by_run]
+    def offered(slip: np.ndarray, load_N: np.ndarray, drive: Drive = longer) -> Sequence[Effect]:
+        return ZerosByRun.forms(replace(SITUATION, drive=replace(drive, slip=slip, load_N=load_N)))
 
-    (torque, *_, every) = offered(0.05 + 0.5 * along, load)
-    assert torque.form == "zeros of torque_Nm by run"
-    assert [parameter.name for parameter in torque.parameters] == [f"T_0 of run {number}" for number in range(1, 5)]
+    torque, *_, every = offered(0.05 + 0.5 * along, load)
+    assert torque.form == "torque_Nm"
+    assert [parameter.name for parameter in torque.parameters] == [f"T_0_run{number}" for number in range(1, 5)]
     assert len(every.parameters) == 12
-    assert "load" not in every.like
-    assert "something that depends on the load" in offered(0.05 + 0.5 * along, 80.0 + 10.0 * run)[0].like
-    assert offered(0.1 + 0.1 * run, load) == []
-    assert offered(0.05 + 0.5 * along, load, replace(longer, stretch=np.zeros(200, dtype=int))) == []
-    assert offered(0.05 + 0.5 * along, load, replace(longer, stretch=np.arange(200) // 10)) == []
+    assert every.remark == ""
+    assert "depend on the load" in offered(0.05 + 0.5 * along, 80.0 + 10.0 * run)[0].remark
+    assert not offered(0.1 + 0.1 * run, load)
+    assert not offered(0.05 + 0.5 * along, load, replace(longer, stretch=np.zeros(200, dtype=int)))
+    assert not offered(0.05 + 0.5 * along, load, replace(longer, stretch=np.arange(200) // 10))
 
 
 def test_zeros_of_a_run_are_none_of_another_drive():
     run = np.repeat([0, 2], 5)
     drive = replace(select_rows(DRIVE, np.arange(10)), stretch=run, slip=np.tile(np.linspace(0.1, 0.5, 5), 2))
-    zeros = uncatalogued.ZerosByRun([SINKAGE], np.ones(5), drive)
+    zeros = ZerosByRun([SINKAGE], np.ones(5), np.unique(drive.stretch))
     channels = np.zeros((10, 5))
     zeros.report(channels, replace(drive, stretch=np.repeat([0, 1, 2, 3, 9], 2)), np.array([0.3, -0.2]))
     np.testing.assert_allclose(channels[:, SINKAGE], np.repeat([0.3, 0.0, -0.2, 0.0, 0.0], 2))
@@ -358,11 +341,11 @@ def test_a_course_that_slip_and_load_foretell_is_offered_by_name_only():
         ramp = along.astype(int)
         drive = replace(longer, slip=0.05 + 0.5 * (along - ramp), load_N=50.0 * np.array(loads)[ramp])
         situation = replace(SITUATION, drive=drive)
-        assert choose(parse_effect("drift:d1=0.1,form=torque_Nm, bent"), time_faults.named(situation))
-        forms = [effect.form for effect in time_faults.forms(situation) if effect.slug == "drift"]
+        assert choose(parse_effect("drift:d1=0.1,form=torque_Nm, bent"), ChannelDrift.forms_by_name(situation))
+        forms = [effect.form for effect in ChannelDrift.forms(situation)]
         assert "torque_Nm" in forms
-        (gain,) = (each for each in time_faults.forms(situation) if each.form == "torque_Nm, gain")
-        assert bool(gain.freer()) == ("torque_Nm, bent" in forms) == ("torque_Nm, warming" in forms)
+        (gain,) = (each for each in ChannelDrift.forms(situation) if each.form == "torque_Nm, gain")
+        assert bool(gain.extensions()) == ("torque_Nm, bent" in forms) == ("torque_Nm, warming" in forms)
         return "torque_Nm, bent" in forms
 
     for loads in ((1.0, 1.5, 2.0), (2.0, 1.0, 1.5), (0.7, 1.0, 1.5, 2.0), (1.0, 0.6, 2.0, 1.4, 3.0)):
@@ -371,7 +354,7 @@ def test_a_course_that_slip_and_load_foretell_is_offered_by_name_only():
     for loads in ((1.0, 1.5, 1.0), (1.0, 1.0, 1.0), (0.7, 1.0, 1.5, 0.7), (1.0, 0.6, 2.0, 1.4, 1.0)):
         assert bends(*loads)
     few = select_rows(longer, np.linspace(0, count - 1, 12).astype(int))
-    assert not time_faults.bends_foretold(
+    assert not curves_predicted(
         replace(few, load_N=np.linspace(50.0, 90.0, 12)[np.random.default_rng(2).permutation(12)])
     )
 
@@ -385,8 +368,8 @@ def test_no_delay_of_slip_is_offered_where_it_rises_at_one_rate():
 
     def lags(slip: np.ndarray) -> set[str]:
         drive = replace(longer, time_s=0.1 * np.arange(count), slip=slip, stretch=ramp)
-        forms = time_faults.forms(replace(SITUATION, drive=drive))
-        return {effect.form for effect in forms if effect.slug == "time_lag" and "low-pass" not in effect.form}
+        forms = TimeLag.forms(replace(SITUATION, drive=drive))
+        return {effect.form for effect in forms if "low-pass" not in effect.form}
 
     up = lags(0.05 + 0.5 * (along - ramp))
     up_and_down = lags(0.05 + np.abs(along - ramp - 0.5))
@@ -402,10 +385,13 @@ def test_further_overtones_are_those_that_rows_are_close_enough_to_show():
         drive = replace(DRIVE, wheel_angle_rad=angle)
         found = effects_for(replace(SITUATION, drive=drive), ["grousers"])
         (form,) = [each for each in found if each.form == f"radius and ripple, {WHEEL.grouser_count} lugs, overtone"]
-        assert [each.form.rpartition(", ")[2] for each in form.freer()] == told
-        assert all(len(e.freer()) == len(told) for e in form.variants())
+        more = [each.form.rpartition(", ")[2] for each in form.extensions() if each.form.startswith(form.form[:20])]
+        assert [each for each in more if each != "overtone"] == told
+        others = [each for each in form.extensions() if each.form.endswith(", overtone")]
+        assert others
+        assert all(len(other.extensions()) == len(told) for other in others)
         (once,) = [each for each in found if each.form == f"radius and ripple, {WHEEL.grouser_count} lugs"]
-        assert once.freer() == []
+        assert not any("overtone" in each.form for each in once.extensions())
 
 
 def test_waves_of_each_order_come_round_so_many_times_a_turn():

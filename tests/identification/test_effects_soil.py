@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bevameter.identification.effects.catalogue.soil_patch import SoilPatch
 from bevameter.identification.effects.effect import (
     COVARIATES,
     PULL,
@@ -14,7 +15,6 @@ from bevameter.identification.effects.effect import (
     TORQUE,
     Drive,
 )
-from bevameter.identification.effects.soil_patch import SoilPatch
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import equilibrium
 from effects_tried import (
@@ -137,8 +137,8 @@ def test_what_the_soil_is_comes_before_what_is_done_to_it_in_whatever_order_they
 def test_all_forms_of_a_patch_start_where_the_ground_seems_to_be_another():
     """A freer form without a start of its own ended a search in an error where it took another one's place."""
     patch = SoilPatch("place", np.linspace(0.0, 5.0, 30), [np.array([0.2, -0.1, 1.0, 2.0])])
-    assert [each.form for each in patch.freer()] == ["place, cohesion apart", "place, another class"]
-    for each in (patch, *patch.freer()):
+    assert [each.form for each in patch.extensions()] == ["place, cohesion apart", "place, another class"]
+    for each in (patch, *patch.extensions()):
         (start,) = each.starts()
         assert len(start) == len(each.parameters)
         assert start[:4].tolist() == [0.2, -0.1, 1.0, 2.0]

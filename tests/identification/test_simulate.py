@@ -10,7 +10,7 @@ from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.core.recording.wheel_file import read_wheel_file, write_wheel_file
 from bevameter.framework.core.vehicle import Vehicle, Wheel
 from bevameter.identification.effects.catalogue import SLUGS, forms_by_name
-from bevameter.identification.effects.named import NamedEffect, specimen
+from bevameter.identification.effects.parse import NamedEffect, specimen
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import equilibrium
 from bevameter.identification.simulate import notes

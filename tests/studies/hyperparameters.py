@@ -45,8 +45,16 @@ def searched(folder: Path) -> dict[str, Any]:
     beside = posterior(found).discrepancies
     return {
         "name": folder.name,
-        "forms": found.forms,
-        "evidence": [[sorted(each.slugs), each.log_evidence] for each in found.hypotheses],
+        "evidence": [
+            # At a prior probability of a half the odds of effects that do not state their own are nothing.
+            [
+                sorted(each.slugs),
+                each.log_evidence,
+                found.log_prior(each, 0.5),
+                sum(one.prior_probability is None for one in each.effects),
+            ]
+            for each in found.hypotheses
+        ],
         "discrepancy": [[sorted(slugs), each.log_evidence] for slugs, each in beside.items()],
     }
 
@@ -54,10 +62,9 @@ def searched(folder: Path) -> dict[str, Any]:
 def weighed(row: dict[str, Any], temperature: float, effect: float, unknown: float) -> dict[frozenset[str], float]:
     """Give the posterior of each set of effects, discrepancies summed out."""
     odds, weight = math.log(effect / (1.0 - effect)), {}
-    for slugs, evidence in row["evidence"]:
-        several = sum(math.log(row["forms"][slug]) for slug in set(slugs))
+    for slugs, evidence, stated, count in row["evidence"]:
         key = frozenset(slugs)
-        own = evidence / temperature - several + len(key) * odds
+        own = evidence / temperature + stated + count * odds
         weight[key] = float(np.logaddexp(weight.get(key, -np.inf), own))
     beside = {frozenset(slugs): evidence for slugs, evidence in row["discrepancy"]}
     total = {

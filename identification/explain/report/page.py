@@ -10,7 +10,18 @@ from pathlib import Path
 from ....framework.core.files import write_text
 from ....framework.core.html import page, table, unbroken
 from ..explanation import Candidate, Explanation, Missing
-from ..quantities import KINDS, capital, columns_in_words, describe, effect, listed, percent, shown, signed, spread
+from ..quantities import (
+    KINDS,
+    capital,
+    columns_in_words,
+    effect,
+    listed,
+    percent,
+    shown,
+    signed,
+    spread,
+    what_happens,
+)
 from ..words import details, headline, name_of, predicted_worse
 from . import pictures
 from .sound import sound_section
@@ -94,7 +105,7 @@ def _missing(explanation: Explanation) -> str:
 
 
 def _one_missing(missing: Missing) -> str:
-    what = columns_in_words(missing.description) or describe(missing.effect).what
+    what = columns_in_words(missing.description) or what_happens(missing.effect)
     form = f" Form: {missing.form}." if missing.form else ""
     kind = KINDS.get(missing.kind, missing.kind)
     body = (

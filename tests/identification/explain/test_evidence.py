@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bevameter.identification.effects.instruments import SinkageOffset
+from bevameter.identification.effects.catalogue.sinkage_offset import SinkageOffset
 from bevameter.identification.explain.evidence import (
     AMPLITUDES,
     discrepancy,

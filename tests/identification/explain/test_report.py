@@ -14,8 +14,7 @@ import cv2
 import numpy as np
 import pytest
 from bevameter import InputError
-from bevameter.identification.effects.catalogue import PHYSICS, SLUGS
-from bevameter.identification.effects.descriptions import DESCRIPTIONS
+from bevameter.identification.effects.catalogue import REGISTRY
 from bevameter.identification.explain.answer import ASSERTED
 from bevameter.identification.explain.explanation import Candidate, Estimate, Region, Screened
 from bevameter.identification.explain.quantities import effect, estimate, number, p_value, shown, spread
@@ -276,9 +275,7 @@ def test_where_nothing_was_added_the_soil_shown_is_that_of_the_json():
 def test_the_documentation_has_every_effect_and_every_key_of_the_json():
     page = (Path(__file__).resolve().parents[3] / "docs" / "explain.md").read_text(encoding="utf-8")
     rows = [line for line in page.split("## The effects")[1].splitlines() if line.startswith("| `")]
-    assert rows == [
-        f"| `{slug}` | {'physics' if slug in PHYSICS else 'instrument'} | {DESCRIPTIONS[slug].what} |" for slug in SLUGS
-    ]
+    assert rows == [f"| `{slug}` | {effect.kind} | {effect.what_happens} |" for slug, effect in REGISTRY.items()]
     assert f"**asserted** from {100 * ASSERTED:.0f} %" in page
     keys = set(re.findall(r"`(\w+)`", page.split("## The JSON")[1].split("## ")[0]))
     answer = explanation(sound=SOUND, screened=(Screened("drift", 0.1),)).to_json()

@@ -88,16 +88,18 @@ def test_a_hump_that_is_none_is_janosis_law_with_a_weaker_soil(rng):
 def test_the_law_of_kacigin_and_guskov_stands_at_its_peak_and_falls_to_what_is_left(hump):
     at = np.linspace(0.01, 30.0, 30_001)
     printed = (1.0 + hump / np.cosh(at)) * np.tanh(at)
-    top, by_hump = kinks.top_of(hump)
+    top, by_hump = kinks.top_of(hump, math.inf)
     assert top == pytest.approx(printed.max(), rel=1e-6)
-    assert by_hump == pytest.approx((kinks.top_of(hump + 1e-5)[0] - kinks.top_of(hump - 1e-5)[0]) / 2e-5, rel=1e-6)
-    far = kinks.with_peak(1e3, 0.02, math.inf, hump, top, by_hump)
+    assert by_hump == pytest.approx(
+        (kinks.top_of(hump + 1e-5, math.inf)[0] - kinks.top_of(hump - 1e-5, math.inf)[0]) / 2e-5, rel=1e-6
+    )
+    far = kinks.with_peak(1e3, 0.02, math.inf, hump, math.inf, top, by_hump)
     assert far[:2] == pytest.approx((1.0 / printed.max(), 0.0), rel=1e-6)
 
 
 @pytest.mark.parametrize("law", LAWS)
 def test_slopes_are_those_of_the_forces(law, rng):
-    """By each of the twenty fields, against central differences of a fine quadrature."""
+    """By each of the twenty-one fields, against central differences of a fine quadrature."""
     rows, rule = 80, quadrature(40, 3)
     contact = contacts(
         rng.uniform(0.2, 1.1, rows), rng.uniform(-0.5, 0.9, rows), theta_2=-rng.uniform(0.0, 0.3, rows),

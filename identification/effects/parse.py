@@ -1,4 +1,4 @@
-"""Effects asked for by name: ``slip_sinkage:n1=0.2`` becomes an effect of the catalogue and its parameters."""
+"""Effects by name: ``slip_sinkage:n1=0.2`` becomes an effect of the catalogue and its parameters."""
 
 from __future__ import annotations
 
@@ -15,18 +15,19 @@ from ...framework.core.quantities import magnitude
 from ...framework.core.vehicle import Wheel
 from ..mechanics.soil import Soil
 from ..mechanics.textbook import CHANNELS, equilibrium
-from .catalogue import SLUGS, forms_by_name
+from .catalogue import effect_class, forms_by_name
 from .drive import COLUMNS, PresentDrive
-from .effect import PULL, SINKAGE, TORQUE, Drive, Effect, Parameter, Situation
+from .effect import PULL, SINKAGE, TORQUE, Drive, Effect, Situation
 
 _USUAL_LUGS = 18
 _LEAST_SHARE = {TORQUE: 0.1, SINKAGE: 0.01, PULL: 0.1}
-"""A channel's usual size is at least this share of W r [N m], r [m], W [N]: a wheel at zero slip has torque sensors."""
+"""Least root mean square of a channel as a share of W r [N m], r [m], W [N]: sensors of a wheel at zero slip have a
+range, too."""
 
 
 @dataclass(frozen=True)
 class NamedEffect:
-    """An effect as it is asked for.
+    """An effect to be simulated.
 
     Parameters
     ----------
@@ -35,9 +36,9 @@ class NamedEffect:
     settings
         Parameters, and constants of the formula, by name: SI numbers, or text with a unit ("2 kPa").
     form
-        Which form, where the parameters' names leave that open; its beginning is enough.
+        Which form, where the parameters' names are those of several; its beginning is enough.
     bounded
-        Refuse values out of bounds; False for those found on another drive, whose bounds were that drive's.
+        Whether values out of bounds are refused; not those of a fit to another drive, which had that drive's bounds.
     """
 
     slug: str
@@ -55,10 +56,9 @@ def parse_effect(text: str) -> NamedEffect:
         The text is not of that form, or names a parameter twice.
     """
     slug, _, rest = text.partition(":")
-    if slug.strip() not in SLUGS:
-        raise InputError("effects", repr(slug.strip()), expected="one of " + ", ".join(SLUGS))
+    effect_class(slug.strip())
     settings: dict[str, float | str] = {}
-    # A form's name may hold a comma: only one before another NAME= divides.
+    # The name of a form may contain a comma: only one before another NAME= separates.
     for part in re.split(r",(?=\s*\w+\s*=)", rest) if rest.strip() else []:
         name, equals, value = (piece.strip() for piece in part.partition("="))
         if not (name and equals and value):
@@ -71,14 +71,14 @@ def parse_effect(text: str) -> NamedEffect:
 
 
 def situation_of(wheel: Wheel, soil: Soil, drive: Drive) -> Situation:
-    """Give the situation that forms of effects are built from, where nothing was measured: the textbook wheel's.
+    """Give the situation from which forms are built where nothing was measured: that of the textbook wheel.
 
     Parameters
     ----------
     wheel, soil
         The wheel, and the soil that it is simulated on.
     drive
-        Rows with finite load and slip, one at least.
+        At least one row with finite load and slip.
     """
     state = equilibrium(wheel, soil, drive.load_N, drive.slip)
     channels = np.column_stack([state.load_N, state.torque_Nm, state.sinkage_m, state.slip, state.drawbar_pull_N])
@@ -88,7 +88,7 @@ def situation_of(wheel: Wheel, soil: Soil, drive: Drive) -> Situation:
     for channel, unit in ((TORQUE, load * wheel.radius_m), (SINKAGE, wheel.radius_m), (PULL, load)):
         typical[channel] = max(typical[channel], _LEAST_SHARE[channel] * unit)
     typical[0] = load
-    # A wheel that is swallowed has no sinkage: as deep as its axle is as good a scale as any.
+    # Where the soil does not carry the load there is no sinkage: the radius is its scale.
     sinkage = np.where(carried, state.sinkage_m, wheel.radius_m)
     return Situation(
         wheel, drive, typical, sinkage, np.zeros_like(channels), soil.c_Pa, math.tan(soil.phi_rad),
@@ -97,14 +97,15 @@ def situation_of(wheel: Wheel, soil: Soil, drive: Drive) -> Situation:
 
 
 def specimen(lugs: int = _USUAL_LUGS, *, scale: float = 1.0) -> Situation:
-    """Give a situation in which every form of every effect can be shown: a lugged wheel, every column observed.
+    """Give a situation in which every form of every effect shows: a lugged wheel, every column observed.
 
     Parameters
     ----------
     lugs
         Number of the wheel's lugs.
     scale
-        Of wheel, loads, track and time: what differs between two scales follows the drive (`follows_drive`).
+        Scale of wheel, loads, track and time: bounds that differ between two scales depend on the drive
+        (`follows_drive`).
     """
     wheel = Wheel(
         radius_m=0.15 * scale, width_m=0.12 * scale, grouser_height_m=0.01 * scale, grouser_count=lugs
@@ -124,40 +125,45 @@ def specimen(lugs: int = _USUAL_LUGS, *, scale: float = 1.0) -> Situation:
 
 
 def follows_drive(effect: Effect) -> set[str]:
-    """Give the names of the parameters whose bounds follow from the drive, not from the formula."""
-    other = specimen(lugs_of(effect.form), scale=3.0)
-    for twin in forms_by_name(effect.slug, other):
-        if (twin.form, _names(twin)) == (effect.form, _names(effect)):
-            here = specimen(lugs_of(effect.form))
-            alike = next(
-                e for e in forms_by_name(effect.slug, here) if _names(e) == _names(effect) and e.form == effect.form
-            )
-            return {
-                one.name
-                for one, two in zip(alike.parameters, twin.parameters, strict=True)
-                if not (math.isclose(one.low, two.low) and math.isclose(one.high, two.high))
-            }
-    return set(_names(effect))
+    """Give the names of the parameters whose bounds depend on the drive."""
+    here, there = (
+        next(
+            each
+            for each in forms_by_name(effect.slug, specimen(lugs_of(effect.form), scale=scale))
+            if same(each, effect)
+        )
+        for scale in (1.0, 3.0)
+    )
+    return {
+        one.name
+        for one, two in zip(here.parameters, there.parameters, strict=True)
+        if not (math.isclose(one.low, two.low) and math.isclose(one.high, two.high))
+    }
+
+
+def same(one: Effect, other: Effect) -> bool:
+    """Say whether two effects are the same form with the same parameters."""
+    return (one.form, _names(one)) == (other.form, _names(other))
 
 
 def lugs_of(form: str, otherwise: int = _USUAL_LUGS) -> int:
-    """Give the number of lugs that the name of a form says, another where it says none."""
+    """Give the number of lugs in the name of a form, `otherwise` where there is none."""
     found = re.search(r"ripple, (\d{1,4}) lugs", form)
     return int(found.group(1)) if found else otherwise
 
 
 def choose(named: NamedEffect, effects: Sequence[Effect]) -> Effect:
-    """Choose the form whose parameters are those named, with the fewest others.
+    """Choose the form that has the parameters named and the fewest others.
 
     Raises
     ------
     InputError
-        No form has these parameters, or several have; what is known is listed.
+        No form has these parameters, or several have; the message lists the forms.
     """
     source, given = f"effect {named.slug}", set(named.settings)
     begun = [effect for effect in effects if _bare(effect.form).startswith(_bare(named.form))]
     among = [effect for effect in begun if _bare(effect.form) == _bare(named.form)] if named.form else begun
-    # The first words of a form say enough where only it has the parameters that are named.
+    # The beginning of a form's name is enough where only it has the parameters that are named.
     if not any(given <= {*_names(effect), *effect.constants} for effect in among):
         among = begun
     if not among:
@@ -180,7 +186,7 @@ def choose(named: NamedEffect, effects: Sequence[Effect]) -> Effect:
     fewest = min(len(effect.parameters) for effect in fitting)
     best = [effect for effect in fitting if len(effect.parameters) == fewest]
     # Among forms of the same parameters one without a name is the usual one.
-    best = [effect for effect in best if effect.usual] or best
+    best = [effect for effect in best if effect.default_form] or best
     best = [effect for effect in best if not effect.form] or best
     if len(best) > 1:
         choices = " or ".join(f"form={effect.form}" for effect in best)
@@ -189,23 +195,19 @@ def choose(named: NamedEffect, effects: Sequence[Effect]) -> Effect:
 
 
 def _bare(form: str) -> str:
-    """Name of a form without blanks behind its commas."""
+    """Name of a form without spaces after its commas."""
     return form.replace(", ", ",")
 
 
-def smallest_holding(names: set[str], effects: Sequence[Effect]) -> Effect | None:
-    """Give the effect with the fewest parameters among those that have all of these; None where none has."""
-    holding = [effect for effect in effects if names and names <= set(_names(effect))]
+def smallest_form(form: str, names: set[str], effects: Sequence[Effect]) -> Effect | None:
+    """Give the effect of this form with the fewest parameters that has all of these; None where none has."""
+    holding = [effect for effect in effects if effect.form == form and names and names <= set(_names(effect))]
     return min(holding, key=lambda effect: len(effect.parameters), default=None)
 
 
 def pinned(effect: Effect, named: NamedEffect) -> Effect:
     """Give the effect with the constants that are named; itself where none is."""
-    given = {
-        name: _number(named, Parameter(name, "", -math.inf, math.inf, 0.0, 1.0), named.settings[name])
-        for name in effect.constants
-        if name in named.settings
-    }
+    given = {name: _number(named, name, "") for name in effect.constants if name in named.settings}
     if not given:
         return effect
     answer = copy(effect)
@@ -226,7 +228,7 @@ def values_of(effect: Effect, named: NamedEffect) -> np.ndarray:
         if parameter.name not in named.settings:
             values.append(parameter.null)
             continue
-        value = _number(named, parameter, named.settings[parameter.name])
+        value = _number(named, parameter.name, parameter.unit)
         if named.bounded and not parameter.low <= value <= parameter.high:
             raise InputError(
                 f"effect {named.slug}",
@@ -244,7 +246,7 @@ def build(named: NamedEffect, situation: Situation, source: str) -> tuple[Effect
     Parameters
     ----------
     named
-        What is asked for.
+        Its name and settings.
     situation
         The wheel and the drive (`situation_of`), the latter a `PresentDrive`.
     source
@@ -255,7 +257,7 @@ def build(named: NamedEffect, situation: Situation, source: str) -> tuple[Effect
     InputError
         Unknown effect or parameter, a value out of bounds, or a column that the drive lacks.
     """
-    # What was found may be the ripple of other lugs than those that the vehicle is said to have.
+    # A ripple may be that of another number of lugs than the vehicle's description states.
     lugs = lugs_of(named.form, situation.wheel.grouser_count)
     situation = replace(situation, wheel=situation.wheel.model_copy(update={"grouser_count": lugs}))
     wanted = choose(named, forms_by_name(named.slug, specimen(lugs or _USUAL_LUGS)))
@@ -272,7 +274,7 @@ def build(named: NamedEffect, situation: Situation, source: str) -> tuple[Effect
             expected=f"a clock that runs, which the effect {named.slug} needs",
         )  # fmt: skip
     for effect in forms_by_name(named.slug, situation):
-        if (effect.form, _names(effect)) == (wanted.form, _names(wanted)):
+        if same(effect, wanted):
             return pinned(effect, named), values_of(effect, named)
     raise InputError(
         f"effect {named.slug}", "the vehicle's wheel has no lugs", expected="grouser_height_m and grouser_count"
@@ -297,15 +299,16 @@ def _described(effect: Effect) -> str:
     return f"{effect.name}: {parameters}"
 
 
-def _number(named: NamedEffect, parameter: Parameter, given: float | str) -> float:
-    """Read an SI number, or a quantity of the parameter's unit."""
+def _number(named: NamedEffect, name: str, unit: str) -> float:
+    """Read a setting: an SI number, or a quantity of the unit."""
+    given = named.settings[name]
     try:
         value = float(given)
     except (TypeError, ValueError):
-        value = _magnitude(str(given), parameter.unit)
+        value = _magnitude(str(given), unit)
     if not math.isfinite(value):
-        unit = f"a finite number [{parameter.unit}]" if parameter.unit else "a finite number"
-        raise InputError(f"effect {named.slug}", f"{given!r}", expected=unit, place=parameter.name)
+        expected = f"a finite number [{unit}]" if unit else "a finite number"
+        raise InputError(f"effect {named.slug}", f"{given!r}", expected=expected, place=name)
     return value
 
 

@@ -3,69 +3,87 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
+from abc import abstractmethod
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 from scipy.special import exprel
 from scipy.stats import gamma
 
-from ...framework.core.vehicle import Wheel
-from .effect import PULL, SINKAGE, TORQUE, Contact, Drive, Effect, Parameter, Situation
+from ....framework.core.vehicle import Wheel
+from ..effect import PULL, SINKAGE, TORQUE, Contact, Drive, Effect, Parameter, Situation
+from ..registry import register
+from ..sensors import SYMBOLS
 
 _FEWEST_LUGS, _MOST_LUGS = 3, 60
+
 _UNSTATED = 0.1
 """Height of lugs that the vehicle's description does not state, as a share of the radius [-]."""
 
-_BEYOND, _TOLD = 0.1, 2.5
-"""Soil shears no further out than the lugs' tips: so much room, or so many standard deviations [-]. Of 45 answers
-with lugs that were there one was beyond, in place of a torque gain beside them; of six without there being any one."""
-
-_KNOWN = 0.1
-"""Standard deviation of the share of the lugs' height, by the data alone, below which they tell it [-]. That soil
-shears at their tips it tells then where it is 1 within `_BEYOND`, or `_TOLD` of its standard deviations: of ten
-recordings with nothing but lugs as stated (the fourteenth generator by another hand) eight came within 0.06."""
+_STATED = 0.5
+"""Prior probability of lugs that the vehicle's description states [-]: they are there, but the radius stated may be
+that of the surface at which soil shears already."""
 
 _BY_CHANCE = 0.01
-"""Probability with which noise has a line of the order spectrum that is looked into [-]."""
-
-_RIPPLES = 4.0
-"""Standard deviations by which a ripple is there where no lugs are stated: without one a larger radius is no lugs' [-].
-Three that stood in for a torque gain and the like had 2.7 at most, one of 12 numbers."""
-
+"""Probability with which noise has a line of the order spectrum that is considered [-]."""
 
 _FEW_ORDERS, _OVERTONES = 2, {1: "", 2: ", overtone", 3: ", 2 overtones", 4: ", 3 overtones"}
-"""Waves of a ripple that are tried, each a whole multiple of the lugs' number (further ones once these are found), and
-what its form is called with so many."""
+"""Harmonics of a ripple at first (extensions have more), and the end of the form's name by their number."""
 
-_OF_TORQUE = 0.25
-"""Share of what the torque's ripple pulls by at the rim that the pull's has at least, by lugs [-]: of eleven recordings
-of lugs by two other hands (trials 39 and 40) it had 0.73 or more, of one of a chain 0.02."""
+_RADIUS_PRIOR = "L. Ding et al. (2011): the equivalent shear radius lies between the rim, s = 0, and the tips, s = 1"
+_THRUST_PRIOR = "engineering judgement: 1 by definition, less for lugs that shade each other"
+_RIPPLE_PRIOR = "engineering judgement: forces ripple by a tenth, sinkage by a tenth of the lugs' height"
 
 
-class LugRadius(Effect):
-    """Soil shears beyond the rim, at a share of the lugs' height."""
+@register
+class Grousers(Effect):
+    """What the forms share."""
 
     slug = "grousers"
+    title = "grousers"
+    what_happens = "lugs move the shear surface outwards and make forces ripple"
+    check = "count the lugs and measure their height; drive the same with the lugs covered"
+    of_any_wheel = True
+
+    @classmethod
+    def forms(cls, situation: Situation) -> Sequence[Effect]:
+        """Give lugs that the vehicle's description states, and ripples at their number or at lines that stand out."""
+        wheel, drive = situation.wheel, situation.drive
+        answer: list[Effect] = []
+        if wheel.grouser_height_m > 0.0 and situation.measures(TORQUE, PULL):
+            answer += [*_steady(wheel.grouser_height_m, wheel.grouser_count), LugTips(wheel.grouser_height_m)]
+        if drive.has("wheel_angle_rad") and np.nanmax(drive.wheel_angle_rad) - np.nanmin(drive.wheel_angle_rad) > np.pi:
+            for count in _counts(wheel, drive, situation.innovations):
+                answer += _ripples(wheel, count, situation, _most_orders(drive.wheel_angle_rad, count))
+        return answer
+
+    @classmethod
+    def forms_by_name(cls, situation: Situation) -> Sequence[Effect]:
+        """Give the forms of the vehicle's lugs, however far the wheel turns."""
+        wheel = situation.wheel
+        answer: list[Effect] = []
+        if wheel.grouser_height_m > 0.0:
+            answer += [*_steady(wheel.grouser_height_m, wheel.grouser_count), LugTips(wheel.grouser_height_m)]
+        if wheel.grouser_count and situation.drive.has("wheel_angle_rad"):
+            answer += _ripples(wheel, wheel.grouser_count, situation, max(_OVERTONES))
+        return answer
+
+
+class LugRadius(Grousers):
+    """Soil shears beyond the rim, at a share of the lugs' height."""
+
     source = "L. Ding et al., J. Terramechanics 48 (2011), 27-45, equivalent shear radius"
-    parameters = (Parameter("s", "", 0.0, 2.0, 0.4, 0.6),)
-    expected = True
+    parameters = (Parameter("s", "", 0.0, 2.0, 0.4, 0.6, _RADIUS_PRIOR),)
+    prior_probability = _STATED
 
     def __init__(self, height_m: float, *, its_slip: bool = False) -> None:
         self._height, self._its_slip = height_m, its_slip
         self.form = "radius with its slip" if its_slip else "radius"
-        self.usual = not its_slip
+        self.default_form = not its_slip
         self.equation = "r_s = r + s h: shear displacement, thrust and torque at r_s" + (
             ", slip i = 1 - V / (r_s omega)" if its_slip else ""
         )
-
-    def unheard_of(self, values: np.ndarray, sd: np.ndarray) -> list[str]:
-        return [f"s = {values[0]:.3g}"] if values[0] > 1.0 + max(_BEYOND, _TOLD * sd[0]) else []
-
-    def as_announced(self, values: np.ndarray, sd: np.ndarray) -> bool:
-        # What the prior tells of it confirms nothing: the data have to know it so well without.
-        known = 1.0 / math.hypot(1.0 / _KNOWN, 1.0 / self.parameters[0].scale)
-        return bool(sd[0] < known and abs(values[0] - 1.0) < max(_BEYOND, _TOLD * sd[0]))
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         beyond = values[0] * self._height
@@ -78,29 +96,31 @@ class LugRadius(Effect):
 class LugTips(LugRadius):
     """Soil is dragged along, and shears, at the lugs' tips; its stress turns the wheel by the rim's radius.
 
-    A slip that is reckoned with the radius of the tips, and taken for the rim's, looks much the same.
+    A slip that is computed with the radius of the tips, and taken for the rim's, looks much the same.
     """
 
     nested = False
     required = ("s",)
     source = "after L. Ding et al., J. Terramechanics 48 (2011), 27-45: shear displacement of the lugs' tips"
-    parameters = (Parameter("s", "", 0.0, 2.0, 1.0, 0.1, 1.0),)
+    parameters = (
+        Parameter("s", "", 0.0, 2.0, 1.0, 0.1, "definition: at the tips, within a tenth of the lugs' height", null=1.0),
+    )
 
     def __init__(self, height_m: float) -> None:
         super().__init__(height_m)
-        self.form, self.usual = "displacement of the tips", False
+        self.form, self.default_form = "displacement of the tips", False
         self.equation = "r_s = r + s h: shear displacement and thrust at r_s, torque with the lever r"
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         contact.shear_radius_m = contact.shear_radius_m + values[0] * self._height
 
 
-class LugThrust(Effect, ABC):
-    """Lugs in the ground push soil that gives way along with the shear beneath the wheel."""
+class LugThrust(Grousers):
+    """Lugs in the ground push soil that yields together with the shear beneath the wheel."""
 
-    slug = "grousers"
-    expected = True
-    usual = False
+    default_form = False
+    changes = (TORQUE, PULL)
+    prior_probability = _STATED
     _lever: float
     """Where the thrust acts, a share of the lugs' height beyond the rim [-]."""
 
@@ -110,15 +130,15 @@ class LugThrust(Effect, ABC):
         self.equation = (
             f"F = s {force}, j = r theta_1 - V/omega sin theta_1; T += F ({at}), DP += F sin(theta_1) / theta_1"
         )
-        self.parameters = (Parameter("s", "", 0.0, 3.0, 0.3, 0.5),)
+        self.parameters = (Parameter("s", "", 0.0, 3.0, 0.3, 0.5, _THRUST_PRIOR),)
 
     @abstractmethod
     def most(self, contact: Contact, drive: Drive) -> np.ndarray:
-        """Thrust (n,) [N] of soil that is sheared to its end."""
+        """Thrust (n,) [N] of fully sheared soil."""
 
     @abstractmethod
     def mobilised(self, sheared: np.ndarray) -> np.ndarray:
-        """Share of it (n,) where the soil at the wheel's lowest point is sheared so far, in shear moduli (n,)."""
+        """Share of it (n,) by the displacement of the soil at the wheel's lowest point, in shear moduli (n,)."""
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         theta_1 = contact.theta_1
@@ -132,8 +152,8 @@ class LugThrust(Effect, ABC):
 class LugFaces(LugThrust):
     """The faces of the lugs in the ground push soil that resists passively.
 
-    The surcharge is the mean stress on the contact; of the lugs that stand in the ground each resists by a share that
-    is mobilised as soil shears. That lugs dig themselves in as they slip is slip-sinkage.
+    The surcharge is the mean stress on the contact; each lug in the ground resists by a share that is mobilised as
+    soil shears. That lugs dig themselves in as they slip is slip-sinkage.
     """
 
     source = "M. G. Bekker, Off-the-Road Locomotion (1960), passive resistance to a spud under surcharge"
@@ -176,65 +196,41 @@ class LugSides(LugThrust):
         return cohesive + 0.64 * height / width * np.arctan2(width, height) * drive.load_N * contact.tan_phi
 
     def mobilised(self, sheared: np.ndarray) -> np.ndarray:
-        # Along the block displacement grows from nothing.
+        # Displacement grows from zero along the block.
         return 1.0 - exprel(-sheared)
 
 
-class LugRipple(Effect):
-    """Forces and sinkage ripple as lugs enter and leave, once a lug, by so much; sharper lugs with overtones."""
+class LugRipple(Grousers):
+    """Forces and sinkage ripple as lugs enter and leave, once a lug; sharper lugs with overtones."""
 
-    slug = "grousers"
     source = "after R. A. Irani et al., J. Terramechanics 48 (2011), periodic term at the lugs' passing"
     needs = ("wheel_angle_rad",)
-    ripples = slice(0, None)
 
     def __init__(self, count: int, typical: np.ndarray, wheel: Wheel, *, orders: int = 1) -> None:
         self.form = f"ripple, {count} lugs{_OVERTONES[orders]}"
-        stated = wheel.grouser_count
-        self.count = count
+        self.count, stated = count, wheel.grouser_count
         self._orders = tuple(range(1, orders + 1))
         own = [("" if order == 1 else str(order), order * count) for order in self._orders]
         self.equation = "T, DP, z += " + " + ".join(f"a{n} cos({k} theta_w) + b{n} sin({k} theta_w)" for n, k in own)
         self._latest: tuple[Drive, np.ndarray] | None = None
-        # The vehicle's own number was not searched for; multiples of it are its lugs' overtones.
+        # The vehicle's own number was not searched for; multiples of it are overtones of its lugs.
         self.choices = _MOST_LUGS + 1 - _FEWEST_LUGS if count != stated else 1
         if stated and count % stated:
             self.kind = "instrument"
             self.remark = f"the channels ripple {count} times a turn, and the vehicle is said to have {stated} lugs"
-        self._announced, self._radius_m = bool(stated) and count % stated == 0, wheel.radius_m
-        if not self._announced:
-            self.check = f"count the wheel's lugs, and what comes round {count} times a turn in its gears or chain"
+        if stated and count % stated == 0:
+            self.prior_probability = _STATED
+        else:
+            self.check = f"count the wheel's lugs, and what recurs {count} times a turn in its gears or chain"
         self._channels = [channel for channel in (TORQUE, PULL, SINKAGE) if np.isfinite(typical[channel])]
-        names = {TORQUE: ("T", "N m"), PULL: ("DP", "N"), SINKAGE: ("z", "m")}
+        self.changes = tuple(self._channels)
         self.parameters = tuple(
-            Parameter(f"{part}_{names[channel][0]}", names[channel][1], -usual, usual, 0.0, 0.1 * usual)
-            for part in [part + number for number, _ in own for part in "ab"]
+            Parameter(f"{part}{number}_{symbol}", unit, -usual, usual, 0.0, 0.1 * usual, _RIPPLE_PRIOR)
+            for number, _ in own
+            for part in "ab"
             for channel in self._channels
-            for usual in [float(typical[channel])]
+            for (symbol, unit), usual in [(SYMBOLS[channel], float(typical[channel]))]
         )
-
-    def unheard_of(self, values: np.ndarray, sd: np.ndarray) -> list[str]:
-        return self._torque_alone(values, sd, self._radius_m)
-
-    def _torque_alone(self, ripples: np.ndarray, sd: np.ndarray, per_pull: float) -> list[str]:
-        """Say that of lugs whose number nobody stated only the torque ripples, as by teeth of gears or of a chain.
-
-        `ripples` (k,), known to their sd, are in the order of the parameters; the torque's over the pull's unit is
-        `per_pull`. Lugs that turn the wheel pull by it; where no pull was measured, sinkage that ripples tells of them.
-        """
-        if self._announced or TORQUE not in self._channels:
-            return []
-        sizes, off = (np.linalg.norm(each.reshape(-1, len(self._channels)), axis=0) for each in (ripples, sd))
-        size = dict(zip(self._channels, zip(sizes.tolist(), off.tolist(), strict=True), strict=True))
-        torque, unsure = size[TORQUE]
-        if torque <= _RIPPLES * unsure:
-            return []
-        if PULL in size:
-            pull, unsure = size[PULL]
-            hardly = pull + _TOLD * unsure < _OF_TORQUE * torque / per_pull
-            return [f"{self.count} lugs that turn the wheel and hardly pull"] if hardly else []
-        sinkage, unsure = size.get(SINKAGE, (0.0, 0.0))
-        return [] if sinkage > _RIPPLES * unsure else [f"{self.count} lugs of which the torque alone ripples"]
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         channels[:, self._channels] += self.waves(drive, values)
@@ -244,7 +240,7 @@ class LugRipple(Effect):
         return self._turns(drive) @ values.reshape(2 * len(self._orders), len(self._channels))
 
     def _turns(self, drive: Drive) -> np.ndarray:
-        """Cosine and sine of each order, (n, 2 k): a fit asks for those of one drive again and again."""
+        """Cosine and sine of each order, (n, 2 k), kept for the next call: a fit needs those of one drive often."""
         latest = self._latest
         if latest is None or latest[0] is not drive:
             phase = np.outer(np.nan_to_num(drive.wheel_angle_rad), np.multiply(self._orders, self.count))
@@ -256,51 +252,45 @@ class LugRipple(Effect):
 class Lugs(LugRipple):
     """Soil shears beyond the rim; forces ripple with the torque and sinkage with the lugs' height, or all evenly."""
 
-    ripples = slice(1, None)
-
     def __init__(
         self, count: int, typical: np.ndarray, wheel: Wheel, *, orders: int = 1, most_orders: int = 1,
         steady: Effect | None = None, even: bool = False,
     ) -> None:  # fmt: skip
         super().__init__(count, typical, wheel, orders=orders)
-        self._made_of, self._most_orders, self.freed = (count, typical, wheel), most_orders, orders > _FEW_ORDERS
-        self._stated_height = wheel.grouser_height_m > 0.0
+        self._made_of, self._most_orders = (count, typical, wheel), most_orders
         self._height = wheel.grouser_height_m or _UNSTATED * wheel.radius_m
+        self._radius_m = wheel.radius_m
         self._steady = steady or LugRadius(self._height)
         self._even = even
         self._varied = steady is not None or even
         self.form = f"{self._steady.form} and {'even ' if even else ''}{self.form}"
-        self.usual = self._steady.usual
+        self.default_form, self.changes = self._steady.default_form, Effect.changes
         self.source = f"{self._steady.source}; {LugRipple.source}"
         channels, waves = self.equation.split(" += ")
         rippling = f"{channels} += {waves}" if even else f"T += |T| w, DP += |T| / r w, z += h w, each w = {waves}"
         self.equation = f"{self._steady.equation}; {rippling}"
         if not wheel.grouser_height_m:
             self.equation += f"; h = {_UNSTATED:g} r, the vehicle's lugs not being stated"
-        shares = tuple(Parameter(each.name, "", -1.0, 1.0, 0.0, 0.1) for each in self.parameters)
+        shares = tuple(Parameter(each.name, "", -1.0, 1.0, 0.0, 0.1, _RIPPLE_PRIOR) for each in self.parameters)
         self.parameters = (*self._steady.parameters, *(self.parameters if even else shares))
 
-    def variants(self) -> list[Effect]:
-        if self._varied:
-            return []
-        vary = partial(Lugs, *self._made_of, orders=len(self._orders), most_orders=self._most_orders)
-        others = [steady for steady in _steady(self._height, self.count) if steady.form != self._steady.form]
-        # Last: its ripples are sizes, where those of the others are shares.
-        return [*(vary(steady=steady) for steady in others), vary(even=True)]
+    @property
+    def moves_wheel(self) -> np.ndarray:
+        """(k,) True for the parameter of the shear surface: ripples change forces and sinkage only."""
+        return np.arange(len(self.parameters)) == 0
 
-    def freer(self) -> list[Effect]:
-        if len(self._orders) != _FEW_ORDERS:
-            return []
-        same = partial(Lugs, *self._made_of, steady=self._steady, even=self._even)
-        return [same(orders=orders) for orders in range(_FEW_ORDERS + 1, self._most_orders + 1)]
-
-    def unheard_of(self, values: np.ndarray, sd: np.ndarray) -> list[str]:
-        alone = self._torque_alone(values[1:], sd[1:], self._radius_m if self._even else 1.0)
-        if self._stated_height:
-            return [*self._steady.unheard_of(values[:1], sd[:1]), *alone]
-        # How far the tips of lugs stand out that nobody stated is not known; but by their ripple alone they are known.
-        ripples = np.any(np.abs(values[1:]) > _RIPPLES * sd[1:])
-        return alone if ripples else [f"{self.count} lugs of which nothing ripples"]
+    def extensions(self) -> list[Effect]:
+        """Give the ripple with other steady effects of the lugs, evenly, and with more overtones."""
+        answer: list[Effect] = []
+        if not self._varied:
+            vary = partial(Lugs, *self._made_of, orders=len(self._orders), most_orders=self._most_orders)
+            others = [steady for steady in _steady(self._height, self.count) if steady.form != self._steady.form]
+            # Last: its ripples are sizes, where those of the others are shares.
+            answer += [*(vary(steady=steady) for steady in others), vary(even=True)]
+        if len(self._orders) == _FEW_ORDERS:
+            same = partial(Lugs, *self._made_of, steady=self._steady, even=self._even)
+            answer += [same(orders=orders) for orders in range(_FEW_ORDERS + 1, self._most_orders + 1)]
+        return answer
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         self._steady.contact(contact, drive, values[:1])
@@ -315,30 +305,6 @@ class Lugs(LugRipple):
         channels[:, self._channels] += waves
 
 
-def forms(situation: Situation) -> tuple[Effect, ...]:
-    """Give the forms that these data can show: lugs, or a ripple that looks like some."""
-    wheel, drive = situation.wheel, situation.drive
-    answer: list[Effect] = []
-    if wheel.grouser_height_m > 0.0 and situation.seen(TORQUE, PULL):
-        answer += [*_steady(wheel.grouser_height_m, wheel.grouser_count), LugTips(wheel.grouser_height_m)]
-    if drive.has("wheel_angle_rad") and np.nanmax(drive.wheel_angle_rad) - np.nanmin(drive.wheel_angle_rad) > np.pi:
-        for count in _counts(wheel, drive, situation.innovations):
-            answer += _ripples(wheel, count, situation, _most_orders(drive.wheel_angle_rad, count))
-    return tuple(answer)
-
-
-def named(situation: Situation) -> tuple[Effect, ...]:
-    """Give the forms that a simulation may ask for: the vehicle's lugs, however far the wheel turns."""
-    wheel = situation.wheel
-    answer: list[Effect] = []
-    if wheel.grouser_height_m > 0.0:
-        answer += [*_steady(wheel.grouser_height_m, wheel.grouser_count), LugTips(wheel.grouser_height_m)]
-    if wheel.grouser_count and situation.drive.has("wheel_angle_rad"):
-        for each in _ripples(wheel, wheel.grouser_count, situation, max(_OVERTONES)):
-            answer += [each, *each.variants()]
-    return tuple(answer)
-
-
 def _steady(height_m: float, count: int) -> list[Effect]:
     """What lugs do at any angle of the wheel, the usual form first."""
     answer: list[Effect] = [LugRadius(height_m, its_slip=its_slip) for its_slip in (False, True)]
@@ -349,24 +315,24 @@ def _ripples(wheel: Wheel, count: int, situation: Situation, most_orders: int) -
     """Ripples of so many lugs, by themselves and with the shear radius."""
     typical, few = situation.typical, range(1, _FEW_ORDERS + 1)
     answer: list[Effect] = [LugRipple(count, typical, wheel, orders=orders) for orders in few]
-    if situation.seen(TORQUE, PULL):
+    if situation.measures(TORQUE, PULL):
         answer += [Lugs(count, typical, wheel, orders=orders, most_orders=most_orders) for orders in few]
     return answer
 
 
 def _most_orders(angle: np.ndarray, count: int) -> int:
-    """Multiples of the lugs' number that rows at these wheel angles (n,) [rad] are close enough to show."""
+    """Harmonics of the lugs' number that rows at these wheel angles (n,) [rad] resolve."""
     steps = np.abs(np.diff(angle))
     step = float(np.nanmedian(steps)) if np.isfinite(steps).any() else 0.0
     return int(min(math.pi / max(count * step, 1e-300), max(_OVERTONES)))
 
 
 def _counts(wheel: Wheel, drive: Drive, innovations: np.ndarray) -> list[int]:
-    """Numbers of lugs worth a trial: the vehicle's, and lines of white residuals against wheel angle that stand out.
+    """Numbers of lugs to consider: the vehicle's, and lines of white residuals against wheel angle that stand out.
 
-    Lugs that nobody stated may show less than a misfit that comes and goes with the wheel's turns: two lines, then.
-    One that is the overtone of the other is none of its own. Of noise a line's power is Gamma distributed, its shape
-    the number of channels.
+    Lugs that are not stated may show less than a misfit that recurs with the wheel's turns: two lines, then. One that
+    is the overtone of the other is not a number of its own. Of noise a line's power is Gamma distributed, its shape the
+    number of channels.
     """
     power, channels = np.zeros(_MOST_LUGS + 1), 0
     for channel in (TORQUE, PULL, SINKAGE):

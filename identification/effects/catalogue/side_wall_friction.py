@@ -2,20 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from .effect import PULL, TORQUE, Contact, Drive, Effect, Parameter, Situation
+from ..effect import PULL, TORQUE, Contact, Drive, Effect, Parameter, Situation
+from ..registry import register
 
 _MOST_Pa, _MOST_Pa_m = 1e5, 1e7
 
 _USUAL = 0.5
-"""Stress on the flanks, which are pressed less than what is below the rim, as a share of the soil's strength there."""
+"""Stress on the flanks, which are pressed less than the rim, as a share of the soil's strength below the rim [-]."""
+
+_PRIOR = "engineering judgement: half the soil's strength below the rim, for flanks are pressed less"
 
 
-class _Flanks(Effect):
-    """What is common: the stress on the flanks is usually of the size `usual_Pa`, at a depth of `depth_m`."""
+@register
+class SideWallFriction(Effect):
+    """A shear stress over the buried part of both flanks, by cohesion uniform, resists rotation and travel.
+
+    Parameters
+    ----------
+    usual_Pa, depth_m
+        Usual stress on the flanks, and the depth at which it is reached where it grows with depth.
+    """
 
     slug = "side_wall_friction"
+    title = "side-wall friction"
+    what_happens = "the buried flanks of the wheel rub on soil"
+    check = "drive the same with smooth, greased discs beside the wheel, or with a narrower wheel"
+    of_any_wheel = True
+    form = "stress"
+    equation = "T += 2 tau_s A r, DP -= 2 tau_s A; A the buried area of a flank ahead of the axle"
+    source = "statics of a shear stress on the buried flanks, after L. Ding et al. (2009)"
+    changes = (TORQUE, PULL)
     _with: tuple[bool, bool] = True, False
     """Whether there is a stress at the surface, and one that grows with depth."""
 
@@ -23,20 +43,19 @@ class _Flanks(Effect):
         self._usual = usual_Pa, depth_m
         stress, growth = min(usual_Pa, _MOST_Pa), min(usual_Pa / depth_m, _MOST_Pa_m)
         every = (
-            Parameter("tau_s", "Pa", 0.0, _MOST_Pa, 0.2 * stress, stress),
-            Parameter("g_s", "Pa/m", 0.0, _MOST_Pa_m, 0.2 * growth, growth),
+            Parameter("tau_s", "Pa", 0.0, _MOST_Pa, 0.2 * stress, stress, _PRIOR),
+            Parameter("g_s", "Pa/m", 0.0, _MOST_Pa_m, 0.2 * growth, growth, f"{_PRIOR}, at the usual sinkage"),
         )
         self.parameters = tuple(each for each, there in zip(every, self._with, strict=True) if there)
 
+    @classmethod
+    def forms(cls, situation: Situation) -> Sequence[Effect]:
+        if not situation.measures(*cls.changes):
+            return ()
+        usual = _USUAL * situation.strength_Pa, situation.depth_m
+        return SideWallFriction(*usual), FrictionByDepth(*usual), FlankRubbing(*usual), CarryingFlanks(*usual)
 
-class SideWallFriction(_Flanks):
-    """A shear stress over the buried part of both flanks, by cohesion alike everywhere, brakes rotation and travel."""
-
-    form = "stress"
-    equation = "T += 2 tau_s A r, DP -= 2 tau_s A; A the buried area of a flank ahead of the axle"
-    source = "statics of a shear stress on the buried flanks, after L. Ding et al. (2009)"
-
-    def freer(self) -> list[Effect]:
+    def extensions(self) -> list[Effect]:
         return [FrictionWithDepth(*self._usual)]
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
@@ -58,7 +77,7 @@ class FrictionByDepth(SideWallFriction):
     equation = "T += 2 g_s z A r, DP -= 2 g_s z A; A the buried area of a flank ahead of the axle"
     _with = False, True
 
-    def freer(self) -> list[Effect]:
+    def extensions(self) -> list[Effect]:
         return []
 
     def stress_Pa(self, contact: Contact, values: np.ndarray) -> float | np.ndarray:
@@ -69,7 +88,6 @@ class FrictionWithDepth(FrictionByDepth):
     """By cohesion and by friction, whose pressure grows with depth."""
 
     form = "stress and depth"
-    freed = True
     equation = "T += 2 tau A r, DP -= 2 tau A, tau = tau_s + g_s z; A the buried area of a flank ahead of the axle"
     _with = True, True
 
@@ -83,14 +101,14 @@ _DOWN, _AHEAD = (each.ravel() for each in np.meshgrid(_NODES, _NODES))
 _SHARE = np.outer(_WEIGHTS, _WEIGHTS).ravel()
 
 
-class FlankRubbing(_Flanks):
-    """The same stress, but against the way in which each point of a flank moves: below the hub it moves backwards."""
+class FlankRubbing(SideWallFriction):
+    """The same stress, but against the motion of each point of a flank: below the hub it moves backwards."""
 
     form = "rubbing"
     equation = "F = -2 tau_s integral v/|v| dA over the buried part of a flank, v = omega (V/omega - y, x)"
     source = "Coulomb friction on the flanks (statics); kinematics of a rolling wheel"
 
-    def freer(self) -> list[Effect]:
+    def extensions(self) -> list[Effect]:
         return [RubbingWithDepth(*self._usual)]
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
@@ -103,11 +121,11 @@ class RubbingWithDepth(FlankRubbing):
     """The same, by cohesion and by friction, whose pressure grows with depth."""
 
     form = "rubbing, with depth"
-    freed, usual = True, False
+    default_form = False
     equation = "F = -2 integral (tau_s + g_s z) v/|v| dA over the buried part of a flank, v = omega (V/omega - y, x)"
     _with = True, True
 
-    def freer(self) -> list[Effect]:
+    def extensions(self) -> list[Effect]:
         return []
 
 
@@ -116,8 +134,9 @@ class CarryingFlanks(FlankRubbing):
 
     form = "rubbing, carrying"
     equation = f"{FlankRubbing.equation}; W += 2 tau_s integral x/|v/omega| dA"
+    changes = Effect.changes
 
-    def freer(self) -> list[Effect]:
+    def extensions(self) -> list[Effect]:
         return []
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
@@ -125,8 +144,10 @@ class CarryingFlanks(FlankRubbing):
 
 
 def _rubbed(contact: Contact, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Integrals over the buried part of a flank, (n,) each, of the stress (`values`: at the surface [Pa] and, where it
-    has one, its growth with depth [Pa/m]) the way its points move: along [N], down [N], and against rotation [N m].
+    """Integrals over the buried part of a flank, (n,) each, of the stress along the motion of its points.
+
+    `values` are the stress at the surface [Pa] and, where it has one, its growth with depth [Pa/m]. The integrals are
+    along the track [N], down [N], and against rotation [N m].
     """
     radius = contact.wheel.radius_m
     surface = radius * np.cos(contact.theta_1)[:, None]
@@ -137,11 +158,3 @@ def _rubbed(contact: Contact, values: np.ndarray) -> tuple[np.ndarray, np.ndarra
     area *= values[0] if len(values) == 1 else values[0] + values[1] * (below - surface)
     twist = down**2 - forward * below
     return (area * forward).sum(axis=1), (area * down).sum(axis=1), (area * twist).sum(axis=1)
-
-
-def forms(situation: Situation) -> tuple[Effect, ...]:
-    """Give the forms that these data can show: torque or drawbar pull has to be measured."""
-    if not situation.seen(TORQUE, PULL):
-        return ()
-    usual = _USUAL * situation.strength_Pa, situation.depth_m
-    return SideWallFriction(*usual), FrictionByDepth(*usual), FlankRubbing(*usual), CarryingFlanks(*usual)

@@ -2,75 +2,110 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
-from .effect import SINKAGE, Contact, Drive, Effect, Parameter, Situation
+from ..effect import SINKAGE, Contact, Drive, Effect, Parameter, Situation
+from ..registry import register
 
 _MOST_SLIP = 0.9
-"""A wheel that spins where it is digs on for as long as it does: the formula ends there [-]."""
+"""Slip up to which the dig-out formula holds: a wheel that spins on the spot digs on as long as it spins [-]."""
 
 _LEAST_EXPONENT = 0.05
-"""Pressure grows with depth, however little [-]."""
+"""Bound of the sinkage exponent: pressure grows with depth [-]."""
 
 _BRAKED = 0.02
-"""Share of samples with negative slip from which on it matters what braked wheels do [-]."""
+"""Share of samples with negative slip above which the laws of braked wheels differ [-]."""
+
+_DIG_OUT = Parameter(
+    "h", "", 0.0, 5.0, 0.2, 0.5,
+    "engineering judgement: a turn at half slip digs out a layer of up to half the static sinkage",
+)  # fmt: skip
+_RATIO = Parameter("p", "", 0.0, 6.0, 0.5, 1.0, "M. Lyasko (2010): a power of 1 of the coefficient K")
 
 
-class SinkageExponent(Effect):
-    """The sinkage exponent grows with slip."""
+@register
+class SlipSinkage(Effect):
+    """What the forms share."""
 
     slug = "slip_sinkage"
+    title = "slip-sinkage"
+    what_happens = "a slipping wheel carries soil out from under itself and sinks further"
+    check = "drive at constant load with slips from 0 to 0.6 on fresh soil and read the sinkage"
+    of_any_wheel = True
+
+    @classmethod
+    def forms(cls, situation: Situation) -> Sequence[Effect]:
+        """Give the forms where slip varies."""
+        with np.errstate(invalid="ignore"):
+            braked = float(np.mean(situation.drive.slip < 0.0)) > _BRAKED
+        return _forms(situation, braked=braked)
+
+    @classmethod
+    def forms_by_name(cls, situation: Situation) -> Sequence[Effect]:
+        """Give all forms, whatever the slip."""
+        return _forms(situation, braked=True)
+
+
+class SinkageExponent(SlipSinkage):
+    """The sinkage exponent grows with slip."""
+
     form = "exponent"
     equation = "n = n0 + n1 |i|"
     source = "L. Ding et al., J. Cent. South Univ. Technol. 17 (2010), 129-135: n0 + n1 i"
-    parameters = (Parameter("n1", "", 0.0, 3.0, 0.15, 0.4),)
+    parameters = (
+        Parameter(
+            "n1", "", 0.0, 3.0, 0.15, 0.4,
+            "engineering judgement: half the spread of published sinkage exponents, 0.3 to 1.2 (J.-Y. Wong, 2010)",
+        ),
+    )  # fmt: skip
 
-    def freer(self) -> list[Effect]:
+    def extensions(self) -> list[Effect]:
         return [SinkageExponentSquared()]
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         contact.n = contact.n + values[0] * np.abs(drive.slip)
 
 
-class SinkageExponentSquared(Effect):
-    """The sinkage exponent grows with slip, and the faster or the slower the more the wheel slips."""
+class SinkageExponentSquared(SlipSinkage):
+    """The sinkage exponent grows with slip, faster or slower the more the wheel slips."""
 
-    slug = "slip_sinkage"
     form = "exponent, squared"
-    freed = True
     equation = "n = n0 + n1 |i| + n2 i^2"
     source = "after L. Ding et al., J. Cent. South Univ. Technol. 17 (2010), 129-135: n0 + n1 i, with one term more"
-    parameters = (*SinkageExponent.parameters, Parameter("n2", "", -0.3, 5.0, 0.0, 0.5))
+    parameters = (
+        *SinkageExponent.parameters,
+        Parameter("n2", "", -0.3, 5.0, 0.0, 0.5, "engineering judgement: as large as the linear term"),
+    )
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         away = np.abs(drive.slip)
         contact.n = np.maximum(contact.n + values[0] * away + values[1] * away**2, _LEAST_EXPONENT)
 
 
-class _SinkageFactor(Effect):
-    """The static sinkage grows by a factor of slip: of a braked wheel as of a driven one, or, as the formulas were made
-    for, of driven wheels only.
+class _SinkageFactor(SlipSinkage):
+    """The static sinkage grows by a factor of slip.
 
     Parameters
     ----------
     driven
-        Driven wheels only.
-    told
-        There is braking enough to tell: that of driven wheels only is a variant.
+        Of driven wheels only, for which the formulas were made; else of braked wheels in the same way.
+    braked
+        There are braked rows: the form of driven wheels only is an extension.
     """
 
-    slug = "slip_sinkage"
-
-    def __init__(self, *, driven: bool = False, told: bool = False) -> None:
-        self._driven, self._told, self.usual = driven, told, not driven
+    def __init__(self, *, driven: bool = False, braked: bool = False) -> None:
+        self._driven, self._braked, self.default_form = driven, braked, not driven
         if driven:
             self.form, self.equation = f"{self.form}, driven", f"{self.equation}; braked wheels as without slip"
 
-    def variants(self) -> list[Effect]:
-        return [type(self)(driven=True)] if self._told else []
+    def extensions(self) -> list[Effect]:
+        return [type(self)(driven=True)] if self._braked else []
 
     def carrying(self, slip: np.ndarray) -> np.ndarray:
-        """Give the slip (n,) that carries soil away, none of it negative."""
+        """Slip (n,) that carries soil away, none of it negative [-]."""
         return np.maximum(slip, 0.0) if self._driven else np.abs(slip)
 
 
@@ -80,7 +115,7 @@ class SinkageRatio(_SinkageFactor):
     form = "ratio"
     equation = "z = z0 K^p, K = (1 + |i|) / (1 - |i| / 2)"
     source = "after M. Lyasko, J. Terramechanics 47 (2010), 21-31, slip-sinkage coefficient"
-    parameters = (Parameter("p", "", 0.0, 6.0, 0.5, 1.0),)
+    parameters = (_RATIO,)
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         contact.stiffness_Pa = contact.stiffness_Pa * _ratio(self.carrying(drive.slip)) ** (-values[0] * contact.n)
@@ -92,7 +127,7 @@ class DigOut(_SinkageFactor):
     form = "dig-out"
     equation = "z = z0 [1 + h |i| / (1 - |i|)], |i| at most 0.9"
     source = "after A. R. Reece, Proc. Inst. Mech. Eng. 180 (1965), 45-66: the layer dug out, over i / (1 - i)"
-    parameters = (Parameter("h", "", 0.0, 5.0, 0.2, 0.5),)
+    parameters = (_DIG_OUT,)
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         away = np.minimum(self.carrying(drive.slip), _MOST_SLIP)
@@ -105,10 +140,11 @@ class SoilTransport(_SinkageFactor):
     form = "transport"
     equation = "z = z0 K^p, K = (1 + |i|) / (1 - |i| / 2), stresses those of z0"
     source = "after M. Lyasko, J. Terramechanics 47 (2010), 21-31, slip-sinkage coefficient"
-    parameters = (Parameter("p", "", 0.0, 6.0, 0.5, 1.0),)
+    parameters = (_RATIO,)
+    changes = (SINKAGE,)
 
-    def freer(self) -> list[Effect]:
-        return [TransportAndDigOut(driven=self._driven)]
+    def extensions(self) -> list[Effect]:
+        return [*super().extensions(), TransportAndDigOut(driven=self._driven)]
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         channels[:, SINKAGE] *= _ratio(self.carrying(drive.slip)) ** values[0]
@@ -117,19 +153,15 @@ class SoilTransport(_SinkageFactor):
 class TransportAndDigOut(SoilTransport):
     """The rut is deepened both by a power of the ratio and by the layer that each turn digs out."""
 
-    freed = True
     equation = "z = z0 {K^p + h i9 / (1 - i9)}, i9 = min(|i|, 0.9), K = (1 + |i|) / (1 - |i| / 2), stresses those of z0"
     source = "after M. Lyasko (2010) and A. R. Reece (1965)"
-    parameters = (*SoilTransport.parameters, Parameter("h", "", 0.0, 5.0, 0.0, 0.5))
+    parameters = (_RATIO, replace(_DIG_OUT, start=0.0))
 
-    def __init__(self, *, driven: bool = False, told: bool = False) -> None:
-        super().__init__(driven=driven, told=told)
+    def __init__(self, *, driven: bool = False) -> None:
+        super().__init__(driven=driven)
         self.form = f"{self.form}, and dig-out"
 
-    def freer(self) -> list[Effect]:
-        return []
-
-    def variants(self) -> list[Effect]:
+    def extensions(self) -> list[Effect]:
         return []
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
@@ -139,23 +171,11 @@ class TransportAndDigOut(SoilTransport):
 
 
 def _ratio(away: np.ndarray) -> np.ndarray:
+    """Lyasko's slip-sinkage coefficient K (n,) [-]."""
     return (1.0 + away) / (1.0 - 0.5 * away)
 
 
-_FACTORS = SinkageRatio, DigOut, SoilTransport
-
-
-def forms(situation: Situation) -> tuple[Effect, ...]:
-    """Give the forms that these data can show: slip has to vary."""
+def _forms(situation: Situation, *, braked: bool) -> Sequence[Effect]:
     if not situation.drive.has("slip"):
         return ()
-    with np.errstate(invalid="ignore"):
-        told = float(np.mean(situation.drive.slip < 0.0)) > _BRAKED
-    return (SinkageExponent(), *(factor(told=told) for factor in _FACTORS))
-
-
-def named(situation: Situation) -> tuple[Effect, ...]:
-    """Give the forms that a simulation may ask for, whatever its slips."""
-    if not situation.drive.has("slip"):
-        return ()
-    return (SinkageExponent(), *(factor(driven=driven) for factor in _FACTORS for driven in (False, True)))
+    return [SinkageExponent(), *(factor(braked=braked) for factor in (SinkageRatio, DigOut, SoilTransport))]

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from .effect import SINKAGE, Contact, Drive, Effect, Parameter, Situation
+from ..effect import SINKAGE, Contact, Drive, Effect, Parameter, Situation
+from ..registry import register
 
 
+@register
 class TyreDeflection(Effect):
     """A flattened wheel touches like a larger, rigid one.
 
@@ -15,18 +19,38 @@ class TyreDeflection(Effect):
     """
 
     slug = "tyre_deflection"
+    title = "tyre deflection"
+    what_happens = "the wheel flattens under its load"
+    check = "load the wheel on a hard floor and read how far its axle comes down"
     form = "circle"
     equation = "r* = r (1 + delta / z), delta = W / k_t"
     source = "after C. Harnisch et al., Vehicle System Dynamics 43 Suppl. (2005): a larger circle"
 
     def __init__(self, load_N: float, radius_m: float) -> None:
-        self._of = load_N, radius_m
-        # Two per cent of the radius under the mean load is a firm tyre, twenty a soft one.
+        self._made_of = load_N, radius_m
         usual = 0.05 * radius_m / load_N
-        self.parameters = (Parameter("compliance", "m/N", 0.0, 8.0 * usual, usual, usual),)
+        source = (
+            "engineering judgement: a firm tyre flattens by 2 % of the radius under the mean load, a soft one by 20 %"
+        )
+        self.parameters = (Parameter("compliance", "m/N", 0.0, 8.0 * usual, usual, usual, source),)
 
-    def variants(self) -> list[Effect]:
-        return [SubstituteCircle(*self._of)]
+    @classmethod
+    def forms(cls, situation: Situation) -> Sequence[Effect]:
+        """Give the forms where load varies; those of a pressure where sinkage was measured, too."""
+        if not situation.drive.has("load_N"):
+            return ()
+        load, wheel = float(np.nanmean(situation.drive.load_N)), situation.wheel
+        answer: list[Effect] = [TyreDeflection(load, wheel.radius_m)]
+        if situation.measures(SINKAGE):
+            # The mean stress is the load over the contact; that at the peak, which flattens first, is a little more.
+            depth = np.clip(np.nanmedian(situation.sinkage_m), 1e-3 * wheel.radius_m, wheel.radius_m)
+            mean = load / (wheel.width_m * np.sqrt(2.0 * wheel.radius_m * depth))
+            pressures = tuple(float(share * mean) for share in (1.0, 1.3, 1.7))
+            answer += [FlatTyre(pressures, of_axle=of_axle) for of_axle in (False, True)]
+        return answer
+
+    def extensions(self) -> list[Effect]:
+        return [SubstituteCircle(*self._made_of)]
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         rigid = contact.wheel.radius_m
@@ -49,11 +73,11 @@ class SubstituteCircle(TyreDeflection):
     """From its lowest point on the larger circle is as long as the whole contact, the flat behind the axle with it."""
 
     form = "substitute circle"
-    usual = False
+    default_form = False
     equation = "r* = r [sqrt(1 + delta / z) + sqrt(delta / z)]^2, delta = W / k_t"
     source = "I. C. Schmid, J. Terramechanics 32 (1995), 3-26: substitution circle"
 
-    def variants(self) -> list[Effect]:
+    def extensions(self) -> list[Effect]:
         return []
 
     def sinkage_m(self, flat_m: np.ndarray, deflection_m: np.ndarray) -> np.ndarray:
@@ -61,14 +85,13 @@ class SubstituteCircle(TyreDeflection):
         return flat_m + 2.0 * np.sqrt(flat_m * deflection_m)
 
 
-class FlatTyre(Effect):
+class FlatTyre(TyreDeflection):
     """A tyre flattens where the ground would press harder than its own pressure: there it presses evenly.
 
     The ground is then as deep as that pressure takes it, the rest of the entry's depth is the tyre's deflection; or,
-    where the axle's height is what sinkage is measured by, as deep as the rim's circle.
+    where sinkage is measured by the axle's height, as deep as the rim's circle.
     """
 
-    slug = "tyre_deflection"
     nested = False
     source = "M. G. Bekker, Introduction to Terrain-Vehicle Systems (1969), elastic mode of a pneumatic tyre"
 
@@ -77,7 +100,16 @@ class FlatTyre(Effect):
         self.form = "pressure, sinkage of the axle" if of_axle else "pressure"
         self.equation = "sigma <= p_g" + ("" if of_axle else "; z = b (p_g / S)^(1/n) where the wheel is flat")
         middle = pressures_Pa[len(pressures_Pa) // 2]
-        self.parameters = (Parameter("p_g", "Pa", 0.05 * middle, 20.0 * middle, middle, 2.0 * middle, 5.0 * middle),)
+        self.parameters = (
+            Parameter(
+                "p_g", "Pa", 0.05 * middle, 20.0 * middle, middle, 2.0 * middle,
+                "engineering judgement: a tyre that flattens has about the mean pressure of the contact",
+                null=5.0 * middle,
+            ),
+        )  # fmt: skip
+
+    def extensions(self) -> list[Effect]:
+        return []
 
     def starts(self) -> list[np.ndarray]:
         return [np.array([pressure]) for pressure in self._pressures]
@@ -88,24 +120,3 @@ class FlatTyre(Effect):
             return
         flat = contact.wheel.width_m * (values[0] / contact.stiffness_Pa) ** (1.0 / contact.n)
         contact.sinkage_m = np.minimum(contact.sinkage_m, flat)
-
-
-def forms(situation: Situation) -> tuple[Effect, ...]:
-    """Give the forms that these data can show: the load has to vary."""
-    if not situation.drive.has("load_N"):
-        return ()
-    load, wheel = float(np.nanmean(situation.drive.load_N)), situation.wheel
-    answer: tuple[Effect, ...] = (TyreDeflection(load, wheel.radius_m),)
-    if situation.seen(SINKAGE):
-        # The mean stress is the load over the contact; the peak's, which a tyre flattens first, a little more.
-        depth = np.clip(np.nanmedian(situation.sinkage_m), 1e-3 * wheel.radius_m, wheel.radius_m)
-        mean = load / (wheel.width_m * np.sqrt(2.0 * wheel.radius_m * depth))
-        pressures = tuple(float(share * mean) for share in (1.0, 1.3, 1.7))
-        answer += tuple(FlatTyre(pressures, of_axle=of_axle) for of_axle in (False, True))
-    return answer
-
-
-def named(situation: Situation) -> tuple[Effect, ...]:
-    """Give the forms that a simulation may ask for."""
-    every = forms(situation)
-    return every + tuple(variant for effect in every for variant in effect.variants())

@@ -1,0 +1,77 @@
+"""The catalogue: one module an effect, found by itself, and the effects of plug-ins."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable
+from importlib import import_module, metadata
+from pkgutil import iter_modules
+
+from ....framework.core.errors import InputError
+from ..effect import Effect, Situation
+from ..registry import REGISTRY
+
+
+def load_plugins() -> None:
+    """Import the effects of other packages: entry points of the group ``bevameter.effects``."""
+    for point in metadata.entry_points(group="bevameter.effects"):
+        try:
+            point.load()
+        except Exception as error:  # whatever a module of another package raises
+            warnings.warn(f"effect {point.name} of a plug-in is left out: {error}", stacklevel=2)
+
+
+for _module in iter_modules(__path__):
+    import_module(f"{__name__}.{_module.name}")
+for _slug in sorted(REGISTRY, key=lambda slug: (REGISTRY[slug].kind != "physics", slug)):
+    REGISTRY[_slug] = REGISTRY.pop(_slug)
+load_plugins()
+
+SLUGS = REGISTRY.keys()
+"""Public names of all effects that are registered, whenever: physics first."""
+
+
+def effects_for(situation: Situation, slugs: Iterable[str] = SLUGS) -> list[Effect]:
+    """Give all forms of the effects named that a recording can show.
+
+    Raises
+    ------
+    InputError
+        A name is not in the catalogue.
+    """
+    wanted = set(slugs)
+    for slug in sorted(wanted):
+        effect_class(slug)
+    return [effect for slug in SLUGS if slug in wanted for effect in REGISTRY[slug].forms(situation)]
+
+
+def forms_by_name(slug: str, situation: Situation) -> list[Effect]:
+    """Give all forms of one effect that can be simulated where the situation's drive has what they need.
+
+    Raises
+    ------
+    InputError
+        The name is not in the catalogue.
+    """
+    found: dict[tuple[str, ...], Effect] = {}
+    following = list(effect_class(slug).forms_by_name(situation))
+    while following:
+        form = following.pop(0)
+        key = (form.form, *(parameter.name for parameter in form.parameters))
+        if key not in found:
+            found[key] = form
+            following += form.extensions()
+    return list(found.values())
+
+
+def effect_class(slug: str) -> type[Effect]:
+    """Give the class of an effect by its public name.
+
+    Raises
+    ------
+    InputError
+        The name is not in the catalogue.
+    """
+    if slug not in REGISTRY:
+        raise InputError("effects", repr(slug), expected="one of " + ", ".join(SLUGS))
+    return REGISTRY[slug]
