@@ -207,18 +207,23 @@ def test_the_soil_is_that_of_the_steady_part():
     assert codes(found.findings) == ["settling_rows"]
 
 
-def test_a_start_is_taken_neither_for_physics_nor_for_an_instrument(tmp_path):
-    table = runs(starts(), slips=FEW_SLIPS)
-    mistaken = ("soil_patch", "drift", "torque_offset", "time_lag")
-    answer = explain(recording(table), catalogue=mistaken)
+MISTAKEN = ("soil_patch", "drift", "torque_offset", "time_lag")
+"""Effects that a start could be taken for."""
+
+
+def test_a_start_is_taken_neither_for_physics_nor_for_an_instrument():
+    answer = explain(recording(runs(starts(), slips=FEW_SLIPS)), catalogue=MISTAKEN)
     assert answer.verdict == "none"
     assert any("where the wheel starts" in note for note in answer.notes)
-    # Beside another simulator, which has no start.
+
+
+@pytest.mark.slow
+def test_nor_is_it_beside_another_simulator_which_has_no_start(tmp_path):
     steady = runs(varied=0.0, slips=FEW_SLIPS)
     path = tmp_path / "simulated.csv"
     header = ",".join(("run", *steady.columns))
     rows = zip(steady.run, *steady.columns.values(), strict=True)
     path.write_text("\n".join([header, *(",".join(map(str, row)) for row in rows)]) + "\n")
-    beside = explain(recording(table), simulated=path, catalogue=mistaken)
-    assert any("where the wheel starts" in note for note in beside.notes)
-    assert beside.verdict == "none"
+    answer = explain(recording(runs(starts(), slips=FEW_SLIPS)), simulated=path, catalogue=MISTAKEN)
+    assert any("where the wheel starts" in note for note in answer.notes)
+    assert answer.verdict == "none"
