@@ -26,10 +26,10 @@ _PUBLIC = {
     "TerrainDatabase": "database.store",
     "run_traverse": "framework.traverse",
     "simulate": "identification.simulate",
-    "identify": "identification.identify",
+    "identify": "identification.estimate.identify",
     "explain": "framework.explain",
     "AugmentedSimulator": "identification.effects.stored",
-    "OnlineIdentifier": "identification.online",
+    "OnlineIdentifier": "identification.estimate.online",
 }
 
 if TYPE_CHECKING:
@@ -48,8 +48,8 @@ if TYPE_CHECKING:
     from .framework.explain import explain as explain
     from .framework.traverse import run_traverse as run_traverse
     from .identification.effects.stored import AugmentedSimulator as AugmentedSimulator
-    from .identification.identify import identify as identify
-    from .identification.online import OnlineIdentifier as OnlineIdentifier
+    from .identification.estimate.identify import identify as identify
+    from .identification.estimate.online import OnlineIdentifier as OnlineIdentifier
     from .identification.simulate import simulate as simulate
 
 __all__ = ["__version__", *_PUBLIC]

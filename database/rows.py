@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..framework.core.evidence import ClassEvidence
+from ..framework.core.findings import Finding, note
 from ..framework.core.quantities import finite_or_none
 from ..framework.core.soil import PLAUSIBLE, Quantity, ShearStrength, SoilEstimate
 from .observations import Drive, SoilEffect, SoilObservation, TerrainObservations
@@ -118,7 +119,7 @@ def pack_estimate(estimate: SoilEstimate) -> dict[str, Any]:
         "channels": list(estimate.channels),
         "n": int(estimate.n),
         "misfit": _json_number(estimate.misfit),
-        "problems": list(estimate.problems),
+        "findings": [finding.to_json() for finding in estimate.findings],
     }
 
 
@@ -139,8 +140,15 @@ def unpack_estimate(packed: Mapping[str, Any]) -> SoilEstimate:
         channels=tuple(packed["channels"]),
         n=int(packed["n"]),
         misfit=float(packed["misfit"]),
-        problems=tuple(packed["problems"]),
+        findings=_findings(packed),
     )
+
+
+def _findings(packed: Mapping[str, Any]) -> tuple[Finding, ...]:
+    """Read findings; databases written before there were any hold the sentences instead."""
+    if "findings" not in packed:
+        return tuple(note("stored", text=str(text)) for text in packed["problems"])
+    return tuple(Finding(each["code"], each["severity"], dict(each["values"])) for each in packed["findings"])
 
 
 def drive_of(row: Any, looks: Sequence[Any], stretches: Sequence[Any]) -> Drive:

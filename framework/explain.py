@@ -10,10 +10,10 @@ import numpy as np
 
 from ..audio.explain.explain import explain_sound
 from ..database.store import TerrainDatabase
+from ..identification.estimate.identify import open_recording
 from ..identification.explain.explain import explain as explain_wheel
 from ..identification.explain.explanation import Explanation
-from ..identification.felt_rows import felt_rows
-from ..identification.identify import open_recording
+from ..identification.rows.select import select_wheel_rows
 from .core.arguments import whole
 from .core.class_names import check_class_name
 from .core.errors import InputError
@@ -128,7 +128,7 @@ def store(answer: Explanation, database: str | Path, class_name: str) -> str:
 
 def _explain_sound(recording: Recording, seed: int) -> SoundFindings:
     """Explain the sound along the clock of one wheel."""
-    rows = felt_rows(recording)
+    rows = select_wheel_rows(recording)
     table = rows.table
     names = ("time_s", "wheel_speed_rad_s", "travel_speed_m_s")
     missing = [name for name in names if name not in table]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..database.observations import SoilObservation
-from ..identification.identify import Segment, identify_segments
+from ..identification.estimate.identify import Segment, identify_segments
 from .core.errors import InputError
 from .core.evidence import UNKNOWN
 from .core.recording.types import Recording, WheelTable

@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from ..identification.estimate.words import sentences
 from .core.evidence import ClassEvidence
+from .core.findings import Finding
 from .core.soil import Quantity, SoilEstimate
 from .fusion import Belief
 from .sense_map import SenseRecord
@@ -91,6 +93,8 @@ class LearntSoil:
         Root of the mean squared residual in units of the sensors' noise [-].
     problems
         What is to be minded in using the estimate, such as a model that does not fit.
+    findings
+        The same as data.
     """
 
     class_name: str | None
@@ -103,6 +107,7 @@ class LearntSoil:
     advice: str
     misfit: float
     problems: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
     @staticmethod
     def of(estimate: SoilEstimate, belief: Mapping[str, float], start_s: float, end_s: float) -> LearntSoil:
@@ -118,7 +123,8 @@ class LearntSoil:
             separable=dict(estimate.separable),
             advice=estimate.advice,
             misfit=estimate.misfit,
-            problems=estimate.problems,
+            problems=sentences(estimate.findings),
+            findings=estimate.findings,
         )
 
 

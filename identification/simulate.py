@@ -20,7 +20,7 @@ from .effects.parse import NamedEffect, build, parse_effect, situation_of
 from .mechanics.augmented import AugmentedWheel
 from .mechanics.soil import Soil, soil_vector
 from .mechanics.textbook import equilibrium
-from .plausible import check_signs
+from .rows.signs import check_signs
 
 ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
 """Channels that a simulation adds."""

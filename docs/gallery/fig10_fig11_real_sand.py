@@ -17,9 +17,9 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from bevameter import identify, read_recording
-from bevameter.identification.felt_rows import felt_rows
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import equilibrium
+from bevameter.identification.rows.select import select_wheel_rows
 
 
 def main(wheel_file: Path, out: Path) -> dict[str, float]:
@@ -27,7 +27,7 @@ def main(wheel_file: Path, out: Path) -> dict[str, float]:
     recording = read_recording(wheel_file)
     result = identify(recording)
     assert result.overall is not None
-    rows = felt_rows(recording)
+    rows = select_wheel_rows(recording)
     driving = rows.table.select(rows.reasons == "")
     quantities = result.overall.parameters
     soil = Soil(**{name: quantity.value for name, quantity in quantities.items()})

@@ -17,10 +17,10 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from bevameter.framework.core.vehicle import Wheel
+from bevameter.identification.estimate.online import OnlineIdentifier
 from bevameter.identification.mechanics.linearised import OnlineEstimator, drawbar_pull
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import CHANNELS, equilibrium
-from bevameter.identification.online import OnlineIdentifier
 
 WHEEL = Wheel(radius_m=0.5, width_m=0.3)
 SOIL = Soil(c_Pa=1e3, phi_rad=np.radians(30.0), k_m=0.005, stiffness_Pa=20e3 + 600e3 * 0.3, n=0.9)

@@ -36,8 +36,8 @@ def command(
     ] = None,
 ) -> None:
     """Identify cohesion, friction angle, shear modulus, stiffness and sinkage exponent."""
-    from ...identification.identify import identify, open_recording
-    from ...identification.report import identification_json
+    from ...identification.estimate.identify import identify, open_recording
+    from ...identification.estimate.report import identification_json
     from ..core.errors import InputError
     from ..core.files import check_outputs
     from ..core.soil import load_soil
@@ -52,7 +52,7 @@ def command(
         known = load_soil(soil) if soil is not None else None
         result = identify(opened, soil=known, method=method.value)
     if plot is not None:
-        from ...identification.picture import draw_identification
+        from ...identification.estimate.picture import draw_identification
 
         with status(f"drawing {plot}"):
             draw_identification(opened, result, plot, soil=known)

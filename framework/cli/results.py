@@ -16,8 +16,9 @@ from rich.panel import Panel
 from .printing import console, print_line, print_table
 
 if TYPE_CHECKING:
+    from ...identification.estimate.identify import Identification, Segment
     from ...identification.explain.explanation import Explanation
-    from ...identification.identify import Identification, Segment
+    from ..core.findings import Finding
     from ..core.soil import Quantity, SoilEstimate
     from ..summary import LearntSoil, SenseSummary, TraverseSummary
 
@@ -89,10 +90,17 @@ def print_classified(rows: Sequence[dict[str, Any]]) -> None:
     )  # fmt: skip
 
 
+def _print_findings(findings: tuple[Finding, ...]) -> None:
+    """Print findings in words, each as the note or the warning that it is."""
+    from ...identification.estimate.words import sentences
+
+    for finding, text in zip(findings, sentences(findings), strict=True):
+        print(f"{finding.severity}: {text}")
+
+
 def print_identification(result: Identification) -> None:
     """Print the overall estimate, then what became of each stretch."""
-    for problem in result.problems:
-        print(f"note: {problem}")
+    _print_findings(result.findings)
     if result.overall is not None:
         _print_estimate(result.overall)
         print()
@@ -106,7 +114,7 @@ def print_identification(result: Identification) -> None:
 
 
 def _print_estimate(found: SoilEstimate) -> None:
-    from ...identification.identifiability import is_search_limit
+    from ...identification.estimate.identifiability import is_search_limit
 
     print(f"Soil from {found.n} rows of {', '.join(found.channels)} (method {found.method})")
     rows = []
@@ -131,8 +139,7 @@ def _print_estimate(found: SoilEstimate) -> None:
     )  # fmt: skip
     if found.advice:
         print(f"Advice: {found.advice}.")
-    for problem in found.problems:
-        print(f"note: {problem}")
+    _print_findings(found.findings)
 
 
 def _interval(quantities: Mapping[str, Quantity], name: str, digits: int = 2) -> str:

@@ -7,12 +7,15 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from pydantic import BeforeValidator, ValidationInfo, field_validator, model_validator
 
 from .arguments import refused
-from .errors import InputError
 from .files import load_toml
+from .findings import Finding
+from .models import FileModel, Finite, checked
 
 PARAMETERS = ("c_Pa", "phi_rad", "k_m", "stiffness_Pa", "n")
 """Cohesion c [Pa], friction angle phi [rad], Janosi shear modulus k [m], stiffness k1 + k2 b of the paper's Eq. 6
@@ -91,6 +94,8 @@ class SoilEstimate:
         Samples used.
     misfit
         Root of the mean squared residual in units of the sensors' noise [-]: 1 where model and noise explain all.
+    findings
+        What has to be known to use it, such as a model that does not fit.
     """
 
     parameters: Mapping[str, Quantity]
@@ -104,7 +109,7 @@ class SoilEstimate:
     channels: tuple[str, ...]
     n: int
     misfit: float
-    problems: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     def strength_at(self, normal_stress_Pa: float) -> tuple[float, float]:
         """Give the shear strength at a normal stress [Pa] and its standard deviation [Pa]."""
@@ -129,8 +134,53 @@ class SoilKnowledge:
     sd: Mapping[str, float] = field(default_factory=dict)
 
 
-_TOML_NAMES = {"c_Pa": ("c_Pa", 1.0), "phi_deg": ("phi_rad", math.pi / 180.0), "phi_rad": ("phi_rad", 1.0),
-               "k_m": ("k_m", 1.0), "stiffness_Pa": ("stiffness_Pa", 1.0), "n": ("n", 1.0)}  # fmt: skip
+_DEGREE = math.pi / 180.0
+_OF_KEY = {"c_Pa": ("c_Pa", 1.0), "phi_deg": ("phi_rad", _DEGREE), "phi_rad": ("phi_rad", 1.0), "k_m": ("k_m", 1.0),
+           "stiffness_Pa": ("stiffness_Pa", 1.0), "n": ("n", 1.0)}  # fmt: skip
+"""Which parameter each key of `soil.toml` gives, and what makes SI of it."""
+
+
+class _Entry(FileModel):
+    value: Finite
+    sd: Finite | None = None
+
+
+def _entry(value: object) -> object:
+    return value if isinstance(value, dict) else {"value": value}
+
+
+Entry = Annotated[_Entry | None, BeforeValidator(_entry)]
+
+
+class _SoilFile(FileModel):
+    """`soil.toml`: a number, or a table of a value and its standard deviation, for each parameter that is known."""
+
+    c_Pa: Entry = None
+    phi_deg: Entry = None
+    phi_rad: Entry = None
+    k_m: Entry = None
+    stiffness_Pa: Entry = None
+    n: Entry = None
+
+    @field_validator("*")
+    @classmethod
+    def _plausible(cls, entry: _Entry | None, info: ValidationInfo) -> _Entry | None:
+        name, scale = _OF_KEY[str(info.field_name)]
+        low, high = PLAUSIBLE[name]
+        if entry is not None and not low <= entry.value * scale <= high:
+            raise ValueError(f"{entry.value:g}, expected {low / scale:g} to {high / scale:g}")
+        least = _LEAST_SD * high / scale
+        if entry is not None and entry.sd is not None and entry.sd < least:
+            raise ValueError(f"sd {entry.sd:g}, expected at least {least:.1g}, or no sd for a value that is exact")
+        return entry
+
+    @model_validator(mode="after")
+    def _something(self) -> _SoilFile:
+        if not self.model_fields_set:
+            raise ValueError("no value, expected some of " + ", ".join(_OF_KEY))
+        if self.phi_deg and self.phi_rad:
+            raise ValueError("both phi_deg and phi_rad are given")
+        return self
 
 
 def load_soil(path: str | Path) -> SoilKnowledge:
@@ -142,38 +192,10 @@ def load_soil(path: str | Path) -> SoilKnowledge:
         Missing or empty file, unknown key, a value that is no number or lies outside `PLAUSIBLE`, or a
         standard deviation too small to compute with.
     """
-    data = load_toml(path)
-    if not data:
-        raise InputError(path, "no value", expected="some of " + ", ".join(_TOML_NAMES))
-    values: dict[str, float] = {}
-    sds: dict[str, float] = {}
-    for key, entry in data.items():
-        if key not in _TOML_NAMES:
-            raise InputError(path, "unknown key", expected="one of " + ", ".join(_TOML_NAMES), place=f"key {key}")
-        name, scale = _TOML_NAMES[key]
-        if name in values:
-            raise InputError(path, f"{name} is given twice", place=f"key {key}")
-        table = entry if isinstance(entry, dict) else {"value": entry}
-        extra = sorted(set(table) - {"value", "sd"})
-        if extra or "value" not in table:
-            raise InputError(path, f"{table!r:.80}", expected="a number or {value = ..., sd = ...}", place=f"key {key}")
-        for part, number in table.items():
-            if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
-                raise InputError(path, f"{number!r:.80}", expected="a finite number", place=f"key {key}, {part}")
-        low, high = PLAUSIBLE[name]
-        value = float(table["value"]) * scale
-        if not low <= value <= high:
-            raise InputError(
-                path, f"{table['value']!r}", expected=f"{low / scale:g} to {high / scale:g}", place=f"key {key}"
-            )
-        values[name] = value
-        if "sd" in table:
-            least = _LEAST_SD * high / scale
-            if table["sd"] < least:
-                expected = f"at least {least:.1g}, or no sd for a value that is exact"
-                raise InputError(path, f"{table['sd']!r}", expected=expected, place=f"key {key}, sd")
-            sds[name] = float(table["sd"]) * scale
-    return SoilKnowledge(values, sds)
+    file = checked(_SoilFile, load_toml(path), path)
+    entries = [(*_OF_KEY[key], entry) for key, entry in file if entry is not None]
+    values = {name: entry.value * scale for name, scale, entry in entries}
+    return SoilKnowledge(values, {name: entry.sd * scale for name, scale, entry in entries if entry.sd is not None})
 
 
 def as_knowledge(soil: object) -> SoilKnowledge:

@@ -14,7 +14,6 @@ from ...framework.core.track.passes import side_by_side, slip_before
 from ...framework.core.track.place import axis_of, place_of
 from ...framework.core.track.positions import continuous, set_down
 from ...framework.core.vehicle import Wheel
-from ..noise import NORMAL_MAD
 from .effect import COVARIATES, Drive
 
 COLUMNS = {
@@ -192,7 +191,7 @@ def rate_of_change(values: np.ndarray, time_s: np.ndarray, stretch: np.ndarray) 
     per_s2 = float(np.average([step**-2 for step in steps], weights=[len(rows) for rows in usable]))
     left = np.concatenate([values[rows] - savgol_filter(values[rows], _WINDOWS[0], _DEGREE) for rows in usable])
     kept = 1.0 - savgol_coeffs(_WINDOWS[0], _DEGREE)[_WINDOWS[0] // 2]
-    noise = (NORMAL_MAD * float(median_abs_deviation(left))) ** 2 / kept
+    noise = float(median_abs_deviation(left, scale="normal")) ** 2 / kept  # pyright: ignore[reportArgumentType]
     best: tuple[float, float, np.ndarray] | None = None
     longest = max(len(rows) for rows in usable)
     for window in [each for each in _WINDOWS if each <= longest]:

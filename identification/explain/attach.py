@@ -15,8 +15,9 @@ from ...framework.core.recording.wheel_file import derive, read_wheel_file
 from ...framework.core.vehicle import Wheel
 from ..effects.effect import LOAD, SLIP
 from ..mechanics.textbook import CHANNELS
-from ..plausible import check_signs, check_sizes
-from ..trials import is_of_trials
+from ..rows.signs import check_signs
+from ..rows.trials import is_of_trials
+from ..rows.units import check_sizes
 from .samples import ANSWERS, MOST_SLIP, SIMULATED
 
 IMPOSED = CHANNELS[LOAD], CHANNELS[SLIP]

@@ -14,8 +14,10 @@ from ...framework.core.recording.types import Recording
 from ...framework.core.soil import SoilKnowledge, as_knowledge
 from ...framework.core.vehicle import Vehicle
 from ..effects.catalogue import SLUGS
-from ..felt_rows import felt_rows, only_steady
-from ..identify import open_recording
+from ..estimate.identify import open_recording
+from ..rows.select import select_wheel_rows
+from ..rows.settling import only_steady
+from ..rows.words import sentence
 from .answer import assemble, choose
 from .attach import attach
 from .explanation import Explanation
@@ -72,11 +74,11 @@ def explain(
     opened, known = open_recording(recording, vehicle), as_knowledge(soil)
     if simulated is not None:
         simulated = path_of("simulated", simulated, "the path of a wheel file")
-    rows = felt_rows(opened, every_row=simulated is not None)
-    table, notes = rows.table, (*opened.problems, *rows.problems)
+    rows = select_wheel_rows(opened, every_row=simulated is not None)
+    table, notes = rows.table, (*opened.problems, *map(sentence, rows.findings))
     if simulated is not None:
         table, unsteady = only_steady(attach(table, simulated, rows.wheel))
-        notes = (*notes, *unsteady)
+        notes = (*notes, *map(sentence, unsteady))
     # Fits run side by side: more of BLAS's own threads would only wait for each other.
     with threadpool_limits(1):
         samples, own = gather(table, rows.wheel, rows.vehicle), None

@@ -13,12 +13,13 @@ from ...framework.core.recording.types import WheelTable
 from ...framework.core.vehicle import Vehicle, Wheel
 from ..effects.drive import drive_of, order_of, select_rows
 from ..effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Drive
-from ..gate import LIMITS
 from ..mechanics.textbook import CHANNELS
-from ..noise import from_running_median, least_noise, noise_from_neighbours, sensor_noise
-from ..standing import stands
-from ..trials import AS_TRIALS, is_of_trials, without_clock, without_time
-from ..unloaded import carries_nothing
+from ..rows.gate import LIMITS
+from ..rows.noise import from_running_median, least_noise, noise_from_neighbours, sensor_noise
+from ..rows.standstill import stands
+from ..rows.trials import AS_TRIALS, is_of_trials, missing_clock, without_time
+from ..rows.unloaded import carries_nothing
+from ..rows.words import sentence
 from .lanes import lanes
 from .latent import Path, independent, path_of
 
@@ -153,8 +154,9 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
     timed, noise = "time_s" in table, sensor_noise(table, vehicle)
     if is_of_trials(table):
         timed, stretch, noise = False, np.arange(len(table)), sensor_noise(without_time(table), vehicle)
-        notes.append(AS_TRIALS)
-    notes += without_clock(table)
+        notes.append(sentence(AS_TRIALS))
+    if unclocked := missing_clock(table):
+        notes.append(sentence(unclocked))
     if table.wheel is not None and len(set(table.wheel)) > 1:
         notes.append(f"rows of {len(set(table.wheel))} wheels are taken together: as if all ran on the same ground")
     if usable.sum() < LEAST_ROWS:

@@ -24,6 +24,9 @@ from .soil import Soil, from_internal, to_internal
 CHANNELS = ("load_N", "torque_Nm", "sinkage_m", "slip", "drawbar_pull_N")
 """Channels that the wheel can sense, in the order of every array of predictions."""
 
+ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
+"""Channels that the ground answers with; load and slip are imposed."""
+
 PEAK_SHARE = 0.5
 """theta_m / theta_1: the peak stress lies midway (Sec. 3.1, second assumption)."""
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from bevameter import explain
 from bevameter.identification.effects.catalogue import effects_for
+from bevameter.identification.estimate.identify import open_recording
 from bevameter.identification.explain.fit import fit, fit_textbook, with_effect
 from bevameter.identification.explain.samples import gather
 from bevameter.identification.explain.search import situation
-from bevameter.identification.felt_rows import felt_rows
-from bevameter.identification.identify import open_recording
 from bevameter.identification.mechanics.augmented import Entry
+from bevameter.identification.rows.select import select_wheel_rows
 from concealed.conceal import conceal
 from scipy.optimize import least_squares
 
@@ -38,7 +38,7 @@ def test_explain(benchmark, folder):
 @pytest.fixture(scope="module")
 def started(folder):
     """Soil and one effect ready to be fitted."""
-    rows = felt_rows(open_recording(folder, None))
+    rows = select_wheel_rows(open_recording(folder, None))
     problem, textbook = fit_textbook(gather(rows.table, rows.wheel, rows.vehicle))
     effect = next(iter(effects_for(situation(problem, textbook), ["slip_sinkage"])))
     return problem, textbook, *with_effect(textbook, effect, effect.starts()[0])

@@ -10,10 +10,10 @@ import time
 import numpy as np
 import pytest
 from bevameter.framework.core.vehicle import Wheel
+from bevameter.identification.estimate.online import OnlineIdentifier
 from bevameter.identification.mechanics.linearised import OnlineEstimator
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import CHANNELS, equilibrium, normal_stress, shear_stress
-from bevameter.identification.online import OnlineIdentifier
 from scipy.integrate import quad
 from scipy.optimize import brentq
 

@@ -7,8 +7,10 @@ import pytest
 from bevameter import SoilEstimate
 from bevameter.framework.cli.main import app
 from bevameter.framework.cli.results import print_summary
+from bevameter.framework.core.findings import warning
 from bevameter.framework.core.soil import Quantity
 from bevameter.framework.summary import LearntSoil, TraverseSummary
+from bevameter.identification.estimate.words import sentences
 from typer.testing import CliRunner
 
 WHEEL = "time_s,load_N,slip,torque_Nm\n0.0,500,0.1,12\n0.1,500,0.2,13\n"
@@ -85,9 +87,10 @@ def test_wheels_alone_make_a_summary_that_says_what_is_missing(tmp_path, folder)
 
 
 def test_a_model_that_does_not_fit_is_said_and_written(capsys):
+    finding = warning("wrong_form", misfit=4.2, misfit_with_freedom=1.2, c_Pa=900.0, phi_rad=0.5)
     estimate = SoilEstimate(
         {"c_Pa": Quantity(1e3, 1e2, 8e2, 12e2)}, np.array([1e3, 0.5]), np.eye(2), {}, (), {"c_Pa": False}, "", "ml",
-        ("load_N",), 50, 4.2, ("the textbook's form does not hold",),
+        ("load_N",), 50, 4.2, (finding,),
     )  # fmt: skip
     soils = (LearntSoil.of(estimate, {"sand": 1.0}, 3.0, 9.0),)
     summary = TraverseSummary(
@@ -97,4 +100,5 @@ def test_a_model_that_does_not_fit_is_said_and_written(capsys):
     print_summary(summary)
     assert "note, 3 to 9 s: the textbook's form does not hold" in capsys.readouterr().out
     (soil,) = summary.as_dict()["soils"]
-    assert (soil["misfit"], soil["problems"]) == (4.2, estimate.problems)
+    assert (soil["misfit"], soil["problems"]) == (4.2, sentences(estimate.findings))
+    assert soil["findings"][0]["code"] == "wrong_form"

@@ -1,9 +1,12 @@
 import dataclasses
+from dataclasses import replace
 from datetime import datetime, timedelta, timezone
 
 import numpy as np
 import pytest
 from bevameter.database.observations import SoilObservation, TerrainObservations
+from bevameter.database.rows import pack_estimate, unpack_estimate
+from bevameter.framework.core.findings import note, warning
 
 
 def test_the_same_processing_is_the_same_drive(make):
@@ -73,3 +76,11 @@ def test_soil_without_estimate_needs_a_reason(make):
 
 def test_nothing_seen_is_a_drive_too():
     assert len(TerrainObservations.nothing()) == 0
+
+
+def test_findings_are_stored_as_data_and_sentences_of_before_are_still_read(make):
+    estimate = replace(make.estimate(), findings=(warning("wrong_form", misfit=2.0),))
+    packed = pack_estimate(estimate)
+    assert unpack_estimate(packed).findings == estimate.findings
+    before = {**{key: value for key, value in packed.items() if key != "findings"}, "problems": ["it does not fit"]}
+    assert unpack_estimate(before).findings == (note("stored", text="it does not fit"),)

@@ -21,7 +21,7 @@ from bevameter.framework.core.soil import Quantity, ShearStrength, SoilEstimate
 from bevameter.framework.core.vehicle import Camera, Vehicle, Wheel
 from bevameter.framework.default_models import Models
 from bevameter.framework.traverse import run_traverse
-from bevameter.identification.identify import Segment
+from bevameter.identification.estimate.identify import Segment
 from bevameter.vision import observe as looking
 
 CLASSES = ("loam", "sand")

@@ -21,13 +21,13 @@ pytestmark = pytest.mark.filterwarnings("error")
 
 SOIL_FAULTS = {
     "steeper than any soil": (SOIL.replace("30.0", "95"), ("phi_deg", "95", "0 to 60")),
-    "typing error": (SOIL.replace("c_Pa", "cohesion_Pa"), ("cohesion_Pa", "unknown key")),
-    "text": (SOIL.replace("500.0", "'soft'"), ("c_Pa", "'soft'", "a finite number")),
+    "typing error": (SOIL.replace("c_Pa", "cohesion_Pa"), ("cohesion_Pa", "no such key")),
+    "text": (SOIL.replace("500.0", "'soft'"), ("c_Pa", "'soft'", "a number")),
     "no value": (SOIL.replace("500.0", "{sd = 5}"), ("c_Pa", "value")),
-    "negative spread": (SOIL.replace("500.0", "{value = 500.0, sd = -5}"), ("key c_Pa, sd", "-5", "at least")),
+    "negative spread": (SOIL.replace("500.0", "{value = 500.0, sd = -5}"), ("key c_Pa", "sd -5", "at least")),
     "no spread to speak of": (
         SOIL.replace("30.0", "{value = 30, sd = 1e-300}"),
-        ("key phi_deg, sd", "1e-300", "6e-11"),
+        ("key phi_deg", "sd 1e-300", "6e-11"),
     ),
     "not finite": (SOIL.replace("500.0", "nan"), ("c_Pa", "nan")),
     "no TOML": ("c_Pa 500", ("valid TOML",)),

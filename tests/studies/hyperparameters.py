@@ -29,14 +29,14 @@ def searched(folder: Path) -> dict[str, Any]:
     """Search the catalogue for a recording, and give all evidence."""
     from bevameter.framework.core.soil import as_knowledge
     from bevameter.identification.effects.catalogue import SLUGS
+    from bevameter.identification.estimate.identify import open_recording
     from bevameter.identification.explain.fit import fit_textbook
     from bevameter.identification.explain.posterior import posterior
     from bevameter.identification.explain.samples import gather
     from bevameter.identification.explain.search import search
-    from bevameter.identification.felt_rows import felt_rows
-    from bevameter.identification.identify import open_recording
+    from bevameter.identification.rows.select import select_wheel_rows
 
-    rows = felt_rows(open_recording(folder, None))
+    rows = select_wheel_rows(open_recording(folder, None))
     soil = folder / "soil.toml"
     problem, textbook = fit_textbook(
         gather(rows.table, rows.wheel, rows.vehicle), as_knowledge(soil if soil.is_file() else None)

@@ -16,7 +16,8 @@ from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 from bevameter.framework.core.vehicle import Wheel
-from bevameter.identification.estimation import Measured, estimate_soil
+from bevameter.identification.estimate.estimate import estimate_soil
+from bevameter.identification.estimate.solution import Measured
 from bevameter.identification.mechanics.linearised import estimate as linear_estimate
 from bevameter.identification.mechanics.soil import Soil, slope_of_internal
 from bevameter.identification.mechanics.textbook import TextbookWheel, equilibrium

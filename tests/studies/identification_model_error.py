@@ -17,8 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from bevameter.framework.core.soil import SoilKnowledge
 from bevameter.framework.core.vehicle import Wheel
-from bevameter.identification.estimation import WRONG_FORM, Measured, solve, summarise, usable
-from bevameter.identification.form_error import rejected
+from bevameter.identification.estimate.estimate import WRONG_FORM, solve, summarise, usable
+from bevameter.identification.estimate.form_error import rejected
+from bevameter.identification.estimate.solution import Measured
 
 KINDS = {
     "none": {},
@@ -136,7 +137,7 @@ def recording(
     measured = channels + noise * rng.normal(size=channels.shape)
     if not pull:
         measured[:, 4], noise = np.nan, np.where(np.arange(5) == 4, np.nan, noise)
-    return Measured(measured, noise, order)
+    return Measured(measured, noise, order, timed=not steady)
 
 
 @dataclass(frozen=True)

@@ -14,13 +14,13 @@ import numpy as np
 from bevameter import InputError, Vehicle, WheelTable, explain
 from bevameter.framework.core.recording.types import Recording
 from bevameter.framework.core.recording.wheel_file import read_wheel_file
+from bevameter.identification.estimate.identify import open_recording
 from bevameter.identification.explain.explanation import Explanation
 from bevameter.identification.explain.fit import fit, fit_textbook
 from bevameter.identification.explain.held_out import hold_out
 from bevameter.identification.explain.samples import gather, levels
-from bevameter.identification.felt_rows import felt_rows
-from bevameter.identification.identify import open_recording
 from bevameter.identification.mechanics.augmented import Entry
+from bevameter.identification.rows.select import select_wheel_rows
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 SHOWN = {"torque_Nm": ("torque [N m]", 1.0), "sinkage_m": ("sinkage [mm]", 1e3), "drawbar_pull_N": ("pull [N]", 1.0)}
@@ -50,7 +50,7 @@ def recordings() -> Iterator[tuple[str, Recording]]:
 
 def left_out(recording: Recording, answer: Explanation) -> dict[str, dict[str, tuple[float, float]]]:
     """Held-out error of each channel without and with what was named, whole loads and whole slips held out."""
-    rows = felt_rows(recording)
+    rows = select_wheel_rows(recording)
     samples = gather(rows.table, rows.wheel, rows.vehicle)
     loads = levels(samples.drive.load_N / samples.drive.load_N.max(), 0.05)
     splits = {"one slip left out": levels(samples.drive.slip)}

@@ -54,6 +54,11 @@ class WheelTable:
         """Give the channel, (n,), or None where the recording has none of that name."""
         return self.columns.get(name)
 
+    def observed(self, name: str) -> np.ndarray:
+        """Give the values of a channel that were observed, (m,), in the order of the rows; none where it is absent."""
+        values = self.columns.get(name)
+        return np.empty(0) if values is None else values[np.isfinite(values)]
+
     def select(self, rows: np.ndarray) -> WheelTable:
         """Give the rows of a boolean mask or an index array, as a new table."""
         return WheelTable(

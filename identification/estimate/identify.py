@@ -1,0 +1,287 @@
+"""`identify`: the soil of a recording from its wheel channels, stretch by stretch and overall."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from scipy.stats import t as t_distribution
+
+from ...framework.core.arguments import refused
+from ...framework.core.errors import InputError
+from ...framework.core.findings import Finding, note, warning
+from ...framework.core.recording.readers import read_recording
+from ...framework.core.recording.types import Recording, WheelTable
+from ...framework.core.soil import Quantity, ShearStrength, SoilEstimate, SoilKnowledge, as_knowledge
+from ...framework.core.vehicle import Vehicle, Wheel, as_vehicle
+from ..mechanics import linearised
+from ..mechanics.textbook import CHANNELS
+from ..rows.gate import LIMITS, Stretch, quasi_static
+from ..rows.geometry import by_geometry
+from ..rows.noise import sensor_noise
+from ..rows.select import SelectedRows, select_wheel_rows
+from ..rows.trials import AS_TRIALS, is_of_trials, without_time
+from .change_points import split_soils
+from .estimate import estimate_soil, summarise, usable
+from .noise_likelihood import autocorrelation_finding, solve_with_noise, with_autocorrelated_noise
+from .solution import Measured
+
+Method = Literal["ml", "linear"]
+METHODS: tuple[Method, ...] = ("ml", "linear")
+
+REPRESENTATIVE_K_M = 0.01
+"""Janosi shear modulus [m] that the linear method assumes where none is known: middle of Wong (2010), Table 2.3."""
+
+MIXED = 1.5
+"""An overall misfit this many times that of the worst stretch means that one soil does not explain them all [-]."""
+
+MOST_ROWS = 1500
+"""A stretch with more rows is thinned evenly to this number: intervals are then those of the rows kept."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One stretch of the drive [s] (NaN for steady-state trials): used, with its estimate, or not, with the reason.
+
+    `wheel` says which wheel it is, where the recording describes several and is no one vehicle's.
+    """
+
+    start_s: float
+    end_s: float
+    used: bool
+    reason: str
+    n: int
+    estimate: SoilEstimate | None = None
+    wheel: str = ""
+
+
+@dataclass(frozen=True)
+class Identification:
+    """Soil by segment, and over all rows that were used (None where there were none, or rows of several wheels)."""
+
+    overall: SoilEstimate | None
+    segments: tuple[Segment, ...]
+    method: str
+    findings: tuple[Finding, ...] = ()
+
+
+def identify(
+    recording: Recording | str | Path,
+    *,
+    vehicle: Vehicle | str | Path | None = None,
+    soil: SoilKnowledge | str | Path | None = None,
+    method: Method = "ml",
+) -> Identification:
+    """Identify the soil from the wheel channels of a recording.
+
+    Parameters
+    ----------
+    recording
+        A recording, or the path of one, or of a single wheel file.
+    vehicle
+        The vehicle, or its TOML file; the recording's own where absent.
+    soil
+        What is known of the soil already, or its TOML file.
+    method
+        ``"ml"``: maximum likelihood with errors in all channels. ``"linear"``: the paper's Eq. 22.
+
+    Returns
+    -------
+    Identification
+        With `overall` None, and the reasons in `segments`, where no row could be used.
+
+    Raises
+    ------
+    InputError
+        The recording has no wheel channels, no geometry, or lacks channels that the method needs.
+    """
+    if method not in METHODS:
+        raise refused("method", method, " or ".join(METHODS))
+    recording, known = open_recording(recording, vehicle), as_knowledge(soil)
+    parts = by_geometry(recording)
+    result = _several_wheels(parts, known, method) if len(parts) > 1 else _one_wheel(parts[0], known, method)
+    read = (note("recording", text=problem) for problem in recording.problems)
+    return replace(result, findings=(*read, *result.findings))
+
+
+def _several_wheels(parts: list[Recording], known: SoilKnowledge, method: Method) -> Identification:
+    """Identify the soil under each wheel by itself: nothing says that they ran on one."""
+    segments, findings = [], [note("several_wheels", wheels=len(parts))]
+    for part in parts:
+        assert part.vehicle is not None
+        name = part.vehicle.name
+        try:
+            result = _one_wheel(part, known, method)
+        except InputError as error:
+            segments.append(Segment(math.nan, math.nan, False, str(error), len(part.wheel or ()), wheel=name))
+            continue
+        segments.extend(replace(segment, wheel=name) for segment in result.segments)
+        findings.extend(each.with_values(of_wheel=name) for each in result.findings)
+    return Identification(None, tuple(segments), method, tuple(findings))
+
+
+def _one_wheel(recording: Recording, known: SoilKnowledge, method: Method) -> Identification:
+    rows = select_wheel_rows(recording)
+    if is_of_trials(rows.table):
+        table = without_time(rows.table)
+        rows = replace(rows, table=table, reasons=quasi_static(table, rows.wheel), findings=(*rows.findings, AS_TRIALS))
+    stretches = rows.stretches()
+    segments = tuple(segment for stretch in stretches for segment in _segments(rows, stretch, known, method))
+    chosen = [stretch.rows for stretch in stretches if not stretch.reason]
+    found = [segment.estimate for segment in segments if segment.used]
+    overall, findings = None, [*rows.findings]
+    if rows.wheel.grouser_count and rows.wheel.grouser_height_m:
+        findings.append(note("grousers_left_out"))
+    if found and any(len(each) > MOST_ROWS for each in chosen):
+        findings.append(note("thinned", rows=MOST_ROWS))
+    if len(found) == 1:
+        overall = found[0]
+    elif found:
+        worst = max(each.misfit for each in found if each is not None)
+        overall, mixed = _overall(rows, np.sort(np.concatenate(chosen)), known, method, MIXED * worst)
+        if mixed:
+            findings.append(warning("mixed_soils"))
+    return Identification(overall, segments, method, tuple(findings))
+
+
+def identify_segments(
+    recording: Recording,
+    *,
+    boundaries_s: Sequence[float] | np.ndarray = (),
+    soil: SoilKnowledge | None = None,
+    method: Method = "ml",
+) -> tuple[Segment, ...]:
+    """Identify the soil of each quasi-static stretch, cut where the ground is known to change (`boundaries_s` [s])."""
+    rows = select_wheel_rows(recording)
+    known = soil or SoilKnowledge()
+    stretches = rows.stretches(np.asarray(boundaries_s, dtype=float))
+    return tuple(segment for stretch in stretches for segment in _segments(rows, stretch, known, method))
+
+
+def _segments(rows: SelectedRows, stretch: Stretch, known: SoilKnowledge, method: Method) -> list[Segment]:
+    """Identify one stretch; several segments where the soil changes within it."""
+    n = len(stretch.rows)
+    if stretch.reason:
+        return [Segment(stretch.start_s, stretch.end_s, False, stretch.reason, n)]
+    timed = "time_s" in rows.table
+    try:
+        if not timed or method == "linear":
+            estimate = _estimate(rows, stretch.rows, known, method)
+            return [Segment(stretch.start_s, stretch.end_s, True, "", n, estimate)]
+        return _soils(rows, stretch, known)
+    except InputError as error:
+        if not timed:
+            raise
+        return [Segment(stretch.start_s, stretch.end_s, False, error.problem, n)]
+
+
+def _soils(rows: SelectedRows, stretch: Stretch, known: SoilKnowledge) -> list[Segment]:
+    kept, whole, notes = solve_with_noise(usable(measured_rows(rows, stretch.rows)), rows.wheel, known)
+    parts = split_soils(kept, rows.wheel, known, whole, LIMITS)
+    borders = [float(kept.order[part.start]) for part, _ in parts[1:]]
+    starts, ends = [stretch.start_s, *borders], [*borders, stretch.end_s]
+    segments = []
+    for (part, solution), start, end in zip(parts, starts, ends, strict=True):
+        own = replace(kept, channels=kept.channels[part], order=kept.order[part])
+        estimate = summarise(solution, own, rows.wheel, notes=(*notes, *autocorrelation_finding(kept, solution)))
+        segments.append(Segment(start, end, True, "", len(own.channels), estimate))
+    return segments
+
+
+def _estimate(rows: SelectedRows, chosen: np.ndarray, known: SoilKnowledge, method: Method) -> SoilEstimate:
+    if method == "linear":
+        return _linear(rows.table.select(chosen), rows.wheel, known)
+    return estimate_soil(measured_rows(rows, chosen), rows.wheel, known)
+
+
+def _overall(
+    rows: SelectedRows, chosen: np.ndarray, known: SoilKnowledge, method: Method, most_misfit: float
+) -> tuple[SoilEstimate, bool]:
+    """Give one estimate over several stretches, and whether it mixes soils: it then misfits as no stretch does."""
+    if method == "linear":
+        return _estimate(rows, chosen, known, method), False
+    kept, solution, notes = solve_with_noise(usable(measured_rows(rows, chosen)), rows.wheel, known)
+    solution = with_autocorrelated_noise(kept, solution, rows.wheel, known)
+    mixed = solution.misfit > most_misfit
+    notes = (*notes, *autocorrelation_finding(kept, solution))
+    return summarise(solution, kept, rows.wheel, one_soil=not mixed, notes=notes), mixed
+
+
+def measured_rows(rows: SelectedRows, chosen: np.ndarray) -> Measured:
+    """Lay out chosen rows (m,) for the estimator, with their noise; thinned evenly beyond `MOST_ROWS`."""
+    noise = sensor_noise(rows.table.select(chosen), rows.vehicle)
+    if len(chosen) > MOST_ROWS:
+        chosen = chosen[np.linspace(0, len(chosen) - 1, MOST_ROWS).astype(int)]
+    table = rows.table.select(chosen)
+    nothing = np.full(len(table), math.nan)
+    channels = np.column_stack([table.columns.get(name, nothing) for name in CHANNELS])
+    if "time_s" not in table:
+        return Measured(channels, noise, table["slip"], timed=False)
+    stated = np.array([name in rows.vehicle.noise for name in CHANNELS])
+    return Measured(channels, noise, table["time_s"], stated)
+
+
+def _linear(table: WheelTable, wheel: Wheel, known: SoilKnowledge) -> SoilEstimate:
+    """The paper's estimate, as a `SoilEstimate`: a negative cohesion is not passed off as a finding."""
+    needed = ("load_N", "torque_Nm", "sinkage_m", "slip")
+    for name in needed:
+        if name not in table or not np.isfinite(table[name]).any():
+            raise InputError(
+                table.source,
+                f"no column {name}, or none that changes",
+                expected="load, torque, sinkage and slip for Eq. 22",
+            )
+    load, torque, sinkage, slip = (table[name] for name in needed)
+    k_m = known.values.get("k_m", REPRESENTATIVE_K_M)
+    result = linearised.estimate(load, torque, sinkage, slip, k_m, wheel)
+    if not math.isfinite(result.c_Pa):
+        raise InputError(table.source, f"{result.n} usable rows", expected="two or more that differ", place="Eq. 22")
+    quantile = float(t_distribution.ppf(0.975, max(result.n - 2, 1)))
+    sd = np.sqrt(np.diag(result.covariance))
+    slope = math.cos(result.phi_rad) ** 2
+    ends = [math.atan(max(result.tan_phi + sign * quantile * sd[1], 0.0)) for sign in (-1.0, 1.0)]
+    quantities = {
+        "c_Pa": Quantity(
+            max(result.c_Pa, 0.0), sd[0],
+            max(result.c_Pa - quantile * sd[0], 0.0), max(result.c_Pa + quantile * sd[0], 0.0),
+        ),
+        "phi_rad": Quantity(max(result.phi_rad, 0.0), sd[1] * slope, ends[0], ends[1]),
+    }  # fmt: skip
+    findings = [note("least_squares_intervals")]
+    if result.c_Pa < 0.0:
+        findings.append(warning("negative_cohesion", c_Pa=result.c_Pa))
+    sigma, _ = linearised.peak_stresses(load, torque, sinkage, wheel)
+    strength = []
+    for stress in np.nanpercentile(np.where(sigma > 0.0, sigma, np.nan), [10.0, 50.0, 90.0]):
+        gradient = np.array([1.0, stress])
+        value = float(gradient @ [result.c_Pa, result.tan_phi])
+        half = quantile * math.sqrt(max(float(gradient @ result.covariance @ gradient), 0.0))
+        strength.append(ShearStrength(float(stress), value, max(value - half, 0.0), value + half))
+    correlation = float(result.covariance[0, 1] / (sd[0] * sd[1])) if sd.all() else 0.0
+    tight = 2.0 * quantile * sd * [1.0, strength[1].normal_stress_Pa] <= 0.5 * abs(strength[1].value_Pa)
+    return SoilEstimate(
+        parameters=quantities,
+        mean_c_tan_phi=np.array([result.c_Pa, result.tan_phi]),
+        covariance_c_tan_phi=result.covariance,
+        correlation={"c_Pa,phi_rad": correlation},
+        shear_strength=tuple(strength),
+        separable={"c_Pa": bool(tight[0]), "phi_rad": bool(tight[1])},
+        advice="" if tight.all() else "vary load and slip more, or use the method ml",
+        method="linear",
+        channels=needed,
+        n=result.n,
+        misfit=math.nan,
+        findings=tuple(findings),
+    )
+
+
+def open_recording(recording: Recording | str | Path, vehicle: Vehicle | str | Path | None) -> Recording:
+    """Open a recording, if it is a path, and give it the vehicle, if there is one; raises `InputError`."""
+    described = None if vehicle is None else as_vehicle(vehicle)
+    if not isinstance(recording, Recording):
+        return read_recording(recording, vehicle=described)
+    return recording if described is None else replace(recording, vehicle=described)

@@ -1,0 +1,135 @@
+"""Identification while driving: the estimator of `estimate` on a sliding window, one warm-started step a sample."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...framework.core.soil import PARAMETERS, PLAUSIBLE, Quantity, SoilKnowledge
+from ...framework.core.vehicle import Wheel
+from ..mechanics.soil import from_internal, slope_of_internal, to_internal
+from ..mechanics.textbook import CHANNELS
+from .estimate import build_problem, converge
+from .likelihood import Point, Problem
+from .optimise import Fit, fit
+from .solution import Measured
+
+LEAST_SAMPLES = 40
+"""Samples before the first estimate: four seconds at 10 Hz."""
+
+SEARCH_AGAIN = 20
+"""Samples between two searches, at least: a search takes several steps' time."""
+
+MOST_IN_AGREEMENT = 0.75
+"""Below this share of samples that are no gross errors [-], the estimator searches anew."""
+
+TRIALS = 4
+"""Steps tried at a sample until one leads uphill; the first that does is enough."""
+
+_TWO_SIDED = 1.96
+
+
+@dataclass(frozen=True)
+class OnlineEstimate:
+    """Soil over the window: parameters with Wald intervals, correlation of c and tan phi, and the samples used."""
+
+    parameters: dict[str, Quantity]
+    correlation: float
+    n: int
+
+
+class OnlineIdentifier:
+    """Maximum likelihood with errors in all channels over the last samples of a drive.
+
+    Each sample costs one step of the iteration from where the last one ended, so that the estimate follows the soil;
+    the first comes after `LEAST_SAMPLES`, from a search as `estimate` does it, and so does the next where the soil
+    has changed. Feed it only what the gate lets through.
+
+    Parameters
+    ----------
+    wheel
+        The wheel.
+    noise
+        Standard deviations of the sensors by channel name (`textbook.CHANNELS`), SI; a channel without one is not used.
+    window
+        Samples kept [-].
+    known
+        What is known of the soil from elsewhere.
+    """
+
+    def __init__(
+        self, wheel: Wheel, noise: dict[str, float], *, window: int = 600, known: SoilKnowledge | None = None
+    ) -> None:
+        self._wheel, self._known, self._window = wheel, known or SoilKnowledge(), window
+        self._noise = np.array([noise.get(name, math.nan) for name in CHANNELS])
+        self._rows = np.empty((0, len(CHANNELS)))
+        self._fit: Fit | None = None
+        self._since_search = 0
+
+    def update(
+        self,
+        *,
+        load_N: float = math.nan,
+        torque_Nm: float = math.nan,
+        sinkage_m: float = math.nan,
+        slip: float = math.nan,
+        drawbar_pull_N: float = math.nan,
+    ) -> OnlineEstimate | None:
+        """Take in one sample, left out where load or slip is missing; give the estimate, None before the first."""
+        row = np.array([load_N, torque_Nm, sinkage_m, slip, drawbar_pull_N])
+        row[~np.isfinite(self._noise)] = math.nan
+        if not (np.isfinite(row[0]) and np.isfinite(row[3]) and np.isfinite(row).sum() >= 3):
+            return self.estimate()
+        dropped = max(len(self._rows) + 1 - self._window, 0)
+        self._rows = np.vstack([self._rows[dropped:], row])
+        if len(self._rows) < LEAST_SAMPLES:
+            return None
+        measured = Measured(self._rows, self._noise, np.arange(len(self._rows)))
+        problem = build_problem(measured, self._wheel, self._known)
+        self._since_search += 1
+        if self._fit is None or self._lost():
+            self._fit = converge(problem, self._wheel, self._known)
+            self._since_search = 0
+        else:
+            point = extended(self._fit.point, problem, dropped)
+            self._fit = fit(problem, point, iterations=TRIALS, enough=math.inf)
+        return self.estimate()
+
+    def _lost(self) -> bool:
+        """Say whether the soil has changed: too many samples look like gross errors to go on from the last estimate."""
+        assert self._fit is not None
+        return self._since_search >= SEARCH_AGAIN and float(self._fit.weights.mean()) < MOST_IN_AGREEMENT
+
+    def estimate(self) -> OnlineEstimate | None:
+        """Give the present estimate; None before the first."""
+        if self._fit is None:
+            return None
+        held = [name in self._known.values and name not in self._known.sd for name in PARAMETERS]
+        covariance = self._fit.covariance(~np.array(held))
+        quantities = {}
+        for index, name in enumerate(PARAMETERS):
+            centre, sd = float(self._fit.vector[index]), math.sqrt(max(covariance[index, index], 0.0))
+            centre = max(centre, 0.0) if name == "c_Pa" else centre
+            least, most = (to_internal(name, bound) for bound in PLAUSIBLE[name])
+            low, high = max(centre - _TWO_SIDED * sd, least), min(centre + _TWO_SIDED * sd, most)
+            value = from_internal(name, centre)
+            quantities[name] = Quantity(
+                value, sd * slope_of_internal(name, value), from_internal(name, low), from_internal(name, high)
+            )
+        spread = math.sqrt(covariance[0, 0] * covariance[1, 1])
+        return OnlineEstimate(quantities, float(covariance[0, 1] / spread) if spread > 0.0 else 0.0, len(self._rows))
+
+
+def extended(point: Point, problem: Problem, dropped: int) -> Point:
+    """Let the `dropped` oldest samples go, begin the newest at what was measured."""
+    newest = np.clip(problem.measured[-1:, [0, 3]], [0.02 * problem.load_scale, -0.98], [np.inf, 0.999])
+    angles = np.full((1, point.theta_1.shape[1]), float(np.median(point.theta_1)))
+    return replace(
+        point,
+        population=point.population.carried(problem.grid),
+        imposed=np.vstack([point.imposed[dropped:], newest]),
+        spread=np.concatenate([point.spread[dropped:], np.zeros((1, 2, 2))]),
+        theta_1=np.vstack([point.theta_1[dropped:], angles]),
+    )

@@ -1,0 +1,180 @@
+"""Maximum likelihood with errors in every channel: the true load and slip of each sample are unknown too.
+
+Least squares on noisy regressors is biased (attenuation). Here the true load and slip of a sample are latent, drawn
+from a `population` that is estimated with the soil (the structural model of W. A. Fuller, "Measurement Error Models"
+(1987), Sec. 1.2 and 4.2). Where the model cannot explain a channel, its standard deviation is estimated too, never
+below the sensor's. The likelihood itself is in `likelihood`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .likelihood import (
+    NO_OUTLIERS,
+    NODE_COUNT,
+    POPULATION,
+    Point,
+    Problem,
+    State,
+    evaluate,
+    mean_score,
+    recentre,
+    with_population,
+)
+from .population import Population
+
+ENOUGH = 0.003
+"""The iteration ends when a step gains less than this [nats]."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Where the iteration ended: the point, the log-likelihood with priors [nats], and what follows at that point.
+
+    information (d, d) of (vector, population, log_sd of answers); weights (n,) probability of being no gross error;
+    residuals (n, 5) of the channels at the expected latents, in units of sd; load_slip (n, 2) expected latents.
+    """
+
+    point: Point
+    log_likelihood: float
+    information: np.ndarray
+    weights: np.ndarray
+    residuals: np.ndarray
+    load_slip: np.ndarray
+    theta_1: np.ndarray
+    converged: bool
+
+    @property
+    def vector(self) -> np.ndarray:
+        """(p,) the parameter vector."""
+        return self.point.vector
+
+    def covariance(self, free: np.ndarray) -> np.ndarray:
+        """Covariance (p, p) of the vector; zero for parameters that are held (`free` (p,) bool is False)."""
+        everything = np.concatenate([free, np.ones(len(self.information) - len(free), dtype=bool)])
+        inverse = inverse_information(self.information[np.ix_(everything, everything)])
+        kept = int(free.sum())
+        answer = np.zeros((len(free), len(free)))
+        answer[np.ix_(free, free)] = inverse[:kept, :kept]
+        return answer
+
+
+def inverse_information(matrix: np.ndarray) -> np.ndarray:
+    """Inverse of an information matrix; a direction without information has a huge variance, not a negative one."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-12))
+    values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
+    return (vectors / np.maximum(values, 1e-10)) @ vectors.T * np.outer(scale, scale)
+
+
+def best_start(problem: Problem, starts: list[tuple[np.ndarray, np.ndarray]]) -> Point:
+    """Climb a little from each start (vector, theta_1), looking for no gross errors yet, and keep the best point."""
+    climbed = [_climb(problem, start(problem, *each), 30, enough=0.5) for each in starts]
+    point, _, _ = max(climbed, key=lambda each: each[1].value)
+    return replace(point, outliers=0.01)
+
+
+def start(problem: Problem, vector: np.ndarray, theta_1: np.ndarray) -> Point:
+    """Begin at a parameter vector, with the measured load and slip as latents and theta_1 (n,) as warm start."""
+    measured = problem.measured
+    slip = np.clip(measured[:, 3], -0.98, 0.999)
+    load = np.where(np.isfinite(measured[:, 0]), measured[:, 0], np.nanmedian(measured[:, 0]))
+    scale = problem.load_scale
+    load = np.maximum(load, 0.02 * scale)
+    imposed = np.column_stack([load, slip])
+    population = Population.beginning(problem.grid, load, float(problem.noise[0]), problem.least_deviation)
+    # Wide at first, so that a start far from the truth sees a slope, not a field of gross errors.
+    wide = 0.5 * np.array(
+        [np.std(column[np.isfinite(column)]) if np.isfinite(column).any() else 0.0 for column in measured.T]
+    )
+    sd = np.where(np.isfinite(problem.noise), problem.noise, 1.0)
+    log_sd = np.log(np.where(problem.answers, np.maximum(sd, wide), sd))
+    point = Point(
+        vector, population, log_sd, imposed, np.zeros((len(load), 2, 2)), np.tile(theta_1[:, None], (1, NODE_COUNT))
+    )
+    return recentre(problem, recentre(problem, point))
+
+
+def fit(problem: Problem, point: Point, *, iterations: int = 60, enough: float = ENOUGH) -> Fit:
+    """Maximise the marginal likelihood from a starting point by damped scoring."""
+    vector = np.where(problem.free, np.clip(point.vector, problem.lower, problem.upper), problem.held)
+    point = recentre(problem, replace(point, vector=vector))
+    point, state, converged = _climb(problem, point, iterations, enough=enough)
+    expected = state.responsibility
+    latent = np.einsum("nq,nqa->na", expected, state.nodes)
+    residual = np.einsum("nq,nqm->nm", expected, state.residuals)
+    residual[~problem.seen] = np.nan
+    theta_1 = np.einsum("nq,nq->n", expected, np.nan_to_num(state.theta_1))
+    return Fit(point, state.value, state.information, state.weights, residual, latent, theta_1, converged)
+
+
+def _climb(problem: Problem, point: Point, iterations: int, *, enough: float) -> tuple[Point, State, bool]:
+    """Step uphill until a step gains less than `enough` nats."""
+    damping, converged, fresh, striding = 1e-3, False, False, True
+    state = evaluate(problem, point)
+    for _ in range(iterations):
+        trial = _move(problem, point, state, damping, striding=striding)
+        # The quadrature follows every step: one that stayed behind would call a wider population a worse one.
+        trial = None if trial is None else recentre(problem, recentre(problem, trial))
+        moved = None if trial is None else evaluate(problem, trial)
+        if trial is not None and moved is not None and moved.value >= state.value - 1e-9 * abs(state.value):
+            gain = moved.value - state.value
+            point, state, fresh = replace(trial, theta_1=moved.theta_1), moved, False
+            damping = max(damping / 8.0, 1e-9)
+            if gain < enough:
+                converged = True
+                break
+        elif striding:
+            striding = False
+        elif not fresh:
+            # Nor may the point be judged by a better quadrature, or a worse one, than the steps from it.
+            point, fresh = recentre(problem, recentre(problem, replace(point, theta_1=state.theta_1))), True
+            state = evaluate(problem, point)
+            damping *= 10.0
+        else:
+            damping *= 10.0
+            if damping > 1e8:
+                break
+    return point, state, converged
+
+
+def _move(problem: Problem, point: Point, state: State, damping: float, *, striding: bool) -> Point | None:
+    """One damped step of everything that is estimated; None where it cannot be taken."""
+    p = len(problem.held)
+    uphill = np.einsum("n,nd->d", state.weights, mean_score(state))
+    uphill[:p] -= problem.precision * (point.vector - problem.prior_mean)
+    information = state.information
+    answers = np.flatnonzero(problem.answers)
+    floor = np.log(problem.noise[answers])
+    # Where slips spread wider than their noise, the shares of the population say best where they are.
+    narrow = point.population.moments[1][1, 1] <= problem.noise[3] ** 2
+    moving = np.concatenate([problem.free, [True, narrow, False, False, False], np.ones(len(answers), dtype=bool)])
+    moving[:p] &= ~((point.vector <= problem.lower) & (uphill[:p] < 0.0))
+    moving[:p] &= ~((point.vector >= problem.upper) & (uphill[:p] > 0.0))
+    moving[p + POPULATION :] &= ~((point.log_sd[answers] <= floor) & (uphill[p + POPULATION :] < 0.0))
+
+    block = information[np.ix_(moving, moving)]
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(block), 1e-12))
+    scaled = block * np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(scaled)
+    values = np.maximum(values, 0.0) + damping
+    step = np.zeros(len(moving))
+    step[moving] = scale * (vectors @ ((vectors.T @ (scale * uphill[moving])) / values))
+    if not np.isfinite(step).all():
+        return None
+    log_part = slice(2, None)
+    change = step[:p].copy()
+    change[log_part] = np.clip(change[log_part], -1.0, 1.0)
+    vector = np.where(problem.free, np.clip(point.vector + change, problem.lower, problem.upper), point.vector)
+    log_sd = point.log_sd.copy()
+    # Down from where it was put at first in strides, up with care: there every other residual seems small.
+    log_sd[answers] = np.maximum(log_sd[answers] + np.clip(step[p + POPULATION :], -1.0, 0.2), floor)
+    outliers = point.outliers
+    if outliers != NO_OUTLIERS:
+        # Far from the optimum every sample would seem a gross error: none is looked for there.
+        outliers = float(np.clip(np.mean(1.0 - state.weights), 1e-3, 0.2))
+    point = with_population(problem, point, state, striding=striding)
+    population = point.population.moved(float(step[p]), float(step[p + 1]))
+    return replace(point, vector=vector, population=population, log_sd=log_sd, outliers=outliers, theta_1=state.theta_1)

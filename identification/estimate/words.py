@@ -1,0 +1,58 @@
+"""The sentences of the findings of an identification."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from ...framework.core.findings import Finding, Sentence, Values, in_words
+from ...framework.core.soil import WRONG_FORM
+from ..rows import words as of_rows
+
+
+def _wrong_form(values: Values) -> str:
+    left = values["misfit_with_freedom"]
+    remains = "" if left <= WRONG_FORM else f" ({left:.1f} times with all the freedom that is published)"
+    return (
+        f"the textbook's form does not hold: it misses the channels by {values['misfit']:.1f} times the sensors' "
+        f"noise{remains}. Under the conditions driven its predictions may be good; c and phi are not properties of the "
+        f"soil. With the form free, c would be {values['c_Pa'] / 1e3:.2f} kPa and phi "
+        f"{math.degrees(values['phi_rad']):.1f} deg; the intervals hold both readings"
+    )
+
+
+def _unsteady(values: Values) -> str:
+    name, unit = ("the load", " N") if values["channel"] == "load_N" else (values["channel"], "")
+    return (
+        f"{name} seems to change from row to row, for the other channels follow it: its noise is taken for "
+        f"{values['noise']:.2g}{unit}, where neighbours show {values['shown']:.2g}{unit}"
+    )
+
+
+def _autocorrelated(values: Values) -> str:
+    larger = ", and it is taken to be larger than neighbours differ by" if values["larger"] else ""
+    return f"the sensors' noise is autocorrelated: about {values['rows']:.0f} neighbouring rows count as one{larger}"
+
+
+SENTENCES: dict[str, Sentence] = {
+    **of_rows.SENTENCES,
+    "autocorrelated_noise": _autocorrelated,
+    "grousers_left_out": "the wheel's lugs are left out, as the textbook wheel has none: `explain` models them",
+    "ground_variation": "one soil misses the channels by {misfit:.1f} times the sensors' noise, as ground that varies "
+    "along the track does; the intervals hold that variation",
+    "least_squares_intervals": "the intervals are those of ordinary least squares: they hold none of the method's bias",
+    "mixed_soils": "the stretches differ in soil: the overall estimate mixes several soils",
+    "negative_cohesion": "the closed form gives a cohesion of {c_Pa:.0f} Pa, not physical: 0 is reported",
+    "recording": "{text}",
+    "stored": "{text}",
+    "several_wheels": "{wheels} wheels, each identified by itself; there is no estimate over all of them",
+    "thinned": "stretches of more than {rows} rows are thinned evenly to so many",
+    "unsteady_input": _unsteady,
+    "wrong_form": _wrong_form,
+}
+"""A template for `str.format`, or a function of the values, by code."""
+
+
+def sentences(findings: Iterable[Finding]) -> tuple[str, ...]:
+    """Put findings about an identification, or about the rows that it is from, into words."""
+    return tuple(in_words(finding, SENTENCES) for finding in findings)

@@ -1,0 +1,1 @@
+"""Which rows of a recording count: gate, settling, standstill, duplicates, units and signs, noise."""

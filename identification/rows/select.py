@@ -1,0 +1,165 @@
+"""The wheel rows of a recording to identify from: of one wheel geometry, each with the reason why it is not used."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...framework.core.errors import InputError
+from ...framework.core.findings import Finding, note
+from ...framework.core.recording.types import Recording, WheelTable
+from ...framework.core.recording.wheel_file import derive
+from ...framework.core.vehicle import Vehicle, Wheel
+from .duplicates import without_duplicates
+from .gate import Stretch, find_stretches, quasi_static
+from .geometry import by_geometry, half_stated_grousers, of_vehicle
+from .kinematics import angle_disagreement, slip_disagreement
+from .sensors import check_stated_noise, without_stuck
+from .settling import only_steady
+from .signs import check_pull, check_signs, check_torque
+from .standstill import with_standstill
+from .trials import slow_clock
+from .units import check_load, check_sizes, load_in_kilograms, pull_in_another_unit, speeds_in_another_unit
+
+
+@dataclass(frozen=True)
+class SelectedRows:
+    """Rows of all wheels of one geometry, each with the reason why it is not used (``""`` where it is).
+
+    `findings` say what was left out, and what of the channels is in doubt.
+    """
+
+    table: WheelTable
+    wheel: Wheel
+    vehicle: Vehicle
+    reasons: np.ndarray
+    findings: tuple[Finding, ...]
+
+    @property
+    def used(self) -> int:
+        """Number of rows that are used."""
+        return int((self.reasons == "").sum())
+
+    def stretches(self, boundaries_s: np.ndarray | None = None) -> list[Stretch]:
+        """Cut into stretches by time; steady-state trials make one used stretch and one for each reason not to."""
+        boundaries = np.empty(0) if boundaries_s is None else boundaries_s
+        if "time_s" in self.table:
+            return find_stretches(self.table["time_s"], self.reasons, boundaries)
+        return [
+            Stretch(math.nan, math.nan, np.flatnonzero(self.reasons == reason), reason)
+            for reason in sorted(set(self.reasons), key=lambda text: (text != "", text))
+        ]
+
+
+def select_wheel_rows(recording: Recording, *, every_row: bool = False) -> SelectedRows:
+    """Gather the wheel rows to identify from: of one wheel geometry, that with most rows to use.
+
+    Left out are duplicates, rows in which runs settle, and rows of wheels that are not the vehicle's; of these only the
+    last, which is an error then, where `every_row` is to be matched with those of another file.
+
+    Raises
+    ------
+    InputError
+        There are no wheel channels or no geometry, or rows of other wheels where `every_row` is needed.
+    """
+    if recording.wheel is None or len(recording.wheel) == 0:
+        raise InputError(recording.source, "no wheel channels", expected="wheel.csv or wheel.parquet")
+    of_wheel = [_of_vehicle(part, every_row) for part in by_geometry(recording)]
+    best = max(of_wheel, key=lambda rows: rows.used)
+    if len(of_wheel) == 1:
+        return best
+    found = note("other_geometries", wheels=len(of_wheel), used=len(best.table), wheel=best.vehicle.name)
+    return replace(best, findings=(*best.findings, found))
+
+
+def _of_vehicle(recording: Recording, every_row: bool) -> SelectedRows:
+    """Gather the rows of a vehicle's wheels of one geometry, that with most rows to use."""
+    if recording.vehicle is None:
+        raise InputError(
+            recording.source,
+            "no wheel geometry",
+            expected="vehicle.toml beside the recording, --vehicle, or columns radius_m and width_m",
+        )
+    vehicle = recording.vehicle
+    assert recording.wheel is not None
+    table, others = of_vehicle(recording.wheel, vehicle)
+    if every_row and others:
+        raise InputError(
+            recording.source, f"{others.values['used']} of {others.values['n']} rows are of the vehicle's wheel",
+            expected="rows of the vehicle's wheel only, beside another file",
+        )  # fmt: skip
+    table, duplicates, unsteady = with_standstill(table), None, list[Finding]()
+    if not every_row:
+        table, duplicates = without_duplicates(table)
+        table, unsteady = only_steady(table)
+    groups: dict[tuple[float, float], list[str | None]] = {}
+    names = [None] if table.wheel is None else [str(name) for name in np.unique(table.wheel)]
+    for name in names:
+        wheel = vehicle.wheel(name)
+        groups.setdefault((wheel.radius_m, wheel.width_m), []).append(name)
+    gathered = [_gather(table, vehicle, members) for members in groups.values()]
+    for name, remedy in (
+        ("load_N", "load_N: the wheel's share of the weight, if it is not sensed"),
+        ("slip", "slip, or both wheel_speed_rad_s and travel_speed_m_s"),
+    ):
+        if not any(name in rows.table for rows in gathered):
+            raise InputError(table.source, f"no column {name}", expected=remedy)
+    best = max((_checked(rows) for rows in gathered), key=lambda rows: rows.used)
+    radii = note("one_radius", geometries=len(gathered), radius_m=best.wheel.radius_m) if len(gathered) > 1 else None
+    return replace(best, findings=(*_found(others, duplicates, *unsteady, radii), *best.findings))
+
+
+def _found(*findings: Finding | None) -> Iterable[Finding]:
+    return (each for each in findings if each is not None)
+
+
+def _checked(rows: SelectedRows) -> SelectedRows:
+    """Refuse channels that cannot be what their names say, and doubt those that may not be."""
+    table, wheel, reasons = rows.table, rows.wheel, rows.reasons
+    check_signs(table, wheel)
+    check_sizes(table, wheel)
+    check_load(table, wheel)
+    unit = pull_in_another_unit(table, wheel, reasons)
+    doubts = (
+        half_stated_grousers(wheel),
+        check_torque(table, wheel, reasons),
+        check_pull(table, wheel, reasons),
+        load_in_kilograms(table, wheel, reasons),
+        unit,
+        # Of a pull in another unit its noise in newtons is too large: it is the pull that is at fault.
+        *check_stated_noise(table, rows.vehicle, ignore={"drawbar_pull_N"} if unit else ()),
+    )
+    return replace(rows, findings=(*rows.findings, *_found(*doubts)))
+
+
+def _gather(table: WheelTable, vehicle: Vehicle, names: list[str | None]) -> SelectedRows:
+    """Put the rows of wheels of one geometry together."""
+    parts, reasons, findings = [], [], []
+    for name in names:
+        wheel = vehicle.wheel(name)
+        recorded = table if name is None else table.select(np.asarray(table.wheel) == name)
+        part = derive(recorded, wheel)
+        doubts = _found(
+            slip_disagreement(recorded, wheel),
+            speeds_in_another_unit(recorded, wheel),
+            angle_disagreement(part, wheel),
+            slow_clock(part),
+        )
+        # Before what is stuck is left out: on ground that does not yield a sinkage may well stay what it is.
+        reasons.append(quasi_static(part, wheel))
+        part, stuck = without_stuck(part)
+        parts.append(part)
+        findings += [
+            each if len(names) == 1 else each.with_values(of_wheel=f"wheel {name}") for each in (*doubts, *stuck)
+        ]
+    wheel = vehicle.wheel(names[0])
+    if len(parts) == 1:
+        return SelectedRows(parts[0], wheel, vehicle, reasons[0], tuple(findings))
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0].columns}
+    labels = np.concatenate([np.asarray(part.wheel) for part in parts])
+    runs = None if parts[0].run is None else np.concatenate([np.asarray(part.run) for part in parts])
+    together = WheelTable(columns, labels, runs, table.source)
+    return SelectedRows(together, wheel, vehicle, np.concatenate(reasons), tuple(findings))

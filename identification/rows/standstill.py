@@ -1,0 +1,89 @@
+"""Rows in which a wheel stands: what it feels there no equation of a rolling wheel gives."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...framework.core.recording.types import WheelTable
+from ..effects.drive import order_of
+from .noise import in_time, noise_of_series, running_median
+
+_SPEEDS = ("wheel_speed_rad_s", "travel_speed_m_s")
+
+_FASTEST = 0.9
+"""Quantile of a recording's speeds that stands for how fast it went."""
+
+_SLOW, _VERY_SLOW = 0.05, 0.005
+"""Shares of that below which a speed that its own noise explains, and any speed, is none [-]."""
+
+_NOISE = 3.0
+"""Standard deviations of a sensor's noise within which its reading may be zero."""
+
+_WHOLLY = 0.95
+"""Slip from which on a wheel that does not travel spins, and one that does not turn is dragged [-]."""
+
+_TOGETHER, _SURELY = 10, 4.0
+"""Rows from one that may be zero to the next up to which they are looked at together, and standard errors by which
+their mean shows that they are not."""
+
+
+def with_standstill(table: WheelTable) -> WheelTable:
+    """Set the speeds to zero in rows in which a wheel stands, and blank the slip, which it has not, though recorded.
+
+    A wheel stands where all its speeds that were measured are zero but for their noise; one that is locked and dragged,
+    or spins in one place, does not.
+
+    Parameters
+    ----------
+    table
+        Channels as recorded.
+    """
+    names = [name for name in _SPEEDS if name in table]
+    if "time_s" not in table or not names:
+        return table
+    order, stretch = order_of(table)
+    still = np.zeros(len(table), dtype=bool)
+    still[order] = np.all([_is_zero(table[name][order], stretch) for name in names], axis=0)
+    slip = table.get("slip")
+    if slip is not None and len(names) == 1:
+        still &= ~(np.abs(slip) >= _WHOLLY)
+    if not still.any():
+        return table
+    changed = {name: np.where(still, 0.0, table[name]) for name in names}
+    if slip is not None:
+        changed["slip"] = np.where(still, math.nan, slip)
+    return WheelTable({**table.columns, **changed}, table.wheel, table.run, table.source)
+
+
+def stands(table: WheelTable) -> np.ndarray:
+    """Tell rows, (n,), of a table that `with_standstill` gave in which a wheel stands."""
+    names = [name for name in _SPEEDS if name in table]
+    if "time_s" not in table or not names:
+        return np.zeros(len(table), dtype=bool)
+    still = np.all([table[name] == 0.0 for name in names], axis=0)
+    return still & np.isnan(table["slip"]) if "slip" in table else still
+
+
+def _is_zero(speed: np.ndarray, stretch: np.ndarray) -> np.ndarray:
+    """Tell where a speed (n,) is zero within its noise, by the median of neighbours in its stretch (n,)."""
+    seen = np.abs(speed[np.isfinite(speed)])
+    if not len(seen):
+        return np.zeros(len(speed), dtype=bool)
+    fastest = float(np.quantile(seen, _FASTEST))
+    noise = float(np.nan_to_num(noise_of_series(in_time(speed, stretch))))
+    least = np.clip(_NOISE * noise, _VERY_SLOW * fastest, _SLOW * fastest)
+    ends = np.flatnonzero(np.diff(stretch)) + 1
+    smooth = np.concatenate([running_median(part, 5) for part in np.split(speed, ends)])
+    zero = np.abs(smooth) <= least
+    rows = np.flatnonzero(zero)
+    apart = (np.diff(rows) > _TOGETHER) | (np.diff(stretch[rows]) != 0)
+    for together in np.split(rows, np.flatnonzero(apart) + 1):
+        seen = speed[together[0] : together[-1] + 1] if len(together) else speed[:0]
+        seen = seen[np.isfinite(seen)]
+        # Slow is not standing: of many rows the noise averages out.
+        least = max(_SURELY * noise / math.sqrt(max(len(seen), 1)), _VERY_SLOW * fastest)
+        if len(seen) and abs(float(seen.mean())) > least:
+            zero[together] = False
+    return zero

@@ -1,0 +1,118 @@
+"""The sentences of the findings about rows."""
+
+from __future__ import annotations
+
+from ...framework.core.findings import Finding, Sentence, Values, in_words
+
+
+def _pull_units(values: Values) -> str:
+    units = [{"load": "divided by the load"}.get(unit, f"in {unit}") for unit in values["units"]]
+    return (
+        f"drawbar_pull_N is {values['pull_N']:.2g} N (upper tenth) under loads of {values['load_N']:.3g} N (median), "
+        f"and would be usual were it {' or '.join(units)}: check its unit"
+    )
+
+
+def _speed_units(values: Values) -> str:
+    likely = " or ".join(f"{each['channel']} in {each['unit']}" for each in values["likely"])
+    return (
+        f"the two speeds give slips about {values['slip']:.2g} all along, which would be usual ones were {likely}: "
+        "check the units"
+    )
+
+
+def _load_unit(values: Values) -> str:
+    what = "torque over radius" if values["channel"] == "torque_Nm" else "the pull"
+    return (
+        f"{what} is {values['ratio']:.2g} times the load (upper tenth of the driven rows), more than sand bears, and "
+        f"would be {values['ratio_if_kg']:.2g} times, as usual, were load_N in kg: check its unit"
+    )
+
+
+def _slip(values: Values) -> str:
+    side = "above" if values["difference"] > 0.0 else "below"
+    agreeing = values["agreeing_radius_m"]
+    radius = "" if agreeing is None else f"; {agreeing:.3g} m would make them agree"
+    return (
+        f"the recorded slip is {abs(values['difference']):.2g} {side} what the two speeds give with a radius of "
+        f"{values['radius_m']:g} m (median of {values['n']} rows){radius}: check the radius, and which slip is meant; "
+        "the recorded one is used"
+    )
+
+
+def _angle(values: Values) -> str:
+    if values["unit"] is not None:
+        why = f"{values['channel']} is probably in {values['unit']}"
+    elif values["speed"] == "wheel_speed_rad_s":
+        why = "check its unit, that of the speed, and whether a gear lies between"
+    else:
+        why = "check its unit, the radius and the slip"
+    return (
+        f"wheel_angle_rad goes on {values['factor']:.3g} times as fast as {values['speed']} says (median of "
+        f"{values['n']} pairs of rows): {why}"
+    )
+
+
+def _duplicates(values: Values) -> str:
+    rows = "; ".join([*values["rows"], *([f"{values['more']} more"] if values["more"] else [])])
+    one = values["n"] == 1
+    what = "row equals an earlier one" if one else "rows equal earlier ones"
+    return f"{values['n']} {what} in every channel and {'is' if one else 'are'} left out as duplicates: {rows}"
+
+
+def _stops(values: Values) -> str:
+    of = "a run" if values["runs"] == 1 else f"{values['runs']} runs"
+    return f"{values['n']} rows of {of} are left out, in which the wheel is started or stopped"
+
+
+def _settling(values: Values) -> str:
+    what, where = ("steps", "goes from one state to the next") if values["steps"] else ("runs", "starts")
+    return (
+        f"the first {values['seconds']:.3g} s of {values['runs']} {what} are left out, where the wheel {where}: load, "
+        f"slip and speed stay the same there, and {', '.join(values['channels'])} still settle"
+    )
+
+
+def _without_time(values: Values) -> str:
+    runs = "1 run" if values["runs"] == 1 else f"{values['runs']} runs"
+    return f"{values['n']} rows of {runs} have no time_s: each is taken for a steady trial of its own"
+
+
+SENTENCES: dict[str, Sentence] = {
+    "angle_disagrees": _angle,
+    "duplicate_rows": _duplicates,
+    "grouser_count_missing": "the vehicle states lugs of {height_m:g} m without their number: what their faces and "
+    "sides do is not considered; give grouser_count",
+    "grouser_height_missing": "the vehicle states {count} lugs without their height: but for a ripple with the wheel's "
+    "angle they are not considered; give grouser_height_m",
+    "load_unit": _load_unit,
+    "one_radius": "wheels of {geometries} geometries: only those of radius {radius_m:g} m were used",
+    "other_geometries": "rows of {wheels} wheels: only the {used} of the {wheel} were used, for their soils may "
+    "differ; give the others in a file of their own",
+    "other_wheels": "only the {used} of {n} rows were used that are of the vehicle's wheel by {columns}; give the "
+    "others in a file of their own",
+    "pull_sign": "drawbar_pull_N falls as torque over radius rises (slope {slope:.2g}, correlation {correlation:.2f}): "
+    "it may be measured the other way round (positive forwards)",
+    "pull_sign_by_slip": "drawbar_pull_N is forwards where slip is least and backwards where it is largest: it, or "
+    "slip, may be measured the other way round (positive forwards)",
+    "pull_unit": _pull_units,
+    "rows_without_time": _without_time,
+    "settling_rows": _settling,
+    "slip_disagrees": _slip,
+    "speed_unit": _speed_units,
+    "stated_noise": "the noise stated of {channel}, {stated:.3g}, is less than a hundredth of what neighbours differ "
+    "by ({shown:.2g}): check it; without it the noise is estimated from the data",
+    "steady_trials": "slip or load leap from each row to the next: each is taken for a steady trial, whatever its time",
+    "stop_rows": _stops,
+    "stuck_channel": "{channel} never changes: it is left out, as of a sensor that is stuck or absent",
+    "time_unit": "rows lie {step_s:.3g} s apart (median), yet slip and load go on from row to row: check that time_s "
+    "is in seconds",
+    "torque_sign": "torque_Nm is {torque_Nm:.3g} (median), {share:.0%} of the rows with a slip below {slip:g} above 0, "
+    "as if a braked wheel were driven: check its sign there, and that of the slip",
+}  # fmt: skip
+"""A template for `str.format`, or a function of the values, by code."""
+
+
+def sentence(finding: Finding) -> str:
+    """Put a finding about rows into words."""
+    return in_words(finding, SENTENCES)

@@ -1,0 +1,101 @@
+"""Soil from drives whose load and slip really change from row to row: what answers follow is no noise."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bevameter import Vehicle, identify
+from bevameter.framework.core.findings import codes
+from bevameter.framework.core.recording.types import Recording, WheelTable
+from bevameter.framework.core.soil import SoilEstimate, SoilKnowledge
+from bevameter.identification.estimate.estimate import usable
+from bevameter.identification.estimate.identify import measured_rows
+from bevameter.identification.estimate.noise_likelihood import solve_with_noise
+from bevameter.identification.rows.select import select_wheel_rows
+from unsteady_drive import ROWS, SOIL, WHEEL, drive
+
+CODE = "unsteady_input"
+
+
+def recording(table: WheelTable, stated: dict[str, float] | None = None) -> Recording:
+    vehicle = Vehicle(name="made", wheels=(WHEEL,), noise=stated or {})
+    return Recording("table", Path("table.csv"), vehicle, None, "", "0" * 64, wheel=table)
+
+
+def estimated(table: WheelTable, stated: dict[str, float] | None = None) -> SoilEstimate:
+    found = identify(recording(table, stated)).overall
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("noise", [(0.0, 0.0), (0.0, 0.006), (0.01, 0.014)])
+def test_the_noise_of_each_channel_is_told(noise):
+    """Torque by 0.05 Nm, sinkage by 0.2 mm and pull by 0.4 N (`unsteady_drive`)."""
+    rows = select_wheel_rows(recording(drive(1, (0.02, 0.016), noise)))
+    measured = usable(measured_rows(rows, np.arange(300)))
+    told, _, notes = solve_with_noise(measured, WHEEL, SoilKnowledge())
+    assert told.noise[[1, 2, 4]] == pytest.approx([0.05, 2e-4, 0.4], rel=0.25)
+    assert told.noise[0] == pytest.approx(150.0 * noise[0], rel=0.25, abs=0.7)
+    assert told.noise[3] == pytest.approx(noise[1], rel=0.2, abs=0.0012)
+    assert len(notes) == 2
+
+
+@pytest.mark.parametrize(
+    ("drives", "rows", "least"), [(2, 200, 0.5), pytest.param(20, ROWS, 0.8, marks=pytest.mark.slow)]
+)
+def test_intervals_are_as_wide_as_they_have_to_be_and_hold(drives, rows, least):
+    """With the noise that neighbours show the intervals of c are seven times as wide."""
+    held, width = [], []
+    for seed in range(drives):
+        found = estimated(drive(seed, (0.04, 0.02), (0.0, 0.0)).select(np.arange(rows)))
+        each = [(found.parameters[field.name], getattr(SOIL, field.name)) for field in fields(SOIL)]
+        held.append([quantity.low <= true <= quantity.high for quantity, true in each])
+        width.append(found.parameters["c_Pa"].high - found.parameters["c_Pa"].low)
+        assert codes(found.findings).count(CODE) == 2
+    assert (np.mean(held, axis=0) >= least).all()
+    assert np.mean(held) >= 0.9
+    shown = estimated(drive(0, (0.04, 0.02), (0.0, 0.0)).select(np.arange(rows)), {"load_N": 5.8, "slip": 0.019})
+    assert CODE not in codes(shown.findings)
+    assert np.median(width) < 0.25 * (shown.parameters["c_Pa"].high - shown.parameters["c_Pa"].low)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_answers_do_not_follow_is_noise(seed):
+    found = estimated(drive(seed, (0.0, 0.0), (0.02, 0.012)).select(np.arange(300)))
+    assert CODE not in codes(found.findings)
+
+
+def test_steady_trials_have_no_neighbours_that_are_unsteady():
+    table = drive(1, (0.04, 0.02), (0.0, 0.0))
+    trials = WheelTable(
+        {name: values for name, values in table.columns.items() if name != "time_s"}, None,
+        np.array([f"trial {number}" for number in range(ROWS)], dtype=object), "made",
+    )  # fmt: skip
+    assert CODE not in codes(estimated(trials).findings)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_channel_that_is_not_there_has_no_noise():
+    table = drive(1, (0.04, 0.02), (0.0, 0.0)).select(np.arange(300))
+    columns = {name: values for name, values in table.columns.items() if name != "drawbar_pull_N"}
+    assert CODE in codes(estimated(replace(table, columns=columns)).findings)
+
+
+@pytest.mark.parametrize("start", [0, 200, 400])
+def test_few_rows_do_not_tell_the_noise_of_five_channels(start):
+    table = drive(1, (0.04, 0.02), (0.0, 0.0)).select(np.arange(start, start + 40))
+    assert CODE not in codes(estimated(table).findings)
+
+
+def test_a_form_that_does_not_fit_tells_no_noise():
+    """A load that is said to be constant, and is not: no noise of slip makes one soil of it."""
+    table = drive(1, (0.0, 0.02), (0.0, 0.0))
+    held = {**table.columns, "load_N": np.full(ROWS, 150.0) + 0.1 * np.random.default_rng(1).normal(size=ROWS)}
+    measured = usable(measured_rows(select_wheel_rows(recording(replace(table, columns=held))), np.arange(300)))
+    told, solution, notes = solve_with_noise(measured, WHEEL, SoilKnowledge())
+    np.testing.assert_array_equal(told.noise, measured.noise)
+    assert not notes
+    assert solution.misfit > 1.5
