@@ -11,7 +11,7 @@ goes with slip and load, is weighed against ground that happens to do so.
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import block_diag, cho_factor, cho_solve, solve_triangular
+from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
 
 _BINS = 60
@@ -51,27 +51,53 @@ def likelihood_ratio(
     shared = np.einsum("pk,bpq->kbq", ground, within).reshape(-1, len(precision))
     curvature = np.block([[curvature, shared], [shared.T, within.sum(axis=0) + np.diag(precision)]])
     soil += len(slope) - len(precision)
-
-    def gain(parameters: np.ndarray, kept: int) -> float:
-        """Log-likelihood of the first `kept` numbers, the processes and the soil integrated out."""
-        sd, length = np.exp(parameters[:-1]), np.exp(parameters[-1])
-        along = np.exp(-((apart / length) ** 2) / 2.0) + 1e-6 * np.eye(len(pieces))
-        prior = np.linalg.cholesky(along)
-        inverse = cho_solve((prior, True), np.eye(len(pieces)))
-        whole = curvature.copy()
-        count = ground.shape[1] * len(pieces)
-        whole[:count, :count] += block_diag(*(inverse / each**2 for each in sd))
-        whole = whole[:kept, :kept]
-        root = cho_factor(whole, lower=True)
-        best = solve_triangular(root[0], slope[:kept], lower=True)
-        log_prior = sum(2.0 * (len(pieces) * np.log(each) + np.log(np.diag(prior)).sum()) for each in sd)
-        return 0.5 * float(best @ best) - float(np.log(np.diag(root[0])[:soil]).sum()) - 0.5 * float(log_prior)
-
     bounds = [(np.log(_LEAST), np.log(_MOST))] * ground.shape[1]
     bounds.append((np.log(_SHORTEST), np.log(max(_LONGEST * len(pieces), 2.0))))
     begun = np.append(np.full(ground.shape[1], np.log(0.02)), np.log(max(0.1 * len(pieces), 1.5)))
     most = [
-        -minimize(lambda at, kept=kept: -gain(at, kept), begun, method="L-BFGS-B", bounds=bounds).fun
+        -minimize(_loss, begun, (slope[:kept], curvature[:kept, :kept], apart, soil), "L-BFGS-B", True, bounds=bounds).fun
         for kept in (soil, len(slope))
     ]
     return 2.0 * (most[1] - most[0])
+
+
+def _loss(
+    parameters: np.ndarray, slope: np.ndarray, curvature: np.ndarray, apart: np.ndarray, soil: int
+) -> tuple[float, np.ndarray]:  # fmt: skip
+    """Minus the log-likelihood with the processes and the soil integrated out, and its gradient.
+
+    Parameters
+    ----------
+    parameters : (g + 1,)
+        Logarithms of the standard deviations of the processes and of their length [pieces].
+    slope, curvature : (k,), (k, k)
+        The quadratic form in the g processes at b pieces, then in what all samples share.
+    apart : (b, b)
+        Distances of the pieces.
+    soil
+        The first of the k that are integrated out; the others take their most likely values.
+    """
+    variances, length, count = np.exp(2.0 * parameters[:-1]), np.exp(parameters[-1]), len(apart)
+    along = np.exp(-((apart / length) ** 2) / 2.0)
+    prior = cho_factor(along + 1e-6 * np.eye(count), lower=True, check_finite=False)
+    by_length = along * (apart / length) ** 2
+    # d(R^-1) = -R^-1 dR R^-1, and d log|R| = tr(R^-1 dR).
+    inverse = cho_solve(prior, np.eye(count), check_finite=False)
+    bent = inverse @ by_length @ inverse
+    blocks = [slice(at * count, (at + 1) * count) for at in range(len(variances))]
+    whole = curvature.copy()
+    for block, variance in zip(blocks, variances, strict=True):
+        whole[block, block] += inverse / variance
+    root = cho_factor(whole, lower=True, check_finite=False)
+    best = cho_solve(root, slope, check_finite=False)
+    # The leading block of the factor is the factor of the leading block.
+    leading = root[0][:soil, :soil]
+    posterior = cho_solve((leading, True), np.eye(soil), check_finite=False)
+    value = 0.5 * float(slope @ best) - float(np.log(np.diag(leading)).sum())
+    value -= len(blocks) * float(np.log(np.diag(prior[0])).sum()) + count * float(parameters[:-1].sum())
+    gradient = np.zeros(len(parameters))
+    for at, (block, variance) in enumerate(zip(blocks, variances, strict=True)):
+        seconds = (np.outer(best[block], best[block]) + posterior[block, block]) / variance
+        gradient[at] = float(np.sum(seconds * inverse)) - count
+        gradient[-1] += 0.5 * float(np.sum(seconds * bent)) - 0.5 * float(np.sum(inverse * by_length))
+    return -value, -gradient
