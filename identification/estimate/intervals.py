@@ -17,6 +17,10 @@ from .solution import Solution
 _TOLERANCE = 0.15
 """An end is taken where the profile has fallen to within this share of the critical value."""
 
+_FORESEEN = 0.02
+"""A fit of a profile ends before a step that promises less than this share of the critical value [-]: what steps gain
+otherwise than they promise moves an end by a share of that."""
+
 _CLIFF = 10.0
 """A fall beyond this many times the critical value is no slope of a parabola."""
 
@@ -147,8 +151,9 @@ def _end(solution: Solution, index: int, sd: float, ridge: np.ndarray, direction
         value = centre + direction * at
         vector = np.clip(point.vector + ridge * (value - point.vector[index]), problem.lower, problem.upper)
         profiled = fit(
-            problem.fixing(index, value), replace(point, vector=vector), iterations=walk.iterations, enough=walk.enough
-        )
+            problem.fixing(index, value), replace(point, vector=vector),
+            iterations=walk.iterations, enough=walk.enough, foreseen=_FORESEEN * critical,
+        )  # fmt: skip
         fall = max(2.0 * (best.log_likelihood - profiled.log_likelihood), 1e-6)
         found = profiled.vector
         if abs(fall / critical - 1.0) <= _TOLERANCE or (fall < critical and at >= reach):

@@ -29,6 +29,13 @@ from .population import Population
 ENOUGH = 0.003
 """The iteration ends when a step gains less than this [nats]."""
 
+_FEW = 100
+"""Samples that tell which hill to climb: of twice as many or more, so many are climbed with first."""
+
+_SAME_HILL = 9.0
+"""Squared distance up to which two climbs with few samples have ended on one hill [variances]: steps that gain little
+leave about a standard deviation."""
+
 
 @dataclass(frozen=True)
 class Fit:
@@ -70,38 +77,82 @@ def inverse_information(matrix: np.ndarray) -> np.ndarray:
 
 
 def best_start(problem: Problem, starts: list[tuple[np.ndarray, np.ndarray]]) -> Point:
-    """Climb a little from each start (vector, theta_1), looking for no gross errors yet, and keep the best point."""
-    climbed = [_climb(problem, start(problem, *each), 30, enough=0.5) for each in starts]
+    """Climb a little from each start (vector, theta_1), looking for no gross errors yet, and keep the best point.
+
+    Of many samples a few, evenly spread, are climbed with first; all of them only decide between the hills found.
+    """
+    count = len(problem.measured)
+    if count < 2 * _FEW:
+        return _highest(problem, [start(problem, *each) for each in starts])
+    rows = np.linspace(0, count - 1, _FEW).astype(int)
+    few = replace(problem, measured=problem.measured[rows])
+    climbed = [_climb(few, start(few, vector, theta_1[rows]), 30, enough=0.5)[:2] for vector, theta_1 in starts]
+    begun = [start(problem, climbed[at][0].vector, starts[at][1], climbed[at][0]) for at in _hills(problem, climbed)]
+    return _highest(problem, begun) if len(begun) > 1 else replace(begun[0], outliers=0.01)
+
+
+def _highest(problem: Problem, begun: list[Point]) -> Point:
+    """Climb a little from each point and give the highest, from where on gross errors are looked for."""
+    climbed = [_climb(problem, point, 30, enough=0.5) for point in begun]
     point, _, _ = max(climbed, key=lambda each: each[1].value)
     return replace(point, outliers=0.01)
 
 
-def start(problem: Problem, vector: np.ndarray, theta_1: np.ndarray) -> Point:
-    """Begin at a parameter vector, with the measured load and slip as latents and theta_1 (n,) as warm start."""
+def _hills(problem: Problem, climbed: list[tuple[Point, State]]) -> list[int]:
+    """Indices of the climbs that ended highest on hills of their own, the highest first."""
+    p, hills = len(problem.held), []
+    for at in sorted(range(len(climbed)), key=lambda at: -climbed[at][1].value):
+        apart = [climbed[at][0].vector - climbed[hill][0].vector for hill in hills]
+        information = [_marginal(climbed[hill][1].information, p) for hill in hills]
+        if not any(away @ each @ away <= _SAME_HILL for away, each in zip(apart, information, strict=True)):
+            hills.append(at)
+    return hills
+
+
+def _marginal(information: np.ndarray, p: int) -> np.ndarray:
+    """Information (p, p) of the first p parameters, the others estimated."""
+    cross = information[:p, p:]
+    return information[:p, :p] - cross @ inverse_information(information[p:, p:]) @ cross.T
+
+
+def start(problem: Problem, vector: np.ndarray, theta_1: np.ndarray, like: Point | None = None) -> Point:
+    """Begin at a parameter vector, with the measured load and slip as latents and theta_1 (n,) as warm start.
+
+    Population and noise are those of a point `like` it of the same samples or some of them; else the population is
+    normal and the noise large.
+    """
     measured = problem.measured
     slip = np.clip(measured[:, 3], -0.98, 0.999)
     load = np.where(np.isfinite(measured[:, 0]), measured[:, 0], np.nanmedian(measured[:, 0]))
-    scale = problem.load_scale
-    load = np.maximum(load, 0.02 * scale)
-    imposed = np.column_stack([load, slip])
-    population = Population.beginning(problem.grid, load, float(problem.noise[0]), problem.least_deviation)
-    # Wide at first, so that a start far from the truth sees a slope, not a field of gross errors.
-    wide = 0.5 * np.array(
-        [np.std(column[np.isfinite(column)]) if np.isfinite(column).any() else 0.0 for column in measured.T]
-    )
-    sd = np.where(np.isfinite(problem.noise), problem.noise, 1.0)
-    log_sd = np.log(np.where(problem.answers, np.maximum(sd, wide), sd))
-    point = Point(
-        vector, population, log_sd, imposed, np.zeros((len(load), 2, 2)), np.tile(theta_1[:, None], (1, NODE_COUNT))
-    )
+    load = np.maximum(load, 0.02 * problem.load_scale)
+    if like is not None:
+        population, log_sd = like.population.carried(problem.grid), like.log_sd
+    else:
+        population = Population.beginning(problem.grid, load, float(problem.noise[0]), problem.least_deviation)
+        log_sd = _wide(problem)
+    imposed, angles = np.column_stack([load, slip]), np.tile(theta_1[:, None], (1, NODE_COUNT))
+    point = Point(vector, population, log_sd, imposed, np.zeros((len(load), 2, 2)), angles)
     return recentre(problem, recentre(problem, point))
 
 
-def fit(problem: Problem, point: Point, *, iterations: int = 60, enough: float = ENOUGH) -> Fit:
-    """Maximise the marginal likelihood from a starting point by damped scoring."""
+def _wide(problem: Problem) -> np.ndarray:
+    """Log-noise (5,) that is wide, so that a start far from the truth sees a slope, not a field of gross errors."""
+    spread = [np.std(column[np.isfinite(column)]) if np.isfinite(column).any() else 0.0 for column in problem.measured.T]
+    sd = np.where(np.isfinite(problem.noise), problem.noise, 1.0)
+    return np.log(np.where(problem.answers, np.maximum(sd, 0.5 * np.array(spread)), sd))
+
+
+def fit(
+    problem: Problem, point: Point, *, iterations: int = 60, enough: float = ENOUGH, foreseen: float = 0.0
+) -> Fit:  # fmt: skip
+    """Maximise the marginal likelihood from a starting point by damped scoring.
+
+    From the second step on, one that promises to gain less than `foreseen` nats is the last and is taken unseen: the
+    log-likelihood holds what it promises, all else is that of the point before.
+    """
     vector = np.where(problem.free, np.clip(point.vector, problem.lower, problem.upper), problem.held)
     point = recentre(problem, replace(point, vector=vector))
-    point, state, converged = _climb(problem, point, iterations, enough=enough)
+    point, state, converged = _climb(problem, point, iterations, enough=enough, foreseen=foreseen)
     expected = state.responsibility
     latent = np.einsum("nq,nqa->na", expected, state.nodes)
     residual = np.einsum("nq,nqm->nm", expected, state.residuals)
@@ -110,12 +161,17 @@ def fit(problem: Problem, point: Point, *, iterations: int = 60, enough: float =
     return Fit(point, state.value, state.information, state.weights, residual, latent, theta_1, converged)
 
 
-def _climb(problem: Problem, point: Point, iterations: int, *, enough: float) -> tuple[Point, State, bool]:
-    """Step uphill until a step gains less than `enough` nats."""
+def _climb(
+    problem: Problem, point: Point, iterations: int, *, enough: float, foreseen: float = 0.0
+) -> tuple[Point, State, bool]:  # fmt: skip
+    """Step uphill until a step gains less than `enough` nats, or is to gain less than `foreseen`."""
     damping, converged, fresh, striding = 1e-3, False, False, True
     state = evaluate(problem, point)
-    for _ in range(iterations):
-        trial = _move(problem, point, state, damping, striding=striding)
+    for iteration in range(iterations):
+        trial, gain = _move(problem, point, state, damping, striding=striding)
+        if trial is not None and iteration and gain < foreseen:
+            point, state, converged = trial, replace(state, value=state.value + gain), True
+            break
         # The quadrature follows every step: one that stayed behind would call a wider population a worse one.
         trial = None if trial is None else recentre(problem, recentre(problem, trial))
         moved = None if trial is None else evaluate(problem, trial)
@@ -140,8 +196,13 @@ def _climb(problem: Problem, point: Point, iterations: int, *, enough: float) ->
     return point, state, converged
 
 
-def _move(problem: Problem, point: Point, state: State, damping: float, *, striding: bool) -> Point | None:
-    """One damped step of everything that is estimated; None where it cannot be taken."""
+def _move(
+    problem: Problem, point: Point, state: State, damping: float, *, striding: bool
+) -> tuple[Point | None, float]:  # fmt: skip
+    """One damped step of everything that is estimated, None where it cannot be taken, and what it is to gain [nats].
+
+    What the shares of the population gain is not in it.
+    """
     p = len(problem.held)
     uphill = np.einsum("n,nd->d", state.weights, mean_score(state))
     uphill[:p] -= problem.precision * (point.vector - problem.prior_mean)
@@ -163,7 +224,7 @@ def _move(problem: Problem, point: Point, state: State, damping: float, *, strid
     step = np.zeros(len(moving))
     step[moving] = scale * (vectors @ ((vectors.T @ (scale * uphill[moving])) / values))
     if not np.isfinite(step).all():
-        return None
+        return None, 0.0
     log_part = slice(2, None)
     change = step[:p].copy()
     change[log_part] = np.clip(change[log_part], -1.0, 1.0)
@@ -175,6 +236,10 @@ def _move(problem: Problem, point: Point, state: State, damping: float, *, strid
     if outliers != NO_OUTLIERS:
         # Far from the optimum every sample would seem a gross error: none is looked for there.
         outliers = float(np.clip(np.mean(1.0 - state.weights), 1e-3, 0.2))
+    taken = step.copy()
+    taken[:p], taken[p + POPULATION :] = vector - point.vector, log_sd[answers] - point.log_sd[answers]
     point = with_population(problem, point, state, striding=striding)
     population = point.population.moved(float(step[p]), float(step[p + 1]))
-    return replace(point, vector=vector, population=population, log_sd=log_sd, outliers=outliers, theta_1=state.theta_1)
+    moved = replace(point, vector=vector, population=population, log_sd=log_sd, outliers=outliers, theta_1=state.theta_1)
+    # Where the likelihood is a parabola the step leads to its top.
+    return moved, 0.5 * float(uphill @ taken)
