@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from scipy.stats import t as t_distribution
+from threadpoolctl import threadpool_limits
 
 from ...framework.core.arguments import refused
 from ...framework.core.errors import InputError
@@ -38,6 +41,9 @@ REPRESENTATIVE_K_M = 0.01
 
 MIXED = 1.5
 """An overall misfit this many times that of the worst stretch means that one soil does not explain them all [-]."""
+
+THREADS = 2
+"""Stretches identified at once: numpy and the compiled mechanics let go of the interpreter's lock."""
 
 MOST_ROWS = 1500
 """A stretch with more rows is thinned evenly to this number: intervals are then those of the rows kept."""
@@ -130,7 +136,7 @@ def _one_wheel(recording: Recording, known: SoilKnowledge, method: Method) -> Id
         table = without_time(rows.table)
         rows = replace(rows, table=table, reasons=quasi_static(table, rows.wheel), findings=(*rows.findings, AS_TRIALS))
     stretches = rows.stretches()
-    segments = tuple(segment for stretch in stretches for segment in _segments(rows, stretch, known, method))
+    segments = _identify_stretches(rows, stretches, known, method)
     chosen = [stretch.rows for stretch in stretches if not stretch.reason]
     found = [segment.estimate for segment in segments if segment.used]
     overall, findings = None, [*rows.findings]
@@ -157,9 +163,18 @@ def identify_segments(
 ) -> tuple[Segment, ...]:
     """Identify the soil of each quasi-static stretch, cut where the ground is known to change (`boundaries_s` [s])."""
     rows = select_wheel_rows(recording)
-    known = soil or SoilKnowledge()
-    stretches = rows.stretches(np.asarray(boundaries_s, dtype=float))
-    return tuple(segment for stretch in stretches for segment in _segments(rows, stretch, known, method))
+    return _identify_stretches(
+        rows, rows.stretches(np.asarray(boundaries_s, dtype=float)), soil or SoilKnowledge(), method
+    )
+
+
+def _identify_stretches(
+    rows: SelectedRows, stretches: Sequence[Stretch], known: SoilKnowledge, method: Method
+) -> tuple[Segment, ...]:  # fmt: skip
+    """Identify the soil of each stretch, `THREADS` of them at once; the segments in order."""
+    # The threads fill the cores by themselves: more of BLAS's own would only wait for each other.
+    with threadpool_limits(1), ThreadPoolExecutor(THREADS) as pool:
+        return tuple(chain.from_iterable(pool.map(lambda stretch: _segments(rows, stretch, known, method), stretches)))
 
 
 def _segments(rows: SelectedRows, stretch: Stretch, known: SoilKnowledge, method: Method) -> list[Segment]:

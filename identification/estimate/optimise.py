@@ -86,6 +86,9 @@ def best_start(problem: Problem, starts: list[tuple[np.ndarray, np.ndarray]]) ->
         return _highest(problem, [start(problem, *each) for each in starts])
     rows = np.linspace(0, count - 1, _FEW).astype(int)
     few = replace(problem, measured=problem.measured[rows])
+    if np.any(few.seen.mean(axis=0) < 0.5 * problem.seen.mean(axis=0)):
+        # A channel that was observed now and then only.
+        return _highest(problem, [start(problem, *each) for each in starts])
     climbed = [_climb(few, start(few, vector, theta_1[rows]), 30, enough=0.5)[:2] for vector, theta_1 in starts]
     begun = [start(problem, climbed[at][0].vector, starts[at][1], climbed[at][0]) for at in _hills(problem, climbed)]
     return _highest(problem, begun) if len(begun) > 1 else replace(begun[0], outliers=0.01)

@@ -36,7 +36,7 @@ class At:
 def end(monkeypatch, profile, direction: float = 1.0, bound: float = 100.0) -> np.ndarray:
     """Where `_end` says that a profile (log-likelihood of the first parameter, best at 0) has fallen far enough."""
 
-    def fit(problem: Held, point: At, *, iterations: int, enough: float):
+    def fit(problem: Held, point: At, **stopping: float):
         vector = np.array([problem.value, 0.5 * problem.value])
         return SimpleNamespace(vector=vector, point=At(vector), log_likelihood=profile(problem.value))
 
