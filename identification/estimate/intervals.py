@@ -47,6 +47,29 @@ _FEW = 60
 """Samples that are few in this sense."""
 
 
+@dataclass
+class _Path:
+    """How the other parameters go with one: along `ridge` (p,) from the `best` (p,), then off it as a parabola does.
+
+    A parabola bends to the same side on either side of the best: where it leads is known from any fit on it.
+    """
+
+    best: np.ndarray
+    index: int
+    ridge: np.ndarray
+    bend: np.ndarray | float = 0.0
+
+    def at(self, value: float) -> np.ndarray:
+        """Vector (p,) where the parameter has a value."""
+        away = value - self.best[self.index]
+        return self.best + self.ridge * away + self.bend * away**2
+
+    def lead_through(self, vector: np.ndarray) -> None:
+        """Take the bend from a fit (p,)."""
+        away = vector[self.index] - self.best[self.index]
+        self.bend = (vector - self.best - self.ridge * away) / away**2
+
+
 @dataclass(frozen=True)
 class Intervals:
     """Quantities by name, and the parameter vectors (p,) at both ends of each profile, by index."""
@@ -75,8 +98,9 @@ def parameter_intervals(solution: Solution, covariance: np.ndarray, model: Textb
             continue
         sd = math.sqrt(max(covariance[index, index], 0.0))
         ridge = covariance[:, index] / max(covariance[index, index], 1e-300)
-        low = _end(solution, index, sd, ridge, -1.0)
-        high = _end(solution, index, sd, ridge, 1.0)
+        path = _Path(solution.fit.vector, index, ridge)
+        low = _end(solution, index, sd, path, -1.0)
+        high = _end(solution, index, sd, path, 1.0)
         ends[index] = low, high
         quantities[name] = _quantity(solution, index, name, low, high)
     return Intervals(quantities, ends)
@@ -129,10 +153,10 @@ def consistent(covariance: np.ndarray, solution: Solution, intervals: Intervals)
     return covariance * np.outer(factor, factor)
 
 
-def _end(solution: Solution, index: int, sd: float, ridge: np.ndarray, direction: float) -> np.ndarray:
+def _end(solution: Solution, index: int, sd: float, path: _Path, direction: float) -> np.ndarray:
     """Walk out along the profile to where it has fallen by the critical value, or to the bound: the vector there.
 
-    `ridge` (p,) is how the other parameters go with this one near the optimum: each fit starts there.
+    Each fit starts on the `path`, which learns from it.
     """
     best, problem = solution.fit, solution.problem
     centre = float(best.vector[index])
@@ -149,13 +173,16 @@ def _end(solution: Solution, index: int, sd: float, ridge: np.ndarray, direction
     at = min(max(walk.first * sd * solution.quantile, 1e-9 * reach), reach)
     for _ in range(walk.trials):
         value = centre + direction * at
-        vector = np.clip(point.vector + ridge * (value - point.vector[index]), problem.lower, problem.upper)
+        vector = path.at(value) if walk is _STRAIGHT else point.vector + path.ridge * (value - point.vector[index])
+        vector = np.clip(vector, problem.lower, problem.upper)
         profiled = fit(
             problem.fixing(index, value), replace(point, vector=vector),
             iterations=walk.iterations, enough=walk.enough, foreseen=_FORESEEN * critical,
         )  # fmt: skip
         fall = max(2.0 * (best.log_likelihood - profiled.log_likelihood), 1e-6)
         found = profiled.vector
+        if fall <= _CLIFF * critical and np.all(((found > problem.lower) & (found < problem.upper)) | ~solution.free):
+            path.lead_through(found)
         if abs(fall / critical - 1.0) <= _TOLERANCE or (fall < critical and at >= reach):
             break
         # The profile is nearly a parabola about the optimum; brackets catch it where it is not.
