@@ -39,7 +39,8 @@ _LEVEL = 2.0
 """Samples, as far apart in slip as its noise, without a slope of load that are put beside the measured ones: where slip
 hardly varies, the load's slope by it is not what the load's variation is due to."""
 
-_ROUNDS = 5
+_ROUNDS = 10
+"""Rounds of expectation and maximisation of the shares in a step, which cost far less than the mechanics."""
 
 _KNOTS, _REACH = 6, 4.0
 """Knots in the width of a kernel (the spline is right to 2e-4 nats), and how far out they go [widths]."""
@@ -192,11 +193,10 @@ class Population:
 
         kernels = np.exp(-0.5 * ((slip[..., None] - self.grid.places) / self.grid.widths) ** 2) / self.grid.widths
         shares, worth = self.shares, _WORTH * self.grid.normal
-        base = responsibility / np.maximum(kernels @ shares, 1e-200)
+        kernels = kernels.reshape(-1, len(shares))
+        base = responsibility / np.maximum(kernels @ shares, 1e-200).reshape(responsibility.shape)
         for _ in range(_ROUNDS):
-            density = np.maximum(kernels @ shares, 1e-200)
-            posterior = base * density
-            posterior *= (weights / np.maximum(posterior.sum(axis=1), 1e-300))[:, None]
-            counts = shares * np.einsum("nq,nqm->m", posterior / density, kernels)
+            likelihood = np.sum(base * (kernels @ shares).reshape(base.shape), axis=1)
+            counts = shares * ((base * (weights / np.maximum(likelihood, 1e-300))[:, None]).ravel() @ kernels)
             shares = (counts + worth) / (counts.sum() + _WORTH)
         return replace(self, slope=slope, deviation=deviation)._with_shares(self.grid, shares)
