@@ -17,9 +17,9 @@ from .solution import Solution
 _TOLERANCE = 0.15
 """An end is taken where the profile has fallen to within this share of the critical value."""
 
-_FORESEEN = 0.02
-"""A fit of a profile ends before a step that promises less than this share of the critical value [-]: what steps gain
-otherwise than they promise moves an end by a share of that."""
+_FORESEEN, _FORESEEN_AT_MOST = 0.02, 0.5
+"""A fit of a profile ends before a step that promises less than this share of the critical value [-], and less than
+that [nats]: what the step gains otherwise moves an end by a share of that. Larger steps are not yet near the top."""
 
 _CLIFF = 10.0
 """A fall beyond this many times the critical value is no slope of a parabola."""
@@ -177,7 +177,8 @@ def _end(solution: Solution, index: int, sd: float, path: _Path, direction: floa
         vector = np.clip(vector, problem.lower, problem.upper)
         profiled = fit(
             problem.fixing(index, value), replace(point, vector=vector),
-            iterations=walk.iterations, enough=walk.enough, foreseen=_FORESEEN * critical,
+            iterations=walk.iterations, enough=walk.enough,
+            foreseen=min(_FORESEEN * critical, _FORESEEN_AT_MOST),
         )  # fmt: skip
         fall = max(2.0 * (best.log_likelihood - profiled.log_likelihood), 1e-6)
         found = profiled.vector
