@@ -54,10 +54,10 @@ def likelihood_ratio(
     bounds = [(np.log(_LEAST), np.log(_MOST))] * ground.shape[1]
     bounds.append((np.log(_SHORTEST), np.log(max(_LONGEST * len(pieces), 2.0))))
     begun = np.append(np.full(ground.shape[1], np.log(0.02)), np.log(max(0.1 * len(pieces), 1.5)))
-    most = [
-        -minimize(_loss, begun, (slope[:kept], curvature[:kept, :kept], apart, soil), "L-BFGS-B", True, bounds=bounds).fun
-        for kept in (soil, len(slope))
-    ]
+    most = []
+    for kept in (soil, len(slope)):
+        given = slope[:kept], curvature[:kept, :kept], apart, soil
+        most.append(-minimize(_loss, begun, given, "L-BFGS-B", jac=True, bounds=bounds).fun)
     return 2.0 * (most[1] - most[0])
 
 

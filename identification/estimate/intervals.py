@@ -167,7 +167,7 @@ def _end(solution: Solution, index: int, sd: float, path: _Path, direction: floa
     critical = solution.quantile**2 * solution.widened(index)
     point = best.point
     inner, outer, fall, found, carried = 0.0, math.inf, 0.0, best.vector, best.vector
-    walk = _STRAIGHT
+    walk, again = _STRAIGHT, False
     if solution.widening is not None:
         walk = _WINDING_FAR if len(problem.measured) <= _FEW else _WINDING
     at = min(max(walk.first * sd * solution.quantile, 1e-9 * reach), reach)
@@ -177,8 +177,7 @@ def _end(solution: Solution, index: int, sd: float, path: _Path, direction: floa
         vector = np.clip(vector, problem.lower, problem.upper)
         profiled = fit(
             problem.fixing(index, value), replace(point, vector=vector),
-            iterations=walk.iterations, enough=walk.enough,
-            foreseen=min(_FORESEEN * critical, _FORESEEN_AT_MOST),
+            iterations=walk.iterations, enough=walk.enough, foreseen=min(_FORESEEN * critical, _FORESEEN_AT_MOST),
         )  # fmt: skip
         fall = max(2.0 * (best.log_likelihood - profiled.log_likelihood), 1e-6)
         found = profiled.vector
@@ -190,6 +189,7 @@ def _end(solution: Solution, index: int, sd: float, path: _Path, direction: floa
         aim = at * math.sqrt(critical / fall)
         if fall < critical:
             inner, point, carried = at, profiled.point, found
+            outer = outer if outer > at else math.inf
             at = min(aim, walk.growth * at, reach) if math.isinf(outer) else min(aim, 0.5 * (inner + outer))
         else:
             outer = at
@@ -197,7 +197,10 @@ def _end(solution: Solution, index: int, sd: float, path: _Path, direction: floa
             share = 0.5 if inner > 0.0 and fall > _CLIFF * critical else 0.15
             at = max(aim, inner + share * (outer - inner))
         if outer - inner < 0.03 * outer:
-            break
+            if again or walk is not _STRAIGHT or inner == 0.0:
+                break
+            # A climb from afar may have missed the way that one from the last foothold finds.
+            again, at = True, outer
     else:
         if fall <= _CLIFF * critical:
             fall = critical

@@ -140,7 +140,8 @@ def start(problem: Problem, vector: np.ndarray, theta_1: np.ndarray, like: Point
 
 def _wide(problem: Problem) -> np.ndarray:
     """Log-noise (5,) that is wide, so that a start far from the truth sees a slope, not a field of gross errors."""
-    spread = [np.std(column[np.isfinite(column)]) if np.isfinite(column).any() else 0.0 for column in problem.measured.T]
+    seen = [column[np.isfinite(column)] for column in problem.measured.T]
+    spread = [np.std(column) if len(column) else 0.0 for column in seen]
     sd = np.where(np.isfinite(problem.noise), problem.noise, 1.0)
     return np.log(np.where(problem.answers, np.maximum(sd, 0.5 * np.array(spread)), sd))
 
@@ -243,6 +244,6 @@ def _move(
     taken[:p], taken[p + POPULATION :] = vector - point.vector, log_sd[answers] - point.log_sd[answers]
     point = with_population(problem, point, state, striding=striding)
     population = point.population.moved(float(step[p]), float(step[p + 1]))
-    moved = replace(point, vector=vector, population=population, log_sd=log_sd, outliers=outliers, theta_1=state.theta_1)
+    point = replace(point, vector=vector, population=population, log_sd=log_sd, outliers=outliers)
     # Where the likelihood is a parabola the step leads to its top.
-    return moved, 0.5 * float(uphill @ taken)
+    return replace(point, theta_1=state.theta_1), 0.5 * float(uphill @ taken)

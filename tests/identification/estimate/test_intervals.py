@@ -44,6 +44,7 @@ def end(monkeypatch, profile, direction: float = 1.0, bound: float = 100.0) -> n
     problem = Held(np.array([bound, 100.0]), np.array([-bound, -100.0]), np.zeros((300, 5)))
     best = SimpleNamespace(vector=np.zeros(2), point=At(np.zeros(2)), log_likelihood=profile(0.0))
     solution = SimpleNamespace(fit=best, problem=problem, quantile=QUANTILE, widening=None, widened=lambda index: 1.0)
+    solution.free = np.ones(2, dtype=bool)
     return intervals._end(solution, 0, 1.0, intervals._Path(np.zeros(2), 0, np.array([1.0, 0.5])), direction)
 
 
