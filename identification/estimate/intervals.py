@@ -17,26 +17,28 @@ from .solution import Solution
 _TOLERANCE = 0.15
 """An end is taken where the profile has fallen to within this share of the critical value."""
 
-_FORESEEN, _FORESEEN_AT_MOST = 0.02, 0.5
-"""A fit of a profile ends before a step that promises less than this share of the critical value [-], and less than
-that [nats]: what the step gains otherwise moves an end by a share of that. Larger steps are not yet near the top."""
-
 _CLIFF = 10.0
 """A fall beyond this many times the critical value is no slope of a parabola."""
 
 
 @dataclass(frozen=True)
 class _Walk:
-    """How to walk out: trials, iterations of a fit, gain [nats] that ends it, first step [half intervals], growth."""
+    """How to walk out: trials, iterations of a fit, gain [nats] that ends it, first step [half intervals], growth.
+
+    A fit also ends before a step that promises less than a share `foreseen` of the critical value [-], and less than
+    `foreseen_at_most` [nats]: what the step gains otherwise moves an end by a share of that.
+    """
 
     trials: int
     iterations: int
     enough: float
     first: float
     growth: float
+    foreseen: float = 0.0
+    foreseen_at_most: float = 0.0
 
 
-_STRAIGHT = _Walk(12, 20, 0.05, 1.0, 4.0)
+_STRAIGHT = _Walk(12, 20, 0.05, 1.0, 4.0, 0.02, 0.5)
 _WINDING = _Walk(10, 40, 0.01, 0.25, 2.0)
 """Where the form is free, valleys are long and bend: short steps, each from where the last one ended."""
 
@@ -173,11 +175,15 @@ def _end(solution: Solution, index: int, sd: float, path: _Path, direction: floa
     at = min(max(walk.first * sd * solution.quantile, 1e-9 * reach), reach)
     for _ in range(walk.trials):
         value = centre + direction * at
-        vector = path.at(value) if walk is _STRAIGHT else point.vector + path.ridge * (value - point.vector[index])
+        # From the last foothold: where a bound has stopped another parameter the path from the best leads astray.
+        vector = point.vector + path.ridge * (value - point.vector[index])
+        if walk is _STRAIGHT:
+            vector = point.vector + path.at(value) - path.at(float(point.vector[index]))
         vector = np.clip(vector, problem.lower, problem.upper)
         profiled = fit(
             problem.fixing(index, value), replace(point, vector=vector),
-            iterations=walk.iterations, enough=walk.enough, foreseen=min(_FORESEEN * critical, _FORESEEN_AT_MOST),
+            iterations=walk.iterations, enough=walk.enough,
+            foreseen=min(walk.foreseen * critical, walk.foreseen_at_most),
         )  # fmt: skip
         fall = max(2.0 * (best.log_likelihood - profiled.log_likelihood), 1e-6)
         found = profiled.vector

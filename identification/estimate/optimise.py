@@ -173,7 +173,7 @@ def _climb(
     state = evaluate(problem, point)
     for iteration in range(iterations):
         trial, gain = _move(problem, point, state, damping, striding=striding)
-        if trial is not None and iteration and gain < foreseen:
+        if trial is not None and iteration and 0.0 <= gain < foreseen:
             point, state, converged = trial, replace(state, value=state.value + gain), True
             break
         # The quadrature follows every step: one that stayed behind would call a wider population a worse one.
