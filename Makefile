@@ -39,7 +39,7 @@ slow: $(VENV)/.installed-for-tests
 
 benchmark: $(VENV)/.installed-for-tests
 	@echo "==> benchmarks, which want a quiet machine"
-	@$(BIN)/python -P -m pytest tests/benchmarks --benchmark-only
+	@$(BIN)/python -P -m pytest tests/benchmarks -m "" --benchmark-only
 
 lint: $(VENV)/.installed-for-tests
 	@echo "==> ruff, pyright, import-linter"
