@@ -34,7 +34,7 @@ _SHEAR_TEST = "give cohesion and friction from a shear test (--soil)"
 
 def would_tell(problem: Problem, right: Hypothesis, *others: Hypothesis) -> str:
     """Propose the measurement that would tell a set of effects best from others, with its expected nats; from most of
-    them where none tells it from all, and then it says for or against which it is.
+    them where none tells it from all, and then it says for or against which it is. Empty where none tells it from any.
 
     Without others it is the set's form that is doubted: a soil known from elsewhere tells whether it is right.
     """
@@ -43,23 +43,20 @@ def would_tell(problem: Problem, right: Hypothesis, *others: Hypothesis) -> str:
     proposals = [
         (text, number, nats)
         for number, other in enumerate(others)
-        for ask in (_channels, _known_soil, _drives, _checks)
-        for nats, text in ask(problem, right, other)
+        for propose in (_channels, _known_soil, _drives, _checks)
+        for nats, text in propose(problem, right, other)
         if nats >= ENOUGH
     ]
-    # By text, what it tells from which of the others.
-    told: dict[str, dict[int, float]] = {}
+    # By text, the nats by which it separates each of the others.
+    separated: dict[str, dict[int, float]] = {}
     for text, number, nats in proposals:
-        told.setdefault(text, {})[number] = nats
-    if not told:
-        return (
-            "none of the measurements considered (further channels, known soil, other loads, slips and speeds, "
-            "checks of instruments)"
-        )
-    text, nats = max(told.items(), key=lambda pair: (len(pair[1]), min(pair[1].values())))
+        separated.setdefault(text, {})[number] = nats
+    if not separated:
+        return ""
+    text, nats = max(separated.items(), key=lambda pair: (len(pair[1]), min(pair[1].values())))
     *names, last = dict.fromkeys(_apart(right, others[number]) for number in nats)
-    told_apart = f"{', '.join(names)} and {last}" if names else last
-    only = "" if len(nats) == len(others) else f", for or against {told_apart}"
+    which = f"{', '.join(names)} and {last}" if names else last
+    only = "" if len(nats) == len(others) else f", for or against {which}"
     return f"{text} (expected {min(nats.values()):.0f} nats{only})"
 
 

@@ -33,6 +33,9 @@ _JUMP, _APART, _SEARCHES = 5.0, 5, 8
 """A step is a jump where the path leaves its prediction by so many standard deviations, more than in so many rows
 before and after; jumps are looked for so many times at most."""
 
+_FLANK = 2
+"""Rows before and after a jump that lie on its flank."""
+
 _LEAST_NOISE = 1e-6
 """Least white noise, as a share of the channel's size: what a converter's last digit makes [-]."""
 
@@ -131,7 +134,25 @@ def path_of(
             break
         course = replace(course, jumps=course.jumps | new)
         point = course.best(starts)
-    return course.path(point, measured)
+    return _apart_from_flanks(course, point, measured, jumps)
+
+
+def _apart_from_flanks(course: _Course, point: np.ndarray, measured: np.ndarray, begins: np.ndarray) -> Path:
+    """Smooth the readings but for those about a jump: it takes a few rows, on which the paths before and after it say
+    nothing. Each of these stands alone, as does what the path misses. `begins` (n,): where a stretch of time begins.
+    """
+    path, flank = course.path(point, measured), np.zeros(len(measured), dtype=bool)
+    edges = course.jumps & ~begins
+    edges |= np.append(edges[1:], False)
+    for _ in range(_SEARCHES):
+        edges |= np.nan_to_num(np.abs(measured - path.mean)) > _JUMP * path.white_sd
+        new = maximum_filter1d(edges, 2 * _FLANK + 1) & ~flank
+        if not new.any():
+            break
+        flank |= new
+        course = replace(course, jumps=course.jumps | flank | np.append(False, flank[:-1]))
+        path = course.path(point, measured)
+    return path
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ from .whitening import GROSS, Noise
 MOST_EFFECTS = 3
 """Effects of a hypothesis at most."""
 
-MOST_EXPANDED = 4
+MOST_EXPANDED = 6
 """Hypotheses whose neighbours are fitted at most."""
 
 WINDOW = 5.0
@@ -43,7 +43,7 @@ LEAST_GAIN, LEAST_BESIDE, LEAST_SHARE = 2.5, 4.0, 0.1
 """An effect is fitted alone, and beside others, if the score test gives it so many nats, and this share of what it
 gives the best [-]."""
 
-SETTLED = 6
+SETTLED = 8
 """Fits of each round whose noise is fitted, too: those that fit best beside the noise that they began with."""
 
 BEHIND = 50.0
@@ -230,8 +230,11 @@ def _expand(found: Search, base: Hypothesis) -> None:
 
 
 def _leading(fits: Iterable[Fitted]) -> list[Fitted]:
-    """Give the fits whose noise is worth fitting."""
-    return sorted(fits, key=lambda each: -each.score)[:SETTLED]
+    """Give the fits whose noise is worth fitting: the best form of each effect."""
+    best: dict[str, Fitted] = {}
+    for each in sorted(fits, key=lambda each: -each.score):
+        best.setdefault(each.model.effects[-1].slug, each)
+    return list(best.values())[:SETTLED]
 
 
 def _first(problem: Problem, base: Fitted, effects: Sequence[Effect], most: int) -> list[Effect]:

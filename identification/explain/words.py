@@ -235,11 +235,18 @@ def _modelled(explanation: Explanation) -> str:
     return f"the most probable set, {listed(named)},"
 
 
+_NOTHING_SEPARATES = (
+    "No measurement considered would separate them (further channels, a soil test, other loads, slips and speeds, "
+    "checks of instruments)."
+)
+
+
 def _action(missing: Sequence[Missing]) -> str:
     """Say which measurement or check decides."""
     proposed = sorted((each for each in missing if each.would_tell), key=lambda each: each.probability >= ASSERTED)
     if not proposed:
-        return ""
+        undecided = any(each.probability < ASSERTED and each.indistinguishable_from for each in missing)
+        return _NOTHING_SEPARATES if undecided else ""
     first = proposed[0]
     if first.kind == "unknown":
         return f"To find it: {columns_in_words(first.would_tell)}."
