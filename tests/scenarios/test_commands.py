@@ -352,10 +352,11 @@ def test_a_sense_is_trained_and_used(sense, tmp_path, rng, monkeypatch):
 
 @pytest.fixture(scope="module")
 def moments(tmp_path_factory):
-    """Three seconds of a wheel: too few to identify a soil from."""
-    return write_scenario("testbed", tmp_path_factory.mktemp("moments") / "testbed", seed=2, duration_s=3.0)
+    """The shortest drive that there is."""
+    return write_scenario("testbed", tmp_path_factory.mktemp("moments") / "testbed", seed=2, duration_s=5.0)
 
 
+@pytest.mark.slow
 def test_two_at_once_on_one_database(moments, tmp_path):
     """Two runs over the same drive start together: both succeed, and the drive is stored once."""
     db = tmp_path / "t.db"
