@@ -28,10 +28,10 @@ def explained(tmp_path, seed: int, *effects: str, level: str = "plain") -> tuple
     return json.loads(page.read_text(encoding="utf-8")), made.truth
 
 
-def test_slip_sinkage_in_a_timed_drive_is_named(tmp_path):
-    answer, truth = explained(tmp_path, 3, "slip_sinkage")
+def test_compaction_by_earlier_passes_is_named(tmp_path):
+    answer, truth = explained(tmp_path, 7, "multipass_compaction")
     assert answer["verdict"] == "physics"
-    assert [each["effect"] for each in answer["missing"]] == ["slip_sinkage"]
+    assert [each["effect"] for each in answer["missing"]] == ["multipass_compaction"]
     right = set(truth["effects"][0]["channels"])
     assert {each["channel"] for each in answer["located"]} & right
     errors = answer["fit"]["channels"].values()
