@@ -179,17 +179,17 @@ def rivals_of(weighed: Posterior, slug: str) -> dict[str, frozenset[str]]:
 
 
 def _unknown(problem: Problem, weighed: Posterior, chosen: Chosen) -> Missing:
-    """Describe what the catalogue lacks by where the discrepancy lives and what it depends on."""
+    """Describe what the catalogue lacks by the channels that the discrepancy is in and what it varies with."""
     beside = chosen.discrepancy or weighed.discrepancies[chosen.hypothesis.slugs]
     parts = dependence(problem, beside)
     where = "; ".join(
-        f"{CHANNELS[channel]} differs by {size:.2g} of its noise, mostly with {variable}"
+        f"{CHANNELS[channel]} differs by {size:.2g} times its noise, mostly with {variable}"
         for channel, variable, size in parts
     )
     first = parts[0][1] if parts else "slip"
     return Missing(
         UNKNOWN, UNKNOWN, "smooth discrepancy", weighed.unknown, {}, "a polynomial in what the drive varies",
-        "M. C. Kennedy, A. O'Hagan (2001)", (), f"vary {first} with all else held", where,
+        "M. C. Kennedy, A. O'Hagan (2001)", (), f"vary {first} with all else held constant", where,
     )  # fmt: skip
 
 
