@@ -26,7 +26,7 @@ def test_physics_is_named_first_with_its_probability_and_what_modelling_it_gains
     assert said.startswith("Missing: slip-sinkage (98 %).")
     for each in ("n1 = 0.213 ± 0.019", "from 2.8 to 0.51 mm (the noise) in sinkage", "slip from 0.3 to 0.55"):
         assert each in said, each
-    assert "from 1.2 to 0.52 N m in torque" in said
+    assert "from 1.2 to 0.52 N m" in said
 
 
 def test_physics_and_faults_are_named_apart_and_what_is_doubtful_is_not_asserted():
@@ -106,7 +106,7 @@ def test_a_channel_that_is_predicted_worse_is_said_so():
     fits = {**explanation().fits, "torque_Nm": replace(explanation().fits["torque_Nm"], rmse_before=0.4)}
     worse = explanation(fits=fits)
     assert predicted_worse(worse) == ["torque"]
-    assert "rises from 0.4 to 0.52 N m in torque" in details(worse)
+    assert "rises from 0.4 to 0.52 N m" in details(worse)
     assert "another form" in trust(worse)
     assert predicted_worse(explanation()) == []
     assert predicted_worse(replace(nothing(), fits=fits)) == [], "nothing was added that could be worse"
