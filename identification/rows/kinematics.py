@@ -21,7 +21,7 @@ _FAR = 0.02
 
 _TURNED_RAD, _MOST_TURNED_RAD = 0.8, 4.0
 """How far the wheel turns between the rows that are compared, far enough that an encoder's steps hardly matter; and at
-most, where rows lie farther apart. Of an angle that starts anew with each turn a quarter of the pairs or more are then
+most, where rows lie farther apart. Of an angle that returns to zero each turn a quarter of the pairs or more are then
 at odds with the others, and nothing is said, unless it has done so in few of them."""
 
 _FACTOR, _STEADY = 1.25, 0.1
@@ -91,7 +91,7 @@ def _by_part(values: np.ndarray) -> np.ndarray:
 def angle_disagreement(table: WheelTable, wheel: Wheel) -> Finding | None:
     """Doubt an angle that goes on faster or slower than the wheel turns by a constant factor: ``angle_disagrees``.
 
-    An angle that starts anew with each turn, or is counted backwards, agrees.
+    An angle that returns to zero each turn, or is counted backwards, agrees.
 
     Parameters
     ----------

@@ -19,14 +19,14 @@ _STEPS = 5.0
 """Standard deviations by which a channel steps that would show whether it settles after it [-]."""
 
 _FIRST = 0.05
-"""Share of a run by which it is told that its first rows are off [-]."""
+"""Share of a run that is tested for first rows that are off [-]."""
 
 _OFF, _ALIKE, _SURE = 2.0, 0.6, 2.4
 """Standard deviations by which first rows are off in the mean of their squares, the share of that by which all are off
 the same way, and how many standard errors that share is [-]."""
 
 _SETTLED = 0.3
-"""Standard deviations that are no longer off [-]."""
+"""Standard deviations from which on a row is off [-]."""
 
 _FLAT, _SHORTEST = 0.12, 5
 """What goes on in the rest of the run, as where a sensor drifts, as a share of what it began with [-]; and rows in
@@ -149,20 +149,20 @@ def _settling(values: np.ndarray, after: np.ndarray, least: float = _LEAST) -> i
     first = max(math.ceil(_FIRST * count), 2)
     there = np.isfinite(values)
     level, sd = _levels(values, least)
-    told = np.isfinite(level) & there[:, :first].any(axis=1)
+    usable = np.isfinite(level) & there[:, :first].any(axis=1)
     way = np.ones(len(values))
     if (after >= 0).any():
         way = np.where(after >= 0, np.sign(level[after] - level), math.nan)
-        told &= np.isfinite(way)
-    if told.sum() < FEWEST_RUNS or not sd > 0.0:
+        usable &= np.isfinite(way)
+    if usable.sum() < FEWEST_RUNS or not sd > 0.0:
         return 0
-    away = ((values - level[:, None]) * way[:, None])[told]
+    away = ((values - level[:, None]) * way[:, None])[usable]
     began = np.nanmean(away[:, :first], axis=1) / sd
     size = math.sqrt(float(np.mean(began**2)))
     if size < _OFF or abs(float(began.mean())) / size < max(_ALIKE, _SURE / math.sqrt(len(began))):
         return 0
     # Each run by how far off it begins: what they share counts, and their noise averages out.
-    weight = np.sum(began[:, None] ** 2 * there[told], axis=0)
+    weight = np.sum(began[:, None] ** 2 * there[usable], axis=0)
     course = np.nansum(began[:, None] * away / sd, axis=0) / np.maximum(weight, 1e-9)
     return _length(course, size, first)
 
@@ -193,5 +193,5 @@ def _dies_away(course: np.ndarray) -> bool:
     centre, width = (each.ravel() for each in np.meshgrid(rows[2:], np.geomspace(0.5, 0.5 * len(rows), 20)))
     stays = centre >= _STAYS * width
     by_edge = 0.5 * (1.0 - np.tanh((rows - centre[stays, None]) / width[stays, None]))
-    told = [float(np.max((each @ course) ** 2 / np.sum(each**2, axis=1))) for each in (by_time, by_edge)]
-    return told[0] > told[1]
+    decay, edge = (float(np.max((each @ course) ** 2 / np.sum(each**2, axis=1))) for each in (by_time, by_edge))
+    return decay > edge

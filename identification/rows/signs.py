@@ -110,7 +110,7 @@ def check_torque(table: WheelTable, wheel: Wheel, reasons: np.ndarray) -> Findin
 
 
 def _mostly_below(values: np.ndarray, clearly: np.ndarray) -> bool:
-    """Tell whether nearly all values (n,), of enough rows, are below zero, and their median by more than is clear."""
+    """Say whether nearly all values (n,), of enough rows, are below zero, and their median by more than is clear."""
     return (
         len(values) >= _FEWEST_TORQUES
         and float(np.mean(values < 0.0)) > _REVERSED
@@ -184,8 +184,8 @@ def check_pull(table: WheelTable, wheel: Wheel, reasons: np.ndarray) -> Finding 
 
 
 def _impossible(thrust: np.ndarray, pulled: np.ndarray, depth_m: np.ndarray, wheel: Wheel) -> bool:
-    """Tell whether pull over load (n,) is what no contact makes it beside T/(r W) (n,): less than all force at its
-    front does, in most of the third of the rows in which the wheel is driven hardest, or more than T/r in most of the
+    """Say whether pull over load (n,) is impossible at T/(r W) (n,): less than with all force at the front of the
+    contact, in most of the third of the rows in which the wheel is driven hardest, or more than T/r in most of the
     third in which it is driven least.
     """
     entry = np.minimum(np.arccos(np.clip(1.0 - depth_m / wheel.radius_m, 0.0, 1.0)), _STEEPEST)

@@ -58,7 +58,7 @@ def with_standstill(table: WheelTable) -> WheelTable:
 
 
 def stands(table: WheelTable) -> np.ndarray:
-    """Tell rows, (n,), of a table that `with_standstill` gave in which a wheel stands."""
+    """Rows, (n,), of a table that `with_standstill` gave in which a wheel is at standstill."""
     names = [name for name in _SPEEDS if name in table]
     if "time_s" not in table or not names:
         return np.zeros(len(table), dtype=bool)
@@ -67,7 +67,7 @@ def stands(table: WheelTable) -> np.ndarray:
 
 
 def _is_zero(speed: np.ndarray, stretch: np.ndarray) -> np.ndarray:
-    """Tell where a speed (n,) is zero within its noise, by the median of neighbours in its stretch (n,)."""
+    """Where a speed (n,) is zero within its noise, by the median of neighbours in its stretch (n,)."""
     seen = np.abs(speed[np.isfinite(speed)])
     if not len(seen):
         return np.zeros(len(speed), dtype=bool)
@@ -82,7 +82,7 @@ def _is_zero(speed: np.ndarray, stretch: np.ndarray) -> np.ndarray:
     for together in np.split(rows, np.flatnonzero(apart) + 1):
         seen = speed[together[0] : together[-1] + 1] if len(together) else speed[:0]
         seen = seen[np.isfinite(seen)]
-        # Slow is not standing: of many rows the noise averages out.
+        # Slow is no standstill: over many rows the noise averages out.
         least = max(_SURELY * noise / math.sqrt(max(len(seen), 1)), _VERY_SLOW * fastest)
         if len(seen) and abs(float(seen.mean())) > least:
             zero[together] = False

@@ -22,7 +22,7 @@ _FEWEST_ROWS = 15
 """Rows of a run that can show it."""
 
 FEWEST_RUNS = 6
-"""Runs from which on what they share is told from ground that varies along each."""
+"""Fewest runs in which a common course is distinguished from ground that varies along each."""
 
 _MOST_RUNS = 0.8
 """Share of the rows that are in such runs at least [-]: else it is no test at constant slips."""
@@ -121,7 +121,7 @@ def steady_runs(table: WheelTable) -> Runs | None:
 def _at_work(table: WheelTable, rows: np.ndarray, still: np.ndarray) -> tuple[int, int]:
     """Give the first of rows that follow one another (k,) in which a wheel is at work and the one after the last.
 
-    `still` (n,) tells the rows of the table in which it stands.
+    `still` (n,): rows of the table in which it is at standstill.
     """
     going = np.flatnonzero(~still[rows])
     if not len(going):
@@ -187,7 +187,7 @@ def _steps(imposed: list[np.ndarray], rows: np.ndarray) -> np.ndarray:
         size = np.fmax(size, np.abs(middles[_BESIDE_STEP:] - middles[:-_BESIDE_STEP]) / max(1.0, _ABOVE_NOISE * noise))
         leap = np.fmax(leap, np.abs(np.diff(values[rows], prepend=values[rows[:1]])))
     about = find_peaks(size, height=1.0, distance=_BESIDE_STEP)[0] + _BESIDE_STEP
-    # Medians tell that there is a step, to two rows where.
+    # Medians locate a step to two rows.
     near = about[:, None] + np.arange(-_STARTING, _STARTING + 1)
     return about - _STARTING + np.argmax(leap[near], axis=1)
 

@@ -32,7 +32,7 @@ _FLAT, _RISES, _TOGETHER = 0.15, (0.4, 1.6), 0.6
 there is one [-]. Of the recordings none with such a correlation has a slope below 0.21."""
 
 _SMALL, _PULLS = 0.02, (0.05, 1.2)
-"""Pull over load that is next to nothing, and what is usual, where no torque tells more [-]."""
+"""Pull over load that is next to nothing, and what is usual, where there is no torque [-]."""
 
 _OF_PULL: tuple[tuple[str, Callable[[np.ndarray], np.ndarray | float]], ...] = (
     ("load", lambda load: load),
@@ -127,7 +127,7 @@ def load_in_kilograms(table: WheelTable, wheel: Wheel, reasons: np.ndarray) -> F
 
 
 def pull_in_another_unit(table: WheelTable, wheel: Wheel, reasons: np.ndarray) -> Finding | None:
-    """Doubt a pull that is next to nothing beside load and torque, follows the torque, or where there is none the slip,
+    """Doubt a pull that is negligible against load and torque, follows the torque, or where there is none the slip,
     and would be usual in another unit: ``pull_unit``.
 
     Parameters
