@@ -118,7 +118,7 @@ def _with_free_noise(solution: Solution, measured: Measured, free: np.ndarray) -
 
 
 def with_autocorrelated_noise(measured: Measured, solution: Solution, wheel: Wheel, known: SoilKnowledge) -> Solution:
-    """Fit again with the maximum-likelihood noise where that of a fit is autocorrelated and exceeds what neighbours show.
+    """Fit again with the maximum-likelihood noise where that of a fit is autocorrelated and more than neighbours show.
 
     Correlated rows estimate the size of such noise without bias; the intervals count how many of them are worth one
     (`estimate.solve`).
