@@ -40,8 +40,8 @@ def command(
 
     check_outputs([json, report], [recording, vehicle, soil, simulated])
     check_store(db, class_name)
-    with status(f"explaining {recording}") as report:
-        answer = explain(recording, vehicle=vehicle, soil=soil, simulated=simulated, seed=seed, progress=report)
+    with status(f"explaining {recording}") as progress:
+        answer = explain(recording, vehicle=vehicle, soil=soil, simulated=simulated, seed=seed, progress=progress)
     if json is not None:
         write_json(answer.to_json(), json)
     if report is not None:
