@@ -75,13 +75,15 @@ def _beyond_catalogue(missing: Sequence[Missing]) -> str:
 
 def details(explanation: Explanation) -> str:
     """Say what happens, what modelling it gains, what to do, and where the difference is largest."""
-    sure = [each for each in explanation.missing if each.probability >= ASSERTED]
-    errors, happens = _errors(explanation), [_happens(each) for each in sure]
-    if len(sure) == 1 and errors and _is_asserted(explanation):
-        happens, errors = [_gains(sure[0], errors)], ""
+    described = [each for each in explanation.missing if each.probability >= ASSERTED]
+    if explanation.verdict == "unknown":
+        described = [each for each in explanation.missing if each.kind == "unknown"]
+    errors, happens = _errors(explanation), [_happens(each) for each in described]
+    if len(described) == 1 and errors and _is_asserted(explanation):
+        happens, errors = [_gains(described[0], errors)], ""
     elif errors:
         errors = f"{capital(_modelled(explanation))} {errors}."
-    action = _action(explanation.missing) if sure or explanation.verdict == "unknown" else ""
+    action = _action(explanation.missing) if described else ""
     parts = [*happens, errors, action, _located(explanation.located)]
     return " ".join(part for part in parts if part)
 
@@ -127,9 +129,9 @@ def missing_lines(missing: Missing) -> list[str]:
     kind = KINDS.get(missing.kind, missing.kind)
     source = f"; {missing.source}" if missing.source else ""
     further = {
-        "where": missing.description,
+        "where": columns_in_words(missing.description),
         "indistinguishable from": ", ".join(map(effect, missing.indistinguishable_from)),
-        "to decide": missing.would_tell,
+        f"to {aim(missing)}": _measurement(missing),
     }
     return [
         f"{capital(name_of(missing))} ({missing.effect}{form}; {kind}): {percent(missing.probability)}",
@@ -281,6 +283,11 @@ def _decisive(missing: Sequence[Missing]) -> Missing | None:
     return proposed[0] if proposed else None
 
 
+def aim(missing: Missing) -> str:
+    """Say what a measurement is for: to identify something unknown, to check an asserted effect, or to decide."""
+    return "identify it" if missing.kind == "unknown" else "check" if missing.probability >= ASSERTED else "decide"
+
+
 def _measurement(missing: Missing) -> str:
     return columns_in_words(missing.would_tell) if missing.kind == "unknown" else missing.would_tell
 
@@ -291,8 +298,7 @@ def _action(missing: Sequence[Missing]) -> str:
     if first is None:
         undecided = any(each.probability < ASSERTED and each.indistinguishable_from for each in missing)
         return _NOTHING_SEPARATES if undecided else ""
-    aim = "identify it" if first.kind == "unknown" else "check" if first.probability >= ASSERTED else "decide"
-    return f"To {aim}: {_measurement(first)}."
+    return f"To {aim(first)}: {_measurement(first)}."
 
 
 def _located(regions: Sequence[Region]) -> str:
