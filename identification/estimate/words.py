@@ -40,7 +40,7 @@ SENTENCES: dict[str, Sentence] = {
     "grousers_left_out": "the wheel's lugs are left out, as the textbook wheel has none: `explain` models them",
     "ground_variation": "one soil misses the channels by {misfit:.1f} times the sensors' noise, as ground that varies "
     "along the track does; the intervals include that variation",
-    "least_squares_intervals": "the intervals are those of ordinary least squares: they do not include the method's bias",
+    "least_squares_intervals": "the intervals are those of ordinary least squares, without the method's bias",
     "mixed_soils": "the stretches differ in soil: the overall estimate mixes several soils",
     "negative_cohesion": "the closed form gives a cohesion of {c_Pa:.0f} Pa, not physical: 0 is reported",
     "recording": "{text}",

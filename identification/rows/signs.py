@@ -13,7 +13,7 @@ from ...framework.core.vehicle import Wheel
 from .gate import balanced
 
 _REVERSED = 0.9
-"""Share of rows below zero from which on a channel is measured the other way round [-]."""
+"""Share of rows below zero from which on a channel has the opposite sign [-]."""
 
 _CLEARLY = 0.03
 """Sinkage, or torque, so far below zero is no reading of a sensor with a small offset [radii, loads at the rim]."""
@@ -23,14 +23,14 @@ _DRIVEN, _BRAKED = 0.1, -0.2
 wheel at 1.15 radii make a slip of -0.13 of none."""
 
 _FEWEST_TORQUES, _FEWEST_PULLS = 5, 8
-"""Rows from which on a sign, and a correlation, can be judged."""
+"""Fewest rows for a sign, and for a correlation."""
 
 _WIDE = 0.1
 """Least range of the torque, over radius and load, against which the pull is judged [-]."""
 
 _AGAINST, _FALLS, _WITHOUT_TORQUE = -0.5, -0.3, -0.7
 """Correlation of pull and torque, both over the load, and slope, below which the one falls as the other rises; the
-correlation of pull and slip where there is no torque. Of 511 recordings by other hands none has a correlation with the
+correlation of pull and slip where there is no torque. Of 511 recordings by others none has a correlation with the
 torque below -0.04; of 3000 textbook wheels that slip-sinkage buries 59 are doubted, and none refused [-].
 """
 
@@ -38,13 +38,13 @@ _NEARLY_ALL = 0.9
 """Share of rows in which a pull of the other sign would leave the ground a resistance, as it does [-]."""
 
 _MORE_THAN_DRIVEN = 0.03
-"""Pull beyond what the torque pushes, over the load, that is more than an offset [-]."""
+"""Excess of pull over torque over radius, per load, that is more than an offset [-]."""
 
 _SLOPING = 0.05
-"""Slope from which on gravity may have its share in what is called pull [rad]."""
+"""Slope from which on gravity may be part of the recorded pull [rad]."""
 
 _STEEPEST = 1.4
-"""Entry angle of a wheel that is as good as buried: steeper ones only make tangents run away [rad]."""
+"""Largest entry angle, that of a wheel nearly buried: beyond it tangents diverge [rad]."""
 
 
 def check_signs(table: WheelTable, wheel: Wheel) -> None:

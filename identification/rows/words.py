@@ -16,8 +16,7 @@ def _pull_units(values: Values) -> str:
 def _speed_units(values: Values) -> str:
     likely = " or ".join(f"{each['channel']} in {each['unit']}" for each in values["likely"])
     return (
-        f"the two speeds give slips about {values['slip']:.2g} throughout, and usual ones if {likely}: "
-        "check the units"
+        f"the two speeds give slips about {values['slip']:.2g} throughout, and usual ones if {likely}: check the units"
     )
 
 
@@ -25,7 +24,7 @@ def _load_unit(values: Values) -> str:
     what = "torque over radius" if values["channel"] == "torque_Nm" else "the pull"
     return (
         f"{what} is {values['ratio']:.2g} times the load (upper tenth of the driven rows), more than sand bears, and "
-        f"would be {values['ratio_if_kg']:.2g} times, as usual, were load_N in kg: check its unit"
+        f"would be {values['ratio_if_kg']:.2g} times, as usual, if load_N were in kg: check its unit"
     )
 
 
@@ -83,8 +82,8 @@ SENTENCES: dict[str, Sentence] = {
     "duplicate_rows": _duplicates,
     "grouser_count_missing": "the vehicle states lugs of {height_m:g} m without their number: their forces are "
     "not modelled; give grouser_count",
-    "grouser_height_missing": "the vehicle states {count} lugs without their height: only their ripple with the wheel's "
-    "angle is modelled; give grouser_height_m",
+    "grouser_height_missing": "the vehicle states {count} lugs without their height: only their ripple with the angle "
+    "of the wheel is modelled; give grouser_height_m",
     "load_unit": _load_unit,
     "one_radius": "wheels of {geometries} geometries: only those of radius {radius_m:g} m were used",
     "other_geometries": "rows of {wheels} wheels: only the {used} of the {wheel} were used, for their soils may "
@@ -102,7 +101,7 @@ SENTENCES: dict[str, Sentence] = {
     "speed_unit": _speed_units,
     "stated_noise": "the noise stated of {channel}, {stated:.3g}, is less than a hundredth of what neighbours differ "
     "by ({shown:.2g}): check it; without it the noise is estimated from the data",
-    "steady_trials": "slip or load jump from each row to the next: each row is taken as a steady trial, whatever its time",
+    "steady_trials": "slip or load jump from each row to the next: each row is taken as a steady trial",
     "stop_rows": _stops,
     "stuck_channel": "{channel} never changes: it is left out, as its sensor may be stuck or absent",
     "time_unit": "rows lie {step_s:.3g} s apart (median), yet slip and load go on from row to row: check that time_s "
