@@ -82,7 +82,7 @@ def along(
 def near(
     x: Annotated[str, typer.Argument(metavar="X", help="East [m].")],
     y: Annotated[str, typer.Argument(metavar="Y", help="North [m].")],
-    radius: Annotated[str, typer.Option("--radius", help="How far around [m].")],
+    radius: Annotated[str, typer.Option("--radius", help="Radius around it [m].")],
     db: Db = _DB, site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = _STRESS,
     format: Format = "table",
 ) -> None:  # fmt: skip
