@@ -120,7 +120,7 @@ def status(text: str) -> Iterator[Callable[[str], None]]:
 
 @contextmanager
 def progress_bars() -> Iterator[Callable[[str, float], None]]:
-    """Show on stderr how far each stage has come; each stage is named as it begins; nothing where stderr is no terminal."""
+    """Show the progress of each stage on stderr, named as it begins; nothing where stderr is no terminal."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
