@@ -29,7 +29,7 @@ from .whitening import GROSS, Noise
 MOST_EFFECTS = 3
 """Effects of a hypothesis at most."""
 
-MOST_EXPANDED = 4
+MOST_EXPANDED = 6
 """Hypotheses whose neighbours are fitted at most."""
 
 WINDOW = 5.0
