@@ -191,17 +191,16 @@ def _nothing(explanation: Explanation) -> str:
 
 def _undecided(missing: Sequence[Missing]) -> str:
     """Name the possible causes, and the measurement that decides between them."""
-    named = _named(missing)
+    named, decisive = _named(missing), _decisive(missing)
     if len(named) == 1:
         answer = f"Possibly missing: {named[0]}"
     elif sum(each.probability for each in missing) > 1.0:
         answer = f"Cannot tell which are missing, one or several: {listed(named, 'or')}"
     else:
         answer = f"Cannot tell between {listed(named)}"
-    decisive = _decisive(missing)
-    if decisive is None:
-        return f"{answer}. {_action(missing)}".rstrip()
-    return f"{answer}{'; to decide, ' if len(named) == 1 else ': '}{_measurement(decisive)}."
+        if decisive is not None:
+            return f"{answer}: {_measurement(decisive)}."
+    return f"{answer}. {_action(missing)}".rstrip()
 
 
 def _what(missing: Missing) -> str:
@@ -278,9 +277,15 @@ _NOTHING_SEPARATES = (
 
 
 def _decisive(missing: Sequence[Missing]) -> Missing | None:
-    """Give what to measure first for: an effect in doubt, else one that is asserted; None where nothing decides."""
-    proposed = sorted((each for each in missing if each.would_tell), key=lambda each: each.probability >= ASSERTED)
-    return proposed[0] if proposed else None
+    """Give what to measure first for: something probable that the catalogue lacks, else an effect in doubt, else one
+    that is asserted; None where nothing decides.
+    """
+
+    def rank(each: Missing) -> tuple[bool, bool, bool]:
+        unknown = each.kind == "unknown"
+        return not (unknown and each.probability > 0.5), each.probability >= ASSERTED, unknown
+
+    return min((each for each in missing if each.would_tell), key=rank, default=None)
 
 
 def aim(missing: Missing) -> str:
