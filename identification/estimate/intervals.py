@@ -116,7 +116,7 @@ def spread(solution: Solution, index: int, low: np.ndarray, high: np.ndarray) ->
 def consistent(covariance: np.ndarray, solution: Solution, intervals: Intervals) -> np.ndarray:
     """Scale a covariance (p, p) so that its standard deviations are those of the profiles, the correlations kept.
 
-    Along a ridge that bounds cut off, the curvature at the optimum promises far more than the range of the parameters.
+    Along a ridge that bounds cut off, the curvature at the optimum understates the range of the parameters.
     """
     factor = np.ones(len(covariance))
     for index, (low, high) in intervals.ends.items():

@@ -70,7 +70,7 @@ def explain(
     InputError
         The recording has no wheel channels or geometry, lacks channels or rows to compare, or a name is unknown.
     """
-    began, tell = time.perf_counter(), progress or (lambda _: None)
+    began, report = time.perf_counter(), progress or (lambda _: None)
     seed, considered = whole("seed", seed), _considered(catalogue)
     opened, known = open_recording(recording, vehicle), as_knowledge(soil)
     if simulated is not None:
@@ -84,15 +84,15 @@ def explain(
     with threadpool_limits(1):
         samples, own = gather(table, rows.wheel, rows.vehicle), None
         if simulated is not None:
-            tell("fitting the textbook wheel to the other simulator")
+            report("fitting the textbook wheel to the other simulator")
             samples, own = as_differences(samples, simulated)
-        tell("fitting the soil")
+        report("fitting the soil")
         problem, textbook = fit_textbook(samples, known)
-        found = search(problem, textbook, considered, tell)
-        tell("weighing what was fitted")
+        found = search(problem, textbook, considered, report)
+        report("weighing what was fitted")
         weighed = posterior(found)
         chosen = choose(problem, found, weighed)
-        tell("locating the mismatch")
+        report("locating the mismatch")
         regions = locate(problem, chosen.hypothesis.fitted)
         answer = assemble(
             problem, found, weighed, chosen, regions, source=str(opened.source), seed=seed, began=began, notes=notes,

@@ -46,7 +46,7 @@ class Reader(ABC):
 
     @abstractmethod
     def sniff(self, path: Path) -> bool:
-        """Tell, quickly, whether a file or folder that exists is of this format."""
+        """Say, quickly, whether a file or folder that exists is of this format."""
 
     @abstractmethod
     def read(self, path: Path, *, vehicle: Vehicle | None, topics: Path | None) -> Recording:

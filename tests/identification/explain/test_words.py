@@ -47,7 +47,7 @@ def test_a_fault_alone_reads_otherwise_than_physics():
 def test_what_cannot_be_told_lists_the_causes_and_the_measurement_that_tells():
     answer = cannot_tell()
     assert holds(headline(answer), "side-wall friction (55 %)", "torque gain (42 %)")
-    assert answer.missing[0].would_tell in details(answer)
+    assert answer.missing[0].would_tell in headline(answer)
     one = headline(replace(answer, missing=answer.missing[:1]))
     assert "side-wall friction (55 %)" in one
     assert "torque gain" not in one

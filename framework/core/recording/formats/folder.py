@@ -103,7 +103,7 @@ class FolderReader(Reader):
     kinds = "a recording's folder"
 
     def sniff(self, path: Path) -> bool:
-        """Tell a folder; those that are bags have their own reader."""
+        """Recognise a folder; those that are bags have their own reader."""
         return path.is_dir() and not BagReader().sniff(path)
 
     def read(self, path: Path, *, vehicle: Vehicle | None, topics: Path | None) -> Recording:
