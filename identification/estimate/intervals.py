@@ -71,8 +71,8 @@ def parameter_intervals(solution: Solution, covariance: np.ndarray, model: Textb
             continue
         sd = math.sqrt(max(covariance[index, index], 0.0))
         ridge = covariance[:, index] / max(covariance[index, index], 1e-300)
-        low = _end(solution, index, sd, ridge, -1.0)
-        high = _end(solution, index, sd, ridge, 1.0)
+        low = profile_end(solution, index, sd, ridge, -1.0)
+        high = profile_end(solution, index, sd, ridge, 1.0)
         ends[index] = low, high
         quantities[name] = _quantity(solution, index, name, low, high)
     return Intervals(quantities, ends)
@@ -125,7 +125,7 @@ def consistent(covariance: np.ndarray, solution: Solution, intervals: Intervals)
     return covariance * np.outer(factor, factor)
 
 
-def _end(solution: Solution, index: int, sd: float, ridge: np.ndarray, direction: float) -> np.ndarray:
+def profile_end(solution: Solution, index: int, sd: float, ridge: np.ndarray, direction: float) -> np.ndarray:
     """Walk out along the profile to where it has fallen by the critical value, or to the bound: the vector there.
 
     `ridge` (p,) is how the other parameters go with this one near the optimum: each fit starts there.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from difflib import get_close_matches
 from pathlib import Path
 
 from threadpoolctl import threadpool_limits
@@ -108,6 +109,7 @@ def _considered(catalogue: Iterable[str] | None) -> tuple[str, ...]:
         raise refused("catalogue", catalogue, "a list of names of effects")
     names = tuple(catalogue)
     for each in names:
-        if each not in SLUGS:
-            raise refused("catalogue", each, "one of " + ", ".join(SLUGS))
+        if not isinstance(each, str) or each not in SLUGS:
+            similar = get_close_matches(str(each), SLUGS, cutoff=0.0)
+            raise refused("catalogue", each, f"names of effects, such as {', '.join(similar)}")
     return names
