@@ -1,5 +1,5 @@
 # make demo : the main job on a synthetic traverse, then a few queries and a picture of the map, all in demo/
-# make test : all tests
+# make test : the tests; make slow : those marked slow, on real recordings (../shared/data)
 # Both make their own virtual environment in .venv and install there; a second call installs only what changed.
 # PYTHON=python3.12 takes another Python, VENV=folder another environment.
 
@@ -11,7 +11,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check -q
 CODE := $(shell find __init__.py framework vision audio identification database -name '*.py')
 ABOUT := pyproject.toml requirements.lock
 
-.PHONY: demo test benchmark lint clean
+.PHONY: demo test slow benchmark lint clean
 .DEFAULT_GOAL := demo
 
 demo: $(VENV)/.installed
@@ -33,9 +33,13 @@ test: $(VENV)/.installed-for-tests
 	@echo "==> tests"
 	@OMP_NUM_THREADS=1 $(BIN)/python -P -m pytest -n $(WORKERS) --maxprocesses 4 --dist loadfile --benchmark-disable
 
+slow: $(VENV)/.installed-for-tests
+	@echo "==> slow tests"
+	@OMP_NUM_THREADS=1 $(BIN)/python -P -m pytest -m slow -n $(WORKERS) --maxprocesses 4 --benchmark-disable
+
 benchmark: $(VENV)/.installed-for-tests
 	@echo "==> benchmarks, which want a quiet machine"
-	@$(BIN)/python -P -m pytest tests/benchmarks --benchmark-only
+	@$(BIN)/python -P -m pytest tests/benchmarks -m "" --benchmark-only
 
 lint: $(VENV)/.installed-for-tests
 	@echo "==> ruff, pyright, import-linter"

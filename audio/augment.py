@@ -2,7 +2,7 @@
 
 Labelled contact sound comes from few sources, each with its own microphone, distance and background. What the copies
 made here change is what differs from source to source (colour, room, band width, tempo, background noise), and what
-they leave alone is what tells one ground from another. The noises are synthetic and of the kinds that ride along on a
+they keep is what distinguishes grounds. The noises are synthetic and of the kinds that ride along on a
 vehicle: broadband hiss, wind, the harmonic tones of an engine, the chopped noise of a rotor or fan, and rattle or rain.
 """
 

@@ -1,7 +1,7 @@
 """What a stretch of contact sound is described by: a vector that gain does not move.
 
 Every window of sound becomes one row of numbers: the shape of its spectrum on the mel scale and how that shape
-moves, moments of the spectrum, and, because the ear tells gravel from sand by grains rather than by colour, how
+moves, moments of the spectrum, and, because gravel differs from sand by grains rather than by colour, how
 impulsive the sound is in each of a few bands. All of them are ratios, so neither the microphone's gain nor the
 distance to the wheel matters. The mel filters are librosa's; all else is NumPy and SciPy in single precision on whole
 batches of windows, ten times as fast as librosa's own spectra.

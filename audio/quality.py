@@ -1,6 +1,6 @@
 """How far a window of sound is to be trusted, and why not: gaps, clipping, wind, engine tones, noise.
 
-Two kinds of fault are told apart. Faults of the recording itself (nothing recorded, overdriven) are measured on the
+There are two kinds of fault. Faults of the recording itself (nothing recorded, overdriven) are measured on the
 samples as they came and follow from what a recorder can do. Background noise has no such yardstick: whether a rumble
 is wind or the ground depends on what the classifier was trained on. So its measures are compared with the training
 sound, and how much of it there is is estimated by a regression fitted on training sound to which known noise was added.
@@ -75,19 +75,19 @@ def _clipped_share(window: np.ndarray, rate_hz: float) -> float:
         return 0.0
     cut = np.abs(window) >= _FULL_SCALE
     held = _held(window)
-    beside = (held | np.append(held[1:], False)) & ~_in_gap(held, rate_hz)
+    equal = (held | np.append(held[1:], False)) & ~_in_gap(held, rate_hz)
     swing = window - window.mean()
-    return float(np.mean(cut | _flattened(swing, beside) | _flattened(-swing, beside)))
+    return float(np.mean(cut | _flattened(swing, equal) | _flattened(-swing, equal)))
 
 
-def _flattened(side: np.ndarray, beside: np.ndarray) -> np.ndarray:
+def _flattened(side: np.ndarray, equal: np.ndarray) -> np.ndarray:
     """Mark where a recorder cut off one side of a swing (m,), before or after a louder sound went through whole.
 
     There neighbours share one level, more than share the level below, and ten times as many as there are samples beyond
-    it; `beside` marks samples that equal a neighbour.
+    it; `equal` marks samples that equal a neighbour.
     """
     above = np.sort(side[side > 0.0])
-    level, count = np.unique(side[beside & (side > 0.0)], return_counts=True)
+    level, count = np.unique(side[equal & (side > 0.0)], return_counts=True)
     piled = (level > _LEAST_CLIP) & (count > np.append(0, count[:-1]))
     piled &= count >= 10 * (above.size - np.searchsorted(above, level, side="right"))
     if not piled.any():
@@ -163,7 +163,7 @@ NOISE_FREE_DB = 35.0
 DROWNED_DB = 5.0
 """Signal-to-noise ratio at which sound is not to be trusted any more [dB]: footsteps are recognised half as often."""
 LEAST_DB = -10.0
-"""Noise above that is not told apart [dB]."""
+"""Noise above that is not distinguished [dB]."""
 _RIDGE = (10.0, 100.0, 1000.0, 10000.0)
 
 

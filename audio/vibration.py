@@ -26,7 +26,7 @@ CANDIDATES = ("free logistic", "fine kernel")
 SPARED = 0.4
 """Share of the training windows that are shown a second time without what the wheels recorded."""
 STILL = np.log(2.0)
-"""So far below the quietest training windows the vehicle counts as standing: half their amplitude."""
+"""So far below the quietest training windows the vehicle is at standstill: half their amplitude."""
 
 
 def train_vibration(
@@ -158,7 +158,7 @@ def vibration_evidence(run: VibrationRun, model: TerrainClassifier) -> tuple[np.
 
 
 def wheel_file_of(file: Path) -> Path | None:
-    """Find the wheel drives' file of the run of a vibration file through the `index.csv` beside or above it, if any."""
+    """Find the wheel drives' file of a vibration run by the `index.csv` in its folder or the one above, if any."""
     file = Path(os.path.realpath(file))
     for folder in file.parents[:2]:
         index = folder / "index.csv"

@@ -153,12 +153,12 @@ def _inertial(x: np.ndarray, rate_hz: float) -> np.ndarray:
 
 
 def _finish(values: np.ndarray, whole: np.ndarray) -> np.ndarray:
-    """Make the rows of a block (n, d) that are not whole (n,) NaN, and add the column that says so."""
+    """Make the rows of a block (n, d) that are not whole (n,) NaN, and add a column of which they are."""
     return np.column_stack([np.where(whole[:, None], values, np.nan), whole.astype(float)])
 
 
 def _drive(x: np.ndarray, rate_hz: float) -> np.ndarray:
-    """Level and restlessness of the drives' channels (n, m, c): current rises with what the ground resists."""
+    """Level and variation of the drives' channels (n, m, c): current rises with what the ground resists."""
     step = max(1, round(0.15 * rate_hz))
     whole = np.asarray(np.isfinite(x).all(axis=(1, 2)))
     x = np.where(np.isfinite(x), x, 0.0)

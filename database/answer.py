@@ -35,7 +35,7 @@ class StrengthTable:
     confidence
         [-].
     has_soil : (k,) bool
-        Has a wheel felt this class?
+        Has soil of this class been measured?
     mean : (k, 2)
         (c [Pa], tan phi [-]); zero where there is no soil, which then has no weight.
     second_moment : (k, 4)
@@ -84,14 +84,14 @@ def _far(normal_stress: float, soil: ClassSoil) -> bool:
 
 @dataclass(frozen=True)
 class GroundAnswer:
-    """What is known of n places, read-only. Numbers are NaN where nothing is known, with the reason beside.
+    """What is known of n places, read-only. Numbers are NaN where nothing is known, with the reason.
 
     Parameters
     ----------
     x, y : (n,)
-        The places [m]; centres of cells where a region was asked for.
+        The places [m]; centres of cells where a region was requested.
     known : (n,) bool
-        Is the soil known? The classes that no wheel has felt must weigh less than 1 - confidence.
+        Is the soil known? Classes whose soil was not measured must weigh less than 1 - confidence.
     reason : (n,) str
         Why not; empty where known.
     class_names
@@ -103,14 +103,14 @@ class GroundAnswer:
     covariance : (n, 2, 2)
         Covariance of (c, tan phi) of this place: which class it is, what place of its class, how well that is known.
     shear_strength, shear_strength_lower : (n,)
-        Expected c + sigma tan phi [Pa], and what it exceeds with the confidence asked [Pa]. The bound is that of the
-        mixture of classes, each a Student t (few stretches bound little); classes without soil count as no strength.
+        Expected c + sigma tan phi, and its lower bound at the confidence [Pa]. The bound is that of the mixture of
+        classes, each a Student t (few stretches bound little); classes without soil count as no strength.
     age : (n,)
         Time since the newest look [s]; NaN where unknown.
     observation_count : (n,) int
         Number of drives that recognised the place.
     normal_stress, confidence
-        As asked [Pa], [-].
+        As requested [Pa], [-].
     """
 
     x: np.ndarray
@@ -147,7 +147,7 @@ class GroundAnswer:
 
     @property
     def extrapolated(self) -> np.ndarray:
-        """(n,) bool: is the strength asked far from the normal stresses driven on a class that may well be here?"""
+        """(n,) bool: is the normal stress far from those driven on a class that may well be here?"""
         table = self.snapshot._table(self.normal_stress, self.confidence)
         return np.any(self.soil_weight[:, table.extrapolated] > 1.0 - self.confidence, axis=1)
 
@@ -157,7 +157,7 @@ class GroundAnswer:
             return [UNKNOWN] * len(self)
         seen = np.all(np.isfinite(self.class_probability), axis=1)
         best = np.argmax(np.where(seen[:, None], self.class_probability, 0.0), axis=1)
-        return [self.class_names[index] if told else UNKNOWN for index, told in zip(best, seen, strict=True)]
+        return [self.class_names[index] if known else UNKNOWN for index, known in zip(best, seen, strict=True)]
 
     def drawbar_pull(
         self, vehicle: Vehicle | str | Path, slip: float, *, load_N: float | Sequence[float] | None = None
@@ -196,15 +196,15 @@ class GroundAnswer:
         if names:
             code = np.where(recognised & ~known, len(texts) + np.argmax(missing, axis=1), code)
         reasons = np.array([*texts, *(f"no soil data for class {name}" for name in names)], dtype=object)
-        weight, felt = _soil_weight(probability, known, table)
+        weight, measured = _soil_weight(probability, known, table)
         mean = weight @ table.mean
         covariance = weight @ table.second_moment - (mean[:, :, None] * mean[:, None, :]).reshape(-1, 4)
         strength = mean[:, 0] + table.normal_stress * mean[:, 1]
         lower = np.full(len(known), np.nan)
         if table.mixture is not None:
             # The mass without soil counts as no strength at all: it takes its share of the 1 - confidence.
-            level = 1.0 - table.confidence - (1.0 - felt)
-            bound = table.mixture.lower_bound((weight * felt[:, None])[:, table.has_soil], level)
+            level = 1.0 - table.confidence - (1.0 - measured)
+            bound = table.mixture.lower_bound((weight * measured[:, None])[:, table.has_soil], level)
             lower = np.maximum(bound, 0.0)
         unknown = ~known
         mean[unknown] = covariance[unknown] = strength[unknown] = lower[unknown] = np.nan
@@ -231,6 +231,6 @@ class GroundAnswer:
 def _soil_weight(probability: np.ndarray, known: np.ndarray, table: StrengthTable) -> tuple[np.ndarray, np.ndarray]:
     """Probabilities among the classes with soil, (n, k), and the mass of those classes, (n,): 0 and 1 where unknown."""
     share = np.where(known[:, None] & table.has_soil, probability, 0.0)
-    felt = share.sum(axis=1)
-    felt = np.where(known, np.minimum(felt, 1.0), 1.0)
-    return share / felt[:, None], felt
+    measured = share.sum(axis=1)
+    measured = np.where(known, np.minimum(measured, 1.0), 1.0)
+    return share / measured[:, None], measured

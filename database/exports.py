@@ -114,7 +114,7 @@ def _no_soil(name: str) -> dict[str, Any]:
 
 
 def _other(soil: ClassSoil, key: str) -> dict[str, float] | None:
-    """Median and spread of k and stiffness (logarithmic), mean and spread of n; None where nobody could tell."""
+    """Median and spread of k and stiffness (logarithmic), mean and spread of n; None where undetermined."""
     effects = soil.others.get(key)
     if effects is None:
         return None

@@ -83,13 +83,13 @@ class Mobility:
         As `DrawbarPull`.
     go_probability : (n,)
         Probability that at some slip of `SLIPS` the drawbar pull is positive: the vehicle moves on the level [-].
-        Classes that no wheel has felt count as not moving.
+        Classes whose soil was not measured count as not moving.
     drawbar_pull_lower : (n,)
         The greatest lower bound of the drawbar pull over the slips [N].
     best_slip : (n,)
         Slip at which that is [-].
     slope_lower : (n,)
-        Steepest climb that this bound allows, asin(DP / W), no more than the pull on level ground tells [rad]; negative
+        Steepest climb that this bound allows, asin(DP / W), no more than the pull on level ground gives [rad]; negative
         where the vehicle may be stuck on the level.
     load_N
         Load on each wheel that was assumed [N].
@@ -119,17 +119,17 @@ def drawbar_pull(
         In (-1, 1) [-].
     load_N
         Load on each wheel [N], one number for all or one a wheel; where absent, the mean load under which the soil
-        was felt (`Snapshot.typical_load_N`).
+        was measured (`Snapshot.typical_load_N`).
 
     Raises
     ------
     InputError
         A slip or load that is no number or out of range, no vehicle, or no load given and none recorded.
     """
-    asked, wanted = slip, "a number between -1 and 1"
-    slip = number("slip", asked, wanted)
+    given, wanted = slip, "a number between -1 and 1"
+    slip = number("slip", given, wanted)
     if not -1.0 < slip < 1.0:  # nor is NaN
-        raise refused("slip", asked, wanted)
+        raise refused("slip", given, wanted)
     vehicle = as_vehicle(vehicle)
     loads = _loads(answer, vehicle, load_N)
     pulls, usable = _class_pulls(answer, vehicle, loads, np.array([slip]))
@@ -282,10 +282,10 @@ def _bound(answer: GroundAnswer, draws: np.ndarray, weight: np.ndarray) -> np.nd
 def _about_physics(soil: ClassSoil, physics: AugmentedSimulator) -> ClassSoil:
     """Give the class's soil about the one that was fitted together with the effects.
 
-    The textbook wheel's soil has the effects bent into it: with them in the model it would count them twice. How places
-    of the class scatter, and how well its mean is known, stays as the stretches show; a parameter that no stretch could
-    tell is the fitted one, with the scatter that soils of one kind usually show. What the fit itself errs by comes on
-    top of that (`_errors_of`).
+    The textbook wheel's soil absorbs the effects: with them in the model they would count twice. How places
+    of the class scatter, and how well its mean is known, stays as the stretches show; a parameter that no stretch
+    determines is the fitted one, with the scatter that soils of one kind usually show. The error of the fit is added
+    (`_errors_of`).
     """
     values = physics.soil_values
     centre = {"log_k": np.log(values.k_m), "log_stiffness": np.log(values.stiffness_Pa), "n": values.n}
@@ -297,8 +297,8 @@ def _about_physics(soil: ClassSoil, physics: AugmentedSimulator) -> ClassSoil:
 
 
 def _errors_of(physics: AugmentedSimulator, normal: np.ndarray) -> np.ndarray:
-    """Draw what a fit errs by (`errors_of_fit`), a soil's parameter of which nobody knows how well it was told by as
-    much as places of one class commonly differ.
+    """Draw the errors of a fit (`errors_of_fit`); a soil's parameter of unknown error by as much as places of one class
+    commonly differ.
     """
     values = physics.soil_values
     slope = math.cos(values.phi_rad) ** 2

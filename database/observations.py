@@ -95,7 +95,7 @@ class SoilEffect:
 
 @dataclass(frozen=True)
 class SoilObservation:
-    """The soil that the wheels felt on one stretch of a drive.
+    """The soil that the wheels measured on one stretch of a drive.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ class SoilObservation:
     x_m, y_m
         Its mean place in the site's frame [m]; NaN where the recording holds no places.
     class_probabilities
-        Fused belief over classes along the stretch [-]; empty where the senses could not tell, and then the stretch
+        Fused belief over classes along the stretch [-]; empty where no sense recognised it, and then the stretch
         counts for no class.
     estimate
         What was estimated; None where the gate closed (then `gate_reason` says why).

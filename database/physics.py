@@ -91,7 +91,7 @@ def check_likely(physics: AugmentedSimulator, source: str) -> None:
     for effect in physics.effects:
         if effect.probability < LEAST_PROBABILITY:
             raise InputError(source, f"{effect.slug} is there with probability {effect.probability:.6g}",
-                             expected=f"{LEAST_PROBABILITY:g} or more: what cannot be told is nothing to plan on"
+                             expected=f"{LEAST_PROBABILITY:g} or more, to plan on it"
                              )  # fmt: skip
 
 
@@ -184,7 +184,7 @@ def driven_classes(connection: Connection) -> set[str]:
 def _names(connection: Connection) -> Iterator[str]:
     for column in (table_of(DriveRow).c.classes, table_of(SoilRow).c.class_probabilities):
         for names in connection.execute(select(column)).scalars():
-            # Damaged ones are none of a snapshot, which says so.
+            # Damaged ones are refused by a snapshot.
             yield from (name for name in names if isinstance(name, str)) if isinstance(names, list | dict) else ()
 
 

@@ -1,9 +1,9 @@
 """Which stretches of a class are places of their own, and which say several times over what one place is like.
 
-A class's scatter and mean are told by places that differ (`posterior`). Where a stretch of a drive was cut, its pieces
-are neighbours on one ground, and cutting finer must not add places. Nor does an estimate whose misfit says that the
-textbook's form does not hold: its error is one that others like it share. Such are left aside where others fit, and
-are one place together where none does.
+A class's mean and scatter are estimated from places that differ (`posterior`). Where a stretch of a drive was cut, its
+pieces are neighbours on one ground, and cutting finer must not add places. Nor does an estimate whose misfit says that
+the textbook's form does not hold: its error is shared by others like it. Such are left out where others fit, and are
+one place together where none does.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ import numpy as np
 from ..framework.core.soil import WRONG_FORM
 from .observations import SoilObservation
 
-Felt = tuple[SoilObservation, float]
+Weighted = tuple[SoilObservation, float]
 """A stretch with an estimate, and the probability that it was of the class [-]."""
 
 
-def as_places(stretches: Sequence[Felt]) -> list[Felt]:
+def as_places(stretches: Sequence[Weighted]) -> list[Weighted]:
     """Put together what the stretches of one class say of one place, in the order of a drive as they are given."""
-    pieces: list[list[Felt]] = []
+    pieces: list[list[Weighted]] = []
     for each in stretches:
         if pieces and _goes_on(pieces[-1][-1][0], each[0]):
             pieces[-1].append(each)
@@ -32,8 +32,8 @@ def as_places(stretches: Sequence[Felt]) -> list[Felt]:
     return _fitting(places) or [_together(places)]
 
 
-def _fitting(stretches: list[Felt]) -> list[Felt]:
-    """Those on which the textbook's form holds, or is not asked after."""
+def _fitting(stretches: list[Weighted]) -> list[Weighted]:
+    """Those on which the textbook's form holds, or was not tested."""
     return [each for each in stretches if each[0].estimate is not None and not each[0].estimate.misfit > WRONG_FORM]
 
 
@@ -42,7 +42,7 @@ def _goes_on(before: SoilObservation, after: SoilObservation) -> bool:
     return before.end_s == after.start_s
 
 
-def _together(pieces: Sequence[Felt]) -> Felt:
+def _together(pieces: Sequence[Weighted]) -> Weighted:
     """One estimate of what pieces say of one place: any of them may be right, the sooner the better it knows.
 
     Mean and covariance are those of a mixture, so that pieces that differ widen it and no number of them narrows it.

@@ -1,4 +1,4 @@
-"""What is known of each class's soil, from the stretches on which wheels felt it.
+"""What is known of each class's soil, from the stretches on which wheels measured it.
 
 Every stretch j of a class gives an estimate y_j with covariance S_j of a place whose own soil b_j scatters about the
 class: ``y_j ~ N(b_j, S_j)``, ``b_j ~ N(mu, T)``. What a planner needs is the soil of a *new* place of the class,
@@ -32,7 +32,7 @@ from .observations import SoilObservation
 from .places import as_places
 
 LEAST_CLASS_PROBABILITY = 0.5
-"""A stretch that is more probably something else tells nothing of a class."""
+"""A stretch that is more probably something else counts for no class."""
 
 PRIOR_STRETCHES = 1.0
 """Worth of the prior on the scatter between places, in stretches (degrees of freedom of an inverse Wishart)."""
@@ -152,7 +152,7 @@ class ClassSoil:
         (c [Pa], tan phi [-]).
     others
         By name, each of one dimension: ``log_k`` of k [m], ``log_stiffness`` of the stiffness [Pa], ``n``; one that
-        no stretch could tell is absent.
+        no stretch determines is absent.
     stretches
         Number of stretches that it rests on.
     weight
@@ -176,14 +176,14 @@ class ClassSoil:
 
 
 def class_soils(soils: Sequence[SoilObservation]) -> dict[str, ClassSoil]:
-    """Derive what is known of every class that wheels have felt; the others are absent.
+    """Derive what is known of every class whose soil was measured; the others are absent.
 
     A stretch counts for the class that it most probably was of, if that is at least `LEAST_CLASS_PROBABILITY` probable,
     and by that probability; one whose gate closed, or whose estimate is not finite, counts for none. Stretches of one
     drive follow one another in order of time: those that a cut alone divides count as one place, and so do all where
     the textbook's form holds on none (`places`).
     """
-    felt: dict[str, list[tuple[SoilObservation, float]]] = {}
+    by_class: dict[str, list[tuple[SoilObservation, float]]] = {}
     for soil in soils:
         if soil.gate_reason or soil.estimate is None or not soil.class_probabilities:
             continue
@@ -192,8 +192,8 @@ def class_soils(soils: Sequence[SoilObservation]) -> dict[str, ClassSoil]:
             continue
         name, probability = max(soil.class_probabilities.items(), key=lambda entry: (entry[1], entry[0]))
         if probability >= LEAST_CLASS_PROBABILITY:
-            felt.setdefault(name, []).append((soil, probability))
-    return {name: _class_soil(name, stretches) for name, stretches in sorted(felt.items())}
+            by_class.setdefault(name, []).append((soil, probability))
+    return {name: _class_soil(name, stretches) for name, stretches in sorted(by_class.items())}
 
 
 def _class_soil(name: str, stretches: list[tuple[SoilObservation, float]]) -> ClassSoil:

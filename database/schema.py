@@ -119,7 +119,7 @@ def _engine(url: URL) -> Engine:
 
 
 def holds_database(url_or_path: str | Path) -> bool:
-    """Tell whether there is a terrain database, without making one; False where there is none and one can be made.
+    """Say whether there is a terrain database, without making one; False where there is none and one can be made.
 
     Raises
     ------
@@ -148,7 +148,7 @@ def unreachable(url: URL, error: BaseException) -> InputError:
 
 def _options(url: URL) -> dict[str, Any]:
     if url.get_backend_name() == "sqlite":
-        # Each connection is closed after use, which leaves one whole file to copy and no log beside it.
+        # Each connection is closed after use, which leaves one whole file to copy and no log.
         return {"connect_args": {"timeout": BUSY_TIMEOUT_S}, "poolclass": NullPool}
     return {"pool_pre_ping": True}
 
@@ -160,7 +160,7 @@ def _prepare_sqlite(connection: sqlite3.Connection, _record: object) -> None:
 
 
 def _check_file(path: Path, must_exist: bool) -> bool:
-    """Look at an SQLite file without ever writing to it or making it; tell whether there are tables of ours in it."""
+    """Look at an SQLite file without ever writing to it or making it; say whether there are tables of ours in it."""
     with reading(path, EXPECTED):
         return _holds_tables(path, must_exist)
 

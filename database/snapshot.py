@@ -34,7 +34,7 @@ _REMEMBERED = 256
 class Snapshot:
     """What is known of one site, immutable: threads may share it, and what is learnt later does not change it.
 
-    Places are in the site's frame [m]. Answers cover the places asked, unknown ones included (`GroundAnswer.known`).
+    Places are in the site's frame [m]. Answers cover all places, unknown ones included (`GroundAnswer.known`).
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class Snapshot:
     cells
         Belief over classes by ground cell.
     soils
-        What is known of the soil, by class; a class that no wheel has felt is absent.
+        What is known of the soil, by class; a class whose soil was not measured is absent.
     drives
         Number of drives that it rests on (newest processing of each recording).
     physics
@@ -81,7 +81,7 @@ class Snapshot:
 
     @property
     def typical_load_N(self) -> float:
-        """Mean load on one wheel while soil was felt [N]; NaN where no soil was."""
+        """Mean load on one wheel while soil was measured [N]; NaN where no soil was."""
         known = [soil for soil in self.soils.values() if math.isfinite(soil.load_N)]
         total = sum(soil.weight for soil in known)
         return sum(soil.weight * soil.load_N for soil in known) / total if total else math.nan
@@ -110,7 +110,7 @@ class Snapshot:
         Returns
         -------
         GroundAnswer
-            n places, in the order asked.
+            n places, in the order given.
 
         Raises
         ------

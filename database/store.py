@@ -111,13 +111,13 @@ class TerrainDatabase:
         Raises
         ------
         InputError
-            A class of the drive is `unknown`, or only case or spaces tell two of them apart; the database cannot be
+            A class of the drive is `unknown`, or two of them differ in case or spaces only; the database cannot be
             written.
         """
         if not isinstance(drive, Drive):
             raise refused("drive", drive, "a Drive")
-        felt = (name for soil in drive.soils for name in soil.class_probabilities)
-        check_class_names([*drive.terrain.evidence.classes, *felt], f"drive {drive.name!r}", "classes")
+        of_soils = (name for soil in drive.soils for name in soil.class_probabilities)
+        check_class_names([*drive.terrain.evidence.classes, *of_soils], f"drive {drive.name!r}", "classes")
         rows = [(TerrainRow, terrain_rows(drive)), (SoilRow, soil_rows(drive))]
         total = len(drive.terrain) + len(drive.soils)
         moment = {"id": uuid.uuid4(), "drive_id": drive.id, "imported_at": datetime.now(UTC)}
@@ -143,13 +143,13 @@ class TerrainDatabase:
         """Add what the textbook wheel was found to lack on ground of a class; the same again adds nothing.
 
         Of several for one class the newest is used for predictions (`GroundAnswer.drawbar_pull`, `mobility`), as long
-        as wheels have felt the class; older ones are kept.
+        as soil of the class was measured; older ones are kept.
 
         Parameters
         ----------
         class_name
             The class, spelt as drives have it. It may be one that no drive has brought yet: its physics is used once
-            wheels have felt it.
+            its soil was measured.
         physics
             Soil and effects, fitted together. Faults of instruments among them are kept and never act on predictions.
         source
@@ -162,7 +162,7 @@ class TerrainDatabase:
         Raises
         ------
         InputError
-            The class is `unknown`, or only case or spaces tell it apart from one that the database knows; the physics
+            The class is `unknown`, or differs in case or spaces only from one that the database knows; the physics
             is none, a number in it is not finite or out of bounds, or an effect is less likely than not; or the
             database cannot be written.
         """

@@ -98,7 +98,7 @@ class TerrainRow(Base):
 
 
 class SoilRow(Base):
-    """The soil felt on one stretch. `estimate` holds the whole estimate; the columns beside it are for SQL's users."""
+    """The soil measured on one stretch. `estimate` holds all of it; the other columns are for queries in SQL."""
 
     __tablename__ = "soil_observation"
     id: Mapped[uuid.UUID] = mapped_column(Uuid, primary_key=True)

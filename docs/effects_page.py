@@ -1,6 +1,6 @@
 """Write docs/effects.md, the page of effects, from the catalogue: `python docs/effects_page.py`.
 
-A test (`tests/docs/test_effects_page.py`) fails where the page says something else than the catalogue.
+A test (`tests/docs/test_effects_page.py`) fails where the page differs from the catalogue.
 """
 
 from __future__ import annotations
@@ -50,21 +50,21 @@ A soil and the effects that were fitted together with it are one object, `Augmen
 `TerrainDatabase.add_physics("sand", simulator, source="drive 3")` keeps it with a class, and from then on
 `drawbar_pull` and `mobility` of a new snapshot predict with the newest physics of each class:
 
-- The class is spelt as the database has it from drives: `unknown`, and a name that only case or spaces tell apart from
+- The class is spelt as the database has it from drives: `unknown`, and a name that differs in case or spaces only from
   a class that is there, are refused, also by a merge, as nothing would match them. A class that no drive has brought
-  yet is taken: its physics waits until wheels have felt it.
+  yet is accepted: its physics is used once its soil was measured.
 - The class's soil is then the one that was fitted with the effects; places scatter about it as the stretches show.
 - Only effects of the ground act, on any wheel: %GROUND%;
-  lugs shear at the height of those of the wheel asked about.
-- What the fit may err by is in the bounds: its numbers, soil and effects, are drawn together as they are correlated, on
-  top of how places scatter. A number of an effect whose error nobody stated errs by as much as its prior allows, one of
-  the soil as much as places of one class commonly differ.
-- An effect that is less likely than not is refused: an answer that cannot tell is nothing to plan on.
-- Level ground, steady driving and the first wheel in a rut are asked about: effects that wait for a slope, an
+  lugs shear at the height of those of the wheel that is predicted.
+- The bounds include the error of the fit: soil and effects are drawn with their correlations, in addition to the
+  scatter between places. A parameter of an effect without a stated error has that of its prior, one of the soil the
+  scatter that places of one class commonly show.
+- An effect with a probability below 0.5 is refused.
+- Predictions are of level ground, steady driving and the first wheel in a rut: effects that wait for a slope, an
   acceleration, a pass number, a place or another speed than the one they were found at do nothing. Tyres, drivetrains
   and faults of
   instruments belong to the vehicle that drove there.
-- c, phi and the shear strength that a snapshot tells stay those of the stretches.
+- c, phi and the shear strength of a snapshot stay those of the stretches.
 """
 
 

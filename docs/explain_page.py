@@ -1,4 +1,4 @@
-"""Write the example on docs/explain.md anew from `bevameter explain` on the real sand of ../shared/data.
+"""Write the example on docs/explain.md from `bevameter explain` on the real sand of ../shared/data.
 
 python docs/explain_page.py
 """

@@ -1,7 +1,7 @@
 """The models a run uses: those that a user trained, or small ones trained here on synthetic ground.
 
 The default models are trained the first time they are needed, on samples of the package's own synthetic world, and
-cached. They know synthetic ground only, and whoever uses them is told so.
+cached. They know synthetic ground only, of which each run warns.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Models:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a user must be told of them."""
+        """Warnings to the user."""
         return (SYNTHETIC_WARNING.format(senses=" and ".join(self.synthetic)),) if self.synthetic else ()
 
 
@@ -72,7 +72,7 @@ def find_models(
 ) -> Models:
     """Find the model of each sense.
 
-    Looked for in `folder` if given; else beside the database, in ``terrain.models`` for ``terrain.db``; a sense that
+    Looked for in `folder` if given; else next to the database, in ``terrain.models`` for ``terrain.db``; a sense that
     has no ``vision.skops``, say, there gets the default model, trained now if it is not in the cache, or none where it
     is a sense that the synthetic world has nothing for.
 
@@ -85,14 +85,14 @@ def find_models(
     senses
         Names of those that are needed: no model is trained for nothing.
     progress
-        Told the name of a model in training, and how much of it is done, in [0, 1].
+        Called with the name of a model in training and the share of it that is done, in [0, 1].
 
     Raises
     ------
     InputError
         `folder` is missing or holds no model; a model there is damaged or of another sense.
     """
-    where = path_of("models", folder, "the folder that holds them") if folder is not None else models_beside(database)
+    where = path_of("models", folder, "the folder that holds them") if folder is not None else models_of(database)
     paths = {} if where is None else {sense.name: where / f"{sense.name}.skops" for sense in all_senses()}
     found = {name: path for name, path in paths.items() if path.is_file()}
     if folder is not None and not found:
@@ -107,8 +107,8 @@ def find_models(
     return Models(classifiers, origins, synthetic)
 
 
-def models_beside(database: str | Path | None) -> Path | None:
-    """Give the folder of models that belongs to a database: ``terrain.models`` beside ``terrain.db``.
+def models_of(database: str | Path | None) -> Path | None:
+    """Give the folder of models that belongs to a database: ``terrain.models`` next to ``terrain.db``.
 
     None where the database is no file.
     """
@@ -162,7 +162,7 @@ def default_model(sense: str, *, progress: Callable[[str, float], None] | None =
         try:
             return TerrainClassifier.load(path, modality=sense)
         except InputError:
-            path.unlink(missing_ok=True)  # damaged: made anew below
+            path.unlink(missing_ok=True)  # damaged: trained again below
     classifier = train_default(sense, progress=progress)
     classifier.save(path)
     return classifier
@@ -180,36 +180,36 @@ def train_default(
     sites_per_class
         Sites of each class of the synthetic world.
     progress
-        Told what is trained, and the share of it that is done, in [0, 1].
+        Called with what is trained and the share of it that is done, in [0, 1].
     """
 
-    def tell(share: float) -> None:
+    def report(share: float) -> None:
         if progress is not None:
             progress(f"training {sense}", share)
 
-    tell(0.0)
-    return _TRAINERS[sense](np.random.default_rng(_SEED), sites_per_class, tell)
+    report(0.0)
+    return _TRAINERS[sense](np.random.default_rng(_SEED), sites_per_class, report)
 
 
-def _vision(rng: np.random.Generator, sites: int, tell: Callable[[float], None]) -> TerrainClassifier:
+def _vision(rng: np.random.Generator, sites: int, report: Callable[[float], None]) -> TerrainClassifier:
     from ..vision.train import train_vision_patches
     from .scenario.samples import labelled_looks
 
-    looks = labelled_looks(rng, sites, progress=lambda share: tell(0.8 * share))
+    looks = labelled_looks(rng, sites, progress=lambda share: report(0.8 * share))
     return train_vision_patches(
-        looks.patches, looks.labels, looks.groups, looks.blurred, rng, lambda share: tell(0.8 + 0.2 * share),
+        looks.patches, looks.labels, looks.groups, looks.blurred, rng, lambda share: report(0.8 + 0.2 * share),
         candidates=_CANDIDATES,
     ).classifier  # fmt: skip
 
 
-def _audio(rng: np.random.Generator, sites: int, tell: Callable[[float], None]) -> TerrainClassifier:
+def _audio(rng: np.random.Generator, sites: int, report: Callable[[float], None]) -> TerrainClassifier:
     from ..audio.train import train_audio_windows
     from .scenario.samples import labelled_sounds
 
-    sounds = labelled_sounds(rng, sites, progress=lambda share: tell(0.8 * share))
+    sounds = labelled_sounds(rng, sites, progress=lambda share: report(0.8 * share))
     return train_audio_windows(
         sounds.windows, sounds.labels, sounds.groups, sounds.snr_dB, rng,
-        progress=lambda share: tell(0.8 + 0.2 * share), candidates=_CANDIDATES,
+        progress=lambda share: report(0.8 + 0.2 * share), candidates=_CANDIDATES,
     ).classifier  # fmt: skip
 
 

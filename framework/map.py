@@ -64,7 +64,7 @@ class _Stretch:
 def draw_map(
     database: TerrainDatabase, out: str | Path, *, site: str | None = None, tracks: Sequence[Recording] = ()
 ) -> None:
-    """Draw what a database knows of a site: cells by class, more opaque the surer; the soil where it was felt.
+    """Draw what a database knows of a site: cells by class, opaque by probability, and the soil where it was measured.
 
     Parameters
     ----------
@@ -105,13 +105,13 @@ def draw_map(
 
 
 def _stretches(drives: Sequence[Drive]) -> list[_Stretch]:
-    felt = [
+    measured = [
         soil
         for drive in drives
         for soil in drive.soils
         if soil.estimate is not None and not soil.gate_reason and math.isfinite(soil.x_m + soil.y_m)
     ]
-    return [_Stretch(number, soil) for number, soil in enumerate(felt, 1)]
+    return [_Stretch(number, soil) for number, soil in enumerate(measured, 1)]
 
 
 def _bounds(snapshot: Snapshot) -> tuple[float, float, float, float]:
@@ -168,11 +168,11 @@ def _widen(picture: np.ndarray, reach: int) -> None:
     for _ in range(min(reach, _WIDEST)):
         for axis in (0, 1):
             for step in (1, -1):
-                beside = np.roll(picture, step, axis=axis)
+                shifted = np.roll(picture, step, axis=axis)
                 edge = (slice(None),) * axis + (0 if step == 1 else -1,)
-                beside[edge] = 0.0
-                empty = (picture[..., 3] == 0.0) & (beside[..., 3] > 0.0)
-                picture[empty] = beside[empty]
+                shifted[edge] = 0.0
+                empty = (picture[..., 3] == 0.0) & (shifted[..., 3] > 0.0)
+                picture[empty] = shifted[empty]
 
 
 def _draw_track(axes: Axes, recording: Recording, soils: Sequence[SoilObservation]) -> None:
@@ -232,7 +232,7 @@ def _decorate(
         handles.append(Patch(facecolor=_UNKNOWN_COLOUR, label="seen, not recognised"))
     if drawn_track:
         handles.append(Line2D([], [], color=_SLOW_COLOUR, linewidth=0.8, label="track"))
-        handles.append(Line2D([], [], color=_SLOW_COLOUR, linewidth=3.0, label="slow: soil felt"))
+        handles.append(Line2D([], [], color=_SLOW_COLOUR, linewidth=3.0, label="slow: soil measured"))
     figure.legend(
         handles=handles, loc="outside right upper", frameon=False, fontsize=9, title=_legend_title(snapshot),
         title_fontsize=8, alignment="left",
@@ -244,7 +244,7 @@ def _decorate(
         figure.legend(
             handles=[Line2D([], [], linestyle="none", label=text) for text in listed],
             loc="outside lower left", ncols=2, frameon=False, fontsize=8, handlelength=0, handletextpad=0,
-            title="Soil felt by the wheels (± one standard deviation)", title_fontsize=9, alignment="left",
+            title="Soil measured by the wheels (± one standard deviation)", title_fontsize=9, alignment="left",
         )  # fmt: skip
 
 

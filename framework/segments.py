@@ -26,7 +26,7 @@ LEAST_KNOWN_SHARE = 0.5
 
 LEAST_CLASS_PROBABILITY = 2.0 / 3.0
 """A stretch whose class is less probable than this has none [-]: a soil filed under a wrong class misleads every
-planner that asks for that class."""
+query of that class."""
 
 CHANGE_MARGIN_M = 0.5
 """Ground this near to a change of the fused class is not used for soil [m]: the change is known to about a cell, and a
@@ -134,7 +134,7 @@ def _most_probable_sequence(probabilities: np.ndarray, length_m: np.ndarray) -> 
 
 @dataclass(frozen=True)
 class SoilAlong:
-    """What the wheels felt.
+    """What the wheels measured.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ def learn_soil(
     along
         The fused class along the track; None where nobody knows.
     progress
-        Told how far it has come.
+        Called with the share done.
 
     Returns
     -------

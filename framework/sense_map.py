@@ -64,7 +64,7 @@ def observe(
     cell_size_m
         Edge of a ground cell [m].
     progress
-        Told how far each sense has come.
+        Called with each sense and the share of it that is done.
 
     Returns
     -------

@@ -112,7 +112,7 @@ class Sense(ABC):
         """Say why a recording cannot be observed by this sense; empty where it can, given places and a model."""
 
     def recorded(self, recording: Recording) -> bool:
-        """Tell whether a recording has what this sense observes, whatever else it lacks: then a model is looked for."""
+        """Say whether a recording has what this sense observes, whatever else it lacks: then a model is looked for."""
         return not self.absence(recording)
 
     @abstractmethod

@@ -76,7 +76,7 @@ class LearntSoil:
     Parameters
     ----------
     class_name
-        The most probable class; None where the senses could not tell.
+        The most probable class; None where no sense recognised it.
     class_probability
         Its probability [-].
     start_s, end_s

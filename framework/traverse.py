@@ -28,7 +28,7 @@ from .senses import senses, senses_of
 from .summary import SenseSummary, TraverseSummary, count_cells, count_contradictions, sense_summary
 
 CELL_SIZE_M = 0.5
-"""Edge of a ground cell where nothing else is asked for [m]: about the width of a rut and of what a camera patch
+"""Edge of a ground cell unless stated [m]: about the width of a rut and of what a camera patch
 covers a few metres ahead."""
 
 METHOD = f"bevameter {version('bevameter')}, traverse 2"
@@ -61,17 +61,17 @@ def run_traverse(
     vehicle
         Instead of the recording's own: the vehicle, or its TOML file.
     models
-        The classifiers, or the folder that holds them; looked for beside the database where None, and else the
+        The classifiers, or the folder that holds them; looked for next to the database where None, and else the
         defaults, which know synthetic ground only (`default_models.find_models`).
     cell_size_m
         Edge of a ground cell [m].
     progress
-        Told each stage's name and the share of it that is done; what it raises ends the run.
+        Called with each stage's name and the share of it that is done; what it raises ends the run.
 
     Returns
     -------
     TraverseSummary
-        What was seen, heard, felt and stored.
+        What was seen, heard, measured and stored.
 
     Raises
     ------
@@ -79,39 +79,39 @@ def run_traverse(
         The recording, a model or the database cannot be used.
     """
     began = time.monotonic()
-    tell: Progress = progress or (lambda stage, share: None)
-    tell("reading", 0.0)
+    report: Progress = progress or (lambda stage, share: None)
+    report("reading", 0.0)
     cell_size_m = _cell_size(cell_size_m)
     driven = None if vehicle is None else as_vehicle(vehicle)
     if not isinstance(recording, Recording):
         recording = read_recording(recording, vehicle=driven)
     elif driven is not None:
         recording = replace(recording, vehicle=driven)
-    tell("reading", 1.0)
+    report("reading", 1.0)
     url = database.name if isinstance(database, TerrainDatabase) else database
     if not isinstance(database, TerrainDatabase):
         holds_database(database)  # a database of another program is found out before the long work
     if not isinstance(models, Models):
-        models = find_models(models, url, senses=senses_of(recording), progress=tell)
+        models = find_models(models, url, senses=senses_of(recording), progress=report)
     track = track_of(recording)
     drive = _to_be_observed(recording, models, cell_size_m, track)
     about = _about(recording, drive, models, track, url)
     known = _recall(database, drive)
     if known is not None:
         return _recalled_summary(*known, about, _problems(recording, track), began)
-    records = observe(recording, track, models.classifiers, cell_size_m, progress=tell)
+    records = observe(recording, track, models.classifiers, cell_size_m, progress=report)
     belief = _believe(records, track, recording.vehicle, cell_size_m)
     along = classes_along(belief, track, recording.vehicle, cell_size_m) if track is not None else None
-    soil = learn_soil(recording, track, along, progress=tell)
+    soil = learn_soil(recording, track, along, progress=report)
 
     drive = replace(drive, terrain=_terrain(belief, cell_size_m, track), soils=soil.observations)
-    tell("storing", 0.0)
+    report("storing", 0.0)
     if isinstance(database, TerrainDatabase):
         added = database.add_drive(drive)
     else:
         with TerrainDatabase(database) as store:
             added = store.add_drive(drive)
-    tell("storing", 1.0)
+    report("storing", 1.0)
     return TraverseSummary(
         **about,
         known=False,

@@ -125,7 +125,7 @@ def notes(vehicle: Vehicle, simulated: WheelTable, effects: Sequence[str | Named
 
 
 def _named(effects: Sequence[str | NamedEffect]) -> list[NamedEffect]:
-    """Read the effects asked for; raises `InputError` where something is none."""
+    """Read the effects that are stated; raises `InputError` where something is none."""
     wanted = "a list of effects, each SLUG:NAME=VALUE,..."
     if isinstance(effects, str) or not isinstance(effects, Iterable):
         raise refused("effects", effects, wanted)

@@ -2,7 +2,7 @@
 
 Brightness and contrast are taken out before texture is measured, and directions are sorted rather than kept, so that
 light, gamma and the turn of the vehicle change little. Motion blur wipes out detail along one direction only, hence
-energies of the least blurred direction stand beside those of all.
+energies of the least blurred direction are added to those of all.
 
 Sources: uniform rotation-invariant local binary patterns, Ojala, Pietikainen, Maenpaa 2002
 (doi:10.1109/TPAMI.2002.1017623); log-Gabor filters, Field 1987 (doi:10.1364/JOSAA.4.002379); sums over grey-level

@@ -45,7 +45,7 @@ class Vision(Sense):
         return ""
 
     def recorded(self, recording: Recording) -> bool:
-        """Tell whether there are images."""
+        """Say whether there are images."""
         return recording.camera is not None and len(recording.camera) > 0
 
     def observe(

@@ -52,7 +52,7 @@ def train_vision(
     rng
         Decides on patches, their variations and the splits.
     progress
-        Told the share done, 0 to 1.
+        Called with the share done, 0 to 1.
     notes
         What the report is to say of the material among its warnings.
 
@@ -102,7 +102,7 @@ def _train(
     progress: Progress | None,
     notes: Sequence[str] = (),
 ) -> TrainingOutcome:
-    tell = progress or (lambda share: None)
+    report = progress or (lambda share: None)
     each = int(np.clip(ROWS_WANTED // max(count, 1), *PATCHES))
     features, kinds = [], []
     for index, (image, source) in enumerate(images):
@@ -110,7 +110,7 @@ def _train(
         patches, kind = training_patches(reduced(image), each, rng)
         features.append(patch_features(patches))
         kinds.append(kind)
-        tell(0.5 * (index + 1) / count)
+        report(0.5 * (index + 1) / count)
     if not features:
         raise InputError("training data", "no photograph", expected="photographs of at least two classes")
     rows, kind = np.concatenate(features), np.concatenate(kinds)
@@ -127,7 +127,7 @@ def _train(
         degraded=kind != AS_IT_IS,
         source="labelled photographs",
         notes=notes,
-        progress=lambda share: tell(0.5 + 0.5 * share),
+        progress=lambda share: report(0.5 + 0.5 * share),
     )
 
 

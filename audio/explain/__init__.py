@@ -1,1 +1,1 @@
-"""What recorded sound holds beside contact sound: lines, wind, resonances; located, named, subtracted, shown."""
+"""What recorded sound holds besides contact sound: lines, wind, resonances; located, named, subtracted, shown."""

@@ -222,8 +222,8 @@ def held_out_gain(family: Aligned, multiple: float) -> HeldOutGain:
         s = max(float(np.mean(np.minimum(values[train], _CLIP))) - 1.0, 0.0) if train.any() else 0.0
         total[test] = _OVERLAP * (np.minimum(values[test], _CLIP) * s / (1.0 + s) - np.log1p(s))
         error = 10.0 * np.log10(np.maximum(values[test], 1e-4)) - _LOG_MEAN_DB
-        told = 10.0 * np.log10(1.0 + line.over_noise(np.floor(at[test] + 0.5) - at[test]))
-        before, after = before + float(np.sum(error**2)), after + float(np.sum((error - told) ** 2))
+        fitted = 10.0 * np.log10(1.0 + line.over_noise(np.floor(at[test] + 0.5) - at[test]))
+        before, after = before + float(np.sum(error**2)), after + float(np.sum((error - fitted) ** 2))
         n += int(test.sum())
     by_stretch = np.array([total[family.stretch == number].sum() for number in numbers])
     return HeldOutGain(by_stretch, before, after, n, whole)

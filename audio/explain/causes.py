@@ -101,7 +101,7 @@ def comb_cause(comb: Comb, spectra: DriveSpectra, lug_count: int | None) -> Caus
 
 
 def wind_cause(wind: WindFinding, *, subtract: bool) -> Cause | None:
-    """Name wind that is more probable than not; taken away only where that is asked for."""
+    """Name wind that is more probable than not; subtracted only on request."""
     sure = probability(wind.nats, PRIOR)
     if wind.p_value > FALSE_DISCOVERY_RATE or sure < 0.5:
         return None
@@ -124,7 +124,7 @@ def resonance_cause(hump: ResonanceFinding, *, lugs: bool) -> Cause | None:
     if sure < 0.5:
         return None
     rivals = (("contact sound of this ground",) if hump.grounds == 1 else ()) + (("lug_passing",) if lugs else ())
-    tells = ([_ANOTHER_GROUND] if hump.grounds == 1 else []) + ([_ANOTHER_SOURCE] if lugs else [])
+    checks = ([_ANOTHER_GROUND] if hump.grounds == 1 else []) + ([_ANOTHER_SOURCE] if lugs else [])
     middle, half = hump.frequency_hz[0], 0.5 * hump.frequency_hz[0] / hump.q[0]
     parameters = {
         "frequency": Estimate(*hump.frequency_hz, "Hz"),
@@ -133,7 +133,7 @@ def resonance_cause(hump: ResonanceFinding, *, lugs: bool) -> Cause | None:
     }
     found = _cause(
         "resonance", sure / (1 + len(rivals)), parameters, hump.nats, frequencies_Hz=(middle,),
-        subtracted=not rivals and hump.closer, indistinguishable_from=rivals, would_tell="; ".join(tells),
+        subtracted=not rivals and hump.closer, indistinguishable_from=rivals, would_tell="; ".join(checks),
     )  # fmt: skip
     low, high = middle - half, middle + half
     return Cause(found, (SoundRegion("frequency_Hz", low, high, low, high, 0.0, hump.p_value),), (hump,), 0.0)
@@ -288,7 +288,7 @@ def _on_comb(line: Line, lugs: float) -> bool:
 
 
 def _order_families(lines: list[Line]) -> list[_Family]:
-    """Group orders: harmonics of the lowest strong one, and sidebands a few turns beside them."""
+    """Group orders: harmonics of the lowest strong one, and sidebands a few turns from them."""
     rest = sorted(lines, key=lambda line: line.place)
     families = []
     while rest:
@@ -304,9 +304,9 @@ def _order_families(lines: list[Line]) -> list[_Family]:
 
 def _is_sideband(line: Line, carriers: list[Line]) -> bool:
     for carrier in carriers:
-        beside = abs(line.place - carrier.place)
-        if 0.5 < beside < 4.5 and line.gain.nats < carrier.gain.nats and carrier.place > 12.0:
-            return abs(beside - round(beside)) < 0.25
+        offset = abs(line.place - carrier.place)
+        if 0.5 < offset < 4.5 and line.gain.nats < carrier.gain.nats and carrier.place > 12.0:
+            return abs(offset - round(offset)) < 0.25
     return False
 
 

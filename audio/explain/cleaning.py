@@ -27,7 +27,7 @@ _MARGIN_S = 1.0
 _STEP = 128
 _TRACK_S = 0.6
 """Length of the Hann window that a line's amplitude is averaged over [s]: it may change that fast, and lines 3 Hz
-beside it stay."""
+away stay."""
 _FFT = 1024
 _LEAST_GAIN = 0.03
 _LEAST_APART_HZ = 6.0

@@ -65,7 +65,7 @@ def find_comb(family: Aligned, null: Null, lug_count: int | None = None) -> Comb
             if at.size < _LEAST_TEETH:
                 continue
             z = float(score[at].sum() / np.sqrt(at.size))
-            if z <= best[0] or _most_standing(score[at]) < _SEARCH_SHARE:
+            if z <= best[0] or _densest(score[at]) < _SEARCH_SHARE:
                 continue
             spread = float(np.std(drawn[:, at].sum(axis=1) / np.sqrt(at.size)))
             best = (z, lugs, float(scale), max(spread, 1.0))
@@ -103,12 +103,12 @@ def _fewest(
         spread = max(float(np.std(drawn[:, own].sum(axis=1) / root)), 1.0)
         together = float(score[own].sum() / root) / spread / tail
         few = float(np.mean(score[own[:_RUN]] > _STANDS))
-        if few >= _LEAST_SHARE or (together >= _LEAST_Z and _most_standing(score[own]) >= _LEAST_SHARE):
+        if few >= _LEAST_SHARE or (together >= _LEAST_Z and _densest(score[own]) >= _LEAST_SHARE):
             return lugs // part
     return lugs
 
 
-def _most_standing(score: np.ndarray) -> float:
+def _densest(score: np.ndarray) -> float:
     """Largest share of neighbouring teeth (n,), `_RUN` of them where there are as many, that stand out: a mount or a
     body rings with them somewhere, and buried ones are heard there first.
     """

@@ -74,11 +74,11 @@ def explain_sound(
         How many lugs the wheel has, where that is known.
     subtract_wind
         Whether wind is held down in the cleaned sound: brings spectra closer, but was not shown to help the classifier
-        (docs/sound.md), so it is not done unasked.
+        (docs/sound.md), so it is off by default.
     rng
         Draws the surrogates; seed 0 where absent.
     progress
-        Told the share done, 0 to 1.
+        Called with the share done, 0 to 1.
 
     Raises
     ------
@@ -87,17 +87,17 @@ def explain_sound(
     """
     begun = time.monotonic()
     rng = np.random.default_rng(0) if rng is None else rng
-    tell = progress or (lambda _: None)
+    report = progress or (lambda _: None)
     speeds = Speeds.of(time_s, wheel_speed_rad_s, travel_speed_m_s)
     spectra = drive_spectra(sound, speeds)
-    tell(0.4)
+    report(0.4)
     if spectra.stretches.size < LEAST_STRETCHES:
         heard = spectra.stretches.size * STRETCH_S
         note = f"{heard:g} s of sound: {LEAST_STRETCHES * STRETCH_S:g} s are needed to hold any out"
         findings = SoundFindings("unknown", notes=(*spectra.skipped, note), seconds=time.monotonic() - begun)
         return SoundExplanation(findings, sound, Subtraction())
     lines, comb = find_lines(spectra, rng, lug_count)
-    tell(0.7)
+    report(0.7)
     humps = find_resonances(spectra, lines, rng, None if reference is None else reference_level(reference))
     # The flanks of a sharp resonance are no tones of their own.
     lines = [line for line in lines if not any(_within_hump(line, hump) for hump in humps)]
@@ -108,7 +108,7 @@ def explain_sound(
         causes.insert(0, comb_cause(comb, spectra, lug_count))
         tracked.append(TrackedLine(comb.place, True, comb.teeth, tuple(gain.line.excess for gain in comb.gains)))
     wind = find_wind(spectra, rng)
-    tell(0.9)
+    report(0.9)
     blown = None if isinstance(wind, str) else wind_cause(wind, subtract=subtract_wind)
     lugs = any(cause.found.effect == "lug_passing" for cause in causes)
     ringing = [(hump, cause) for hump in humps if (cause := resonance_cause(hump, lugs=lugs)) is not None]
@@ -124,7 +124,7 @@ def explain_sound(
     findings = SoundFindings(
         verdict_of(missing), _located(causes), missing, _fit(causes, spectra), tuple(notes), time.monotonic() - begun
     )
-    tell(1.0)
+    report(1.0)
     return SoundExplanation(findings, CleanedSound(sound, speeds, subtraction) if subtraction else sound, subtraction)
 
 

@@ -25,7 +25,7 @@ _SKIRT = 0.05
 _SKIRT_SEEN_BINS = 8
 """A skirt wider than this on each side is most of what the noise around a line is taken from [bins]."""
 _LEAST_GROUPS = 3
-"""Stretches below which they do not tell how well a line is placed: of two 14 in a hundred intervals missed."""
+"""Fewest stretches whose scatter gives the error of a line's place: of two, 14 % of the intervals missed."""
 _ROUNDS = 30
 _CLOSE = 1e-3
 """The fit ends where a step is smaller than this [bins, natural logarithms]."""
@@ -124,7 +124,7 @@ def fit_line(spectra: Spectra, rows: np.ndarray, middle: float, reach: float, st
     high = [(middle + reach) * scale, _LOG_STRENGTH[1], np.log(_MOST_SMEARED)]
     for _ in range(_ROUNDS):
         if abs(theta[0] - place) > 0.25:
-            # The bins around the line, anew only where it moved: else the fit would hop between two sets of them.
+            # Other bins only once the line has moved: else the fit would hop between two sets of them.
             place = float(theta[0])
             row, column = spectra.around(place / scale, rows)
             if row.size == 0:
@@ -187,6 +187,6 @@ def _place_sd(score: np.ndarray, information: np.ndarray, group: np.ndarray, the
     summed = np.stack([np.bincount(own, score[:, index]) for index in np.flatnonzero(free)], axis=1)
     inner = information[np.ix_(free, free)]
     by_group = summed @ np.linalg.inv(inner + 1e-9 * (np.trace(inner) + 1e-9) * np.eye(len(inner)))[:, 0]
-    # So few groups do not tell their own scatter well: the variance is that of Student's t.
+    # The scatter of few groups is itself uncertain: the variance is that of Student's t.
     freedom = max(count - 1, 3)
     return float(np.sqrt(np.sum(by_group**2) * count / max(count - 1, 1) * freedom / (freedom - 2)))

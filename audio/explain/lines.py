@@ -1,7 +1,7 @@
-"""Lines in the sound of a drive: those that follow the wheel, and those that do not care.
+"""Lines in the sound of a drive: those that follow the wheel, and those of fixed frequency.
 
 Found one by one, the strongest first; each is scored on held-out stretches both as a multiple of the wheel's turns and
-as a fixed frequency, so that a drive at one speed, where both are the same, says so.
+as a fixed frequency; at one speed both are the same.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ MOST_LINES = 40
 _MASK_BINS = 3
 _TOOTH_BINS = 2
 _LEAST_TONE_HZ = 45.0
-"""Below, the spectrum of rumble is too steep for its slope and a tone to be told apart [Hz]; mains lie above."""
+"""Below, the spectrum of rumble is too steep to distinguish its slope from a tone [Hz]; mains lie above."""
 _WIDE_SHARE = 0.2
 
 
@@ -178,7 +178,7 @@ def _best_rival(rival: Aligned, own: Aligned, place: float) -> HeldOutGain | Non
 
 
 def _is_wide(spectra: DriveSpectra, frequency_hz: float) -> bool:
-    """Whether the spectrum still stands high beside the line: 5 to 8 bins away, a fifth of its height."""
+    """Whether the spectrum still stands high near the line: 5 to 8 bins away, a fifth of its height."""
     at = round(frequency_hz * BLOCK_S)
     logs = np.log(np.maximum(spectra.fixed[:, max(at - 8, 0) : at + 9], 1e-6)).mean(axis=0) + np.euler_gamma
     if logs.size < 17:

@@ -2,7 +2,7 @@
 
 Contact sound rings too, and the grains of one ground at the same frequencies all along it. What belongs to the vehicle
 is there on every ground; so the drive is first divided into grounds by the shape of its spectrum, and a hump counts by
-how high it stands where it is lowest. On a single ground the two cannot be told apart.
+how high it stands where it is lowest. On a single ground the two are indistinguishable.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ ALONE_DB = 6.0
 _GROUND_DB = 3.0
 _LOW_HZ = 80.0
 _BANDS_ABOVE = 8
-"""A hump needs so many bands above it, a third of an octave, to be told from the end of what was observed."""
+"""A hump needs so many bands above it, a third of an octave, to be distinguished from the end of what was observed."""
 _SIDES = np.array([1.0] * 6 + [0.0] * 11 + [1.0] * 6)
 """What a band is compared with: a quarter octave on either side, a quarter octave away."""
 _LOW_QUANTILE = 0.25

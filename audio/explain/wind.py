@@ -3,7 +3,7 @@
 Turbulent pressure goes with V^2, so its power with V^4 at equal Strouhal number f D / V and, since the spectrum falls
 with that number, with more at equal frequency: in third octaves V^6.3 f^-2.3 (Strasberg 1988, J. Acoust. Soc. Am. 83,
 544, in the form L = 40 lg V - 23 lg(f D / V) + const). Contact sound grows with about V^1 to V^3. Ground and gain
-differ from stretch to stretch, so only what speed does *within* a stretch is asked.
+differ from stretch to stretch, so only the growth with speed *within* a stretch is used.
 """
 
 from __future__ import annotations
@@ -95,17 +95,17 @@ def find_wind(spectra: DriveSpectra, rng: np.random.Generator) -> WindFinding | 
     """Look for wind that grows with speed; a sentence says why where the drive cannot show it."""
     bands = Bands.of(spectra)
     if np.unique(bands.stretch).size < FOLDS or bands.log_v.size < 40:
-        return "too little sound in motion to tell wind that grows with speed from contact sound"
+        return "too little sound in motion to distinguish wind from contact sound by its growth with speed"
     spread = float(np.std(_within(bands.log_v, bands.stretch)))
     if spread < 0.03:
         return (
-            "speed hardly varied: wind that grows with it cannot be told from contact sound; "
+            "speed hardly varied: wind and contact sound cannot be distinguished; "
             "accelerate by a factor of 1.5 or more on one ground"
         )
     if not _is_contact(bands.hz).any():
         return (
             f"nothing above {_CONTACT_HZ[0]:g} Hz was observed, where contact sound is alone: "
-            "wind that grows with speed cannot be told from it"
+            "wind cannot be distinguished from it"
         )
     p_value, growth = _test(bands, rng)
     folds = np.searchsorted(np.unique(bands.stretch), bands.stretch) % FOLDS

@@ -18,7 +18,7 @@ def command(
         list[Path] | None, typer.Option("--track", help="A recording whose way is drawn on top; may be repeated.")
     ] = None,
 ) -> None:
-    """Draw the ground by class, the surer the more opaque, and the soil where the wheels felt it."""
+    """Draw the ground by class, the more probable the more opaque, and the soil where the wheels measured it."""
     from ...database.store import TerrainDatabase
     from ..core.files import check_outputs
     from ..core.recording.readers import read_recording

@@ -16,7 +16,8 @@ def command(
         Path | None, typer.Option("--vehicle", help="Vehicle TOML; the recording's own where absent.")
     ] = None,
     soil: Annotated[
-        Path | None, typer.Option("--soil", help="TOML of what is known of the soil from elsewhere; it breaks ties.")
+        Path | None,
+        typer.Option("--soil", help="TOML file of soil parameters known from elsewhere, with standard deviations."),
     ] = None,
     simulated: Annotated[
         Path | None, typer.Option("--simulated", help="Another simulator's wheel file for the same drive.")
@@ -25,13 +26,13 @@ def command(
     report: Annotated[Path | None, typer.Option("--report", help="Write the answer as an HTML page.")] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the resampling behind the intervals.")] = 0,
     db: Annotated[
-        str | None, typer.Option("--db", help="Terrain database to store what was found in; needs --class.")
+        str | None, typer.Option("--db", help="Terrain database to store soil and effects in; needs --class.")
     ] = None,
     class_name: Annotated[
-        str | None, typer.Option("--class", help="Class of terrain to store what was found with; needs --db.")
+        str | None, typer.Option("--class", help="Class of terrain to store them with; needs --db.")
     ] = None,
 ) -> None:
-    """Locate the mismatch, name what is missing, model it, and show what that gains."""
+    """Say what the simulation of a recorded wheel lacks, how probable that is, and what modelling it gains."""
     from ..core.files import check_outputs
     from ..explain import check_store, explain, store
     from .printing import status, write_json
@@ -39,8 +40,8 @@ def command(
 
     check_outputs([json, report], [recording, vehicle, soil, simulated])
     check_store(db, class_name)
-    with status(f"explaining {recording}") as tell:
-        answer = explain(recording, vehicle=vehicle, soil=soil, simulated=simulated, seed=seed, progress=tell)
+    with status(f"explaining {recording}") as progress:
+        answer = explain(recording, vehicle=vehicle, soil=soil, simulated=simulated, seed=seed, progress=progress)
     if json is not None:
         write_json(answer.to_json(), json)
     if report is not None:

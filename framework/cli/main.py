@@ -1,4 +1,4 @@
-"""The command line: `bevameter COMMAND ...`, each command a thin skin over the same function that a Python user calls.
+"""The command line: `bevameter COMMAND ...`, each command a thin layer over a function of the Python interface.
 
 Nothing heavy is imported here or by a command's module: each command imports its work when it runs, so that
 ``bevameter --help`` answers at once.
@@ -21,18 +21,18 @@ from ..core.errors import BevameterError
 from . import classify, draw_map, explain, identify, query, run, scenario, simulate, train
 
 BAD_INPUT = 2
-"""Exit status where the input or the way of asking is at fault."""
+"""Exit status for bad input or usage."""
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells count it: 128 + SIGINT."""
 
 
 READER_GONE = 141
-"""Exit status where whoever read the output left before its end, as shells count it: 128 + SIGPIPE."""
+"""Exit status where the reader of the output closed it, as shells count it: 128 + SIGPIPE."""
 
 
 _NO_MORE = (errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
-"""Why a stream that is open, and so is no file by name, takes no more."""
+"""Reason of an error in writing to an open stream, which has no file name."""
 
 
 class _OneLineErrors(TyperGroup):
@@ -106,18 +106,18 @@ def _print_version(wanted: bool) -> None:
 @app.callback()
 def _options(
     version: Annotated[
-        bool, typer.Option("--version", help="Print the version and leave.", callback=_print_version, is_eager=True)
+        bool, typer.Option("--version", help="Print the version and exit.", callback=_print_version, is_eager=True)
     ] = False,
 ) -> None:
     pass
 
 
 app.command("scenario", help="Write a synthetic traverse, a recording with its ground truth.")(scenario.command)
-app.command("run", help="A recording in, a filled terrain database out.")(run.command)
-app.add_typer(query.app, name="query", help="Ask the terrain database.")
+app.command("run", help="Process a recording into a terrain database.")(run.command)
+app.add_typer(query.app, name="query", help="Query the terrain database.")
 app.command("map", help="Draw what the terrain database knows.")(draw_map.command)
 app.command("identify", help="Soil parameters from the wheel channels of a recording.")(identify.command)
-app.command("explain", help="Why simulation and recording differ: what was left out.")(explain.command)
+app.command("explain", help="What the simulation of a recorded wheel lacks.")(explain.command)
 app.command("simulate", help="Simulate the wheel on a soil.")(simulate.command)
 app.command("train", help="Train a classifier from labelled files.")(train.command)
 app.command("classify", help="Classify files with a trained model.")(classify.command)

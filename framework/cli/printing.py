@@ -110,7 +110,7 @@ def _jsonable(value: Any) -> Any:
 
 @contextmanager
 def status(text: str) -> Iterator[Callable[[str], None]]:
-    """Show on stderr that work is going on, and what at present once told; nothing where stderr is no terminal."""
+    """Show on stderr that work is going on, and what once it is reported; nothing where stderr is no terminal."""
     from rich.console import Console
     from rich.markup import escape
 
@@ -120,7 +120,7 @@ def status(text: str) -> Iterator[Callable[[str], None]]:
 
 @contextmanager
 def progress_bars() -> Iterator[Callable[[str, float], None]]:
-    """Show on stderr how far each stage has come; the stages are named as they begin, nothing where nobody watches."""
+    """Show the progress of each stage on stderr, named as it begins; nothing where stderr is no terminal."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
@@ -131,9 +131,9 @@ def progress_bars() -> Iterator[Callable[[str, float], None]]:
     ) as bars:  # fmt: skip
         tasks: dict[str, TaskID] = {}
 
-        def tell(stage: str, share: float) -> None:
+        def report(stage: str, share: float) -> None:
             if stage not in tasks:
                 tasks[stage] = bars.add_task(stage, total=1.0)
             bars.update(tasks[stage], completed=share)
 
-        yield tell
+        yield report

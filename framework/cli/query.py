@@ -62,7 +62,7 @@ def at(
 ) -> None:  # fmt: skip
     """Print the row of one place."""
     place = _number("X", x), _number("Y", y)
-    _print_places("at", lambda view, asked: view.at(*place, **asked), db, site, confidence, normal_stress, format)
+    _print_places("at", lambda view, options: view.at(*place, **options), db, site, confidence, normal_stress, format)
 
 
 @app.command("along", help="What the ground along a path can bear.")
@@ -73,20 +73,24 @@ def along(
 ) -> None:  # fmt: skip
     """Print one row a place of the path."""
     path = _read_path(file)
-    _print_places("along", lambda view, asked: view.along(path, **asked), db, site, confidence, normal_stress, format)
+    _print_places(
+        "along", lambda view, options: view.along(path, **options), db, site, confidence, normal_stress, format
+    )
 
 
 @app.command("near", help="All cells that were seen near a place.", context_settings=_NUMBERS)
 def near(
     x: Annotated[str, typer.Argument(metavar="X", help="East [m].")],
     y: Annotated[str, typer.Argument(metavar="Y", help="North [m].")],
-    radius: Annotated[str, typer.Option("--radius", help="How far around [m].")],
+    radius: Annotated[str, typer.Option("--radius", help="Radius around it [m].")],
     db: Db = _DB, site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = _STRESS,
     format: Format = "table",
 ) -> None:  # fmt: skip
     """Print one row a cell."""
     circle = _number("X", x), _number("Y", y), _number("--radius", radius)
-    _print_places("near", lambda view, asked: view.near(*circle, **asked), db, site, confidence, normal_stress, format)
+    _print_places(
+        "near", lambda view, options: view.near(*circle, **options), db, site, confidence, normal_stress, format
+    )
 
 
 def _open(db: str, site: str | None) -> Snapshot:

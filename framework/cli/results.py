@@ -341,7 +341,8 @@ def _print_notes(rows: Sequence[dict[str, Any]], stress_Pa: float, confidence: f
     for row in rows:
         if row.get("misfits"):
             print(
-                f"note: {row['class']}: the textbook wheel does not fit what was felt; its stretches count as one place"
+                f"note: {row['class']}: the textbook wheel does not fit the measurements; its stretches count as one "
+                "place"
             )
     for reason, count in Counter(row["unknown"] for row in rows if not row["known"]).items():
         print(f"unknown: {reason}" + (f" ({count} of {len(rows)})" if count > 1 else ""))

@@ -17,19 +17,20 @@ def command(
         Path | None, typer.Option("--vehicle", help="vehicle.toml, instead of the recording's own.")
     ] = None,
     topics: Annotated[
-        Path | None, typer.Option("--topics", help="TOML map from a bag's topics to streams, where names do not tell.")
+        Path | None,
+        typer.Option("--topics", help="TOML map from a bag's topics to streams, where names do not identify them."),
     ] = None,
     models: Annotated[
         Path | None,
         typer.Option(
             "--models",
-            help="Folder with vision.skops, audio.skops ...; NAME.models beside NAME.db where absent, and else small "
+            help="Folder with vision.skops, audio.skops ...; default: NAME.models next to NAME.db, else small "
             "models of synthetic ground.",
         ),
     ] = None,
     json: Annotated[Path | None, typer.Option("--json", help="Write the summary as JSON.")] = None,
 ) -> None:
-    """Read, recognise, fuse, identify, store, and say what was found."""
+    """Recognise the ground of a recording, identify its soil, store both, and print a summary."""
     from ..core.files import check_outputs
     from ..core.recording.readers import read_recording
     from ..traverse import run_traverse

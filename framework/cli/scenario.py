@@ -13,9 +13,9 @@ def command(
     out: Annotated[Path | None, typer.Argument(metavar="OUT", help="Folder to write, new or empty.")] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random.")] = 0,
     duration: Annotated[
-        float | None, typer.Option("--duration", help="Seconds to drive; as the traverse was laid out where absent.")
+        float | None, typer.Option("--duration", help="Duration [s]; default: that of the traverse.")
     ] = None,
-    list_them: Annotated[bool, typer.Option("--list", help="List the traverses and leave.")] = False,
+    list_them: Annotated[bool, typer.Option("--list", help="List the traverses and exit.")] = False,
 ) -> None:
     """Write the traverse, or list what there is."""
     from ..core.errors import InputError

@@ -27,7 +27,7 @@ def check_class_name(name: str, source: str | Path, place: str | None = None) ->
 
 
 def check_class_names(names: Iterable[str], source: str | Path, place: str | None = None) -> None:
-    """Refuse names as `check_class_name` does, and two that only case, spaces or the encoding of accents tell apart.
+    """Refuse names as `check_class_name` does, and two that differ in case, spaces or the encoding of accents only.
 
     Raises
     ------
@@ -44,8 +44,8 @@ def check_class_names(names: Iterable[str], source: str | Path, place: str | Non
 
 
 def check_spelling(name: str, known: Iterable[Collection[str]], source: str | Path, place: str | None = None) -> None:
-    """Refuse a name as `check_class_name` does, and one that only case, spaces or the encoding of accents tell apart
-    from a class that is known: nothing would match it.
+    """Refuse a name as `check_class_name` does, and one that differs in case, spaces or the encoding of accents
+    only from a class that is known: nothing would match it.
 
     Parameters
     ----------

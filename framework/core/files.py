@@ -139,7 +139,7 @@ def load_toml(path: str | Path) -> dict:
         raise InputError(path, str(error), expected="valid TOML") from error
     except RecursionError:
         raise InputError(path, "nested too deeply", expected="valid TOML, a few tables deep") from None
-    except ValueError:  # Python turns no longer text into a whole number
+    except ValueError:  # Python converts no longer text to an integer
         limit = sys.get_int_max_str_digits()
         raise InputError(path, f"a whole number of more than {limit} digits", expected=_INTEGERS) from None
     return data

@@ -2,7 +2,7 @@
 
 A wheel strikes grains at a rate proportional to its speed, as a Poisson process along the way; each strike rings in one
 of a few damped resonances (Gaver 1993, "How do we hear in the world?", impact and scraping sounds). What each terrain
-sounds like is chosen by ear and spectrogram, not measured: it is a synthetic world, and says so.
+sounds like is chosen by ear and spectrogram, not measured.
 """
 
 from __future__ import annotations

@@ -56,9 +56,9 @@ class Judged:
             said (mean of the stated probability), calibration_error; sure: share stated with `SURE` or more, and
             sure_right: how often that was right. NaN where nothing was stated.
         """
-        asked: np.ndarray = np.asarray(self.fault == "") if rows is None else rows
-        known = asked & ~self.evidence.unknown & (self.evidence.quality > 0)
-        answer = {"n": float(asked.sum()), "known": float(known.sum() / max(asked.sum(), 1))}
+        chosen: np.ndarray = np.asarray(self.fault == "") if rows is None else rows
+        known = chosen & ~self.evidence.unknown & (self.evidence.quality > 0)
+        answer = {"n": float(chosen.sum()), "known": float(known.sum() / max(chosen.sum(), 1))}
         if not known.any():
             return answer | dict.fromkeys(
                 ("accuracy", "balanced_accuracy", "said", "calibration_error", "sure", "sure_right"), np.nan

@@ -1,4 +1,4 @@
-"""The traverses that can be asked for by name: where they lead, what goes wrong on the way, and in which vehicle."""
+"""The named traverses: where they lead, what goes wrong on the way, and in which vehicle."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FaultKind = Literal[
 CHANNELS = (
     "load_N", "torque_Nm", "sinkage_m", "slip", "wheel_speed_rad_s", "travel_speed_m_s", "wheel_angle_rad", "pitch_rad",
 )  # fmt: skip
-"""Wheel channels that every preset records, beside the time."""
+"""Wheel channels that every preset records, besides the time."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class Preset:
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Wheel channels recorded, beside the time."""
+        """Wheel channels recorded, besides the time."""
         return (*CHANNELS, "drawbar_pull_N") if self.drawbar_pull else CHANNELS
 
 

@@ -108,7 +108,7 @@ def labelled_looks(
     sites_per_class
         Sites of each of `SAMPLE_CLASSES`, each seen by a few cameras.
     progress
-        Told the share done, 0 to 1.
+        Called with the share done, 0 to 1.
     """
     eyes = [_eye(rng) for _ in range(_EYES)]
     patches, labels, groups, blurred = [], [], [], []
@@ -128,7 +128,7 @@ def labelled_looks(
 
 
 def _sites(sites_per_class: int, progress: Callable[[float], None] | None) -> Iterator[tuple[str, int]]:
-    """Class and number of each site; progress is told as they are used."""
+    """Class and number of each site; `progress` is called as they are used."""
     for place, name in enumerate(SAMPLE_CLASSES):
         for index in range(sites_per_class):
             yield name, index
@@ -182,7 +182,7 @@ def labelled_sounds(
     sites_per_class
         Sites of each of `SAMPLE_CLASSES`.
     progress
-        Told the share done, 0 to 1.
+        Called with the share done, 0 to 1.
     """
     windows, labels, groups, snr_dB = [], [], [], []
     for name, index in _sites(sites_per_class, progress):

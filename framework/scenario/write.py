@@ -1,4 +1,4 @@
-"""Write a synthetic traverse as a recording's folder (CONTRACTS.md), with its ground truth beside it."""
+"""Write a synthetic traverse as a recording's folder (CONTRACTS.md), and its ground truth."""
 
 from __future__ import annotations
 
@@ -49,9 +49,9 @@ def write_scenario(
 ) -> Path:
     """Write a synthetic traverse.
 
-    Beside the files of a recording there are `labels.csv`, the class of the ground under the vehicle's reference point,
+    Besides the files of a recording there are `labels.csv`, the class of ground under the vehicle's reference point,
     and `truth.json`, the soil of each stretch, its slow phase and all faults; no reader of recordings looks at the
-    latter. Everything is written into a folder beside `out`, which is renamed when it is whole.
+    latter. Everything is written into a folder next to `out`, which is renamed when it is whole.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def write_scenario(
     duration_s
         Cut after this time, or go on over further places until then [s]; as laid out in the preset where absent.
     progress
-        Told the stage and how much of it is done, in [0, 1].
+        Called with the stage and the share of it that is done, in [0, 1].
 
     Returns
     -------
@@ -118,8 +118,8 @@ def _umask() -> int:
     return mask
 
 
-def _write_all(plan: Plan, name: str, folder: Path, tell: Progress) -> None:
-    tell("wheels", 0.0)
+def _write_all(plan: Plan, name: str, folder: Path, report: Progress) -> None:
+    report("wheels", 0.0)
     rows = wheel_rows(plan)
     _write_wheels(plan, rows, folder / "wheel.csv")
     _write_pose(plan, folder / "pose.csv")
@@ -130,13 +130,13 @@ def _write_all(plan: Plan, name: str, folder: Path, tell: Progress) -> None:
     )
     (folder / "vehicle.toml").write_text(vehicle_toml(plan.preset.vehicle), encoding="utf-8")
     (folder / "truth.json").write_text(json.dumps(truth(plan, name), indent=1) + "\n", encoding="utf-8")
-    tell("wheels", 1.0)
+    report("wheels", 1.0)
     streams = ["wheel", "pose", "labels"]
     if plan.preset.sound_rate_Hz is not None:
-        _write_sound(plan, folder / "sound.flac", tell)
+        _write_sound(plan, folder / "sound.flac", report)
         streams.append("sound")
     if len(frame_times(plan)):
-        _write_camera(plan, folder / "camera", tell)
+        _write_camera(plan, folder / "camera", report)
         streams.append("camera")
     (folder / "recording.toml").write_text(_recording_toml(plan, name, streams), encoding="utf-8")
 
@@ -167,28 +167,28 @@ def _write_pose(plan: Plan, path: Path) -> None:
     _write_csv(path, tuple(columns), zip(*(_text(name, values) for name, values in columns.items()), strict=True))
 
 
-def _write_sound(plan: Plan, path: Path, tell: Progress) -> None:
+def _write_sound(plan: Plan, path: Path, report: Progress) -> None:
     rate = plan.preset.sound_rate_Hz
-    tell("sound", 0.0)
+    report("sound", 0.0)
     written = 0
     with soundfile.SoundFile(path, "w", samplerate=rate, channels=1, format="FLAC", subtype="PCM_16") as file:
         for block in heard(plan):
             file.write(block)
             written += len(block)
-            tell("sound", written / (plan.duration_s * (rate or 1)))
-    tell("sound", 1.0)
+            report("sound", written / (plan.duration_s * (rate or 1)))
+    report("sound", 1.0)
 
 
-def _write_camera(plan: Plan, folder: Path, tell: Progress) -> None:
+def _write_camera(plan: Plan, folder: Path, report: Progress) -> None:
     folder.mkdir()
-    tell("camera", 0.0)
+    report("camera", 0.0)
     rows = []
     count = len(frame_times(plan))
     for number, picture in enumerate(seen(plan)):
         file = f"{number:06d}.jpg"
         (folder / file).write_bytes(picture.data)
         rows.append((f"{picture.time_s:.4f}", file))
-        tell("camera", (number + 1) / count)
+        report("camera", (number + 1) / count)
     _write_csv(folder / "camera.csv", ("time_s", "file"), rows)
 
 

@@ -239,7 +239,8 @@ class Effect:
     constants: Mapping[str, float] = MappingProxyType({})
     """Constants of the formula that were taken from the drive that the effect was built for, by name [SI]."""
     prior_probability: float | None = None
-    """Prior probability of the effect, where something besides the recording speaks for it; None for the usual one."""
+    """Prior probability of the effect, where it is known from elsewhere (the vehicle has lugs, say); None for the usual
+    one."""
     default_form: bool = True
     """Whether this form is meant where several forms have the parameters that are named."""
     nested: ClassVar[bool] = True
@@ -256,7 +257,7 @@ class Effect:
     remembers: ClassVar[bool] = False
     """Whether a sample's report depends on earlier samples."""
     remark: str = ""
-    """Note for the report where the effect is found."""
+    """Note for the report if the effect is found."""
 
     @property
     def name(self) -> str:
@@ -280,7 +281,7 @@ class Effect:
 
     @classmethod
     def forms_by_name(cls, situation: Situation) -> Sequence[Effect]:
-        """Give the forms that can be simulated by name: as `forms`, where that asks no more than that columns exist."""
+        """Give the forms that can be simulated by name: as `forms`, but where a column exists it need not vary."""
         return cls.forms(situation)
 
     def extensions(self) -> list[Effect]:

@@ -15,7 +15,7 @@ _HALF = 0.5
 """What is driven has changed where its autocorrelation has fallen to this [-]."""
 
 _FEWEST = 8
-"""Values from which on an autocorrelation says something."""
+"""Fewest values of an autocorrelation."""
 
 
 def autocorrelations(values: np.ndarray) -> np.ndarray:

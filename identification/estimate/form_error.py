@@ -4,7 +4,7 @@
    the freedoms of `mechanics.flexible` at once needs no further fit, and a misfit counts by itself. Along a drive the
    soil varies from place to place, which is no error of form: there the freedoms are weighed against it
    (`ground_variation`), and a misfit counts as far as it is one from sample to sample.
-2. If so, the freedoms are estimated beside the soil, under their priors.
+2. If so, the freedoms are estimated with the soil, under their priors.
 3. What is still left out shows as residuals that go together under like conditions. The variance of the parameters is
    then that of the scores summed by cluster (K.-Y. Liang, S. L. Zeger, Biometrika 73 (1986), Eq. 6; G. Kauermann,
    R. J. Carroll, J. Am. Stat. Assoc. 96 (2001), on few clusters), clusters being quantiles of slip, of load and of the
@@ -66,7 +66,7 @@ def _white_sd(solution: Solution) -> np.ndarray:
 
 
 def _gain_of_freedoms(solution: Solution, white: np.ndarray) -> float:
-    """Twice the log-likelihood that the freedoms gain beside soil that varies along the track.
+    """Twice the log-likelihood that the freedoms gain over soil that varies along the track.
 
     Answers have the noise `white` (m,) from sample to sample.
     """
@@ -110,7 +110,7 @@ def score_statistic(solution: Solution) -> float:
 
 
 def with_freedom(solution: Solution, starts: list[tuple[np.ndarray, np.ndarray]]) -> Solution:
-    """Fit again with the freedoms of the form estimated beside the soil, and what is left out carried by cluster.
+    """Fit again with the freedoms of the form estimated with the soil, and what is left out carried by cluster.
 
     `starts` are textbook vectors (p,) with entry angles (n,) [rad]; the textbook's optimum is tried too.
     """

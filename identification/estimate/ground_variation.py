@@ -1,4 +1,4 @@
-"""Errors of form told from soil that varies along the track, by a likelihood ratio.
+"""Likelihood ratio of errors of form against soil that varies along the track.
 
 Near a fit each sample's log-likelihood is quadratic in what the parameters differ by: s' d - d' I d / 2, with its
 score s and its information I. The soil of the place differs from the mean soil by Gaussian processes that are forgotten
@@ -27,7 +27,7 @@ _SHORTEST, _LONGEST = 1.0, 0.5
 def likelihood_ratio(
     scores: np.ndarray, information: np.ndarray, precision: np.ndarray, ground: np.ndarray, soil: int
 ) -> float:  # fmt: skip
-    """Twice the log-likelihood that the freedoms of the form gain beside soil that varies along the track.
+    """Twice the log-likelihood that the freedoms of the form gain over soil that varies along the track.
 
     Parameters
     ----------

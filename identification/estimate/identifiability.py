@@ -143,7 +143,7 @@ def advise(channels: np.ndarray, determined: Mapping[str, bool], covariance: np.
             f"{high_slip:.2f})"
         )
     if not (determined["stiffness_Pa"] and determined["n"]):
-        advice.append(f"stiffness and n are not told apart: {_vary_load(load)}")
+        advice.append(f"stiffness and n are determined only together: {_vary_load(load)}")
     if advice and not np.isfinite(channels[:, 4]).any():
         advice.append("measuring drawbar pull would help all of them")
     elif advice and not np.isfinite(channels[:, 1]).any():

@@ -50,7 +50,7 @@ _FEW = 60
 
 
 @dataclass
-class _Path:
+class ProfilePath:
     """How the other parameters go with one: along `ridge` (p,) from the `best` (p,), then off it as a parabola does.
 
     A parabola bends to the same side on either side of the best: where it leads is known from any fit on it.
@@ -100,9 +100,9 @@ def parameter_intervals(solution: Solution, covariance: np.ndarray, model: Textb
             continue
         sd = math.sqrt(max(covariance[index, index], 0.0))
         ridge = covariance[:, index] / max(covariance[index, index], 1e-300)
-        path = _Path(solution.fit.vector, index, ridge)
-        low = _end(solution, index, sd, path, -1.0)
-        high = _end(solution, index, sd, path, 1.0)
+        path = ProfilePath(solution.fit.vector, index, ridge)
+        low = profile_end(solution, index, sd, path, -1.0)
+        high = profile_end(solution, index, sd, path, 1.0)
         ends[index] = low, high
         quantities[name] = _quantity(solution, index, name, low, high)
     return Intervals(quantities, ends)
@@ -146,7 +146,7 @@ def spread(solution: Solution, index: int, low: np.ndarray, high: np.ndarray) ->
 def consistent(covariance: np.ndarray, solution: Solution, intervals: Intervals) -> np.ndarray:
     """Scale a covariance (p, p) so that its standard deviations are those of the profiles, the correlations kept.
 
-    Along a ridge that bounds cut off, the curvature at the optimum promises far more than the range of the parameters.
+    Along a ridge that bounds cut off, the curvature at the optimum understates the range of the parameters.
     """
     factor = np.ones(len(covariance))
     for index, (low, high) in intervals.ends.items():
@@ -155,7 +155,7 @@ def consistent(covariance: np.ndarray, solution: Solution, intervals: Intervals)
     return covariance * np.outer(factor, factor)
 
 
-def _end(solution: Solution, index: int, sd: float, path: _Path, direction: float) -> np.ndarray:
+def profile_end(solution: Solution, index: int, sd: float, path: ProfilePath, direction: float) -> np.ndarray:
     """Walk out along the profile to where it has fallen by the critical value, or to the bound: the vector there.
 
     Each fit starts on the `path`, which learns from it.

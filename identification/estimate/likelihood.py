@@ -305,7 +305,7 @@ def with_population(problem: Problem, point: Point, state: State, *, striding: b
 
 
 def _load_known(point: Point, state: State) -> float:
-    """Share of the variance of load that the samples' channels tell, on average, from 0 to 1.
+    """Share of the variance of load that the samples' channels determine, on average, from 0 to 1.
 
     Its square is the information of the deviation that is left of what known loads would give.
     """

@@ -24,22 +24,22 @@ LEAST_GAIN = 25.0
 """Nats that less noise of load or slip has to gain before it is taken: a form that is wrong gains some, too."""
 
 FEWEST = 100
-"""Rows from which on they tell the noise of all channels beside five parameters of a soil."""
+"""Fewest rows that determine the noise of all channels and five parameters of a soil."""
 
 _IMPOSED = np.flatnonzero(~ANSWERS)
 """Load and slip among `textbook.CHANNELS`."""
 
 _STEPS, _ENOUGH = 20, 0.5
-"""Steps to where the noise is likeliest, and how little the last of them gains [nats]."""
+"""Most steps to the maximum of the likelihood, and how little the last of them gains [nats]."""
 
 _NOTED = 2.0
-"""Rows that count as one from which on it is noted."""
+"""Rows that count as one above which it is noted."""
 
 
 def solve_with_noise(
     measured: Measured, wheel: Wheel, known: SoilKnowledge
 ) -> tuple[Measured, Solution, list[Finding]]:  # fmt: skip
-    """Fit one soil, with less noise of load and slip than neighbours show where that is much likelier.
+    """Fit one soil, with less noise of load and slip than neighbours show where that has a much larger likelihood.
 
     Parameters
     ----------
@@ -82,9 +82,9 @@ def solve_with_noise(
 
 
 def likeliest_noise(measured: Measured, solution: Solution) -> np.ndarray:
-    """Noise (5,) of all channels that is likeliest beside a fit, at most what neighbours show.
+    """Maximum-likelihood noise (5,) of all channels at a fit, at most what neighbours show.
 
-    It is less only where load or slip gains much by less of it, by itself, and rows are enough to tell.
+    It is less only where load or slip alone gains `LEAST_GAIN` by it, of `FEWEST` rows or more.
     """
     free = ~measured.stated & solution.problem.seen.any(axis=0)
     while len(measured.channels) >= FEWEST and free[_IMPOSED].any():
@@ -109,7 +109,7 @@ def _held(solution: Solution, measured: Measured, free: np.ndarray, channel: int
 
 
 def _with_free_noise(solution: Solution, measured: Measured, free: np.ndarray) -> Fit:
-    """Fit again, the noise of the channels that are `free` (5,) whatever is likeliest."""
+    """Fit again, the noise of the channels that are `free` (5,) with it."""
     problem = solution.problem
     least = np.array([least_noise(channel) for channel in problem.filled.T])
     noise = np.where(free, np.fmin(measured.noise, least), measured.noise)
@@ -118,10 +118,10 @@ def _with_free_noise(solution: Solution, measured: Measured, free: np.ndarray) -
 
 
 def with_autocorrelated_noise(measured: Measured, solution: Solution, wheel: Wheel, known: SoilKnowledge) -> Solution:
-    """Fit again with the likeliest noise where a fit misses more than neighbours show, and its noise is autocorrelated.
+    """Fit again with the maximum-likelihood noise where that of a fit is autocorrelated and more than neighbours show.
 
-    Rows that repeat each other tell the size of such noise as well as others do, only less surely; the intervals count
-    how many of them say the same (`estimate.solve`).
+    Correlated rows estimate the size of such noise without bias; the intervals count how many of them are worth one
+    (`estimate.solve`).
 
     Parameters
     ----------

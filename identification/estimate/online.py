@@ -23,7 +23,7 @@ SEARCH_AGAIN = 20
 """Samples between two searches, at least: a search takes several steps' time."""
 
 MOST_IN_AGREEMENT = 0.75
-"""Below this share of samples that are no gross errors [-], the estimator searches anew."""
+"""Share of samples that are no gross errors below which the estimator searches again [-]."""
 
 TRIALS = 4
 """Steps tried at a sample until one leads uphill; the first that does is enough."""

@@ -30,14 +30,14 @@ _CENTRAL = (0.03, 0.97)
 """Quantiles of the measured slips between which, and a little beyond, the narrow kernels lie."""
 
 _ANYWHERE = 0.01
-"""Share of samples whose slip is anywhere in the range measured, before the samples are asked [-]."""
+"""Prior share of samples whose slip is uniform over the range measured [-]."""
 
 _WORTH = 10.0
-"""Samples that the normal distribution is worth as a prior: a few samples say no more than mean and spread."""
+"""Weight of the normal distribution as a prior, in samples: few samples determine no more than mean and spread."""
 
 _LEVEL = 2.0
-"""Samples, as far apart in slip as its noise, without a slope of load that are put beside the measured ones: where slip
-hardly varies, the load's slope by it is not what the load's variation is due to."""
+"""Pseudo-samples without a slope of load, as far apart in slip as its noise, that are added to the measured ones: where
+slip hardly varies, the load's variation is not due to it."""
 
 _ROUNDS = 10
 """Rounds of expectation and maximisation of the shares in a step, which cost far less than the mechanics."""

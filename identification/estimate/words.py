@@ -16,21 +16,21 @@ def _wrong_form(values: Values) -> str:
     return (
         f"the textbook's form does not hold: it misses the channels by {values['misfit']:.1f} times the sensors' "
         f"noise{remains}. Under the conditions driven its predictions may be good; c and phi are not properties of the "
-        f"soil. With the form free, c would be {values['c_Pa'] / 1e3:.2f} kPa and phi "
-        f"{math.degrees(values['phi_rad']):.1f} deg; the intervals hold both readings"
+        f"soil. With a free form c would be {values['c_Pa'] / 1e3:.2f} kPa and phi "
+        f"{math.degrees(values['phi_rad']):.1f} deg; the intervals include both fits"
     )
 
 
 def _unsteady(values: Values) -> str:
     name, unit = ("the load", " N") if values["channel"] == "load_N" else (values["channel"], "")
     return (
-        f"{name} seems to change from row to row, for the other channels follow it: its noise is taken for "
-        f"{values['noise']:.2g}{unit}, where neighbours show {values['shown']:.2g}{unit}"
+        f"{name} changes from row to row, as the other channels follow it: its noise is estimated at "
+        f"{values['noise']:.2g}{unit}, less than the {values['shown']:.2g}{unit} by which neighbours differ"
     )
 
 
 def _autocorrelated(values: Values) -> str:
-    larger = ", and it is taken to be larger than neighbours differ by" if values["larger"] else ""
+    larger = ", and its estimate is larger than neighbours differ by" if values["larger"] else ""
     return f"the sensors' noise is autocorrelated: about {values['rows']:.0f} neighbouring rows count as one{larger}"
 
 
@@ -39,8 +39,8 @@ SENTENCES: dict[str, Sentence] = {
     "autocorrelated_noise": _autocorrelated,
     "grousers_left_out": "the wheel's lugs are left out, as the textbook wheel has none: `explain` models them",
     "ground_variation": "one soil misses the channels by {misfit:.1f} times the sensors' noise, as ground that varies "
-    "along the track does; the intervals hold that variation",
-    "least_squares_intervals": "the intervals are those of ordinary least squares: they hold none of the method's bias",
+    "along the track does; the intervals include that variation",
+    "least_squares_intervals": "the intervals are those of ordinary least squares, without the method's bias",
     "mixed_soils": "the stretches differ in soil: the overall estimate mixes several soils",
     "negative_cohesion": "the closed form gives a cohesion of {c_Pa:.0f} Pa, not physical: 0 is reported",
     "recording": "{text}",

@@ -49,9 +49,7 @@ _SOIL_UNITS = {"c_Pa": "Pa", "phi_rad": "rad", "k_m": "m", "stiffness_Pa": "Pa",
 
 @dataclass(frozen=True)
 class Chosen:
-    """What the answer rests on: the most probable hypothesis that holds what is asserted, and a discrepancy if there is
-    one beside it; without and with it on held-out rows.
-    """
+    """The most probable hypothesis, with its discrepancy if it has one, and held-out rows without and with it."""
 
     hypothesis: Hypothesis
     discrepancy: Discrepancy | None
@@ -70,8 +68,8 @@ def choose(problem: Problem, found: Search, weighed: Posterior) -> Chosen:
     hypothesis = weighed.best[first - {UNKNOWN}]
     before = hold_out(problem, found.textbook.fitted)
     after = before if not hypothesis.effects else hold_out(problem, hypothesis.fitted)
-    beside = weighed.discrepancies.get(first - {UNKNOWN}) if UNKNOWN in first else None
-    return Chosen(hypothesis, beside, before, after)
+    added = weighed.discrepancies.get(first - {UNKNOWN}) if UNKNOWN in first else None
+    return Chosen(hypothesis, added, before, after)
 
 
 def assemble(
@@ -83,11 +81,11 @@ def assemble(
     Parameters
     ----------
     problem, found, weighed, chosen, regions
-        From the steps before.
+        From the previous steps.
     source, seed, began, notes
-        The recording, the seed of resampling, when work began [s], and what is to be said of the rows.
+        The recording, the seed of resampling, when work began [s], and notes on the rows.
     simulated : (n, 5)
-        Residuals of another simulator, which then stand for those before.
+        Residuals of another simulator, which then replace those of the textbook wheel.
     """
     missing = missing_of(problem, found, weighed, chosen)
     verdict = verdict_of(missing)
@@ -164,7 +162,7 @@ def _missing(problem: Problem, found: Search, weighed: Posterior, chosen: Chosen
 
 
 def rivals_of(weighed: Posterior, slug: str) -> dict[str, frozenset[str]]:
-    """Effects that stand where this one does in other probable sets, with the most probable such set."""
+    """Effects that replace this one in other probable sets, with the most probable such set."""
     answer: dict[str, frozenset[str]] = {}
     with_it = [slugs - {UNKNOWN} for slugs in weighed.sets if slug in slugs]
     for slugs, share in weighed.sets.items():
@@ -179,24 +177,21 @@ def rivals_of(weighed: Posterior, slug: str) -> dict[str, frozenset[str]]:
 
 
 def _unknown(problem: Problem, weighed: Posterior, chosen: Chosen) -> Missing:
-    """Describe what the catalogue lacks by where the discrepancy lives and what it depends on."""
-    beside = chosen.discrepancy or weighed.discrepancies[chosen.hypothesis.slugs]
-    parts = dependence(problem, beside)
+    """Describe what the catalogue lacks by the channels that the discrepancy is in and what it varies with."""
+    parts = dependence(problem, chosen.discrepancy or weighed.discrepancies[chosen.hypothesis.slugs])
     where = "; ".join(
-        f"{CHANNELS[channel]} differs by {size:.2g} of its noise, mostly with {variable}"
+        f"{CHANNELS[channel]} differs by {size:.2g} times its noise, mostly with {variable}"
         for channel, variable, size in parts
     )
     first = parts[0][1] if parts else "slip"
     return Missing(
         UNKNOWN, UNKNOWN, "smooth discrepancy", weighed.unknown, {}, "a polynomial in what the drive varies",
-        "M. C. Kennedy, A. O'Hagan (2001)", (), f"vary {first} with all else held", where,
+        "M. C. Kennedy, A. O'Hagan (2001)", (), f"vary {first} with all else held constant", where,
     )  # fmt: skip
 
 
 def _parameters(problem: Problem, found: Search, best: Hypothesis, effect: Effect) -> dict[str, Estimate]:
-    """Parameters of an effect; their variance has what hypotheses differ by that hold the same form, each by its
-    posterior.
-    """
+    """Parameters of an effect; their variance includes the spread between hypotheses with the same form."""
     where = _where(best, effect.name)
     values, variance = best.fitted.vector[where], np.diag(best.fitted.covariance(problem))[where].copy()
     holding = [each for each in found.hypotheses if effect.name in each.names]
@@ -212,7 +207,7 @@ def _parameters(problem: Problem, found: Search, best: Hypothesis, effect: Effec
 
 
 def _where(hypothesis: Hypothesis, name: str) -> slice:
-    """Where an effect's parameters stand in a hypothesis's vector."""
+    """Slice of an effect's parameters in a hypothesis's vector."""
     return next(where for effect, where in hypothesis.fitted.model.slices() if effect.name == name)
 
 
@@ -318,8 +313,8 @@ def _rows(problem: Problem, before: np.ndarray, after: np.ndarray, fitted: Fitte
 
 
 def _notes(problem: Problem, fitted: Fitted, chosen: Chosen, gross: int) -> list[str]:
-    """Say what the answer takes of the ground and of the sensors, and what held-out rows cannot test."""
-    notes = [f"{gross} values are gross errors, which the errors below leave out"] if gross else []
+    """Say how the ground varies, how the noise is correlated, and what held-out rows do not test."""
+    notes = [f"{gross} values are gross errors: the errors of held-out rows leave them out"] if gross else []
     stiffness, strength = fitted.noise.spread
     if max(stiffness, strength) >= 0.02:
         placed = np.isfinite(problem.samples.position).all()
@@ -334,5 +329,5 @@ def _notes(problem: Problem, fitted: Fitted, chosen: Chosen, gross: int) -> list
     if alike:
         notes.append(f"sensor noise is autocorrelated from row to row: {', '.join(alike)}")
     if chosen.after.untested:
-        notes.append("one block alone determines a parameter: held-out rows do not test it")
+        notes.append("a parameter is determined by one block alone: held-out rows do not test it")
     return [*notes, *(effect.remark for effect in chosen.hypothesis.effects if effect.remark)]

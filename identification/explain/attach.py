@@ -1,4 +1,4 @@
-"""Another simulator's file, put beside the rows of a recording."""
+"""Another simulator's file, interpolated to the rows of a recording."""
 
 from __future__ import annotations
 
@@ -58,8 +58,8 @@ def attach(table: WheelTable, path: str | Path, wheel: Wheel) -> WheelTable:
     ------
     InputError
         The file has no answer, or neither the clock nor the runs of the recording; its load, slip or sinkage cannot be
-        what its name says, or is not the drive's; a time stands twice in it; only one of the two files tells several
-        wheels or runs apart; or its wheel is stuck throughout.
+        what its name says, or is not the drive's; a time occurs twice in it; only one of the two files distinguishes
+        several wheels or runs; or its wheel is stuck throughout.
     """
     simulated = read_wheel_file(Path(path))
     if CHANNELS[SLIP] not in simulated:
@@ -79,17 +79,17 @@ def attach(table: WheelTable, path: str | Path, wheel: Wheel) -> WheelTable:
     # A value that was not logged is one between its neighbours; what a stuck wheel does is none of a moving one's.
     stuck = (load <= 0.0) | (slip >= MOST_SLIP)
     columns = {**imposed, **{name: simulated[name] for name in names}}
-    beside = {name: to_recorded(np.where(stuck, np.nan, values), stuck) for name, values in columns.items()}
-    of_nothing = ~(np.isfinite(beside[IMPOSED[0]]) & np.isfinite(beside[IMPOSED[1]]))
-    beside = {name: np.where(of_nothing, np.nan, values) for name, values in beside.items()}
+    carried = {name: to_recorded(np.where(stuck, np.nan, values), stuck) for name, values in columns.items()}
+    of_nothing = ~(np.isfinite(carried[IMPOSED[0]]) & np.isfinite(carried[IMPOSED[1]]))
+    carried = {name: np.where(of_nothing, np.nan, values) for name, values in carried.items()}
     given = [name for name in IMPOSED if name in simulated]
-    if given and not any(np.isfinite(beside[name]).any() for name in names):
+    if given and not any(np.isfinite(carried[name]).any() for name in names):
         raise InputError(
             path, "no row has an answer with a load and a slip of a wheel that carries load and moves",
             expected=f"load_N above 0 and slip below {MOST_SLIP} in the rows with an answer",
         )  # fmt: skip
-    _check_drive(table, {name: beside[name] for name in given}, path)
-    columns = {SIMULATED + name: values for name, values in beside.items()}
+    _check_drive(table, {name: carried[name] for name in given}, path)
+    columns = {SIMULATED + name: values for name, values in carried.items()}
     return WheelTable({**table.columns, **columns}, table.wheel, table.run, table.source)
 
 
@@ -118,12 +118,12 @@ def _check_drive(table: WheelTable, given: Mapping[str, np.ndarray], path: str |
 def _carried_over(table: WheelTable, simulated: WheelTable, path: str | Path) -> tuple[_Carry, _Carry]:
     """Give how values of the simulator's rows are carried over to the recorded ones, and the reverse."""
     if "time_s" in table and "time_s" in simulated:
-        _check_told_apart(table, simulated, path)
+        _check_labels(table, simulated, path)
         recorded, other = _clocks(table, simulated)
         if (twice := other.twice()) is not None:
             raise InputError(
                 path, f"{twice:g} s in two rows", place="column time_s",
-                expected="each time once, or columns wheel and run that tell the rows apart",
+                expected="each time once, or columns wheel and run that distinguish the rows",
             )  # fmt: skip
         steps = recorded.steps()
         apart = 0.0 if is_of_trials(table) else _APART
@@ -134,8 +134,8 @@ def _carried_over(table: WheelTable, simulated: WheelTable, path: str | Path) ->
     raise InputError(path, "neither time_s nor run in both files", expected="the clock or the runs of the recording")
 
 
-def _check_told_apart(table: WheelTable, simulated: WheelTable, path: str | Path) -> None:
-    """Refuse rows of several wheels, or of several runs at one time, that only one of the files tells apart."""
+def _check_labels(table: WheelTable, simulated: WheelTable, path: str | Path) -> None:
+    """Refuse rows of several wheels, or of several runs at one time, that only one of the files distinguishes."""
     for column in ("wheel", "run"):
         named = [getattr(each, column) for each in (table, simulated)]
         if (named[0] is None) == (named[1] is None):
@@ -153,7 +153,7 @@ def _check_told_apart(table: WheelTable, simulated: WheelTable, path: str | Path
 
 @dataclass(frozen=True)
 class _Clock:
-    """When rows were taken (n,) [s], and under which label, wheel and run, each stands."""
+    """When rows were taken (n,) [s], and under which label, wheel and run."""
 
     time_s: np.ndarray
     label: np.ndarray
@@ -171,7 +171,7 @@ class _Clock:
         }
 
     def twice(self) -> float | None:
-        """A time that stands twice under a label [s]."""
+        """A time that occurs twice under a label [s]."""
         for label in np.unique(self.label):
             time_s = self.time_s[self.of(label)]
             if (same := np.diff(time_s) == 0.0).any():
@@ -197,7 +197,7 @@ def _by_time(
     """Interpolate values (m,) within each wheel and run, (n,), past those that are none, but not past holes.
 
     NaN outside the time of those, between two more than `apart` of the recording's `steps` [s] from each other, and
-    beside a hole: what happens there is not told by a straight line.
+    next to a hole: there a straight line says nothing.
     """
     answer = np.full(len(wanted.time_s), np.nan)
     for label in np.unique(wanted.label):

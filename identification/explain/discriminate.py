@@ -1,7 +1,7 @@
-"""Which measurement would tell two explanations apart: the drive, channel or prior expected to inform most.
+"""The measurement that separates two hypotheses best: a drive, a channel or a soil test.
 
-If one explanation is right, how much worse would the other fit once refitted? Computed for the recording with a channel
-added, for a soil known from elsewhere, for other drives, and for a check of the instrument that one of them suspects.
+If one hypothesis is right, how much worse does the other fit once refitted? Computed for the recording with one more
+channel, for a soil known from elsewhere, for other drives, and for a check of an instrument that is a candidate.
 """
 
 from __future__ import annotations
@@ -33,34 +33,31 @@ _SHEAR_TEST = "give cohesion and friction from a shear test (--soil)"
 
 
 def would_tell(problem: Problem, right: Hypothesis, *others: Hypothesis) -> str:
-    """Propose the measurement that would tell a set of effects best from others, with its expected nats; from most of
-    them where none tells it from all, and then it says for or against which it is.
+    """Propose the measurement that best separates a set of effects from others, with its expected gain in nats: from as
+    many of them as one measurement can, named unless it is all. Empty where none is separated.
 
-    Without others it is the set's form that is doubted: a soil known from elsewhere tells whether it is right.
+    Without others the form of the set is in doubt, which a soil known from elsewhere tests.
     """
     if not others:
-        return "" if problem.known.values else f"{_SHEAR_TEST}, which the soil found agrees with if the form is right"
+        return "" if problem.known.values else f"{_SHEAR_TEST} and compare: the soil agrees if the form is right"
     proposals = [
         (text, number, nats)
         for number, other in enumerate(others)
-        for ask in (_channels, _known_soil, _drives, _checks)
-        for nats, text in ask(problem, right, other)
+        for propose in (_channels, _known_soil, _drives, _checks)
+        for nats, text in propose(problem, right, other)
         if nats >= ENOUGH
     ]
-    # By text, what it tells from which of the others.
-    told: dict[str, dict[int, float]] = {}
+    # By text, the nats by which it separates each of the others.
+    separated: dict[str, dict[int, float]] = {}
     for text, number, nats in proposals:
-        told.setdefault(text, {})[number] = nats
-    if not told:
-        return (
-            "none of the measurements considered (further channels, known soil, other loads, slips and speeds, "
-            "checks of instruments)"
-        )
-    text, nats = max(told.items(), key=lambda pair: (len(pair[1]), min(pair[1].values())))
+        separated.setdefault(text, {})[number] = nats
+    if not separated:
+        return ""
+    text, nats = max(separated.items(), key=lambda pair: (len(pair[1]), min(pair[1].values())))
     *names, last = dict.fromkeys(_apart(right, others[number]) for number in nats)
-    told_apart = f"{', '.join(names)} and {last}" if names else last
-    only = "" if len(nats) == len(others) else f", for or against {told_apart}"
-    return f"{text} (expected {min(nats.values()):.0f} nats{only})"
+    which = f"{', '.join(names)} and {last}" if names else last
+    only = "" if len(nats) == len(others) else f", against {which} only"
+    return f"{text} (expected gain {min(nats.values()):.0f} nats{only})"
 
 
 def _apart(right: Hypothesis, other: Hypothesis) -> str:
@@ -110,7 +107,7 @@ def _checks(problem: Problem, right: Hypothesis, other: Hypothesis) -> list[tupl
 
 def _drives(problem: Problem, right: Hypothesis, other: Hypothesis) -> list[tuple[float, str]]:
     """Other drives with the same sensors: more loads, more slip, more speeds, a second pass, a slope; none of what was
-    driven already, and of each what it tells more than as many rows of the present drive once more.
+    driven already, and each by its gain over as many more rows of the present drive.
     """
     samples = problem.samples
     load, slip = problem.imposed[:, 0], problem.imposed[:, 1]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from difflib import get_close_matches
 from pathlib import Path
 
 from threadpoolctl import threadpool_limits
@@ -69,7 +70,7 @@ def explain(
     InputError
         The recording has no wheel channels or geometry, lacks channels or rows to compare, or a name is unknown.
     """
-    began, tell = time.perf_counter(), progress or (lambda _: None)
+    began, report = time.perf_counter(), progress or (lambda _: None)
     seed, considered = whole("seed", seed), _considered(catalogue)
     opened, known = open_recording(recording, vehicle), as_knowledge(soil)
     if simulated is not None:
@@ -83,15 +84,15 @@ def explain(
     with threadpool_limits(1):
         samples, own = gather(table, rows.wheel, rows.vehicle), None
         if simulated is not None:
-            tell("fitting the textbook wheel to the other simulator")
+            report("fitting the textbook wheel to the other simulator")
             samples, own = as_differences(samples, simulated)
-        tell("fitting the soil")
+        report("fitting the soil")
         problem, textbook = fit_textbook(samples, known)
-        found = search(problem, textbook, considered, tell)
-        tell("weighing what was fitted")
+        found = search(problem, textbook, considered, report)
+        report("weighing what was fitted")
         weighed = posterior(found)
         chosen = choose(problem, found, weighed)
-        tell("locating the mismatch")
+        report("locating the mismatch")
         regions = locate(problem, chosen.hypothesis.fitted)
         answer = assemble(
             problem, found, weighed, chosen, regions, source=str(opened.source), seed=seed, began=began, notes=notes,
@@ -108,6 +109,7 @@ def _considered(catalogue: Iterable[str] | None) -> tuple[str, ...]:
         raise refused("catalogue", catalogue, "a list of names of effects")
     names = tuple(catalogue)
     for each in names:
-        if each not in SLUGS:
-            raise refused("catalogue", each, "one of " + ", ".join(SLUGS))
+        if not isinstance(each, str) or each not in SLUGS:
+            similar = get_close_matches(str(each), SLUGS, cutoff=0.0)
+            raise refused("catalogue", each, f"names of effects, such as {', '.join(similar)}")
     return names

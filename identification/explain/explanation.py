@@ -21,8 +21,8 @@ class Region:
     """Where a channel leaves the simulation: an interval of a variable.
 
     Where the variable is ``"constant"`` the interval is that of the channel's offset, where it is ``"lag_s"`` of its
-    delay. `share` is what this variable adds there to those told before, of all that is told; `p_value` is corrected
-    for the number of questions asked; `mean` is the residual there in units of the channel's noise.
+    delay. `share` is what this variable adds there to those before it, of all that is reported; `p_value` is corrected
+    for the number of tests; `mean` is the residual there in units of the channel's noise.
     """
 
     channel: str
@@ -102,7 +102,7 @@ class Explanation:
     soil_textbook
         Soil of the textbook wheel, for comparison.
     trust
-        What the report can vouch for: prediction, parameters.
+        What to rely on: prediction, parameters.
     located, missing, candidates
         See their types.
     fits
@@ -152,10 +152,10 @@ class Explanation:
     def physics(self) -> AugmentedSimulator:
         """Soil and effects as found: to simulate and predict with, to save, to keep with a class of ground.
 
-        The textbook wheel's soil alone where nothing was found. Each effect has the probability of its being there:
-        where that is low, because these data do not tell what was left out, others would do as well. Soil and effects
-        are known as well as they are if the effects are right; `soil` and `missing` count those that may be, too. A
-        smooth correction that stands in for something unknown is not part of it: it holds in the recording alone.
+        The textbook wheel's soil alone where nothing was found. Each effect has its probability; where that is low,
+        others fit as well. Standard deviations are conditional on the effects; those of `soil` and `missing` include
+        the spread between probable sets. The discrepancy of something unknown is not part of it: it holds in the
+        recording only.
         """
         return AugmentedSimulator.of(self.simulator, self.vector, self.covariance, self.believed)
 

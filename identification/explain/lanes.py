@@ -12,21 +12,21 @@ from ..effects.effect import Drive
 
 
 def lanes(drive: Drive, width_m: float, wheel: np.ndarray | None = None) -> np.ndarray:
-    """Number the tracks, (n,): a wheel that runs on fresh ground, or on ground unsaid, over places where it or another
-    `wheel` (n,) ran before is on another, and so is one that runs half its width beside, where tracks are straight.
+    """Number the tracks, (n,): a wheel on ground that is fresh, or not described, is on another track where it or
+    another `wheel` (n,) ran before; so is one half its width to the side, where tracks are straight.
     """
     stretches = runs_of(drive.stretch)
     names = [""] * len(stretches) if wheel is None else [str(wheel[rows[0]]) for rows in stretches]
     fresh = np.array([not drive.pass_number[rows[0]] > 1.0 for rows in stretches])
     side = side_by_side(drive.axis, np.column_stack([drive.x_m, drive.y_m]), drive.pass_number, drive.stretch, width_m)
-    beside = side[[rows[0] for rows in stretches]]
+    aside = side[[rows[0] for rows in stretches]]
     lane, last = np.empty(len(stretches), dtype=int), -1
-    for group in np.unique(beside):
+    for group in np.unique(aside):
         covered: dict[str, tuple[float, float]] = {}
         of_wheel: dict[str, int] = {}
         last += 1
         current = last
-        for each in np.flatnonzero(beside == group):
+        for each in np.flatnonzero(aside == group):
             low, high = _extent(drive.place_m[stretches[each]])
             name = names[each]
             if fresh[each]:

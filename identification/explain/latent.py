@@ -194,7 +194,7 @@ class _Course:
     def loss(self, point: np.ndarray) -> float:
         """Minus the log-likelihood [nats] of ln(noise, amplitude, length).
 
-        By Huber's loss: a step that is not known for a jump yet must not pass for noise.
+        A step that is not known for a jump yet must not pass for noise: the loss is robust.
         """
         if not (np.abs(point) < 60.0).all():
             return math.inf

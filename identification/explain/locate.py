@@ -1,9 +1,9 @@
 """Where simulation and recording differ: which channel, against which variable, over which interval.
 
-Each question adds a step function of one variable to one channel of the textbook wheel and asks how much better it then
-fits, the soil no more certain than it is; residuals are white by then (`soil_variation`), so twice the gain is
-chi-square. The share of false answers is controlled over all questions (Y. Benjamini, Y. Hochberg, J. R. Stat. Soc. B
-57 (1995)). Of the questions answered with yes the best is told, then what others add to it.
+Each test adds a step function of one variable to one channel of the textbook wheel; the soil follows within its
+uncertainty. Residuals are whitened, so twice the gain in log-likelihood is chi-squared. The false discovery rate is
+controlled over all tests (Y. Benjamini, Y. Hochberg, J. R. Stat. Soc. B 57 (1995), 289-300). Of the significant tests
+that with the largest gain is reported, then those that add to it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from .variables import CONSTANT, LAG, Variable, cycles, public_name, rank, span_
 from .whitening import Noise, robust_weight
 
 FALSE_DISCOVERIES = 0.01
-"""Expected share of false statements among those made [-]."""
+"""False discovery rate [-]."""
 
 _STANDS_OUT = 2.5
 """A cell whose mean residual is this many standard errors from zero belongs to a region [-]."""
@@ -58,10 +58,11 @@ class _Stretch:
 
 
 @dataclass(frozen=True)
-class _Question:
-    """Columns (n, k) that may be missing from a channel, and what their coefficients and standard errors (k,) say.
+class _Test:
+    """A test: columns (n, k) that may be missing from a channel, and the intervals that `read` gives for their
+    coefficients and standard errors (k,).
 
-    `chance` is what searching for the question gains on average [nats].
+    `chance` is the gain expected from its search alone [nats].
     """
 
     position: int
@@ -79,8 +80,8 @@ def locate(problem: Problem, best: Fitted) -> tuple[Region, ...]:
     problem
         The samples.
     best
-        The best model that was found. The textbook wheel is tested on its soil and with its noise: its own soil has
-        carried the mismatch of one channel over to the others, and its own noise takes mismatch for noise.
+        The best model that was found. The textbook wheel is tested on its soil and with its noise: refitted by itself
+        it would spread the mismatch of one channel over the others, and count mismatch as noise.
     """
     noise = best.noise
     textbook = fit(
@@ -89,21 +90,21 @@ def locate(problem: Problem, best: Fitted) -> tuple[Region, ...]:
     precision = scaled_inverse(best.covariance(problem)[:SOIL_COUNT, :SOIL_COUNT])
     stretches = _stretches(problem, best)
     whites = Whitened(problem, textbook, noise, precision, stretches)
-    if not whites.questions:
+    if not whites.tests:
         return ()
     sure, corrected = _sure(whites)
     if not sure and best.model.effects:
-        # Another soil would make up for each channel by itself, and not for all: what was found is taken at its word.
+        # Another soil would compensate each channel by itself, though not all of them together: it is held.
         whites = Whitened(problem, textbook, noise, _HELD * precision, stretches)
         sure, corrected = _sure(whites)
-    told = _told(whites, sure, {name for effect in best.model.effects for name in effect.needs})
-    total = sum(gain for _, gain, _ in told)
+    reported = _reported(whites, sure, {name for effect in best.model.effects for name in effect.needs})
+    total = sum(gain for _, gain, _ in reported)
     answer = [
         Region(
-            CHANNELS[problem.answers[whites.questions[each].position]], whites.questions[each].variable, start, end,
+            CHANNELS[problem.answers[whites.tests[each].position]], whites.tests[each].variable, start, end,
             share * gain / total, float(corrected[each]), mean,
         )
-        for each, gain, spans in told
+        for each, gain, spans in reported
         for start, end, share, mean in spans
     ]  # fmt: skip
     return tuple(sorted(answer, key=lambda region: -region.share))
@@ -123,32 +124,32 @@ def _stretches(problem: Problem, best: Fitted) -> list[_Stretch]:
 
 
 def _sure(whites: Whitened) -> tuple[dict[int, float], np.ndarray]:
-    """Questions answered with yes, by number, with their gains [nats], and the corrected p-values of all, (q,)."""
-    everything = range(len(whites.questions))
+    """Significant tests, by number, with their gains [nats], and the corrected p-values of all, (q,)."""
+    everything = range(len(whites.tests))
     gains = [whites.gain(each) for each in everything]
     p_values = chi2.sf(2.0 * np.array(gains), [whites.freedom(each) for each in everything])
     corrected = false_discovery_control(np.maximum(p_values, 1e-300))
     return {each: gains[each] for each in everything if corrected[each] <= FALSE_DISCOVERIES}, corrected
 
 
-def _told(whites: Whitened, sure: dict[int, float], through: set[str]) -> list[tuple[int, float, _Spans]]:
-    """Questions that are told, by number, each with what it adds to those before [nats], and its intervals.
+def _reported(whites: Whitened, sure: dict[int, float], through: set[str]) -> list[tuple[int, float, _Spans]]:
+    """Tests that are reported, by number, each with what it adds to those before [nats], and its intervals.
 
-    Channels are tested together: soil that varies ties them, and what is off in one looks like ground in the others.
+    Channels are tested together: ground that varies correlates them.
     """
     answer: list[tuple[int, float, _Spans]] = []
     while sure:
         top = max(sure.values())
         if answer and top < _WORTH_SAYING * answer[0][1]:
             break
-        channel = whites.questions[max(sure, key=lambda each: sure[each])].position
+        channel = whites.tests[max(sure, key=lambda each: sure[each])].position
         good = [
             each for each, gain in sure.items()
-            if gain >= (1.0 - _AS_GOOD[0]) * top - _AS_GOOD[1] and whites.questions[each].position == channel
+            if gain >= (1.0 - _AS_GOOD[0]) * top - _AS_GOOD[1] and whites.tests[each].position == channel
         ]  # fmt: skip
         # Of two about one variable that of fewer columns: each gains half a nat by chance.
         earned = {each: sure[each] - 0.5 * whites.freedom(each) for each in good}
-        chosen = min(good, key=lambda each: (rank(whites.questions[each].variable, through), -earned[each]))
+        chosen = min(good, key=lambda each: (rank(whites.tests[each].variable, through), -earned[each]))
         given = [each for each, *_ in answer]
         answer.append((chosen, sure[chosen], whites.spans(chosen, given)))
         added = {each: whites.gain(each, [*given, chosen]) for each in sure if each != chosen}
@@ -159,7 +160,7 @@ def _told(whites: Whitened, sure: dict[int, float], through: set[str]) -> list[t
 
 
 class Whitened:
-    """The textbook wheel's residuals, soil derivatives and all questions' columns, made white together.
+    """The textbook wheel's residuals, soil derivatives and the columns of all tests, whitened together.
 
     Parameters
     ----------
@@ -168,9 +169,9 @@ class Whitened:
     noise
         Noise and the soil's variation.
     precision : (5, 5)
-        Of the soil: how far it may move to make up for what is tested.
+        Of the soil, which is refitted with each test.
     stretches
-        Stretches that are tested about besides.
+        Stretches that are tested as well.
     """
 
     def __init__(
@@ -179,14 +180,14 @@ class Whitened:
     ) -> None:  # fmt: skip
         self._problem, self._textbook, self._noise, self._stretches = problem, textbook, noise, stretches
         self._residuals = problem.residuals(textbook.response)
-        tested = [question for position in range(len(problem.answers)) for question in self._tested(position)]
-        self.questions = tested
+        tested = [test for position in range(len(problem.answers)) for test in self._tested(position)]
+        self.tests = tested
         self._soil = len(precision)
         ends = self._soil + np.cumsum([0] + [each.columns.shape[1] for each in tested])
         self._places = [np.arange(low, high) for low, high in pairwise(ends)]
         extra = np.zeros((len(problem.samples), len(problem.answers), int(ends[-1]) - self._soil))
-        for question, place in zip(tested, self._places, strict=True):
-            extra[:, question.position, place - self._soil] = question.columns
+        for test, place in zip(tested, self._places, strict=True):
+            extra[:, test.position, place - self._soil] = test.columns
         columns = np.concatenate([problem.columns(textbook.response), extra], axis=-1)
         white, _ = problem.whitener(noise, textbook.response).whiten(columns)
         innovations = white[..., 0]
@@ -197,31 +198,31 @@ class Whitened:
         self._information[: self._soil, : self._soil] += precision
 
     def freedom(self, number: int) -> int:
-        """Count the columns of a question."""
+        """Count the columns of a test."""
         return len(self._places[number])
 
     def gain(self, number: int, given: Sequence[int] = ()) -> float:
-        """What a question adds to those given, all by number, in explaining the residuals [nats], the soil refitted."""
+        """Gain of a test over those given, all by number [nats], the soil refitted."""
         base = np.concatenate([np.arange(self._soil), *(self._places[each] for each in given)])
         together = np.concatenate([base, self._places[number]])
         more = self._explained(together) - self._explained(base)
-        return max(more - self.questions[number].chance, 0.0)
+        return max(more - self.tests[number].chance, 0.0)
 
     def spans(self, number: int, given: Sequence[int]) -> _Spans:
-        """Where a question's columns differ from zero, beside those given and on the soil that was found."""
+        """Intervals over which a test's coefficients differ from zero, with those given, on the soil found."""
         own, rest = self._places[number], np.concatenate([np.empty(0, int), *(self._places[each] for each in given)])
         gradient = self._gradient[own]
         if len(rest):
-            beside = scaled_inverse(self._information[np.ix_(rest, rest)]) @ self._gradient[rest]
-            gradient = gradient - self._information[np.ix_(own, rest)] @ beside
+            others = scaled_inverse(self._information[np.ix_(rest, rest)]) @ self._gradient[rest]
+            gradient = gradient - self._information[np.ix_(own, rest)] @ others
         size = np.maximum(np.diag(self._information)[own], 1e-12)
-        return self.questions[number].read(gradient / size, 1.0 / np.sqrt(size))
+        return self.tests[number].read(gradient / size, 1.0 / np.sqrt(size))
 
     def _explained(self, columns: np.ndarray) -> float:
         gradient = self._gradient[columns]
         return 0.5 * float(gradient @ scaled_inverse(self._information[np.ix_(columns, columns)]) @ gradient)
 
-    def _tested(self, position: int) -> list[_Question]:
+    def _tested(self, position: int) -> list[_Test]:
         """Give all that is tested of one channel."""
         samples, sinkage_m = self._problem.samples, self._textbook.response.channels[:, 2]
         tested = [self._constant(position), *(self._steps(each, position) for each in variables(samples, sinkage_m))]
@@ -233,18 +234,18 @@ class Whitened:
             tested.append(self._lag(position))
         return [each for each in tested if each is not None]
 
-    def _constant(self, position: int) -> _Question:
-        """Test whether one channel it is off by the same everywhere."""
+    def _constant(self, position: int) -> _Test:
+        """Test for an offset."""
         unit = self._noise.sd[position]
 
         def read(mean: np.ndarray, error: np.ndarray) -> _Spans:
             size, spread = float(mean[0]), 2.0 * float(error[0])
             return ((size - spread, size + spread, 1.0, size / unit),)
 
-        return _Question(position, CONSTANT, self._problem.seen[:, position].astype(float)[:, None], read)
+        return _Test(position, CONSTANT, self._problem.seen[:, position].astype(float)[:, None], read)
 
-    def _steps(self, variable: Variable, position: int) -> _Question | None:
-        """Test whether one channel it leaves the simulation somewhere along a variable."""
+    def _steps(self, variable: Variable, position: int) -> _Test | None:
+        """Test for a step function of a variable."""
         columns = variable.indicators() * self._problem.seen[:, position][:, None]
         filled = columns.sum(axis=0) >= 1.0
         if filled.sum() < 2:
@@ -267,10 +268,10 @@ class Whitened:
                     spans.append((float(edges[cells[0], 0]), float(edges[cells[-1], 1]), share, level))
             return tuple(span for span in spans if span[2] >= 0.1)
 
-        return _Question(position, variable.name, columns, read)
+        return _Test(position, variable.name, columns, read)
 
-    def _inside(self, stretch: _Stretch, position: int) -> _Question | None:
-        """Test whether one channel it leaves the simulation as what acts over a stretch has it."""
+    def _inside(self, stretch: _Stretch, position: int) -> _Test | None:
+        """Test for what an effect adds over a stretch."""
         adds = stretch.adds[:, self._problem.answers[position]]
         column = np.where(self._problem.seen[:, position], np.nan_to_num(adds), 0.0)
         where = getattr(self._problem.samples.drive, stretch.attribute)
@@ -283,12 +284,12 @@ class Whitened:
             return ((stretch.low, stretch.high, 1.0, float(mean[0]) * unit),)
 
         chance = stretch.chance / len(self._problem.answers)
-        return _Question(
+        return _Test(
             position, public_name(self._problem.samples.drive, stretch.attribute), column[:, None], read, chance
         )
 
-    def _periodic(self, angle: np.ndarray, position: int) -> _Question:
-        """Test whether one channel it repeats with the wheel's rotation; the number of cycles is searched for."""
+    def _periodic(self, angle: np.ndarray, position: int) -> _Test:
+        """Test for a harmonic of the wheel's rotation; the number of cycles is searched for."""
         waves = cycles(angle)
         seen = self._problem.seen[:, position]
         residual = np.where(seen, self._residuals[:, position], 0.0)
@@ -299,12 +300,12 @@ class Whitened:
         def read(mean: np.ndarray, _: np.ndarray) -> _Spans:
             return ((0.0, 2.0 * np.pi / (strongest + 1), 1.0, float(np.hypot(*mean)) / unit),)
 
-        # The strongest of many was picked: each had its chance.
+        # The largest of as many independent exponentials.
         chance = float(np.log(len(power)))
-        return _Question(position, "wheel_angle_rad", waves[:, strongest] * seen[:, None], read, chance)
+        return _Test(position, "wheel_angle_rad", waves[:, strongest] * seen[:, None], read, chance)
 
-    def _lag(self, position: int) -> _Question | None:
-        """Test whether one channel it comes late: whether what is left follows its own rate of change."""
+    def _lag(self, position: int) -> _Test | None:
+        """Test for a delay: residuals in proportion to the rate of change."""
         samples, channel = self._problem.samples, self._problem.answers[position]
         predicted = self._textbook.response.channels[:, channel]
         rate = rate_of_change(predicted, samples.drive.time_s, samples.drive.stretch)
@@ -319,4 +320,4 @@ class Whitened:
             size = float(np.sqrt(np.mean((tau * column) ** 2))) / unit
             return ((tau - spread, tau + spread, 1.0, size),)
 
-        return _Question(position, LAG, column, read)
+        return _Test(position, LAG, column, read)

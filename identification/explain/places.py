@@ -1,4 +1,4 @@
-"""Where along the track the ground seems to be another, before a patch of soil is fitted there."""
+"""Places along the track at which fits of a patch of soil start."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .steps import normal_equations, scaled_inverse
 from .whitening import Noise
 
 _EACH = 2
-"""Stretches that are given for each description of the noise."""
+"""Stretches that are given for each noise."""
 
 _APART = CELLS // 12
 """Two stretches differ where one of their edges does by more than so many cells."""
@@ -28,19 +28,17 @@ _LEAST, _MOST = 5, int(_MOST_OF_ALL * CELLS)
 
 
 def stretches_apart(problem: Problem, fitted: Fitted) -> dict[str, list[np.ndarray]]:
-    """Give parameter vectors (A, B, from, to) of the patches that a fit's residuals ask for most, by what they lie
-    along (`tracks_of`).
+    """Give parameter vectors (A, B, from, to) of the patches that gain most, by what they lie along (`tracks_of`).
 
-    Each pair of edges on a grid is weighed by the gain of the best A and B there, to first order and with everything
-    that was fitted following along: one Gram matrix of the cells' derivatives holds them all. The soil's variation is
-    taken as it was fitted, and as little: what was fitted may have explained the patch already.
+    Each pair of edges on a grid is weighed by the gain of the best A and B there, to first order, the fit following.
+    The ground's variation is taken as it was fitted, and as small: fitted, it may have absorbed the patch.
     """
     drive, noises = problem.samples.drive, (fitted.noise, problem.first_noise)
     edges = {name: _edges(getattr(drive, name)) for name in tracks_of(drive)}
 
-    def weighed(asked: tuple[str, Noise]) -> tuple[np.ndarray, np.ndarray]:
-        name, noise = asked
-        return _gains(*_pulls(problem, fitted, noise, _inside(getattr(drive, name), edges[name])))
+    def weighed(case: tuple[str, Noise]) -> tuple[np.ndarray, np.ndarray]:
+        name, noise = case
+        return _gains(*_scores(problem, fitted, noise, _inside(getattr(drive, name), edges[name])))
 
     found = iter(together(weighed, product(edges, noises)))
     return {name: _apart([next(found) for _ in noises], edges[name]) for name in edges}
@@ -58,7 +56,7 @@ def _inside(where: np.ndarray, edges: np.ndarray) -> np.ndarray:
 
 
 def _apart(weighed: Sequence[tuple[np.ndarray, np.ndarray]], edges: np.ndarray) -> list[np.ndarray]:
-    """Give the patches that are asked for most, a few of each weighing (`_gains`), none of them near another."""
+    """Give the patches that gain most, a few of each weighing (`_gains`), none of them near another."""
     found: list[tuple[int, int]] = []
     answer = []
     for gain, change in weighed:
@@ -75,7 +73,7 @@ def _apart(weighed: Sequence[tuple[np.ndarray, np.ndarray]], edges: np.ndarray) 
     return answer
 
 
-def _pulls(
+def _scores(
     problem: Problem, fitted: Fitted, noise: Noise, inside: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Gradient (2, k) and information (2, k, 2, k) of ln stiffness and ln strength in each cell, the fit following.

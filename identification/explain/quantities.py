@@ -184,7 +184,10 @@ def interval(region: Region) -> str:
     how = shown(region.channel if region.variable == CONSTANT else region.variable)
     if cycles := cycles_a_turn(region):
         return f"{cycles} cycle{'s' if cycles > 1 else ''} a turn of the wheel"
-    return how.with_unit(f"{number(region.start, how.scale)} to {number(region.end, how.scale)}")
+    farthest = max(abs(region.start), abs(region.end)) * how.scale
+    places = 2 - math.floor(math.log10(farthest)) if 0.0 < farthest < math.inf else 0
+    start, end = (number(round(each * how.scale, places) + 0.0) for each in (region.start, region.end))
+    return how.with_unit(f"{start} to {end}")
 
 
 def cycles_a_turn(region: Region) -> int:

@@ -29,21 +29,21 @@ from .whitening import GROSS, Noise
 MOST_EFFECTS = 3
 """Effects of a hypothesis at most."""
 
-MOST_EXPANDED = 4
+MOST_EXPANDED = 6
 """Hypotheses whose neighbours are fitted at most."""
 
 WINDOW = 5.0
 """A hypothesis so far behind the most probable one is not expanded [nats] (Occam's window; D. Madigan, A. E. Raftery,
 J. Am. Stat. Assoc. 89 (1994), 1535-1546)."""
 
-ADDED, SWAPPED, FORMS = 6, 3, 2
+ADDED, SWAPPED, FORMS = 6, 3, 3
 """Effects that are fitted beside an expanded hypothesis and instead of each of its effects, and other forms of that."""
 
 LEAST_GAIN, LEAST_BESIDE, LEAST_SHARE = 2.5, 4.0, 0.1
 """An effect is fitted alone, and beside others, if the score test gives it so many nats, and this share of what it
 gives the best [-]."""
 
-SETTLED = 6
+SETTLED = 8
 """Fits of each round whose noise is fitted, too: those that fit best beside the noise that they began with."""
 
 BEHIND = 50.0
@@ -117,22 +117,32 @@ class Search:
                 self.names.add(effect.name)
 
     def take(self, fits: Iterable[Fitted]) -> None:
-        """Add what was fitted."""
+        """Add what was fitted, or put it in the place of a worse fit of the same forms."""
         for fitted in fits:
             evidence = log_evidence(self.problem, fitted) - self.origin
-            self.hypotheses.append(Hypothesis(fitted.model.effects, fitted, evidence))
+            new = Hypothesis(fitted.model.effects, fitted, evidence)
+            same = next((at for at, each in enumerate(self.hypotheses) if each.names == new.names), None)
+            if same is None:
+                self.hypotheses.append(new)
+            elif fitted.score > self.hypotheses[same].fitted.score:
+                self.hypotheses[same] = new
 
-    def fit_added(self, base: Fitted, effects: Sequence[Effect], quiet: Sequence[Effect] = ()) -> None:
+    def fit_added(
+        self, base: Fitted, effects: Sequence[Effect], *, again: Sequence[Effect] = (), quiet: Sequence[Effect] = ()
+    ) -> None:
         """Fit a model with each of some effects more, where that was not done, and the noise of those that fit best.
 
-        Those of `quiet` begin in ground that hardly varies, too: its variation may have explained what they would.
+        Those of `again` are fitted beside this noise even if they were beside another one. Those of `quiet` begin in
+        ground that hardly varies, too: its variation may have explained what they would.
         """
-        starts = [(base.noise, effect) for effect in effects if not self.has((*base.model.effects, effect))]
+        new = [effect for effect in effects if not self.has((*base.model.effects, effect))]
+        starts = [(base.noise, effect) for effect in (*new, *again)]
         calm = replace(self.problem.quiet_noise, smooth=base.noise.smooth)
         held = together(lambda start: add_effect(self.problem, base, *start), starts)
         held_quiet = together(partial(add_effect, self.problem, base, calm), quiet)
         highest = max(each.score for each in (*(each.fitted for each in self.hypotheses), *held))
-        first = [each for each in _leading(held) if each.score > highest - BEHIND]
+        first = [*_leading(held[: len(new)]), *held[len(new) :]]
+        first = [each for each in first if each.score > highest - BEHIND]
         best: dict[str, Fitted] = {}
         for each in (*held, *together(partial(settle, self.problem), [*first, *_leading(held_quiet)])):
             name = each.model.effects[-1].name
@@ -205,7 +215,7 @@ def _fit_alone(found: Search) -> None:
     if base.noise.spread.max() > 2.0 * QUIET:
         calm = problem.quiet()
         quiet = _first(calm, fit(calm, base.model, base.vector, None, Entry(base.theta_1)), found.catalogue, ADDED)
-    found.fit_added(base, [effect for effect, fits in zip(found.catalogue, wanted, strict=True) if fits], quiet)
+    found.fit_added(base, [effect for effect, fits in zip(found.catalogue, wanted, strict=True) if fits], quiet=quiet)
     for effect, gain, fits in zip(found.catalogue, gains, wanted, strict=True):
         if not fits and effect not in quiet:
             found.passed[effect.name] = float(gain)
@@ -222,16 +232,19 @@ def _expand(found: Search, base: Hypothesis) -> None:
         same = [each for each in found.catalogue if each.slug == effect.slug and each.name != effect.name]
         derived = effect.extensions()
         found.consider(derived)
-        forms = [*_ranked(problem, bare, same)[:FORMS], *derived]
-        found.fit_added(bare, [*_first(problem, bare, others, SWAPPED), *forms])
+        forms = _ranked(problem, bare, same)[:FORMS]
+        found.fit_added(bare, _first(problem, bare, others, SWAPPED), again=[*forms, *derived])
     if len(base.effects) < MOST_EFFECTS:
         others = [each for each in found.catalogue if each.slug not in base.slugs]
         found.fit_added(base.fitted, _first(problem, base.fitted, others, ADDED))
 
 
 def _leading(fits: Iterable[Fitted]) -> list[Fitted]:
-    """Give the fits whose noise is worth fitting."""
-    return sorted(fits, key=lambda each: -each.score)[:SETTLED]
+    """Give the fits whose noise is worth fitting: the best form of each effect."""
+    best: dict[str, Fitted] = {}
+    for each in sorted(fits, key=lambda each: -each.score):
+        best.setdefault(each.model.effects[-1].slug, each)
+    return list(best.values())[:SETTLED]
 
 
 def _first(problem: Problem, base: Fitted, effects: Sequence[Effect], most: int) -> list[Effect]:

@@ -1,4 +1,4 @@
-"""Another simulator's output: what the recording differs from it by, and effects as differences to it."""
+"""Another simulator's output: its residuals, and effects as differences from it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _LEAST_SHARE = 0.5
 """Share of the rows that the other simulator has to answer in [-]."""
 
 _SAME_LOAD, _SAME_SLIP = 0.01, 0.005
-"""Another load, as a share of it, and another slip are told where they differ by more than so much (median) [-]."""
+"""Median differences in load, as a share, and in slip, above which a note reports them [-]."""
 
 
 def as_differences(samples: Samples, source: str | Path) -> tuple[Samples, np.ndarray]:
@@ -31,8 +31,8 @@ def as_differences(samples: Samples, source: str | Path) -> tuple[Samples, np.nd
 
     The textbook wheel is fitted to what the other simulated, at the load and slip that this did it for, which have no
     errors; what it misses of that is taken off the recording. An effect then counts by its difference: our model with
-    it minus our model without. What the other simulator misses is reckoned at the load and slip recorded: where it ran
-    at others, the textbook wheel tells what that makes. `source` is the simulator's file.
+    it minus our model without. What the other simulator misses is computed at the recorded load and slip: where it ran
+    at others, by the textbook wheel. `source` is the simulator's file.
     """
     if samples.simulated is None:
         raise ValueError("no simulated channels attached")
@@ -44,7 +44,7 @@ def as_differences(samples: Samples, source: str | Path) -> tuple[Samples, np.nd
     seen = np.asarray(np.isfinite(imitated.measured[:, answers]).any(axis=1))
     if seen.sum() < _LEAST_SHARE * len(samples):
         raise InputError(
-            source, f"has values of a wheel that carries load and moves for {int(seen.sum())} of {len(samples)} rows",
+            source, f"has values of a wheel that carries load and moves in {int(seen.sum())} of {len(samples)} rows",
             expected="the whole drive, as often as it was recorded",
         )  # fmt: skip
     apart = imitated.measured[:, answers] - samples.measured[:, answers]
@@ -84,8 +84,8 @@ def _another_drive(samples: Samples, simulated: np.ndarray) -> list[str]:
         return []
     return [
         "the other simulator ran at another load or slip than was recorded (medians of the differences: "
-        f"{100.0 * load:.2g} % of the load, {slip:.2g} of slip): what that makes is told by the textbook wheel fitted "
-        "to it, and is no part of the errors"
+        f"{100.0 * load:.2g} % of the load, {slip:.2g} of slip): the errors are corrected for it by the textbook "
+        "wheel fitted to that simulator"
     ]
 
 

@@ -169,7 +169,7 @@ def _edges(values: np.ndarray) -> np.ndarray:
 
 
 def span_of(angle: np.ndarray) -> float:
-    """How far angles (n,) go, those that start anew each turn put together [rad]."""
+    """How far angles (n,) go, those that start at zero each turn unwrapped [rad]."""
     known = angle[np.isfinite(angle)]
     return float(np.ptp(np.unwrap(known))) if known.size else 0.0
 

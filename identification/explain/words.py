@@ -41,7 +41,7 @@ _OPENINGS = {"physics": "Missing: ", "unknown": "Missing: ", "instrument": "Faul
 
 
 def headline(explanation: Explanation) -> str:
-    """Give the answer, and how sure it is."""
+    """Give the answer with its probability; if undecided, with the measurement that decides."""
     missing = explanation.missing
     if not missing:
         return _nothing(explanation)
@@ -60,19 +60,31 @@ def headline(explanation: Explanation) -> str:
 
 
 def _beyond_catalogue(missing: Sequence[Missing]) -> str:
-    """Say that the catalogue lacks something, and which effects fit best as long as that is not in the model."""
+    """Say that the catalogue lacks something, and which of its effects are probable in the incomplete model."""
+    known = [each for each in missing if each.kind != "unknown"]
     parts = [f"Missing: {listed(_named(each for each in missing if each.kind == 'unknown'))}."]
-    if named := _named(each for each in missing if each.kind != "unknown"):
-        parts.append(f"With it, and only as far as it is modelled by a smooth discrepancy: {listed(named)}.")
+    sure = _named(each for each in known if each.probability >= ASSERTED)
+    possible = _named(each for each in known if each.probability < ASSERTED)
+    named = [listed(sure)] if sure else []
+    if possible:
+        named.append(f"possibly {listed(possible, 'or')}")
+    if named:
+        parts.append(f"Provisional until that is identified: {'; '.join(named)}.")
     return " ".join(parts)
 
 
 def details(explanation: Explanation) -> str:
-    """Say what happens, what modelling it gains, what to do, and where it is located; what to do first if undecided."""
-    sure = [each for each in explanation.missing if each.probability >= ASSERTED]
-    action, described = _action(explanation.missing), [_happens(each) for each in sure]
-    parts = [*described, _errors(explanation), action] if sure else [action, _errors(explanation)]
-    parts.append(_located(explanation.located))
+    """Say what happens, what modelling it gains, what to do, and where the difference is largest."""
+    described = [each for each in explanation.missing if each.probability >= ASSERTED]
+    if explanation.verdict == "unknown":
+        described = [each for each in explanation.missing if each.kind == "unknown"]
+    errors, happens = _errors(explanation), [_happens(each) for each in described]
+    if len(described) == 1 and errors and _is_asserted(explanation):
+        happens, errors = [_gains(described[0], errors)], ""
+    elif errors:
+        errors = f"{capital(_modelled(explanation))} {errors}."
+    action = _action(explanation.missing) if described else ""
+    parts = [*happens, errors, action, _located(explanation.located)]
     return " ".join(part for part in parts if part)
 
 
@@ -86,13 +98,13 @@ def trust(explanation: Explanation) -> str:
     far = above_noise(explanation)
     worse = any(fit.rmse_after > WORSE * fit.rmse_before for fit in explanation.fits.values())
     sure = all(each.probability >= ASSERTED and each.kind != "unknown" for each in explanation.missing)
-    prediction = "held-out rows are predicted to within noise"
+    prediction = "within noise on held-out rows"
     if far:
-        prediction = f"the held-out error is {_times(far)}, so the form of the model is incomplete"
+        prediction = f"the held-out error is {_times(far)}: the form of the model is incomplete"
     if sure and not far and (explanation.verdict == "none" or not worse):
         parameters = "usable with their standard deviations, if the sensors' zeros and gains are right"
     else:
-        parameters = "those of the best fit, not measurements of the soil; another form may fit as well with others"
+        parameters = "those of the best fit; another form of the model may fit as well with other values"
     return f"Prediction: {prediction}. Parameters: {parameters}."
 
 
@@ -117,9 +129,9 @@ def missing_lines(missing: Missing) -> list[str]:
     kind = KINDS.get(missing.kind, missing.kind)
     source = f"; {missing.source}" if missing.source else ""
     further = {
-        "where": missing.description,
+        "where": columns_in_words(missing.description),
         "indistinguishable from": ", ".join(map(effect, missing.indistinguishable_from)),
-        "to decide": missing.would_tell,
+        f"to {aim(missing)}": _measurement(missing),
     }
     return [
         f"{capital(name_of(missing))} ({missing.effect}{form}; {kind}): {percent(missing.probability)}",
@@ -178,30 +190,47 @@ def _nothing(explanation: Explanation) -> str:
 
 
 def _undecided(missing: Sequence[Missing]) -> str:
-    named = _named(missing)
+    """Name the possible causes, and the measurement that decides between them."""
+    named, decisive = _named(missing), _decisive(missing)
     if len(named) == 1:
-        return f"Cannot tell whether it is {named[0]}."
-    if sum(each.probability for each in missing) > 1.0:
-        return f"Cannot tell which are missing, one or several: {listed(named, 'or')}."
-    return f"Cannot tell between {listed(named)}."
+        answer = f"Possibly missing: {named[0]}"
+    elif sum(each.probability for each in missing) > 1.0:
+        answer = f"Cannot tell which are missing, one or several: {listed(named, 'or')}"
+    else:
+        answer = f"Cannot tell between {listed(named)}"
+        if decisive is not None:
+            return f"{answer}: {_measurement(decisive)}."
+    return f"{answer}. {_action(missing)}".rstrip()
 
 
-def _happens(missing: Missing) -> str:
-    """Say what an effect does, with its parameters; of the unknown, where it lives."""
-    what = what_happens(missing.effect)
+def _what(missing: Missing) -> str:
+    """Say in a clause what an effect does; of the unknown, in which channels it is and what it varies with."""
     if missing.kind == "unknown":
-        what = columns_in_words(missing.description)
-    elif channel := _channel(missing):
-        what = what.replace("a channel", f"the {channel}")
+        return columns_in_words(missing.description) or name_of(missing)
+    what, channel = what_happens(missing.effect), _channel(missing)
+    return (what.replace("a channel", f"the {channel}") if channel else what) or name_of(missing)
+
+
+def _values(missing: Missing) -> str:
+    """Give the first parameters of an effect with standard deviations, and how many more there are."""
     values = [estimate(name, value) for name, value in missing.parameters.items()]
     if len(values) > _PARAMETERS:
         values[_PARAMETERS:] = [f"{len(values) - _PARAMETERS} more"]
-    sentence = " ".join(each for each in (what or name_of(missing), f"({', '.join(values)})" if values else "") if each)
-    return f"{capital(sentence)}."
+    return ", ".join(values)
+
+
+def _happens(missing: Missing) -> str:
+    values = _values(missing)
+    return f"{capital(_what(missing))}{f' ({values})' if values else ''}."
+
+
+def _gains(missing: Missing, errors: str) -> str:
+    """Say what an effect does and what modelling it changes, in one sentence."""
+    return f"{capital(_what(missing))}; with {_values(missing) or 'it'} {errors}."
 
 
 def _errors(explanation: Explanation) -> str:
-    """Say by how much held-out errors change with what was found."""
+    """Say in a clause by how much held-out errors change with what was found; empty where they do not."""
     falls, rises = [], []
     ratios = {name: _ratio(fit.rmse_after, fit.rmse_before) for name, fit in explanation.fits.items()}
     for name, ratio in sorted(ratios.items(), key=lambda pair: pair[1])[:_CHANNELS]:
@@ -211,39 +240,70 @@ def _errors(explanation: Explanation) -> str:
             rises.append(_change(name, explanation.fits[name]))
     if explanation.verdict == "none" or not falls + rises:
         return ""
-    parts = [f"falls: {', '.join(falls)}"] * bool(falls) + [f"rises: {', '.join(rises)}"] * bool(rises)
-    return f"With {_modelled(explanation)} the held-out error {'; it '.join(parts)}."
+    parts = [f"{verb} {listed(changes)}" for verb, changes in (("falls", falls), ("rises", rises)) if changes]
+    return f"the held-out error {' and '.join(parts)}"
 
 
 def _change(name: str, fit: ChannelFit) -> str:
     how = shown(name)
     before, after = number(fit.rmse_before, how.scale), number(fit.rmse_after, how.scale)
     noise = " (the noise)" if _ratio(fit.rmse_after, fit.noise) <= AT_NOISE else ""
-    return f"{how.words} from {before} to {how.with_unit(after)}{noise}"
+    return f"from {before} to {how.with_unit(after)}{noise} in {how.words}"
+
+
+def _is_asserted(explanation: Explanation) -> bool:
+    """Say whether the model whose held-out errors are shown holds what is asserted, and nothing else."""
+    sure = {each.effect for each in explanation.missing if each.probability >= ASSERTED}
+    effects = {each.slug for each in explanation.simulator.effects}
+    return bool(effects) and effects == sure and not _smooth(explanation)
+
+
+def _smooth(explanation: Explanation) -> bool:
+    return any(each.kind == "unknown" and each.probability > 0.5 for each in explanation.missing)
 
 
 def _modelled(explanation: Explanation) -> str:
-    """Name the model whose held-out errors are shown, where it is not what is asserted."""
-    effects = explanation.simulator.effects
-    sure = {each.effect for each in explanation.missing if each.probability >= ASSERTED}
-    smooth = any(each.kind == "unknown" and each.probability > 0.5 for each in explanation.missing)
-    if not smooth and effects and {each.slug for each in effects} == sure:
-        return "it" if len(sure) == 1 else "them"
-    named = [effect(each.name) for each in effects] + ["a smooth discrepancy"] * smooth
-    if not effects:
-        return named[0] if smooth else "what fits best"
-    return f"the most probable set, {listed(named)},"
+    """Name the model whose held-out errors are shown."""
+    if _is_asserted(explanation):
+        return "with them"
+    named = [effect(each.name) for each in explanation.simulator.effects]
+    named += ["a smooth discrepancy"] * _smooth(explanation)
+    return f"with the most probable model{f', {listed(named)},' if named else ''}"
+
+
+_NOTHING_SEPARATES = (
+    "No further channel, soil test, other load, slip or speed, or check of an instrument is expected to separate them."
+)
+
+
+def _decisive(missing: Sequence[Missing]) -> Missing | None:
+    """Give what to measure first for: something probable that the catalogue lacks, else an effect in doubt, else one
+    that is asserted; None where nothing decides.
+    """
+
+    def rank(each: Missing) -> tuple[bool, bool, bool]:
+        unknown = each.kind == "unknown"
+        return not (unknown and each.probability > 0.5), each.probability >= ASSERTED, unknown
+
+    return min((each for each in missing if each.would_tell), key=rank, default=None)
+
+
+def aim(missing: Missing) -> str:
+    """Say what a measurement is for: to identify something unknown, to check an asserted effect, or to decide."""
+    return "identify it" if missing.kind == "unknown" else "check" if missing.probability >= ASSERTED else "decide"
+
+
+def _measurement(missing: Missing) -> str:
+    return columns_in_words(missing.would_tell) if missing.kind == "unknown" else missing.would_tell
 
 
 def _action(missing: Sequence[Missing]) -> str:
     """Say which measurement or check decides."""
-    proposed = sorted((each for each in missing if each.would_tell), key=lambda each: each.probability >= ASSERTED)
-    if not proposed:
-        return ""
-    first = proposed[0]
-    if first.kind == "unknown":
-        return f"To find it: {columns_in_words(first.would_tell)}."
-    return f"To {'check' if first.probability >= ASSERTED else 'decide'}: {first.would_tell}."
+    first = _decisive(missing)
+    if first is None:
+        undecided = any(each.probability < ASSERTED and each.indistinguishable_from for each in missing)
+        return _NOTHING_SEPARATES if undecided else ""
+    return f"To {aim(first)}: {_measurement(first)}."
 
 
 def _located(regions: Sequence[Region]) -> str:

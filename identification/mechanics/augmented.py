@@ -33,7 +33,7 @@ class Response:
     """What the simulator answers: channels (n, 5) as `textbook.CHANNELS`, and the entry angle (n,) [rad].
 
     With derivatives by the parameter vector (n, 5, p), by the true load [N] and slip (n, 5, 2), and by the logarithms
-    of the ground's stiffness and strength (n, 5, 2), where they were asked for. Rows whose load is not carried are NaN.
+    of the ground's stiffness and strength (n, 5, 2), where requested. Rows whose load is not carried are NaN.
     Of the entry angle then, too: its derivatives by the parameters (n, p), and the power of it with which the load that
     is carried grows (n,).
     """

@@ -2,7 +2,7 @@
 
 Between two integrations of all stresses each field of a contact is taken to follow a power of the entry angle. That is
 exact for what does not change (0) and for angles in a fixed proportion (1), so that nearly all models are solved by it;
-of the others the contact is laid out anew, and the search goes on from there.
+the others are laid out again at the angle found, and the search continues.
 """
 
 from __future__ import annotations
@@ -156,7 +156,7 @@ def _powers(contact: np.ndarray, lay_out: Callable[[np.ndarray], np.ndarray]) ->
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = there[:, f] / contact[:, f]
             power = np.where((ratio > 0.0) & np.isfinite(ratio), np.log(ratio) / math.log1p(_STEP), 0.0)
-        # Those that are exact are told from their differences' rounding.
+        # Exact powers, but for the rounding of the differences.
         whole = np.round(power)
         answer[:, f] = np.where(np.abs(power - whole) < _ROUNDING, whole, power)
     return answer
@@ -181,8 +181,8 @@ def _approach(
     """Move the contacts (n, f) that are `off` (n,) to where they carry their load, but for little.
 
     They carry it by a coarse rule first. Forces (n, 3) that are `known` of a contact where it is narrow its `bracket`
-    (n, 2), and tell by which factor that rule is wrong; where none are known one step by the fine rule follows. The
-    angle and the forces that the move was reckoned from are left in `before` (n, 4). Where brackets are to `halve`,
+    (n, 2), and correct that rule by a factor; where none are known one step by the fine rule follows. The angle and the
+    forces that the move was computed from are left in `before` (n, 4). Where brackets are to `halve`,
     contacts go to the middle of theirs. Contacts that carry too little, or too much, at either end of what entry angles
     may be are given up.
     """

@@ -1,8 +1,8 @@
 """The driven wheel with the freedom of form that is reported in the literature: nuisance physics for an honest fit.
 
 Where the textbook's form is rejected, its five parameters have to bend to what it leaves out, and their intervals,
-which take the form for granted, miss the truth. Here the form itself is uncertain: a few numbers that describe how
-wheels on real soil depart from the textbook, each with a prior as wide as what has been published, are estimated beside
+conditional on the form, miss the truth. Here the form itself is uncertain: a few numbers that describe how
+wheels on real soil depart from the textbook, each with a prior as wide as what has been published, are estimated with
 the soil and carried into its intervals. A discrepancy without knowledge of the physics does not give the parameters
 back (J. Brynjarsdottir, A. O'Hagan, Inverse Problems 30 (2014) 114007, Sec. 4). The textbook is the point where every
 freedom has its textbook value.
@@ -19,7 +19,7 @@ from ...framework.core.soil import PARAMETERS
 from ...framework.core.vehicle import Wheel
 from . import fields
 from .soil import from_internal, to_internal
-from .textbook import PEAK_SHARE, Prediction, contact_array, predicted, standing, started
+from .textbook import PEAK_SHARE, Prediction, contact_array, in_equilibrium, predicted, started
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class FlexibleWheel:
         moving = (share > _SMALLEST_SHARE) & (share < _LARGEST_SHARE)
         start[:, fields.THETA_2] = -exit_share * start[:, fields.THETA_1]
         start[:, fields.THETA_M] = np.clip(share, _SMALLEST_SHARE, _LARGEST_SHARE) * start[:, fields.THETA_1]
-        found, by_angle = standing(start, imposed, self.wheel)
+        found, by_angle = in_equilibrium(start, imposed, self.wheel)
         contact, slopes, forces = found.contact, found.slopes, found.forces
         angle = contact[:, fields.THETA_1]
 

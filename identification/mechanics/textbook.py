@@ -183,10 +183,9 @@ def started(theta_1: np.ndarray) -> np.ndarray:
     return np.where(usable, theta_1, USUAL_ENTRY_ANGLE)
 
 
-def standing(contact: np.ndarray, imposed: np.ndarray, wheel: Wheel) -> tuple[Equilibrium, np.ndarray]:
-    """Let contacts whose angles stay in proportion carry the load imposed; with the forces' derivatives by the angle.
-
-    The latter are (n, 3), and the entry angle is the only thing that changes.
+def in_equilibrium(contact: np.ndarray, imposed: np.ndarray, wheel: Wheel) -> tuple[Equilibrium, np.ndarray]:
+    """Equilibrium of contacts whose angles stay in proportion, and the derivatives (n, 3) of its forces by the entry
+    angle alone.
     """
     found = carry(contact, imposed[:, 0], wheel.width_m, near=True, sloped=True)
     by_angle = found.slopes[:, :, fields.THETA_1].copy()
@@ -256,7 +255,7 @@ class TextbookWheel:
     def predict(self, imposed: np.ndarray, vector: np.ndarray, theta_1: np.ndarray) -> Prediction:
         """Predict W [N], T [N m], z [m], i [-], DP [N]: see `Prediction`."""
         soil = [*vector[:2], *np.exp(vector[2:])]
-        found, by_angle = standing(
+        found, by_angle = in_equilibrium(
             contact_array(started(theta_1), imposed[:, 1], soil, self.wheel), imposed, self.wheel
         )
         direct = np.zeros((len(imposed), 3, 2 + len(soil)))

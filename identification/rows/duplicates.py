@@ -12,7 +12,7 @@ _BY_CHANCE = 0.25
 """Pairs of rows that miss each other by the last digit of one channel, as a share of those that are equal, from which
 on coarse readings may be equal by chance [-]. Of a reading that is equal in a share p of its repeats at least
 (1 - p) / p as many miss by one step: 0.25 where four of five are equal. Readings still coarser round all repeats to the
-same number, and tell no more than one of them."""
+same number, and carry no more information than one of them."""
 
 _MOST_NAMED = 4
 """Runs or times of rows left out that a finding names; the others are counted."""
@@ -41,7 +41,7 @@ def without_duplicates(table: WheelTable) -> tuple[WheelTable, Finding | None]:
         return table, None
     rows = np.flatnonzero(np.any(answered, axis=0))
     names = [name for name in WHEEL_COLUMNS if name in table]
-    # Rows are told apart by sums: two that differ have the same one once in 2^64.
+    # Rows are compared by 64-bit sums, which are equal by chance once in 2^64.
     parts = [_parts(table[name][rows], seed) for seed, name in enumerate(names)]
     whole = np.sum(parts, axis=0, dtype=np.uint64)
     _, first, which, counts = np.unique(whole, return_index=True, return_inverse=True, return_counts=True)

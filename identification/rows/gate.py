@@ -1,7 +1,8 @@
 """Where a drive is quasi-static enough for the wheel to be an instrument, and why not where it is not.
 
 The wheel-soil equations are static (Iagnemma & Dubowsky 2002, Sec. 3: valid at low speed). The gate closes where
-inertia, an immobilised or braked wheel, ground too hard to feel, or a rut of an earlier wheel would be taken for soil.
+inertia, an immobilised or braked wheel, ground too hard to sink into, or a rut of an earlier wheel would pass for
+soil.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ class Limits:
         A braked wheel pushes soil before it, which the driven wheel's equations leave out; beyond `most_slip` the wheel
         digs and the contact is not steady [-].
     least_sinkage, most_sinkage
-        In radii [-]: ground that does not yield is not felt; a buried wheel touches with more than its rim.
+        In radii [-]: ground that does not yield shows no soil; a buried wheel touches with more than its rim.
     slip_angle_rad
         Straight ahead, within 2 degrees.
     least_s, least_rows
@@ -93,14 +94,14 @@ def quasi_static(table: WheelTable, wheel: Wheel, limits: Limits = LIMITS) -> np
 
 
 def balanced(reasons: np.ndarray) -> np.ndarray:
-    """Tell rows (n,) whose forces balance, by why each is not used (n,): those that are, and those only braked."""
+    """Rows (n,) whose forces balance, by why each is not used (n,): those that are used, and those only braked."""
     return np.array([reason == "" or str(reason).startswith("braked") for reason in reasons], dtype=bool)
 
 
 def _checks(table: WheelTable, wheel: Wheel, limits: Limits) -> Iterator[tuple[str, np.ndarray]]:
     seen = {name: np.isfinite(table[name]) if name in table else np.zeros(len(table), bool) for name in CHANNELS}
     slip, sinkage = table.get("slip"), table.get("sinkage_m")
-    yield "standing", stands(table)
+    yield "at standstill", stands(table)
     yield "slip was not observed", ~seen["slip"]
     yield "neither load nor sinkage was observed", ~(seen["load_N"] | seen["sinkage_m"])
     yield "fewer than three channels were observed", np.sum(list(seen.values()), axis=0) < 3
@@ -124,12 +125,12 @@ def _checks(table: WheelTable, wheel: Wheel, limits: Limits) -> Iterator[tuple[s
     if sinkage is not None:
         shallow, deep = limits.least_sinkage * wheel.radius_m, limits.most_sinkage * wheel.radius_m
         smooth = running_median(sinkage, 11) if "time_s" in table else sinkage
-        yield f"ground too hard to feel (sinkage below {1000 * shallow:.1f} mm)", smooth < shallow
+        yield f"ground too hard to sink into (sinkage below {1000 * shallow:.1f} mm)", smooth < shallow
         yield f"wheel buried (sinkage above {1000 * deep:.0f} mm)", smooth > deep
 
 
 def _backwards(table: WheelTable, wheel: Wheel) -> np.ndarray:
-    """Tell rows, (n,), in which rim and travel, as far as they were measured, both go backwards.
+    """Rows, (n,), in which rim and travel, as far as they were measured, both go backwards.
 
     Torque and pull have the other sign there, which no soil gives them, and the ground is what the wheel has compacted
     before where it goes back the way that it came.
@@ -151,7 +152,7 @@ def _smooth_speed(table: WheelTable, wheel: Wheel) -> np.ndarray | None:
 
 
 def _rate(time_s: np.ndarray, speed: np.ndarray) -> np.ndarray:
-    """Rate of change [1/s] over about half a second, (n,); zero where the stretch is too short to tell."""
+    """Rate of change [1/s] over about half a second, (n,); zero where the stretch is too short."""
     step = float(np.median(np.diff(time_s))) if len(time_s) > 2 else 0.0
     if not (step > 0.0 and np.isfinite(speed).all()):
         return np.zeros(len(speed))

@@ -1,4 +1,4 @@
-"""Wheels that the rows describe themselves, in columns radius_m and width_m: in place of a vehicle, or beside one."""
+"""Wheels that the rows describe themselves, in columns radius_m and width_m, without a vehicle or with one."""
 
 from __future__ import annotations
 

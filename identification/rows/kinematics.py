@@ -13,20 +13,19 @@ from ...framework.core.vehicle import Wheel
 from .trials import is_of_trials
 
 _PARTS, _LEAST_ROWS = 10, 20
-"""Parts of a drive in each of which a disagreement has to show, so that it is not noise (to the same side by chance
-once in 512, where parts err independently), and how many rows, or pairs of rows, that takes."""
+"""Parts of a drive in each of which a disagreement has to show (by chance to the same side once in 512), and fewest
+rows, or pairs of rows."""
 
 _FAR = 0.02
-"""A difference of slip that matters [-]."""
+"""Least difference of slip for a finding [-]."""
 
 _TURNED_RAD, _MOST_TURNED_RAD = 0.8, 4.0
-"""How far the wheel turns between the rows that are compared, far enough that an encoder's steps hardly matter; and at
-most, where rows lie farther apart. Of an angle that starts anew with each turn a quarter of the pairs or more are then
-at odds with the others, and nothing is said, unless it has done so in few of them."""
+"""Least rotation between the rows compared, many steps of an encoder, and the largest, where rows lie farther apart. Of
+an angle that returns to zero each turn a quarter of the pairs or more then disagree, and there is no finding."""
 
 _FACTOR, _STEADY = 1.25, 0.1
-"""A factor, or one over it, that is no encoder's coarseness; how far from the median the middle half of the pairs lies
-at most, and each part of the drive, as a share [-]."""
+"""Factor, or its inverse, beyond the resolution of an encoder; largest relative deviation from the median of the middle
+half of the pairs, and of each part of the drive [-]."""
 
 _ALIKE = 0.1
 """Share within which a factor is that of a unit [-]."""
@@ -37,7 +36,7 @@ _OF_SPEED = {
     "turns a minute": math.pi / 30.0,
     "degrees a second": math.pi / 180.0,
 }
-"""What the angle's rate over the speed is where the angle, or the speed, is in another unit."""
+"""Ratio of the angle's rate to the speed where the angle, or the speed, is in another unit [-]."""
 
 _FROM_TRAVEL = "travel_speed_m_s and slip"
 
@@ -91,7 +90,7 @@ def _by_part(values: np.ndarray) -> np.ndarray:
 def angle_disagreement(table: WheelTable, wheel: Wheel) -> Finding | None:
     """Doubt an angle that goes on faster or slower than the wheel turns by a constant factor: ``angle_disagrees``.
 
-    An angle that starts anew with each turn, or is counted backwards, agrees.
+    An angle that returns to zero each turn, or is counted backwards, agrees.
 
     Parameters
     ----------

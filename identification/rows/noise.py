@@ -67,7 +67,7 @@ def noise_from_neighbours(table: WheelTable, values: np.ndarray) -> float:
 
 
 def noise_of_series(series: Iterable[np.ndarray]) -> float:
-    """Noise of stretches of neighbours in time, as `noise_from_neighbours`; NaN where too few tell."""
+    """Noise of stretches of neighbours in time, as `noise_from_neighbours`; NaN where there are too few."""
     second = np.concatenate([np.empty(0), *(np.diff(values, 2) for values in series)])
     second = second[np.isfinite(second)]
     return _of_second(second) if second.size >= _FEWEST_DIFFERENCES else float("nan")

@@ -81,7 +81,7 @@ def _of_vehicle(recording: Recording, every_row: bool) -> SelectedRows:
         raise InputError(
             recording.source,
             "no wheel geometry",
-            expected="vehicle.toml beside the recording, --vehicle, or columns radius_m and width_m",
+            expected="vehicle.toml in the recording, --vehicle, or columns radius_m and width_m",
         )
     vehicle = recording.vehicle
     assert recording.wheel is not None
@@ -89,7 +89,7 @@ def _of_vehicle(recording: Recording, every_row: bool) -> SelectedRows:
     if every_row and others:
         raise InputError(
             recording.source, f"{others.values['used']} of {others.values['n']} rows are of the vehicle's wheel",
-            expected="rows of the vehicle's wheel only, beside another file",
+            expected="rows of the vehicle's wheel only, to compare with another file",
         )  # fmt: skip
     table, duplicates, unsteady = with_standstill(table), None, list[Finding]()
     if not every_row:

@@ -16,12 +16,12 @@ from .noise import measured_noise
 from .trials import is_of_trials, without_time
 
 _RANGES, _LOADS, _LARGEST_SLIP = 10.0, 3.0, 1.0
-"""Standard deviations beyond which no sensor tells anything: ranges of what answers, largest loads, and slips [-]. A
-load may be held, and a slip, so that their ranges say nothing. The smallest range of 1164 channels whose noise others
-stated is 12 standard deviations."""
+"""Largest noise of a sensor: as a multiple of the range of torque, sinkage or pull, of the largest load; a slip [-].
+Load and slip may be held constant, so that their ranges do not count. The smallest range of 1164 channels whose noise
+was stated is 12 standard deviations."""
 
 _FEWEST = 5
-"""Rows of which the range says something."""
+"""Fewest rows whose range counts."""
 
 _SAME_LOAD, _SAME_SLIP = 0.1, 0.03
 """Share of a load [-], and slip, within which trials are repeats of one."""
@@ -92,7 +92,7 @@ def check_stated_noise(table: WheelTable, vehicle: Vehicle, ignore: Collection[s
 
 
 def _check_size(name: str, stated: float, seen: np.ndarray, table: WheelTable, vehicle: Vehicle) -> None:
-    """Refuse a noise beside which the values seen (m,) of a channel are nothing."""
+    """Refuse a noise that exceeds the values seen (m,) of a channel."""
     size, what = _RANGES * float(np.ptp(seen)), f"ranges from {seen.min():.6g} to {seen.max():.6g}"
     if name == "load_N":
         size, what = _LOADS * float(np.max(np.abs(seen))), f"is {np.max(np.abs(seen)):.3g} at most"

@@ -13,38 +13,37 @@ from .steady_runs import FEWEST_RUNS, Runs, steady_runs
 from .stops import without_stops
 
 _ONE_RATE = 0.2
-"""Share of the usual time from row to row by which a run's may differ [-]."""
+"""Relative difference of a run's time step from the usual one, at most [-]."""
 
 _STEPS = 5.0
-"""Standard deviations by which a channel steps that would show whether it settles after it [-]."""
+"""Standard deviations of the steps of a channel that would show a settling after them [-]."""
 
 _FIRST = 0.05
-"""Share of a run by which it is told that its first rows are off [-]."""
+"""Share of a run that is tested for first rows that are off [-]."""
 
 _OFF, _ALIKE, _SURE = 2.0, 0.6, 2.4
-"""Standard deviations by which first rows are off in the mean of their squares, the share of that by which all are off
-the same way, and how many standard errors that share is [-]."""
+"""Least root mean square of the first rows' deviations [standard deviations], share of it that is common to all runs,
+and that share's standard errors [-]."""
 
 _SETTLED = 0.3
-"""Standard deviations that are no longer off [-]."""
+"""Standard deviations from which on a row is off [-]."""
 
 _FLAT, _SHORTEST = 0.12, 5
-"""What goes on in the rest of the run, as where a sensor drifts, as a share of what it began with [-]; and rows in
-which a settling shows."""
+"""Largest change over the rest of the run, as of a sensor that drifts, as a share of the first deviation [-]; fewest
+rows of a settling."""
 
 _STAYS = 1.2
-"""Widths of its edge by which a patch of other ground goes on from the start [-]."""
+"""Least length of a patch of other ground at the start of a run, in widths of its edge [-]."""
 
 _LEAST, _LEAST_IMPOSED = 1e-4, 0.01
-"""Scatter that counts at least, of an answer and of what is imposed, as shares of their levels: that of a command, say,
-is none [-]."""
+"""Least scatter of an answer and of what is imposed, as shares of their levels, for channels without noise [-]."""
 
 _MARGIN = 1.25
-"""Times which so long is left out."""
+"""Factor on the length of the settling that is left out [-]."""
 
 
 def only_steady(table: WheelTable) -> tuple[WheelTable, list[Finding]]:
-    """Leave out where the wheels of a test at constant slips start, settle and stop.
+    """Leave out the rows in which the wheels of a test at constant slips start, settle and stop.
 
     Parameters
     ----------
@@ -109,15 +108,15 @@ def without_settling(table: WheelTable, *, started: bool = False) -> tuple[Wheel
 
 
 def _imposed(table: WheelTable, runs: Runs) -> bool:
-    """Say whether load, slip or a speed settles, too: what the answers do then may follow from it."""
+    """Say whether load, slip or a speed settles, too: then the answers may follow it."""
     names = ("load_N", "slip", "wheel_speed_rad_s", "travel_speed_m_s")
     seen = [runs.of(table[name]) for name in names if name in table]
     return any(_settling(values, runs.after, _LEAST_IMPOSED) > 0 for values in seen)
 
 
 def _levels(values: np.ndarray, least: float = _LEAST) -> tuple[np.ndarray, float]:
-    """Give where a channel (s, k) ends in each run (s,), NaN where that was not seen, and how it scatters there, that
-    share of its level at `least`.
+    """Final level (s,) of a channel (s, k) in each run, NaN where not observed, and its scatter there, no less than a
+    share `least` of the level.
     """
     rest = values[:, values.shape[1] // 2 :]
     seen = np.isfinite(rest).sum(axis=1) > rest.shape[1] // 2
@@ -130,7 +129,7 @@ def _levels(values: np.ndarray, least: float = _LEAST) -> tuple[np.ndarray, floa
 
 
 def _late(channels: dict[str, np.ndarray], settling: dict[str, int], after: np.ndarray) -> bool:
-    """Say whether after steps only some of the channels (s, k) that step settle: they come late, by their own fault."""
+    """Say whether only some of the channels (s, k) that step settle: the others rule out a transient of the wheel."""
     for name, values in channels.items():
         level, sd = _levels(values)
         steps = (level - level[after])[after >= 0]
@@ -149,20 +148,20 @@ def _settling(values: np.ndarray, after: np.ndarray, least: float = _LEAST) -> i
     first = max(math.ceil(_FIRST * count), 2)
     there = np.isfinite(values)
     level, sd = _levels(values, least)
-    told = np.isfinite(level) & there[:, :first].any(axis=1)
+    usable = np.isfinite(level) & there[:, :first].any(axis=1)
     way = np.ones(len(values))
     if (after >= 0).any():
         way = np.where(after >= 0, np.sign(level[after] - level), math.nan)
-        told &= np.isfinite(way)
-    if told.sum() < FEWEST_RUNS or not sd > 0.0:
+        usable &= np.isfinite(way)
+    if usable.sum() < FEWEST_RUNS or not sd > 0.0:
         return 0
-    away = ((values - level[:, None]) * way[:, None])[told]
+    away = ((values - level[:, None]) * way[:, None])[usable]
     began = np.nanmean(away[:, :first], axis=1) / sd
     size = math.sqrt(float(np.mean(began**2)))
     if size < _OFF or abs(float(began.mean())) / size < max(_ALIKE, _SURE / math.sqrt(len(began))):
         return 0
     # Each run by how far off it begins: what they share counts, and their noise averages out.
-    weight = np.sum(began[:, None] ** 2 * there[told], axis=0)
+    weight = np.sum(began[:, None] ** 2 * there[usable], axis=0)
     course = np.nansum(began[:, None] * away / sd, axis=0) / np.maximum(weight, 1e-9)
     return _length(course, size, first)
 
@@ -185,13 +184,13 @@ def _length(course: np.ndarray, size: float, first: int) -> int:
 
 
 def _dies_away(course: np.ndarray) -> bool:
-    """Say whether a mean course (k,) falls off from the first row on, by an exponential, rather than stays as it is and
-    ends at an edge, as a patch of other ground does, or an answer that comes late: by the squares that each leaves.
+    """Say whether an exponential decay fits a mean course (k,) better than an edge does, as of a patch of other ground
+    or of a delay, by least squares.
     """
     rows = np.arange(len(course))
     by_time = np.exp(-rows / np.geomspace(1.0, 0.5 * len(rows), 40)[:, None])
     centre, width = (each.ravel() for each in np.meshgrid(rows[2:], np.geomspace(0.5, 0.5 * len(rows), 20)))
     stays = centre >= _STAYS * width
     by_edge = 0.5 * (1.0 - np.tanh((rows - centre[stays, None]) / width[stays, None]))
-    told = [float(np.max((each @ course) ** 2 / np.sum(each**2, axis=1))) for each in (by_time, by_edge)]
-    return told[0] > told[1]
+    decay, edge = (float(np.max((each @ course) ** 2 / np.sum(each**2, axis=1))) for each in (by_time, by_edge))
+    return decay > edge

@@ -13,7 +13,7 @@ from ...framework.core.vehicle import Wheel
 from .gate import balanced
 
 _REVERSED = 0.9
-"""Share of rows below zero from which on a channel is measured the other way round [-]."""
+"""Share of rows below zero from which on a channel has the opposite sign [-]."""
 
 _CLEARLY = 0.03
 """Sinkage, or torque, so far below zero is no reading of a sensor with a small offset [radii, loads at the rim]."""
@@ -23,14 +23,14 @@ _DRIVEN, _BRAKED = 0.1, -0.2
 wheel at 1.15 radii make a slip of -0.13 of none."""
 
 _FEWEST_TORQUES, _FEWEST_PULLS = 5, 8
-"""Rows from which on a sign, and a correlation, can be judged."""
+"""Fewest rows for a sign, and for a correlation."""
 
 _WIDE = 0.1
 """Least range of the torque, over radius and load, against which the pull is judged [-]."""
 
 _AGAINST, _FALLS, _WITHOUT_TORQUE = -0.5, -0.3, -0.7
 """Correlation of pull and torque, both over the load, and slope, below which the one falls as the other rises; the
-correlation of pull and slip where there is no torque. Of 511 recordings by other hands none has a correlation with the
+correlation of pull and slip where there is no torque. Of 511 recordings by others none has a correlation with the
 torque below -0.04; of 3000 textbook wheels that slip-sinkage buries 59 are doubted, and none refused [-].
 """
 
@@ -38,13 +38,13 @@ _NEARLY_ALL = 0.9
 """Share of rows in which a pull of the other sign would leave the ground a resistance, as it does [-]."""
 
 _MORE_THAN_DRIVEN = 0.03
-"""Pull beyond what the torque pushes, over the load, that is more than an offset [-]."""
+"""Excess of pull over torque over radius, per load, that is more than an offset [-]."""
 
 _SLOPING = 0.05
-"""Slope from which on gravity may have its share in what is called pull [rad]."""
+"""Slope from which on gravity may be part of the recorded pull [rad]."""
 
 _STEEPEST = 1.4
-"""Entry angle of a wheel that is as good as buried: steeper ones only make tangents run away [rad]."""
+"""Largest entry angle, that of a wheel nearly buried: beyond it tangents diverge [rad]."""
 
 
 def check_signs(table: WheelTable, wheel: Wheel) -> None:
@@ -110,7 +110,7 @@ def check_torque(table: WheelTable, wheel: Wheel, reasons: np.ndarray) -> Findin
 
 
 def _mostly_below(values: np.ndarray, clearly: np.ndarray) -> bool:
-    """Tell whether nearly all values (n,), of enough rows, are below zero, and their median by more than is clear."""
+    """Say whether nearly all values (n,), of enough rows, are below zero, and their median by more than is clear."""
     return (
         len(values) >= _FEWEST_TORQUES
         and float(np.mean(values < 0.0)) > _REVERSED
@@ -184,8 +184,8 @@ def check_pull(table: WheelTable, wheel: Wheel, reasons: np.ndarray) -> Finding 
 
 
 def _impossible(thrust: np.ndarray, pulled: np.ndarray, depth_m: np.ndarray, wheel: Wheel) -> bool:
-    """Tell whether pull over load (n,) is what no contact makes it beside T/(r W) (n,): less than all force at its
-    front does, in most of the third of the rows in which the wheel is driven hardest, or more than T/r in most of the
+    """Say whether pull over load (n,) is impossible at T/(r W) (n,): less than with all force at the front of the
+    contact, in most of the third of the rows in which the wheel is driven hardest, or more than T/r in most of the
     third in which it is driven least.
     """
     entry = np.minimum(np.arccos(np.clip(1.0 - depth_m / wheel.radius_m, 0.0, 1.0)), _STEEPEST)

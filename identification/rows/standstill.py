@@ -1,4 +1,4 @@
-"""Rows in which a wheel stands: what it feels there no equation of a rolling wheel gives."""
+"""Rows at standstill, to which the equations of a rolling wheel do not apply."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from .noise import in_time, noise_of_series, running_median
 _SPEEDS = ("wheel_speed_rad_s", "travel_speed_m_s")
 
 _FASTEST = 0.9
-"""Quantile of a recording's speeds that stands for how fast it went."""
+"""Quantile of a recording's speeds that is its usual speed [-]."""
 
 _SLOW, _VERY_SLOW = 0.05, 0.005
-"""Shares of that below which a speed that its own noise explains, and any speed, is none [-]."""
+"""Shares of the usual speed below which a speed within its noise, and any speed, is zero [-]."""
 
 _NOISE = 3.0
 """Standard deviations of a sensor's noise within which its reading may be zero."""
@@ -25,12 +25,12 @@ _WHOLLY = 0.95
 """Slip from which on a wheel that does not travel spins, and one that does not turn is dragged [-]."""
 
 _TOGETHER, _SURELY = 10, 4.0
-"""Rows from one that may be zero to the next up to which they are looked at together, and standard errors by which
-their mean shows that they are not."""
+"""Rows between two of zero speed at most that are tested together, and standard errors from which on their mean is not
+zero."""
 
 
 def with_standstill(table: WheelTable) -> WheelTable:
-    """Set the speeds to zero in rows in which a wheel stands, and blank the slip, which it has not, though recorded.
+    """Set the speeds to zero in rows in which a wheel stands, and blank the slip, which is undefined there.
 
     A wheel stands where all its speeds that were measured are zero but for their noise; one that is locked and dragged,
     or spins in one place, does not.
@@ -58,7 +58,7 @@ def with_standstill(table: WheelTable) -> WheelTable:
 
 
 def stands(table: WheelTable) -> np.ndarray:
-    """Tell rows, (n,), of a table that `with_standstill` gave in which a wheel stands."""
+    """Rows, (n,), of a table that `with_standstill` gave in which a wheel is at standstill."""
     names = [name for name in _SPEEDS if name in table]
     if "time_s" not in table or not names:
         return np.zeros(len(table), dtype=bool)
@@ -67,7 +67,7 @@ def stands(table: WheelTable) -> np.ndarray:
 
 
 def _is_zero(speed: np.ndarray, stretch: np.ndarray) -> np.ndarray:
-    """Tell where a speed (n,) is zero within its noise, by the median of neighbours in its stretch (n,)."""
+    """Where a speed (n,) is zero within its noise, by the median of neighbours in its stretch (n,)."""
     seen = np.abs(speed[np.isfinite(speed)])
     if not len(seen):
         return np.zeros(len(speed), dtype=bool)
@@ -82,7 +82,7 @@ def _is_zero(speed: np.ndarray, stretch: np.ndarray) -> np.ndarray:
     for together in np.split(rows, np.flatnonzero(apart) + 1):
         seen = speed[together[0] : together[-1] + 1] if len(together) else speed[:0]
         seen = seen[np.isfinite(seen)]
-        # Slow is not standing: of many rows the noise averages out.
+        # Slow is no standstill: over many rows the noise averages out.
         least = max(_SURELY * noise / math.sqrt(max(len(seen), 1)), _VERY_SLOW * fastest)
         if len(seen) and abs(float(seen.mean())) > least:
             zero[together] = False

@@ -16,33 +16,33 @@ from .noise import NORMAL_MAD, noise_of_series, running_median
 from .standstill import stands
 
 _HELD_LOAD, _HELD_SLIP, _HELD_SPEED = 0.1, 0.03, 0.1
-"""How far load and speeds that are held may be off, as shares of them, and how far slip [-]."""
+"""Tolerances of load and speeds that are held constant, relative, and of slip, absolute [-]."""
 
 _FEWEST_ROWS = 15
-"""Rows of a run that can show it."""
+"""Fewest rows of a run."""
 
 FEWEST_RUNS = 6
-"""Runs from which on what they share is told from ground that varies along each."""
+"""Fewest runs in which a common course is distinguished from ground that varies along each."""
 
 _MOST_RUNS = 0.8
-"""Share of the rows that are in such runs at least [-]: else it is no test at constant slips."""
+"""Least share of the rows of a test at constant slips that are in such runs [-]."""
 
 _STARTING = 2
-"""Rows in which a wheel may be got up to its speed."""
+"""Rows in which a wheel may reach its speed."""
 
 _BESIDE_STEP, _ABOVE_NOISE = 5, 4.0
-"""Rows before a step, and after it, by whose medians it is found, and standard deviations of a row by which these then
-differ at least: five of their own difference."""
+"""Rows before and after a step whose medians are compared, and their least difference in standard deviations of a row:
+five of that difference."""
 
 _NEAR_END, _SHARE_NEAR_END = 40, 0.05
-"""Rows at an end of a run, or share of it [-] where that is more, whose median is what a wheel at work does there."""
+"""Rows at an end of a run, or share of it [-] where that is more, whose median is the level of a rolling wheel."""
 
 _AT_REST, _SHORT_OF, _SCATTER = 0.5, 0.02, 2.0
-"""Share of that below which load or a speed begins or ends with a wheel that is got going or stopped, and what a wheel
-at work may be short of it: a share of it [-], or standard deviations of its scatter."""
+"""Share of that level below which load or a speed begins or ends where a wheel starts or stops, and the tolerance of a
+rolling wheel: a share of it [-], or standard deviations of its scatter."""
 
 _STANDS = 0.1
-"""Share of what it usually is in a run below which a speed says that something stands there, for long."""
+"""Share of its usual value in a run below which a speed is that of a longer standstill [-]."""
 
 
 @dataclass(frozen=True)
@@ -119,9 +119,9 @@ def steady_runs(table: WheelTable) -> Runs | None:
 
 
 def _at_work(table: WheelTable, rows: np.ndarray, still: np.ndarray) -> tuple[int, int]:
-    """Give the first of rows that follow one another (k,) in which a wheel is at work and the one after the last.
+    """Give the first of consecutive rows (k,) in which a wheel rolls, and the one after the last.
 
-    `still` (n,) tells the rows of the table in which it stands.
+    `still` (n,): rows of the table in which it is at standstill.
     """
     going = np.flatnonzero(~still[rows])
     if not len(going):
@@ -136,7 +136,7 @@ def _at_work(table: WheelTable, rows: np.ndarray, still: np.ndarray) -> tuple[in
 
 
 def _rows_at_rest(values: np.ndarray, *, for_long: bool) -> int:
-    """Count the first rows of a load or speed (k,) in which a wheel is got going, or something stands `for_long`."""
+    """Count the first rows of a load or speed (k,) in which a wheel starts, or is at standstill `for_long`."""
     near = max(_NEAR_END, math.ceil(_SHARE_NEAR_END * len(values)))
     long = _rows_short(values, len(values), _STANDS) if for_long else 0
     return long or _rows_short(values, near, _AT_REST)
@@ -158,9 +158,7 @@ def _rows_short(values: np.ndarray, near_rows: int, at_rest: float) -> int:
 
 
 def _conditions(table: WheelTable) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Give what is imposed on the wheel, load and slip, and that and the speeds: (n,) each, in units of how far it may
-    be off where it is held.
-    """
+    """Give load and slip, and these with the speeds: (n,) each, in units of their tolerances."""
     rim, travel = table.get("wheel_speed_rad_s"), table.get("travel_speed_m_s")
     imposed = []
     if "load_N" in table:
@@ -170,14 +168,14 @@ def _conditions(table: WheelTable) -> tuple[list[np.ndarray], list[np.ndarray]]:
     elif rim is not None and travel is not None:
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.where(rim != 0.0, travel / rim, math.nan)
-        # One less slip, as far as the radius goes.
+        # 1 - slip, but for the radius.
         imposed.append(ratio / max(float(np.nanmax(np.abs(ratio), initial=1e-9)), 1e-9) / _HELD_SLIP)
     speeds = [np.log(np.maximum(np.abs(each), 1e-9)) / _HELD_SPEED for each in (rim, travel) if each is not None]
     return imposed, imposed + speeds
 
 
 def _steps(imposed: list[np.ndarray], rows: np.ndarray) -> np.ndarray:
-    """Find where what is imposed (n,) steps in rows that follow one another (k,): the numbers of rows."""
+    """Find the steps of what is imposed (n,) in consecutive rows (k,): the numbers of rows."""
     if len(rows) < 2 * _BESIDE_STEP:
         return np.empty(0, dtype=int)
     size, leap = np.zeros(len(rows) - 2 * _BESIDE_STEP + 1), np.zeros(len(rows))
@@ -187,13 +185,13 @@ def _steps(imposed: list[np.ndarray], rows: np.ndarray) -> np.ndarray:
         size = np.fmax(size, np.abs(middles[_BESIDE_STEP:] - middles[:-_BESIDE_STEP]) / max(1.0, _ABOVE_NOISE * noise))
         leap = np.fmax(leap, np.abs(np.diff(values[rows], prepend=values[rows[:1]])))
     about = find_peaks(size, height=1.0, distance=_BESIDE_STEP)[0] + _BESIDE_STEP
-    # Medians tell that there is a step, to two rows where.
+    # Medians locate a step to two rows.
     near = about[:, None] + np.arange(-_STARTING, _STARTING + 1)
     return about - _STARTING + np.argmax(leap[near], axis=1)
 
 
 def _is_held(conditions: list[np.ndarray], rows: np.ndarray) -> bool:
-    """Say whether what drives the wheel, (n,) each, stays the same in the rows of a run (k,), the very first aside."""
+    """Say whether the conditions, (n,) each, are constant over the rows of a run (k,) but for its first."""
     for values in conditions:
         parts = [values[part] for part in np.array_split(rows[_STARTING:], 6)]
         if not all(np.isfinite(part).any() for part in parts):

@@ -13,9 +13,9 @@ from .steady_runs import FEWEST_RUNS, Runs, steady_runs
 
 _FORCES = ("torque_Nm", "drawbar_pull_N")
 
-_TOLD, _GONE = 5.0, 0.3
-"""Standard deviations above which a force is told from none, and the share of it that is left of it at most where the
-wheel is no longer driven [-]."""
+_PRESENT, _GONE = 5.0, 0.3
+"""Standard deviations above which a force differs from zero, and the share of it that is left at most where the wheel
+is not driven [-]."""
 
 _MOST = 0.8
 """Share of the runs that end so [-]: what a few do may be the ground or a fault."""
@@ -24,7 +24,7 @@ _OFF, _OFF_LEAST = 3.0, 0.1
 """Standard deviations by which a force has left what it was, and the share of it that this is at least [-]."""
 
 _FEWEST = 5
-"""Rows that tell how large a force is while the wheel is driven."""
+"""Fewest rows that give the force while the wheel is driven."""
 
 _LONGEST = 0.3
 """Share of a run that its end is at most [-]."""
@@ -33,8 +33,8 @@ _LONGEST = 0.3
 def without_stops(table: WheelTable) -> tuple[WheelTable, Finding | None, bool]:
     """Leave out the rows of runs at constant conditions in which the wheel is got going, is stopped or has stopped.
 
-    What a wheel feels once it is driven no longer is what is left of it: torque and pull relax. Where speeds were
-    measured they show it; else that torque or pull is nearly gone at the end of most runs, while the load stays.
+    Once the drive ends, torque and pull relax. Speeds show it where they were measured; else that torque or pull is
+    nearly zero at the end of most runs, while the load stays.
 
     Parameters
     ----------
@@ -71,16 +71,16 @@ def _relaxed(table: WheelTable, runs: Runs) -> np.ndarray:
             continue
         seen = [_first_without(table[name][rows]) for rows in whole]
         begins = np.array([len(rows) if row is None else row for row, rows in zip(seen, whole, strict=True)])
-        told = np.array([row is not None for row in seen])
+        usable = np.array([row is not None for row in seen])
         gone = begins < np.array([len(rows) for rows in whole])
-        if told.sum() >= FEWEST_RUNS and np.mean(gone[told]) >= _MOST:
+        if usable.sum() >= FEWEST_RUNS and np.mean(gone[usable]) >= _MOST:
             first = np.minimum(first, begins)
     return np.concatenate([rows[row:] for rows, row in zip(runs.each, first, strict=True)])
 
 
 def _first_without(force: np.ndarray) -> int | None:
     """Say from which row of a run on its force (k,) is gone, or on its way there: k where it stays, None where too
-    little of it was felt.
+    little of it was measured.
     """
     seen = np.flatnonzero(np.isfinite(force))
     middle = force[len(force) // 4 : math.ceil((1.0 - _LONGEST) * len(force))]
@@ -88,7 +88,7 @@ def _first_without(force: np.ndarray) -> int | None:
         return None
     level = float(np.nanmedian(middle))
     sd = NORMAL_MAD * float(np.nanmedian(np.abs(middle - level)))
-    if not abs(level) > _TOLD * sd:
+    if not abs(level) > _PRESENT * sd:
         return None
     share = running_median(force, 3) / level
     last = int(seen[-1])

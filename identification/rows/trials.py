@@ -8,11 +8,11 @@ from ...framework.core.findings import Finding, note, warning
 from ...framework.core.recording.types import WheelTable
 
 AS_TRIALS = note("steady_trials")
-"""Slip or load leap from each row to the next: each row is taken for a steady trial, whatever its time."""
+"""Slip or load jump from each row to the next: each row is taken as a steady trial, whatever its time."""
 
 _UNRELATED, _FAR_APART = 1.2, {"slip": 0.05, "load_N": 0.1}
-"""Mean square of the steps from row to row over the variance, 2 where the order is by chance, from which on rows do not
-follow from one another; and how large the usual step of slip, or of load as a share of it, then is at least [-]."""
+"""Least ratio of the mean square step to the variance (2 in random order) of rows that do not follow one another, and
+least usual step of slip, and of load as a share of it [-]."""
 
 _ROWS_OF_A_DRIVE, _SLOWEST_S = 50, 2.0
 """Rows (of a run without a time) from which on they look like a drive's, and the longest step of a drive's clock [s]:
@@ -20,7 +20,7 @@ one that is so unsteady is logged more often."""
 
 
 def is_of_trials(table: WheelTable) -> bool:
-    """Say whether rows with a time, in its order, are steady trials: slip or load leap from each to the next.
+    """Say whether rows with a time, in its order, are steady trials: slip or load jump from each to the next.
 
     The measure is that of J. von Neumann, Ann. Math. Stat. 12 (1941), 367-395.
     """

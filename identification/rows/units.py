@@ -15,35 +15,35 @@ from ...framework.core.vehicle import Wheel
 from .gate import GRAVITY_M_S2, balanced
 
 _MOST_PULLED, _LARGEST = 20.0, 0.9
-"""Loads that a wheel pulls, or turns against at its rim, at most [-], and which quantiles are compared. On the soils of
+"""Largest pull, or torque over radius, in loads [-], and the quantile compared. On the soils of
 J. Y. Wong, *Terramechanics and Off-Road Vehicle Engineering* (2010), Table 2.3, the textbook wheel reaches 1 where its
 load is 3 kPa of its radius times its width or more, 2 on snow, and 10 where it is 0.1 kPa on the most cohesive snow
 (Sweden, 6 kPa); real sand gave 2.5 (`single-wheel-sand`, a locked wheel). A load in kN shows as 20 to 300."""
 
 _FEWEST, _DRIVEN = 8, 0.02
-"""Rows of which an upper tenth, or a course, can be judged, and the slip from which on rows count [-]."""
+"""Fewest rows for an upper tenth or a slope, and the slip from which on rows count [-]."""
 
 _UNUSUAL, _USUAL = 1.8, (0.1, 1.2)
-"""Torque over radius and load, or pull over load, beyond which hardly any driven wheel gets, and what they get to [-].
-The most of 544 recordings by other hands is 1.44."""
+"""Torque over radius and load, or pull over load: an implausible value, and the usual range [-]. The largest of 544
+recordings by others is 1.44."""
 
 _FLAT, _RISES, _TOGETHER = 0.15, (0.4, 1.6), 0.6
-"""Slope of pull over torque over radius that no wheel has, slopes that they have, and the correlation from which on
-there is one [-]. Of the recordings none with such a correlation has a slope below 0.21."""
+"""Implausible slope of pull against torque over radius, the usual range, and the least correlation for a slope [-]. No
+recording with such a correlation has a slope below 0.21."""
 
 _SMALL, _PULLS = 0.02, (0.05, 1.2)
-"""Pull over load that is next to nothing, and what is usual, where no torque tells more [-]."""
+"""Negligible pull over load, and the usual range, where there is no torque [-]."""
 
 _OF_PULL: tuple[tuple[str, Callable[[np.ndarray], np.ndarray | float]], ...] = (
     ("load", lambda load: load),
     ("kN", lambda load: 1e3),
     ("kgf", lambda load: GRAVITY_M_S2),
 )
-"""Units that pulls are given in, and what makes newtons of each, by the load (n,) [N]."""
+"""Units that pulls are given in, and the factor to newtons of each, by the load (n,) [N]."""
 
 _STRANGE_SLIPS, _USUAL_SLIPS, _MOST, _FEWEST_SPEEDS = (-0.5, 0.8), (-0.3, 0.75), 0.95, 20
-"""Slips beyond which hardly any drive stays all along, slips that drives have, the share of rows that do [-], and how
-many rows it takes."""
+"""Slips beyond which hardly any drive stays throughout, the usual range, the share of rows in it [-], and fewest rows.
+"""
 
 _OF_SPEED = (
     ("wheel_speed_rad_s", "revolutions per minute", math.pi / 30.0),
@@ -53,7 +53,7 @@ _OF_SPEED = (
     ("travel_speed_m_s", "cm/s", 0.01),
     ("travel_speed_m_s", "mm/s", 0.001),
 )
-"""Units that speeds are recorded in, and what makes SI of each."""
+"""Units that speeds are recorded in, and the factor to SI of each."""
 
 
 def check_sizes(table: WheelTable, wheel: Wheel) -> None:
@@ -127,7 +127,7 @@ def load_in_kilograms(table: WheelTable, wheel: Wheel, reasons: np.ndarray) -> F
 
 
 def pull_in_another_unit(table: WheelTable, wheel: Wheel, reasons: np.ndarray) -> Finding | None:
-    """Doubt a pull that is next to nothing beside load and torque, follows the torque, or where there is none the slip,
+    """Doubt a pull that is negligible against load and torque, follows the torque, or where there is none the slip,
     and would be usual in another unit: ``pull_unit``.
 
     Parameters

@@ -12,21 +12,21 @@ _IN_THE_AIR, _LOADED = 0.5, 0.15
 of the load cell [-]."""
 
 _BELOW, _ABOVE = math.log(_IN_THE_AIR / _LOADED), math.log((1.0 - _IN_THE_AIR) / (1.0 - _LOADED))
-"""Nats by which a reading at or below zero, or one above it, speaks for a wheel in the air."""
+"""Nats by which a reading at or below zero, or one above it, adds to the evidence for a wheel in the air."""
 
 _ENOUGH, _OVER = 3.5, 5.0
-"""Nats that tell a stretch in the air, three such readings in a row, and those lost again that tell its end."""
+"""Nats from which on a stretch is in the air, three such readings in a row, and nats lost again at its end."""
 
-_BESIDE = 3
+_EDGE = 3
 """Readings above zero that a stretch in the air begins or ends with: by chance more once in eight."""
 
 _MOST, _NEAR = 0.9, 2.0
-"""Which quantile of what is below zero stands for its noise, and how many of it lie above it at most: 3.3 standard
+"""Quantile of what is below zero that measures its noise, and how many of it lie above zero at most: 3.3 standard
 deviations of a normal noise [-]."""
 
 
 def carries_nothing(load_N: np.ndarray, stretch: np.ndarray) -> np.ndarray:
-    """Tell rows (n,) whose load is at or below zero, or within the noise of zero where about half of the rows are so.
+    """Rows (n,) whose load is at or below zero, or within the noise of zero where about half of the rows are so.
 
     How noisy the zero is shows in what lies below it, for no wheel carries less than nothing. Where the wheel is in the
     air is found as a run of readings that are below zero too often (E. S. Page, Biometrika 41 (1954), 100-115).
@@ -48,7 +48,7 @@ def carries_nothing(load_N: np.ndarray, stretch: np.ndarray) -> np.ndarray:
         for there in np.split(np.arange(len(rows)), np.flatnonzero(np.diff(aloft)) + 1):
             if aloft[there[0]]:
                 noise = _NEAR * float(np.quantile(-load[there][below[there]], _MOST))
-                there = np.arange(max(there[0] - _BESIDE, 0), min(there[-1] + _BESIDE + 1, len(rows)))
+                there = np.arange(max(there[0] - _EDGE, 0), min(there[-1] + _EDGE + 1, len(rows)))
                 answer[rows[there]] |= load[there] <= noise
     return answer
 

@@ -9,15 +9,14 @@ def _pull_units(values: Values) -> str:
     units = [{"load": "divided by the load"}.get(unit, f"in {unit}") for unit in values["units"]]
     return (
         f"drawbar_pull_N is {values['pull_N']:.2g} N (upper tenth) under loads of {values['load_N']:.3g} N (median), "
-        f"and would be usual were it {' or '.join(units)}: check its unit"
+        f"and would be usual if it were {' or '.join(units)}: check its unit"
     )
 
 
 def _speed_units(values: Values) -> str:
     likely = " or ".join(f"{each['channel']} in {each['unit']}" for each in values["likely"])
     return (
-        f"the two speeds give slips about {values['slip']:.2g} all along, which would be usual ones were {likely}: "
-        "check the units"
+        f"the two speeds give slips about {values['slip']:.2g} throughout, and usual ones if {likely}: check the units"
     )
 
 
@@ -25,7 +24,7 @@ def _load_unit(values: Values) -> str:
     what = "torque over radius" if values["channel"] == "torque_Nm" else "the pull"
     return (
         f"{what} is {values['ratio']:.2g} times the load (upper tenth of the driven rows), more than sand bears, and "
-        f"would be {values['ratio_if_kg']:.2g} times, as usual, were load_N in kg: check its unit"
+        f"would be {values['ratio_if_kg']:.2g} times, as usual, if load_N were in kg: check its unit"
     )
 
 
@@ -75,16 +74,16 @@ def _settling(values: Values) -> str:
 
 def _without_time(values: Values) -> str:
     runs = "1 run" if values["runs"] == 1 else f"{values['runs']} runs"
-    return f"{values['n']} rows of {runs} have no time_s: each is taken for a steady trial of its own"
+    return f"{values['n']} rows of {runs} have no time_s: each row is taken as a steady trial"
 
 
 SENTENCES: dict[str, Sentence] = {
     "angle_disagrees": _angle,
     "duplicate_rows": _duplicates,
-    "grouser_count_missing": "the vehicle states lugs of {height_m:g} m without their number: what their faces and "
-    "sides do is not considered; give grouser_count",
-    "grouser_height_missing": "the vehicle states {count} lugs without their height: but for a ripple with the wheel's "
-    "angle they are not considered; give grouser_height_m",
+    "grouser_count_missing": "the vehicle states lugs of {height_m:g} m without their number: their forces are "
+    "not modelled; give grouser_count",
+    "grouser_height_missing": "the vehicle states {count} lugs without their height: only their ripple with the angle "
+    "of the wheel is modelled; give grouser_height_m",
     "load_unit": _load_unit,
     "one_radius": "wheels of {geometries} geometries: only those of radius {radius_m:g} m were used",
     "other_geometries": "rows of {wheels} wheels: only the {used} of the {wheel} were used, for their soils may "
@@ -102,9 +101,9 @@ SENTENCES: dict[str, Sentence] = {
     "speed_unit": _speed_units,
     "stated_noise": "the noise stated of {channel}, {stated:.3g}, is less than a hundredth of what neighbours differ "
     "by ({shown:.2g}): check it; without it the noise is estimated from the data",
-    "steady_trials": "slip or load leap from each row to the next: each is taken for a steady trial, whatever its time",
+    "steady_trials": "slip or load jump from each row to the next: each row is taken as a steady trial",
     "stop_rows": _stops,
-    "stuck_channel": "{channel} never changes: it is left out, as of a sensor that is stuck or absent",
+    "stuck_channel": "{channel} never changes: it is left out, as its sensor may be stuck or absent",
     "time_unit": "rows lie {step_s:.3g} s apart (median), yet slip and load go on from row to row: check that time_s "
     "is in seconds",
     "torque_sign": "torque_Nm is {torque_Nm:.3g} (median), {share:.0%} of the rows with a slip below {slip:g} above 0, "

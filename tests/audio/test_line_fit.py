@@ -48,7 +48,7 @@ def holds(z):
 def test_steady_tones_of_any_strength_stand_where_they_are_told_to(study, rng):
     z, error = [], []
     t = np.arange(int(SECONDS * RATE)) / RATE
-    for _ in range(4):
+    for _ in range(3):
         time_s, wheel = varied_speed(rng)
         places = 150.0 + 450.0 * np.arange(10) + rng.uniform(0.0, 250.0, 10)
         truths = list(zip(places, rng.permutation(AMPLITUDES * 2), strict=True))
@@ -80,7 +80,7 @@ def test_a_strong_tone_is_not_told_low(study, rng, place):
 def test_orders_of_any_strength_stand_where_they_are_told_to(study, rng, error):
     z = []
     t = np.arange(int(SECONDS * RATE)) / RATE
-    for _ in range(4):
+    for _ in range(3):
         time_s, wheel = varied_speed(rng)
         theta = np.cumsum(np.interp(t, time_s, wheel)) / RATE
         places = 40.0 + 60.0 * np.arange(8) + rng.uniform(0.0, 40.0, 8)

@@ -196,6 +196,7 @@ def test_gain_is_shown_only_where_drives_agree(rng):
     assert gain_of(before, after[:1] + before[1:], rng).difference == pytest.approx(0.1)
 
 
+@pytest.mark.slow
 def test_classification_under_gear_noise_improves(study):
     model = study.clean_classifier(np.random.default_rng(2), sites=2)
     gain, cleaned = study.classify_study(model, "gear_mesh", drives=1, seed=3, duration_s=60.0, level_dB=(12.0, 12.0))

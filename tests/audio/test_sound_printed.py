@@ -32,7 +32,7 @@ def test_the_sound_is_printed(monkeypatch):
         "\nSound\nThe microphone or its chain adds to the sound.",
         "Steady tone (steady_tone; instrument or configuration): 97 %",
         "  frequency = 203.310 ± 0.012 Hz\n", "  excess = unknown dB in 1 Hz\n", "  harmonics = 2 (sd unknown)\n",
-        "  indistinguishable from: gear mesh\n", "  to decide: drive at varied speed\n", "note: one stretch left out",
+        "  indistinguishable from: gear mesh\n", ": drive at varied speed\n", "note: one stretch left out",
     ):  # fmt: skip
         assert said in text, said
 

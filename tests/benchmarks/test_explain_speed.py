@@ -21,6 +21,9 @@ from scipy.optimize import least_squares
 SEED = 7200
 
 
+pytestmark = pytest.mark.slow
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Make 1,200 samples of a bench test whose sinkage grows with slip."""

@@ -31,6 +31,8 @@ except OSError:
 print(json.dumps({"peak": peak, "seconds": summary.seconds, "new": summary.observations_new}))
 """
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory):

@@ -180,6 +180,7 @@ def test_a_negative_seed_is_refused():
     assert call("wheel.csv", "--seed", -1).exit_code == 2
 
 
+@pytest.mark.slow
 def test_real_sand_is_answered(shared_data, tmp_path):
     """Real: a smooth wheel in dry sand. Whatever the answer, it is whole, and held-out error does not grow."""
     sand = shared_data / "single-wheel-sand"

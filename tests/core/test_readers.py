@@ -31,12 +31,12 @@ class TabReader(Reader):
 @pytest.fixture
 def format_of_its_own(tmp_path, monkeypatch):
     """A module outside of the package, whose import is all that it takes."""
-    readers._load()
-    before = list(readers._READERS)
+    readers.load_readers()
+    before = list(readers.READERS)
     (tmp_path / "logger_format.py").write_text(FORMAT)
     monkeypatch.syspath_prepend(tmp_path)
     yield "logger_format"
-    readers._READERS[:] = before
+    readers.READERS[:] = before
     sys.modules.pop("logger_format", None)
 
 
@@ -66,12 +66,12 @@ def test_a_reader_that_was_added_later_comes_first(tmp_path):
 
     (tmp_path / "wheel.csv").write_text("time_s,load_N\n0,80\n1,81\n")
     assert read_recording(tmp_path / "wheel.csv").name == "wheel"
-    before = list(readers._READERS)
+    before = list(readers.READERS)
     try:
         readers.register(Own)
         assert read_recording(tmp_path / "wheel.csv").name == "own"
     finally:
-        readers._READERS[:] = before
+        readers.READERS[:] = before
 
 
 def test_a_format_that_an_entry_point_names_is_loaded(format_of_its_own, tmp_path, monkeypatch):
@@ -79,13 +79,13 @@ def test_a_format_that_an_entry_point_names_is_loaded(format_of_its_own, tmp_pat
         def load(self):
             return __import__(format_of_its_own)
 
-    read_recording_before = list(readers._READERS)
+    read_recording_before = list(readers.READERS)
     monkeypatch.setattr(readers, "entry_points", lambda group: [Point()] if group == "bevameter.readers" else [])
-    readers._load.cache_clear()
+    readers.load_readers.cache_clear()
     path = tmp_path / "drive.log"
     path.write_text("LOG\n0 80\n1 81\n")
     assert len(read_recording(path).wheel) == 2
-    assert len(readers._READERS) == len(read_recording_before) + 1
+    assert len(readers.READERS) == len(read_recording_before) + 1
 
 
 def test_topics_are_for_bags(tmp_path):

@@ -64,7 +64,7 @@ def test_gaps_stay_gaps_and_slow_recordings_are_said(tmp_path):
     [
         ("time,wx\n0,1\n", "1 sample"),
         ("t,wx\n0,1\n1,2\n", "no column of time; there are t, wx"),
-        ("time,note\n0,a\n1,b\n", "no column of numbers beside time"),
+        ("time,note\n0,a\n1,b\n", "no column of numbers besides time"),
         ("time,wx\n0,1\n0.2,1\n0.1,1\n", "row 4, column time: time does not go on, 0.2 s and then 0.1 s"),
         ("time,wx\n0,1\n0.1,inf\n", "row 3, column wx: inf"),
         ("time,wx\n0,1\n,2\n", "row 3, column time: no value"),

@@ -205,7 +205,7 @@ def empty_database(tmp_path_factory):
     return path
 
 
-@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(parts=st.lists(st.sets(st.tuples(st.integers(0, 3), st.integers(0, 1))), min_size=3, max_size=3))
 def test_merging_is_set_union(tmp_path_factory, empty_database, make, parts):
     folder = tmp_path_factory.mktemp("merge")

@@ -45,6 +45,7 @@ def test_simulated_estimates_converge_and_pull_is_predicted(tmp_path):
     assert abs(figures["linear_c_Pa"] - 1e3) > abs(figures["c_Pa"] - 1e3)
 
 
+@pytest.mark.slow
 def test_real_sand(tmp_path, shared_data):
     figures = load("fig10_fig11_real_sand").main(shared_data / "single-wheel-sand" / "wheel.csv", tmp_path / "out.png")
     assert drawn(tmp_path / "out.png")

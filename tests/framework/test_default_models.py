@@ -7,7 +7,7 @@ import pytest
 from bevameter.framework import default_models
 from bevameter.framework.core.classifier.classifier import TerrainClassifier
 from bevameter.framework.core.errors import InputError
-from bevameter.framework.default_models import cached_path, default_model, find_models, models_beside
+from bevameter.framework.default_models import cached_path, default_model, find_models, models_of
 
 
 @pytest.fixture(scope="module")
@@ -122,8 +122,8 @@ def test_only_what_is_needed_is_trained(cache):
 
 
 def test_which_folder_belongs_to_a_database(tmp_path):
-    assert models_beside(tmp_path / "terrain.db") == tmp_path / "terrain.models"
-    assert models_beside("sqlite:///some/terrain.db").as_posix() == "some/terrain.models"
-    assert models_beside("postgresql://user@host/terrain") is None
-    assert models_beside("sqlite://") is None
-    assert models_beside(None) is None
+    assert models_of(tmp_path / "terrain.db") == tmp_path / "terrain.models"
+    assert models_of("sqlite:///some/terrain.db").as_posix() == "some/terrain.models"
+    assert models_of("postgresql://user@host/terrain") is None
+    assert models_of("sqlite://") is None
+    assert models_of(None) is None

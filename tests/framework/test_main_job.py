@@ -129,7 +129,7 @@ def test_the_command_says_it_all_and_a_second_run_adds_nothing(drive, small_mode
 def test_without_poses_soil_is_learnt_and_no_cell_is_added(drive, small_models, tmp_path):
     folder, path, _ = drive
     both = shutil.copy(path, tmp_path / "both.db")
-    recording = replace(read_recording(folder), pose=None, digest="cd" * 32)
+    recording = replace(read_recording(folder), pose=None, camera=None, digest="cd" * 32)
     assert track_of(recording).origin == DEAD_RECKONING
     summary = run_traverse(recording, both, models=small_models)
     assert summary.soils

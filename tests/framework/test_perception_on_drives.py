@@ -1,22 +1,17 @@
-"""What camera and microphone state on drives whose truth is known, and whether they are as right as they say.
-
-Development looked at seeds 1 and 2 of `demo`, `short` and `rover4`; the seeds here took no part in it.
+"""What camera and microphone state on drives whose truth is known; on many drives it is a study
+(`tests/studies/perception_on_drives.py`).
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from bevameter.framework.core.classifier.classifier import TerrainClassifier
 from bevameter.framework.core.errors import InputError
-from bevameter.framework.default_models import default_model
 from bevameter.framework.scenario.judge import judge_camera, judge_microphone
 from bevameter.framework.scenario.plan import make_plan
 from bevameter.framework.scenario.presets import PRESETS
-
-HELD_OUT = (("demo", 101), ("demo", 102), ("short", 103), ("short", 104), ("rover4", 105), ("rover4", 106))
 
 
 @pytest.fixture(scope="module")
@@ -66,30 +61,3 @@ def test_a_drive_without_the_sense_is_an_error(few_sites):
         judge_camera(plan, few_sites["vision"])
     with pytest.raises(InputError, match="microphone"):
         judge_microphone(plan, few_sites["audio"])
-
-
-@pytest.mark.slow
-def test_default_models_on_unseen_drives():
-    """The models that a first run trains, on six drives; figures are printed with ``-s``."""
-    models = {sense: default_model(sense) for sense in ("vision", "audio")}
-    totals: dict[str, list[dict[str, float]]] = {"camera": [], "microphone": []}
-    for name, seed in HELD_OUT:
-        plan = make_plan(PRESETS[name], seed)
-        for sense, judged in (
-            ("camera", judge_camera(plan, models["vision"])),
-            ("microphone", judge_microphone(plan, models["audio"])),
-        ):
-            score = judged.scores()
-            totals[sense].append(score)
-            print(f"{name} {seed} {sense}: " + ", ".join(f"{key} {value:.3f}" for key, value in score.items()))
-            if sense == "microphone" and (judged.fault == "engine").any():
-                engine = judged.scores(judged.fault == "engine")
-                print(f"   engine: n {engine['n']:.0f}, open {engine['known']:.2f}")
-                assert engine["known"] < 0.15
-    for sense, scores in totals.items():
-        weight = [score["n"] * score["known"] for score in scores]
-        mean = {key: np.average([score[key] for score in scores], weights=weight) for key in scores[0]}
-        print(f"{sense} pooled: " + ", ".join(f"{key} {value:.3f}" for key, value in mean.items()))
-        assert mean["accuracy"] > 0.9
-        assert mean["sure_right"] > 0.95
-        assert abs(mean["said"] - mean["accuracy"]) < 0.06

@@ -125,7 +125,8 @@ def test_what_wanders_with_time_needs_a_clock_that_runs(tmp_path, effect):
         simulate(VEHICLE, SOIL, path, effects=[effect])
 
 
-def test_every_effect_of_the_catalogue_can_be_simulated_on_a_drive_that_has_all_columns(tmp_path):
+@pytest.mark.parametrize("slug", SLUGS)
+def test_every_effect_of_the_catalogue_can_be_simulated_on_a_drive_that_has_all_columns(slug, tmp_path):
     situation = specimen()
     drive, rows = situation.drive, len(situation.drive)
     columns = {
@@ -136,11 +137,10 @@ def test_every_effect_of_the_catalogue_can_be_simulated_on_a_drive_that_has_all_
     }  # fmt: skip
     table = WheelTable(columns, None, None, tmp_path / "drive.csv")
     vehicle = Vehicle(wheels=(situation.wheel,))
-    for slug in SLUGS:
-        for effect in forms_by_name(slug, situation):
-            values = {p.name: p.low + 0.4 * (p.high - p.low) for p in effect.parameters}
-            answer = simulate(vehicle, SOIL, table, [NamedEffect(slug, values, effect.form)])
-            assert np.isfinite(answer["torque_Nm"]).sum() > 0.8 * rows, effect.name
+    for effect in forms_by_name(slug, situation):
+        values = {p.name: p.low + 0.4 * (p.high - p.low) for p in effect.parameters}
+        answer = simulate(vehicle, SOIL, table, [NamedEffect(slug, values, effect.form)])
+        assert np.isfinite(answer["torque_Nm"]).sum() > 0.8 * rows, effect.name
 
 
 def test_the_command_takes_effects(drive_file, tmp_path):

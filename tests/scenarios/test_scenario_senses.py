@@ -155,7 +155,13 @@ def test_microphone_faults_are_in_the_sound() -> None:
     assert cut(42.5, 46.5).std() > 5.0 * cut(39.5, 41.5).std()
 
 
-def test_samples_are_labelled_grouped_and_repeatable(monkeypatch: pytest.MonkeyPatch) -> None:
+def are_grouped(labels, groups, sites: int) -> bool:
+    """Whether every class has so many sites, named after it."""
+    named = all(group.startswith(label) for label, group in zip(labels, groups, strict=True))
+    return named and set(labels) == set(SAMPLE_CLASSES) and len(set(groups)) == sites * len(SAMPLE_CLASSES)
+
+
+def test_looks_are_labelled_grouped_and_repeatable(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(samples, "_EYES", 2)
     looks = labelled_looks(np.random.default_rng(0), 1)
     n = len(looks.patches)
@@ -165,6 +171,10 @@ def test_samples_are_labelled_grouped_and_repeatable(monkeypatch: pytest.MonkeyP
     assert 0 < looks.blurred.sum() < n
     again = labelled_looks(np.random.default_rng(0), 1)
     assert np.array_equal(looks.patches, again.patches)
+    assert are_grouped(looks.labels, looks.groups, 1)
+
+
+def test_sounds_are_labelled_and_grouped() -> None:
     told: list[float] = []
     sounds = labelled_sounds(np.random.default_rng(0), 2, told.append)
     assert told[-1] == 1.0
@@ -174,7 +184,4 @@ def test_samples_are_labelled_grouped_and_repeatable(monkeypatch: pytest.MonkeyP
     assert sounds.windows.std(axis=1).min() > 1e-4
     assert (sounds.snr_dB < 0).any()
     assert (sounds.snr_dB >= NOISE_FREE_DB).any()
-    for labels, groups, sites in ((looks.labels, looks.groups, 1), (sounds.labels, sounds.groups, 2)):
-        assert set(labels) == set(SAMPLE_CLASSES)
-        assert all(group.startswith(label) for label, group in zip(labels, groups, strict=True))
-        assert len(set(groups)) == sites * len(SAMPLE_CLASSES)
+    assert are_grouped(sounds.labels, sounds.groups, 2)

@@ -21,7 +21,11 @@ from typing import Any
 
 import numpy as np
 
-TEMPERATURES, EFFECTS, UNKNOWNS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0), (0.005, 0.01, 0.02, 0.04), (0.02, 0.05, 0.1)
+TEMPERATURES, EFFECTS, UNKNOWNS = (
+    (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0),
+    (0.0025, 0.005, 0.01, 0.02, 0.04),
+    (0.02, 0.05, 0.1),
+)
 """What is tried."""
 
 

@@ -60,7 +60,7 @@ def test_making_goes_on_where_it_stopped(monkeypatch, tmp_path):
     monkeypatch.setattr(study, "draw", lambda seed, protocol: ((), "hidden", protocol or "steady"))
     ramps = recordings.RecordingSet("study", range(2), "ramps")
     for name, seed in ramps.named().items():
-        recordings._make_one(tmp_path, ramps, name, seed)
+        recordings.make_one(tmp_path, ramps, name, seed)
     assert sorted(recordings.made(tmp_path, ramps)) == ["study-ramps-0", "study-ramps-1"]
     folder = recordings.folder_of(tmp_path, "study-ramps-0")
     assert sorted(path.name for path in folder.iterdir()) == ["recording.toml", "vehicle.toml", "wheel.csv"]
@@ -77,7 +77,7 @@ def test_the_frozen_generator_writes_its_own_recordings(monkeypatch, tmp_path):
     generate = types.SimpleNamespace(write=write)
     monkeypatch.setitem(sys.modules, "frozen_generator.generate", generate)
     chosen = recordings.SETS["frozen-generator"]
-    recordings._make_one(tmp_path, chosen, "frozen_generator-5003", 5003)
+    recordings.make_one(tmp_path, chosen, "frozen_generator-5003", 5003)
     assert recordings.made(tmp_path, chosen) == {"frozen_generator-5003": {"seed": 5003, "effects": []}}
 
 

@@ -222,6 +222,7 @@ def test_speed_for_the_exposure_costs_quality(model, rng):
 # Real photographs ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_held_out_photographs_are_named_better_than_by_chance(shared_data, monkeypatch):
     """Seven classes, one photograph in three held out: chance is 0.14. Also with 11 px of motion blur."""
     folder = shared_data / "ground-photos"

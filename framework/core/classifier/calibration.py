@@ -11,7 +11,7 @@ SPREAD_MASS = 0.01
 """Mass spread evenly over all classes, so that no single item can rule a class out."""
 LOG_TEMPERATURE_SD = 0.4
 """How far the logarithm of a temperature is from 0, before a group was held out [-]: the prior that few groups are
-weighed against, lest two photographs that happen to be told apart make a model sure of everything."""
+weighed against, lest two photographs that happen to be classified rightly make a model certain of everything."""
 CORRELATION_MEAN, CORRELATION_SD = 0.85, 0.25
 """What is taken for the correlation within groups before a group was held out [-]: items of one are nearly copies."""
 
@@ -40,7 +40,7 @@ def _loss(raw: np.ndarray, y: np.ndarray, weight: np.ndarray, temperature: float
 
 
 def _temperature(raw: np.ndarray, y: np.ndarray, weight: np.ndarray, n_units: int) -> float:
-    """The likeliest temperature, where each of the units that rows come from counts as one item."""
+    """The maximum-a-posteriori temperature, where each of the units that rows come from counts as one item."""
 
     def loss(log_t: float) -> float:
         return n_units * _loss(raw, y, weight, np.exp(log_t)) + 0.5 * (log_t / LOG_TEMPERATURE_SD) ** 2
@@ -92,7 +92,7 @@ def joined(
 
 
 def likeliest_correlation(probabilities: np.ndarray, y: np.ndarray, unit: np.ndarray) -> float:
-    """The likeliest correlation within groups, by the log loss of joined probabilities, classes even."""
+    """The maximum-likelihood correlation within groups, by the log loss of joined probabilities, classes even."""
     first, unit = np.unique(unit, return_index=True, return_inverse=True)[1:]
     truth = y[first]
     by_class = np.bincount(truth)

@@ -144,7 +144,7 @@ class TerrainClassifier:
         -------
         ClassEvidence
             Calibrated probabilities. An item is unknown where its quality is 0, a feature is not finite, or it is
-            unlike anything trained on; quality falls to 0 over the last fifth before that gate, and a reason says so
+            unlike anything trained on; quality falls to 0 over the last fifth before that gate, with a reason
             where that costs a fifth of it or more.
 
         Raises
@@ -237,7 +237,7 @@ class TerrainClassifier:
         ------
         InputError
             The file is missing, is no model of this program, holds a type that is not allowed, is too large or
-            damaged, or is of another modality than asked for.
+            damaged, or is of another modality.
         """
         from .store import load
 

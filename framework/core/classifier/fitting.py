@@ -28,7 +28,7 @@ CLIP = 8.0
 
 
 def _kernel_machine(d: int, seed: int, components: int, freedom: float) -> Pipeline:
-    # A Nystroem map of an RBF kernel stands in for a kernel machine: the cost of a prediction does not grow with n.
+    # A Nystroem map of an RBF kernel replaces a kernel machine: the cost of a prediction does not grow with n.
     mapping = Nystroem(gamma=0.5 / d, n_components=components, random_state=seed)
     return Pipeline([("map", mapping), ("logistic", LogisticRegression(C=freedom, max_iter=500))])
 
@@ -84,7 +84,7 @@ class Rows:
     n_classes: int
 
     def take(self, index: np.ndarray) -> Rows:
-        """Give some rows, weighed anew."""
+        """Give some rows, with weights of their own."""
         y, group = self.y[index], self.group[index]
         return Rows(self.x[index], y, group, row_weights(y, group), self.n_classes)
 

@@ -74,8 +74,8 @@ def read_labelled(folder: str | Path, notes: list[str] | None = None) -> list[La
     ------
     InputError
         The folder or a file is missing, a name leads out of the folder, a class or group is blank, a class has a name
-        that none may have or that only case or spaces tell from another's, a stretch ends before it starts, the same
-        material is in two classes or groups, a sub-folder holds nothing that can be used, or there are fewer than two
+        that none may have or that differs in case or spaces only from another's, a stretch ends before it starts, the
+        same material is in two classes or groups, a sub-folder holds nothing usable, or there are fewer than two
         classes.
     """
     folder = Path(folder)

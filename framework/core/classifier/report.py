@@ -53,13 +53,13 @@ def training_report(
 ) -> dict:
     """Sum up a training (JSON-able).
 
-    The scores on top are of items as they came; those of items made from them, marked in `degraded` (n,), stand
+    The scores on top are of original items; those of items made from them, marked in `degraded` (n,), stand
     apart under ``"degraded"`` (absent where there are none). `notes` on the material stand first among the warnings.
     """
     groups_of = [len(np.unique(rows.group[rows.y == i])) for i in range(len(classes))]
-    asked = ~degraded if not degraded.all() else np.ones(len(degraded), dtype=bool)
-    scored = held.scored & asked
-    others = _other_ground_rejection(rows, fitted, asked)
+    original = ~degraded if not degraded.all() else np.ones(len(degraded), dtype=bool)
+    scored = held.scored & original
+    others = _other_ground_rejection(rows, fitted, original)
     untested = [name for i, name in enumerate(classes) if not scored[rows.y == i].any()]
     report = {
         "modality": modality,
@@ -89,7 +89,7 @@ def training_report(
         part = _part_scores(rows, held, scored, classes)
         report |= part | {"n_scored": part["n"], "n": len(rows.y)}
         report["by_group"] = _scores_by_group(rows, held, scored, classes)
-    made = held.scored & ~asked
+    made = held.scored & ~original
     if made.any():
         worse = _part_scores(rows, held, made, classes)
         report["degraded"] = worse | {"held_out_rejection": _rejection(rows, held, made)}
@@ -126,8 +126,8 @@ def _warnings(
     return warnings
 
 
-def _other_ground_rejection(rows: Rows, fitted: Fitted, asked: np.ndarray) -> float | None:
-    """Share of a class's items, of those `asked` (n,), that the gate turns away when it has not seen the class.
+def _other_ground_rejection(rows: Rows, fitted: Fitted, original: np.ndarray) -> float | None:
+    """Share of a class's items, of those `original` (n,), that the gate turns away when it has not seen the class.
 
     The mean over all classes, each left out of the gate in turn; None where fewer than two would be left.
     """
@@ -138,9 +138,9 @@ def _other_ground_rejection(rows: Rows, fitted: Fitted, asked: np.ndarray) -> fl
     for left_out in range(rows.n_classes):
         own = rows.y == left_out
         gate = Gate.fit(z[~own], rows.y[~own], rows.weight[~own], rows.n_classes)
-        if (own & asked).any():
-            away = gate.distance(z[own & asked]) > fitted.threshold
-            shares.append(np.average(away, weights=rows.weight[own & asked]))
+        if (own & original).any():
+            away = gate.distance(z[own & original]) > fitted.threshold
+            shares.append(np.average(away, weights=rows.weight[own & original]))
     return float(np.mean(shares))
 
 

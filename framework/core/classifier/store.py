@@ -140,7 +140,7 @@ def _nodes(tree: object) -> Iterator[dict]:
 
 
 def _array(data: bytes) -> np.ndarray:
-    """A plain .npy from memory; its header may not promise more than there is."""
+    """A plain .npy from memory; its header may not state more than there is."""
     stream = io.BytesIO(data)
     version = np.lib.format.read_magic(stream)
     read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
@@ -280,7 +280,7 @@ def _rebuild(payload: dict, path: Path, version: str) -> TerrainClassifier:
 
 
 def _check_member(member: Any, k: int, d: int) -> None:
-    """Refuse what would make compiled code read outside its arrays, or start work that nobody asked for."""
+    """Refuse what would make compiled code read outside its arrays, or start other work."""
     classes = np.asarray(member.classes_)
     if classes.ndim != 1 or classes.min() < 0 or classes.max() >= k or len(np.unique(classes)) != len(classes):
         raise ValueError("class indices out of range")
@@ -311,4 +311,4 @@ def _check_tree(tree, d: int, k: int) -> None:
         raise ValueError("a damaged tree")
     feature = tree.feature[~leaf]
     if len(feature) and (feature.min() < 0 or feature.max() >= d):
-        raise ValueError("a tree asks for a feature that does not exist")
+        raise ValueError("a tree uses a feature that does not exist")

@@ -64,7 +64,7 @@ class Message:
 
 
 class BagFile:
-    """A bag, read as often as asked for.
+    """A bag, which can be read several times.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ class BagFile:
 
 
 def _kind_of(file: Path) -> bytes:
-    """Tell what a file is by its first bytes, which are a key of `_KINDS`."""
+    """Kind of a file by its first bytes, which are a key of `_KINDS`."""
     with reading(file, "a readable file"), file.open("rb") as raw:
         start = raw.read(16)
     kind = next((kind for kind in _KINDS if start.startswith(kind)), None)

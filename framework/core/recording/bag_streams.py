@@ -212,7 +212,7 @@ def samples_of(content: Any, path: str, form: SoundFormat, channels: int) -> np.
 
 
 def is_mp3(message: Message, content: Any, path: str) -> bool:
-    """Tell MP3 data, which ROS's audio_capture sends by default, by the mark that each of its frames begins with."""
+    """Recognise MP3 data, which ROS's audio_capture sends by default, by the mark at the beginning of each frame."""
     try:
         values = np.asarray(field(content, path))
     except DecodeError:

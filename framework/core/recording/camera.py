@@ -1,7 +1,7 @@
 """Images, from files that somebody else made: checked before they are decoded, and decoded within limits.
 
-Images are JPEG or PNG. Neither decoder that OpenCV brings says so when a file ends early (a JPEG then has its lower
-part filled with grey), so that it is looked at here: JPEG by the module `jpeg`, PNG by its chunks and their check sums
+Images are JPEG or PNG. Neither decoder that OpenCV brings reports a file that ends early (a JPEG then has its lower
+part filled with grey), so it is checked here: JPEG by the module `jpeg`, PNG by its chunks and their check sums
 (ISO/IEC 15948, 5.3).
 """
 
@@ -46,7 +46,7 @@ def read_image(path: str | Path) -> np.ndarray:
 
 
 def decode_image(data: bytes, source: str | Path) -> np.ndarray:
-    """Decode a JPEG or PNG image; its pixels stay where the sensor had them, whatever rotation the file asks for.
+    """Decode a JPEG or PNG image; its pixels stay where the sensor had them, whatever rotation the file states.
 
     Parameters
     ----------

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 CANCELLED = 0.01
-"""A mean that holds less than this share of the loudest channel's power is what the channels differ by, and no longer
-what they heard [-]."""
+"""A mean that holds less than this share of the loudest channel's power is the difference of the channels, not their
+common sound [-]."""
 
 
 def mixed(channels: np.ndarray) -> np.ndarray:
@@ -21,7 +21,7 @@ def mixed(channels: np.ndarray) -> np.ndarray:
     -------
     np.ndarray
         (m,), the channels' mean; the loudest of them where they cancel, as a balanced line does that was recorded as
-        left and right, and where all others are silent beside it.
+        left and right, and where all others are silent.
     """
     if channels.ndim == 1 or channels.shape[1] == 1:
         return channels.reshape(len(channels))

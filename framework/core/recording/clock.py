@@ -13,7 +13,7 @@ def interpolate(time_s: np.ndarray, values: np.ndarray, at_s: np.ndarray, max_ga
     time_s, values : (m,)
         Samples in order of time [s]; values that are NaN count as not recorded.
     at_s : (n,)
-        Times that are asked for [s].
+        Times to interpolate at [s].
     max_gap_s
         No gap that is longer than this is bridged, and before the first and after the last sample a value is held for
         half of it [s].

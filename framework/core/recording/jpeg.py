@@ -2,7 +2,7 @@
 
 libjpeg, which every decoder here is made of, fills up with grey what is missing before an end marker, and passes over
 what is left once the image is full; it warns of both on standard error only. But where there is no marker either, it
-asks for more data: so an image is whole that can be decoded without its end marker, and cannot without the end of its
+reads on: so an image is whole that can be decoded without its end marker, and cannot without the end of its
 data. That holds for images of one scan, as cameras write them. In those of several (progressive ones, ITU-T T.81, G)
 each scan refines all of the image, and an early end is not seen.
 """
@@ -104,7 +104,7 @@ def refuse_damage(layout: JpegLayout, source: str | Path) -> None:
 
 
 def _fills(data: bytes) -> bool:
-    """Tell whether data without an end marker make a whole image."""
+    """Say whether data without an end marker make a whole image."""
     try:
         with JpegImageFile(io.BytesIO(data)) as image:
             image.draft("L", (1, 1))  # an eighth of the size: the codes are what is looked at

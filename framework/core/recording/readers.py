@@ -46,7 +46,7 @@ class Reader(ABC):
 
     @abstractmethod
     def sniff(self, path: Path) -> bool:
-        """Tell, quickly, whether a file or folder that exists is of this format."""
+        """Say, quickly, whether a file or folder that exists is of this format."""
 
     @abstractmethod
     def read(self, path: Path, *, vehicle: Vehicle | None, topics: Path | None) -> Recording:
@@ -68,26 +68,26 @@ class Reader(ABC):
         """
 
 
-_READERS: list[Reader] = []
+READERS: list[Reader] = []
 
 
 def register(reader: type[Reader]) -> type[Reader]:
     """Add a reader, as a decorator of its class; one that was added later is tried earlier."""
-    _READERS.insert(0, reader())
+    READERS.insert(0, reader())
     return reader
 
 
 @cache
-def _load() -> None:
+def load_readers() -> None:
     """Import the modules of this package's formats, and of others that entry points name."""
     from . import formats
 
-    others = list(_READERS)
+    others = list(READERS)
     for module in pkgutil.iter_modules(formats.__path__):
         import_module(f"{formats.__name__}.{module.name}")
     for point in entry_points(group="bevameter.readers"):
         point.load()
-    _READERS.sort(key=others.__contains__, reverse=True)  # what was registered before comes before
+    READERS.sort(key=others.__contains__, reverse=True)  # what was registered before comes before
 
 
 def read_recording(
@@ -115,17 +115,17 @@ def read_recording(
         Nothing of a recording is there, or what is there is at fault: file, place, value and expectation are named.
     """
     path = path_of("recording", path, "a Recording, or the path of one or of a wheel file")
-    _load()
-    kinds = ", ".join(reader.kinds for reader in _READERS)
+    load_readers()
+    kinds = ", ".join(reader.kinds for reader in READERS)
     with reading(path, kinds):
         if not path.exists() and not path.is_symlink():
             raise InputError(path, "no such file or folder", expected=kinds)
         path.stat()  # a link that leads nowhere, or to itself
         driven = None if vehicle is None else as_vehicle(vehicle)
         topic_map = None if topics is None else path_of("topics", topics, "the path of a topic map")
-        reader = next((reader for reader in _READERS if reader.sniff(path)), None)
+        reader = next((reader for reader in READERS if reader.sniff(path)), None)
         if topic_map is not None and not (reader and reader.takes_topics):
-            bags = " or ".join(reader.kinds for reader in _READERS if reader.takes_topics)
+            bags = " or ".join(reader.kinds for reader in READERS if reader.takes_topics)
             raise InputError(path, "a topic map is given, and this is no bag", expected=bags)
         if reader is None:
             raise InputError(path, f"a file of kind {path.suffix!r}", expected=kinds)

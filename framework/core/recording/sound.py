@@ -101,7 +101,7 @@ def read_channels(path: str | Path, start_s: float = 0.0, end_s: float | None = 
 class SoundFileStream:
     """Sound of a file in blocks; its memory is that of one block, however long the file (a `SoundStream`).
 
-    A file that was cut off is read as far as it goes, and `problems` says so.
+    A file that was cut off is read as far as it goes, with a note in `problems`.
 
     Parameters
     ----------
@@ -122,13 +122,13 @@ class SoundFileStream:
         self.problems: tuple[str, ...] = ()
         with self.open() as file:
             self._sample_rate = file.samplerate
-            promised = max(file.frames, _frames_promised(self.path, file))
+            stated = max(file.frames, _frames_stated(self.path, file))
             self.frames = self._readable(file)
             cut = file.format == "OGG" and _ogg_cut(self.path)
         if not self.frames:
             raise InputError(self.path, "no sample in it that can be read", expected="sound")
-        if self.frames < promised:
-            whole = f"{promised / self._sample_rate:.3f} s"
+        if self.frames < stated:
+            whole = f"{stated / self._sample_rate:.3f} s"
             self.problems = (f"{self.path.name}: cut off, ends after {self.duration_s:.3f} s of {whole}",)
         elif cut:
             self.problems = (f"{self.path.name}: cut off, ends after {self.duration_s:.3f} s without its last page",)
@@ -231,7 +231,7 @@ def _frames(file: sf.SoundFile, frames: int) -> np.ndarray:
 
 
 def _ogg_cut(path: Path) -> bool:
-    """Tell whether an Ogg file lacks its last page, which bears the mark of the end (RFC 3533, section 6)."""
+    """Say whether an Ogg file lacks its last page, which bears the mark of the end (RFC 3533, section 6)."""
     with path.open("rb") as raw:
         raw.seek(max(path.stat().st_size - 2**17, 0))  # a page has 65,307 bytes at most
         tail = raw.read()
@@ -239,11 +239,11 @@ def _ogg_cut(path: Path) -> bool:
     return page < 0 or page + 27 > len(tail) or not tail[page + 5] & 4
 
 
-def _frames_promised(path: Path, file: sf.SoundFile) -> int:
-    """Count the frames that a WAV file's header promises; libsndfile counts what is there and says nothing.
+def _frames_stated(path: Path, file: sf.SoundFile) -> int:
+    """Count the frames that a WAV file's header states; libsndfile counts what is there and says nothing.
 
     A data size of 0 or of all ones is what recorders write that were stopped before they could fill it in: nothing is
-    promised then.
+    stated then.
     """
     if file.format not in ("WAV", "WAVEX"):
         return 0

@@ -100,7 +100,7 @@ class Table:
 
 
 def is_table(path: Path) -> bool:
-    """Tell by its name whether a file is a table that can be read here."""
+    """Say by its name whether a file is a table that can be read here."""
     return path.name.lower().endswith((".csv", ".csv.gz", ".parquet"))
 
 

@@ -277,7 +277,7 @@ def _joints(topic: Topic, sample: Any, wheel: str | None) -> list[WheelTopic]:
 
 
 def _one_travel_speed(wheel: list[WheelTopic], topics: Mapping[str, Topic], assumed: list[str]) -> list[WheelTopic]:
-    """Keep one source of travel speed that was guessed by type, and none beside one that was named."""
+    """Keep one source of travel speed that was guessed by type, and none where one was named."""
     guessed = [s for s in wheel if "travel_speed_m_s" in s.fields and short_type(topics[s.topic]) in _SPEEDS]
     named = [s for s in wheel if "travel_speed_m_s" in s.fields and s not in guessed]
     keep = None

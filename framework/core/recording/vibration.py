@@ -82,7 +82,7 @@ def _read(path: Path) -> tuple[Table, np.ndarray, tuple[str, ...]]:
     time = table.numbers[key]
     names = tuple(name for name in table.numbers if name not in _TIME)
     if not names:
-        raise InputError(path, "no column of numbers beside time", expected="channels such as wx, wy, wz, ax, ay, az")
+        raise InputError(path, "no column of numbers besides time", expected="channels such as wx, wy, wz, ax, ay, az")
     if len(time) < 2:
         raise InputError(path, f"{len(time)} sample", expected="at least two")
     table.check_time(key, increasing=True)
@@ -121,14 +121,14 @@ def _read_wheel(path: Path, clock: np.ndarray) -> tuple[tuple[str, ...], np.ndar
     gap = _GAP_SAMPLES * float(np.median(np.diff(time)))
     wheel = np.column_stack([interpolate(time, table.numbers[name], clock, gap) for name in names])
     problems = list(table.problems)
-    problems += _standing(table, names)
+    problems += _zero_speeds(table, names)
     beyond = float(np.isnan(wheel).any(axis=1).mean())
     if beyond > 0.01:
         problems.append(f"{path.name}: {100 * beyond:.2g} % of the time without a value")
     return names, wheel, problems
 
 
-def _standing(table: Table, names: tuple[str, ...]) -> list[str]:
+def _zero_speeds(table: Table, names: tuple[str, ...]) -> list[str]:
     """Say where the wheels' speed, or that of the vehicle between them, is zero throughout."""
     speeds = {
         name: np.nan_to_num(table.numbers[name])

@@ -127,7 +127,7 @@ def derive(table: WheelTable, wheel: Wheel) -> WheelTable:
     Slip is i = 1 - V/(r omega) where the wheel drives (r omega >= V) and i = r omega/V - 1 where it brakes (Wong 2010,
     Eq. 4.44 and 4.47; CONTRACTS.md), both for a wheel that rolls forwards; one that rolls backwards is taken as
     rolling forwards in its own direction. A wheel that turns against its travel slips more than wholly, which has no
-    value here: it and a standing wheel are NaN.
+    value here: it and a wheel at standstill are NaN.
 
     Parameters
     ----------
@@ -202,7 +202,7 @@ def _check_spelling(source: Path, name: str) -> None:
 
 
 def is_wheel_channel(name: str) -> bool:
-    """Tell whether a column is one of the contract's, or a misspelling of one."""
+    """Say whether a column is one of the contract's, or a misspelling of one."""
     return name in WHEEL_COLUMNS or name in TEXT_COLUMNS or _meant(name) is not None
 
 
@@ -250,7 +250,7 @@ def _not_used(table: Table, columns: Mapping[str, np.ndarray]) -> list[str]:
 
 
 def _mostly_numbers(cells: np.ndarray) -> bool:
-    """Tell whether most cells (n,) of text that are not empty begin with a number."""
+    """Say whether most cells (n,) of text that are not empty begin with a number."""
     seen = [str(cell) for cell in cells if cell]
     return bool(seen) and sum(_NUMBER(cell) is not None for cell in seen) > len(seen) / 2
 

@@ -78,7 +78,7 @@ def without_jumps(pose: Pose, source: Path, place: Callable[[int], str]) -> tupl
 
 
 def reached(time_s: np.ndarray, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
-    """Tell which places a ground vehicle can have been at, (n,) of bool.
+    """Which places a ground vehicle can have been at, (n,) of bool.
 
     The longest run of places without a jump is believed, and before and after it what can be reached from there.
 

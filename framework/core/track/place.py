@@ -22,15 +22,15 @@ ALONG_X: Axis = (1.0, 0.0)
 _ASIDE = 0.1
 """Spread across the main direction as a share of that along it from which on a track turns [-]; and as much of one
 axis in the direction of another from which on it does not run along that; and as much of its way from which on it
-comes back, or beside itself.
+comes back, or runs next to itself.
 """
 
 _NOISES = 3.0
-"""Standard deviations of positions by which two on one track may be apart, beside the width of the wheel [-]."""
+"""Standard deviations of positions by which two on one track may be apart, besides the width of the wheel [-]."""
 
 _ALONE, _CHORD, _SMOOTH = 5, 10, 4.0
-"""Rows whose median a place that stands alone is not, rows that a step is told by, and how many times the positions'
-noise rows are averaged over, in steps."""
+"""Rows whose median a place that stands alone is not, rows from which a step is estimated, and how many times the
+positions' noise rows are averaged over, in steps."""
 
 _STANDS, _FAST = 0.1, 0.9
 """Share of the steps at that quantile below which a wheel stands [-]."""
@@ -43,7 +43,7 @@ _NEAREST, _PARALLEL = 32, 0.7
 
 
 def coordinate(axis: Axis | None) -> Literal["x_m", "y_m", "distance_m"]:
-    """Column that tells the place on a track: the one that runs along it, or the way gone, along the track."""
+    """Column of the place on a track: the one that runs along it, or the way gone, along the track."""
     if axis is None:
         return "distance_m"
     x, y = map(abs, axis)
@@ -52,7 +52,7 @@ def coordinate(axis: Axis | None) -> Literal["x_m", "y_m", "distance_m"]:
 
 def axis_of(plane: np.ndarray, stretch: np.ndarray, width_m: float) -> Axis | None:
     """Direction in which stretches (n,) run over places (n, 2), that of the first; None where they turn, or come back
-    more than the width of the wheel beside.
+    more than the width of the wheel to the side.
 
     Lanes side by side, each a stretch of its own, are one direction. It is x where nothing moves or is seen.
     """
@@ -71,14 +71,14 @@ def axis_of(plane: np.ndarray, stretch: np.ndarray, width_m: float) -> Axis | No
     if spread[0] > _ASIDE**2 * spread[1]:
         return None
     across, along = (away @ directions).T
-    if _beside_itself(along, across, number, width_m + _NOISES * noise):
+    if _returns_aside(along, across, number, width_m + _NOISES * noise):
         return None
     ends = np.diff(away[number == number[0]][[0, -1]] @ directions[:, 1])
     return tuple((directions[:, 1] * (-1.0 if ends[0] < 0.0 else 1.0)).tolist())
 
 
-def _beside_itself(along: np.ndarray, across: np.ndarray, number: np.ndarray, near: float) -> bool:
-    """Say whether stretches of a `number` (n,) come back further than `near` beside where they ran before [m]."""
+def _returns_aside(along: np.ndarray, across: np.ndarray, number: np.ndarray, near: float) -> bool:
+    """Say whether stretches of a `number` (n,) come back further than `near` from where they ran before [m]."""
     for rows in runs_of(number):
         steps = np.diff(along[rows])
         if min(steps.clip(min=0.0).sum(), -steps.clip(max=0.0).sum()) <= _ASIDE * np.ptp(along[rows]):
@@ -197,7 +197,7 @@ def _on_ground_of(
     rows: np.ndarray, near: tuple[float, float],
 ) -> np.ndarray:  # fmt: skip
     """Places (k,) of some rows: those of the last earlier pass that ran so near, along and across, and parallel, else
-    their own: where a track is driven anew, what ran there before is gone.
+    their own: where a track is driven again, what ran there before is gone.
     """
     tree = KDTree(plane[before])
     _, at = map(np.asarray, tree.query(plane[rows], k=min(_NEAREST, len(before))))

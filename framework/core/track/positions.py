@@ -39,7 +39,7 @@ def set_down(plane: np.ndarray, label: np.ndarray) -> np.ndarray:
     """Say after which rows (n - 1,) a wheel was set down elsewhere: its position, (n, k) [m], jumps and is not wrong.
 
     Rows with another label (n,) are those of another wheel, run or pass. Where one coordinate is not known, the others
-    tell.
+    decide.
     """
     answer = np.zeros(max(len(plane) - 1, 0), dtype=bool)
     for rows in runs_of(label):

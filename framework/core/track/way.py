@@ -71,7 +71,7 @@ class Track:
         start, end = self.holes_s[np.argmax(length)]
         many = f", in {len(length)} holes, the longest" if len(length) > 1 else ""
         span = f"no places for {length.sum():.1f} s{many} from {start:.1f} s to {end:.1f} s"
-        return (f"{span}: what was seen, heard and felt then lies on no map",)
+        return (f"{span}: what was observed then is not on the map",)
 
     @property
     def distance_m(self) -> float:
@@ -109,9 +109,9 @@ class Track:
 def pose_from_wheel(table: WheelTable, vehicle: Vehicle | None) -> tuple[Pose | None, tuple[str, ...]]:
     """Make poses of the places in wheel rows; the yaw is that of the path, which a vehicle drives nose first.
 
-    The places are those of one wheel, the first named in the table; its position in the vehicle is taken off. Places
-    that are impossible are left out, as problems say, and all of them where they jump for good: the rows still tell of
-    the soil. Rows of several runs are no neighbours in time.
+    The places are those of one wheel, the first named in the table; its position in the vehicle is taken off.
+    Impossible places are left out, with a note in `problems`, and all of them where they jump for good: the rows still
+    serve for the soil. Rows of several runs are no neighbours in time.
 
     Returns
     -------
@@ -227,7 +227,7 @@ def _track(
 
 
 def _too_far_apart(time_s: np.ndarray) -> np.ndarray:
-    """Tell between which neighbours too much time passed for a straight line, (n - 1,), by the usual step of all."""
+    """Between which neighbours too much time passed for a straight line, (n - 1,), by the usual step of all."""
     step = np.diff(time_s)
     return step > max(_BRIDGED_S, _BRIDGED_STEPS * float(np.quantile(step, 0.5, method="lower")))
 
@@ -239,7 +239,7 @@ def _stood(
     yaw_rad: np.ndarray,
     speed: tuple[np.ndarray, np.ndarray] | None,
 ) -> np.ndarray:
-    """Tell between which neighbours the vehicle stood, (n - 1,): it is where it was, and its wheels say no other."""
+    """Between which neighbours the vehicle stood, (n - 1,): it is where it was, and no wheel speed contradicts it."""
     stood = (np.hypot(np.diff(x_m), np.diff(y_m)) < _STOOD_M) & (np.abs(np.diff(yaw_rad)) < _STOOD_RAD)
     if speed is None:
         return stood

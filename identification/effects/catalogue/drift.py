@@ -26,7 +26,7 @@ _SHORTEST_WARM, _WARM_STARTS = 0.1, (0.12, 0.35)
 ones look like an offset, and slower ones like a straight line."""
 
 _PREDICTED = 0.87
-"""Share of the variance of a curved drift that slip and load predict, above which no data tell it from a missing
+"""Share of the variance of a curved drift that slip and load predict, above which no data separate it from a missing
 dependence on slip and load [-]. Simulated drives with one ramp of slip at each of three to five loads have 0.96 and
 more, bench tests 0.73 at most, field drives 0.85."""
 

@@ -59,7 +59,7 @@ class DrivetrainFriction(Effect):
 
     @classmethod
     def forms(cls, situation: Situation) -> Sequence[Effect]:
-        """Give the parts that load and speed tell apart, where torque was measured."""
+        """Give the parts that the ranges of load and speed identify, where torque was measured."""
         if not situation.measures(TORQUE):
             return ()
         drive = situation.drive

@@ -54,7 +54,7 @@ class Grousers(Effect):
         if wheel.grouser_height_m > 0.0 and situation.measures(TORQUE, PULL):
             answer += [*_steady(wheel.grouser_height_m, wheel.grouser_count), LugTips(wheel.grouser_height_m)]
         if drive.has("wheel_angle_rad") and np.nanmax(drive.wheel_angle_rad) - np.nanmin(drive.wheel_angle_rad) > np.pi:
-            for count in _counts(wheel, drive, situation.innovations):
+            for count in lug_counts(wheel, drive, situation.innovations):
                 answer += _ripples(wheel, count, situation, _most_orders(drive.wheel_angle_rad, count))
         return answer
 
@@ -327,7 +327,7 @@ def _most_orders(angle: np.ndarray, count: int) -> int:
     return int(min(math.pi / max(count * step, 1e-300), max(_OVERTONES)))
 
 
-def _counts(wheel: Wheel, drive: Drive, innovations: np.ndarray) -> list[int]:
+def lug_counts(wheel: Wheel, drive: Drive, innovations: np.ndarray) -> list[int]:
     """Numbers of lugs to consider: the vehicle's, and lines of white residuals against wheel angle that stand out.
 
     Lugs that are not stated may show less than a misfit that recurs with the wheel's turns: two lines, then. One that

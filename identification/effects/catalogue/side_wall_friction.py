@@ -30,7 +30,7 @@ class SideWallFriction(Effect):
     slug = "side_wall_friction"
     title = "side-wall friction"
     what_happens = "the buried flanks of the wheel rub on soil"
-    check = "drive the same with smooth, greased discs beside the wheel, or with a narrower wheel"
+    check = "drive the same with smooth, greased discs at the sides of the wheel, or with a narrower wheel"
     of_any_wheel = True
     form = "stress"
     equation = "T += 2 tau_s A r, DP -= 2 tau_s A; A the buried area of a flank ahead of the axle"

@@ -73,7 +73,7 @@ class SoilPatch(Effect):
         low, high = float(np.nanmin(values)), float(np.nanmax(values))
         unit = "s" if along == "time" else "m"
         wide = high - low
-        # A standing wheel has no track: its one place is inside or outside.
+        # A wheel at standstill has no track: its one place is inside or outside.
         edge = max(_EDGE * wide, 1e-9)
         self.constants = {"edge": edge}
         self.needs = (self._along,)

@@ -35,7 +35,7 @@ class StressPeakShift(Effect):
 
     @classmethod
     def forms(cls, situation: Situation) -> Sequence[Effect]:
-        """Give the forms that slip tells apart."""
+        """Give the forms that the range of slip identifies."""
         if not situation.drive.has("slip"):
             return (PeakElsewhere(),)
         with np.errstate(invalid="ignore"):

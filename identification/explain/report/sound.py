@@ -29,7 +29,7 @@ def sound_verdict(sound: SoundFindings) -> str:
 
 
 def sound_lines(sound: SoundFindings) -> list[str]:
-    """Give the answer in lines of text: verdict, the likeliest causes with their numbers, and the notes."""
+    """Give the answer in lines of text: verdict, the most probable causes with their parameters, and the notes."""
     causes = sorted(sound.missing, key=lambda each: -each.probability)
     lines = [sound_verdict(sound)]
     for each in causes[:_CAUSES_PRINTED]:

@@ -58,17 +58,14 @@ def held(segment: Segment, soil: Soil) -> list[bool]:
     ]
 
 
-@pytest.mark.parametrize("seeds", [[0], pytest.param(range(6), marks=pytest.mark.slow)])
-def test_one_soil_stays_one_and_its_intervals_hold(seeds):
-    """Drives with first-order noise of 0.7: five intervals each."""
-    answers = []
-    for seed in seeds:
-        (segment,) = driven(seed, autoregressive(0.7))
-        answers.append(held(segment, SAND))
-        assert "autocorrelated_noise" in codes(segment.estimate.findings)
-    assert np.mean(answers) >= (0.9 if len(answers) > 1 else 0.8)
+def test_one_soil_stays_one_and_its_intervals_hold():
+    """First-order noise of 0.7; of five intervals four at least."""
+    (segment,) = driven(0, autoregressive(0.7))
+    assert np.mean(held(segment, SAND)) >= 0.8
+    assert "autocorrelated_noise" in codes(segment.estimate.findings)
 
 
+@pytest.mark.slow
 def test_filtered_sensors_make_no_soils():
     (segment,) = driven(1, low_passed, n=600, step_s=0.02)
     assert all(held(segment, SAND)[:2])
@@ -76,6 +73,7 @@ def test_filtered_sensors_make_no_soils():
     assert segment.estimate.misfit < 1.5
 
 
+@pytest.mark.slow
 def test_a_change_of_soil_is_found_beside_autocorrelated_noise():
     first, second = driven(1, autoregressive(0.8), (SAND, CLAY))
     assert second.start_s == pytest.approx(15.0, abs=0.3)

@@ -73,8 +73,9 @@ def test_the_textbooks_form_is_not_rejected_where_it_holds(study):
         assert not rejected(solution, WRONG_FORM)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["slip_sinkage", "exit_angle", "slip_sinkage+stress_peak_shift"])
+@pytest.mark.parametrize(
+    "kind", ["slip_sinkage", "exit_angle", pytest.param("slip_sinkage+stress_peak_shift", marks=pytest.mark.slow)]
+)
 def test_intervals_hold_the_soil_under_physics_that_the_textbook_leaves_out(study, kind):
     ground, measured = recording(study, kind, 5)
     assert rejected(solve(measured, ground.wheel, SoilKnowledge()), WRONG_FORM)

@@ -34,7 +34,7 @@ class At:
 
 
 def end(monkeypatch, profile, direction: float = 1.0, bound: float = 100.0) -> np.ndarray:
-    """Where `_end` says that a profile (log-likelihood of the first parameter, best at 0) has fallen far enough."""
+    """Where a profile (log-likelihood of the first parameter, best at 0) has fallen far enough."""
 
     def fit(problem: Held, point: At, **stopping: float):
         vector = np.array([problem.value, 0.5 * problem.value])
@@ -45,7 +45,9 @@ def end(monkeypatch, profile, direction: float = 1.0, bound: float = 100.0) -> n
     best = SimpleNamespace(vector=np.zeros(2), point=At(np.zeros(2)), log_likelihood=profile(0.0))
     solution = SimpleNamespace(fit=best, problem=problem, quantile=QUANTILE, widening=None, widened=lambda index: 1.0)
     solution.free = np.ones(2, dtype=bool)
-    return intervals._end(solution, 0, 1.0, intervals._Path(np.zeros(2), 0, np.array([1.0, 0.5])), direction)
+    return intervals.profile_end(
+        solution, 0, 1.0, intervals.ProfilePath(np.zeros(2), 0, np.array([1.0, 0.5])), direction
+    )
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])

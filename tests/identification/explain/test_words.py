@@ -1,4 +1,4 @@
-"""The answer in words: what is missing, how sure that is, what to do, for every verdict."""
+"""The answer in words holds what is in its fields: effects, probabilities, values with their units, what to measure."""
 
 from __future__ import annotations
 
@@ -21,106 +21,93 @@ def missed(answer, times: float = 3.0, **changes):
     return replace(answer, fits=fits, **changes)
 
 
-def test_physics_is_named_first_with_its_probability_and_what_modelling_it_gains():
+def holds(text: str, *parts: str) -> bool:
+    return all(part in text for part in parts)
+
+
+def test_an_effect_is_given_with_its_probability_its_values_and_its_gain():
     said = summarise(explanation())
-    assert said.startswith("Missing: slip-sinkage (98 %).")
-    for each in ("n1 = 0.213 ± 0.019", "sinkage from 2.8 to 0.51 mm (the noise)", "slip from 0.3 to 0.55"):
-        assert each in said, each
-    assert "torque from 1.2 to 0.52 N m" in said
+    assert holds(said, "slip-sinkage (98 %)", "0.213 ± 0.019", "2.8 to 0.51 mm", "0.3 to 0.55", "1.2 to 0.52 N m")
 
 
-def test_physics_and_faults_are_named_apart_and_what_is_doubtful_is_not_asserted():
-    first, second, third = (part for part in headline(several()).split(". "))
-    assert first == "Missing: slip-sinkage (98 %)"
-    assert second == "Fault: time lag of the torque (97 %)"
-    assert "load gain (30 %)" in third
-    assert "weigh it" in details(several()), "what decides about the doubtful one"
+def test_physics_come_before_faults_and_both_before_what_is_doubtful():
+    said = headline(several())
+    places = [said.index(part) for part in ("slip-sinkage (98 %)", "time lag", "(97 %)", "load gain (30 %)")]
+    assert places == sorted(places)
+    assert several().missing[2].would_tell in details(several())
 
 
-def test_an_instrument_alone_is_a_fault():
+def test_a_fault_alone_reads_otherwise_than_physics():
     fault = replace(several().missing[1], effect="sinkage_offset", form="")
     said = headline(explanation(verdict="instrument", missing=(fault,)))
-    assert said == "Fault: sinkage offset (97 %)."
+    assert "sinkage offset (97 %)" in said
+    assert said.split()[0] != headline(explanation()).split()[0]
 
 
-def test_what_cannot_be_told_is_followed_by_the_measurement_that_tells():
+def test_what_cannot_be_told_lists_the_causes_and_the_measurement_that_tells():
     answer = cannot_tell()
-    assert headline(answer) == "Cannot tell between side-wall friction (55 %) and torque gain (42 %)."
-    assert details(answer).startswith("To decide: measure drawbar pull (drawbar_pull_N) on the same drive.")
-    one = replace(answer, missing=answer.missing[:1])
-    assert "side-wall friction (55 %)" in headline(one)
-    assert "between" not in headline(one)
-    likely = tuple(replace(each, probability=0.75) for each in answer.missing)
-    assert "several" in headline(replace(answer, missing=likely)), "shares above one: both may be missing"
+    assert holds(headline(answer), "side-wall friction (55 %)", "torque gain (42 %)")
+    assert answer.missing[0].would_tell in headline(answer)
+    one = headline(replace(answer, missing=answer.missing[:1]))
+    assert "side-wall friction (55 %)" in one
+    assert "torque gain" not in one
 
 
 def test_the_unknown_says_where_it_lives_and_what_is_asserted_with_it():
     said = summarise(unknown())
-    assert said.startswith("Missing: something that the catalogue lacks (93 %).")
-    assert "torque T differs by 3 of its noise, mostly with rim speed" in said.replace("Torque", "torque")
-    assert "vary rim speed with all else held" in said
+    assert holds(said, "(93 %)", "rim speed")
     assert "_" not in said
     both = replace(unknown(), missing=(*unknown().missing, *explanation().missing))
-    assert "slip-sinkage (98 %)" in headline(both)
-    assert "something that the catalogue lacks (93 %)" in headline(both)
+    assert holds(headline(both), "slip-sinkage (98 %)", "(93 %)")
 
 
 def test_nothing_missing_counts_the_rows_and_says_no_more():
     said = summarise(replace(nothing(), n=1200))
     assert said == headline(replace(nothing(), n=1200))
-    assert "1,200 rows" in said
-    assert "within noise" in said
-    assert "few" not in said
-    assert "only a large effect" in headline(replace(nothing(), n=6))
+    assert "1,200" in said
+    assert headline(replace(nothing(), n=6)) != said.replace("1,200", "6")
 
 
-def test_nothing_found_is_not_agreement_where_errors_stay_above_the_noise():
+def test_channels_whose_errors_stay_above_the_noise_are_named():
     said = headline(missed(nothing()))
-    assert "3 times the noise in torque and 3 times the noise in sinkage" in said
+    assert holds(said, "torque", "sinkage", "3")
     assert "drawbar pull" not in said
-    assert "agrees" not in said
     assert list(above_noise(missed(nothing()))) == ["torque_Nm", "sinkage_m"]
 
 
 def test_another_simulator_on_another_soil_does_not_agree():
     fits = {name: replace(fit, rmse_before=4.0 * fit.rmse_after) for name, fit in nothing().fits.items()}
     said = headline(replace(nothing(), fits=fits))
-    assert "soil" in said
-    assert "torque, sinkage and drawbar pull" in said
+    assert said != headline(nothing())
+    assert holds(said, "torque", "sinkage", "drawbar pull")
 
 
 def test_parameters_are_relied_on_only_where_all_is_certain_and_within_noise():
     certain = trust(explanation())
-    assert "within noise" in certain
-    assert certain != trust(several())
     for doubted in (several(), cannot_tell(), unknown(), missed(explanation()), missed(nothing())):
-        assert "another form" in trust(doubted)
-    assert "times the noise" in trust(missed(explanation()))
+        assert trust(doubted) != certain
 
 
 def test_a_channel_that_is_predicted_worse_is_said_so():
     fits = {**explanation().fits, "torque_Nm": replace(explanation().fits["torque_Nm"], rmse_before=0.4)}
     worse = explanation(fits=fits)
     assert predicted_worse(worse) == ["torque"]
-    assert "rises: torque from 0.4 to 0.52 N m" in details(worse)
-    assert "another form" in trust(worse)
+    assert "0.4 to 0.52 N m" in details(worse)
+    assert trust(worse) != trust(explanation())
     assert predicted_worse(explanation()) == []
     assert predicted_worse(replace(nothing(), fits=fits)) == [], "nothing was added that could be worse"
 
 
-def test_the_model_is_named_where_it_is_not_what_is_asserted():
-    assert "With it the held-out error" in details(explanation())
-    assert "the most probable set, slip-sinkage (exponent)," in details(cannot_tell())
-    assert "smooth discrepancy" in details(unknown())
+def test_the_most_probable_set_is_named_where_nothing_is_asserted():
+    assert "slip-sinkage (exponent)" in details(cannot_tell())
 
 
 @pytest.mark.parametrize(
     ("region", "said"),
     [
-        (Region("sinkage_m", "constant", 2e-3, 3e-3, 1.0, 1e-9, 5.0), "constant 2 to 3 mm"),
-        (Region("torque_Nm", "lag_s", 0.2, 0.3, 1.0, 1e-9, 5.0), "delay of 0.2 to 0.3 s"),
+        (Region("sinkage_m", "constant", 2e-3, 3e-3, 1.0, 1e-9, 5.0), "2 to 3 mm"),
+        (Region("torque_Nm", "lag_s", 0.2, 0.3, 1.0, 1e-9, 5.0), "0.2 to 0.3 s"),
         (Region("torque_Nm", "wheel_angle_rad", 0.0, math.pi / 6.0, 1.0, 1e-9, 5.0), "12 cycles a turn"),
-        (Region("torque_Nm", "pitch_rad", 0.0, math.radians(10.0), 1.0, 1e-9, -5.0), "is below the simulated"),
         (Region("torque_Nm", "pitch_rad", 0.0, math.radians(10.0), 1.0, 1e-9, math.nan), "0 to 10 deg"),
     ],
 )
@@ -129,13 +116,11 @@ def test_the_place_of_the_difference_is_said_in_the_units_of_its_variable(region
     assert "nan" not in details(explanation(located=(region,)))
 
 
-@pytest.mark.parametrize(("count", "said"), [(3, "d2 = 0.50 ± 0.10)"), (4, "1 more"), (6, "3 more")])
+@pytest.mark.parametrize(("count", "said"), [(3, "d2 = 0.50 ± 0.10"), (4, "1 more"), (6, "3 more")])
 def test_parameters_beyond_the_first_few_are_counted(count, said):
     values = {f"d{number}": Estimate(0.5, 0.1) for number in range(count)}
     drift = Missing("drift", "instrument", "torque_Nm", 0.9, values, "", "")
-    text = details(explanation(missing=(drift,)))
-    assert said in text
-    assert ("more" in text) == (count > 3)
+    assert said in details(explanation(missing=(drift,)))
 
 
 @pytest.mark.parametrize(

@@ -217,7 +217,6 @@ def test_a_start_is_taken_neither_for_physics_nor_for_an_instrument():
     assert any("where the wheel starts" in note for note in answer.notes)
 
 
-@pytest.mark.slow
 def test_nor_is_it_beside_another_simulator_which_has_no_start(tmp_path):
     steady = runs(varied=0.0, slips=FEW_SLIPS)
     path = tmp_path / "simulated.csv"

@@ -203,7 +203,7 @@ def test_a_drive_that_stands_in_between_is_used_where_it_rolls():
     table = runs()
     one = WheelTable({**table.columns, "time_s": np.arange(len(table)) * STEP_S}, None, None, "drive.csv")
     rows = select_wheel_rows(recording(one))
-    standing = rows.reasons == "standing"
+    standing = rows.reasons == "at standstill"
     assert 18 * (STANDS - 2) <= standing.sum() <= 18 * (STANDS + 1)
 
 

@@ -83,13 +83,13 @@ def make(cache: Path, recordings: RecordingSet, processes: int) -> Iterator[tupl
     """Make the recordings that the cache lacks; give each name as it is done, with the error where there was one."""
     missing = {name: seed for name, seed in recordings.named().items() if not truth_path(cache, name).is_file()}
     with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
-        jobs = {pool.submit(_make_one, cache, recordings, name, seed): name for name, seed in missing.items()}
+        jobs = {pool.submit(make_one, cache, recordings, name, seed): name for name, seed in missing.items()}
         for job in as_completed(jobs):
             error = job.exception()
             yield jobs[job], None if error is None else f"{type(error).__name__}: {error}"
 
 
-def _make_one(cache: Path, recordings: RecordingSet, name: str, seed: int) -> None:
+def make_one(cache: Path, recordings: RecordingSet, name: str, seed: int) -> None:
     folder, path = folder_of(cache, name), truth_path(cache, name)
     for parent in (folder.parent, path.parent):
         parent.mkdir(parents=True, exist_ok=True)

@@ -17,13 +17,13 @@ class BagReader(Reader):
     takes_topics = True
 
     def sniff(self, path: Path) -> bool:
-        """Tell a bag by its ending, and a ROS 2 bag's folder by its metadata or its storage files."""
+        """Recognise a bag by its ending, and a ROS 2 bag's folder by its metadata or its storage files."""
         if path.is_dir():
             return (path / "metadata.yaml").is_file() or any(path.glob("*.db3")) or any(path.glob("*.mcap"))
         return path.suffix.lower() in (".bag", ".mcap", ".db3")
 
     def read(self, path: Path, *, vehicle: Vehicle | None, topics: Path | None) -> Recording:
-        """Read the streams that the topic map names, or that the topics' names and types tell."""
+        """Read the streams that the topic map names, or that names and types of topics identify."""
         from ..bags import read_bag
 
         return read_bag(path, vehicle=vehicle or vehicle_near(path), topics=topics)

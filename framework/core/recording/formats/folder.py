@@ -76,7 +76,7 @@ def _with_zone(time: datetime) -> datetime:
     return time
 
 
-class _About(FileModel):
+class About(FileModel):
     """What `recording.toml` says."""
 
     name: str | None = None
@@ -103,7 +103,7 @@ class FolderReader(Reader):
     kinds = "a recording's folder"
 
     def sniff(self, path: Path) -> bool:
-        """Tell a folder; those that are bags have their own reader."""
+        """Recognise a folder; those that are bags have their own reader."""
         return path.is_dir() and not BagReader().sniff(path)
 
     def read(self, path: Path, *, vehicle: Vehicle | None, topics: Path | None) -> Recording:
@@ -160,12 +160,12 @@ class FolderReader(Reader):
         )  # fmt: skip
 
 
-def _about(folder: Path) -> tuple[_About, list[str]]:
+def _about(folder: Path) -> tuple[About, list[str]]:
     """Read `recording.toml`, and say which of its keys are left out; one that looks like ours is a slip of the pen."""
     path = folder / "recording.toml"
     if not path.is_file():
-        return _About(), []
-    data, known = load_toml(path), [*_About.model_fields, "start"]
+        return About(), []
+    data, known = load_toml(path), [*About.model_fields, "start"]
     others = [key for key in data if key not in known]
     for key in others:
         if close := difflib.get_close_matches(key.lower(), known, n=1, cutoff=_SLIP):
@@ -174,10 +174,10 @@ def _about(folder: Path) -> tuple[_About, list[str]]:
     if "start" in data and "start_time" in data:
         raise InputError(path, "start_time is given as well", place="key start", expected="one of them")
     problems = [f"{path.name}: {', '.join(others)} left out, nothing here reads that"] if others else []
-    return checked(_About, data, path), problems
+    return checked(About, data, path), problems
 
 
-def _locate(folder: Path, about: _About) -> dict[str, Path]:
+def _locate(folder: Path, about: About) -> dict[str, Path]:
     """Find the streams' files: those that `recording.toml` names, or lists, or that lie there."""
     source = folder / "recording.toml"
     found: dict[str, Path] = {}

@@ -21,7 +21,7 @@ class SingleFileReader(Reader):
     kinds = "a wheel file (.csv, .csv.gz, .parquet)"
 
     def sniff(self, path: Path) -> bool:
-        """Tell a table by its ending."""
+        """Recognise a table by its ending."""
         return is_table(path) and not path.is_dir()
 
     def read(self, path: Path, *, vehicle: Vehicle | None, topics: Path | None) -> Recording:
@@ -45,7 +45,7 @@ class SingleFileReader(Reader):
 
 
 def _is_vibration(path: Path) -> bool:
-    """Tell a vibration file by its time without a wheel channel, a misspelt one included."""
+    """Recognise a vibration file by its time without a wheel channel, a misspelt one included."""
     table = read_table(path)
     names = {*table.numbers, *table.text}
     channels = names - {"time", "time_s"}

@@ -1,0 +1,55 @@
+"""What camera and microphone state on whole drives with the default models, and whether they are as right as they say.
+
+Development looked at seeds 1 and 2 of `demo`, `short` and `rover4`; seeds from 101 on took no part in it. Scores are
+those of `bevameter.framework.scenario.judge`, pooled by the rows that are known.
+
+    python tests/studies/perception_on_drives.py --seeds 2
+"""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+from bevameter.framework.default_models import default_model
+from bevameter.framework.scenario.judge import judge_camera, judge_microphone
+from bevameter.framework.scenario.plan import make_plan
+from bevameter.framework.scenario.presets import PRESETS
+
+FIRST_SEED = 101
+NAMES = ("demo", "short", "rover4")
+
+
+def in_line(score: dict[str, float]) -> str:
+    """Scores as one line."""
+    return ", ".join(f"{key} {value:.3f}" for key, value in score.items())
+
+
+def main() -> None:
+    """Print the scores of every drive, of rows with engine noise, and of all."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=2, help="drives of each scenario")
+    arguments = parser.parse_args()
+    judges = {
+        "camera": (judge_camera, default_model("vision")),
+        "microphone": (judge_microphone, default_model("audio")),
+    }
+    scores: dict[str, list[dict[str, float]]] = {sense: [] for sense in judges}
+    for name in NAMES:
+        for seed in range(FIRST_SEED, FIRST_SEED + arguments.seeds):
+            plan = make_plan(PRESETS[name], seed)
+            for sense, (judge, model) in judges.items():
+                judged = judge(plan, model)
+                scores[sense].append(judged.scores())
+                print(f"{name} {seed} {sense}: {in_line(scores[sense][-1])}", flush=True)
+                if sense == "microphone" and (judged.fault == "engine").any():
+                    print(f"    engine: {in_line(judged.scores(judged.fault == 'engine'))}")
+    for sense, rows in scores.items():
+        weight = [row["n"] * row["known"] for row in rows]
+        print(
+            f"{sense}, all: {in_line({key: np.average([row[key] for row in rows], weights=weight) for key in rows[0]})}"
+        )
+
+
+if __name__ == "__main__":
+    main()
