@@ -17,6 +17,9 @@ from .solution import Solution
 _TOLERANCE = 0.15
 """An end is taken where the profile has fallen to within this share of the critical value."""
 
+_UNFORESEEN = 0.1
+"""What the population of load and slip still gains where a step of the parameters promises little [nats]."""
+
 _CLIFF = 10.0
 """A fall beyond this many times the critical value is no slope of a parabola."""
 
@@ -25,8 +28,8 @@ _CLIFF = 10.0
 class _Walk:
     """How to walk out: trials, iterations of a fit, gain [nats] that ends it, first step [half intervals], growth.
 
-    A fit also ends before a step that promises less than a share `foreseen` of the critical value [-], and less than
-    `foreseen_at_most` [nats]: what the step gains otherwise moves an end by a share of that.
+    A fit also ends before a step that promises less than a share `foreseen` of the critical value [-] beyond what the
+    population gains unforeseen, and less than `foreseen_at_most` [nats]: what is missed moves an end by that share.
     """
 
     trials: int
@@ -183,7 +186,7 @@ def profile_end(solution: Solution, index: int, sd: float, path: ProfilePath, di
         profiled = fit(
             problem.fixing(index, value), replace(point, vector=vector),
             iterations=walk.iterations, enough=walk.enough,
-            foreseen=min(walk.foreseen * critical, walk.foreseen_at_most),
+            foreseen=min(walk.foreseen * critical - _UNFORESEEN, walk.foreseen_at_most),
         )  # fmt: skip
         fall = max(2.0 * (best.log_likelihood - profiled.log_likelihood), 1e-6)
         found = profiled.vector

@@ -8,6 +8,7 @@ below the sensor's. The likelihood itself is in `likelihood`.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -151,8 +152,8 @@ def fit(
 ) -> Fit:  # fmt: skip
     """Maximise the marginal likelihood from a starting point by damped scoring.
 
-    From the second step on, one that promises to gain less than `foreseen` nats is the last and is taken unseen: the
-    log-likelihood holds what it promises, all else is that of the point before.
+    A step that promises to gain less than `foreseen` nats, with what the last one gained beyond its promise, is taken
+    unseen and is the last: the log-likelihood holds what it promises, all else is that of the point before.
     """
     vector = np.where(problem.free, np.clip(point.vector, problem.lower, problem.upper), problem.held)
     point = recentre(problem, replace(point, vector=vector))
@@ -170,17 +171,19 @@ def _climb(
 ) -> tuple[Point, State, bool]:  # fmt: skip
     """Step uphill until a step gains less than `enough` nats, or is to gain less than `foreseen`."""
     damping, converged, fresh, striding = 1e-3, False, False, True
+    beyond = math.inf  # What the last step gained beyond what it promised: that of the population, which comes slowly.
     state = evaluate(problem, point)
-    for iteration in range(iterations):
-        trial, gain = _move(problem, point, state, damping, striding=striding)
-        if trial is not None and iteration and 0.0 <= gain < foreseen:
-            point, state, converged = trial, replace(state, value=state.value + gain), True
+    for _ in range(iterations):
+        trial, promised = _move(problem, point, state, damping, striding=striding)
+        if trial is not None and promised >= 0.0 and promised + max(beyond, 0.0) < foreseen:
+            point, state, converged = trial, replace(state, value=state.value + promised), True
             break
         # The quadrature follows every step: one that stayed behind would call a wider population a worse one.
         trial = None if trial is None else recentre(problem, recentre(problem, trial))
         moved = None if trial is None else evaluate(problem, trial)
         if trial is not None and moved is not None and moved.value >= state.value - 1e-9 * abs(state.value):
             gain = moved.value - state.value
+            beyond = gain - promised
             point, state, fresh = replace(trial, theta_1=moved.theta_1), moved, False
             damping = max(damping / 8.0, 1e-9)
             if gain < enough:
