@@ -48,12 +48,10 @@ def pytest_runtest_call(item: pytest.Item):
     began = cpu_s()
     result = yield
     used = cpu_s() - began
-    # Cores that are shared by more processes than there are take up to twice the processor time for the same work.
-    most = MOST_CPU_S * min(max(os.getloadavg()[0] / (os.cpu_count() or 1), 1.0), 2.0)
     marked = any(item.get_closest_marker(name) for name in ("slow", "end_to_end"))
-    if used > most and not marked and not item.config.getoption("--benchmark-only", False):
+    if used > MOST_CPU_S and not marked and not item.config.getoption("--benchmark-only", False):
         pytest.fail(
-            f"{item.nodeid} used {used:.1f} s of processor time, at most {most:.1f} s without the mark `slow`: "
+            f"{item.nodeid} used {used:.1f} s of processor time, at most {MOST_CPU_S:g} s without the mark `slow`: "
             "make it smaller; a rate over many recordings is a study (tests/studies)",
             pytrace=False,
         )

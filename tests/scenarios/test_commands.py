@@ -383,12 +383,16 @@ BEGUN += "module.{name} = begun; app()"
 @pytest.mark.parametrize(
     ("stage", "arguments"),
     [
-        (("bevameter.framework.traverse", "observe"), ["run", "{drive}", "--db", "t.db", "--models", "{models}"]),
+        # A process that imports all packages: that alone takes 4 s.
+        pytest.param(
+            ("bevameter.framework.traverse", "observe"), ["run", "{drive}", "--db", "t.db", "--models", "{models}"],
+            marks=pytest.mark.end_to_end,
+        ),
         (("bevameter.framework.scenario.write", "_write_camera"), ["scenario", "short", "out/deep"]),
         (("bevameter.vision.train", "reduced"), ["train", "vision", "{data}", "--out", "m", "--json", "o.json"]),
     ],
     ids=["run", "scenario", "train"],
-)
+)  # fmt: skip
 def test_ctrl_c_leaves_nothing(stage, arguments, short_drive, small_models, tmp_path, rng):
     """A real process is interrupted in the middle of its work."""
     (tmp_path / "data").mkdir()

@@ -140,7 +140,7 @@ def test_what_is_known_is_held_and_what_is_uncertain_is_weighed(rng):
 
 
 def test_where_the_model_is_wrong_the_intervals_say_so(rng):
-    measured = paper_case(rng, 0.02, pull=True, n=90)
+    measured = paper_case(rng, 0.02, pull=True, n=40)
     wrong = measured.channels.copy()
     wrong[:, 2] *= 1.0 + 0.6 * wrong[:, 3]  # sinkage grows with slip, which the textbook wheel knows nothing of
     known = SoilKnowledge({"k_m": SOIL.k_m, "n": SOIL.n})
