@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
@@ -15,6 +14,7 @@ from scipy.stats import t as t_distribution
 from threadpoolctl import threadpool_limits
 
 from ...framework.core.arguments import refused
+from ...framework.core.concurrency import together
 from ...framework.core.errors import InputError
 from ...framework.core.findings import Finding, note, warning
 from ...framework.core.recording.readers import read_recording
@@ -41,9 +41,6 @@ REPRESENTATIVE_K_M = 0.01
 
 MIXED = 1.5
 """An overall misfit this many times that of the worst stretch means that one soil does not explain them all [-]."""
-
-THREADS = 2
-"""Stretches identified at once: numpy and the compiled mechanics let go of the interpreter's lock."""
 
 MOST_ROWS = 1500
 """A stretch with more rows is thinned evenly to this number: intervals are then those of the rows kept."""
@@ -171,10 +168,10 @@ def identify_segments(
 def _identify_stretches(
     rows: SelectedRows, stretches: Sequence[Stretch], known: SoilKnowledge, method: Method
 ) -> tuple[Segment, ...]:  # fmt: skip
-    """Identify the soil of each stretch, `THREADS` of them at once; the segments in order."""
+    """Identify the soil of each stretch, two of them at once; the segments in order."""
     # The threads fill the cores by themselves: more of BLAS's own would only wait for each other.
-    with threadpool_limits(1), ThreadPoolExecutor(THREADS) as pool:
-        return tuple(chain.from_iterable(pool.map(lambda stretch: _segments(rows, stretch, known, method), stretches)))
+    with threadpool_limits(1):
+        return tuple(chain.from_iterable(together(lambda stretch: _segments(rows, stretch, known, method), stretches)))
 
 
 def _segments(rows: SelectedRows, stretch: Stretch, known: SoilKnowledge, method: Method) -> list[Segment]:

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...framework.core.concurrency import together
 from ...framework.core.errors import InputError
 from ...framework.core.soil import SoilKnowledge
 from ..effects.effect import LOAD, SLIP, Effect
 from ..mechanics.augmented import SOIL_COUNT, AugmentedWheel, Entry, Response
-from .concurrency import together
 from .likelihood import Problem, White
 from .samples import Samples
 from .steps import Prior, normal_equations, scaled_inverse, solve_step

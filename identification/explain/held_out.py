@@ -7,8 +7,8 @@ from functools import partial
 
 import numpy as np
 
+from ...framework.core.concurrency import together
 from ..mechanics.augmented import SOIL_COUNT
-from .concurrency import together
 from .fit import Fitted, fit
 from .likelihood import Problem
 from .steps import normal_equations

@@ -35,7 +35,7 @@ _LN_NOISE_SD, _LN_STATED_SD = 0.5, 0.1
 _MEMORY_SD, _MOST_MEMORY = 0.25, 0.97
 """Prior standard deviation of the autocorrelation of sensor noise about 0, and its upper bound [-]."""
 
-_NEIGHBOURS_ERROR = 3.6
+_NEIGHBOURS_ERROR = 3.5
 """Three standard errors of ln(noise) from neighbours, times the root of their number: a median absolute deviation tells
 with 37 % of the efficiency of a standard deviation (F. R. Hampel, J. Am. Stat. Assoc. 69 (1974), 383-393) [-]."""
 

@@ -7,8 +7,8 @@ from itertools import product
 
 import numpy as np
 
+from ...framework.core.concurrency import together
 from ..effects.catalogue.soil_patch import CELLS, SoilPatch, tracks_of
-from .concurrency import together
 from .fit import Fitted
 from .likelihood import Problem
 from .steps import normal_equations, scaled_inverse

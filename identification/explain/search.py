@@ -13,10 +13,10 @@ from functools import partial
 
 import numpy as np
 
+from ...framework.core.concurrency import together
 from ..effects.catalogue import effects_for
 from ..effects.effect import Effect, Situation
 from ..mechanics.augmented import SOIL_COUNT, AugmentedWheel, Entry
-from .concurrency import together
 from .evidence import log_evidence
 from .fit import Fitted, fit, with_effect
 from .hyperparameters import PRIOR_EFFECT, TEMPERATURE
