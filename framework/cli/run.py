@@ -33,13 +33,15 @@ def command(
     """Recognise the ground of a recording, identify its soil, store both, and print a summary."""
     from ..core.files import check_outputs
     from ..core.recording.readers import read_recording
-    from ..traverse import run_traverse
     from .printing import progress_bars, write_json
     from .results import print_summary
 
     check_outputs([json], [recording, vehicle, topics])
     with progress_bars() as progress:
         drive = read_recording(recording, vehicle=vehicle, topics=topics)
+        # Loaded after the recording was read: what cannot be read is refused without waiting for the classifiers.
+        from ..traverse import run_traverse
+
         summary = run_traverse(drive, db, models=models, progress=progress)
     if json is not None:
         write_json(summary.as_dict(), json)
