@@ -39,6 +39,9 @@ MENTIONED = 0.05
 MOST_LISTED = 6
 """Effects that are listed at most; all that were considered are among the candidates."""
 
+HELD_OUT_FROM = 0.01
+"""Probability from which on a candidate is fitted again without each block [-]: most that are tried are far below."""
+
 _GROSS = 8.0
 """An innovation beyond this is a gross error [standard deviations]."""
 
@@ -254,7 +257,7 @@ def _candidates(
             )
         }  # fmt: skip
         name = " + ".join(effect.name for effect in each.effects)
-        gain = hold_out(problem, each.fitted).gain(before)[0]
+        gain = hold_out(problem, each.fitted).gain(before)[0] if share >= HELD_OUT_FROM else math.nan
         answer.append(Candidate(name, kinds[-1], share, each.log_evidence, gain, values))
     if weighed.unknown > 0.0:
         nats = max(weighed.discrepancies.values(), key=lambda each: each.log_evidence).log_evidence

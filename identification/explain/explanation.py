@@ -39,7 +39,7 @@ class Candidate:
     """A hypothesis that was fitted: an effect or a set of them.
 
     `evidence_nats` is ln of its evidence over the textbook wheel's, and `heldout_nats` its gain in log-likelihood on
-    held-out blocks over the textbook wheel.
+    held-out blocks over the textbook wheel: NaN where its probability is below 1 %, and for what is unknown.
     """
 
     effect: str

@@ -39,7 +39,7 @@ J. Am. Stat. Assoc. 89 (1994), 1535-1546)."""
 ADDED, SWAPPED, FORMS = 6, 3, 3
 """Effects that are fitted beside an expanded hypothesis and instead of each of its effects, and other forms of that."""
 
-LEAST_GAIN, LEAST_BESIDE, LEAST_SHARE = 2.5, 4.0, 0.1
+LEAST_GAIN, LEAST_BESIDE, LEAST_SHARE = 2.5, 4.0, 0.3
 """An effect is fitted alone, and beside others, if the score test gives it so many nats, and this share of what it
 gives the best [-]."""
 
