@@ -29,6 +29,9 @@ ENOUGH = 5.0
 _DRIVEN = 0.85
 """Share of a range that was driven already, from which on it is nothing new to drive it [-]."""
 
+_VARIED = 0.05
+"""Standard deviation, as a share of the mean, from which on a condition of a drive was varied [-]."""
+
 _SHEAR_TEST = "give cohesion and friction from a shear test (--soil)"
 
 
@@ -207,3 +210,20 @@ def _expected(
     held = scaled_inverse(other.covariance(problem)) if problem is not None else 0.0
     gradient = columns.T @ away
     return 0.5 * float(away @ away - gradient @ scaled_inverse(columns.T @ columns + held) @ gradient)
+
+
+def would_identify(drive: Drive, variable: str) -> str:
+    """Propose the drive that shows what a discrepancy depends on: its variable alone where other conditions changed
+    with it, else the same again in a condition that did not change.
+    """
+    conditions = ("load_N", "rim_speed_m_s", "slip")
+    varied = [name for name in conditions if drive.has(name) and _varies(getattr(drive, name))]
+    others = [name for name in varied if name != variable]
+    if others:
+        return f"vary {variable} with {' and '.join(others)} held constant"
+    constant = next(name for name in conditions if name not in varied)
+    return f"repeat the drive at another {constant}"
+
+
+def _varies(values: np.ndarray) -> bool:
+    return bool(np.nanstd(values) > _VARIED * abs(np.nanmean(values)))
