@@ -172,7 +172,7 @@ def profile_end(solution: Solution, index: int, sd: float, path: ProfilePath, di
     critical = solution.quantile**2 * solution.widened(index)
     point = best.point
     inner, outer, fall, found, carried = 0.0, math.inf, 0.0, best.vector, best.vector
-    walk = _STRAIGHT
+    walk, again = _STRAIGHT, False
     if solution.widening is not None:
         walk = _WINDING_FAR if len(problem.measured) <= _FEW else _WINDING
     at = min(max(walk.first * sd * solution.quantile, 1e-9 * reach), reach)
@@ -198,6 +198,7 @@ def profile_end(solution: Solution, index: int, sd: float, path: ProfilePath, di
         aim = at * math.sqrt(critical / fall)
         if fall < critical:
             inner, point, carried = at, profiled.point, found
+            outer = outer if outer > at else math.inf
             at = min(aim, walk.growth * at, reach) if math.isinf(outer) else min(aim, 0.5 * (inner + outer))
         else:
             outer = at
@@ -205,7 +206,10 @@ def profile_end(solution: Solution, index: int, sd: float, path: ProfilePath, di
             share = 0.5 if inner > 0.0 and fall > _CLIFF * critical else 0.15
             at = max(aim, inner + share * (outer - inner))
         if outer - inner < 0.03 * outer:
-            break
+            if again or walk is not _STRAIGHT or inner == 0.0:
+                break
+            # A climb from afar may have missed the way that one from the last foothold finds.
+            again, at = True, outer
     else:
         if fall <= _CLIFF * critical:
             fall = critical
