@@ -42,7 +42,7 @@ class PresentDrive(Drive):
     """A drive that is simulated: a column that was observed in any row is there, constant or not."""
 
     def has(self, name: str) -> bool:
-        """Say whether a channel was observed in any sample."""
+        """Return whether a channel was observed in any sample."""
         return bool(np.isfinite(getattr(self, name)).any())
 
 
@@ -166,7 +166,7 @@ def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Dr
 
 
 def select_rows(drive: Drive, rows: np.ndarray) -> Drive:
-    """Give the rows of a mask or an index array, as a drive of the same kind."""
+    """Return the rows of a mask or an index array, as a drive of the same kind."""
     return replace(drive, **{name: getattr(drive, name)[rows] for name in COVARIATES})
 
 

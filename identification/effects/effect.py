@@ -111,7 +111,7 @@ class Drive:
         return tuple(np.split(np.arange(len(self)), np.flatnonzero(broken) + 1))
 
     def has(self, name: str) -> bool:
-        """Say whether a channel was observed in most samples and is not constant."""
+        """Return whether a channel was observed in most samples and is not constant."""
         values = getattr(self, name)
         seen = np.isfinite(values)
         return bool(seen.mean() > 0.5) and float(np.ptp(values[seen])) > 1e-9 * max(
@@ -176,7 +176,7 @@ class Situation:
         return max(self.c_Pa, 0.0) + pressure * max(self.tan_phi, _LEAST_TAN_PHI)
 
     def measures(self, *channels: int) -> bool:
-        """Say whether one of the channels (column numbers) was measured."""
+        """Return whether one of the channels (column numbers) was measured."""
         return bool(np.isfinite(self.typical[list(channels)]).any())
 
 
@@ -272,7 +272,7 @@ class Effect:
 
     @classmethod
     def forms(cls, situation: Situation) -> Sequence[Effect]:
-        """Give the forms that a recording can show: one, where what it needs varies and what it changes was measured.
+        """Return the forms that a recording can show: one, where what it needs varies and what it changes was measured.
 
         A class whose constructor needs arguments, or that has several forms, overrides this.
         """
@@ -281,11 +281,11 @@ class Effect:
 
     @classmethod
     def forms_by_name(cls, situation: Situation) -> Sequence[Effect]:
-        """Give the forms that can be simulated by name: as `forms`, but where a column exists it need not vary."""
+        """Return the forms that can be simulated by name: as `forms`, but where a column exists it need not vary."""
         return cls.forms(situation)
 
     def extensions(self) -> list[Effect]:
-        """Give further forms, with other constants or more parameters, that are fitted once this form is probable."""
+        """Return further forms, with other constants or more parameters, that are fitted once this form is probable."""
         return []
 
     def starts(self) -> list[np.ndarray]:
@@ -293,7 +293,7 @@ class Effect:
         return [np.array([parameter.start for parameter in self.parameters])]
 
     def initial_soil(self, soil: np.ndarray) -> np.ndarray:
-        """Give the soil (5,) [internal coordinates] from which a fit with the effect starts, from the one without."""
+        """Return the soil (5,) [internal coordinates] from which a fit with the effect starts, from the one without."""
         return soil
 
     def extent(self, values: np.ndarray) -> tuple[str, float, float] | None:

@@ -71,7 +71,7 @@ def parse_effect(text: str) -> NamedEffect:
 
 
 def situation_of(wheel: Wheel, soil: Soil, drive: Drive) -> Situation:
-    """Give the situation from which forms are built where nothing was measured: that of the textbook wheel.
+    """Return the situation from which forms are built where nothing was measured: that of the textbook wheel.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def situation_of(wheel: Wheel, soil: Soil, drive: Drive) -> Situation:
 
 
 def specimen(lugs: int = _USUAL_LUGS, *, scale: float = 1.0) -> Situation:
-    """Give a situation in which every form of every effect shows: a lugged wheel, every column observed.
+    """Return a situation in which every form of every effect shows: a lugged wheel, every column observed.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def specimen(lugs: int = _USUAL_LUGS, *, scale: float = 1.0) -> Situation:
 
 
 def follows_drive(effect: Effect) -> set[str]:
-    """Give the names of the parameters whose bounds depend on the drive."""
+    """Return the names of the parameters whose bounds depend on the drive."""
     here, there = (
         next(
             each
@@ -142,12 +142,12 @@ def follows_drive(effect: Effect) -> set[str]:
 
 
 def same(one: Effect, other: Effect) -> bool:
-    """Say whether two effects are the same form with the same parameters."""
+    """Return whether two effects are the same form with the same parameters."""
     return (one.form, _names(one)) == (other.form, _names(other))
 
 
 def lugs_of(form: str, otherwise: int = _USUAL_LUGS) -> int:
-    """Give the number of lugs in the name of a form, `otherwise` where there is none."""
+    """Return the number of lugs in the name of a form, `otherwise` where there is none."""
     found = re.search(r"ripple, (\d{1,4}) lugs", form)
     return int(found.group(1)) if found else otherwise
 
@@ -200,13 +200,13 @@ def _bare(form: str) -> str:
 
 
 def smallest_form(form: str, names: set[str], effects: Sequence[Effect]) -> Effect | None:
-    """Give the effect of this form with the fewest parameters that has all of these; None where none has."""
+    """Return the effect of this form with the fewest parameters that has all of these; None where none has."""
     holding = [effect for effect in effects if effect.form == form and names and names <= set(_names(effect))]
     return min(holding, key=lambda effect: len(effect.parameters), default=None)
 
 
 def pinned(effect: Effect, named: NamedEffect) -> Effect:
-    """Give the effect with the constants that are named; itself where none is."""
+    """Return the effect with the constants that are named; itself where none is."""
     given = {name: _number(named, name, "") for name in effect.constants if name in named.settings}
     if not given:
         return effect
@@ -216,7 +216,7 @@ def pinned(effect: Effect, named: NamedEffect) -> Effect:
 
 
 def values_of(effect: Effect, named: NamedEffect) -> np.ndarray:
-    """Give the parameters (k,) in the effect's order; what is not named is at its null.
+    """Return the parameters (k,) in the effect's order; what is not named is at its null.
 
     Raises
     ------
@@ -282,7 +282,7 @@ def build(named: NamedEffect, situation: Situation, source: str) -> tuple[Effect
 
 
 def _clock_runs(time_s: np.ndarray) -> bool:
-    """Say whether times (n,) are not all the same."""
+    """Return whether times (n,) are not all the same."""
     known = time_s[np.isfinite(time_s)]
     return bool(known.size) and float(np.ptp(known)) > 0.0
 

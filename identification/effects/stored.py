@@ -153,7 +153,7 @@ class AugmentedSimulator:
         return simulate(vehicle, self.soil_values, drive, [effect.named for effect in self.effects])
 
     def to_json(self) -> dict[str, Any]:
-        """Give the document that `from_json` reads; what is unknown is None.
+        """Return the document that `from_json` reads; what is unknown is None.
 
         Without correlations and probabilities it is a document of the first version.
         """
@@ -286,7 +286,7 @@ def _known(number: float) -> float | None:
 
 
 def _table(document: Any, keys: set[str], source: str, place: str) -> dict[str, Any]:
-    """Give a JSON object that has exactly these keys."""
+    """Return a JSON object that has exactly these keys."""
     if not isinstance(document, dict) or set(document) != keys:
         keys_found = sorted(map(str, document)) if isinstance(document, dict) else type(document).__name__
         raise InputError(

@@ -39,7 +39,7 @@ none."""
 
 
 def attach(table: WheelTable, path: str | Path, wheel: Wheel) -> WheelTable:
-    """Give a recording's table columns with the simulator's answers for each row, by run or by time.
+    """Return a recording's table columns with the simulator's answers for each row, by run or by time.
 
     They come with the load [N] and slip that it simulated: those of its file, slip from its speeds where it has no such
     column, or, where that has neither, those recorded, taken at its own rows. Rows in which its wheel is stuck or
@@ -221,7 +221,7 @@ def _near(wanted: np.ndarray, time_s: np.ndarray, farthest_s: float, at_s: float
 
 
 def _clocks(*tables: WheelTable) -> list[_Clock]:
-    """Give the clocks of tables, their rows under wheel and run as far as all of the tables name them."""
+    """Return the clocks of tables, their rows under wheel and run as far as all of the tables name them."""
     labels = [np.full(len(table), "", dtype=object) for table in tables]
     for names in ([table.wheel for table in tables], [table.run for table in tables]):
         if all(each is not None for each in names):

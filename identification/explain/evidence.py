@@ -25,7 +25,7 @@ AMPLITUDES = (0.3, 1.0, 3.0, 10.0, 30.0)
 """Standard deviations of each of the discrepancy's coefficients, in units of the channel's noise, over which its
 evidence is averaged [-]."""
 
-_VARIES = 0.02
+_LEAST_VARIATION = 0.02
 """Share of its mean by which load has to vary, for a discrepancy to depend on it [-]."""
 
 
@@ -88,12 +88,12 @@ class Discrepancy:
 
 def discrepancy(problem: Problem, fitted: Fitted) -> Discrepancy:
     """Weigh a discrepancy beside a fit, the fit's parameters following along."""
-    courses = smooth_courses(problem.samples.drive)
-    rows, count = courses.shape
+    basis = discrepancy_basis(problem.samples.drive)
+    rows, count = basis.shape
     channels, size = len(problem.answers), len(fitted.vector)
     extra = np.zeros((rows, channels, count * channels))
     for channel in range(channels):
-        extra[:, channel, channel * count : (channel + 1) * count] = courses * fitted.noise.sd[channel]
+        extra[:, channel, channel * count : (channel + 1) * count] = basis * fitted.noise.sd[channel]
     columns = np.concatenate([problem.columns(fitted.response), np.where(problem.seen[..., None], extra, 0.0)], axis=-1)
     white, _ = problem.whitener(fitted.noise, fitted.response).whiten(columns)
     gradient, information = normal_equations(white[..., 0], white[..., 1:])
@@ -104,10 +104,10 @@ def discrepancy(problem: Problem, fitted: Fitted) -> Discrepancy:
     terms, coefficients = [], []
     for amplitude in AMPLITUDES:
         with_prior = information.copy()
-        further = np.arange(size, len(gradient))
-        with_prior[further, further] += amplitude**-2.0
+        coefficients_at = np.arange(size, len(gradient))
+        with_prior[coefficients_at, coefficients_at] += amplitude**-2.0
         gain, scale = _gain(with_prior, gradient)
-        terms.append(gain - alone - 0.5 * (scale - alone_scale) - len(further) * math.log(amplitude))
+        terms.append(gain - alone - 0.5 * (scale - alone_scale) - len(coefficients_at) * math.log(amplitude))
         coefficients.append((scaled_inverse(with_prior) @ gradient)[size:])
     best = coefficients[int(np.argmax(terms))]
     mean = extra @ best
@@ -122,14 +122,14 @@ def _gain(information: np.ndarray, gradient: np.ndarray) -> tuple[float, float]:
     scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
     scaled = information * np.outer(scale, scale)
     scaled[np.diag_indices_from(scaled)] += 1e-10
-    pull = scale * gradient
-    return 0.5 * float(pull @ np.linalg.solve(scaled, pull)), log_determinant(information)
+    scaled_gradient = scale * gradient
+    return 0.5 * float(scaled_gradient @ np.linalg.solve(scaled, scaled_gradient)), log_determinant(information)
 
 
-def smooth_courses(drive: Drive) -> np.ndarray:
+def discrepancy_basis(drive: Drive) -> np.ndarray:
     """Functions (n, k) that a discrepancy is a sum of: Legendre polynomials of slip, load, time, speed and pass."""
     columns = [np.ones((len(drive), 1)), legvander(_scaled(drive.slip), 4)[:, 1:]]
-    if drive.load_N.std() > _VARIES * drive.load_N.mean():
+    if drive.load_N.std() > _LEAST_VARIATION * drive.load_N.mean():
         load = legvander(_scaled(drive.load_N), 3)[:, 1:]
         columns += [load, (_scaled(drive.slip) * _scaled(drive.load_N))[:, None]]
     if drive.timed and drive.has("time_s"):
@@ -152,7 +152,7 @@ def _scaled(values: np.ndarray) -> np.ndarray:
     return np.nan_to_num(2.0 * (values - low) / max(high - low, 1e-12) - 1.0)
 
 
-def dependence(problem: Problem, beside: Discrepancy) -> list[tuple[int, str, float]]:
+def dependence(problem: Problem, found: Discrepancy) -> list[tuple[int, str, float]]:
     """Channel, the variable that explains most of the discrepancy in it, and its size in noises, the largest first."""
     drive, answer = problem.samples.drive, []
     variables = {"slip": drive.slip, "load_N": drive.load_N}
@@ -160,12 +160,12 @@ def dependence(problem: Problem, beside: Discrepancy) -> list[tuple[int, str, fl
         if drive.has(name) and (name != "time_s" or drive.timed):
             variables[name] = getattr(drive, name)
     for position, channel in enumerate(problem.answers):
-        course = beside.mean[:, position]
+        course = found.mean[:, position]
         size = float(np.sqrt(np.mean(course[problem.seen[:, position]] ** 2)))
         left = {}
         for name, values in variables.items():
-            basis = legvander(_scaled(values), 4)
-            fitted = basis @ np.linalg.lstsq(basis, course, rcond=None)[0]
+            polynomials = legvander(_scaled(values), 4)
+            fitted = polynomials @ np.linalg.lstsq(polynomials, course, rcond=None)[0]
             left[name] = float(np.var(course - fitted))
         answer.append((channel, min(left, key=left.__getitem__), size / float(problem.first_noise.sd[position])))
     return sorted((each for each in answer if each[2] > 0.2), key=lambda each: -each[2])[:2]

@@ -160,7 +160,7 @@ class Explanation:
         return AugmentedSimulator.of(self.simulator, self.vector, self.covariance, self.believed)
 
     def to_json(self) -> dict:
-        """Give the documented JSON (schema 1) of `bevameter explain --json`: SI units, None where a number is unknown.
+        """Return the documented JSON (schema 1) of `bevameter explain --json`: SI units, None where a number is unknown.
 
         Rows, simulator and covariance are not part of it; `physics` has a `to_json` of its own.
         """

@@ -15,27 +15,27 @@ from ..mechanics.augmented import SOIL_COUNT, AugmentedWheel, Entry, Response
 from .likelihood import Problem, White
 from .samples import Samples
 from .steps import Prior, normal_equations, scaled_inverse, solve_step
-from .whitening import SMOOTHEST, Noise
+from .whitening import MAX_SMOOTHNESS, Noise
 
-_LONGEST = np.array([np.inf, 0.5, 1.0, 1.0, 0.5])
+_LARGEST_STEP = np.array([np.inf, 0.5, 1.0, 1.0, 0.5])
 """Steps of c, tan phi, ln k, ln stiffness and ln n beyond which the model is no straight line."""
 
-_ENOUGH = 0.02
+_LEAST_EXPECTED_GAIN = 0.02
 """The iteration ends when a step is expected to gain less than this [nats]."""
 
-_SETTLINGS, _MOST_STEPS = 3, 60
+_MOST_NOISE_FITS, _MOST_STEPS = 3, 60
 """Times that the noise is fitted anew at most, and steps of a fit."""
 
-_COARSE = 0.1
+_COARSE_NOISE = 0.1
 """Share of a channel's scatter that the first search for a soil takes for noise [-]."""
 
 _LEAST_CARRIED = 0.5
 """Share of the rows whose load some soil has to carry [-]."""
 
-_SAME = 0.02
+_DISTINCT = 0.02
 """Soils that differ by less in tan phi, ln k, ln stiffness and ln n are one to start from [-]."""
 
-_SHARE_STEP, _LEAST_SHARE, _WORTH = 0.3, 0.01, 3.0
+_SHARE_STEP, _LEAST_SHARE, _LEAST_SHARE_GAIN = 0.3, 0.01, 3.0
 """Factor between the shares of sensor noise that are weighed where the vehicle does not state it, the least one [-],
 and nats from which on a smaller share is taken: a form that is wrong leaves more noise than there is."""
 
@@ -81,7 +81,7 @@ class Fitted:
 def fit(
     problem: Problem, model: AugmentedWheel, vector: np.ndarray, noise: Noise | None = None,
     entry: Entry | None = None, *, known: Response | None = None, free: np.ndarray | None = None,
-    steps: int = _MOST_STEPS, settle: bool = True,
+    steps: int = _MOST_STEPS, fit_noise: bool = True,
 ) -> Fitted:  # fmt: skip
     """Fit a model from a start.
 
@@ -99,7 +99,7 @@ def fit(
         Which parameters are fitted: all, unless it is stated.
     steps
         Most steps.
-    settle
+    fit_noise
         Fit the noise as well.
     """
     prior = problem.prior(model)
@@ -109,31 +109,31 @@ def fit(
         noise = problem.best_noise(response, vector, problem.first_noise, model)
     white = problem.white(response, noise)
     total = float(white.loss.sum()) + prior.loss(vector)
-    damping, settlings = 1e-3, 0
+    damping, noise_fits = 1e-3, 0
     for _ in range(steps):
         step, expected = _step(white, prior, vector, damping, free)
-        if expected < _ENOUGH:
-            if not settle or settlings == _SETTLINGS:
+        if expected < _LEAST_EXPECTED_GAIN:
+            if not fit_noise or noise_fits == _MOST_NOISE_FITS:
                 break
             before = total + problem.noise_loss(noise)
-            settled = problem.best_noise(response, vector, noise, model)
-            settlings += 1
-            white_there = problem.white(response, settled)
-            there = float(white_there.loss.sum()) + prior.loss(vector)
-            calm = before - there - problem.noise_loss(settled) < 5.0 * _ENOUGH
-            noise, white, total = settled, white_there, there
-            if calm:
+            refitted = problem.best_noise(response, vector, noise, model)
+            noise_fits += 1
+            trial_white = problem.white(response, refitted)
+            there = float(trial_white.loss.sum()) + prior.loss(vector)
+            converged = before - there - problem.noise_loss(refitted) < 5.0 * _LEAST_EXPECTED_GAIN
+            noise, white, total = refitted, trial_white, there
+            if converged:
                 break
             continue
         trial = np.clip(vector + step, prior.lower, prior.upper)
-        answer = problem.linearise(model, trial, response.entry(trial - vector))
-        white_there = problem.white(answer, noise)
-        reached = float(white_there.loss.sum()) + prior.loss(trial)
+        trial_response = problem.linearise(model, trial, response.entry(trial - vector))
+        trial_white = problem.white(trial_response, noise)
+        reached = float(trial_white.loss.sum()) + prior.loss(trial)
         if reached < total:
             gain = (total - reached) / expected
             # By how well the gain was foretold (H. B. Nielsen, IMM-REP-1999-05, Technical University of Denmark).
             damping = max(damping * max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3), 1e-6)
-            vector, response, white, total = trial, answer, white_there, reached
+            vector, response, white, total = trial, trial_response, trial_white, reached
         else:
             damping = max(damping, 1e-4) * 10.0
             if damping > 1e6:
@@ -147,7 +147,7 @@ def _step(
     """Damped step (p,), no longer than the model is straight, and the gain expected of it [nats]."""
     gradient, information = normal_equations(white.innovations, white.jacobian)
     step, expected = solve_step(gradient, information, prior, vector, damping, free)
-    share = min(1.0, 1.0 / max(float(np.max(np.abs(step[:SOIL_COUNT]) / _LONGEST)), 1e-12))
+    share = min(1.0, 1.0 / max(float(np.max(np.abs(step[:SOIL_COUNT]) / _LARGEST_STEP)), 1e-12))
     return share * step, expected * share * (2.0 - share)
 
 
@@ -161,10 +161,10 @@ def fit_textbook(samples: Samples, known: SoilKnowledge | None = None) -> tuple[
     """
     problem = Problem(samples, known, _stated_shares(samples))
     # Soil first, by what it explains coarsely: variation along the track would explain any soil's residuals.
-    found = together(lambda soil: _coarse(problem, soil), first_soils(problem))
+    found = together(lambda soil: _fit_coarsely(problem, soil), first_soils(problem))
     starts: list[Fitted] = []
     for start in sorted(found, key=lambda fitted: -fitted.score):
-        if not any(np.allclose(start.vector[1:], other.vector[1:], atol=_SAME) for other in starts):
+        if not any(np.allclose(start.vector[1:], other.vector[1:], atol=_DISTINCT) for other in starts):
             starts.append(start)
     model = AugmentedWheel(samples.wheel)
     fits = together(lambda each: fit(problem, model, each.vector, None, Entry(each.theta_1)), starts)
@@ -177,14 +177,16 @@ def fit_textbook(samples: Samples, known: SoilKnowledge | None = None) -> tuple[
             "rows", expected=f"newtons on a wheel of {samples.wheel.radius_m:g} m radius",
         )  # fmt: skip
     if np.isfinite(problem.gap).any():
-        smoother = together(lambda smooth: _smoother(problem, best, smooth), range(1, SMOOTHEST + 1))
+        smoother = together(
+            lambda smoothness: _fit_with_smoothness(problem, best, smoothness), range(1, MAX_SMOOTHNESS + 1)
+        )
         best = max([best, *smoother], key=lambda fitted: fitted.score)
-    problem, best = _likeliest_shares(problem, best)
-    problem.weights = best.response
+    problem, best = _fit_noise_shares(problem, best)
+    problem.reference = best.response
     return problem, fit(problem, model, best.vector, best.noise, best.response.entry(np.zeros(SOIL_COUNT)))
 
 
-def _likeliest_shares(problem: Problem, best: Fitted) -> tuple[Problem, Fitted]:
+def _fit_noise_shares(problem: Problem, best: Fitted) -> tuple[Problem, Fitted]:
     """Weigh smaller shares of sensor noise in the white part of slip and load, where the vehicle does not state it."""
     samples = problem.samples
     for index, channel in ((1, SLIP), (0, LOAD)):
@@ -193,15 +195,17 @@ def _likeliest_shares(problem: Problem, best: Fitted) -> tuple[Problem, Fitted]:
             shares[index] *= _SHARE_STEP
             tried = Problem(samples, problem.known, (shares[0], shares[1]))
             fitted = fit(tried, best.model, best.vector, best.noise, Entry(best.theta_1))
-            if fitted.score < best.score + _WORTH:
+            if fitted.score < best.score + _LEAST_SHARE_GAIN:
                 break
             problem, best = tried, fitted
     return problem, best
 
 
-def _smoother(problem: Problem, fitted: Fitted, smooth: int) -> Fitted:
+def _fit_with_smoothness(problem: Problem, fitted: Fitted, smoothness: int) -> Fitted:
     """Fit again with ground that varies more smoothly."""
-    return fit(problem, fitted.model, fitted.vector, replace(fitted.noise, smooth=smooth), Entry(fitted.theta_1))
+    return fit(
+        problem, fitted.model, fitted.vector, replace(fitted.noise, smoothness=smoothness), Entry(fitted.theta_1)
+    )
 
 
 def _stated_shares(samples: Samples) -> tuple[float, float]:
@@ -213,12 +217,12 @@ def _stated_shares(samples: Samples) -> tuple[float, float]:
     return shares[0], shares[1]
 
 
-def _coarse(problem: Problem, soil: np.ndarray) -> Fitted:
+def _fit_coarsely(problem: Problem, soil: np.ndarray) -> Fitted:
     """Fit the textbook wheel to ground that is the same everywhere, by what it leaves as a share of the scatter."""
     scatter = np.nanstd(problem.samples.measured[:, problem.answers], axis=0)
-    sd = np.where(scatter > 0.0, _COARSE * scatter, problem.first_noise.sd)
-    noise = replace(problem.first_noise, sd=sd, spread=np.full(2, 1e-3))
-    return fit(problem, AugmentedWheel(problem.samples.wheel), soil, noise, steps=15, settle=False)
+    sd = np.where(scatter > 0.0, _COARSE_NOISE * scatter, problem.first_noise.sd)
+    noise = replace(problem.first_noise, sd=sd, ground_sd=np.full(2, 1e-3))
+    return fit(problem, AugmentedWheel(problem.samples.wheel), soil, noise, steps=15, fit_noise=False)
 
 
 def first_soils(problem: Problem) -> list[np.ndarray]:
@@ -240,7 +244,7 @@ def first_soils(problem: Problem) -> list[np.ndarray]:
 
 
 def with_effect(base: Fitted, effect: Effect, start: np.ndarray) -> tuple[AugmentedWheel, np.ndarray]:
-    """Give the model of a fit with one more effect, and where it starts (p,)."""
+    """Return the model of a fit with one more effect, and where it starts (p,)."""
     soil, others = np.split(base.vector, [SOIL_COUNT])
     model = AugmentedWheel(base.model.wheel, (*base.model.effects, effect))
     return model, np.concatenate([effect.initial_soil(soil), others, start])

@@ -13,7 +13,7 @@ from .fit import Fitted, fit
 from .likelihood import Problem
 from .steps import normal_equations
 
-_ALONE = 0.9
+_UNTESTED_SHARE = 0.9
 """A block with more than this share of the information about a parameter does not test it: nothing else determines it.
 """
 
@@ -25,7 +25,7 @@ _MOST_STEPS = 10
 class HeldOut:
     """Predictive log-likelihood of each block [nats], and residuals (n, m), SI, of rows while held out.
 
-    untested: True where a block alone determines a parameter, which stays as it was fitted then.
+    untested: True where a block untested determines a parameter, which stays as it was fitted then.
     """
 
     nats: np.ndarray
@@ -56,13 +56,13 @@ def _predicted(problem: Problem, fitted: Fitted, rows: np.ndarray) -> tuple[np.n
     """Residuals (k, m) of rows by a fit to the others, their log-likelihood, and whether it left parameters out."""
     white = fitted.white
     _, own = normal_equations(white.innovations[rows], white.jacobian[rows])
-    alone = np.diag(own) > _ALONE * np.diag(fitted.information(problem))
-    alone[:SOIL_COUNT] = False
+    untested = np.diag(own) > _UNTESTED_SHARE * np.diag(fitted.information(problem))
+    untested[:SOIL_COUNT] = False
     refitted = fit(
         problem.without(rows), fitted.model, fitted.vector, fitted.noise,
-        fitted.response.entry(np.zeros(len(fitted.vector))), free=~alone, steps=_MOST_STEPS, settle=False,
+        fitted.response.entry(np.zeros(len(fitted.vector))), free=~untested, steps=_MOST_STEPS, fit_noise=False,
     )  # fmt: skip
     residuals = problem.residuals(refitted.response)
-    missed = np.where(np.isfinite(residuals), residuals, problem.measured)
-    nats = -float(problem.loss(missed, fitted.noise, fitted.response)[rows].sum())
-    return residuals[rows], nats, bool(alone.any())
+    unexplained = np.where(np.isfinite(residuals), residuals, problem.measured)
+    nats = -float(problem.loss(unexplained, fitted.noise, fitted.response)[rows].sum())
+    return residuals[rows], nats, bool(untested.any())

@@ -29,7 +29,7 @@ from .whitening import Noise, matern, robust_loss
 STATES = 3
 """States of a path: its value and two derivatives."""
 
-_JUMP, _APART, _SEARCHES = 5.0, 5, 8
+_JUMP, _SEPARATION, _MOST_SEARCHES = 5.0, 5, 8
 """A step is a jump where the path leaves its prediction by so many standard deviations, more than in so many rows
 before and after; jumps are looked for so many times at most."""
 
@@ -54,7 +54,7 @@ class Latent:
     ----------
     mean : (n,)
         Expected true value of each row [the channel's unit].
-    keep, fresh : (n, k, k)
+    transition, process_noise : (n, k, k)
         Transition of the error of the path and its derivatives from the row before, and the covariance of what is new
         in it; the first state's error is the mean's.
     white : (n,)
@@ -62,8 +62,8 @@ class Latent:
     """
 
     mean: np.ndarray
-    keep: np.ndarray
-    fresh: np.ndarray
+    transition: np.ndarray
+    process_noise: np.ndarray
     white: np.ndarray
 
 
@@ -71,33 +71,40 @@ class Latent:
 class Path:
     """The smooth path of a channel and the white part about it, before the noise share is known.
 
-    measured, mean (n,), keep, fresh (n, k, k) as in `Latent`, of the path alone; covariance (n, k, k) of the states'
+    measured, mean (n,), transition, process_noise (n, k, k) as in `Latent`, of the path alone; covariance (n, k, k) of the states'
     errors, and white_sd (n,) standard deviation of the white part about the path.
     """
 
     measured: np.ndarray
     mean: np.ndarray
-    keep: np.ndarray
-    fresh: np.ndarray
+    transition: np.ndarray
+    process_noise: np.ndarray
     covariance: np.ndarray
     white_sd: np.ndarray
 
     def select(self, rows: np.ndarray, follows: np.ndarray) -> Path:
-        """Give some rows (k,); the chain goes on where a row `follows` (k,) the one before."""
+        """Return some rows (k,); the chain goes on where a row `follows` (k,) the one before."""
         chosen = {name: getattr(self, name)[rows] for name in ("measured", "mean", "covariance", "white_sd")}
-        goes_on = follows[:, None, None]
-        keep = np.where(goes_on, self.keep[rows], 0.0)
-        return Path(keep=keep, fresh=np.where(goes_on, self.fresh[rows], self.covariance[rows]), **chosen)
+        continues = follows[:, None, None]
+        transition = np.where(continues, self.transition[rows], 0.0)
+        return Path(
+            transition=transition,
+            process_noise=np.where(continues, self.process_noise[rows], self.covariance[rows]),
+            **chosen,
+        )
 
     def latent(self, noise_share: float) -> Latent:
-        """Give the true values if the sensor makes this share of the white part's variance, in (0, 1]."""
+        """Return the true values if the sensor makes this share of the white part's variance, in (0, 1]."""
         seen = np.isfinite(self.measured)
         own = np.where(seen, noise_share, 1.0)
         mean = own * self.mean + (1.0 - own) * np.where(seen, self.measured, 0.0)
         # A row's own reading pulls it by the same share, which its error follows.
         before = np.concatenate([own[:1], own[:-1]])
-        keep, fresh = self.keep * (own / before)[:, None, None], self.fresh * (own**2)[:, None, None]
-        return Latent(mean, keep, fresh, own * (1.0 - own) * self.white_sd**2)
+        transition, process_noise = (
+            self.transition * (own / before)[:, None, None],
+            self.process_noise * (own**2)[:, None, None],
+        )
+        return Latent(mean, transition, process_noise, own * (1.0 - own) * self.white_sd**2)
 
 
 def path_of(
@@ -125,38 +132,38 @@ def path_of(
     first = max(first_sd, least)
     spread = max(float(np.std(measured[seen])), 2.0 * first)
     starts = [np.log([first, amplitude, length]) for amplitude in (spread, 2.0 * first) for length in (4.0, 25.0)]
-    course = _Course(np.where(seen, measured, 0.0), seen, jumps, step, relative, least)
-    point = course.best(starts)
-    for _ in range(_SEARCHES):
-        away = np.abs(course.innovations(point)[0])
-        new = (away > _JUMP) & (away >= maximum_filter1d(away, 2 * _APART + 1)) & ~course.jumps
+    readings = _Readings(np.where(seen, measured, 0.0), seen, jumps, step, relative, least)
+    point = readings.best(starts)
+    for _ in range(_MOST_SEARCHES):
+        away = np.abs(readings.innovations(point)[0])
+        new = (away > _JUMP) & (away >= maximum_filter1d(away, 2 * _SEPARATION + 1)) & ~readings.jumps
         if not new.any():
             break
-        course = replace(course, jumps=course.jumps | new)
-        point = course.best(starts)
-    return _apart_from_flanks(course, point, measured, jumps)
+        readings = replace(readings, jumps=readings.jumps | new)
+        point = readings.best(starts)
+    return _smooth_between_jumps(readings, point, measured, jumps)
 
 
-def _apart_from_flanks(course: _Course, point: np.ndarray, measured: np.ndarray, begins: np.ndarray) -> Path:
+def _smooth_between_jumps(readings: _Readings, point: np.ndarray, measured: np.ndarray, begins: np.ndarray) -> Path:
     """Smooth the readings but for those about a jump: it takes a few rows, on which the paths before and after it say
     nothing. Each of these stands alone, as does what the path misses. `begins` (n,): where a stretch of time begins.
     """
-    path, flank = course.path(point, measured), np.zeros(len(measured), dtype=bool)
-    edges = course.jumps & ~begins
+    path, flank = readings.path(point, measured), np.zeros(len(measured), dtype=bool)
+    edges = readings.jumps & ~begins
     edges |= np.append(edges[1:], False)
-    for _ in range(_SEARCHES):
+    for _ in range(_MOST_SEARCHES):
         edges |= np.nan_to_num(np.abs(measured - path.mean)) > _JUMP * path.white_sd
         new = maximum_filter1d(edges, 2 * _FLANK + 1) & ~flank
         if not new.any():
             break
         flank |= new
-        course = replace(course, jumps=course.jumps | flank | np.append(False, flank[:-1]))
-        path = course.path(point, measured)
+        readings = replace(readings, jumps=readings.jumps | flank | np.append(False, flank[:-1]))
+        path = readings.path(point, measured)
     return path
 
 
 @dataclass(frozen=True)
-class _Course:
+class _Readings:
     """Readings (n,), which were seen, where the path begins anew, steps of the clock, and the relative white noise."""
 
     values: np.ndarray
@@ -183,9 +190,9 @@ class _Course:
         sd, amplitude, length = np.exp(point)
         gap, which = self._gaps
         noise = Noise(np.ones(1), np.zeros(1), np.full(2, amplitude), max(float(length), _LEAST_LENGTH), STATES - 1)
-        keep, fresh = (np.ascontiguousarray(each[:, :STATES, :STATES]) for each in matern(gap, noise))
+        transition, process_noise = (np.ascontiguousarray(each[:, :STATES, :STATES]) for each in matern(gap, noise))
         variance = (self.relative * max(float(sd), self.least)) ** 2
-        return self.values - self._centre, self.seen, keep, fresh, which, variance
+        return self.values - self._centre, self.seen, transition, process_noise, which, variance
 
     def innovations(self, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Innovations (n,) and ln of their standard deviations (n,)."""
@@ -202,7 +209,7 @@ class _Course:
         return float(robust_loss(away).sum() + log_scale.sum())
 
     def best(self, starts: list[np.ndarray]) -> np.ndarray:
-        """Give the likeliest ln(noise, amplitude, length) that is found from some starts."""
+        """Return the likeliest ln(noise, amplitude, length) that is found from some starts."""
         options = {"xatol": 0.05, "fatol": 0.1}
         found = [minimize(self.loss, start, method="Nelder-Mead", options=options) for start in starts]
         return min(found, key=lambda each: each.fun).x
@@ -210,12 +217,12 @@ class _Course:
     def path(self, point: np.ndarray, measured: np.ndarray) -> Path:
         """Smooth the readings."""
         parts = self._parts(point)
-        mean, covariance, keep, fresh = _smooth(*parts)
-        return Path(measured, self._centre + mean, keep, fresh, covariance, np.sqrt(parts[-1]))
+        mean, covariance, transition, process_noise = _smooth(*parts)
+        return Path(measured, self._centre + mean, transition, process_noise, covariance, np.sqrt(parts[-1]))
 
 
 def independent(measured: np.ndarray, sd: np.ndarray) -> Path:
-    """Give the path of steady trials, each on its own, shrunk to their mean by the noise's share of the scatter."""
+    """Return the path of steady trials, each on its own, shrunk to their mean by the noise's share of the scatter."""
     seen = np.isfinite(measured)
     centre, total = float(np.mean(measured[seen])), float(np.var(measured[seen]))
     noise = sd**2
@@ -228,7 +235,7 @@ def independent(measured: np.ndarray, sd: np.ndarray) -> Path:
 
 
 def exact(values: np.ndarray) -> Path:
-    """Give the path of a channel that is known without error."""
+    """Return the path of a channel that is known without error."""
     nothing = np.zeros((len(values), STATES, STATES))
     return Path(values, values, nothing, nothing, nothing, np.zeros(len(values)))
 
@@ -242,30 +249,30 @@ def _steps(time_s: np.ndarray, jumps: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _innovations(values, seen, keep, fresh, which, noise):
+def _innovations(values, seen, transition, process_noise, which, noise):
     """Innovations (n,) of a path and ln of their standard deviations (n,), zero where nothing was seen.
 
-    keep, fresh (g, k, k): transitions over each of the gaps; which (n,): the gap before each row; noise (n,): variance.
+    transition, process_noise (g, k, k): transitions over each of the gaps; which (n,): the gap before each row; noise (n,): variance.
     """
-    rows, size = len(values), keep.shape[1]
+    rows, size = len(values), transition.shape[1]
     away, log_scale = np.zeros(rows), np.zeros(rows)
-    state, there = np.zeros(size), np.zeros(size)
-    p, half = np.zeros((size, size)), np.zeros((size, size))
+    state, predicted = np.zeros(size), np.zeros(size)
+    p, product = np.zeros((size, size)), np.zeros((size, size))
     for row in range(rows):
-        a, q = keep[which[row]], fresh[which[row]]
+        a, q = transition[which[row]], process_noise[which[row]]
         for i in range(size):
-            there[i] = 0.0
+            predicted[i] = 0.0
             for j in range(size):
-                there[i] += a[i, j] * state[j]
-                half[i, j] = 0.0
+                predicted[i] += a[i, j] * state[j]
+                product[i, j] = 0.0
                 for k in range(size):
-                    half[i, j] += a[i, k] * p[k, j]
+                    product[i, j] += a[i, k] * p[k, j]
         for i in range(size):
-            state[i] = there[i]
+            state[i] = predicted[i]
             for j in range(size):
                 value = q[i, j]
                 for k in range(size):
-                    value += half[i, k] * a[j, k]
+                    value += product[i, k] * a[j, k]
                 p[i, j] = value
         if not seen[row]:
             continue
@@ -273,14 +280,14 @@ def _innovations(values, seen, keep, fresh, which, noise):
         off = values[row] - state[0]
         away[row], log_scale[row] = off / math.sqrt(scale), 0.5 * math.log(scale)
         for i in range(size):
-            there[i] = p[i, 0] / scale
+            predicted[i] = p[i, 0] / scale
         for i in range(size):
-            state[i] += there[i] * off
+            state[i] += predicted[i] * off
             for j in range(size):
-                half[i, j] = there[i] * p[0, j]
+                product[i, j] = predicted[i] * p[0, j]
         for i in range(size):
             for j in range(size):
-                p[i, j] -= half[i, j]
+                p[i, j] -= product[i, j]
     return away, log_scale
 
 
@@ -291,20 +298,20 @@ def _inverse(matrix):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _smooth(values, seen, keep, fresh, which, noise):
-    """Smooth a path: mean (n,) and covariance (n, k, k), and keep and fresh (n, k, k) of its error's chain.
+def _smooth(values, seen, transition, process_noise, which, noise):
+    """Smooth a path: mean (n,) and covariance (n, k, k), and transition and process_noise (n, k, k) of its error's chain.
 
     Arguments as in `_innovations`.
     """
-    rows, size = len(values), keep.shape[1]
+    rows, size = len(values), transition.shape[1]
     state, ahead_state = np.zeros((rows, size)), np.zeros((rows, size))
     p, ahead = np.zeros((rows, size, size)), np.zeros((rows, size, size))
     chain, new = np.zeros((rows, size, size)), np.zeros((rows, size, size))
     before, spread = np.zeros(size), np.zeros((size, size))
     for row in range(rows):
-        a = keep[which[row]]
+        a = transition[which[row]]
         ahead_state[row] = a @ before
-        ahead[row] = a @ spread @ a.T + fresh[which[row]]
+        ahead[row] = a @ spread @ a.T + process_noise[which[row]]
         before, spread = ahead_state[row].copy(), ahead[row].copy()
         if seen[row]:
             gain = ahead[row, :, 0].copy() / (ahead[row, 0, 0] + noise[row])
@@ -313,7 +320,7 @@ def _smooth(values, seen, keep, fresh, which, noise):
         state[row], p[row] = before, spread
     new[rows - 1] = p[rows - 1]
     for row in range(rows - 2, -1, -1):
-        a = keep[which[row + 1]]
+        a = transition[which[row + 1]]
         back = p[row] @ a.T @ _inverse(ahead[row + 1])
         state[row] += back @ (state[row + 1] - ahead_state[row + 1])
         own = p[row] + back @ (p[row + 1] - ahead[row + 1]) @ back.T

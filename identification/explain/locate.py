@@ -28,16 +28,16 @@ from .whitening import Noise, robust_weight
 FALSE_DISCOVERIES = 0.01
 """False discovery rate [-]."""
 
-_STANDS_OUT = 2.5
+_SIGNIFICANT_ERRORS = 2.5
 """A cell whose mean residual is this many standard errors from zero belongs to a region [-]."""
 
-_WORTH_SAYING = 0.1
+_LEAST_ADDED = 0.1
 """A further variable is named where it adds at least this share of what the first one explains [-]."""
 
-_AS_GOOD = (0.05, 5.0)
+_TIED = (0.05, 5.0)
 """Variables explain a misfit equally well when their gains differ by less than this share and so many nats."""
 
-_HELD = 1e8
+_FIXED_SOIL = 1e8
 """How much more certain the soil is taken to be where it is held [-]."""
 
 _Spans = tuple[tuple[float, float, float, float], ...]
@@ -89,19 +89,19 @@ def locate(problem: Problem, best: Fitted) -> tuple[Region, ...]:
     )
     precision = scaled_inverse(best.covariance(problem)[:SOIL_COUNT, :SOIL_COUNT])
     stretches = _stretches(problem, best)
-    whites = Whitened(problem, textbook, noise, precision, stretches)
-    if not whites.tests:
+    whitened = Whitened(problem, textbook, noise, precision, stretches)
+    if not whitened.tests:
         return ()
-    sure, corrected = _sure(whites)
-    if not sure and best.model.effects:
+    significant, corrected = _significant(whitened)
+    if not significant and best.model.effects:
         # Another soil would compensate each channel by itself, though not all of them together: it is held.
-        whites = Whitened(problem, textbook, noise, _HELD * precision, stretches)
-        sure, corrected = _sure(whites)
-    reported = _reported(whites, sure, {name for effect in best.model.effects for name in effect.needs})
+        whitened = Whitened(problem, textbook, noise, _FIXED_SOIL * precision, stretches)
+        significant, corrected = _significant(whitened)
+    reported = _reported(whitened, significant, {name for effect in best.model.effects for name in effect.needs})
     total = sum(gain for _, gain, _ in reported)
     answer = [
         Region(
-            CHANNELS[problem.answers[whites.tests[each].position]], whites.tests[each].variable, start, end,
+            CHANNELS[problem.answers[whitened.tests[each].position]], whitened.tests[each].variable, start, end,
             share * gain / total, float(corrected[each]), mean,
         )
         for each, gain, spans in reported
@@ -123,38 +123,40 @@ def _stretches(problem: Problem, best: Fitted) -> list[_Stretch]:
     return answer
 
 
-def _sure(whites: Whitened) -> tuple[dict[int, float], np.ndarray]:
+def _significant(whitened: Whitened) -> tuple[dict[int, float], np.ndarray]:
     """Significant tests, by number, with their gains [nats], and the corrected p-values of all, (q,)."""
-    everything = range(len(whites.tests))
-    gains = [whites.gain(each) for each in everything]
-    p_values = chi2.sf(2.0 * np.array(gains), [whites.freedom(each) for each in everything])
+    everything = range(len(whitened.tests))
+    gains = [whitened.gain(each) for each in everything]
+    p_values = chi2.sf(2.0 * np.array(gains), [whitened.freedom(each) for each in everything])
     corrected = false_discovery_control(np.maximum(p_values, 1e-300))
     return {each: gains[each] for each in everything if corrected[each] <= FALSE_DISCOVERIES}, corrected
 
 
-def _reported(whites: Whitened, sure: dict[int, float], through: set[str]) -> list[tuple[int, float, _Spans]]:
+def _reported(whitened: Whitened, significant: dict[int, float], through: set[str]) -> list[tuple[int, float, _Spans]]:
     """Tests that are reported, by number, each with what it adds to those before [nats], and its intervals.
 
     Channels are tested together: ground that varies correlates them.
     """
     answer: list[tuple[int, float, _Spans]] = []
-    while sure:
-        top = max(sure.values())
-        if answer and top < _WORTH_SAYING * answer[0][1]:
+    while significant:
+        top = max(significant.values())
+        if answer and top < _LEAST_ADDED * answer[0][1]:
             break
-        channel = whites.tests[max(sure, key=lambda each: sure[each])].position
+        channel = whitened.tests[max(significant, key=lambda each: significant[each])].position
         good = [
-            each for each, gain in sure.items()
-            if gain >= (1.0 - _AS_GOOD[0]) * top - _AS_GOOD[1] and whites.tests[each].position == channel
+            each for each, gain in significant.items()
+            if gain >= (1.0 - _TIED[0]) * top - _TIED[1] and whitened.tests[each].position == channel
         ]  # fmt: skip
         # Of two about one variable that of fewer columns: each gains half a nat by chance.
-        earned = {each: sure[each] - 0.5 * whites.freedom(each) for each in good}
-        chosen = min(good, key=lambda each: (rank(whites.tests[each].variable, through), -earned[each]))
+        earned = {each: significant[each] - 0.5 * whitened.freedom(each) for each in good}
+        chosen = min(good, key=lambda each: (rank(whitened.tests[each].variable, through), -earned[each]))
         given = [each for each, *_ in answer]
-        answer.append((chosen, sure[chosen], whites.spans(chosen, given)))
-        added = {each: whites.gain(each, [*given, chosen]) for each in sure if each != chosen}
-        sure = {
-            each: gain for each, gain in added.items() if chi2.sf(2.0 * gain, whites.freedom(each)) <= FALSE_DISCOVERIES
+        answer.append((chosen, significant[chosen], whitened.spans(chosen, given)))
+        added = {each: whitened.gain(each, [*given, chosen]) for each in significant if each != chosen}
+        significant = {
+            each: gain
+            for each, gain in added.items()
+            if chi2.sf(2.0 * gain, whitened.freedom(each)) <= FALSE_DISCOVERIES
         }
     return answer
 
@@ -184,10 +186,10 @@ class Whitened:
         self.tests = tested
         self._soil = len(precision)
         ends = self._soil + np.cumsum([0] + [each.columns.shape[1] for each in tested])
-        self._places = [np.arange(low, high) for low, high in pairwise(ends)]
+        self._columns_of = [np.arange(low, high) for low, high in pairwise(ends)]
         extra = np.zeros((len(problem.samples), len(problem.answers), int(ends[-1]) - self._soil))
-        for test, place in zip(tested, self._places, strict=True):
-            extra[:, test.position, place - self._soil] = test.columns
+        for test, own in zip(tested, self._columns_of, strict=True):
+            extra[:, test.position, own - self._soil] = test.columns
         columns = np.concatenate([problem.columns(textbook.response), extra], axis=-1)
         white, _ = problem.whitener(noise, textbook.response).whiten(columns)
         innovations = white[..., 0]
@@ -199,18 +201,21 @@ class Whitened:
 
     def freedom(self, number: int) -> int:
         """Count the columns of a test."""
-        return len(self._places[number])
+        return len(self._columns_of[number])
 
     def gain(self, number: int, given: Sequence[int] = ()) -> float:
         """Gain of a test over those given, all by number [nats], the soil refitted."""
-        base = np.concatenate([np.arange(self._soil), *(self._places[each] for each in given)])
-        together = np.concatenate([base, self._places[number]])
+        base = np.concatenate([np.arange(self._soil), *(self._columns_of[each] for each in given)])
+        together = np.concatenate([base, self._columns_of[number]])
         more = self._explained(together) - self._explained(base)
         return max(more - self.tests[number].chance, 0.0)
 
     def spans(self, number: int, given: Sequence[int]) -> _Spans:
         """Intervals over which a test's coefficients differ from zero, with those given, on the soil found."""
-        own, rest = self._places[number], np.concatenate([np.empty(0, int), *(self._places[each] for each in given)])
+        own, rest = (
+            self._columns_of[number],
+            np.concatenate([np.empty(0, int), *(self._columns_of[each] for each in given)]),
+        )
         gradient = self._gradient[own]
         if len(rest):
             others = scaled_inverse(self._information[np.ix_(rest, rest)]) @ self._gradient[rest]
@@ -223,7 +228,7 @@ class Whitened:
         return 0.5 * float(gradient @ scaled_inverse(self._information[np.ix_(columns, columns)]) @ gradient)
 
     def _tested(self, position: int) -> list[_Test]:
-        """Give all that is tested of one channel."""
+        """Return all that is tested of one channel."""
         samples, sinkage_m = self._problem.samples, self._textbook.response.channels[:, 2]
         tested = [self._constant(position), *(self._steps(each, position) for each in variables(samples, sinkage_m))]
         tested += [self._inside(each, position) for each in self._stretches]
@@ -239,8 +244,8 @@ class Whitened:
         unit = self._noise.sd[position]
 
         def read(mean: np.ndarray, error: np.ndarray) -> _Spans:
-            size, spread = float(mean[0]), 2.0 * float(error[0])
-            return ((size - spread, size + spread, 1.0, size / unit),)
+            size, margin = float(mean[0]), 2.0 * float(error[0])
+            return ((size - margin, size + margin, 1.0, size / unit),)
 
         return _Test(position, CONSTANT, self._problem.seen[:, position].astype(float)[:, None], read)
 
@@ -258,11 +263,11 @@ class Whitened:
         def read(mean: np.ndarray, error: np.ndarray) -> _Spans:
             weight = np.maximum(mean**2 - error**2, 0.0) * rows
             total = max(float(weight.sum()), 1e-300)
-            stands = np.where(np.abs(mean) > _STANDS_OUT * error, np.sign(mean), 0.0)
-            borders = np.flatnonzero(np.diff(stands)) + 1
+            sign = np.where(np.abs(mean) > _SIGNIFICANT_ERRORS * error, np.sign(mean), 0.0)
+            borders = np.flatnonzero(np.diff(sign)) + 1
             spans = []
-            for cells in np.split(np.arange(len(stands)), borders):
-                if stands[cells[0]] != 0.0:
+            for cells in np.split(np.arange(len(sign)), borders):
+                if sign[cells[0]] != 0.0:
                     level = float(np.average(mean[cells], weights=rows[cells])) / unit
                     share = float(weight[cells].sum()) / total
                     spans.append((float(edges[cells[0], 0]), float(edges[cells[-1], 1]), share, level))
@@ -316,8 +321,8 @@ class Whitened:
 
         def read(mean: np.ndarray, error: np.ndarray) -> _Spans:
             # Late by tau, a channel falls short of the simulation by tau times its rate.
-            tau, spread = -float(mean[0]), 2.0 * float(error[0])
+            tau, margin = -float(mean[0]), 2.0 * float(error[0])
             size = float(np.sqrt(np.mean((tau * column) ** 2))) / unit
-            return ((tau - spread, tau + spread, 1.0, size),)
+            return ((tau - margin, tau + margin, 1.0, size),)
 
         return _Test(position, LAG, column, read)

@@ -14,21 +14,21 @@ from .likelihood import Problem
 from .steps import normal_equations, scaled_inverse
 from .whitening import Noise
 
-_EACH = 2
+_PATCHES_EACH = 2
 """Stretches that are given for each noise."""
 
-_APART = CELLS // 12
+_DISTINCT = CELLS // 12
 """Two stretches differ where one of their edges does by more than so many cells."""
 
-_MOST_OF_ALL = 0.9
+_MAX_SHARE = 0.9
 """A stretch that takes in more of the track is no place: the soil as a whole is another [-]."""
 
-_LEAST, _MOST = 5, int(_MOST_OF_ALL * CELLS)
+_LEAST, _MOST = 5, int(_MAX_SHARE * CELLS)
 """Cells that a stretch has at least, and at most."""
 
 
-def stretches_apart(problem: Problem, fitted: Fitted) -> dict[str, list[np.ndarray]]:
-    """Give parameter vectors (A, B, from, to) of the patches that gain most, by what they lie along (`tracks_of`).
+def best_patches(problem: Problem, fitted: Fitted) -> dict[str, list[np.ndarray]]:
+    """Return parameter vectors (A, B, from, to) of the patches that gain most, by what they lie along (`tracks_of`).
 
     Each pair of edges on a grid is weighed by the gain of the best A and B there, to first order, the fit following.
     The ground's variation is taken as it was fitted, and as small: fitted, it may have absorbed the patch.
@@ -41,7 +41,7 @@ def stretches_apart(problem: Problem, fitted: Fitted) -> dict[str, list[np.ndarr
         return _gains(*_scores(problem, fitted, noise, _inside(getattr(drive, name), edges[name])))
 
     found = iter(together(weighed, product(edges, noises)))
-    return {name: _apart([next(found) for _ in noises], edges[name]) for name in edges}
+    return {name: _select_distinct([next(found) for _ in noises], edges[name]) for name in edges}
 
 
 def _edges(where: np.ndarray) -> np.ndarray:
@@ -55,16 +55,16 @@ def _inside(where: np.ndarray, edges: np.ndarray) -> np.ndarray:
     return (cell[:, None] == np.arange(CELLS)) & np.isfinite(where)[:, None]
 
 
-def _apart(weighed: Sequence[tuple[np.ndarray, np.ndarray]], edges: np.ndarray) -> list[np.ndarray]:
-    """Give the patches that gain most, a few of each weighing (`_gains`), none of them near another."""
+def _select_distinct(weighed: Sequence[tuple[np.ndarray, np.ndarray]], edges: np.ndarray) -> list[np.ndarray]:
+    """Return the patches that gain most, a few of each weighing (`_gains`), none of them near another."""
     found: list[tuple[int, int]] = []
     answer = []
     for gain, change in weighed:
-        for _ in range(_EACH):
+        for _ in range(_PATCHES_EACH):
             for first, last in found:
                 near = (
-                    slice(max(first - _APART, 0), first + _APART + 1),
-                    slice(max(last - _APART, 0), last + _APART + 1),
+                    slice(max(first - _DISTINCT, 0), first + _DISTINCT + 1),
+                    slice(max(last - _DISTINCT, 0), last + _DISTINCT + 1),
                 )
                 gain[near] = -np.inf
             first, last = (int(index) for index in np.unravel_index(int(np.argmax(gain)), gain.shape))

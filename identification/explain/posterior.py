@@ -15,8 +15,8 @@ from .evidence import Discrepancy, discrepancy
 from .hyperparameters import PRIOR_EFFECT, PRIOR_UNKNOWN, TEMPERATURE
 from .search import Hypothesis, Search
 
-_WEIGHED = 6
-"""Most probable sets beside which a discrepancy is weighed."""
+_MOST_DISCREPANCIES = 6
+"""Most probable sets found_beside which a discrepancy is weighed."""
 
 
 @dataclass(frozen=True)
@@ -67,12 +67,12 @@ def posterior(
     weight = {slugs: float(np.logaddexp.reduce(values)) for slugs, values in by_set.items()}
     known = math.log(1.0 - unknown)
     total = {slugs: value + known for slugs, value in weight.items()}
-    nearest = sorted(weight, key=lambda slugs: -weight[slugs])[:_WEIGHED]
+    nearest = sorted(weight, key=lambda slugs: -weight[slugs])[:_MOST_DISCREPANCIES]
     discrepancies = {}
     for slugs in dict.fromkeys([frozenset[str](), *nearest]):
-        beside = discrepancy(found.problem, best[slugs].fitted)
-        discrepancies[slugs] = beside
-        total[slugs | {UNKNOWN}] = weight[slugs] + beside.log_evidence / temperature + math.log(unknown)
+        found_beside = discrepancy(found.problem, best[slugs].fitted)
+        discrepancies[slugs] = found_beside
+        total[slugs | {UNKNOWN}] = weight[slugs] + found_beside.log_evidence / temperature + math.log(unknown)
     whole = np.logaddexp.reduce(list(total.values()))
     sets = {slugs: float(np.exp(value - whole)) for slugs, value in sorted(total.items(), key=lambda kv: -kv[1])}
     effects: dict[str, float] = {}

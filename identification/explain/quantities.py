@@ -36,7 +36,7 @@ class Shown:
         return f"{self.name} [{self.unit}]" if self.unit else self.name
 
     def with_unit(self, text: str) -> str:
-        """Give a number, as text, with the unit behind it."""
+        """Return a number, as text, with the unit behind it."""
         return f"{text} {self.unit}" if self.unit else text
 
 
@@ -107,12 +107,12 @@ def number(value: float, scale: float = 1.0) -> str:
 
 
 def signed(value: float, places: int = 1) -> str:
-    """Give a number with its sign; ``-`` where there is none."""
+    """Return a number with its sign; ``-`` where there is none."""
     return f"{value:+.{places}f}" if math.isfinite(value) else "-"
 
 
-def spread(value: float, sd: float, scale: float = 1.0) -> str:
-    """Give value and standard deviation to the digits that the latter allows."""
+def with_sd(value: float, sd: float, scale: float = 1.0) -> str:
+    """Return value and standard deviation to the digits that the latter allows."""
     if not math.isfinite(value):
         return "unknown"
     if not math.isfinite(sd):
@@ -129,11 +129,11 @@ def spread(value: float, sd: float, scale: float = 1.0) -> str:
 def estimate(name: str, value: Estimate) -> str:
     """``n1 = 0.213 ± 0.019``, with the unit where there is one."""
     how = shown(name, value.unit)
-    return f"{how.name} = {how.with_unit(spread(value.value, value.sd, how.scale))}"
+    return f"{how.name} = {how.with_unit(with_sd(value.value, value.sd, how.scale))}"
 
 
 def percent(probability: float) -> str:
-    """Give a probability in per cent, by its bound where it is next to 0 or 100 %."""
+    """Return a probability in per cent, by its bound where it is next to 0 or 100 %."""
     if not math.isfinite(probability):
         return "unknown"
     if probability <= 0.005:
@@ -142,7 +142,7 @@ def percent(probability: float) -> str:
 
 
 def p_value(value: float) -> str:
-    """Give a p-value, very small ones by their bound."""
+    """Return a p-value, very small ones by their bound."""
     if not math.isfinite(value):
         return "unknown"
     return "< 1e-12" if value < 1e-12 else f"{value:.1g}" if value < 0.001 else f"{value:.3f}"
@@ -175,7 +175,7 @@ def listed(parts: Iterable[str], last: str = "and") -> str:
 
 
 def capital(text: str) -> str:
-    """Give a text with a capital at its beginning."""
+    """Return a text with a capital at its beginning."""
     return text[:1].upper() + text[1:]
 
 
@@ -197,6 +197,6 @@ def cycles_a_turn(region: Region) -> int:
 
 
 def with_interval(value: float, ends: Sequence[float], scale: float = 1.0) -> str:
-    """Give a value with its 95 % interval: ``2.8 (2.4 to 3.3)``."""
+    """Return a value with its 95 % interval: ``2.8 (2.4 to 3.3)``."""
     low, high = ends
     return f"{number(value, scale)} ({number(low, scale)} to {number(high, scale)})"

@@ -208,7 +208,7 @@ def _path(values: np.ndarray, time_s: np.ndarray, sd: float, stretch: np.ndarray
 
 
 def _smooth_speeds(drive: Drive, table: WheelTable) -> Drive:
-    """Give the drive with the expected true speeds."""
+    """Return the drive with the expected true speeds."""
     changed = {}
     for name in ("rim_speed_m_s", "travel_speed_m_s"):
         values = getattr(drive, name)

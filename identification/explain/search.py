@@ -20,8 +20,8 @@ from ..mechanics.augmented import SOIL_COUNT, AugmentedWheel, Entry
 from .evidence import log_evidence
 from .fit import Fitted, fit, with_effect
 from .hyperparameters import PRIOR_EFFECT, TEMPERATURE
-from .likelihood import QUIET, Problem
-from .places import stretches_apart
+from .likelihood import UNIFORM_SD, Problem
+from .places import best_patches
 from .samples import ANSWERS
 from .steps import Prior, normal_equations, solve_step
 from .whitening import GROSS, Noise
@@ -39,18 +39,18 @@ J. Am. Stat. Assoc. 89 (1994), 1535-1546)."""
 ADDED, SWAPPED, FORMS = 6, 3, 3
 """Effects that are fitted beside an expanded hypothesis and instead of each of its effects, and other forms of that."""
 
-LEAST_GAIN, LEAST_BESIDE, LEAST_SHARE = 2.5, 4.0, 0.3
+LEAST_GAIN, LEAST_ADDED_GAIN, LEAST_SHARE = 2.5, 4.0, 0.3
 """An effect is fitted alone, and beside others, if the score test gives it so many nats, and this share of what it
 gives the best [-]."""
 
-SETTLED = 8
+MOST_NOISE_FITS = 8
 """Fits of each round whose noise is fitted, too: those that fit best beside the noise that they began with."""
 
-BEHIND = 50.0
+LARGEST_DEFICIT = 50.0
 """A fit beside the noise of its base so far behind the best one is left as it is [nats]: fitting its noise gains less.
 """
 
-_SHORT = 6
+_SHORT_STEPS = 6
 """Steps by which starts of one effect are compared."""
 
 
@@ -92,7 +92,7 @@ class Search:
         All that were fitted, the textbook among them.
     forms, names
         Number of forms by slug that were considered, and their names.
-    passed
+    screened
         Effects that were not fitted alone, with the gain that the score test gives them [nats].
     """
 
@@ -103,7 +103,7 @@ class Search:
     hypotheses: list[Hypothesis] = field(default_factory=list)
     forms: dict[str, int] = field(default_factory=dict)
     names: set[str] = field(default_factory=set)
-    passed: dict[str, float] = field(default_factory=dict)
+    screened: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.hypotheses.append(self.textbook)
@@ -128,30 +128,35 @@ class Search:
                 self.hypotheses[same] = new
 
     def fit_added(
-        self, base: Fitted, effects: Sequence[Effect], *, again: Sequence[Effect] = (), quiet: Sequence[Effect] = ()
+        self,
+        base: Fitted,
+        effects: Sequence[Effect],
+        *,
+        again: Sequence[Effect] = (),
+        from_uniform: Sequence[Effect] = (),
     ) -> None:
         """Fit a model with each of some effects more, where that was not done, and the noise of those that fit best.
 
-        Those of `again` are fitted beside this noise even if they were beside another one. Those of `quiet` begin in
+        Those of `again` are fitted beside this noise even if they were beside another one. Those of `from_uniform` begin in
         ground that hardly varies, too: its variation may have explained what they would.
         """
         new = [effect for effect in effects if not self.has((*base.model.effects, effect))]
         starts = [(base.noise, effect) for effect in (*new, *again)]
-        calm = replace(self.problem.quiet_noise, smooth=base.noise.smooth)
+        uniform = replace(self.problem.uniform_ground_noise, smoothness=base.noise.smoothness)
         held = together(lambda start: add_effect(self.problem, base, *start), starts)
-        held_quiet = together(partial(add_effect, self.problem, base, calm), quiet)
+        held_uniform = together(partial(add_effect, self.problem, base, uniform), from_uniform)
         highest = max(each.score for each in (*(each.fitted for each in self.hypotheses), *held))
-        first = [*_leading(held[: len(new)]), *held[len(new) :]]
-        first = [each for each in first if each.score > highest - BEHIND]
+        first = [*_best_forms(held[: len(new)]), *held[len(new) :]]
+        first = [each for each in first if each.score > highest - LARGEST_DEFICIT]
         best: dict[str, Fitted] = {}
-        for each in (*held, *together(partial(settle, self.problem), [*first, *_leading(held_quiet)])):
+        for each in (*held, *together(partial(refit_with_noise, self.problem), [*first, *_best_forms(held_uniform)])):
             name = each.model.effects[-1].name
             if name not in best or each.score > best[name].score:
                 best[name] = each
         self.take(best.values())
 
     def has(self, effects: Sequence[Effect]) -> bool:
-        """Say whether a set of forms was fitted."""
+        """Return whether a set of forms was fitted."""
         names = frozenset(effect.name for effect in effects)
         return any(each.names == names for each in self.hypotheses)
 
@@ -168,7 +173,7 @@ class Search:
         return each.log_evidence / TEMPERATURE + self.log_prior(each)
 
     def best(self) -> dict[frozenset[str], Hypothesis]:
-        """Give the best hypothesis of each set of effects."""
+        """Return the best hypothesis of each set of effects."""
         answer: dict[frozenset[str], Hypothesis] = {}
         for each in self.hypotheses:
             if each.slugs not in answer or each.log_evidence > answer[each.slugs].log_evidence:
@@ -177,7 +182,7 @@ class Search:
 
 
 def search(
-    problem: Problem, fitted: Fitted, slugs: Iterable[str], tell: Callable[[str], None] = lambda _: None
+    problem: Problem, fitted: Fitted, slugs: Iterable[str], progress: Callable[[str], None] = lambda _: None
 ) -> Search:
     """Fit hypotheses: every effect alone, then the neighbours of the most probable ones.
 
@@ -187,44 +192,50 @@ def search(
         The samples, and the fit of the textbook wheel.
     slugs
         Public names of the effects to consider.
-    tell
+    progress
         Called with what is being done, in words.
     """
     catalogue = effects_for(situation(problem, fitted), tuple(slugs))
     found = Search(problem, Hypothesis((), fitted, 0.0), catalogue, log_evidence(problem, fitted))
-    tell("fitting every effect alone")
+    progress("fitting every effect alone")
     _fit_alone(found)
     expanded: set[frozenset[str]] = set()
     for _ in range(MOST_EXPANDED):
         ranked = sorted(found.best().values(), key=found.log_posterior, reverse=True)
         near = [each for each in ranked if found.log_posterior(each) > found.log_posterior(ranked[0]) - WINDOW]
-        following = next((each for each in near if each.effects and each.names not in expanded), None)
-        if following is None:
+        selected = next((each for each in near if each.effects and each.names not in expanded), None)
+        if selected is None:
             break
-        tell("fitting neighbours of " + " and ".join(sorted(following.names)))
-        expanded.add(following.names)
-        _expand(found, following)
+        progress("fitting neighbours of " + " and ".join(sorted(selected.names)))
+        expanded.add(selected.names)
+        _fit_neighbours(found, selected)
     return found
 
 
 def _fit_alone(found: Search) -> None:
-    """Fit every effect alone that a score test gives enough, as ground varies or in ground that hardly varies."""
+    """Fit every effect alone that a score test gives passing, as ground varies or in ground that hardly varies."""
     problem, base = found.problem, found.textbook.fitted
     gains = _gains(problem, base, found.catalogue)
-    wanted, quiet = _enough(gains, LEAST_GAIN), []
-    if base.noise.spread.max() > 2.0 * QUIET:
-        calm = problem.quiet()
-        quiet = _first(calm, fit(calm, base.model, base.vector, None, Entry(base.theta_1)), found.catalogue, ADDED)
-    found.fit_added(base, [effect for effect, fits in zip(found.catalogue, wanted, strict=True) if fits], quiet=quiet)
-    for effect, gain, fits in zip(found.catalogue, gains, wanted, strict=True):
-        if not fits and effect not in quiet:
-            found.passed[effect.name] = float(gain)
+    fits_alone, from_uniform = _passes_screen(gains, LEAST_GAIN), []
+    if base.noise.ground_sd.max() > 2.0 * UNIFORM_SD:
+        uniform = problem.with_uniform_ground()
+        from_uniform = _best_ranked(
+            uniform, fit(uniform, base.model, base.vector, None, Entry(base.theta_1)), found.catalogue, ADDED
+        )
+    found.fit_added(
+        base,
+        [effect for effect, fits in zip(found.catalogue, fits_alone, strict=True) if fits],
+        from_uniform=from_uniform,
+    )
+    for effect, gain, fits in zip(found.catalogue, gains, fits_alone, strict=True):
+        if not fits and effect not in from_uniform:
+            found.screened[effect.name] = float(gain)
 
 
-def _expand(found: Search, base: Hypothesis) -> None:
+def _fit_neighbours(found: Search, base: Hypothesis) -> None:
     """Fit a hypothesis less one of its effects, with another one instead, in another form, and with one more."""
     problem = found.problem
-    smaller = [_less(problem, base.fitted, effect) for effect in base.effects]
+    smaller = [_without_effect(problem, base.fitted, effect) for effect in base.effects]
     new = [bare for bare in smaller if not found.has(bare.model.effects)]
     found.take(together(lambda bare: fit(problem, bare.model, bare.vector, bare.noise, Entry(bare.theta_1)), new))
     for effect, bare in zip(base.effects, smaller, strict=True):
@@ -233,22 +244,22 @@ def _expand(found: Search, base: Hypothesis) -> None:
         derived = effect.extensions()
         found.consider(derived)
         forms = _ranked(problem, bare, same)[:FORMS]
-        found.fit_added(bare, _first(problem, bare, others, SWAPPED), again=[*forms, *derived])
+        found.fit_added(bare, _best_ranked(problem, bare, others, SWAPPED), again=[*forms, *derived])
     if len(base.effects) < MOST_EFFECTS:
         others = [each for each in found.catalogue if each.slug not in base.slugs]
-        found.fit_added(base.fitted, _first(problem, base.fitted, others, ADDED))
+        found.fit_added(base.fitted, _best_ranked(problem, base.fitted, others, ADDED))
 
 
-def _leading(fits: Iterable[Fitted]) -> list[Fitted]:
-    """Give the fits whose noise is worth fitting: the best form of each effect."""
+def _best_forms(fits: Iterable[Fitted]) -> list[Fitted]:
+    """Return the fits whose noise is worth fitting: the best form of each effect."""
     best: dict[str, Fitted] = {}
     for each in sorted(fits, key=lambda each: -each.score):
         best.setdefault(each.model.effects[-1].slug, each)
-    return list(best.values())[:SETTLED]
+    return list(best.values())[:MOST_NOISE_FITS]
 
 
-def _first(problem: Problem, base: Fitted, effects: Sequence[Effect], most: int) -> list[Effect]:
-    """Give the effects that a score test ranks first beside a fit, each in its best form."""
+def _best_ranked(problem: Problem, base: Fitted, effects: Sequence[Effect], most: int) -> list[Effect]:
+    """Return the effects that a score test ranks first beside a fit, each in its best form."""
     best: dict[str, Effect] = {}
     for effect in _ranked(problem, base, effects):
         best.setdefault(effect.slug, effect)
@@ -256,22 +267,22 @@ def _first(problem: Problem, base: Fitted, effects: Sequence[Effect], most: int)
 
 
 def _ranked(problem: Problem, base: Fitted, effects: Sequence[Effect]) -> list[Effect]:
-    """Give the effects that gain enough beside a fit by a score test, the best first."""
+    """Return the effects that gain passing beside a fit by a score test, the best first."""
     gains = _gains(problem, base, effects)
-    enough = _enough(gains, LEAST_BESIDE)
-    return [effects[index] for index in np.argsort(-gains) if enough[index]]
+    passing = _passes_screen(gains, LEAST_ADDED_GAIN)
+    return [effects[index] for index in np.argsort(-gains) if passing[index]]
 
 
 def _gains(problem: Problem, base: Fitted, effects: Sequence[Effect]) -> np.ndarray:
     return np.array(together(partial(expected_gain, problem, base), effects), dtype=float)
 
 
-def _enough(gains: np.ndarray, least: float) -> np.ndarray:
+def _passes_screen(gains: np.ndarray, least: float) -> np.ndarray:
     return gains >= max(least, LEAST_SHARE * float(gains.max(initial=0.0)))
 
 
-def _less(problem: Problem, fitted: Fitted, dropped: Effect) -> Fitted:
-    """Give a fit less one of its effects, all else as it is."""
+def _without_effect(problem: Problem, fitted: Fitted, dropped: Effect) -> Fitted:
+    """Return a fit less one of its effects, all else as it is."""
     kept = [(effect, where) for effect, where in fitted.model.slices() if effect is not dropped]
     vector = np.concatenate([fitted.vector[:SOIL_COUNT], *[fitted.vector[where] for _, where in kept]])
     model = AugmentedWheel(fitted.model.wheel, tuple(effect for effect, _ in kept))
@@ -304,7 +315,7 @@ def expected_gain(problem: Problem, base: Fitted, effect: Effect) -> float:
 
 def _gain(problem: Problem, base: Fitted, columns: np.ndarray, prior: Prior, vector: np.ndarray) -> float:
     """Nats that columns (n, m, k) gain beside a fit, whose own parameters follow, with priors of all of them (p,)."""
-    white, _ = problem.whitener(base.noise, base.response).whiten(columns, base.white.trust)
+    white, _ = problem.whitener(base.noise, base.response).whiten(columns, base.white.weights)
     jacobian = np.concatenate([base.white.jacobian, white], axis=-1)
     gradient, information = normal_equations(base.white.innovations, jacobian)
     return solve_step(gradient, information, prior, np.clip(vector, prior.lower, prior.upper), 0.0)[1]
@@ -315,19 +326,19 @@ def add_effect(problem: Problem, base: Fitted, noise: Noise, effect: Effect) -> 
     entry = base.response.entry(np.zeros(0))
     starts = [with_effect(base, effect, start) for start in effect.starts()]
     if len(starts) == 1:
-        return fit(problem, *starts[0], noise, entry, settle=False)
-    short = [fit(problem, *start, noise, entry, steps=_SHORT, settle=False) for start in starts]
+        return fit(problem, *starts[0], noise, entry, fit_noise=False)
+    short = [fit(problem, *start, noise, entry, steps=_SHORT_STEPS, fit_noise=False) for start in starts]
     best = max(short, key=lambda each: each.score)
-    return fit(problem, best.model, best.vector, noise, best.response.entry(np.zeros(0)), settle=False)
+    return fit(problem, best.model, best.vector, noise, best.response.entry(np.zeros(0)), fit_noise=False)
 
 
-def settle(problem: Problem, fitted: Fitted) -> Fitted:
+def refit_with_noise(problem: Problem, fitted: Fitted) -> Fitted:
     """Go on with a fit, the noise with it."""
     return fit(problem, fitted.model, fitted.vector, fitted.noise, fitted.response.entry(np.zeros(0)))
 
 
 def situation(problem: Problem, fitted: Fitted) -> Situation:
-    """Give what decides which forms of an effect the samples can show."""
+    """Return what decides which forms of an effect the samples can show."""
     samples, measured = problem.samples, problem.samples.measured
     innovations = np.full_like(measured, np.nan)
     # A gross error has a share of every line of the spectrum.
@@ -338,5 +349,5 @@ def situation(problem: Problem, fitted: Fitted) -> Situation:
     typical[[channel for channel in ANSWERS if channel not in samples.answers]] = np.nan
     return Situation(
         samples.wheel, samples.drive, typical, measured[:, 2], innovations, float(fitted.vector[0]),
-        float(fitted.vector[1]), math.exp(fitted.vector[3]), stretches_apart(problem, fitted),
+        float(fitted.vector[1]), math.exp(fitted.vector[3]), best_patches(problem, fitted),
     )  # fmt: skip

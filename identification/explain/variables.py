@@ -95,7 +95,7 @@ def _spread_out(values: np.ndarray) -> bool:
 
 
 def variables(samples: Samples, sinkage_m: np.ndarray) -> list[Variable]:
-    """Give every variable that varies in these samples.
+    """Return every variable that varies in these samples.
 
     Sinkage is the one predicted, (n,) [m]: the measured one shares soil and errors with what it would explain.
     """
@@ -113,13 +113,13 @@ def variables(samples: Samples, sinkage_m: np.ndarray) -> list[Variable]:
 
 
 def _is_held(values: np.ndarray) -> bool:
-    """Say whether a size (n,) is held so constant that what is left of it explains nothing."""
+    """Return whether a size (n,) is held so constant that what is left of it explains nothing."""
     low, middle, high = np.nanquantile(np.abs(values), [0.05, 0.5, 0.95])
     return bool(high - low < _HELD * middle)
 
 
 def _is_negligible(name: str, values: np.ndarray, radius_m: float) -> bool:
-    """Say whether an acceleration (n,) is so small throughout that what is left of a channel cannot follow it."""
+    """Return whether an acceleration (n,) is so small throughout that what is left of a channel cannot follow it."""
     lever_m = {"acceleration_m_s2": 1.0, "angular_acceleration_rad_s2": radius_m}.get(name)
     return lever_m is not None and bool(np.nanmax(np.abs(values)) * lever_m < _LEAST_ACCELERATION_M_S2)
 

@@ -41,7 +41,7 @@ _OPENINGS = {"physics": "Missing: ", "unknown": "Missing: ", "instrument": "Faul
 
 
 def headline(explanation: Explanation) -> str:
-    """Give the answer with its probability; if undecided, with the measurement that decides."""
+    """Return the answer with its probability; if undecided, with the measurement that decides."""
     missing = explanation.missing
     if not missing:
         return _nothing(explanation)
@@ -89,7 +89,7 @@ def details(explanation: Explanation) -> str:
 
 
 def summarise(explanation: Explanation) -> str:
-    """Give the answer in a few sentences."""
+    """Return the answer in a few sentences."""
     return f"{headline(explanation)} {details(explanation)}".rstrip()
 
 
@@ -124,7 +124,7 @@ def predicted_worse(explanation: Explanation) -> list[str]:
 
 
 def missing_lines(missing: Missing) -> list[str]:
-    """Give what is missing in lines of text: its name and probability, its parameters, and what else it may be."""
+    """Return what is missing in lines of text: its name and probability, its parameters, and what else it may be."""
     form = f", {missing.form}" if missing.form else ""
     kind = KINDS.get(missing.kind, missing.kind)
     source = f"; {missing.source}" if missing.source else ""
@@ -212,7 +212,7 @@ def _what(missing: Missing) -> str:
 
 
 def _values(missing: Missing) -> str:
-    """Give the first parameters of an effect with standard deviations, and how many more there are."""
+    """Return the first parameters of an effect with standard deviations, and how many more there are."""
     values = [estimate(name, value) for name, value in missing.parameters.items()]
     if len(values) > _PARAMETERS:
         values[_PARAMETERS:] = [f"{len(values) - _PARAMETERS} more"]
@@ -252,7 +252,7 @@ def _change(name: str, fit: ChannelFit) -> str:
 
 
 def _is_asserted(explanation: Explanation) -> bool:
-    """Say whether the model whose held-out errors are shown holds what is asserted, and nothing else."""
+    """Return whether the model whose held-out errors are shown holds what is asserted, and nothing else."""
     sure = {each.effect for each in explanation.missing if each.probability >= ASSERTED}
     effects = {each.slug for each in explanation.simulator.effects}
     return bool(effects) and effects == sure and not _smooth(explanation)
@@ -277,7 +277,7 @@ _NOTHING_SEPARATES = (
 
 
 def _decisive(missing: Sequence[Missing]) -> Missing | None:
-    """Give what to measure first for: something probable that the catalogue lacks, else an effect in doubt, else one
+    """Return what to measure first for: something probable that the catalogue lacks, else an effect in doubt, else one
     that is asserted; None where nothing decides.
     """
 

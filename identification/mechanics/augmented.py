@@ -66,7 +66,7 @@ class Rim:
     slopes: np.ndarray
 
     def is_of(self, true: np.ndarray, contact: np.ndarray) -> bool:
-        """Say whether another wheel stands in the ground alike."""
+        """Return whether another wheel stands in the ground alike."""
         return np.array_equal(self.true, true) and np.array_equal(self.contact, contact, equal_nan=True)
 
 
@@ -94,7 +94,7 @@ class AugmentedWheel:
         return SOIL_COUNT + sum(len(effect.parameters) for effect in self.effects)
 
     def slices(self) -> list[tuple[Effect, slice]]:
-        """Give each effect and where its parameters stand in the vector."""
+        """Return each effect and where its parameters stand in the vector."""
         answer, start = [], SOIL_COUNT
         for effect in self.effects:
             answer.append((effect, slice(start, start + len(effect.parameters))))
@@ -199,7 +199,7 @@ class AugmentedWheel:
     def _stand(
         self, drive: Drive, true: np.ndarray, vector: np.ndarray, entry: Entry, *, sloped: bool
     ) -> tuple[Contact, Rim]:
-        """Give the contact that carries the load, and what is integrated around its rim, or was."""
+        """Return the contact that carries the load, and what is integrated around its rim, or was."""
         if entry.rim is not None:
             contact = self._contact(drive, true, vector, entry.rim.contact[:, fields.THETA_1])
             if entry.rim.is_of(true, contact.array):
@@ -267,5 +267,5 @@ class AugmentedWheel:
 
 
 def _soil(vector: np.ndarray) -> list[float | np.ndarray]:
-    """Give c [Pa], tan phi, k [m], stiffness [Pa] and n of a parameter vector (p,), or (p, n)."""
+    """Return c [Pa], tan phi, k [m], stiffness [Pa] and n of a parameter vector (p,), or (p, n)."""
     return [*vector[:2], *np.exp(vector[2:SOIL_COUNT])]

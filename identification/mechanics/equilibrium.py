@@ -143,7 +143,7 @@ def carry(
 
 
 def _moved(contact: np.ndarray, theta_1: np.ndarray) -> np.ndarray:
-    """Give the contacts with other entry angles (n,), the other angles in proportion."""
+    """Return the contacts with other entry angles (n,), the other angles in proportion."""
     contact[:, THETA_1 : THETA_M + 1] *= (theta_1 / contact[:, THETA_1])[:, None]
     return contact
 
@@ -164,7 +164,7 @@ def _powers(contact: np.ndarray, lay_out: Callable[[np.ndarray], np.ndarray]) ->
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _differ(these, those, tolerance):
-    """Say whether contacts (n, f) differ by more than a share of what they are."""
+    """Return whether contacts (n, f) differ by more than a share of what they are."""
     for f in range(these.shape[1]):
         for row in range(these.shape[0]):
             one, other = these[row, f], those[row, f]

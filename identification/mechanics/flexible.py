@@ -71,7 +71,7 @@ class FlexibleWheel:
         return np.array([*soil, *(freedom.textbook for freedom in FREEDOMS)])
 
     def from_vector(self, vector: np.ndarray) -> dict[str, float]:
-        """Give the SI values of the soil in a vector."""
+        """Return the SI values of the soil in a vector."""
         return {name: from_internal(name, float(value)) for name, value in zip(self.names, vector, strict=False)}
 
     def exponents(self, vector: np.ndarray, slip: np.ndarray) -> np.ndarray:

@@ -120,7 +120,7 @@ def _cut_at_the_rim(field, width, sin_1, cos_1, top, edges, pieces):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _over_the_rim(field, width, sin_1, cos_1, top, zone, along):
-    """Give what the soil's shear stress has beyond the rim's [Pa], a share of a zone from its free end."""
+    """Return what the soil's shear stress has beyond the rim's [Pa], a share of a zone from its free end."""
     theta_1, theta_2, theta_m = field[THETA_1], field[THETA_2], field[THETA_M]
     ahead = theta_1 + (theta_m - theta_1) * along
     normal = min(_pressure(field, field[RADIUS] * (math.cos(ahead) - cos_1), width), field[MOST_NORMAL])
@@ -199,7 +199,7 @@ def _depth_of(field, normal, width):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def has_peak(field):
-    """Say whether the shear stress of a contact (f,) passes a peak."""
+    """Return whether the shear stress of a contact (f,) passes a peak."""
     return min(field[RESIDUAL], field[HUMP], field[DECAY]) < math.inf
 
 

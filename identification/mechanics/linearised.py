@@ -171,7 +171,7 @@ class OnlineEstimator:
         return x1 * x1, x1 * x2, x2 * x2, x1 * y, x2 * y
 
     def solution(self) -> tuple[float, float]:
-        """Give the present (c [Pa], tan phi [-])."""
+        """Return the present (c [Pa], tan phi [-])."""
         m11, m12, m22, v1, v2 = self._sums
         determinant = m11 * m22 - m12 * m12
         if determinant <= 1e-12 * m11 * m22:

@@ -245,11 +245,11 @@ class TextbookWheel:
         return np.array([to_internal(name, values[name]) for name in self.names])
 
     def from_vector(self, vector: np.ndarray) -> dict[str, float]:
-        """Give the SI values of a vector."""
+        """Return the SI values of a vector."""
         return {name: from_internal(name, float(value)) for name, value in zip(self.names, vector, strict=True)}
 
     def soil(self, vector: np.ndarray) -> Soil:
-        """Give the soil of a vector whose cohesion and friction are not negative."""
+        """Return the soil of a vector whose cohesion and friction are not negative."""
         return Soil(**self.from_vector(vector))
 
     def predict(self, imposed: np.ndarray, vector: np.ndarray, theta_1: np.ndarray) -> Prediction:

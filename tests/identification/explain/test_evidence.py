@@ -6,9 +6,9 @@ from bevameter.identification.effects.catalogue.sinkage_offset import SinkageOff
 from bevameter.identification.explain.evidence import (
     AMPLITUDES,
     discrepancy,
+    discrepancy_basis,
     log_evidence,
     log_integral,
-    smooth_courses,
 )
 from bevameter.identification.explain.fit import fit, with_effect
 from bevameter.identification.explain.steps import Prior
@@ -22,16 +22,16 @@ def test_laplace_agrees_with_integration_over_an_offset(fitted):
     problem, textbook = fitted
     offset = SinkageOffset(float(np.sqrt(np.nanmean(problem.samples.measured[:, 2] ** 2))))
     model, vector = with_effect(textbook, offset, np.zeros(1))
-    whole = fit(problem, model, vector, textbook.noise, Entry(textbook.theta_1), settle=False)
+    whole = fit(problem, model, vector, textbook.noise, Entry(textbook.theta_1), fit_noise=False)
     sd = float(np.sqrt(whole.covariance(problem)[-1, -1]))
     grid = whole.vector[-1] + sd * np.linspace(-6.0, 6.0, 49)
     prior_sd = offset.parameters[0].scale
     logs = []
     for value in grid:
         held = type(problem)(problem.samples, problem.known, problem.noise_share)
-        held.weights = problem.weights
+        held.reference = problem.reference
         held.measured = problem.measured - value * (np.array(problem.answers) == 2)
-        there = fit(held, AugmentedWheel(model.wheel), whole.vector[:-1], textbook.noise, settle=False)
+        there = fit(held, AugmentedWheel(model.wheel), whole.vector[:-1], textbook.noise, fit_noise=False)
         logs.append(log_evidence(held, there) - 0.5 * (value / prior_sd) ** 2)
     density = logsumexp(logs) + np.log(grid[1] - grid[0]) - np.log(np.sqrt(2.0 * np.pi) * prior_sd)
     # Cohesion leans on its bound in a part of the grid: there the density is no normal one.
@@ -56,12 +56,12 @@ def test_integral_within_bounds_is_exact(gradient, place):
 
 def test_discrepancy_is_marginalised_exactly(fitted):
     problem, textbook = fitted
-    courses = smooth_courses(problem.samples.drive)
-    rows, count = courses.shape
+    basis = discrepancy_basis(problem.samples.drive)
+    rows, count = basis.shape
     channels = len(problem.answers)
     extra = np.zeros((rows, channels, count * channels))
     for channel in range(channels):
-        extra[:, channel, channel * count : (channel + 1) * count] = courses * textbook.noise.sd[channel]
+        extra[:, channel, channel * count : (channel + 1) * count] = basis * textbook.noise.sd[channel]
     columns = np.concatenate([problem.columns(textbook.response), extra * problem.seen[..., None]], axis=-1)
     white, _ = problem.whitener(textbook.noise, textbook.response).whiten(columns)
     weight = robust_weight(white[..., 0]).ravel()
