@@ -1,4 +1,4 @@
-"""The answer put together from what was fitted, posterior, held out and located."""
+"""The answer, assembled from hypotheses, their posterior, held-out rows and located regions."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ from .search import Hypothesis, Search
 from .variables import names_of
 
 MENTIONED = 0.05
-"""Probability from which on an effect is listed where none is asserted [-]."""
+"""Least probability of an effect that is listed where none is asserted [-]."""
 
 MOST_LISTED = 6
-"""Effects that are listed at most; all that were considered are among the candidates."""
+"""Most effects that are listed; all that were fitted are among the candidates."""
 
 HELD_OUT_FROM = 0.01
-"""Probability from which on a candidate is fitted again without each block [-]: most that are tried are far below."""
+"""Least probability of a candidate for which held-out blocks are predicted [-]; most have far less."""
 
 _GROSS = 8.0
-"""An innovation beyond this is a gross error [standard deviations]."""
+"""Innovation beyond which a value is a gross error [-]."""
 
 _RESAMPLES = 400
 
@@ -52,7 +52,7 @@ _SOIL_UNITS = {"c_Pa": "Pa", "phi_rad": "rad", "k_m": "m", "stiffness_Pa": "Pa",
 
 @dataclass(frozen=True)
 class Chosen:
-    """The most probable hypothesis, with its discrepancy if it has one, and held-out rows without and with it."""
+    """The most probable hypothesis, its discrepancy if any, and held-out rows of the textbook wheel and of it."""
 
     hypothesis: Hypothesis
     discrepancy: Discrepancy | None
@@ -61,12 +61,12 @@ class Chosen:
 
     @property
     def residuals(self) -> np.ndarray:
-        """(n, m) what is left of held-out rows, SI."""
+        """Residuals (n, m) of held-out rows, SI."""
         return self.after.residuals - (0.0 if self.discrepancy is None else self.discrepancy.mean)
 
 
 def choose(problem: Problem, found: Search, posterior: Posterior) -> Chosen:
-    """Choose the most probable set, with its most probable form."""
+    """Choose the most probable set, in its most probable form."""
     first = next(iter(posterior.sets))
     hypothesis = posterior.best[first - {UNKNOWN}]
     before = hold_out(problem, found.textbook.fitted)
@@ -79,16 +79,16 @@ def assemble(
     problem: Problem, found: Search, posterior: Posterior, chosen: Chosen, regions: tuple[Region, ...], *,
     source: str, seed: int, began: float, notes: tuple[str, ...] = (), simulated: np.ndarray | None = None,
 ) -> Explanation:  # fmt: skip
-    """Put the answer together.
+    """Assemble the answer.
 
     Parameters
     ----------
     problem, found, posterior, chosen, regions
-        From the previous steps.
+        Results of the previous steps.
     source, seed, began, notes
-        The recording, the seed of resampling, when work began [s], and notes on the rows.
+        The recording, the seed of resampling, the time of the start [s], and notes on the rows.
     simulated : (n, 5)
-        Residuals of another simulator, which then replace those of the textbook wheel.
+        Residuals of another simulator, which replace those of the textbook wheel.
     """
     missing = missing_of(problem, found, posterior, chosen)
     verdict = verdict_of(missing)
@@ -111,9 +111,7 @@ def assemble(
         located=regions,
         missing=missing,
         candidates=_candidates(problem, found, posterior, chosen.before),
-        screened=tuple(
-            Screened(name, nats) for name, nats in sorted(found.screened.items(), key=lambda pair: -pair[1])
-        ),
+        screened=tuple(Screened(*pair) for pair in sorted(found.screened.items(), key=lambda pair: -pair[1])),
         fits=_fits(problem, before, after, best.fitted, np.random.default_rng(seed)),
         split=problem.samples.split,
         heldout_nats=Estimate(*gained),
@@ -130,8 +128,9 @@ def assemble(
 
 
 def missing_of(problem: Problem, found: Search, posterior: Posterior, chosen: Chosen) -> tuple[Missing, ...]:
-    """List what is missing: what is asserted and, where an effect is not certain, its rivals; nothing if nothing is
-    more probable than all of it.
+    """List the asserted effects and, if these leave a probability of half or more, their rivals.
+
+    Empty if the textbook wheel has a probability above a half.
     """
     if posterior.sets.get(frozenset(), 0.0) > 0.5:
         return ()
@@ -148,7 +147,7 @@ def missing_of(problem: Problem, found: Search, posterior: Posterior, chosen: Ch
 
 
 def _missing(problem: Problem, found: Search, posterior: Posterior, chosen: Chosen, slug: str) -> Missing:
-    """Describe an effect by the most probable hypothesis that holds it."""
+    """Describe an effect by the most probable hypothesis that includes it."""
     probability = posterior.effects[slug]
     holding = [each for each in found.hypotheses if slug in each.slugs]
     best = max(holding, key=found.log_posterior)
@@ -157,7 +156,7 @@ def _missing(problem: Problem, found: Search, posterior: Posterior, chosen: Chos
     effect = next(each for each in best.effects if each.slug == slug)
     rivals = rivals_of(posterior, slug)
     others = [posterior.best[slugs] for slugs in rivals.values()]
-    # A fault is checked by itself; what decides between physical effects is computed.
+    # A fault has its own check; the measurement that separates physical effects is computed.
     computed = effect.kind != "instrument" and probability < ASSERTED and others
     measurement = propose_measurement(problem, best, *others) if computed else effect.check
     return Missing(
@@ -182,7 +181,7 @@ def rivals_of(posterior: Posterior, slug: str) -> dict[str, frozenset[str]]:
 
 
 def _unknown(problem: Problem, posterior: Posterior, chosen: Chosen) -> Missing:
-    """Describe what the catalogue lacks by the channels that the discrepancy is in and what it varies with."""
+    """Describe a discrepancy by its channels and the variables that it depends on."""
     parts = dependence(problem, chosen.discrepancy or posterior.discrepancies[chosen.hypothesis.slugs])
     where = "; ".join(
         f"{CHANNELS[channel]} differs by {size:.2g} times its noise, mostly with {variable}"
@@ -196,7 +195,7 @@ def _unknown(problem: Problem, posterior: Posterior, chosen: Chosen) -> Missing:
 
 
 def _parameters(problem: Problem, found: Search, best: Hypothesis, effect: Effect) -> dict[str, Estimate]:
-    """Parameters of an effect; their variance includes the spread between hypotheses with the same form."""
+    """Parameters of an effect; their variance includes that between hypotheses with the same form."""
     where = _slice_of(best, effect.name)
     values, variance = best.fitted.vector[where], np.diag(best.fitted.covariance(problem))[where].copy()
     holding = [each for each in found.hypotheses if effect.name in each.names]
@@ -217,7 +216,7 @@ def _slice_of(hypothesis: Hypothesis, name: str) -> slice:
 
 
 def soil_of(problem: Problem, best: Hypothesis, found: Search, posterior: Posterior | None) -> dict[str, Estimate]:
-    """Soil of a hypothesis; with the spread between probable sets where these are `posterior`."""
+    """Soil of a hypothesis; with a `posterior` its variance includes that between probable sets."""
     values = best.fitted.vector[:SOIL_COUNT]
     variance = np.diag(best.fitted.covariance(problem))[:SOIL_COUNT].copy()
     if posterior is not None:
@@ -268,13 +267,11 @@ def _candidates(
 
 
 def noise_of(problem: Problem, fitted: Fitted, position: int) -> float:
-    """Error of a channel that a fit expects of held-out rows: of the sensor, of load and slip, and of the ground."""
+    """Expected error of a channel in held-out rows, SI: by the sensor, by load and slip, and by the ground."""
     sensitivities = problem.reference or fitted.response
     channel = problem.answers[position]
-    by_latent, by_ground = (
-        np.nan_to_num(sensitivities.by_latent[:, channel]),
-        np.nan_to_num(sensitivities.by_ground[:, channel]),
-    )
+    derivatives = (each[:, channel] for each in (sensitivities.by_latent, sensitivities.by_ground))
+    by_latent, by_ground = map(np.nan_to_num, derivatives)
     samples = problem.samples
     uncertain = sum(
         by_latent[:, index] ** 2 * (path.covariance[:, 0, 0] + latent.white)
@@ -321,7 +318,7 @@ def _rows(problem: Problem, before: np.ndarray, after: np.ndarray, fitted: Fitte
 
 
 def _notes(problem: Problem, fitted: Fitted, chosen: Chosen, gross: int) -> list[str]:
-    """Say how the ground varies, how the noise is correlated, and what held-out rows do not test."""
+    """Notes on the variation of the ground, the autocorrelation of the noise, and what held-out rows do not test."""
     notes = [f"{gross} values are gross errors: the errors of held-out rows leave them out"] if gross else []
     stiffness, strength = fitted.noise.ground_sd
     if max(stiffness, strength) >= 0.02:

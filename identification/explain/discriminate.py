@@ -1,7 +1,7 @@
-"""The measurement that separates two hypotheses best: a drive, a channel or a soil test.
+"""Experimental design: the measurement that best separates two hypotheses.
 
-If one hypothesis is right, how much worse does the other fit once refitted? Computed for the recording with one more
-channel, for a soil known from elsewhere, for other drives, and for a check of an instrument that is a candidate.
+The expected gain is the difference in log-likelihood if one hypothesis is true and the other is refitted. It is
+computed for one more channel, for a soil test, for other drives, and for a check of an instrument.
 """
 
 from __future__ import annotations
@@ -19,24 +19,23 @@ from .steps import scaled_inverse
 
 _NAMES = {TORQUE: "wheel torque", SINKAGE: "sinkage", PULL: "drawbar pull"}
 _NEW_SENSOR_NOISE = 0.01
-"""Noise of a channel that is not there yet, as a share of its root mean square [-]."""
+"""Noise of an additional channel, relative to its root mean square [-]."""
 
 _ROWS = 240
 LEAST_GAIN = 5.0
-"""Expected nats from which on a measurement is worth proposing."""
-
+"""Least expected gain of a measurement that is proposed [nats]."""
 
 _COVERED = 0.85
-"""Share of a range that was driven already, from which on it is nothing new to drive it [-]."""
+"""Share of a planned range beyond which the recorded drive covers it [-]."""
 
 _SHEAR_TEST = "give cohesion and friction from a shear test (--soil)"
 
 
 def propose_measurement(problem: Problem, right: Hypothesis, *others: Hypothesis) -> str:
-    """Propose the measurement that best separates a set of effects from others, with its expected gain in nats: from as
-    many of them as one measurement can, named unless it is all. Empty where none is separated.
+    """Propose the measurement that separates a set of effects from most others, with its expected gain in nats.
 
-    Without others the form of the set is in doubt, which a soil known from elsewhere tests.
+    The others that it separates are named unless it is all; empty if it is none. Without others the form of the set is
+    in doubt, which a soil test checks.
     """
     if not others:
         return "" if problem.known.values else f"{_SHEAR_TEST} and compare: the soil agrees if the form is right"
@@ -47,7 +46,7 @@ def propose_measurement(problem: Problem, right: Hypothesis, *others: Hypothesis
         for nats, text in propose(problem, right, other)
         if nats >= LEAST_GAIN
     ]
-    # By text, the nats by which it separates each of the others.
+    # By proposal, the expected gain over each of the others.
     separated: dict[str, dict[int, float]] = {}
     for text, number, nats in proposals:
         separated.setdefault(text, {})[number] = nats
@@ -61,7 +60,7 @@ def propose_measurement(problem: Problem, right: Hypothesis, *others: Hypothesis
 
 
 def _difference(right: Hypothesis, other: Hypothesis) -> str:
-    """Name what another set has that the right one has not."""
+    """Name the effects that another set has and the true one has not."""
     return " with ".join(sorted(REGISTRY[slug].title for slug in other.slugs - right.slugs or other.slugs))
 
 
@@ -82,7 +81,7 @@ def _channels(problem: Problem, right: Hypothesis, other: Hypothesis) -> list[tu
 
 
 def _known_soil(problem: Problem, right: Hypothesis, other: Hypothesis) -> list[tuple[float, str]]:
-    """Cohesion and friction from a shear test, good to 10 % of the strength, unless they are known."""
+    """Cohesion and friction from a shear test of 10 % accuracy, unless they are known."""
     if {"c_Pa", "phi_rad"} <= set(problem.known.values):
         return []
     a, b = right.fitted, other.fitted
@@ -93,7 +92,7 @@ def _known_soil(problem: Problem, right: Hypothesis, other: Hypothesis) -> list[
 
 
 def _checks(problem: Problem, right: Hypothesis, other: Hypothesis) -> list[tuple[float, str]]:
-    """A look at the instrument that one explanation takes to be at fault and the other does not."""
+    """A check of an instrument that is faulty under one hypothesis only."""
     answer = []
     for hypothesis, without in ((right, other), (other, right)):
         for effect, where in hypothesis.fitted.model.slices():
@@ -106,8 +105,9 @@ def _checks(problem: Problem, right: Hypothesis, other: Hypothesis) -> list[tupl
 
 
 def _drives(problem: Problem, right: Hypothesis, other: Hypothesis) -> list[tuple[float, str]]:
-    """Other drives with the same sensors: more loads, more slip, more speeds, a second pass, a slope; none of what was
-    driven already, and each by its gain over as many more rows of the present drive.
+    """Other drives with the same sensors: loads, slips, speeds, passes or slopes that were not driven yet.
+
+    Their gain is relative to as many more rows of the present drive.
     """
     samples = problem.samples
     load, slip = problem.imposed[:, 0], problem.imposed[:, 1]
@@ -161,7 +161,7 @@ def _drives(problem: Problem, right: Hypothesis, other: Hypothesis) -> list[tupl
 
 
 def _covers(before: np.ndarray, planned: np.ndarray) -> bool:
-    """Return whether values (n,) of a drive, some of which may not be known, take in what is planned (m,)."""
+    """Return whether the known values (n,) of a drive cover those planned (m,)."""
     known = before[np.isfinite(before)]
     if not len(known):
         return False
@@ -177,7 +177,7 @@ def _hypothetical(drive: Drive, imposed: np.ndarray, plan: dict, usual_speed: fl
         if np.isfinite(drive.time_s).any()
         else np.full(rows, np.nan)
     )
-    # On the ground that is known.
+    # On the same ground.
     along = np.linspace(0, len(drive.slip) - 1, rows).round().astype(int)
     place, x_m, y_m = (each[along] for each in (drive.place_m, drive.x_m, drive.y_m))
     return Drive(
@@ -193,7 +193,7 @@ def _hypothetical(drive: Drive, imposed: np.ndarray, plan: dict, usual_speed: fl
 def _expected(
     drive: Drive, imposed: np.ndarray, noise: np.ndarray, right: Fitted, other: Fitted, problem: Problem | None
 ) -> float:
-    """Nats by which the other explanation, refitted, would fall behind if one is right."""
+    """Expected loss in log-likelihood of the other hypothesis, refitted, if one is true [nats]."""
     seen = np.flatnonzero(np.isfinite(noise))
     truth = right.model.predict(drive, imposed, right.vector).channels[:, seen]
     answer = other.model.linearise(drive, imposed, other.vector, None)
@@ -203,7 +203,7 @@ def _expected(
     if good.sum() < 0.5 * len(good):
         return 0.0
     difference, columns = difference[good].ravel(), columns[good].reshape(-1, columns.shape[-1])
-    # On a new drive the fit to the present one holds the parameters where they are.
+    # The fit to the present drive is the prior for a new one.
     information = scaled_inverse(other.covariance(problem)) if problem is not None else 0.0
     gradient = columns.T @ difference
     return 0.5 * float(

@@ -1,4 +1,4 @@
-"""Fits: the soil, the effects of a hypothesis and the noise together, maximum a posteriori by damped Gauss-Newton."""
+"""Maximum a posteriori fits of soil, effects and noise, by damped Gauss-Newton steps."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ from .steps import Prior, normal_equations, scaled_inverse, solve_step
 from .whitening import MAX_SMOOTHNESS, Noise
 
 _LARGEST_STEP = np.array([np.inf, 0.5, 1.0, 1.0, 0.5])
-"""Steps of c, tan phi, ln k, ln stiffness and ln n beyond which the model is no straight line."""
+"""Steps of c, tan phi, ln k, ln stiffness and ln n beyond which the linearisation fails."""
 
 _LEAST_EXPECTED_GAIN = 0.02
-"""The iteration ends when a step is expected to gain less than this [nats]."""
+"""The iteration ends when the expected gain of a step is below this [nats]."""
 
 _MOST_NOISE_FITS, _MOST_STEPS = 3, 60
-"""Times that the noise is fitted anew at most, and steps of a fit."""
+"""Most fits of the noise, and most steps, in a fit."""
 
 _COARSE_NOISE = 0.1
-"""Share of a channel's scatter that the first search for a soil takes for noise [-]."""
+"""Noise in the first search for a soil, relative to a channel's standard deviation [-]."""
 
 _LEAST_CARRIED = 0.5
-"""Share of the rows whose load some soil has to carry [-]."""
+"""Least share of the rows whose load the fitted soil carries [-]."""
 
 _DISTINCT = 0.02
-"""Soils that differ by less in tan phi, ln k, ln stiffness and ln n are one to start from [-]."""
+"""Soils that differ by less in tan phi, ln k, ln stiffness and ln n are one initial value [-]."""
 
 _SHARE_STEP, _LEAST_SHARE, _LEAST_SHARE_GAIN = 0.3, 0.01, 3.0
-"""Factor between the shares of sensor noise that are weighed where the vehicle does not state it, the least one [-],
-and nats from which on a smaller share is taken: a form that is wrong leaves more noise than there is."""
+"""Factor between the shares of sensor noise that are compared where the vehicle does not state it [-], the least share
+[-], and the least gain of a smaller one [nats]: an incorrect model inflates the noise."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Fitted:
     white
         Innovations and their derivatives.
     response
-        The simulator's answers and derivatives.
+        The simulator's channels and derivatives.
     """
 
     model: AugmentedWheel
@@ -83,24 +83,24 @@ def fit(
     entry: Entry | None = None, *, known: Response | None = None, free: np.ndarray | None = None,
     steps: int = _MOST_STEPS, fit_noise: bool = True,
 ) -> Fitted:  # fmt: skip
-    """Fit a model from a start.
+    """Fit a model from an initial value.
 
     Parameters
     ----------
     problem, model
         The samples and the simulator.
     vector : (p,)
-        Where to start.
+        Initial parameters.
     noise, entry
-        Where the noise and the entry angles start.
+        Initial noise and entry angles.
     known
-        Response of the model less its last effect at the start, if there is one.
+        Response of the model less its last effect at the initial value.
     free : (p,)
-        Which parameters are fitted: all, unless it is stated.
+        Which parameters are fitted; all where absent.
     steps
         Most steps.
     fit_noise
-        Fit the noise as well.
+        Whether to fit the noise as well.
     """
     prior = problem.prior(model)
     vector = np.clip(vector, prior.lower, prior.upper)
@@ -131,7 +131,7 @@ def fit(
         reached = float(trial_white.loss.sum()) + prior.loss(trial)
         if reached < total:
             gain = (total - reached) / expected
-            # By how well the gain was foretold (H. B. Nielsen, IMM-REP-1999-05, Technical University of Denmark).
+            # By the ratio of actual to expected gain (H. B. Nielsen, IMM-REP-1999-05, Technical University of Denmark).
             damping = max(damping * max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3), 1e-6)
             vector, response, white, total = trial, trial_response, trial_white, reached
         else:
@@ -144,7 +144,7 @@ def fit(
 def _step(
     white: White, prior: Prior, vector: np.ndarray, damping: float, free: np.ndarray | None
 ) -> tuple[np.ndarray, float]:
-    """Damped step (p,), no longer than the model is straight, and the gain expected of it [nats]."""
+    """Damped step (p,), limited to the range of the linearisation, and its expected gain [nats]."""
     gradient, information = normal_equations(white.innovations, white.jacobian)
     step, expected = solve_step(gradient, information, prior, vector, damping, free)
     share = min(1.0, 1.0 / max(float(np.max(np.abs(step[:SOIL_COUNT]) / _LARGEST_STEP)), 1e-12))
@@ -152,7 +152,7 @@ def _step(
 
 
 def fit_textbook(samples: Samples, known: SoilKnowledge | None = None) -> tuple[Problem, Fitted]:
-    """Fit the textbook wheel from several soils, and fix how errors spread from it.
+    """Fit the textbook wheel from several soils, and fix the propagation of errors at the fit.
 
     Raises
     ------
@@ -160,7 +160,7 @@ def fit_textbook(samples: Samples, known: SoilKnowledge | None = None) -> tuple[
         No soil carries the load of most rows.
     """
     problem = Problem(samples, known, _stated_shares(samples))
-    # Soil first, by what it explains coarsely: variation along the track would explain any soil's residuals.
+    # The soil first, with uniform ground: variation along the track would explain the residuals of any soil.
     found = together(lambda soil: _fit_coarsely(problem, soil), first_soils(problem))
     starts: list[Fitted] = []
     for start in sorted(found, key=lambda fitted: -fitted.score):
@@ -187,7 +187,7 @@ def fit_textbook(samples: Samples, known: SoilKnowledge | None = None) -> tuple[
 
 
 def _fit_noise_shares(problem: Problem, best: Fitted) -> tuple[Problem, Fitted]:
-    """Weigh smaller shares of sensor noise in the white part of slip and load, where the vehicle does not state it."""
+    """Fit smaller shares of sensor noise in the white parts of slip and load, where the vehicle does not state it."""
     samples = problem.samples
     for index, channel in ((1, SLIP), (0, LOAD)):
         while samples.drive.timed and not samples.stated[channel] and problem.noise_share[index] > _LEAST_SHARE:
@@ -202,14 +202,14 @@ def _fit_noise_shares(problem: Problem, best: Fitted) -> tuple[Problem, Fitted]:
 
 
 def _fit_with_smoothness(problem: Problem, fitted: Fitted, smoothness: int) -> Fitted:
-    """Fit again with ground that varies more smoothly."""
+    """Fit again with smoother variation of the ground."""
     return fit(
         problem, fitted.model, fitted.vector, replace(fitted.noise, smoothness=smoothness), Entry(fitted.theta_1)
     )
 
 
 def _stated_shares(samples: Samples) -> tuple[float, float]:
-    """Shares of the white part of load and slip that the stated noise of the sensors makes; 1 where none is stated."""
+    """Shares of the stated sensor noise in the white parts of load and slip; 1 where none is stated."""
     shares = []
     for channel, path in ((LOAD, samples.load), (SLIP, samples.slip)):
         stated, white = samples.noise[channel] ** 2, float(np.mean(path.white_sd**2))
@@ -218,7 +218,7 @@ def _stated_shares(samples: Samples) -> tuple[float, float]:
 
 
 def _fit_coarsely(problem: Problem, soil: np.ndarray) -> Fitted:
-    """Fit the textbook wheel to ground that is the same everywhere, by what it leaves as a share of the scatter."""
+    """Fit the textbook wheel on uniform ground, with noise in proportion to each channel's standard deviation."""
     scatter = np.nanstd(problem.samples.measured[:, problem.answers], axis=0)
     sd = np.where(scatter > 0.0, _COARSE_NOISE * scatter, problem.first_noise.sd)
     noise = replace(problem.first_noise, sd=sd, ground_sd=np.full(2, 1e-3))
@@ -226,7 +226,7 @@ def _fit_coarsely(problem: Problem, soil: np.ndarray) -> Fitted:
 
 
 def first_soils(problem: Problem) -> list[np.ndarray]:
-    """Vectors of five to start from: middling soils, stiff enough to carry the load at the sinkage measured."""
+    """Initial soil vectors (5,): typical soils, stiff enough to carry the load at the sinkage measured."""
     samples = problem.samples
     radius, width = samples.wheel.radius_m, samples.wheel.width_m
     sinkage = samples.measured[:, 2]
@@ -244,7 +244,7 @@ def first_soils(problem: Problem) -> list[np.ndarray]:
 
 
 def with_effect(base: Fitted, effect: Effect, start: np.ndarray) -> tuple[AugmentedWheel, np.ndarray]:
-    """Return the model of a fit with one more effect, and where it starts (p,)."""
+    """Return the model of a fit with one more effect, and its initial parameters (p,)."""
     soil, others = np.split(base.vector, [SOIL_COUNT])
     model = AugmentedWheel(base.model.wheel, (*base.model.effects, effect))
     return model, np.concatenate([effect.initial_soil(soil), others, start])

@@ -1,16 +1,16 @@
-"""True load and slip of each row: a latent path, of which every row's measurement is noisy.
+"""Latent load and slip: the true values of each row, estimated from noisy measurements.
 
-A channel is taken for a stationary Gaussian process about the mean of each stretch between jumps, with the Matern
+A channel is modelled as a stationary Gaussian process about the mean of each stretch between jumps, with the Matern
 correlation of order 5/2 (C. E. Rasmussen, C. K. I. Williams, "Gaussian Processes for Machine Learning" (2006), Eq.
-4.17; as a state-space model J. Hartikainen, S. Sarkka, IEEE MLSP (2010)), plus white noise; amplitude, length and noise
-are the likeliest ones. A jump is where the prediction fails by much more than these explain (A. C. Harvey, S. J.
-Koopman, J. Bus. Econ. Stat. 10 (1992), 377-389). Given all measurements the error of the path's mean is a Markov chain,
-whose transitions the smoother gives (H. E. Rauch et al., AIAA J. 3 (1965), 1445-1450): the likelihood of the other
-channels carries it along. The error is independent of the mean (a Berkson error; R. J. Carroll et al., "Measurement
-Error in Nonlinear Models" (2006), Sec. 1.4), so that regressing on the mean attenuates nothing.
+4.17; as a state-space model J. Hartikainen, S. Sarkka, IEEE MLSP (2010)), plus white noise. Amplitude, length and noise
+maximise the likelihood. A jump is an outlying innovation (A. C. Harvey, S. J. Koopman, J. Bus. Econ. Stat. 10 (1992),
+377-389). Given all measurements the error of the smoothed mean is a Markov chain, whose transitions the smoother yields
+(H. E. Rauch et al., AIAA J. 3 (1965), 1445-1450); it is part of the likelihood of the other channels. The error is
+independent of the mean (a Berkson error; R. J. Carroll et al., "Measurement Error in Nonlinear Models" (2006), Sec.
+1.4), so that regression on the mean is not attenuated.
 
-How much of the white part is the sensor's and how much a true change from row to row cannot be seen in one channel: it
-is the `noise_share`, which the vehicle's stated noise or the likelihood of the other channels decides.
+One channel does not determine how much of the white part is sensor noise and how much a true change from row to row.
+This share, `noise_share`, follows from the noise that the vehicle states or from the likelihood of the other channels.
 """
 
 from __future__ import annotations
@@ -30,35 +30,35 @@ STATES = 3
 """States of a path: its value and two derivatives."""
 
 _JUMP, _SEPARATION, _MOST_SEARCHES = 5.0, 5, 8
-"""A step is a jump where the path leaves its prediction by so many standard deviations, more than in so many rows
-before and after; jumps are looked for so many times at most."""
+"""An innovation of so many standard deviations is a jump if none is larger within so many rows before and after; most
+iterations of the search for jumps."""
 
 _FLANK = 2
-"""Rows before and after a jump that lie on its flank."""
+"""Rows before and after a jump that belong to its flank."""
 
 _LEAST_NOISE = 1e-6
-"""Least white noise, as a share of the channel's size: what a converter's last digit makes [-]."""
+"""Least white noise, relative to the channel's largest value: the resolution of a converter [-]."""
 
 _LEAST_LENGTH = 0.7
-"""Shortest length of the path's correlation, in rows: what is rougher is white."""
+"""Least correlation length of the path [rows]: shorter variation counts as white noise."""
 
 _JITTER = 1e-11
-"""Share of a covariance that is added to its diagonal before it is inverted [-]."""
+"""Regularisation of a covariance before its inversion, relative to its trace [-]."""
 
 
 @dataclass(frozen=True)
 class Latent:
-    """What is known of a channel's true values.
+    """Estimated true values of a channel.
 
     Parameters
     ----------
     mean : (n,)
         Expected true value of each row [the channel's unit].
     transition, process_noise : (n, k, k)
-        Transition of the error of the path and its derivatives from the row before, and the covariance of what is new
-        in it; the first state's error is the mean's.
+        Transition matrix and process-noise covariance of the errors of the path and its derivatives; the first state is
+        the error of the mean.
     white : (n,)
-        Variance of the part of the error that is independent from row to row.
+        Variance of the white part of the error.
     """
 
     mean: np.ndarray
@@ -69,10 +69,10 @@ class Latent:
 
 @dataclass(frozen=True)
 class Path:
-    """The smooth path of a channel and the white part about it, before the noise share is known.
+    """The smoothed path of a channel and the white part about it, before the noise share is known.
 
-    measured, mean (n,), transition, process_noise (n, k, k) as in `Latent`, of the path alone; covariance (n, k, k) of the states'
-    errors, and white_sd (n,) standard deviation of the white part about the path.
+    measured, mean (n,), transition, process_noise (n, k, k) as in `Latent`, of the path alone; covariance (n, k, k) of
+    the states' errors; white_sd (n,) standard deviation of the white part.
     """
 
     measured: np.ndarray
@@ -83,7 +83,7 @@ class Path:
     white_sd: np.ndarray
 
     def select(self, rows: np.ndarray, follows: np.ndarray) -> Path:
-        """Return some rows (k,); the chain goes on where a row `follows` (k,) the one before."""
+        """Return some rows (k,); the chain continues where a row `follows` (k,) the previous one."""
         chosen = {name: getattr(self, name)[rows] for name in ("measured", "mean", "covariance", "white_sd")}
         continues = follows[:, None, None]
         transition = np.where(continues, self.transition[rows], 0.0)
@@ -94,11 +94,11 @@ class Path:
         )
 
     def latent(self, noise_share: float) -> Latent:
-        """Return the true values if the sensor makes this share of the white part's variance, in (0, 1]."""
+        """Return the true values if this share of the white part's variance is sensor noise, in (0, 1]."""
         seen = np.isfinite(self.measured)
         own = np.where(seen, noise_share, 1.0)
         mean = own * self.mean + (1.0 - own) * np.where(seen, self.measured, 0.0)
-        # A row's own reading pulls it by the same share, which its error follows.
+        # The estimate is shrunk towards each row's own reading, and its error by the same factor.
         before = np.concatenate([own[:1], own[:-1]])
         transition, process_noise = (
             self.transition * (own / before)[:, None, None],
@@ -110,18 +110,18 @@ class Path:
 def path_of(
     measured: np.ndarray, time_s: np.ndarray, stretch: np.ndarray, relative: np.ndarray, first_sd: float
 ) -> Path:
-    """Find the path of a channel of rows that follow each other in time.
+    """Estimate the path of a channel of a time series.
 
     Parameters
     ----------
     measured, time_s : (n,)
         The channel, NaN where not observed, and the time [s].
     stretch : (n,)
-        Number of the uninterrupted stretch of time of each row; a path begins anew in each.
+        Number of the uninterrupted stretch of time of each row; paths of different stretches are independent.
     relative : (n,)
         Standard deviation of the white part by row, up to a common factor.
     first_sd
-        A first guess of that factor [the channel's unit].
+        Initial guess of that factor [the channel's unit].
     """
     jumps = np.concatenate([[True], np.diff(stretch) != 0])
     seen = np.isfinite(measured)
@@ -130,8 +130,8 @@ def path_of(
     least = _LEAST_NOISE * max(float(np.abs(measured[seen]).max()), 1e-300)
     relative, step = np.maximum(relative, 1e-6), _steps(time_s, jumps)
     first = max(first_sd, least)
-    spread = max(float(np.std(measured[seen])), 2.0 * first)
-    starts = [np.log([first, amplitude, length]) for amplitude in (spread, 2.0 * first) for length in (4.0, 25.0)]
+    scatter = max(float(np.std(measured[seen])), 2.0 * first)
+    starts = [np.log([first, amplitude, length]) for amplitude in (scatter, 2.0 * first) for length in (4.0, 25.0)]
     readings = _Readings(np.where(seen, measured, 0.0), seen, jumps, step, relative, least)
     point = readings.best(starts)
     for _ in range(_MOST_SEARCHES):
@@ -145,8 +145,10 @@ def path_of(
 
 
 def _smooth_between_jumps(readings: _Readings, point: np.ndarray, measured: np.ndarray, begins: np.ndarray) -> Path:
-    """Smooth the readings but for those about a jump: it takes a few rows, on which the paths before and after it say
-    nothing. Each of these stands alone, as does what the path misses. `begins` (n,): where a stretch of time begins.
+    """Smooth the readings between jumps; each row on the flank of a jump, or far off the path, is independent.
+
+    A jump takes a few rows, about which the paths before and after it are not informative. `begins` (n,): where a
+    stretch of time begins.
     """
     path, flank = readings.path(point, measured), np.zeros(len(measured), dtype=bool)
     edges = readings.jumps & ~begins
@@ -164,7 +166,7 @@ def _smooth_between_jumps(readings: _Readings, point: np.ndarray, measured: np.n
 
 @dataclass(frozen=True)
 class _Readings:
-    """Readings (n,), which were seen, where the path begins anew, steps of the clock, and the relative white noise."""
+    """Readings (n,), which were observed, where a path begins, time steps, and the relative white noise."""
 
     values: np.ndarray
     seen: np.ndarray
@@ -175,7 +177,7 @@ class _Readings:
 
     @cached_property
     def _gaps(self) -> tuple[np.ndarray, np.ndarray]:
-        """The different gaps between rows, infinite where a path begins, and which one is before each row."""
+        """Unique gaps between rows, infinite where a path begins, and the index of the one before each row."""
         return np.unique(np.where(self.jumps, np.inf, self.step), return_inverse=True)
 
     @cached_property
@@ -186,7 +188,7 @@ class _Readings:
         return (np.bincount(part, self.values * self.seen) / np.maximum(count, 1.0))[part]
 
     def _parts(self, point: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Arguments of the filter: off the centre, seen, transitions and covariances by gap, gap and noise by row."""
+        """Arguments of `_innovations` for ln(noise, amplitude, length), the readings centred."""
         sd, amplitude, length = np.exp(point)
         gap, which = self._gaps
         noise = Noise(np.ones(1), np.zeros(1), np.full(2, amplitude), max(float(length), _LEAST_LENGTH), STATES - 1)
@@ -201,7 +203,7 @@ class _Readings:
     def loss(self, point: np.ndarray) -> float:
         """Minus the log-likelihood [nats] of ln(noise, amplitude, length).
 
-        A step that is not known for a jump yet must not pass for noise: the loss is robust.
+        The loss is robust, so that jumps that are not identified yet do not count as noise.
         """
         if not (np.abs(point) < 60.0).all():
             return math.inf
@@ -209,7 +211,7 @@ class _Readings:
         return float(robust_loss(away).sum() + log_scale.sum())
 
     def best(self, starts: list[np.ndarray]) -> np.ndarray:
-        """Return the likeliest ln(noise, amplitude, length) that is found from some starts."""
+        """Return the maximum-likelihood ln(noise, amplitude, length) over several starts."""
         options = {"xatol": 0.05, "fatol": 0.1}
         found = [minimize(self.loss, start, method="Nelder-Mead", options=options) for start in starts]
         return min(found, key=lambda each: each.fun).x
@@ -222,7 +224,7 @@ class _Readings:
 
 
 def independent(measured: np.ndarray, sd: np.ndarray) -> Path:
-    """Return the path of steady trials, each on its own, shrunk to their mean by the noise's share of the scatter."""
+    """Return the path of independent steady-state trials, shrunk to their mean by the noise's share of the variance."""
     seen = np.isfinite(measured)
     centre, total = float(np.mean(measured[seen])), float(np.var(measured[seen]))
     noise = sd**2
@@ -235,13 +237,13 @@ def independent(measured: np.ndarray, sd: np.ndarray) -> Path:
 
 
 def exact(values: np.ndarray) -> Path:
-    """Return the path of a channel that is known without error."""
+    """Return the path of a channel without error."""
     nothing = np.zeros((len(values), STATES, STATES))
     return Path(values, values, nothing, nothing, nothing, np.zeros(len(values)))
 
 
 def _steps(time_s: np.ndarray, jumps: np.ndarray) -> np.ndarray:
-    """Time from the row before (n,), in usual steps of the clock; 1 where a stretch begins or the clock stands."""
+    """Time since the previous row (n,), in median time steps; 1 where a stretch begins or time does not increase."""
     step = np.diff(time_s, prepend=time_s[:1])
     going = ~jumps & (step > 0.0)
     usual = float(np.median(step[going])) if going.any() else 1.0
@@ -250,9 +252,9 @@ def _steps(time_s: np.ndarray, jumps: np.ndarray) -> np.ndarray:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _innovations(values, seen, transition, process_noise, which, noise):
-    """Innovations (n,) of a path and ln of their standard deviations (n,), zero where nothing was seen.
+    """Innovations (n,) of a path and ln of their standard deviations (n,), zero where not observed.
 
-    transition, process_noise (g, k, k): transitions over each of the gaps; which (n,): the gap before each row; noise (n,): variance.
+    transition, process_noise (g, k, k) over each gap; which (n,): the gap before each row; noise (n,): variance.
     """
     rows, size = len(values), transition.shape[1]
     away, log_scale = np.zeros(rows), np.zeros(rows)
@@ -293,41 +295,41 @@ def _innovations(values, seen, transition, process_noise, which, noise):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _inverse(matrix):
-    """Inverse of a covariance, its diagonal a little raised."""
+    """Inverse of a regularised covariance."""
     return np.linalg.inv(matrix + _JITTER * np.trace(matrix) * np.eye(len(matrix)))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _smooth(values, seen, transition, process_noise, which, noise):
-    """Smooth a path: mean (n,) and covariance (n, k, k), and transition and process_noise (n, k, k) of its error's chain.
+    """Smoothed mean (n,) and covariance (n, k, k), and transitions and process noise (n, k, k) of the error's chain.
 
     Arguments as in `_innovations`.
     """
     rows, size = len(values), transition.shape[1]
-    state, ahead_state = np.zeros((rows, size)), np.zeros((rows, size))
-    p, ahead = np.zeros((rows, size, size)), np.zeros((rows, size, size))
-    chain, new = np.zeros((rows, size, size)), np.zeros((rows, size, size))
-    before, spread = np.zeros(size), np.zeros((size, size))
+    state, predicted_state = np.zeros((rows, size)), np.zeros((rows, size))
+    p, predicted = np.zeros((rows, size, size)), np.zeros((rows, size, size))
+    error_transition, error_noise = np.zeros((rows, size, size)), np.zeros((rows, size, size))
+    filtered, covariance = np.zeros(size), np.zeros((size, size))
     for row in range(rows):
         a = transition[which[row]]
-        ahead_state[row] = a @ before
-        ahead[row] = a @ spread @ a.T + process_noise[which[row]]
-        before, spread = ahead_state[row].copy(), ahead[row].copy()
+        predicted_state[row] = a @ filtered
+        predicted[row] = a @ covariance @ a.T + process_noise[which[row]]
+        filtered, covariance = predicted_state[row].copy(), predicted[row].copy()
         if seen[row]:
-            gain = ahead[row, :, 0].copy() / (ahead[row, 0, 0] + noise[row])
-            before = before + gain * (values[row] - before[0])
-            spread = spread - np.outer(gain, ahead[row, 0].copy())
-        state[row], p[row] = before, spread
-    new[rows - 1] = p[rows - 1]
+            gain = predicted[row, :, 0].copy() / (predicted[row, 0, 0] + noise[row])
+            filtered = filtered + gain * (values[row] - filtered[0])
+            covariance = covariance - np.outer(gain, predicted[row, 0].copy())
+        state[row], p[row] = filtered, covariance
+    error_noise[rows - 1] = p[rows - 1]
     for row in range(rows - 2, -1, -1):
         a = transition[which[row + 1]]
-        back = p[row] @ a.T @ _inverse(ahead[row + 1])
-        state[row] += back @ (state[row + 1] - ahead_state[row + 1])
-        own = p[row] + back @ (p[row + 1] - ahead[row + 1]) @ back.T
-        own = 0.5 * (own + own.T)
-        common = p[row + 1] @ back.T
-        chain[row + 1] = common @ _inverse(own)
-        new[row + 1] = p[row + 1] - chain[row + 1] @ own @ chain[row + 1].T
-        p[row] = own
-    new[0] = p[0]
-    return state[:, 0].copy(), p, chain, new
+        smoother_gain = p[row] @ a.T @ _inverse(predicted[row + 1])
+        state[row] += smoother_gain @ (state[row + 1] - predicted_state[row + 1])
+        smoothed = p[row] + smoother_gain @ (p[row + 1] - predicted[row + 1]) @ smoother_gain.T
+        smoothed = 0.5 * (smoothed + smoothed.T)
+        cross = p[row + 1] @ smoother_gain.T
+        error_transition[row + 1] = cross @ _inverse(smoothed)
+        error_noise[row + 1] = p[row + 1] - error_transition[row + 1] @ smoothed @ error_transition[row + 1].T
+        p[row] = smoothed
+    error_noise[0] = p[0]
+    return state[:, 0].copy(), p, error_transition, error_noise

@@ -1,8 +1,7 @@
-"""Likelihood of a recording under a model: latent load and slip, sensor noise, ground that varies, gross errors.
+"""Likelihood of a recording under a model: latent load and slip, sensor noise, varying ground, gross errors.
 
-All are parts of one likelihood, Gaussian but for gross errors, linear in small errors: the model's answers at the
-expected load and slip, and the derivatives of the answers by load, slip, stiffness and strength of the ground, say how
-errors of these spread into the channels.
+The likelihood is Gaussian except for gross errors. It is linearised about the expected load and slip and the mean
+ground: the derivatives of the channels by load, slip, stiffness and strength propagate errors into the channels.
 """
 
 from __future__ import annotations
@@ -27,41 +26,41 @@ SOIL_PRIOR = {
     "c_Pa": (0.0, 2e4), "phi_rad": (0.6, 0.4), "k_m": (math.log(0.012), 1.2), "stiffness_Pa": (0.0, math.inf),
     "n": (math.log(0.95), 0.5),
 }  # fmt: skip
-"""Mean and standard deviation in internal coordinates: the range of Wong (2010), Table 2.3, wide."""
+"""Mean and standard deviation in internal coordinates: wider than the range of Wong (2010), Table 2.3."""
 
 _LN_NOISE_SD, _LN_STATED_SD = 0.5, 0.1
-"""Prior standard deviation of ln(noise) about what neighbours show, and about what the vehicle states."""
+"""Prior standard deviation of ln(noise) about the estimate from neighbouring rows, and about a stated noise."""
 
 _AUTOCORRELATION_SD, _MAX_AUTOCORRELATION = 0.25, 0.97
 """Prior standard deviation of the autocorrelation of sensor noise about 0, and its upper bound [-]."""
 
 _NEIGHBOURS_ERROR = 3.5
-"""Three standard errors of ln(noise) from neighbours, times the root of their number: a median absolute deviation tells
-with 37 % of the efficiency of a standard deviation (F. R. Hampel, J. Am. Stat. Assoc. 69 (1974), 383-393) [-]."""
+"""Three standard errors of ln(noise) estimated from neighbours, times the root of their number [-]: a median absolute
+deviation has 37 % of the efficiency of a standard deviation (F. R. Hampel, J. Am. Stat. Assoc. 69 (1974), 383-393)."""
 
 _GROUND_SD_SCALE, _LN_LENGTH_SD = 0.05, 1.5
-"""Prior standard deviations: ground varies by some per cent, over a length known to a factor of a few."""
+"""Prior standard deviations of the ground's standard deviation and of ln of its correlation length [-]."""
 
 _LEAST_GROUND_SD, _LEAST_LN_NOISE = 1e-5, -1.5
-"""Bounds: the variation's least standard deviation [-], and how far below what neighbours show ln(noise) may be."""
+"""Lower bounds of the ground's standard deviation, and of ln(noise) relative to the estimate from neighbours [-]."""
 
 UNIFORM_SD = 0.01
-"""Standard deviation of ground that hardly varies [-]."""
+"""Standard deviation of nearly uniform ground [-]."""
 
 _LARGEST_DERIVATIVE = 1e12
-"""Derivatives beyond this, SI, are those of a wheel about to sink in: they are left out."""
+"""Larger derivatives, SI, are those of a wheel at the limit of the load that the soil carries: they are omitted."""
 
 _DIFFERENCE = 1e-4
-"""Step of ln noise, autocorrelation, variation and ln length by which innovations are differentiated."""
+"""Step of the noise parameters (`_packed`) in difference quotients of the innovations."""
 
 _NOISE_STEPS, _LEAST_NOISE_GAIN = 12, 0.05
-"""Steps of the noise at most, and the gain of one [nats] below which it is not taken."""
+"""Most steps of a fit of the noise, and the gain of a step below which it ends [nats]."""
 
 
 @dataclass(frozen=True)
 class White:
-    """Innovations (n, m), their derivatives by the parameters (n, m, p), each row's loss (n,) [nats], and the weight of
-    each stage of whitening (`whitening.Whitener`).
+    """Innovations (n, m), their derivatives by the parameters (n, m, p), each row's loss (n,) [nats], and the robust
+    weights of each filter (`whitening.Whitener`).
     """
 
     innovations: np.ndarray
@@ -71,18 +70,24 @@ class White:
 
 
 class Problem:
-    """Samples with their priors.
+    """Samples, priors and error model.
 
     Parameters
     ----------
     samples
         The samples.
     known
-        What is known of the soil from elsewhere.
+        Prior knowledge of the soil.
     noise_share
-        Shares of the white part of load and of slip that is sensor noise (`latent.Path.latent`) [-].
+        Shares of sensor noise in the white parts of load and slip (`latent.Path.latent`) [-].
     max_ground_sd
-        Largest standard deviation of ln stiffness and ln strength along the track [-].
+        Upper bound of the standard deviation of ln stiffness and ln strength along the track [-].
+
+    Attributes
+    ----------
+    reference
+        Response whose derivatives propagate errors under every hypothesis, so that evidences can be compared; None
+        before the textbook wheel is fitted: each response then propagates errors itself.
     """
 
     def __init__(
@@ -103,8 +108,8 @@ class Problem:
 
     @cached_property
     def _transitions(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Transitions and new covariances (g, d, d) of the errors of load and slip, and whether a row that has them
-        follows the one before (g,): each once; and which of them each row has (n,).
+        """Unique transitions and process noise (g, d, d) of the errors of load and slip, whether a row that has them
+        follows the previous one (g,), and the index of them for each row (n,).
         """
         both = [np.zeros((len(self.samples), 2 * STATES, 2 * STATES)) for _ in range(2)]
         for index, latent in enumerate((self.load, self.slip)):
@@ -124,13 +129,13 @@ class Problem:
         return Noise(sd, np.zeros(len(sd)), np.full(2, min(0.02, self._max_ground_sd)), length)
 
     def with_uniform_ground(self) -> Problem:
-        """Return the same with ground that hardly varies, errors spread alike."""
+        """Return the same problem with nearly uniform ground and the same reference."""
         answer = Problem(self.samples, self.known, self.noise_share, UNIFORM_SD)
         answer.reference = self.reference
         return answer
 
     def without(self, rows: np.ndarray) -> Problem:
-        """Return the same with nothing seen in some rows."""
+        """Return the same problem with some rows unobserved."""
         answer = copy(self)
         answer.seen = self.seen.copy()
         answer.seen[rows] = False
@@ -139,11 +144,11 @@ class Problem:
 
     @property
     def uniform_ground_noise(self) -> Noise:
-        """Noise to start from in ground that hardly varies: variation may have explained what an effect would."""
+        """Initial noise with nearly uniform ground: variation of the ground may have absorbed an effect."""
         return replace(self.first_noise, ground_sd=np.full(2, UNIFORM_SD))
 
     def prior(self, model: AugmentedWheel, *, informed: bool = True) -> Prior:
-        """Priors and bounds of a model's parameter vector; `informed` by what is known of the soil."""
+        """Priors and bounds of a model's parameter vector; `informed` by the prior knowledge of the soil."""
         mean, sd, lower, upper = [], [], [], []
         for name in PARAMETERS:
             if informed and name in self.known.values:
@@ -170,16 +175,16 @@ class Problem:
     def linearise(
         self, model: AugmentedWheel, vector: np.ndarray, entry: Entry | None, known: Response | None = None
     ) -> Response:
-        """Answer of the model with derivatives; those `known` of the model less its last effect are taken over."""
+        """Response of the model with derivatives; those `known` of the model less its last effect are reused."""
         latent = self.reference is None
         return model.linearise(self.samples.drive, self.imposed, vector, entry, latent=latent, known=known)
 
     def residuals(self, response: Response) -> np.ndarray:
-        """What a model leaves of the answers (n, m), SI, NaN where not observed."""
+        """Residuals (n, m), SI, NaN where not observed."""
         return np.where(self.seen, self.measured - response.channels[:, self.answers], np.nan)
 
     def columns(self, response: Response) -> np.ndarray:
-        """Residuals and derivatives (n, m, 1 + p); a wheel that is not carried misses all of what was measured."""
+        """Residuals and derivatives (n, m, 1 + p); a load that is not carried has zero response."""
         residual = self.measured - response.channels[:, self.answers]
         carried = np.isfinite(residual) | ~self.seen
         residual = np.where(self.seen, np.where(carried, residual, self.measured), 0.0)
@@ -190,11 +195,7 @@ class Problem:
         return np.concatenate([residual[..., None], np.where(good, slopes, 0.0)], axis=-1)
 
     def whitener(self, noise: Noise, response: Response) -> Whitener:
-        """Return the whitener of a noise.
-
-        Errors spread as the `reference` have it, where they are fixed, else as the response has it: hypotheses that are
-        weighed alike can be compared.
-        """
+        """Return the whitener of a noise model, with errors propagated by `reference` if set, else by the response."""
         if self.reference is None:
             return self._whitener(self._errors(noise, response), matern(self.gap, noise), response)
         if noise not in self._whiteners:
@@ -209,7 +210,7 @@ class Problem:
         return np.where(self.seen[..., None], np.nan_to_num(reference.by_ground[:, self.answers]), 0.0)
 
     def _errors(self, noise: Noise, reference: Response) -> Filter:
-        """Filter of errors of load and slip, and of sensor noise, in order of time."""
+        """Filter of the errors of load and slip and of sensor noise, in order of time."""
         path_transition, path_noise, follows, which = self._transitions
         by_latent = np.nan_to_num(reference.by_latent[:, self.answers])
         white = [index for index, latent in enumerate((self.load, self.slip)) if latent.white.any()]
@@ -231,7 +232,7 @@ class Problem:
         return Chain(transition, process_noise, which, loading, variance).filter(self.seen, of_ground)
 
     def white(self, response: Response, noise: Noise) -> White:
-        """Innovations of a response, with derivatives and losses."""
+        """Innovations of a response, with derivatives, losses and weights."""
         whitened = self.whitener(noise, response)
         columns, weights = whitened.whiten(self.columns(response))
         innovations = columns[..., 0]
@@ -244,14 +245,14 @@ class Problem:
         return (robust_loss(white[..., 0]) + whitened.log_sd).sum(axis=1)
 
     def noise_prior(self, noise: Noise) -> tuple[Prior, np.ndarray]:
-        """Prior of ln sd (m,), autocorrelation (m,), spread (2,) and ln length, and which of them can be estimated."""
+        """Prior of the noise parameters (`_packed`), and which of them can be estimated."""
         count = len(self.answers)
         stated = self.samples.stated[self.answers]
         shortest, longest = self._length_bounds
         mean = np.concatenate([np.log(self.first_noise.sd), np.zeros(count + 2), [math.log(self.first_noise.length)]])
         sd = np.concatenate([
-            np.where(stated, _LN_STATED_SD, _LN_NOISE_SD), np.full(count, _AUTOCORRELATION_SD), np.full(2, _GROUND_SD_SCALE),
-            [_LN_LENGTH_SD],
+            np.where(stated, _LN_STATED_SD, _LN_NOISE_SD), np.full(count, _AUTOCORRELATION_SD),
+            np.full(2, _GROUND_SD_SCALE), [_LN_LENGTH_SD],
         ])  # fmt: skip
         lower = np.concatenate([mean[:count] + _LEAST_LN_NOISE, np.zeros(count), np.full(2, _LEAST_GROUND_SD)])
         free = np.ones(2 * count + 3, dtype=bool)
@@ -269,10 +270,10 @@ class Problem:
         return self.noise_prior(noise)[0].loss(_packed(noise))
 
     def best_noise(self, response: Response, vector: np.ndarray, start: Noise, model: AugmentedWheel) -> Noise:
-        """Likeliest noise under a response, the parameters following along as far as one linear step goes.
+        """Maximum a posteriori noise, the parameters profiled out to first order.
 
-        Were the parameters held, what they leave unexplained would pass for noise. By scoring (Harvey 1989, Sec.
-        3.4.5), with differences for the derivatives of the innovations.
+        With fixed parameters, their misfit would count as noise. By scoring (Harvey 1989, Sec. 3.4.5), with difference
+        quotients for the derivatives of the innovations.
         """
         prior, free = self.noise_prior(start)
         own, columns = self.prior(model), self.columns(response)
@@ -303,7 +304,7 @@ class Problem:
     def _profile_loss(
         self, columns: np.ndarray, response: Response, noise: Noise, vector: np.ndarray, prior: Prior
     ) -> tuple[float, np.ndarray]:
-        """Loss of a noise [nats] less what one step (p,) of the parameters gains beside it, and that step."""
+        """Loss of a noise model [nats] less the gain of one step (p,) of the parameters, and that step."""
         whitened = self.whitener(noise, response)
         white, _ = whitened.whiten(columns)
         gradient, information = normal_equations(white[..., 0], white[..., 1:])
@@ -314,7 +315,7 @@ class Problem:
     def _noise_score(
         self, left: np.ndarray, response: Response, noise: Noise, free: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Score (k,) and information (k, k) of the noise from residuals (n, m, 1), by differences."""
+        """Score (k,) and information (k, k) of the noise parameters from residuals (n, m, 1), by differences."""
         packed, reference = _packed(noise), self.reference or response
         base, ground = self.whitener(noise, response), matern(self.gap, noise)
         here = base.whiten(left)[0].ravel()
@@ -335,11 +336,12 @@ class Problem:
 
 
 def _log_underestimate(autocorrelation: float) -> float:
-    """How far ln of an autocorrelated noise lies above what second differences show of it [-]."""
+    """Underestimate of ln(noise) from second differences of an autocorrelated noise [-]."""
     return 0.5 * math.log(6.0 / (6.0 - 8.0 * autocorrelation + 2.0 * autocorrelation**2))
 
 
 def _packed(noise: Noise) -> np.ndarray:
+    """Noise parameters (2 m + 3,): ln sd, autocorrelation, standard deviations of the ground, ln length."""
     return np.concatenate([np.log(noise.sd), noise.autocorrelation, noise.ground_sd, [math.log(noise.length)]])
 
 
@@ -352,7 +354,7 @@ def _unpacked(packed: np.ndarray, like: Noise) -> Noise:
 
 
 def _order_along_track(position: np.ndarray, lane: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Order (n,) in which the ground's variation is followed, and the distance from the row before, (n,)."""
+    """Order (n,) of the rows along the track, and the distance from the previous row (n,)."""
     count = len(position)
     if not np.isfinite(position).all():
         return np.arange(count), np.full(count, np.inf)

@@ -1,9 +1,9 @@
 """Where simulation and recording differ: which channel, against which variable, over which interval.
 
-Each test adds a step function of one variable to one channel of the textbook wheel; the soil follows within its
-uncertainty. Residuals are whitened, so twice the gain in log-likelihood is chi-squared. The false discovery rate is
-controlled over all tests (Y. Benjamini, Y. Hochberg, J. R. Stat. Soc. B 57 (1995), 289-300). Of the significant tests
-that with the largest gain is reported, then those that add to it.
+Each test adds a step function of one variable to one channel of the textbook wheel; the soil is refitted within its
+uncertainty. Residuals are white, so that twice the gain in log-likelihood is chi-squared. The false discovery rate is
+controlled over all tests (Y. Benjamini, Y. Hochberg, J. R. Stat. Soc. B 57 (1995), 289-300). Significant tests are
+reported by forward selection, the largest gain first.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ FALSE_DISCOVERIES = 0.01
 """False discovery rate [-]."""
 
 _SIGNIFICANT_ERRORS = 2.5
-"""A cell whose mean residual is this many standard errors from zero belongs to a region [-]."""
+"""Mean residual of a cell, in standard errors, from which on it belongs to a region [-]."""
 
 _LEAST_ADDED = 0.1
-"""A further variable is named where it adds at least this share of what the first one explains [-]."""
+"""Least gain of a further variable, relative to the first one [-]."""
 
 _TIED = (0.05, 5.0)
-"""Variables explain a misfit equally well when their gains differ by less than this share and so many nats."""
+"""Variables are tied when their gains differ by less than this share of the largest plus so many nats."""
 
 _FIXED_SOIL = 1e8
-"""How much more certain the soil is taken to be where it is held [-]."""
+"""Factor of the soil's precision that fixes it [-]."""
 
 _Spans = tuple[tuple[float, float, float, float], ...]
 """Start, end, share and mean residual [noise] of each interval."""
@@ -46,8 +46,9 @@ _Spans = tuple[tuple[float, float, float, float], ...]
 
 @dataclass(frozen=True)
 class _Stretch:
-    """Where an effect that was found acts: between two values of an attribute of `Drive`; what it adds to the channels
-    there (n, 5), SI. Searching for it in all channels gains `chance` on average [nats].
+    """Interval of an attribute of `Drive` on which a fitted effect acts, and what it adds to the channels (n, 5), SI.
+
+    `chance` is the gain expected from the search for it in all channels [nats].
     """
 
     attribute: str
@@ -59,10 +60,10 @@ class _Stretch:
 
 @dataclass(frozen=True)
 class _Test:
-    """A test: columns (n, k) that may be missing from a channel, and the intervals that `read` gives for their
-    coefficients and standard errors (k,).
+    """A test of columns (n, k) added to a channel.
 
-    `chance` is the gain expected from its search alone [nats].
+    `read` returns intervals from their coefficients and standard errors (k,). `chance` is the gain expected under the
+    null hypothesis from a search over columns [nats].
     """
 
     position: int
@@ -73,15 +74,15 @@ class _Test:
 
 
 def locate(problem: Problem, best: Fitted) -> tuple[Region, ...]:
-    """Find the regions, the strongest first.
+    """Locate the regions, the largest share first.
 
     Parameters
     ----------
     problem
         The samples.
     best
-        The best model that was found. The textbook wheel is tested on its soil and with its noise: refitted by itself
-        it would spread the mismatch of one channel over the others, and count mismatch as noise.
+        The best model. The textbook wheel is tested with its soil and noise: a separate fit would distribute the misfit
+        of one channel over the others, and count misfit as noise.
     """
     noise = best.noise
     textbook = fit(
@@ -94,7 +95,7 @@ def locate(problem: Problem, best: Fitted) -> tuple[Region, ...]:
         return ()
     significant, corrected = _significant(whitened)
     if not significant and best.model.effects:
-        # Another soil would compensate each channel by itself, though not all of them together: it is held.
+        # A change of soil can compensate for each single channel, though not for all together: it is fixed.
         whitened = Whitened(problem, textbook, noise, _FIXED_SOIL * precision, stretches)
         significant, corrected = _significant(whitened)
     reported = _reported(whitened, significant, {name for effect in best.model.effects for name in effect.needs})
@@ -111,7 +112,7 @@ def locate(problem: Problem, best: Fitted) -> tuple[Region, ...]:
 
 
 def _stretches(problem: Problem, best: Fitted) -> list[_Stretch]:
-    """Stretches over which what was found acts."""
+    """Intervals on which fitted effects act."""
     answer = []
     for effect, where in best.model.slices():
         extent = effect.extent(best.vector[where])
@@ -133,9 +134,9 @@ def _significant(whitened: Whitened) -> tuple[dict[int, float], np.ndarray]:
 
 
 def _reported(whitened: Whitened, significant: dict[int, float], through: set[str]) -> list[tuple[int, float, _Spans]]:
-    """Tests that are reported, by number, each with what it adds to those before [nats], and its intervals.
+    """Selected tests, by number, each with its gain over those before [nats] and its intervals.
 
-    Channels are tested together: ground that varies correlates them.
+    Channels are tested together, because varying ground correlates them.
     """
     answer: list[tuple[int, float, _Spans]] = []
     while significant:
@@ -147,17 +148,14 @@ def _reported(whitened: Whitened, significant: dict[int, float], through: set[st
             each for each, gain in significant.items()
             if gain >= (1.0 - _TIED[0]) * top - _TIED[1] and whitened.tests[each].position == channel
         ]  # fmt: skip
-        # Of two about one variable that of fewer columns: each gains half a nat by chance.
-        earned = {each: significant[each] - 0.5 * whitened.freedom(each) for each in good}
-        chosen = min(good, key=lambda each: (rank(whitened.tests[each].variable, through), -earned[each]))
+        # Each column gains half a nat by chance.
+        net_gain = {each: significant[each] - 0.5 * whitened.freedom(each) for each in good}
+        chosen = min(good, key=lambda each: (rank(whitened.tests[each].variable, through), -net_gain[each]))
         given = [each for each, *_ in answer]
         answer.append((chosen, significant[chosen], whitened.spans(chosen, given)))
         added = {each: whitened.gain(each, [*given, chosen]) for each in significant if each != chosen}
-        significant = {
-            each: gain
-            for each, gain in added.items()
-            if chi2.sf(2.0 * gain, whitened.freedom(each)) <= FALSE_DISCOVERIES
-        }
+        p_values = {each: chi2.sf(2.0 * gain, whitened.freedom(each)) for each, gain in added.items()}
+        significant = {each: added[each] for each, p_value in p_values.items() if p_value <= FALSE_DISCOVERIES}
     return answer
 
 
@@ -167,13 +165,13 @@ class Whitened:
     Parameters
     ----------
     problem, textbook
-        The samples, and the textbook wheel on the soil that was found.
+        The samples, and the textbook wheel on the fitted soil.
     noise
-        Noise and the soil's variation.
+        Noise model.
     precision : (5, 5)
-        Of the soil, which is refitted with each test.
+        Prior precision of the soil, which is refitted with each test.
     stretches
-        Stretches that are tested as well.
+        Intervals that are tested as well.
     """
 
     def __init__(
@@ -211,11 +209,9 @@ class Whitened:
         return max(more - self.tests[number].chance, 0.0)
 
     def spans(self, number: int, given: Sequence[int]) -> _Spans:
-        """Intervals over which a test's coefficients differ from zero, with those given, on the soil found."""
-        own, rest = (
-            self._columns_of[number],
-            np.concatenate([np.empty(0, int), *(self._columns_of[each] for each in given)]),
-        )
+        """Intervals over which a test's coefficients differ from zero, tests given included, on the fitted soil."""
+        own = self._columns_of[number]
+        rest = np.concatenate([np.empty(0, int), *(self._columns_of[each] for each in given)])
         gradient = self._gradient[own]
         if len(rest):
             others = scaled_inverse(self._information[np.ix_(rest, rest)]) @ self._gradient[rest]
@@ -228,7 +224,7 @@ class Whitened:
         return 0.5 * float(gradient @ scaled_inverse(self._information[np.ix_(columns, columns)]) @ gradient)
 
     def _tested(self, position: int) -> list[_Test]:
-        """Return all that is tested of one channel."""
+        """Return all tests of one channel."""
         samples, sinkage_m = self._problem.samples, self._textbook.response.channels[:, 2]
         tested = [self._constant(position), *(self._steps(each, position) for each in variables(samples, sinkage_m))]
         tested += [self._inside(each, position) for each in self._stretches]
@@ -276,7 +272,7 @@ class Whitened:
         return _Test(position, variable.name, columns, read)
 
     def _inside(self, stretch: _Stretch, position: int) -> _Test | None:
-        """Test for what an effect adds over a stretch."""
+        """Test for the contribution of an effect on its interval."""
         adds = stretch.adds[:, self._problem.answers[position]]
         column = np.where(self._problem.seen[:, position], np.nan_to_num(adds), 0.0)
         where = getattr(self._problem.samples.drive, stretch.attribute)
@@ -294,7 +290,7 @@ class Whitened:
         )
 
     def _periodic(self, angle: np.ndarray, position: int) -> _Test:
-        """Test for a harmonic of the wheel's rotation; the number of cycles is searched for."""
+        """Test for the strongest harmonic of the wheel's rotation."""
         waves = cycles(angle)
         seen = self._problem.seen[:, position]
         residual = np.where(seen, self._residuals[:, position], 0.0)
@@ -305,7 +301,7 @@ class Whitened:
         def read(mean: np.ndarray, _: np.ndarray) -> _Spans:
             return ((0.0, 2.0 * np.pi / (strongest + 1), 1.0, float(np.hypot(*mean)) / unit),)
 
-        # The largest of as many independent exponentials.
+        # Expected largest of as many independent exponential variables.
         chance = float(np.log(len(power)))
         return _Test(position, "wheel_angle_rad", waves[:, strongest] * seen[:, None], read, chance)
 
@@ -320,7 +316,7 @@ class Whitened:
         unit = self._noise.sd[position]
 
         def read(mean: np.ndarray, error: np.ndarray) -> _Spans:
-            # Late by tau, a channel falls short of the simulation by tau times its rate.
+            # A channel delayed by tau differs by -tau times its rate of change.
             tau, margin = -float(mean[0]), 2.0 * float(error[0])
             size = float(np.sqrt(np.mean((tau * column) ** 2))) / unit
             return ((tau - margin, tau + margin, 1.0, size),)

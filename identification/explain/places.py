@@ -1,4 +1,4 @@
-"""Places along the track at which fits of a patch of soil start."""
+"""Initial places along the track for fits of a patch of soil."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from .steps import normal_equations, scaled_inverse
 from .whitening import Noise
 
 _PATCHES_EACH = 2
-"""Stretches that are given for each noise."""
+"""Patches that are returned for each noise model."""
 
 _DISTINCT = CELLS // 12
-"""Two stretches differ where one of their edges does by more than so many cells."""
+"""Patches are distinct if either edge differs by more than so many cells."""
 
 _MAX_SHARE = 0.9
-"""A stretch that takes in more of the track is no place: the soil as a whole is another [-]."""
+"""Largest share of the track that a patch covers: beyond, the soil as a whole differs [-]."""
 
 _LEAST, _MOST = 5, int(_MAX_SHARE * CELLS)
-"""Cells that a stretch has at least, and at most."""
+"""Least and largest number of cells of a patch."""
 
 
 def best_patches(problem: Problem, fitted: Fitted) -> dict[str, list[np.ndarray]]:
-    """Return parameter vectors (A, B, from, to) of the patches that gain most, by what they lie along (`tracks_of`).
+    """Return parameter vectors (A, B, from, to) of the patches with the largest gain, by coordinate (`tracks_of`).
 
-    Each pair of edges on a grid is weighed by the gain of the best A and B there, to first order, the fit following.
-    The ground's variation is taken as it was fitted, and as small: fitted, it may have absorbed the patch.
+    The gain of the best A and B is computed for each pair of edges on a grid, to first order, the fit being updated. It
+    is computed with the ground's variation as fitted, which may have absorbed the patch, and with a small one.
     """
     drive, noises = problem.samples.drive, (fitted.noise, problem.first_noise)
     edges = {name: _edges(getattr(drive, name)) for name in tracks_of(drive)}
@@ -45,7 +45,7 @@ def best_patches(problem: Problem, fitted: Fitted) -> dict[str, list[np.ndarray]
 
 
 def _edges(where: np.ndarray) -> np.ndarray:
-    """Edges (k + 1,) of the cells that a variable (n,) is cut into."""
+    """Edges (k + 1,) of the cells that a variable (n,) is divided into."""
     return np.linspace(np.nanmin(where), np.nanmax(where), CELLS + 1)
 
 
@@ -56,7 +56,7 @@ def _inside(where: np.ndarray, edges: np.ndarray) -> np.ndarray:
 
 
 def _select_distinct(weighed: Sequence[tuple[np.ndarray, np.ndarray]], edges: np.ndarray) -> list[np.ndarray]:
-    """Return the patches that gain most, a few of each weighing (`_gains`), none of them near another."""
+    """Return the distinct patches with the largest gain, a few for each noise model (`_gains`)."""
     found: list[tuple[int, int]] = []
     answer = []
     for gain, change in weighed:
@@ -76,9 +76,9 @@ def _select_distinct(weighed: Sequence[tuple[np.ndarray, np.ndarray]], edges: np
 def _scores(
     problem: Problem, fitted: Fitted, noise: Noise, inside: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Gradient (2, k) and information (2, k, 2, k) of ln stiffness and ln strength in each cell, the fit following.
+    """Gradient (2, k) and information (2, k, 2, k) of ln stiffness and ln strength in each cell, the fit profiled out.
 
-    `inside` (n, k) says which row lies in which cell.
+    `inside` (n, k) is True for the cell that a row lies in.
     """
     response, own = fitted.response, len(fitted.vector)
     by_cell = response.by_ground[:, problem.answers, :, None] * inside[:, None, None, :]
@@ -99,9 +99,9 @@ def _scores(
 
 
 def _gains(gradient: np.ndarray, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Nats (k + 1, k + 1) of a stretch between each two edges, and its best A and B (k + 1, k + 1, 2).
+    """Gain (k + 1, k + 1) [nats] of a patch between each two edges, and its best A and B (k + 1, k + 1, 2).
 
-    Stretches too short or too long are minus infinity.
+    The gain of a patch that is too short or too long is minus infinity.
     """
     size = gradient.shape[1] + 1
     slope = np.zeros((2, size))

@@ -1,7 +1,7 @@
-"""Search of the catalogue: every effect alone, then the neighbours of the most probable hypotheses.
+"""Search of the catalogue: single effects, then the neighbours of the most probable hypotheses.
 
-A hypothesis is a set of effects; its neighbours have one effect less, one more, or another one or another form of one
-instead. A score test ranks what is not fitted yet.
+A hypothesis is a set of effects. Its neighbours have one effect less, one more, or one replaced by another effect or
+form. A score test ranks hypotheses that are not fitted yet.
 """
 
 from __future__ import annotations
@@ -27,31 +27,30 @@ from .steps import Prior, normal_equations, solve_step
 from .whitening import GROSS, Noise
 
 MOST_EFFECTS = 3
-"""Effects of a hypothesis at most."""
+"""Most effects in a hypothesis."""
 
 MOST_EXPANDED = 6
-"""Hypotheses whose neighbours are fitted at most."""
+"""Most hypotheses whose neighbours are fitted."""
 
 WINDOW = 5.0
-"""A hypothesis so far behind the most probable one is not expanded [nats] (Occam's window; D. Madigan, A. E. Raftery,
+"""Largest deficit in log posterior of a hypothesis that is expanded [nats] (Occam's window; D. Madigan, A. E. Raftery,
 J. Am. Stat. Assoc. 89 (1994), 1535-1546)."""
 
 ADDED, SWAPPED, FORMS = 6, 3, 3
-"""Effects that are fitted beside an expanded hypothesis and instead of each of its effects, and other forms of that."""
+"""Most effects that are added to an expanded hypothesis, that replace each of its effects, and other forms of that."""
 
 LEAST_GAIN, LEAST_ADDED_GAIN, LEAST_SHARE = 2.5, 4.0, 0.3
-"""An effect is fitted alone, and beside others, if the score test gives it so many nats, and this share of what it
-gives the best [-]."""
+"""Least expected gains by the score test for fitting an effect alone, and with others [nats], and least share of the
+largest expected gain [-]."""
 
 MOST_NOISE_FITS = 8
-"""Fits of each round whose noise is fitted, too: those that fit best beside the noise that they began with."""
+"""Most fits of each round whose noise is refitted: those with the highest score at the noise of their base."""
 
 LARGEST_DEFICIT = 50.0
-"""A fit beside the noise of its base so far behind the best one is left as it is [nats]: fitting its noise gains less.
-"""
+"""Largest deficit in score, at the noise of the base, for refitting the noise [nats]: that gains less."""
 
 _SHORT_STEPS = 6
-"""Steps by which starts of one effect are compared."""
+"""Steps of fits by which the initial values of an effect are compared."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +77,7 @@ class Hypothesis:
 
 @dataclass
 class Search:
-    """What was fitted.
+    """Hypotheses that were fitted.
 
     Parameters
     ----------
@@ -87,13 +86,13 @@ class Search:
     catalogue
         Forms of effects that these data can show.
     origin
-        ln evidence of the textbook wheel [nats].
+        Log evidence of the textbook wheel [nats].
     hypotheses
-        All that were fitted, the textbook among them.
+        All hypotheses that were fitted, including the textbook wheel.
     forms, names
-        Number of forms by slug that were considered, and their names.
+        Number of forms considered, by slug, and their names.
     screened
-        Effects that were not fitted alone, with the gain that the score test gives them [nats].
+        Effects that the score test screened out, with their expected gain [nats].
     """
 
     problem: Problem
@@ -110,14 +109,14 @@ class Search:
         self.consider(self.catalogue)
 
     def consider(self, effects: Iterable[Effect]) -> None:
-        """Count forms of effects that were not counted yet."""
+        """Count forms of effects, each once."""
         for effect in effects:
             if effect.name not in self.names:
                 self.forms[effect.slug] = self.forms.get(effect.slug, 0) + 1
                 self.names.add(effect.name)
 
     def take(self, fits: Iterable[Fitted]) -> None:
-        """Add what was fitted, or put it in the place of a worse fit of the same forms."""
+        """Add hypotheses; of several fits of the same forms keep the one with the highest score."""
         for fitted in fits:
             evidence = log_evidence(self.problem, fitted) - self.origin
             new = Hypothesis(fitted.model.effects, fitted, evidence)
@@ -128,40 +127,35 @@ class Search:
                 self.hypotheses[same] = new
 
     def fit_added(
-        self,
-        base: Fitted,
-        effects: Sequence[Effect],
-        *,
-        again: Sequence[Effect] = (),
-        from_uniform: Sequence[Effect] = (),
+        self, base: Fitted, effects: Sequence[Effect], *, again: Sequence[Effect] = (), uniform: Sequence[Effect] = ()
     ) -> None:
-        """Fit a model with each of some effects more, where that was not done, and the noise of those that fit best.
+        """Fit a model with each of several effects added, unless done before, and refit the noise of the best.
 
-        Those of `again` are fitted beside this noise even if they were beside another one. Those of `from_uniform` begin in
-        ground that hardly varies, too: its variation may have explained what they would.
+        Effects of `again` are fitted at the noise of the base even if done before. Effects of `uniform` are
+        fitted from nearly uniform ground: its variation may have absorbed them.
         """
         new = [effect for effect in effects if not self.has((*base.model.effects, effect))]
         starts = [(base.noise, effect) for effect in (*new, *again)]
-        uniform = replace(self.problem.uniform_ground_noise, smoothness=base.noise.smoothness)
-        held = together(lambda start: add_effect(self.problem, base, *start), starts)
-        held_uniform = together(partial(add_effect, self.problem, base, uniform), from_uniform)
-        highest = max(each.score for each in (*(each.fitted for each in self.hypotheses), *held))
-        first = [*_best_forms(held[: len(new)]), *held[len(new) :]]
-        first = [each for each in first if each.score > highest - LARGEST_DEFICIT]
+        uniform_noise = replace(self.problem.uniform_ground_noise, smoothness=base.noise.smoothness)
+        fits = together(lambda start: add_effect(self.problem, base, *start), starts)
+        uniform_fits = together(partial(add_effect, self.problem, base, uniform_noise), uniform)
+        highest = max(each.score for each in (*(each.fitted for each in self.hypotheses), *fits))
+        leading = [*_best_forms(fits[: len(new)]), *fits[len(new) :]]
+        leading = [each for each in leading if each.score > highest - LARGEST_DEFICIT]
         best: dict[str, Fitted] = {}
-        for each in (*held, *together(partial(refit_with_noise, self.problem), [*first, *_best_forms(held_uniform)])):
+        for each in (*fits, *together(partial(refit_with_noise, self.problem), [*leading, *_best_forms(uniform_fits)])):
             name = each.model.effects[-1].name
             if name not in best or each.score > best[name].score:
                 best[name] = each
         self.take(best.values())
 
     def has(self, effects: Sequence[Effect]) -> bool:
-        """Return whether a set of forms was fitted."""
+        """Return whether these forms were fitted together."""
         names = frozenset(effect.name for effect in effects)
         return any(each.names == names for each in self.hypotheses)
 
     def log_prior(self, each: Hypothesis, effect: float = PRIOR_EFFECT) -> float:
-        """Ln of the prior odds of a hypothesis [nats]: those of its effects, of which each form has an equal share.
+        """Log prior odds of a hypothesis [nats]; the forms of an effect share its prior equally.
 
         `effect` is the prior probability of effects that do not state their own.
         """
@@ -169,7 +163,7 @@ class Search:
         return sum(math.log(share / (1.0 - share) / self.forms[slug]) for slug, share in stated)
 
     def log_posterior(self, each: Hypothesis) -> float:
-        """Ln of the posterior of a hypothesis by itself [nats], up to a constant."""
+        """Log posterior of a hypothesis without a discrepancy [nats], up to a constant."""
         return each.log_evidence / TEMPERATURE + self.log_prior(each)
 
     def best(self) -> dict[frozenset[str], Hypothesis]:
@@ -184,7 +178,7 @@ class Search:
 def search(
     problem: Problem, fitted: Fitted, slugs: Iterable[str], progress: Callable[[str], None] = lambda _: None
 ) -> Search:
-    """Fit hypotheses: every effect alone, then the neighbours of the most probable ones.
+    """Fit single effects, then the neighbours of the most probable hypotheses.
 
     Parameters
     ----------
@@ -193,7 +187,7 @@ def search(
     slugs
         Public names of the effects to consider.
     progress
-        Called with what is being done, in words.
+        Called with a description of each step.
     """
     catalogue = effects_for(situation(problem, fitted), tuple(slugs))
     found = Search(problem, Hypothesis((), fitted, 0.0), catalogue, log_evidence(problem, fitted))
@@ -213,27 +207,23 @@ def search(
 
 
 def _fit_alone(found: Search) -> None:
-    """Fit every effect alone that a score test gives passing, as ground varies or in ground that hardly varies."""
+    """Fit single effects that pass the score test, at the fitted variation of the ground or at a small one."""
     problem, base = found.problem, found.textbook.fitted
     gains = _gains(problem, base, found.catalogue)
-    fits_alone, from_uniform = _passes_screen(gains, LEAST_GAIN), []
+    passing, uniform = _passes_screen(gains, LEAST_GAIN), []
     if base.noise.ground_sd.max() > 2.0 * UNIFORM_SD:
-        uniform = problem.with_uniform_ground()
-        from_uniform = _best_ranked(
-            uniform, fit(uniform, base.model, base.vector, None, Entry(base.theta_1)), found.catalogue, ADDED
-        )
-    found.fit_added(
-        base,
-        [effect for effect, fits in zip(found.catalogue, fits_alone, strict=True) if fits],
-        from_uniform=from_uniform,
-    )
-    for effect, gain, fits in zip(found.catalogue, gains, fits_alone, strict=True):
-        if not fits and effect not in from_uniform:
+        other = problem.with_uniform_ground()
+        refitted = fit(other, base.model, base.vector, None, Entry(base.theta_1))
+        uniform = _best_ranked(other, refitted, found.catalogue, ADDED)
+    effects = [effect for effect, passes in zip(found.catalogue, passing, strict=True) if passes]
+    found.fit_added(base, effects, uniform=uniform)
+    for effect, gain, passes in zip(found.catalogue, gains, passing, strict=True):
+        if not passes and effect not in uniform:
             found.screened[effect.name] = float(gain)
 
 
 def _fit_neighbours(found: Search, base: Hypothesis) -> None:
-    """Fit a hypothesis less one of its effects, with another one instead, in another form, and with one more."""
+    """Fit a hypothesis with an effect removed, replaced by another effect or form, or added."""
     problem = found.problem
     smaller = [_without_effect(problem, base.fitted, effect) for effect in base.effects]
     new = [bare for bare in smaller if not found.has(bare.model.effects)]
@@ -251,7 +241,7 @@ def _fit_neighbours(found: Search, base: Hypothesis) -> None:
 
 
 def _best_forms(fits: Iterable[Fitted]) -> list[Fitted]:
-    """Return the fits whose noise is worth fitting: the best form of each effect."""
+    """Return the fits whose noise is to be refitted: the best form of each effect, the highest scores first."""
     best: dict[str, Fitted] = {}
     for each in sorted(fits, key=lambda each: -each.score):
         best.setdefault(each.model.effects[-1].slug, each)
@@ -259,7 +249,7 @@ def _best_forms(fits: Iterable[Fitted]) -> list[Fitted]:
 
 
 def _best_ranked(problem: Problem, base: Fitted, effects: Sequence[Effect], most: int) -> list[Effect]:
-    """Return the effects that a score test ranks first beside a fit, each in its best form."""
+    """Return the effects that a score test ranks first, each in its best form."""
     best: dict[str, Effect] = {}
     for effect in _ranked(problem, base, effects):
         best.setdefault(effect.slug, effect)
@@ -267,7 +257,7 @@ def _best_ranked(problem: Problem, base: Fitted, effects: Sequence[Effect], most
 
 
 def _ranked(problem: Problem, base: Fitted, effects: Sequence[Effect]) -> list[Effect]:
-    """Return the effects that gain passing beside a fit by a score test, the best first."""
+    """Return the effects that pass the score test, the largest expected gain first."""
     gains = _gains(problem, base, effects)
     passing = _passes_screen(gains, LEAST_ADDED_GAIN)
     return [effects[index] for index in np.argsort(-gains) if passing[index]]
@@ -282,7 +272,7 @@ def _passes_screen(gains: np.ndarray, least: float) -> np.ndarray:
 
 
 def _without_effect(problem: Problem, fitted: Fitted, dropped: Effect) -> Fitted:
-    """Return a fit less one of its effects, all else as it is."""
+    """Return a fit without one of its effects, the other parameters unchanged."""
     kept = [(effect, where) for effect, where in fitted.model.slices() if effect is not dropped]
     vector = np.concatenate([fitted.vector[:SOIL_COUNT], *[fitted.vector[where] for _, where in kept]])
     model = AugmentedWheel(fitted.model.wheel, tuple(effect for effect, _ in kept))
@@ -290,8 +280,10 @@ def _without_effect(problem: Problem, fitted: Fitted, dropped: Effect) -> Fitted
 
 
 def expected_gain(problem: Problem, base: Fitted, effect: Effect) -> float:
-    """Nats that an effect gains beside a fit to first order: by a step from where it is nothing (score test), or by as
-    much as fits best of what it changes at one of its starts, where it vanishes nowhere smoothly.
+    """Gain of an effect added to a fit, to first order [nats].
+
+    By a step from its null values (score test), or, if it does not vanish smoothly there, by the best multiple of what
+    it changes at one of its initial values.
     """
     if effect.nested:
         model, vector = with_effect(base, effect, np.array([each.null for each in effect.parameters]))
@@ -314,7 +306,7 @@ def expected_gain(problem: Problem, base: Fitted, effect: Effect) -> float:
 
 
 def _gain(problem: Problem, base: Fitted, columns: np.ndarray, prior: Prior, vector: np.ndarray) -> float:
-    """Nats that columns (n, m, k) gain beside a fit, whose own parameters follow, with priors of all of them (p,)."""
+    """Gain [nats] of columns (n, m, k) added to a fit, all parameters refitted to first order, with priors (p,)."""
     white, _ = problem.whitener(base.noise, base.response).whiten(columns, base.white.weights)
     jacobian = np.concatenate([base.white.jacobian, white], axis=-1)
     gradient, information = normal_equations(base.white.innovations, jacobian)
@@ -322,7 +314,7 @@ def _gain(problem: Problem, base: Fitted, columns: np.ndarray, prior: Prior, vec
 
 
 def add_effect(problem: Problem, base: Fitted, noise: Noise, effect: Effect) -> Fitted:
-    """Fit a model with one more effect beside a noise, from the best of the effect's starts."""
+    """Fit a model with one more effect at a fixed noise, from the best of the effect's initial values."""
     entry = base.response.entry(np.zeros(0))
     starts = [with_effect(base, effect, start) for start in effect.starts()]
     if len(starts) == 1:
@@ -333,15 +325,15 @@ def add_effect(problem: Problem, base: Fitted, noise: Noise, effect: Effect) -> 
 
 
 def refit_with_noise(problem: Problem, fitted: Fitted) -> Fitted:
-    """Go on with a fit, the noise with it."""
+    """Continue a fit, including the noise."""
     return fit(problem, fitted.model, fitted.vector, fitted.noise, fitted.response.entry(np.zeros(0)))
 
 
 def situation(problem: Problem, fitted: Fitted) -> Situation:
-    """Return what decides which forms of an effect the samples can show."""
+    """Return what determines which forms of an effect the samples can show."""
     samples, measured = problem.samples, problem.samples.measured
     innovations = np.full_like(measured, np.nan)
-    # A gross error has a share of every line of the spectrum.
+    # A gross error contributes to every line of the spectrum.
     white = np.clip(fitted.white.innovations, -GROSS, GROSS)
     innovations[:, problem.answers] = np.where(problem.seen, white, np.nan)
     seen = np.isfinite(measured).any(axis=0)

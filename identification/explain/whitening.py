@@ -1,11 +1,11 @@
-"""Correlated errors made white: a Kalman filter that turns residuals and their derivatives into innovations.
+"""Whitening of correlated errors: Kalman filters that turn residuals and their derivatives into innovations.
 
-Two stages follow each other. In order of time: errors of load and slip (`latent`), which spread into all channels of a
-row, and autocorrelated sensor noise. In order of place: stiffness and strength of the ground, which vary along the
-track as two Matern processes (C. E. Rasmussen, C. K. I. Williams, "Gaussian Processes for Machine Learning" (2006), Eq.
-4.17; J. Hartikainen, S. Sarkka, IEEE MLSP (2010)). Innovations are independent with unit variance where the model is
-right (A. C. Harvey, "Forecasting, Structural Time Series Models and the Kalman Filter" (1989), Sec. 3.4). The first
-stage takes the ground to be the same over the few rows whose errors are correlated.
+The first filter runs in order of time. It removes errors of load and slip (`latent`), which propagate into all channels
+of a row, and autocorrelated sensor noise. The second runs in order of place. It removes the variation of the ground's
+stiffness and strength along the track, two Matern processes (C. E. Rasmussen, C. K. I. Williams, "Gaussian Processes
+for Machine Learning" (2006), Eq. 4.17; J. Hartikainen, S. Sarkka, IEEE MLSP (2010)). Innovations are independent with
+unit variance if the model is correct (A. C. Harvey, "Forecasting, Structural Time Series Models and the Kalman Filter"
+(1989), Sec. 3.4). The first filter assumes uniform ground over the few rows whose errors are correlated.
 """
 
 from __future__ import annotations
@@ -17,32 +17,32 @@ import numpy as np
 from numba import njit
 
 GROSS = 3.0
-"""Size of an innovation from which on it may be a gross error, whose density falls with a power of it: neither the fit
-nor the scale of the noise follows it (F. R. Hampel et al., "Robust Statistics" (1986), Sec. 2.6) [-]."""
+"""Innovation beyond which the density falls as a power law [-], so that gross errors bias neither the fit nor the scale
+of the noise (F. R. Hampel et al., "Robust Statistics" (1986), Sec. 2.6)."""
 
 TO_ONE_OVER_E = (1.0, 2.146193220620582, 2.9046299750299145)
 """Arguments at which the Matern correlations of order 1/2, 3/2 and 5/2 are 1/e."""
 
 MAX_SMOOTHNESS = 2
-"""Derivatives that the ground's variation may have: Matern 5/2."""
+"""Largest smoothness of the ground's variation: Matern 5/2."""
 
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """What is random in a recording.
+    """Sensor noise and variation of the ground.
 
     Parameters
     ----------
     sd : (m,)
         Standard deviation of the sensors of the answered channels, SI.
     autocorrelation : (m,)
-        Autocorrelation of their errors from one row to the next [-].
+        First-order autocorrelation of their errors [-].
     ground_sd : (2,)
         Standard deviation of ln stiffness and ln strength of the ground [-].
     length
-        Distance over which their correlation falls to 1/e [m, or s where places are unknown].
+        Distance over which the correlation of these falls to 1/e [m, or s where positions are unknown].
     smoothness
-        Number of derivatives that they have.
+        Number of derivatives that these have: order of the Matern process less 1/2.
     """
 
     sd: np.ndarray
@@ -56,8 +56,8 @@ class Noise:
 class Chain:
     """A Gauss-Markov chain of d states along the rows.
 
-    transition, process_noise (g, d, d): transitions from the row before and covariances of what is new; which (n,) of them each row
-    has; loading (n, m, d) of the m channels; variance (n, m) of the channels' white noise.
+    transition, process_noise (g, d, d): transition matrices from the previous row and process-noise covariances; which
+    (n,) of the g each row has; loading (n, m, d) of the m channels; variance (n, m) of the channels' white noise.
     """
 
     transition: np.ndarray
@@ -67,8 +67,9 @@ class Chain:
     variance: np.ndarray
 
     def filter(self, seen: np.ndarray, further: np.ndarray | float = 0.0) -> Filter:
-        """Return the filter of the channels seen (n, m), whose values have a `further` variance (n, m) that is not the
-        chain's: it makes no gross errors.
+        """Return the filter of the channels observed, `seen` (n, m).
+
+        A `further` variance (n, m) of the values, which the chain does not model, raises the limit of gross errors.
         """
         gain, sd, blocks = np.zeros_like(self.loading), np.ones(seen.shape), _blocks(self.transition)
         _fill_gains(
@@ -81,10 +82,11 @@ class Chain:
 
 @dataclass(frozen=True)
 class Filter:
-    """Kalman filter of a chain. Its gains follow from what is random alone: any residuals can be filtered by them.
+    """Kalman filter of a chain; its gains do not depend on the residuals that are filtered.
 
-    seen (n, m); transition, which and loading as of the `Chain`; gain (n, m, d) of each innovation; sd (n, m) of it, 1 where
-    nothing was seen; gross_limit (n, m) that it is from 0 without being a gross error; first, last (d,) as of `_blocks`.
+    seen (n, m); transition, which and loading of the `Chain`; gain (n, m, d) and standard deviation sd (n, m) of each
+    innovation, sd 1 where not observed; gross_limit (n, m) beyond which it is a gross error; first, last (d,) as in
+    `_blocks`.
     """
 
     seen: np.ndarray
@@ -100,8 +102,8 @@ class Filter:
     def whiten(self, columns: np.ndarray, order: np.ndarray, weights: np.ndarray | None = None) -> np.ndarray:
         """Whiten columns (n, m, q) in place, row after row of an order (n,).
 
-        Give the share (n, m) with which each innovation of the first column moved the states, less than 1 where it is
-        a gross error; a `weights` from elsewhere is used as it is.
+        Return the robust weights (n, m) of the innovations of the first column in the update of the states, less than 1
+        for gross errors. Weights that are given are used instead.
         """
         answer = np.ones(self.seen.shape) if weights is None else weights
         _filter(
@@ -113,10 +115,10 @@ class Filter:
 
 @dataclass(frozen=True)
 class Whitener:
-    """Two filters, one after the other: by errors that go along in time, and by ground that varies along the track.
+    """Two filters in sequence.
 
     in_time, in_place
-        The filters, rows in order of time and of place.
+        Filters of errors correlated in time, and of ground that varies along the track.
     order : (n,)
         Rows in order of place.
     log_sd : (n, m)
@@ -131,9 +133,9 @@ class Whitener:
     def whiten(
         self, columns: np.ndarray, weights: tuple[np.ndarray, np.ndarray] | None = None
     ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
-        """Whiten columns (n, m, q), residuals first, or others with the `weights` that residuals gave.
+        """Whiten columns (n, m, q), the first of which are residuals unless their `weights` are given.
 
-        Give them, and the weights of each stage.
+        Return the white columns and the robust weights of each filter.
         """
         white, (early, late) = columns.copy(), weights or (None, None)
         early = self.in_time.whiten(white, np.arange(len(white)), early)
@@ -143,16 +145,16 @@ class Whitener:
 def whitener(
     errors: Filter, ground: np.ndarray, transitions: tuple[np.ndarray, np.ndarray], order: np.ndarray
 ) -> Whitener:
-    """Return the whitener of a noise.
+    """Return the whitener of a noise model.
 
     Parameters
     ----------
     errors
-        Filter of errors that go along in time.
+        Filter of errors correlated in time.
     ground : (n, m, 2)
-        How the channels answer ln stiffness and ln strength of the ground.
+        Derivatives of the channels by ln stiffness and ln strength of the ground.
     transitions
-        How these two vary along the track (`matern`), rows in order of place.
+        Transitions and process noise of these two along the track (`matern`), rows in order of place.
     order : (n,)
         Rows in order of place.
     """
@@ -169,13 +171,13 @@ def whitener(
 
 
 def _blocks(transition: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """First and one past the last state (d,) that each state follows from, in any of the transitions (g, d, d)."""
+    """First and one past the last state (d,) that each state depends on, in any of the transitions (g, d, d)."""
     linked = (transition != 0.0).any(axis=0) | np.eye(transition.shape[1], dtype=bool)
     return np.argmax(linked, axis=1), transition.shape[1] - np.argmax(linked[:, ::-1], axis=1)
 
 
 def matern(gap: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
-    """Transitions and new covariances (n, 2 k, 2 k) of the ground's two processes over gaps (n,), infinite at first."""
+    """Transitions and process noise (n, 2 k, 2 k) of the ground's two processes over gaps (n,), the first infinite."""
     size = noise.smoothness + 1
     distance = np.minimum(TO_ONE_OVER_E[noise.smoothness] * gap / noise.length, 500.0)
     transition, process_noise = np.zeros((2, len(gap), 2 * size, 2 * size))
@@ -186,13 +188,12 @@ def matern(gap: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
 _STATIONARY = (
     np.eye(1), np.eye(2), np.array([[1.0, 0.0, -1.0 / 3.0], [0.0, 1.0 / 3.0, 0.0], [-1.0 / 3.0, 0.0, 1.0]])
 )  # fmt: skip
-"""Covariance of a Matern process of order 1/2, 3/2 and 5/2 and its derivatives, in units of the length over which it
-decays."""
+"""Stationary covariance of a Matern process of order 1/2, 3/2 and 5/2 and its derivatives, in decay lengths."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fill_matern(distance, stationary, variance, transition, process_noise):
-    """Fill transitions and new covariances (n, 2 k, 2 k) over distances `distance` (n,), in lengths of decay."""
+    """Fill transitions and process noise (n, 2 k, 2 k) over distances (n,), in decay lengths."""
     size = len(stationary)
     one, half = np.ones((size, size)), np.empty((size, size))
     for row in range(len(distance)):
@@ -220,13 +221,13 @@ def _fill_matern(distance, stationary, variance, transition, process_noise):
 
 
 def robust_loss(innovation: np.ndarray) -> np.ndarray:
-    """Half the square up to `GROSS`, beyond it the logarithm that goes on with the same slope [nats]."""
+    """Half the square up to `GROSS`, beyond it a logarithm that continues with the same slope [nats]."""
     size = np.abs(innovation)
     return 0.5 * np.minimum(size, GROSS) ** 2 + GROSS**2 * np.log(np.maximum(size, GROSS) / GROSS)
 
 
 def robust_weight(innovation: np.ndarray) -> np.ndarray:
-    """Share with which an innovation counts in the normal equations."""
+    """Weight of an innovation in the normal equations [-]."""
     return (GROSS / np.maximum(np.abs(innovation), GROSS)) ** 2
 
 
@@ -234,7 +235,7 @@ def robust_weight(innovation: np.ndarray) -> np.ndarray:
 def _fill_gains(seen, transition, process_noise, which, loading, variance, gains, sds, first, last):
     """Fill gains (n, m, d) and standard deviations (n, m) of the innovations, channel by channel.
 
-    first, last (d,) as of `_blocks`: states that do not follow from each other are passed over.
+    first, last (d,) as in `_blocks`: states that do not depend on each other are skipped.
     """
     rows, channels, size = loading.shape
     p, half = np.zeros((size, size)), np.empty((size, size))
@@ -304,7 +305,7 @@ def _filter(columns, order, seen, transition, which, loading, gains, sds, gross_
                     for column in range(count):
                         values[column] -= share * state[i, column]
             if robust:
-                # A gross error must not be taken for a change of the states.
+                # A gross error must not be mistaken for a change of the states.
                 weights[at, channel] = min(1.0, (gross_limit[at, channel] / max(abs(values[0]), 1e-300)) ** 2)
             for i in range(size):
                 share = gain[i] * weights[at, channel]
