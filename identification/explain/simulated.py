@@ -59,12 +59,8 @@ def as_differences(samples: Samples, source: str | Path) -> tuple[Samples, np.nd
     measured, residuals = samples.measured.copy(), np.full_like(samples.measured, np.nan)
     measured[:, answers] += correction
     residuals[:, answers] = recorded.residuals(here) + correction
-    notes = (
-        *samples.notes,
-        *_drive_notes(samples, samples.simulated),
-        *_omission_notes(samples, samples.simulated, seen),
-    )
-    return replace(samples, measured=measured, notes=notes), residuals
+    notes = _drive_notes(samples, samples.simulated) + _omission_notes(samples, samples.simulated, seen)
+    return replace(samples, measured=measured, notes=(*samples.notes, *notes)), residuals
 
 
 def _samples_of(samples: Samples, simulated: np.ndarray) -> Samples:

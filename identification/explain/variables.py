@@ -84,9 +84,7 @@ class Variable:
         else:
             known = np.isfinite(self.values)
             filled = np.where(known, self.values, np.nanmedian(self.values))[:, None]
-            splines = SplineTransformer(
-                n_knots=6, degree=3, knots="quantile" if _quantiles_differ(filled) else "uniform"
-            )
+            splines = SplineTransformer(n_knots=6, degree=3, knots="quantile" if _are_spaced(filled) else "uniform")
             columns = np.asarray(splines.fit_transform(filled)) * known[:, None]
         columns = columns - columns.mean(axis=0)
         return columns[:, columns.std(axis=0) > 1e-9]
