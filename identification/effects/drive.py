@@ -61,8 +61,8 @@ def order_of(table: WheelTable) -> tuple[np.ndarray, np.ndarray]:
     order = np.lexsort((time_s, labels))
     labels, time_s = labels[order], time_s[order]
     step = np.diff(time_s)
-    usual = float(np.median(step[step > 0.0])) if (step > 0.0).any() else 1.0
-    broken = (np.diff(labels) != 0) | (step <= 0.0) | (step > 5.0 * usual)
+    median_step = float(np.median(step[step > 0.0])) if (step > 0.0).any() else 1.0
+    broken = (np.diff(labels) != 0) | (step <= 0.0) | (step > 5.0 * median_step)
     number = table.get("pass")
     if number is not None:
         broken |= np.nan_to_num(np.diff(_carried(number[order], labels))) != 0.0
@@ -73,7 +73,9 @@ def order_of(table: WheelTable) -> tuple[np.ndarray, np.ndarray]:
     first = np.flatnonzero(np.diff(stretch, prepend=-1))
     # Of several wheels that start together the rear one comes last.
     begun = np.sort(time_s[first])
-    together = np.concatenate([[0], np.cumsum(np.diff(begun) > 2.0 * usual)])[np.searchsorted(begun, time_s[first])]
+    together = np.concatenate([[0], np.cumsum(np.diff(begun) > 2.0 * median_step)])[
+        np.searchsorted(begun, time_s[first])
+    ]
     passes = np.ones(len(first))
     if number is not None and wheel.any():
         passes = np.nan_to_num(_carried(number[order], labels)[first], nan=1.0)
@@ -125,10 +127,10 @@ def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Dr
     kind
         `Drive`, or `PresentDrive` for a drive to be simulated.
     """
-    nothing = np.full(len(table), math.nan)
+    missing = np.full(len(table), math.nan)
 
     def column(name: str) -> np.ndarray:
-        return table.columns.get(name, nothing)
+        return table.columns.get(name, missing)
 
     rate, travel, time_s = column("wheel_speed_rad_s"), column("travel_speed_m_s"), column("time_s")
     # Slip and one of the two speeds give the other.

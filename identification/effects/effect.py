@@ -105,8 +105,8 @@ class Drive:
     def runs(self) -> tuple[np.ndarray, ...]:
         """Rows of each period without a gap in time, also across passes: over these a sensor's state is continuous."""
         step = np.diff(self.time_s)
-        usual = np.median(step[step > 0.0]) if (step > 0.0).any() else math.inf
-        broken = (np.diff(self.stretch) != 0) & ~((step > 0.0) & (step < 2.0 * usual))
+        median_step = np.median(step[step > 0.0]) if (step > 0.0).any() else math.inf
+        broken = (np.diff(self.stretch) != 0) & ~((step > 0.0) & (step < 2.0 * median_step))
         return tuple(np.split(np.arange(len(self)), np.flatnonzero(broken) + 1))
 
     def has(self, name: str) -> bool:

@@ -21,7 +21,7 @@ from .effect import PULL, SINKAGE, TORQUE, Drive, Effect, Situation
 
 _USUAL_LUGS = 18
 _LEAST_SHARE = {TORQUE: 0.1, SINKAGE: 0.01, PULL: 0.1}
-"""Least root mean square of a channel, relative to W r [N m], r [m] and W [N]: a scale of sensor faults at zero slip."""
+"""Least root mean square of a channel, relative to W r [N m], r [m] and W [N]: for the scale of sensor faults."""
 
 
 @dataclass(frozen=True)

@@ -178,11 +178,11 @@ class _Clock:
         return None
 
 
-def _by_run(wanted: np.ndarray, runs: np.ndarray, values: np.ndarray, _holes: np.ndarray) -> np.ndarray:
+def _by_run(requested: np.ndarray, runs: np.ndarray, values: np.ndarray, _holes: np.ndarray) -> np.ndarray:
     """Values (m,) for the run of each row (n,): row by row if the numbers of rows are equal, else the run's mean."""
-    answer = np.full(len(wanted), np.nan)
-    for name in np.unique(wanted):
-        rows, there = np.flatnonzero(wanted == name), np.flatnonzero(runs == name)
+    answer = np.full(len(requested), np.nan)
+    for name in np.unique(requested):
+        rows, there = np.flatnonzero(requested == name), np.flatnonzero(runs == name)
         if len(rows) == len(there):
             answer[rows] = values[there]
         elif np.isfinite(values[there]).any():
@@ -191,31 +191,31 @@ def _by_run(wanted: np.ndarray, runs: np.ndarray, values: np.ndarray, _holes: np
 
 
 def _by_time(
-    wanted: _Clock, known: _Clock, steps: Mapping[str, float], apart: float, values: np.ndarray, holes: np.ndarray
+    requested: _Clock, known: _Clock, steps: Mapping[str, float], apart: float, values: np.ndarray, holes: np.ndarray
 ) -> np.ndarray:
     """Interpolate values (m,) linearly in time within each wheel and run, (n,); NaN are skipped, holes are not.
 
     NaN outside the known times, between two that are more than `apart` of the recording's `steps` [s] apart, and next
     to a hole.
     """
-    answer = np.full(len(wanted.time_s), np.nan)
-    for label in np.unique(wanted.label):
-        there, rows, step = known.of(label), np.flatnonzero(wanted.label == label), steps.get(label, 0.0)
+    answer = np.full(len(requested.time_s), np.nan)
+    for label in np.unique(requested.label):
+        there, rows, step = known.of(label), np.flatnonzero(requested.label == label), steps.get(label, 0.0)
         there = there[np.isfinite(values[there]) | holes[there]]
         if there.size:
-            at_s, time_s, seen = wanted.time_s[rows], known.time_s[there], ~holes[there]
+            at_s, time_s, seen = requested.time_s[rows], known.time_s[there], ~holes[there]
             line = np.interp(at_s, time_s, np.where(seen, values[there], 0.0))
             whole = np.interp(at_s, time_s, seen.astype(float)) > 1.0 - 1e-6
             answer[rows] = np.where(whole & _near(at_s, time_s, apart * step, _AT * step), line, np.nan)
     return answer
 
 
-def _near(wanted: np.ndarray, time_s: np.ndarray, farthest_s: float, at_s: float) -> np.ndarray:
+def _near(requested: np.ndarray, time_s: np.ndarray, farthest_s: float, at_s: float) -> np.ndarray:
     """(k,) True for times at one of others (m,), which ascend, or between two that are no more than so far apart."""
-    after = np.clip(np.searchsorted(time_s, wanted), 0, len(time_s) - 1)
+    after = np.clip(np.searchsorted(time_s, requested), 0, len(time_s) - 1)
     before = np.maximum(after - 1, 0)
-    away = np.minimum(np.abs(time_s[after] - wanted), np.abs(time_s[before] - wanted))
-    between = (wanted >= time_s[0]) & (wanted <= time_s[-1])
+    away = np.minimum(np.abs(time_s[after] - requested), np.abs(time_s[before] - requested))
+    between = (requested >= time_s[0]) & (requested <= time_s[-1])
     return (between & (time_s[after] - time_s[before] <= farthest_s)) | (away <= at_s)
 
 

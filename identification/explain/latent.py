@@ -135,8 +135,8 @@ def path_of(
     readings = _Readings(np.where(seen, measured, 0.0), seen, jumps, step, relative, least)
     point = readings.best(starts)
     for _ in range(_MOST_SEARCHES):
-        away = np.abs(readings.innovations(point)[0])
-        new = (away > _JUMP) & (away >= maximum_filter1d(away, 2 * _SEPARATION + 1)) & ~readings.jumps
+        size = np.abs(readings.innovations(point)[0])
+        new = (size > _JUMP) & (size >= maximum_filter1d(size, 2 * _SEPARATION + 1)) & ~readings.jumps
         if not new.any():
             break
         readings = replace(readings, jumps=readings.jumps | new)
@@ -207,8 +207,8 @@ class _Readings:
         """
         if not (np.abs(point) < 60.0).all():
             return math.inf
-        away, log_scale = self.innovations(point)
-        return float(robust_loss(away).sum() + log_scale.sum())
+        innovation, log_scale = self.innovations(point)
+        return float(robust_loss(innovation).sum() + log_scale.sum())
 
     def best(self, starts: list[np.ndarray]) -> np.ndarray:
         """Return the maximum-likelihood ln(noise, amplitude, length) over several starts."""
@@ -238,16 +238,16 @@ def independent(measured: np.ndarray, sd: np.ndarray) -> Path:
 
 def exact(values: np.ndarray) -> Path:
     """Return the path of a channel without error."""
-    nothing = np.zeros((len(values), STATES, STATES))
-    return Path(values, values, nothing, nothing, nothing, np.zeros(len(values)))
+    zero = np.zeros((len(values), STATES, STATES))
+    return Path(values, values, zero, zero, zero, np.zeros(len(values)))
 
 
 def _steps(time_s: np.ndarray, jumps: np.ndarray) -> np.ndarray:
     """Time since the previous row (n,), in median time steps; 1 where a stretch begins or time does not increase."""
     step = np.diff(time_s, prepend=time_s[:1])
-    going = ~jumps & (step > 0.0)
-    usual = float(np.median(step[going])) if going.any() else 1.0
-    return np.where(going, step / usual, 1.0)
+    increasing = ~jumps & (step > 0.0)
+    median_step = float(np.median(step[increasing])) if increasing.any() else 1.0
+    return np.where(increasing, step / median_step, 1.0)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -257,7 +257,7 @@ def _innovations(values, seen, transition, process_noise, which, noise):
     transition, process_noise (g, k, k) over each gap; which (n,): the gap before each row; noise (n,): variance.
     """
     rows, size = len(values), transition.shape[1]
-    away, log_scale = np.zeros(rows), np.zeros(rows)
+    innovation, log_scale = np.zeros(rows), np.zeros(rows)
     state, predicted = np.zeros(size), np.zeros(size)
     p, product = np.zeros((size, size)), np.zeros((size, size))
     for row in range(rows):
@@ -279,18 +279,18 @@ def _innovations(values, seen, transition, process_noise, which, noise):
         if not seen[row]:
             continue
         scale = p[0, 0] + noise[row]
-        off = values[row] - state[0]
-        away[row], log_scale[row] = off / math.sqrt(scale), 0.5 * math.log(scale)
+        residual = values[row] - state[0]
+        innovation[row], log_scale[row] = residual / math.sqrt(scale), 0.5 * math.log(scale)
         for i in range(size):
             predicted[i] = p[i, 0] / scale
         for i in range(size):
-            state[i] += predicted[i] * off
+            state[i] += predicted[i] * residual
             for j in range(size):
                 product[i, j] = predicted[i] * p[0, j]
         for i in range(size):
             for j in range(size):
                 p[i, j] -= product[i, j]
-    return away, log_scale
+    return innovation, log_scale
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

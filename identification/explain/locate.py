@@ -117,20 +117,20 @@ def _stretches(problem: Problem, best: Fitted) -> list[_Stretch]:
     for effect, where in best.model.slices():
         extent = effect.extent(best.vector[where])
         if extent is not None:
-            nothing = best.vector.copy()
-            nothing[where] = [parameter.null for parameter in effect.parameters]
-            without = best.model.predict(problem.samples.drive, problem.imposed, nothing).channels
+            null = best.vector.copy()
+            null[where] = [parameter.null for parameter in effect.parameters]
+            without = best.model.predict(problem.samples.drive, problem.imposed, null).channels
             answer.append(_Stretch(*extent, best.response.channels - without, 0.0))
     return answer
 
 
 def _significant(whitened: Whitened) -> tuple[dict[int, float], np.ndarray]:
     """Significant tests, by number, with their gains [nats], and the corrected p-values of all, (q,)."""
-    everything = range(len(whitened.tests))
-    gains = [whitened.gain(each) for each in everything]
-    p_values = chi2.sf(2.0 * np.array(gains), [whitened.freedom(each) for each in everything])
+    numbers = range(len(whitened.tests))
+    gains = [whitened.gain(each) for each in numbers]
+    p_values = chi2.sf(2.0 * np.array(gains), [whitened.freedom(each) for each in numbers])
     corrected = false_discovery_control(np.maximum(p_values, 1e-300))
-    return {each: gains[each] for each in everything if corrected[each] <= FALSE_DISCOVERIES}, corrected
+    return {each: gains[each] for each in numbers if corrected[each] <= FALSE_DISCOVERIES}, corrected
 
 
 def _reported(whitened: Whitened, significant: dict[int, float], through: set[str]) -> list[tuple[int, float, _Spans]]:

@@ -36,11 +36,11 @@ def best_patches(problem: Problem, fitted: Fitted) -> dict[str, list[np.ndarray]
     drive, noises = problem.samples.drive, (fitted.noise, problem.first_noise)
     edges = {name: _edges(getattr(drive, name)) for name in tracks_of(drive)}
 
-    def weighed(case: tuple[str, Noise]) -> tuple[np.ndarray, np.ndarray]:
+    def gains_of(case: tuple[str, Noise]) -> tuple[np.ndarray, np.ndarray]:
         name, noise = case
         return _gains(*_scores(problem, fitted, noise, _inside(getattr(drive, name), edges[name])))
 
-    found = iter(together(weighed, product(edges, noises)))
+    found = iter(together(gains_of, product(edges, noises)))
     return {name: _select_distinct([next(found) for _ in noises], edges[name]) for name in edges}
 
 
@@ -55,11 +55,11 @@ def _inside(where: np.ndarray, edges: np.ndarray) -> np.ndarray:
     return (cell[:, None] == np.arange(CELLS)) & np.isfinite(where)[:, None]
 
 
-def _select_distinct(weighed: Sequence[tuple[np.ndarray, np.ndarray]], edges: np.ndarray) -> list[np.ndarray]:
+def _select_distinct(gains: Sequence[tuple[np.ndarray, np.ndarray]], edges: np.ndarray) -> list[np.ndarray]:
     """Return the distinct patches with the largest gain, a few for each noise model (`_gains`)."""
     found: list[tuple[int, int]] = []
     answer = []
-    for gain, change in weighed:
+    for gain, change in gains:
         for _ in range(_PATCHES_EACH):
             for first, last in found:
                 near = (

@@ -199,11 +199,11 @@ def _path(values: np.ndarray, time_s: np.ndarray, sd: float, stretch: np.ndarray
     """Estimate the latent path of load or slip without gross errors."""
     if not timed:
         return independent(values, np.full(len(values), sd))
-    away = from_running_median(values, stretch) > _ISOLATED * sd
+    outlier = from_running_median(values, stretch) > _ISOLATED * sd
     number = np.cumsum(np.diff(stretch, prepend=stretch[:1]) != 0)
     # Many outliers mean that the channel changes rapidly, not that it is faulty.
-    share = np.bincount(number, away) / np.maximum(np.bincount(number, np.isfinite(values)), 1.0)
-    values = np.where(away & (share[number] <= _MOST_ISOLATED), math.nan, values)
+    share = np.bincount(number, outlier) / np.maximum(np.bincount(number, np.isfinite(values)), 1.0)
+    values = np.where(outlier & (share[number] <= _MOST_ISOLATED), math.nan, values)
     return path_of(values, time_s, stretch, np.ones(len(values)), sd)
 
 

@@ -129,7 +129,8 @@ def names_of(drive: Drive) -> dict[str, str]:
     if drive.axis is None:
         return _NAMES | _TURNING
     aslant = {name: name for name in tracks_of(drive) if name in _TURNING}
-    return {name: held for name, held in _NAMES.items() if name != "x_m"} | {coordinate(drive.axis): "place_m"} | aslant
+    others = {name: attribute for name, attribute in _NAMES.items() if name != "x_m"}
+    return others | {coordinate(drive.axis): "place_m"} | aslant
 
 
 def public_name(drive: Drive, attribute: str) -> str:
@@ -147,10 +148,10 @@ def rank(name: str, through: Collection[str]) -> int:
     through
         Attributes of `Drive` that the fitted effects need.
     """
-    usual = _ORDER.index(name)
-    held = {name, _NAMES.get(name, name), "place_m" if name in _TURNING else name}
-    of_effect = not held.isdisjoint(through) or (name == LAG and "time_s" in through)
-    return usual - len(_ORDER) if of_effect else usual
+    order = _ORDER.index(name)
+    names = {name, _NAMES.get(name, name), "place_m" if name in _TURNING else name}
+    of_effect = not names.isdisjoint(through) or (name == LAG and "time_s" in through)
+    return order - len(_ORDER) if of_effect else order
 
 
 def _edges(values: np.ndarray) -> np.ndarray:

@@ -192,12 +192,12 @@ class AugmentedWheel:
         if not latent:
             return answer
         by_latent = np.empty((*base.shape, 2))
-        nothing = np.zeros(len(imposed))
+        zero = np.zeros(len(imposed))
         step_N = _STEP * np.abs(imposed[:, 0])
-        by_latent[:, :, 0], _ = derivative(imposed + np.column_stack([step_N, nothing]), vector, step_N)
+        by_latent[:, :, 0], _ = derivative(imposed + np.column_stack([step_N, zero]), vector, step_N)
         # A step towards zero slip never reaches a locked wheel or one that spins on the spot.
         step_slip = np.where(imposed[:, 1] > 0.0, -_STEP, _STEP)
-        by_latent[:, :, 1], _ = derivative(imposed + np.column_stack([nothing, step_slip]), vector, step_slip)
+        by_latent[:, :, 1], _ = derivative(imposed + np.column_stack([zero, step_slip]), vector, step_slip)
         return replace(answer, by_latent=by_latent)
 
     def _in_equilibrium(

@@ -34,14 +34,14 @@ def test_laplace_agrees_with_integration_over_an_offset(fitted):
         there = fit(held, AugmentedWheel(model.wheel), whole.vector[:-1], textbook.noise, fit_noise=False)
         logs.append(log_evidence(held, there) - 0.5 * (value / prior_sd) ** 2)
     density = logsumexp(logs) + np.log(grid[1] - grid[0]) - np.log(np.sqrt(2.0 * np.pi) * prior_sd)
-    # Cohesion leans on its bound in a part of the grid: there the density is no normal one.
+    # Cohesion is at its bound in a part of the grid: there the density is not normal.
     assert log_evidence(problem, whole) == pytest.approx(density, abs=0.2)
 
 
 @pytest.mark.parametrize("gradient", [0.0, -0.7, -4.0])
 @pytest.mark.parametrize("place", [0.0, 0.6])
 def test_integral_within_bounds_is_exact(gradient, place):
-    """A parameter that leans on its bound, or lies before it, beside another one that follows it."""
+    """A parameter at its bound, or inside it, correlated with another one."""
     information = np.array([[2.0, 1.5], [1.5, 3.0]])
     vector, slope = np.array([place, 5.0]), np.array([gradient if place == 0.0 else 0.0, 0.0])
     prior = Prior(np.zeros(2), np.zeros(2), np.array([0.0, -np.inf]), np.full(2, np.inf))
@@ -68,7 +68,7 @@ def test_discrepancy_is_marginalised_exactly(fitted):
     flat = white.reshape(len(weight), -1) * np.sqrt(weight)[:, None]
     residual, soil, smooth = flat[:, 0], flat[:, 1:6], flat[:, 6:]
     prior = problem.prior(textbook.model)
-    # What the prior of the soil pulls by is one more observation of each of its parameters.
+    # The prior of the soil is one more observation of each of its parameters.
     known = np.sqrt(prior.precision)
     residual = np.concatenate([residual, known * (prior.mean - textbook.vector)])
     soil = np.vstack([soil, np.diag(known)])
