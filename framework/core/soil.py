@@ -38,9 +38,6 @@ to 1.6 (snow) in Wong 2010, Table 2.3; dense lunar soil has up to 50 degrees (G.
 WRONG_FORM = 1.5
 """A misfit beyond this many times the sensors' noise is reported as an error of the model's form [-]."""
 
-UNDRAINED_C_PA = 5e3
-"""From this cohesion [Pa] on a soil may have no friction: saturated clay that does not drain."""
-
 
 _LEAST_SD = 1e-12
 """Of a parameter's largest plausible value [-]: a standard deviation below it is lost in the rounding of the value."""
@@ -110,12 +107,6 @@ class SoilEstimate:
     n: int
     misfit: float
     findings: tuple[Finding, ...] = ()
-
-    def strength_at(self, normal_stress_Pa: float) -> tuple[float, float]:
-        """Give the shear strength at a normal stress [Pa] and its standard deviation [Pa]."""
-        gradient = np.array([1.0, normal_stress_Pa])
-        variance = float(gradient @ self.covariance_c_tan_phi @ gradient)
-        return float(gradient @ self.mean_c_tan_phi), math.sqrt(max(variance, 0.0))
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from ..effects.effect import Effect
 from ..mechanics.augmented import SOIL_COUNT
 from ..mechanics.soil import from_internal, slope_of_internal
 from ..mechanics.textbook import CHANNELS
-from .discriminate import propose_measurement
+from .discriminate import propose_drive, propose_measurement
 from .evidence import Discrepancy, dependence
 from .explanation import (
     Candidate,
@@ -187,10 +187,10 @@ def _unknown(problem: Problem, posterior: Posterior, chosen: Chosen) -> Missing:
         f"{CHANNELS[channel]} differs by {size:.2g} times its noise, mostly with {variable}"
         for channel, variable, size in parts
     )
-    first = parts[0][1] if parts else "slip"
+    measurement = propose_drive(problem.samples.drive, parts[0][1] if parts else "slip")
     return Missing(
         UNKNOWN, UNKNOWN, "smooth discrepancy", posterior.unknown, {}, "a polynomial in what the drive varies",
-        "M. C. Kennedy, A. O'Hagan (2001)", (), f"vary {first} with all else held constant", where,
+        "M. C. Kennedy, A. O'Hagan (2001)", (), measurement, where,
     )  # fmt: skip
 
 

@@ -28,6 +28,9 @@ LEAST_GAIN = 5.0
 _COVERED = 0.85
 """Share of a planned range beyond which the recorded drive covers it [-]."""
 
+_VARIED = 0.05
+"""Standard deviation relative to the mean from which on a condition of a drive varied [-]."""
+
 _SHEAR_TEST = "give cohesion and friction from a shear test (--soil)"
 
 
@@ -204,8 +207,26 @@ def _expected(
         return 0.0
     difference, columns = difference[good].ravel(), columns[good].reshape(-1, columns.shape[-1])
     # The fit to the present drive is the prior for a new one.
-    information = scaled_inverse(other.covariance(problem)) if problem is not None else 0.0
+    information = columns.T @ columns + (scaled_inverse(other.covariance(problem)) if problem is not None else 0.0)
     gradient = columns.T @ difference
-    return 0.5 * float(
-        difference @ difference - gradient @ scaled_inverse(columns.T @ columns + information) @ gradient
-    )
+    return 0.5 * float(difference @ difference - gradient @ scaled_inverse(information) @ gradient)
+
+
+def propose_drive(drive: Drive, variable: str) -> str:
+    """Propose a drive that identifies what a discrepancy depends on.
+
+    It varies the variable alone if other conditions varied with it, else it repeats the drive at another value of a
+    condition that was constant.
+    """
+    conditions = ("load_N", "rim_speed_m_s", "slip")
+    varied = [name for name in conditions if drive.has(name) and _varies(getattr(drive, name))]
+    others = [name for name in varied if name != variable]
+    if others:
+        return f"vary {variable} with {' and '.join(others)} held constant"
+    constant = next(name for name in conditions if name not in varied)
+    return f"repeat the drive at another {constant}"
+
+
+def _varies(values: np.ndarray) -> bool:
+    """Return whether a condition (n,) varied."""
+    return bool(np.nanstd(values) > _VARIED * abs(np.nanmean(values)))

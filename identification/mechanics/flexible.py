@@ -42,7 +42,6 @@ FREEDOMS = (
     Freedom("stiffening", 0.0, 0.5, -0.5, 1.5, "k = k_0 (W / W_0)^m; m = 1 - 0.5 for sand: Duncan & Chang 1970, Eq. 6"),
 )
 
-NUISANCES = tuple(freedom.name for freedom in FREEDOMS)
 _SMALLEST_SHARE, _LARGEST_SHARE = 0.05, 0.95
 """Bounds of theta_m / theta_1 [-]: the stress peak stays inside the contact."""
 

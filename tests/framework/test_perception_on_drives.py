@@ -9,9 +9,9 @@ from dataclasses import replace
 import pytest
 from bevameter.framework.core.classifier.classifier import TerrainClassifier
 from bevameter.framework.core.errors import InputError
-from bevameter.framework.scenario.judge import judge_camera, judge_microphone
 from bevameter.framework.scenario.plan import make_plan
 from bevameter.framework.scenario.presets import PRESETS
+from drive_scores import judge_camera, judge_microphone
 
 
 @pytest.fixture(scope="module")

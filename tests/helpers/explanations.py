@@ -107,7 +107,7 @@ def unknown() -> Explanation:
     """Something that the catalogue lacks."""
     lacked = Missing(
         "unknown", "unknown", "smooth discrepancy", 0.93, {}, "a polynomial in what the drive varies", "somebody",
-        would_tell="vary rim_speed_m_s with all else held constant",
+        would_tell="vary rim_speed_m_s with load_N held constant",
         description="torque_Nm differs by 3 times its noise, mostly with rim_speed_m_s",
     )  # fmt: skip
     return explanation(verdict="unknown", missing=(lacked,))

@@ -1,7 +1,7 @@
 """What camera and microphone state on whole drives with the default models, and whether they are as right as they say.
 
 Development looked at seeds 1 and 2 of `demo`, `short` and `rover4`; seeds from 101 on took no part in it. Scores are
-those of `bevameter.framework.scenario.judge`, pooled by the rows that are known.
+those of `drive_scores`, pooled by the rows that are known.
 
     python tests/studies/perception_on_drives.py --seeds 2
 """
@@ -12,9 +12,9 @@ import argparse
 
 import numpy as np
 from bevameter.framework.default_models import default_model
-from bevameter.framework.scenario.judge import judge_camera, judge_microphone
 from bevameter.framework.scenario.plan import make_plan
 from bevameter.framework.scenario.presets import PRESETS
+from drive_scores import judge_camera, judge_microphone
 
 FIRST_SEED = 101
 NAMES = ("demo", "short", "rover4")

@@ -10,19 +10,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-
-from ...audio.classify import sound_evidence
-from ...vision.observe import observe_ground
-from ..core.classifier.classifier import TerrainClassifier
-from ..core.classifier.scores import calibration_error
-from ..core.errors import InputError
-from ..core.evidence import ClassEvidence
-from ..core.recording.camera import decode_image
-from ..core.recording.types import Frame, Wanted, always
-from .hearing import heard
-from .plan import Plan
-from .seeing import frame_times, ground_sites, seen
-from .view import GroundSite
+from bevameter.audio.classify import sound_evidence
+from bevameter.framework.core.classifier.classifier import TerrainClassifier
+from bevameter.framework.core.classifier.scores import calibration_error
+from bevameter.framework.core.errors import InputError
+from bevameter.framework.core.evidence import ClassEvidence
+from bevameter.framework.core.recording.camera import decode_image
+from bevameter.framework.core.recording.types import Frame, Wanted, always
+from bevameter.framework.scenario.hearing import heard
+from bevameter.framework.scenario.plan import Plan
+from bevameter.framework.scenario.seeing import frame_times, ground_sites, seen
+from bevameter.framework.scenario.view import GroundSite
+from bevameter.vision.observe import observe_ground
 
 SURE = 0.9
 """Probability from which on a statement counts as sure [-]."""
