@@ -3,8 +3,8 @@
 Stresses are those of K. Iagnemma, S. Dubowsky, "Terrain estimation for high-speed rough-terrain autonomous vehicle
 navigation" (2002), Eq. 2-9. A contact is a row of numbers (`fields.FIELDS`), which effects change.
 
-The rim is divided at the angle of the stress peak theta_m. In the front zone theta = theta_1 - (theta_1 - theta_m) u, in
-the rear zone theta = theta_2 + (theta_m - theta_2) u, u in [0, 1]: by Eq. 9 both zones then have the same normal
+The rim is divided at the angle of the stress peak theta_m. In the front zone theta = theta_1 - (theta_1 - theta_m) u;
+in the rear zone theta = theta_2 + (theta_m - theta_2) u, u in [0, 1]: by Eq. 9 both zones then have the same normal
 stress at the same u. Stress rises from the free ends like u^n, n not an integer, which slows the convergence of
 Gauss-Legendre quadrature; with u = s^2 or s^3 the integrand is smoother in s. Both zones are also divided at kinks of
 the stresses.
