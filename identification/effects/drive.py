@@ -34,25 +34,24 @@ COLUMNS = {
 """Wheel column of each attribute of `Drive`; accelerations need `time_s` as well."""
 
 _WINDOWS, _DEGREE = (9, 13, 19, 27, 39, 55), 4
-"""Windows [samples] over which speeds are fitted for their derivative, and degree of the polynomial: a parabola over
-nine samples attenuates accelerations within a second by some per cent, and overestimates masses by as much."""
+"""Windows [samples] of the polynomials fitted to speeds for their derivative, and the degree of these: a parabola over
+nine samples attenuates accelerations within a second by some per cent, and overestimates masses as much."""
 
 
 class PresentDrive(Drive):
-    """A drive that is simulated: a column that was observed in any row is there, constant or not."""
+    """A drive to be simulated: `has` is true for a column observed in any row, constant or not."""
 
     def has(self, name: str) -> bool:
-        """Say whether a channel was observed in any sample."""
+        """Return whether a channel was observed in any sample."""
         return bool(np.isfinite(getattr(self, name)).any())
 
 
 def order_of(table: WheelTable) -> tuple[np.ndarray, np.ndarray]:
-    """Order (n,) by run, then stretch, the earlier begun first (trials as given), and the stretch (n,) of each row in
-    that order.
+    """Order (n,) by run, then start of the stretch (trials as given), and stretch (n,) of each row in that order.
 
-    A stretch ends where wheel, run or pass change, where time does not increase or jumps by five usual steps, and where
-    the wheel was set down elsewhere (`positions.set_down`). Of several wheels the one in front comes first: the next
-    runs on ground that it has left.
+    A stretch ends where wheel, run or pass change, where time does not increase or jumps by five median steps, and
+    where the wheel was set down elsewhere (`positions.set_down`). Of several wheels the front one comes first: the next
+    runs on the ground behind it.
     """
     time_s = table.get("time_s")
     if time_s is None:
@@ -62,8 +61,8 @@ def order_of(table: WheelTable) -> tuple[np.ndarray, np.ndarray]:
     order = np.lexsort((time_s, labels))
     labels, time_s = labels[order], time_s[order]
     step = np.diff(time_s)
-    usual = float(np.median(step[step > 0.0])) if (step > 0.0).any() else 1.0
-    broken = (np.diff(labels) != 0) | (step <= 0.0) | (step > 5.0 * usual)
+    median_step = float(np.median(step[step > 0.0])) if (step > 0.0).any() else 1.0
+    broken = (np.diff(labels) != 0) | (step <= 0.0) | (step > 5.0 * median_step)
     number = table.get("pass")
     if number is not None:
         broken |= np.nan_to_num(np.diff(_carried(number[order], labels))) != 0.0
@@ -72,9 +71,11 @@ def order_of(table: WheelTable) -> tuple[np.ndarray, np.ndarray]:
         broken |= set_down(np.column_stack([table[name][order] for name in ("x_m", "y_m") if name in table]), of_one)
     stretch = np.concatenate([[0], np.cumsum(broken)])[: len(order)]
     first = np.flatnonzero(np.diff(stretch, prepend=-1))
-    # Of several wheels that begin together the rear one comes last.
+    # Of several wheels that start together the rear one comes last.
     begun = np.sort(time_s[first])
-    together = np.concatenate([[0], np.cumsum(np.diff(begun) > 2.0 * usual)])[np.searchsorted(begun, time_s[first])]
+    together = np.concatenate([[0], np.cumsum(np.diff(begun) > 2.0 * median_step)])[
+        np.searchsorted(begun, time_s[first])
+    ]
     passes = np.ones(len(first))
     if number is not None and wheel.any():
         passes = np.nan_to_num(_carried(number[order], labels)[first], nan=1.0)
@@ -84,7 +85,7 @@ def order_of(table: WheelTable) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _by_appearance(names: np.ndarray | None, count: int) -> np.ndarray:
-    """Number names (n,) by the row where each appears first."""
+    """Number names (n,) in order of first appearance."""
     if names is None:
         return np.zeros(count, dtype=int)
     _, first, which = np.unique(names, return_index=True, return_inverse=True)
@@ -92,15 +93,15 @@ def _by_appearance(names: np.ndarray | None, count: int) -> np.ndarray:
 
 
 def _labels(table: WheelTable) -> np.ndarray:
-    """Number (n,) of the wheel in its run that each row is of."""
+    """Number (n,) of wheel and run of each row."""
     wheel, run = (_by_appearance(names, len(table)) for names in (table.wheel, table.run))
     return wheel * (len(table) + 1) + run
 
 
 def _carried(number: np.ndarray, label: np.ndarray) -> np.ndarray:
-    """Numbers of passes (n,), missing ones filled from the last row of the same label (n,) that has one, or the next.
+    """Pass numbers (n,), filled forward and then backward within each label (n,).
 
-    NaN where none has one.
+    NaN where a label has none.
     """
     order = np.argsort(label, kind="stable")
     answer = number.copy()
@@ -120,16 +121,16 @@ def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Dr
     table
         Rows of one wheel geometry in the order of `order_of`, with load and slip.
     wheel
-        The wheel, whose radius relates angular speed and rim speed.
+        The wheel, for its radius.
     stretch : (n,)
         Stretch of each row.
     kind
-        `Drive`, or `PresentDrive` for a drive that is to be simulated.
+        `Drive`, or `PresentDrive` for a drive to be simulated.
     """
-    nothing = np.full(len(table), math.nan)
+    missing = np.full(len(table), math.nan)
 
     def column(name: str) -> np.ndarray:
-        return table.columns.get(name, nothing)
+        return table.columns.get(name, missing)
 
     rate, travel, time_s = column("wheel_speed_rad_s"), column("travel_speed_m_s"), column("time_s")
     # Slip and one of the two speeds give the other.
@@ -166,18 +167,18 @@ def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Dr
 
 
 def select_rows(drive: Drive, rows: np.ndarray) -> Drive:
-    """Give the rows of a mask or an index array, as a drive of the same kind."""
+    """Return the rows of a mask or an index array, as a drive of the same kind."""
     return replace(drive, **{name: getattr(drive, name)[rows] for name in COVARIATES})
 
 
 def rate_of_change(values: np.ndarray, time_s: np.ndarray, stretch: np.ndarray) -> np.ndarray:
-    """Rate of change [1/s], (n,), from a local polynomial between gaps of each stretch; NaN where that is too short.
+    """Rate of change [1/s], (n,), from local polynomials between gaps of each stretch; NaN where these are too short.
 
-    The polynomial's window minimises the expected error, of noise and attenuation together (after C. M. Stein, Ann.
-    Statist. 9 (1981), 1135-1151: an unbiased estimate of the risk). The rate is shrunk to its mean by the share of its
-    variance that is noise: regressions on it are then not attenuated (regression calibration; R. J. Carroll et al.,
-    "Measurement Error in Nonlinear Models" (2006), Ch. 4), but for rows near the ends of stretches, whose noise is
-    larger: in stretches of tens of rows and less they still are.
+    The window minimises the expected error of noise and attenuation (after C. M. Stein, Ann. Statist. 9 (1981),
+    1135-1151: an unbiased estimate of the risk). The rate is shrunk to its mean by the share of noise in its variance,
+    so that regressions on it are not attenuated (regression calibration; R. J. Carroll et al., "Measurement Error in
+    Nonlinear Models" (2006), Ch. 4). Near the ends of stretches noise is larger: some attenuation remains in stretches
+    of tens of rows or less.
     """
     seen = np.isfinite(values) & np.isfinite(time_s)
     broken = (np.diff(stretch) != 0) | (seen[1:] != seen[:-1])

@@ -1,4 +1,4 @@
-"""An effect: something that the textbook wheel leaves out, with its formula, its parameters and where it acts."""
+"""Base class of effects: physics or faults that the textbook wheel omits, with formula, parameters and priors."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ class Parameter:
     low, high
         Bounds.
     start
-        Value at which a fit starts.
+        Initial value of a fit.
     scale
-        Standard deviation of the prior: how far from `null` the parameter usually is.
+        Standard deviation of the prior about `null`.
     source
-        Where the prior comes from: the range of published values with their reference, or an engineering judgement.
+        Source of the prior: the range of published values with their reference, or an engineering judgement.
     null
-        Value at which the effect vanishes, or the usual value where none does so.
+        Value at which the effect vanishes, or a typical value if there is none.
     step
-        Step of the difference quotient, where the default step is too small.
+        Step of the difference quotient if the default step is too small.
     """
 
     name: str
@@ -67,12 +67,11 @@ class Drive:
     place_m
         Place along the track (`track.place_of`): `x_m` where it runs that way.
     slip_before
-        Absolute slip of the wheel that ran before at the same place [-] (`passes.slip_before`); without meaning on
-        fresh ground.
+        Absolute slip of the previous wheel at the same place [-] (`passes.slip_before`); meaningless on fresh ground.
     acceleration_m_s2, angular_acceleration_rad_s2
         dV/dt and d(omega)/dt, smoothed.
     stretch
-        Number of the uninterrupted stretch of time that a sample belongs to: one run, pass and wheel.
+        Number of the uninterrupted stretch of time of a sample: of one run, pass and wheel.
     axis
         Direction in which the track runs in the plane; None where it turns.
     """
@@ -99,19 +98,19 @@ class Drive:
 
     @property
     def timed(self) -> bool:
-        """Whether rows are a time series: steady trials are not, each is a stretch of its own."""
+        """Whether rows are a time series; steady-state trials are not, each is a stretch of its own."""
         return bool(np.isfinite(self.time_s).all() and (np.diff(self.stretch) == 0).any())
 
     @cached_property
     def runs(self) -> tuple[np.ndarray, ...]:
-        """Rows of each uninterrupted run of the clock: a sensor keeps its state where a new pass begins at once."""
+        """Rows of each period without a gap in time, also across passes: over these a sensor's state is continuous."""
         step = np.diff(self.time_s)
-        usual = np.median(step[step > 0.0]) if (step > 0.0).any() else math.inf
-        broken = (np.diff(self.stretch) != 0) & ~((step > 0.0) & (step < 2.0 * usual))
+        median_step = np.median(step[step > 0.0]) if (step > 0.0).any() else math.inf
+        broken = (np.diff(self.stretch) != 0) & ~((step > 0.0) & (step < 2.0 * median_step))
         return tuple(np.split(np.arange(len(self)), np.flatnonzero(broken) + 1))
 
     def has(self, name: str) -> bool:
-        """Say whether a channel was observed in most samples and is not constant."""
+        """Return whether a channel was observed in most samples and is not constant."""
         values = getattr(self, name)
         seen = np.isfinite(values)
         return bool(seen.mean() > 0.5) and float(np.ptp(values[seen])) > 1e-9 * max(
@@ -120,18 +119,18 @@ class Drive:
 
 
 _LEAST_TAN_PHI = 0.1
-"""Least tan phi from which a soil's strength is computed [-]: a fit may end at zero."""
+"""Lower bound of tan phi in a soil's strength [-]: a fit may end at zero."""
 
 _LEAST_DEPTH = 0.05
-"""Least sinkage from which the contact's length is computed, and the one assumed where none was measured [radii]."""
+"""Lower bound of sinkage in the length of the contact, and its value where it was not measured [radii]."""
 
 COVARIATES = tuple(name for name in Drive.__dataclass_fields__ if name != "axis")
-"""Covariates that a drive has of each sample."""
+"""Names of the covariates of a drive."""
 
 
 @dataclass(frozen=True)
 class Situation:
-    """What decides which forms of an effect a recording can show, and how strong they usually are (the priors).
+    """Properties of a recording that determine which forms of an effect it can show, and their priors.
 
     Parameters
     ----------
@@ -142,13 +141,13 @@ class Situation:
     typical : (5,)
         Root mean square of each channel of `textbook.CHANNELS`, NaN where it was not observed.
     sinkage_m : (n,)
-        As measured, NaN where not observed.
+        Measured sinkage, NaN where not observed.
     innovations : (n, 5)
         White residuals of the textbook wheel, gross errors clipped; NaN where not observed.
     c_Pa, tan_phi, stiffness_Pa
         Soil of the textbook wheel's fit.
     places
-        Parameter vectors from which a fit of a soil patch starts, by the attribute of the drive along which it lies.
+        Initial parameter vectors of soil patches, by the attribute of the drive along which these lie.
     """
 
     wheel: Wheel
@@ -163,7 +162,7 @@ class Situation:
 
     @property
     def depth_m(self) -> float:
-        """Median sinkage [m], a small one where none was measured."""
+        """Median sinkage [m], or a small value where it was not measured."""
         least = _LEAST_DEPTH * self.wheel.radius_m
         return max(float(np.nanmedian(self.sinkage_m)), least) if np.isfinite(self.sinkage_m).any() else least
 
@@ -176,14 +175,14 @@ class Situation:
         return max(self.c_Pa, 0.0) + pressure * max(self.tan_phi, _LEAST_TAN_PHI)
 
     def measures(self, *channels: int) -> bool:
-        """Say whether one of the channels (column numbers) was measured."""
+        """Return whether one of the channels (column numbers) was measured."""
         return bool(np.isfinite(self.typical[list(channels)]).any())
 
 
 class Contact:
-    """Rows of a contact under construction (n, f): each field of `fields.FIELDS` is an attribute, (n,).
+    """Contacts (n, f) that effects change: each field of `fields.FIELDS` is an attribute, (n,).
 
-    `sinkage_m` (n,) is what the geometry gives, and `wheel` the wheel.
+    `sinkage_m` (n,) follows from the entry angle, and `wheel` is the wheel.
     """
 
     def __init__(self, array: np.ndarray, wheel: Wheel) -> None:
@@ -210,9 +209,9 @@ class Contact:
 class Effect:
     """An effect of the catalogue, in one of its forms.
 
-    A module of an effect has one class with its name, description and check, registered with `registry.register`;
-    further published forms are its sub-classes. A form enters the wheel through one or several of `impose`, `contact`,
-    `act` and `report`, in each of which `values` (k,) are its parameters in the order of `parameters`.
+    A module has one class with the effect's name, description and check, registered with `registry.register`; further
+    published forms are its sub-classes. A form overrides one or several of `impose`, `contact`, `act` and `report`, in
+    which `values` (k,) are its parameters in the order of `parameters`.
     """
 
     slug: ClassVar[str]
@@ -220,7 +219,7 @@ class Effect:
     title: ClassVar[str]
     """Name in text, lower case."""
     what_happens: ClassVar[str]
-    """A clause that says what happens: no capital, no full stop."""
+    """Description in a clause, without capital and full stop."""
     check: str
     """Measurement that would show the effect: an imperative clause."""
     equation: str
@@ -229,35 +228,33 @@ class Effect:
     parameters: tuple[Parameter, ...]
     kind: Kind = "physics"
     form: str = ""
-    """Which published form, or which channel, where an effect has several."""
+    """Published form, or channel, if an effect has several."""
     needs: tuple[str, ...] = ()
-    """Attributes of `Drive` without which the formula has no value for a sample."""
+    """Attributes of `Drive` that the formula depends on."""
     changes: tuple[int, ...] = (TORQUE, SINKAGE, PULL)
-    """Channels that the effect changes: one of them has to be measured."""
+    """Channels that the effect changes, of which one has to be measured."""
     required: tuple[str, ...] = ()
-    """Parameters that have to be stated where the effect is simulated by name; the others are `Parameter.null`."""
+    """Parameters that have to be stated if the effect is simulated by name; others are at `Parameter.null`."""
     constants: Mapping[str, float] = MappingProxyType({})
-    """Constants of the formula that were taken from the drive that the effect was built for, by name [SI]."""
+    """Constants of the formula that depend on the drive that the effect was built for, by name [SI]."""
     prior_probability: float | None = None
-    """Prior probability of the effect, where it is known from elsewhere (the vehicle has lugs, say); None for the usual
-    one."""
+    """Prior probability of the effect if known (for a vehicle with lugs, for example); None for the default."""
     default_form: bool = True
-    """Whether this form is meant where several forms have the parameters that are named."""
+    """Whether this form is the default of several with the parameters that are named."""
     nested: ClassVar[bool] = True
-    """Whether the effect vanishes smoothly at its null values, so that a score test there ranks it."""
+    """Whether the effect vanishes smoothly at its null values, so that a score test ranks it."""
     choices: int = 1
-    """Number of discrete alternatives (numbers of lugs, say) that were searched: each has an equal share of the prior.
-    """
+    """Number of discrete alternatives that were searched (numbers of lugs, for example), with equal prior shares."""
     of_ground: ClassVar[bool] = False
-    """Whether it changes the soil itself, from place to place or pass to pass: applied before all others."""
+    """Whether it changes the soil itself, by place or pass: such effects are applied first."""
     of_any_wheel: ClassVar[bool] = False
-    """Whether the ground has the effect on whatever wheel comes next, so that a planner's prediction takes it over."""
+    """Whether it is a property of the ground that acts on any wheel: included in a planner's predictions."""
     by_run: ClassVar[bool] = False
-    """Whether its parameters describe the runs of one recording: not stored, for they mean nothing to another drive."""
+    """Whether its parameters describe the runs of one recording: these are not stored."""
     remembers: ClassVar[bool] = False
-    """Whether a sample's report depends on earlier samples."""
+    """Whether a reported sample depends on earlier samples."""
     remark: str = ""
-    """Note for the report if the effect is found."""
+    """Note for the report if the effect is identified."""
 
     @property
     def name(self) -> str:
@@ -272,49 +269,49 @@ class Effect:
 
     @classmethod
     def forms(cls, situation: Situation) -> Sequence[Effect]:
-        """Give the forms that a recording can show: one, where what it needs varies and what it changes was measured.
+        """Return the forms that a recording can show: one, if all `needs` vary and one of `changes` was measured.
 
-        A class whose constructor needs arguments, or that has several forms, overrides this.
+        Overridden by a class with several forms or with arguments of its constructor.
         """
         shown = all(situation.drive.has(name) for name in cls.needs) and situation.measures(*cls.changes)
         return (cls(),) if shown else ()
 
     @classmethod
     def forms_by_name(cls, situation: Situation) -> Sequence[Effect]:
-        """Give the forms that can be simulated by name: as `forms`, but where a column exists it need not vary."""
+        """Return the forms that can be simulated by name: as `forms`, but columns need not vary."""
         return cls.forms(situation)
 
     def extensions(self) -> list[Effect]:
-        """Give further forms, with other constants or more parameters, that are fitted once this form is probable."""
+        """Return further forms, with other constants or more parameters, to be fitted if this form is probable."""
         return []
 
     def starts(self) -> list[np.ndarray]:
-        """Parameter vectors (k,) from which fits start."""
+        """Initial parameter vectors (k,) of fits."""
         return [np.array([parameter.start for parameter in self.parameters])]
 
     def initial_soil(self, soil: np.ndarray) -> np.ndarray:
-        """Give the soil (5,) [internal coordinates] from which a fit with the effect starts, from the one without."""
+        """Return the initial soil (5,) of a fit with the effect, from that without [internal coordinates]."""
         return soil
 
     def extent(self, values: np.ndarray) -> tuple[str, float, float] | None:
-        """Attribute of `Drive` along which the effect acts on an interval, and the interval; None where it has none."""
+        """Attribute of `Drive` and the interval of it on which the effect acts; None if it acts everywhere."""
         return None
 
     def check_sd(self, noise: np.ndarray) -> float | None:
-        """Standard deviation with which `check` measures the first parameter, from the channels' noise (5,) [SI].
+        """Standard error of the first parameter by `check`, from the channels' noise (5,) [SI].
 
-        None where the check does not measure it.
+        None if the check does not measure it.
         """
         return None
 
     def impose(self, imposed: np.ndarray, drive: Drive, values: np.ndarray) -> None:
-        """Correct load [N] and slip (n, 2), in place, from the reported to the true ones."""
+        """Convert reported load [N] and slip (n, 2) to the true ones, in place."""
 
     def contact(self, contact: Contact, drive: Drive, values: np.ndarray) -> None:
         """Change geometry, pressure-sinkage or shear law, in place, at the entry angle of `contact`."""
 
     def act(self, channels: np.ndarray, contact: Contact, drive: Drive, values: np.ndarray) -> None:
-        """Add forces to `channels` (n, 5), in place, once the entry angle is found."""
+        """Add forces to `channels` (n, 5), in place, at the entry angle found."""
 
     def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
         """Change what the instruments report: `channels` (n, 5), in place."""

@@ -1,8 +1,8 @@
-"""Many soils at once through the wheel with effects: a planner's draws from a class of ground.
+"""Ensembles of soils for predictions with effects: a planner's draws from a terrain class.
 
-Predictions are for level, fresh ground and steady driving at the speed of the fit. Only effects that any wheel meets
-act (`Effect.of_any_wheel`): those that depend on slope, pass number or speed do nothing, and those of the vehicle that
-drove there, or of its instruments, belong to that vehicle.
+Predictions are for level, fresh ground and steady driving at the speed of the fit. Only effects of the ground on any
+wheel are included (`Effect.of_any_wheel`), not those of the vehicle that drove there or of its instruments. Effects of
+slope, pass number or speed vanish.
 """
 
 from __future__ import annotations
@@ -23,29 +23,29 @@ from .parse import lugs_of, pinned, situation_of, smallest_form, specimen
 from .stored import AugmentedSimulator, StoredEffect
 
 _FURTHEST = 50.0
-"""Error of a logarithm beyond which every value is out of bounds [-]."""
+"""Largest error of a logarithm [-]: beyond it every value is out of bounds."""
 
 
 def error_count(physics: AugmentedSimulator) -> int:
-    """Number of parameters that a planner's prediction takes from a fit: of the soil and of the effects that act."""
+    """Number of parameters in a planner's prediction: of the soil and of the effects that are included."""
     return SOIL_COUNT + sum(len(effect.parameters) for effect in _of_the_ground(physics))
 
 
 def errors_of_fit(physics: AugmentedSimulator, normal: np.ndarray) -> np.ndarray:
-    """Draw errors of a fit, all parameters together as they are correlated.
+    """Draw correlated errors of the parameters of a fit.
 
     Parameters
     ----------
     physics
-        Soil, with its standard deviations, and effects; a parameter of these whose error is unknown has the standard
-        deviation of its prior.
+        Soil, with its standard deviations, and effects; parameters of these whose error is unknown have the standard
+        deviation of their prior.
     normal : (s, `error_count`)
         Standard normal numbers.
 
     Returns
     -------
     (s, `error_count`)
-        Errors of c [Pa], tan phi, ln k, ln stiffness, ln n, and of the parameters of the effects that act.
+        Errors of c [Pa], tan phi, ln k, ln stiffness, ln n, and of the parameters of the effects that are included.
     """
     soil = {name: physics.soil[name] for name in PARAMETERS}
     sd = [entry.sd / slope_of_internal(name, entry.value) for name, entry in soil.items()]
@@ -87,19 +87,19 @@ def drawbar_pull(
     soils : (s, 5)
         Columns as `PARAMETERS`, SI.
     load_N
-        On the wheel [N].
+        Load on the wheel [N].
     slips : (k,)
-        [-].
+        Slips [-].
     physics
         Effects; the textbook wheel where absent.
     errors : (s, `error_count`)
-        Errors of the fit on each soil (`errors_of_fit`): those of the effects' parameters, which stay within their
-        bounds, are added; soils contain theirs already.
+        Errors of the fit (`errors_of_fit`): those of the effects' parameters are added, within bounds; `soils` include
+        theirs already.
 
     Returns
     -------
     (s, k)
-        [N]; NaN where the load is not carried.
+        Drawbar pull [N]; NaN where the load is not carried.
     """
     drive = _level_drive(np.full(len(soils) * len(slips), load_N), np.tile(slips, len(soils)))
     vectors, effects = [soils[:, 0], np.tan(soils[:, 1]), *np.log(soils[:, 2:].T)], []
@@ -140,13 +140,13 @@ def _drawn(effect: Effect, stored: StoredEffect, off: np.ndarray) -> np.ndarray:
         if entry is None:
             values.append(np.full(len(off), parameter.null))
             continue
-        # Bounds of the drive of the fit are not this wheel's; the value itself was in them.
+        # The bounds are this wheel's, which may exclude the fitted value.
         low, high = min(parameter.low, entry.value), max(parameter.high, entry.value)
         values.append(np.clip(entry.value + off[:, order.index(parameter.name)], low, high))
     return np.array(values)
 
 
 def _level_drive(load_N: np.ndarray, slip: np.ndarray) -> PresentDrive:
-    nothing = np.full(len(load_N), math.nan)
-    unseen = {name: nothing for name in COVARIATES if name not in ("load_N", "slip", "stretch")}
+    missing = np.full(len(load_N), math.nan)
+    unseen = {name: missing for name in COVARIATES if name not in ("load_N", "slip", "stretch")}
     return PresentDrive(load_N=load_N, slip=slip, stretch=np.arange(len(load_N)), axis=ALONG_X, **unseen)

@@ -21,8 +21,7 @@ from .effect import PULL, SINKAGE, TORQUE, Drive, Effect, Situation
 
 _USUAL_LUGS = 18
 _LEAST_SHARE = {TORQUE: 0.1, SINKAGE: 0.01, PULL: 0.1}
-"""Least root mean square of a channel as a share of W r [N m], r [m], W [N]: sensors of a wheel at zero slip have a
-range, too."""
+"""Least root mean square of a channel, relative to W r [N m], r [m] and W [N]: for the scale of sensor faults."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +35,9 @@ class NamedEffect:
     settings
         Parameters, and constants of the formula, by name: SI numbers, or text with a unit ("2 kPa").
     form
-        Which form, where the parameters' names are those of several; its beginning is enough.
+        Form, or the beginning of its name, if several have the parameters.
     bounded
-        Whether values out of bounds are refused; not those of a fit to another drive, which had that drive's bounds.
+        Whether values out of bounds are errors; not for a fit to another drive, whose bounds differ.
     """
 
     slug: str
@@ -48,7 +47,7 @@ class NamedEffect:
 
 
 def parse_effect(text: str) -> NamedEffect:
-    """Read ``slug:name=value,name=value``, with ``form=...`` among the names where an effect has several forms.
+    """Read ``slug:name=value,name=value``, with ``form=...`` for an effect of several forms.
 
     Raises
     ------
@@ -71,7 +70,7 @@ def parse_effect(text: str) -> NamedEffect:
 
 
 def situation_of(wheel: Wheel, soil: Soil, drive: Drive) -> Situation:
-    """Give the situation from which forms are built where nothing was measured: that of the textbook wheel.
+    """Return the situation of a simulated drive, with the channels of the textbook wheel.
 
     Parameters
     ----------
@@ -88,7 +87,7 @@ def situation_of(wheel: Wheel, soil: Soil, drive: Drive) -> Situation:
     for channel, unit in ((TORQUE, load * wheel.radius_m), (SINKAGE, wheel.radius_m), (PULL, load)):
         typical[channel] = max(typical[channel], _LEAST_SHARE[channel] * unit)
     typical[0] = load
-    # Where the soil does not carry the load there is no sinkage: the radius is its scale.
+    # Where the soil does not carry the load the radius replaces the sinkage.
     sinkage = np.where(carried, state.sinkage_m, wheel.radius_m)
     return Situation(
         wheel, drive, typical, sinkage, np.zeros_like(channels), soil.c_Pa, math.tan(soil.phi_rad),
@@ -97,15 +96,14 @@ def situation_of(wheel: Wheel, soil: Soil, drive: Drive) -> Situation:
 
 
 def specimen(lugs: int = _USUAL_LUGS, *, scale: float = 1.0) -> Situation:
-    """Give a situation in which every form of every effect shows: a lugged wheel, every column observed.
+    """Return a situation in which every form of every effect is observable: a lugged wheel, all columns observed.
 
     Parameters
     ----------
     lugs
         Number of the wheel's lugs.
     scale
-        Scale of wheel, loads, track and time: bounds that differ between two scales depend on the drive
-        (`follows_drive`).
+        Scale of wheel, loads, track and time, by which `follows_drive` finds bounds that depend on the drive.
     """
     wheel = Wheel(
         radius_m=0.15 * scale, width_m=0.12 * scale, grouser_height_m=0.01 * scale, grouser_count=lugs
@@ -125,7 +123,7 @@ def specimen(lugs: int = _USUAL_LUGS, *, scale: float = 1.0) -> Situation:
 
 
 def follows_drive(effect: Effect) -> set[str]:
-    """Give the names of the parameters whose bounds depend on the drive."""
+    """Return the names of the parameters whose bounds depend on the drive."""
     here, there = (
         next(
             each
@@ -142,18 +140,18 @@ def follows_drive(effect: Effect) -> set[str]:
 
 
 def same(one: Effect, other: Effect) -> bool:
-    """Say whether two effects are the same form with the same parameters."""
+    """Return whether two effects are the same form with the same parameters."""
     return (one.form, _names(one)) == (other.form, _names(other))
 
 
 def lugs_of(form: str, otherwise: int = _USUAL_LUGS) -> int:
-    """Give the number of lugs in the name of a form, `otherwise` where there is none."""
+    """Return the number of lugs in the name of a form, `otherwise` if there is none."""
     found = re.search(r"ripple, (\d{1,4}) lugs", form)
     return int(found.group(1)) if found else otherwise
 
 
 def choose(named: NamedEffect, effects: Sequence[Effect]) -> Effect:
-    """Choose the form that has the parameters named and the fewest others.
+    """Choose the form with the parameters named and the fewest others.
 
     Raises
     ------
@@ -163,7 +161,7 @@ def choose(named: NamedEffect, effects: Sequence[Effect]) -> Effect:
     source, given = f"effect {named.slug}", set(named.settings)
     begun = [effect for effect in effects if _bare(effect.form).startswith(_bare(named.form))]
     among = [effect for effect in begun if _bare(effect.form) == _bare(named.form)] if named.form else begun
-    # The beginning of a form's name is enough where only it has the parameters that are named.
+    # The beginning of a form's name suffices if only this form has the parameters that are named.
     if not any(given <= {*_names(effect), *effect.constants} for effect in among):
         among = begun
     if not among:
@@ -185,7 +183,7 @@ def choose(named: NamedEffect, effects: Sequence[Effect]) -> Effect:
         raise InputError(source, f"{stated} given", expected=known)
     fewest = min(len(effect.parameters) for effect in fitting)
     best = [effect for effect in fitting if len(effect.parameters) == fewest]
-    # Among forms of the same parameters one without a name is the usual one.
+    # Among forms with the same parameters one without a name is the default.
     best = [effect for effect in best if effect.default_form] or best
     best = [effect for effect in best if not effect.form] or best
     if len(best) > 1:
@@ -200,13 +198,13 @@ def _bare(form: str) -> str:
 
 
 def smallest_form(form: str, names: set[str], effects: Sequence[Effect]) -> Effect | None:
-    """Give the effect of this form with the fewest parameters that has all of these; None where none has."""
+    """Return the effect of this form with all of these parameters and the fewest others; None if there is none."""
     holding = [effect for effect in effects if effect.form == form and names and names <= set(_names(effect))]
     return min(holding, key=lambda effect: len(effect.parameters), default=None)
 
 
 def pinned(effect: Effect, named: NamedEffect) -> Effect:
-    """Give the effect with the constants that are named; itself where none is."""
+    """Return the effect with the constants that are named; the same effect if there are none."""
     given = {name: _number(named, name, "") for name in effect.constants if name in named.settings}
     if not given:
         return effect
@@ -216,7 +214,7 @@ def pinned(effect: Effect, named: NamedEffect) -> Effect:
 
 
 def values_of(effect: Effect, named: NamedEffect) -> np.ndarray:
-    """Give the parameters (k,) in the effect's order; what is not named is at its null.
+    """Return the parameters (k,) in the effect's order; those not named are at their null values.
 
     Raises
     ------
@@ -241,7 +239,7 @@ def values_of(effect: Effect, named: NamedEffect) -> np.ndarray:
 
 
 def build(named: NamedEffect, situation: Situation, source: str) -> tuple[Effect, np.ndarray]:
-    """Build an effect for a drive that is to be simulated, and its parameters (k,).
+    """Build an effect for a drive to be simulated, and its parameters (k,).
 
     Parameters
     ----------
@@ -250,14 +248,14 @@ def build(named: NamedEffect, situation: Situation, source: str) -> tuple[Effect
     situation
         The wheel and the drive (`situation_of`), the latter a `PresentDrive`.
     source
-        Where the drive came from, for messages.
+        Source of the drive, for messages.
 
     Raises
     ------
     InputError
         Unknown effect or parameter, a value out of bounds, or a column that the drive lacks.
     """
-    # A ripple may be that of another number of lugs than the vehicle's description states.
+    # A ripple may have another number of lugs than the vehicle's description states.
     lugs = lugs_of(named.form, situation.wheel.grouser_count)
     situation = replace(situation, wheel=situation.wheel.model_copy(update={"grouser_count": lugs}))
     wanted = choose(named, forms_by_name(named.slug, specimen(lugs or _USUAL_LUGS)))
@@ -282,7 +280,7 @@ def build(named: NamedEffect, situation: Situation, source: str) -> tuple[Effect
 
 
 def _clock_runs(time_s: np.ndarray) -> bool:
-    """Say whether times (n,) are not all the same."""
+    """Return whether times (n,) are not all the same."""
     known = time_s[np.isfinite(time_s)]
     return bool(known.size) and float(np.ptp(known)) > 0.0
 
@@ -313,7 +311,7 @@ def _number(named: NamedEffect, name: str, unit: str) -> float:
 
 
 def _magnitude(text: str, unit: str) -> float:
-    """Read a quantity; NaN where it is none, or not of the unit (logarithms have none)."""
+    """Read a quantity; NaN if it is none, or not of the unit (logarithms have none)."""
     unit = re.sub(r"(?<=[a-z])(\d)", r"**\1", "" if unit.startswith("ln ") else unit)
     try:
         return magnitude(text, unit or "dimensionless")

@@ -1,6 +1,6 @@
-"""Registry of effects: an effect is one file that registers its class; docs, search, words and storage read it here.
+"""Registry of effects: an effect is one file that registers its class for search, reports, storage and documentation.
 
-An effect of another package registers itself in the same way when its module is imported, by hand or through an entry
+An effect of another package is registered in the same way when its module is imported, directly or through an entry
 point of the group ``bevameter.effects``.
 """
 
@@ -16,7 +16,7 @@ REGISTRY: dict[str, type[Effect]] = {}
 """Classes of effects by slug."""
 
 RESERVED = "unknown"
-"""Name of what no effect of the catalogue explains."""
+"""Name of a discrepancy that no effect of the catalogue explains."""
 
 _Class = TypeVar("_Class", bound=type[Effect])
 _TEXTS = ("title", "what_happens", "check")
@@ -28,7 +28,7 @@ def register(effect: _Class) -> _Class:
     Raises
     ------
     InputError
-        It has no slug, title, description or check, or another class has its slug.
+        It lacks a slug, title, description or check, or another class has its slug.
     """
     name, slug = f"{effect.__module__}.{effect.__qualname__}", getattr(effect, "slug", "")
     if not re.fullmatch(r"[a-z][a-z0-9_]*", slug) or slug == RESERVED:

@@ -1,4 +1,4 @@
-"""Sensors with a wrong zero or a wrong gain: what the faults of single channels share."""
+"""Base classes of sensor faults: a wrong zero or a wrong gain."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SYMBOLS = {LOAD: ("W", "N"), TORQUE: ("T", "N m"), SINKAGE: ("z", "m"), PULL: ("
 """Symbol and unit of each channel."""
 
 _READINGS = 100
-"""Readings over which a check of a zero is averaged."""
+"""Number of readings averaged in a check of a zero."""
 
 _CHECKED_TO = 0.01
 """Relative accuracy of a check of a gain [-]."""

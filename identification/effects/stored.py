@@ -1,8 +1,8 @@
-"""The augmented simulator as a stored object: soil and effects as numbers, written as JSON.
+"""The augmented simulator as a stored object: soil and effects as numbers, in JSON.
 
-Apart from the number of lugs in the name of a ripple, nothing in it depends on the wheel of the fit: effects are built
-for the wheel and the drive that are simulated. Constants that a formula takes from the drive of the fit
-(`Effect.constants`) are kept.
+Apart from the number of lugs in the name of a ripple, it does not depend on the wheel of the fit: effects are built for
+the wheel and the drive that are simulated. Constants of a formula that depend on the drive of the fit
+(`Effect.constants`) are stored.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from .parse import NamedEffect, follows_drive, lugs_of, smallest_form, specimen
 from .registry import RESERVED
 
 SCHEMA = 2
-"""Version of the document: the second has correlations and probabilities; both are read."""
+"""Version of the document: the second adds correlations and probabilities; both can be read."""
 
 _ROUNDING = 1e-9
-"""Negative eigenvalue per row that rounding leaves of correlations [-]."""
+"""Tolerance for negative eigenvalues of correlations due to rounding, per row [-]."""
 
 MOST_EFFECTS = 32
-"""Effects of a document at most: a longer one is refused before it costs time."""
+"""Most effects in a document: a longer one is an error."""
 
 _FORMER = {
     "zero of drawbar_pull_N": ("pull_offset", ""),
@@ -50,7 +50,7 @@ _FORMER = {
     "torque_Nm saturates softly": ("torque_saturation", "soft"),
     "torque_Nm saturates": ("torque_saturation", "hard"),
 }
-"""Slugs and forms of effects that documents of earlier versions call ``unknown``, by the form there."""
+"""Slugs and forms of effects that are ``unknown`` in documents of earlier versions, by the form there."""
 
 
 @dataclass(frozen=True)
@@ -63,9 +63,9 @@ class Estimated:
 
 @dataclass(frozen=True)
 class StoredEffect:
-    """An effect that was found: slug, form, fitted parameters and constants of the formula by name [SI].
+    """A fitted effect: slug, form, parameters and constants of the formula by name [SI].
 
-    `probability` is that of the effect, NaN where unknown.
+    `probability` is that of the effect, NaN if unknown.
     """
 
     slug: str
@@ -76,24 +76,23 @@ class StoredEffect:
 
     @property
     def named(self) -> NamedEffect:
-        """The effect as it is simulated by name."""
+        """The effect as simulated by name."""
         values = {name: entry.value for name, entry in self.parameters.items()}
         return NamedEffect(self.slug, {**values, **self.constants}, self.form, bounded=False)
 
 
 @dataclass(frozen=True)
 class AugmentedSimulator:
-    """A soil and the effects that the textbook wheel lacked on it.
+    """A soil, and the effects that the textbook wheel omits.
 
     Parameters
     ----------
     soil
-        By name, all of `PARAMETERS` [SI], fitted together with the effects.
+        All of `PARAMETERS` by name [SI], fitted together with the effects.
     effects
-        In the order in which they act; faults of instruments among them.
+        In the order in which they act, including faults of instruments.
     correlation : (p, p)
-        Of the errors of c, tan phi, ln k, ln stiffness, ln n and the effects' parameters, in their order; empty where
-        unknown.
+        Of the errors of c, tan phi, ln k, ln stiffness, ln n and the effects' parameters, in order; empty if unknown.
     """
 
     soil: Mapping[str, Estimated]
@@ -105,12 +104,12 @@ class AugmentedSimulator:
         model: AugmentedWheel, vector: np.ndarray, covariance: np.ndarray | None = None,
         probabilities: Mapping[str, float] = MappingProxyType({}),
     ) -> AugmentedSimulator:  # fmt: skip
-        """Take over a fit, without effects that describe the runs of its recording (`Effect.by_run`).
+        """Convert a fit, without effects that describe the runs of its recording (`Effect.by_run`).
 
         Parameters
         ----------
         model, vector : (p,)
-            The simulator fitted and its parameters.
+            The fitted simulator and its parameters.
         covariance : (p, p), optional
             Of the vector.
         probabilities
@@ -124,10 +123,10 @@ class AugmentedSimulator:
         stored = np.ones(len(vector), dtype=bool)
         for effect, where in model.slices():
             stored[where] = not effect.by_run
-        spread = np.full(len(vector), math.nan) if covariance is None else np.sqrt(np.diag(covariance))
+        deviation = np.full(len(vector), math.nan) if covariance is None else np.sqrt(np.diag(covariance))
         soil = {}
         for name, inside, sd in zip(
-            PARAMETERS, vector[:SOIL_COUNT].tolist(), spread[:SOIL_COUNT].tolist(), strict=True
+            PARAMETERS, vector[:SOIL_COUNT].tolist(), deviation[:SOIL_COUNT].tolist(), strict=True
         ):
             value = from_internal(name, inside)
             soil[name] = Estimated(value, sd * slope_of_internal(name, value))
@@ -136,7 +135,7 @@ class AugmentedSimulator:
             if effect.by_run:
                 continue
             effect_class(effect.slug)
-            numbers = zip(effect.parameters, vector[where].tolist(), spread[where].tolist(), strict=True)
+            numbers = zip(effect.parameters, vector[where].tolist(), deviation[where].tolist(), strict=True)
             parameters = {parameter.name: Estimated(value, sd) for parameter, value, sd in numbers}
             probability = probabilities.get(effect.slug, math.nan)
             effects.append(StoredEffect(effect.slug, effect.form, parameters, dict(effect.constants), probability))
@@ -153,7 +152,7 @@ class AugmentedSimulator:
         return simulate(vehicle, self.soil_values, drive, [effect.named for effect in self.effects])
 
     def to_json(self) -> dict[str, Any]:
-        """Give the document that `from_json` reads; what is unknown is None.
+        """Return the document that `from_json` reads; unknown numbers are None.
 
         Without correlations and probabilities it is a document of the first version.
         """
@@ -177,13 +176,13 @@ class AugmentedSimulator:
 
     @staticmethod
     def from_json(document: Any, source: str = "physics") -> AugmentedSimulator:
-        """Read a document, whoever wrote it.
+        """Read a document.
 
         Raises
         ------
         InputError
-            It is not of `to_json`'s form, or holds an unknown effect, form or parameter, a number that is not finite
-            or is out of bounds.
+            It is not of the form of `to_json`, has an unknown effect, form or parameter, or a number that is not finite
+            or out of bounds.
         """
         schema = document.get("schema") if isinstance(document, dict) else None
         if isinstance(document, dict) and "schema" in document and (isinstance(schema, bool) or schema not in (1, 2)):
@@ -206,15 +205,15 @@ class AugmentedSimulator:
 
 
 def _correlation_of(covariance: np.ndarray | None) -> tuple[tuple[float, ...], ...]:
-    """Correlations of a covariance (p, p), zero where a variance is zero; empty where it is no covariance."""
+    """Correlations of a covariance (p, p), zero where a variance is zero; empty if it is not a covariance."""
     if covariance is None or not np.isfinite(covariance).all() or (np.diag(covariance) < 0.0).any():
         return ()
     sd = np.sqrt(np.diag(covariance))
     scale = np.divide(1.0, sd, out=np.zeros_like(sd), where=sd > 0.0)
-    # Rounding leaves a covariance not quite symmetric.
+    # Due to rounding a covariance may not be exactly symmetric, ...
     answer = np.clip(0.5 * (covariance + covariance.T) * np.outer(scale, scale), -1.0, 1.0)
     np.fill_diagonal(answer, 1.0)
-    # Nor are all of its eigenvalues above zero.
+    # ... and may have negative eigenvalues.
     short = max(-float(np.linalg.eigvalsh(answer)[0]), 0.0)
     answer = (answer + short * np.eye(len(sd))) / (1.0 + short)
     np.fill_diagonal(answer, 1.0)
@@ -222,7 +221,7 @@ def _correlation_of(covariance: np.ndarray | None) -> tuple[tuple[float, ...], .
 
 
 def _correlation(document: Any, size: int, source: str) -> tuple[tuple[float, ...], ...]:
-    """Read correlations of so many numbers, or none."""
+    """Read correlations (size, size), or none."""
     if document is None:
         return ()
     square = isinstance(document, list) and len(document) == size
@@ -270,7 +269,7 @@ def _effect(document: Any, schema: object, source: str, place: str) -> StoredEff
 
 def _constants(document: Any, effect: Effect, source: str, place: str) -> dict[str, float]:
     page = _table(document, set(effect.constants), source, f"{place}, constants")
-    # Speeds and widths are divisors; moments of time may be anything.
+    # Speeds and widths are divisors; times may have any value.
     lowest = {name: -math.inf if name.startswith("t_") else math.ulp(0.0) for name in effect.constants}
     return {
         name: _finite(page[name], (lowest[name], math.inf), source, f"{place}, constants, {name}") for name in page
@@ -286,7 +285,7 @@ def _known(number: float) -> float | None:
 
 
 def _table(document: Any, keys: set[str], source: str, place: str) -> dict[str, Any]:
-    """Give a JSON object that has exactly these keys."""
+    """Return a JSON object, which has to have exactly these keys."""
     if not isinstance(document, dict) or set(document) != keys:
         keys_found = sorted(map(str, document)) if isinstance(document, dict) else type(document).__name__
         raise InputError(
@@ -305,7 +304,7 @@ def _estimated(document: Any, bounds: tuple[float, float], source: str, place: s
 def _finite(number: Any, bounds: tuple[float, float], source: str, place: str) -> float:
     low, high = bounds
     usable = isinstance(number, int | float) and not isinstance(number, bool)
-    # Rounding on the way through JSON and logarithms may pass a bound by a hair.
+    # Rounding in JSON and logarithms may exceed a bound slightly.
     slack = 1e-9 * max(abs(low) if math.isfinite(low) else 0.0, abs(high) if math.isfinite(high) else 0.0)
     if not usable or not -1e300 < number < 1e300 or not low - slack <= number <= high + slack:
         span = f"a number from {low:g} to {high:g}" if math.isfinite(low + high) else "a finite number in range"

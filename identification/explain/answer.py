@@ -1,4 +1,4 @@
-"""The answer put together from what was fitted, weighed, held out and located."""
+"""The answer, assembled from hypotheses, their posterior, held-out rows and located regions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..effects.effect import Effect
 from ..mechanics.augmented import SOIL_COUNT
 from ..mechanics.soil import from_internal, slope_of_internal
 from ..mechanics.textbook import CHANNELS
-from .discriminate import would_identify, would_tell
+from .discriminate import propose_drive, propose_measurement
 from .evidence import Discrepancy, dependence
 from .explanation import (
     Candidate,
@@ -34,16 +34,16 @@ from .search import Hypothesis, Search
 from .variables import names_of
 
 MENTIONED = 0.05
-"""Probability from which on an effect is listed where none is asserted [-]."""
+"""Least probability of an effect that is listed where none is asserted [-]."""
 
 MOST_LISTED = 6
-"""Effects that are listed at most; all that were considered are among the candidates."""
+"""Most effects that are listed; all that were fitted are among the candidates."""
 
 HELD_OUT_FROM = 0.01
-"""Probability from which on a candidate is fitted again without each block [-]: most that are tried are far below."""
+"""Least probability of a candidate for which held-out blocks are predicted [-]; most have far less."""
 
 _GROSS = 8.0
-"""An innovation beyond this is a gross error [standard deviations]."""
+"""Innovation beyond which a value is a gross error [-]."""
 
 _RESAMPLES = 400
 
@@ -52,7 +52,7 @@ _SOIL_UNITS = {"c_Pa": "Pa", "phi_rad": "rad", "k_m": "m", "stiffness_Pa": "Pa",
 
 @dataclass(frozen=True)
 class Chosen:
-    """The most probable hypothesis, with its discrepancy if it has one, and held-out rows without and with it."""
+    """The most probable hypothesis, its discrepancy if any, and held-out rows of the textbook wheel and of it."""
 
     hypothesis: Hypothesis
     discrepancy: Discrepancy | None
@@ -61,36 +61,36 @@ class Chosen:
 
     @property
     def residuals(self) -> np.ndarray:
-        """(n, m) what is left of held-out rows, SI."""
+        """Residuals (n, m) of held-out rows, SI."""
         return self.after.residuals - (0.0 if self.discrepancy is None else self.discrepancy.mean)
 
 
-def choose(problem: Problem, found: Search, weighed: Posterior) -> Chosen:
-    """Choose the most probable set, with its most probable form."""
-    first = next(iter(weighed.sets))
-    hypothesis = weighed.best[first - {UNKNOWN}]
+def choose(problem: Problem, found: Search, posterior: Posterior) -> Chosen:
+    """Choose the most probable set, in its most probable form."""
+    first = next(iter(posterior.sets))
+    hypothesis = posterior.best[first - {UNKNOWN}]
     before = hold_out(problem, found.textbook.fitted)
     after = before if not hypothesis.effects else hold_out(problem, hypothesis.fitted)
-    added = weighed.discrepancies.get(first - {UNKNOWN}) if UNKNOWN in first else None
+    added = posterior.discrepancies.get(first - {UNKNOWN}) if UNKNOWN in first else None
     return Chosen(hypothesis, added, before, after)
 
 
 def assemble(
-    problem: Problem, found: Search, weighed: Posterior, chosen: Chosen, regions: tuple[Region, ...], *,
+    problem: Problem, found: Search, posterior: Posterior, chosen: Chosen, regions: tuple[Region, ...], *,
     source: str, seed: int, began: float, notes: tuple[str, ...] = (), simulated: np.ndarray | None = None,
 ) -> Explanation:  # fmt: skip
-    """Put the answer together.
+    """Assemble the answer.
 
     Parameters
     ----------
-    problem, found, weighed, chosen, regions
-        From the previous steps.
+    problem, found, posterior, chosen, regions
+        Results of the previous steps.
     source, seed, began, notes
-        The recording, the seed of resampling, when work began [s], and notes on the rows.
+        The recording, the seed of resampling, the time of the start [s], and notes on the rows.
     simulated : (n, 5)
-        Residuals of another simulator, which then replace those of the textbook wheel.
+        Residuals of another simulator, which replace those of the textbook wheel.
     """
-    missing = missing_of(problem, found, weighed, chosen)
+    missing = missing_of(problem, found, posterior, chosen)
     verdict = verdict_of(missing)
     before, after = chosen.before.residuals, chosen.residuals
     if verdict == "none":
@@ -105,13 +105,13 @@ def assemble(
         source=source,
         verdict=verdict,
         summary="",
-        soil=soil_of(problem, best, found, weighed),
+        soil=soil_of(problem, best, found, posterior),
         soil_textbook=soil_of(problem, found.textbook, found, None),
         trust="",
         located=regions,
         missing=missing,
-        candidates=_candidates(problem, found, weighed, chosen.before),
-        screened=tuple(Screened(name, nats) for name, nats in sorted(found.passed.items(), key=lambda pair: -pair[1])),
+        candidates=_candidates(problem, found, posterior, chosen.before),
+        screened=tuple(Screened(*pair) for pair in sorted(found.screened.items(), key=lambda pair: -pair[1])),
         fits=_fits(problem, before, after, best.fitted, np.random.default_rng(seed)),
         split=problem.samples.split,
         heldout_nats=Estimate(*gained),
@@ -120,55 +120,56 @@ def assemble(
         simulator=best.fitted.model,
         vector=best.fitted.vector,
         covariance=best.fitted.covariance(problem),
-        believed={slug: float(weighed.effects.get(slug, 0.0)) for slug in sorted(best.slugs)},
+        believed={slug: float(posterior.effects.get(slug, 0.0)) for slug in sorted(best.slugs)},
         seconds=time.perf_counter() - began,
         seed=seed,
         n=int(problem.seen.any(axis=1).sum()),
     )
 
 
-def missing_of(problem: Problem, found: Search, weighed: Posterior, chosen: Chosen) -> tuple[Missing, ...]:
-    """List what is missing: what is asserted and, where an effect is not certain, its rivals; nothing if nothing is
-    more probable than all of it.
+def missing_of(problem: Problem, found: Search, posterior: Posterior, chosen: Chosen) -> tuple[Missing, ...]:
+    """List the asserted effects and, if these leave a probability of half or more, their rivals.
+
+    Empty if the textbook wheel has a probability above a half.
     """
-    if weighed.sets.get(frozenset(), 0.0) > 0.5:
+    if posterior.sets.get(frozenset(), 0.0) > 0.5:
         return ()
-    asserted = [slug for slug, share in weighed.effects.items() if share >= ASSERTED]
+    asserted = [slug for slug, share in posterior.effects.items() if share >= ASSERTED]
     listed = list(asserted)
-    left = 1.0 - sum(share for slugs, share in weighed.sets.items() if slugs - {UNKNOWN} <= set(asserted))
+    left = 1.0 - sum(share for slugs, share in posterior.sets.items() if slugs - {UNKNOWN} <= set(asserted))
     if not asserted or left >= 0.5:
-        rivals = sorted(weighed.effects, key=lambda slug: -weighed.effects[slug])
-        listed += [slug for slug in rivals if slug not in listed and weighed.effects[slug] >= MENTIONED]
-    answer = [_missing(problem, found, weighed, chosen, slug) for slug in listed[:MOST_LISTED]]
-    if weighed.unknown >= (0.5 if asserted else MENTIONED):
-        answer.append(_unknown(problem, weighed, chosen))
+        rivals = sorted(posterior.effects, key=lambda slug: -posterior.effects[slug])
+        listed += [slug for slug in rivals if slug not in listed and posterior.effects[slug] >= MENTIONED]
+    answer = [_missing(problem, found, posterior, chosen, slug) for slug in listed[:MOST_LISTED]]
+    if posterior.unknown >= (0.5 if asserted else MENTIONED):
+        answer.append(_unknown(problem, posterior, chosen))
     return tuple(sorted(answer, key=lambda each: -each.probability))
 
 
-def _missing(problem: Problem, found: Search, weighed: Posterior, chosen: Chosen, slug: str) -> Missing:
-    """Describe an effect by the most probable hypothesis that holds it."""
-    probability = weighed.effects[slug]
+def _missing(problem: Problem, found: Search, posterior: Posterior, chosen: Chosen, slug: str) -> Missing:
+    """Describe an effect by the most probable hypothesis that includes it."""
+    probability = posterior.effects[slug]
     holding = [each for each in found.hypotheses if slug in each.slugs]
     best = max(holding, key=found.log_posterior)
     if slug in chosen.hypothesis.slugs:
         best = chosen.hypothesis
     effect = next(each for each in best.effects if each.slug == slug)
-    rivals = rivals_of(weighed, slug)
-    others = [weighed.best[slugs] for slugs in rivals.values()]
-    # A fault is checked by itself; what decides between physical effects is computed.
+    rivals = rivals_of(posterior, slug)
+    others = [posterior.best[slugs] for slugs in rivals.values()]
+    # A fault has its own check; the measurement that separates physical effects is computed.
     computed = effect.kind != "instrument" and probability < ASSERTED and others
-    tell = would_tell(problem, best, *others) if computed else effect.check
+    measurement = propose_measurement(problem, best, *others) if computed else effect.check
     return Missing(
         effect.slug, effect.kind, effect.form, probability, _parameters(problem, found, best, effect), effect.equation,
-        effect.source, tuple(rivals), tell or effect.check,
+        effect.source, tuple(rivals), measurement or effect.check,
     )  # fmt: skip
 
 
-def rivals_of(weighed: Posterior, slug: str) -> dict[str, frozenset[str]]:
+def rivals_of(posterior: Posterior, slug: str) -> dict[str, frozenset[str]]:
     """Effects that replace this one in other probable sets, with the most probable such set."""
     answer: dict[str, frozenset[str]] = {}
-    with_it = [slugs - {UNKNOWN} for slugs in weighed.sets if slug in slugs]
-    for slugs, share in weighed.sets.items():
+    with_it = [slugs - {UNKNOWN} for slugs in posterior.sets if slug in slugs]
+    for slugs, share in posterior.sets.items():
         bare = slugs - {UNKNOWN}
         if slug in bare or share < MENTIONED * (1.0 - MENTIONED):
             continue
@@ -179,48 +180,48 @@ def rivals_of(weighed: Posterior, slug: str) -> dict[str, frozenset[str]]:
     return dict(list(answer.items())[: MOST_LISTED - 1])
 
 
-def _unknown(problem: Problem, weighed: Posterior, chosen: Chosen) -> Missing:
-    """Describe what the catalogue lacks by the channels that the discrepancy is in and what it varies with."""
-    parts = dependence(problem, chosen.discrepancy or weighed.discrepancies[chosen.hypothesis.slugs])
+def _unknown(problem: Problem, posterior: Posterior, chosen: Chosen) -> Missing:
+    """Describe a discrepancy by its channels and the variables that it depends on."""
+    parts = dependence(problem, chosen.discrepancy or posterior.discrepancies[chosen.hypothesis.slugs])
     where = "; ".join(
         f"{CHANNELS[channel]} differs by {size:.2g} times its noise, mostly with {variable}"
         for channel, variable, size in parts
     )
-    measurement = would_identify(problem.samples.drive, parts[0][1] if parts else "slip")
+    measurement = propose_drive(problem.samples.drive, parts[0][1] if parts else "slip")
     return Missing(
-        UNKNOWN, UNKNOWN, "smooth discrepancy", weighed.unknown, {}, "a polynomial in what the drive varies",
+        UNKNOWN, UNKNOWN, "smooth discrepancy", posterior.unknown, {}, "a polynomial in what the drive varies",
         "M. C. Kennedy, A. O'Hagan (2001)", (), measurement, where,
     )  # fmt: skip
 
 
 def _parameters(problem: Problem, found: Search, best: Hypothesis, effect: Effect) -> dict[str, Estimate]:
-    """Parameters of an effect; their variance includes the spread between hypotheses with the same form."""
-    where = _where(best, effect.name)
+    """Parameters of an effect; their variance includes that between hypotheses with the same form."""
+    where = _slice_of(best, effect.name)
     values, variance = best.fitted.vector[where], np.diag(best.fitted.covariance(problem))[where].copy()
     holding = [each for each in found.hypotheses if effect.name in each.names]
     logs = np.array([found.log_posterior(each) for each in holding])
     weights = np.exp(logs - logs.max())
     for weight, each in zip(weights / weights.sum(), holding, strict=True):
-        variance += weight * (each.fitted.vector[_where(each, effect.name)] - values) ** 2
+        variance += weight * (each.fitted.vector[_slice_of(each, effect.name)] - values) ** 2
     sd = np.sqrt(np.maximum(variance, 0.0))
     return {
-        parameter.name: Estimate(float(value), float(spread), parameter.unit)
-        for parameter, value, spread in zip(effect.parameters, values, sd, strict=True)
+        parameter.name: Estimate(float(value), float(deviation), parameter.unit)
+        for parameter, value, deviation in zip(effect.parameters, values, sd, strict=True)
     }
 
 
-def _where(hypothesis: Hypothesis, name: str) -> slice:
+def _slice_of(hypothesis: Hypothesis, name: str) -> slice:
     """Slice of an effect's parameters in a hypothesis's vector."""
     return next(where for effect, where in hypothesis.fitted.model.slices() if effect.name == name)
 
 
-def soil_of(problem: Problem, best: Hypothesis, found: Search, weighed: Posterior | None) -> dict[str, Estimate]:
-    """Soil of a hypothesis; with the spread between probable sets where these are `weighed`."""
+def soil_of(problem: Problem, best: Hypothesis, found: Search, posterior: Posterior | None) -> dict[str, Estimate]:
+    """Soil of a hypothesis; with a `posterior` its variance includes that between probable sets."""
     values = best.fitted.vector[:SOIL_COUNT]
     variance = np.diag(best.fitted.covariance(problem))[:SOIL_COUNT].copy()
-    if weighed is not None:
-        for slugs, share in weighed.sets.items():
-            other = weighed.best[slugs - {UNKNOWN}].fitted.vector[:SOIL_COUNT]
+    if posterior is not None:
+        for slugs, share in posterior.sets.items():
+            other = posterior.best[slugs - {UNKNOWN}].fitted.vector[:SOIL_COUNT]
             variance += share * (other - values) ** 2
     answer = {}
     for index, name in enumerate(PARAMETERS):
@@ -233,11 +234,11 @@ def soil_of(problem: Problem, best: Hypothesis, found: Search, weighed: Posterio
 
 
 def _candidates(
-    problem: Problem, found: Search, weighed: Posterior, before: HeldOut
+    problem: Problem, found: Search, posterior: Posterior, before: HeldOut
 ) -> tuple[Candidate, ...]:  # fmt: skip
     logs = np.array([found.log_posterior(each) for each in found.hypotheses])
     by_set: dict[frozenset[str], float] = {}
-    for slugs, share in weighed.sets.items():
+    for slugs, share in posterior.sets.items():
         by_set[slugs - {UNKNOWN}] = by_set.get(slugs - {UNKNOWN}, 0.0) + share
     answer = []
     for each, log in zip(found.hypotheses, logs, strict=True):
@@ -259,23 +260,24 @@ def _candidates(
         name = " + ".join(effect.name for effect in each.effects)
         gain = hold_out(problem, each.fitted).gain(before)[0] if share >= HELD_OUT_FROM else math.nan
         answer.append(Candidate(name, kinds[-1], share, each.log_evidence, gain, values))
-    if weighed.unknown > 0.0:
-        nats = max(weighed.discrepancies.values(), key=lambda each: each.log_evidence).log_evidence
-        answer.append(Candidate(UNKNOWN, UNKNOWN, weighed.unknown, nats, math.nan, {}))
+    if posterior.unknown > 0.0:
+        nats = max(posterior.discrepancies.values(), key=lambda each: each.log_evidence).log_evidence
+        answer.append(Candidate(UNKNOWN, UNKNOWN, posterior.unknown, nats, math.nan, {}))
     return tuple(sorted(answer, key=lambda each: (-each.probability, -each.evidence_nats)))
 
 
 def noise_of(problem: Problem, fitted: Fitted, position: int) -> float:
-    """Error of a channel that a fit expects of held-out rows: of the sensor, of load and slip, and of the ground."""
-    weights = problem.weights or fitted.response
+    """Expected error of a channel in held-out rows, SI: by the sensor, by load and slip, and by the ground."""
+    sensitivities = problem.reference or fitted.response
     channel = problem.answers[position]
-    by_latent, by_ground = np.nan_to_num(weights.by_latent[:, channel]), np.nan_to_num(weights.by_ground[:, channel])
+    derivatives = (each[:, channel] for each in (sensitivities.by_latent, sensitivities.by_ground))
+    by_latent, by_ground = map(np.nan_to_num, derivatives)
     samples = problem.samples
     uncertain = sum(
         by_latent[:, index] ** 2 * (path.covariance[:, 0, 0] + latent.white)
         for index, (path, latent) in enumerate(((samples.load, problem.load), (samples.slip, problem.slip)))
     )
-    varying = by_ground**2 @ fitted.noise.spread**2
+    varying = by_ground**2 @ fitted.noise.ground_sd**2
     return math.sqrt(float(fitted.noise.sd[position]) ** 2 + float(np.mean(uncertain + varying)))
 
 
@@ -316,9 +318,9 @@ def _rows(problem: Problem, before: np.ndarray, after: np.ndarray, fitted: Fitte
 
 
 def _notes(problem: Problem, fitted: Fitted, chosen: Chosen, gross: int) -> list[str]:
-    """Say how the ground varies, how the noise is correlated, and what held-out rows do not test."""
+    """Notes on the variation of the ground, the autocorrelation of the noise, and what held-out rows do not test."""
     notes = [f"{gross} values are gross errors: the errors of held-out rows leave them out"] if gross else []
-    stiffness, strength = fitted.noise.spread
+    stiffness, strength = fitted.noise.ground_sd
     if max(stiffness, strength) >= 0.02:
         placed = np.isfinite(problem.samples.position).all()
         unit = "m" if placed and np.array_equal(problem.samples.position, problem.samples.drive.place_m) else "s"
@@ -327,10 +329,10 @@ def _notes(problem: Problem, fitted: Fitted, chosen: Chosen, gross: int) -> list
             f"ground varies {where}: stiffness by {100.0 * stiffness:.1f} %, strength by {100.0 * strength:.1f} % "
             "(standard deviation)"
         )
-    each = zip(problem.answers, fitted.noise.memory, strict=True)
-    alike = [f"{rho:.2f} in {CHANNELS[channel]}" for channel, rho in each if rho > 0.1]
-    if alike:
-        notes.append(f"sensor noise is autocorrelated from row to row: {', '.join(alike)}")
+    each = zip(problem.answers, fitted.noise.autocorrelation, strict=True)
+    correlated = [f"{rho:.2f} in {CHANNELS[channel]}" for channel, rho in each if rho > 0.1]
+    if correlated:
+        notes.append(f"sensor noise is autocorrelated from row to row: {', '.join(correlated)}")
     if chosen.after.untested:
         notes.append("a parameter is determined by one block alone: held-out rows do not test it")
     return [*notes, *(effect.remark for effect in chosen.hypothesis.effects if effect.remark)]

@@ -21,29 +21,28 @@ from ..rows.units import check_sizes
 from .samples import ANSWERS, MOST_SLIP, SIMULATED
 
 IMPOSED = CHANNELS[LOAD], CHANNELS[SLIP]
-"""What a drive imposes on a wheel, and a simulator is given."""
+"""Channels that a drive imposes on a wheel: the input of a simulator."""
 
 _APART, _AT = 2.05, 1e-3
-"""Samples of the recording between two rows at most that a straight line joins, and between rows at one time."""
+"""Largest distances in time, in steps of the recording, between rows that are interpolated, and between equal times."""
 
 _OTHER_UNIT = 3.0
-"""A load that is so many times the recorded one, or that part of it, is of another drive or in another unit [-]."""
+"""Ratio of a load to the recorded one, or its inverse, from which on drive or unit differ [-]."""
 
-_TURNED_ROUND, _SIGNED = 0.1, 0.03
-"""Slips with the other sign are nearer to the recorded ones by this share, where the sign is the other one, and so
-large, where they have one [-]."""
+_REVERSED, _LEAST_SLIP = 0.1, 0.03
+"""The sign of slip is reversed if reversing it reduces the difference from the recorded slip to this share; least size
+of slip for this check [-]."""
 
-_Carry = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""Carries values of one file's rows (m,) over to another's (n,), past holes, True in the former; NaN where there are
-none."""
+_Interpolator = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""Interpolates values (m,) of one file to the rows (n,) of another; NaN next to holes, (m,) True."""
 
 
 def attach(table: WheelTable, path: str | Path, wheel: Wheel) -> WheelTable:
-    """Give a recording's table columns with the simulator's answers for each row, by run or by time.
+    """Add another simulator's channels to a recording's table, matched by run or by time.
 
-    They come with the load [N] and slip that it simulated: those of its file, slip from its speeds where it has no such
-    column, or, where that has neither, those recorded, taken at its own rows. Rows in which its wheel is stuck or
-    carries nothing, or of which its file does not say what load and slip they are of, have no answer.
+    They include the load [N] and slip that it simulated: those of its file, slip from its speeds where it has no such
+    column, or else those recorded, interpolated to its rows. Rows in which its wheel is stuck or carries no load, or
+    whose load or slip is unknown, have no values.
 
     Parameters
     ----------
@@ -57,9 +56,9 @@ def attach(table: WheelTable, path: str | Path, wheel: Wheel) -> WheelTable:
     Raises
     ------
     InputError
-        The file has no answer, or neither the clock nor the runs of the recording; its load, slip or sinkage cannot be
-        what its name says, or is not the drive's; a time occurs twice in it; only one of the two files distinguishes
-        several wheels or runs; or its wheel is stuck throughout.
+        The file has no predicted channel, or neither time nor runs in common with the recording; its load, slip or
+        sinkage is implausible, or is not that of the drive; a time occurs twice in it; only one of the two files
+        distinguishes several wheels or runs; or its wheel is stuck throughout.
     """
     simulated = read_wheel_file(Path(path))
     if CHANNELS[SLIP] not in simulated:
@@ -69,32 +68,32 @@ def attach(table: WheelTable, path: str | Path, wheel: Wheel) -> WheelTable:
     names = [CHANNELS[channel] for channel in ANSWERS if CHANNELS[channel] in simulated]
     if not names:
         raise InputError(path, "nothing to compare", expected="torque_Nm, sinkage_m or drawbar_pull_N")
-    to_recorded, to_simulated = _carried_over(table, simulated, path)
+    to_recorded, to_simulated = _interpolators(table, simulated, path)
     everywhere, nowhere = np.zeros(len(simulated)), np.zeros(len(simulated), dtype=bool)
     if not np.isfinite(to_recorded(everywhere, nowhere)).any():
         raise InputError(path, "no row has the time or the run of one of the recording's", expected="the same drive")
     holes = np.zeros(len(table), dtype=bool)
     imposed = {name: simulated[name] if name in simulated else to_simulated(table[name], holes) for name in IMPOSED}
     load, slip = imposed.values()
-    # A value that was not logged is one between its neighbours; what a stuck wheel does is none of a moving one's.
+    # Missing values are interpolated; those of a stuck wheel are not.
     stuck = (load <= 0.0) | (slip >= MOST_SLIP)
     columns = {**imposed, **{name: simulated[name] for name in names}}
-    carried = {name: to_recorded(np.where(stuck, np.nan, values), stuck) for name, values in columns.items()}
-    of_nothing = ~(np.isfinite(carried[IMPOSED[0]]) & np.isfinite(carried[IMPOSED[1]]))
-    carried = {name: np.where(of_nothing, np.nan, values) for name, values in carried.items()}
+    attached = {name: to_recorded(np.where(stuck, np.nan, values), stuck) for name, values in columns.items()}
+    unknown = ~(np.isfinite(attached[IMPOSED[0]]) & np.isfinite(attached[IMPOSED[1]]))
+    attached = {name: np.where(unknown, np.nan, values) for name, values in attached.items()}
     given = [name for name in IMPOSED if name in simulated]
-    if given and not any(np.isfinite(carried[name]).any() for name in names):
+    if given and not any(np.isfinite(attached[name]).any() for name in names):
         raise InputError(
             path, "no row has an answer with a load and a slip of a wheel that carries load and moves",
             expected=f"load_N above 0 and slip below {MOST_SLIP} in the rows with an answer",
         )  # fmt: skip
-    _check_drive(table, {name: carried[name] for name in given}, path)
-    columns = {SIMULATED + name: values for name, values in carried.items()}
+    _check_drive(table, {name: attached[name] for name in given}, path)
+    columns = {SIMULATED + name: values for name, values in attached.items()}
     return WheelTable({**table.columns, **columns}, table.wheel, table.run, table.source)
 
 
 def _check_drive(table: WheelTable, given: Mapping[str, np.ndarray], path: str | Path) -> None:
-    """Refuse a load and a slip (n,) of the simulator's own that cannot be those of the recorded drive."""
+    """Raise `InputError` if the simulator's own load or slip (n,) cannot be that of the recorded drive."""
     for name, values in given.items():
         both = np.isfinite(values) & np.isfinite(table[name])
         if not both.any():
@@ -107,22 +106,22 @@ def _check_drive(table: WheelTable, given: Mapping[str, np.ndarray], path: str |
                 expected="the load of the recorded drive, in N, or one of that size",
             )  # fmt: skip
         if name == CHANNELS[SLIP]:
-            as_it_is, turned = (float(np.median(np.abs(sign * own - recorded))) for sign in (1.0, -1.0))
-            if usual > _SIGNED and turned < _TURNED_ROUND * as_it_is:
+            as_given, reversed_sign = (float(np.median(np.abs(sign * own - recorded))) for sign in (1.0, -1.0))
+            if usual > _LEAST_SLIP and reversed_sign < _REVERSED * as_given:
                 raise InputError(
                     path, f"{middle:.3g} (median) where {float(np.median(recorded)):.3g} was recorded",
                     place=f"column {name}", expected="the same sign: positive where the wheel drives",
                 )  # fmt: skip
 
 
-def _carried_over(table: WheelTable, simulated: WheelTable, path: str | Path) -> tuple[_Carry, _Carry]:
-    """Give how values of the simulator's rows are carried over to the recorded ones, and the reverse."""
+def _interpolators(table: WheelTable, simulated: WheelTable, path: str | Path) -> tuple[_Interpolator, _Interpolator]:
+    """Return interpolators from the simulator's rows to the recorded ones, and the reverse."""
     if "time_s" in table and "time_s" in simulated:
         _check_labels(table, simulated, path)
         recorded, other = _clocks(table, simulated)
-        if (twice := other.twice()) is not None:
+        if (repeated := other.repeated_time()) is not None:
             raise InputError(
-                path, f"{twice:g} s in two rows", place="column time_s",
+                path, f"{repeated:g} s in two rows", place="column time_s",
                 expected="each time once, or columns wheel and run that distinguish the rows",
             )  # fmt: skip
         steps = recorded.steps()
@@ -135,7 +134,7 @@ def _carried_over(table: WheelTable, simulated: WheelTable, path: str | Path) ->
 
 
 def _check_labels(table: WheelTable, simulated: WheelTable, path: str | Path) -> None:
-    """Refuse rows of several wheels, or of several runs at one time, that only one of the files distinguishes."""
+    """Raise `InputError` if only one file distinguishes rows of several wheels, or of several runs at one time."""
     for column in ("wheel", "run"):
         named = [getattr(each, column) for each in (table, simulated)]
         if (named[0] is None) == (named[1] is None):
@@ -153,25 +152,25 @@ def _check_labels(table: WheelTable, simulated: WheelTable, path: str | Path) ->
 
 @dataclass(frozen=True)
 class _Clock:
-    """When rows were taken (n,) [s], and under which label, wheel and run."""
+    """Times of rows (n,) [s], and their labels: wheel and run."""
 
     time_s: np.ndarray
     label: np.ndarray
 
     def of(self, label: str) -> np.ndarray:
-        """Rows (k,) with a time under a label, in its order."""
+        """Rows (k,) of a label that have a time, in order of time."""
         rows = np.flatnonzero((self.label == label) & np.isfinite(self.time_s))
         return rows[np.argsort(self.time_s[rows], kind="stable")]
 
     def steps(self) -> dict[str, float]:
-        """Usual time [s] from a row to the next, by label; 0 where there is one row."""
+        """Median time step [s] by label; 0 for one row."""
         each = {label: np.diff(self.time_s[self.of(label)]) for label in np.unique(self.label)}
         return {
             label: float(np.median(step[step > 0.0])) if (step > 0.0).any() else 0.0 for label, step in each.items()
         }
 
-    def twice(self) -> float | None:
-        """A time that occurs twice under a label [s]."""
+    def repeated_time(self) -> float | None:
+        """A time that occurs twice under one label [s]; None if there is none."""
         for label in np.unique(self.label):
             time_s = self.time_s[self.of(label)]
             if (same := np.diff(time_s) == 0.0).any():
@@ -179,11 +178,11 @@ class _Clock:
         return None
 
 
-def _by_run(wanted: np.ndarray, runs: np.ndarray, values: np.ndarray, _holes: np.ndarray) -> np.ndarray:
-    """Values (m,) of each run that is wanted (n,): row by row where it has as many, else their mean."""
-    answer = np.full(len(wanted), np.nan)
-    for name in np.unique(wanted):
-        rows, there = np.flatnonzero(wanted == name), np.flatnonzero(runs == name)
+def _by_run(requested: np.ndarray, runs: np.ndarray, values: np.ndarray, _holes: np.ndarray) -> np.ndarray:
+    """Values (m,) for the run of each row (n,): row by row if the numbers of rows are equal, else the run's mean."""
+    answer = np.full(len(requested), np.nan)
+    for name in np.unique(requested):
+        rows, there = np.flatnonzero(requested == name), np.flatnonzero(runs == name)
         if len(rows) == len(there):
             answer[rows] = values[there]
         elif np.isfinite(values[there]).any():
@@ -192,36 +191,36 @@ def _by_run(wanted: np.ndarray, runs: np.ndarray, values: np.ndarray, _holes: np
 
 
 def _by_time(
-    wanted: _Clock, known: _Clock, steps: Mapping[str, float], apart: float, values: np.ndarray, holes: np.ndarray
+    requested: _Clock, known: _Clock, steps: Mapping[str, float], apart: float, values: np.ndarray, holes: np.ndarray
 ) -> np.ndarray:
-    """Interpolate values (m,) within each wheel and run, (n,), past those that are none, but not past holes.
+    """Interpolate values (m,) linearly in time within each wheel and run, (n,); NaN are skipped, holes are not.
 
-    NaN outside the time of those, between two more than `apart` of the recording's `steps` [s] from each other, and
-    next to a hole: there a straight line says nothing.
+    NaN outside the known times, between two that are more than `apart` of the recording's `steps` [s] apart, and next
+    to a hole.
     """
-    answer = np.full(len(wanted.time_s), np.nan)
-    for label in np.unique(wanted.label):
-        there, rows, step = known.of(label), np.flatnonzero(wanted.label == label), steps.get(label, 0.0)
+    answer = np.full(len(requested.time_s), np.nan)
+    for label in np.unique(requested.label):
+        there, rows, step = known.of(label), np.flatnonzero(requested.label == label), steps.get(label, 0.0)
         there = there[np.isfinite(values[there]) | holes[there]]
         if there.size:
-            at_s, time_s, seen = wanted.time_s[rows], known.time_s[there], ~holes[there]
+            at_s, time_s, seen = requested.time_s[rows], known.time_s[there], ~holes[there]
             line = np.interp(at_s, time_s, np.where(seen, values[there], 0.0))
             whole = np.interp(at_s, time_s, seen.astype(float)) > 1.0 - 1e-6
             answer[rows] = np.where(whole & _near(at_s, time_s, apart * step, _AT * step), line, np.nan)
     return answer
 
 
-def _near(wanted: np.ndarray, time_s: np.ndarray, farthest_s: float, at_s: float) -> np.ndarray:
-    """(k,) True for times with one of others (m,), ascending, at them or close by on both sides."""
-    after = np.clip(np.searchsorted(time_s, wanted), 0, len(time_s) - 1)
+def _near(requested: np.ndarray, time_s: np.ndarray, farthest_s: float, at_s: float) -> np.ndarray:
+    """(k,) True for times at one of others (m,), which ascend, or between two that are no more than so far apart."""
+    after = np.clip(np.searchsorted(time_s, requested), 0, len(time_s) - 1)
     before = np.maximum(after - 1, 0)
-    away = np.minimum(np.abs(time_s[after] - wanted), np.abs(time_s[before] - wanted))
-    between = (wanted >= time_s[0]) & (wanted <= time_s[-1])
+    away = np.minimum(np.abs(time_s[after] - requested), np.abs(time_s[before] - requested))
+    between = (requested >= time_s[0]) & (requested <= time_s[-1])
     return (between & (time_s[after] - time_s[before] <= farthest_s)) | (away <= at_s)
 
 
 def _clocks(*tables: WheelTable) -> list[_Clock]:
-    """Give the clocks of tables, their rows under wheel and run as far as all of the tables name them."""
+    """Return the clocks of tables, with labels of wheel and run as far as all of the tables have them."""
     labels = [np.full(len(table), "", dtype=object) for table in tables]
     for names in ([table.wheel for table in tables], [table.run for table in tables]):
         if all(each is not None for each in names):

@@ -1,7 +1,7 @@
-"""The measurement that separates two hypotheses best: a drive, a channel or a soil test.
+"""Experimental design: the measurement that best separates two hypotheses.
 
-If one hypothesis is right, how much worse does the other fit once refitted? Computed for the recording with one more
-channel, for a soil known from elsewhere, for other drives, and for a check of an instrument that is a candidate.
+The expected gain is the difference in log-likelihood if one hypothesis is true and the other is refitted. It is
+computed for one more channel, for a soil test, for other drives, and for a check of an instrument.
 """
 
 from __future__ import annotations
@@ -18,28 +18,27 @@ from .search import Hypothesis
 from .steps import scaled_inverse
 
 _NAMES = {TORQUE: "wheel torque", SINKAGE: "sinkage", PULL: "drawbar pull"}
-_NEW_SENSOR = 0.01
-"""Noise of a channel that is not there yet, as a share of its root mean square [-]."""
+_NEW_SENSOR_NOISE = 0.01
+"""Noise of an additional channel, relative to its root mean square [-]."""
 
 _ROWS = 240
-ENOUGH = 5.0
-"""Expected nats from which on a measurement is worth proposing."""
+LEAST_GAIN = 5.0
+"""Least expected gain of a measurement that is proposed [nats]."""
 
-
-_DRIVEN = 0.85
-"""Share of a range that was driven already, from which on it is nothing new to drive it [-]."""
+_COVERED = 0.85
+"""Share of a planned range beyond which the recorded drive covers it [-]."""
 
 _VARIED = 0.05
-"""Standard deviation, as a share of the mean, from which on a condition of a drive was varied [-]."""
+"""Standard deviation relative to the mean from which on a condition of a drive varied [-]."""
 
 _SHEAR_TEST = "give cohesion and friction from a shear test (--soil)"
 
 
-def would_tell(problem: Problem, right: Hypothesis, *others: Hypothesis) -> str:
-    """Propose the measurement that best separates a set of effects from others, with its expected gain in nats: from as
-    many of them as one measurement can, named unless it is all. Empty where none is separated.
+def propose_measurement(problem: Problem, right: Hypothesis, *others: Hypothesis) -> str:
+    """Propose the measurement that separates a set of effects from most others, with its expected gain in nats.
 
-    Without others the form of the set is in doubt, which a soil known from elsewhere tests.
+    The others that it separates are named unless it is all; empty if it is none. Without others the form of the set is
+    in doubt, which a soil test checks.
     """
     if not others:
         return "" if problem.known.values else f"{_SHEAR_TEST} and compare: the soil agrees if the form is right"
@@ -48,23 +47,23 @@ def would_tell(problem: Problem, right: Hypothesis, *others: Hypothesis) -> str:
         for number, other in enumerate(others)
         for propose in (_channels, _known_soil, _drives, _checks)
         for nats, text in propose(problem, right, other)
-        if nats >= ENOUGH
+        if nats >= LEAST_GAIN
     ]
-    # By text, the nats by which it separates each of the others.
+    # By proposal, the expected gain over each of the others.
     separated: dict[str, dict[int, float]] = {}
     for text, number, nats in proposals:
         separated.setdefault(text, {})[number] = nats
     if not separated:
         return ""
     text, nats = max(separated.items(), key=lambda pair: (len(pair[1]), min(pair[1].values())))
-    *names, last = dict.fromkeys(_apart(right, others[number]) for number in nats)
+    *names, last = dict.fromkeys(_difference(right, others[number]) for number in nats)
     which = f"{', '.join(names)} and {last}" if names else last
     only = "" if len(nats) == len(others) else f", against {which} only"
     return f"{text} (expected gain {min(nats.values()):.0f} nats{only})"
 
 
-def _apart(right: Hypothesis, other: Hypothesis) -> str:
-    """Name what another set has that the right one has not."""
+def _difference(right: Hypothesis, other: Hypothesis) -> str:
+    """Name the effects that another set has and the true one has not."""
     return " with ".join(sorted(REGISTRY[slug].title for slug in other.slugs - right.slugs or other.slugs))
 
 
@@ -78,46 +77,47 @@ def _channels(problem: Problem, right: Hypothesis, other: Hypothesis) -> list[tu
         noise = np.full(5, np.nan)
         noise[problem.answers] = right.fitted.noise.sd
         truth = right.fitted.model.predict(drive, imposed, right.fitted.vector, right.fitted.theta_1).channels
-        noise[channel] = _NEW_SENSOR * float(np.sqrt(np.nanmean(truth[:, channel] ** 2))) + 1e-12
+        noise[channel] = _NEW_SENSOR_NOISE * float(np.sqrt(np.nanmean(truth[:, channel] ** 2))) + 1e-12
         nats = _expected(drive, imposed, noise, right.fitted, other.fitted, None)
         answer.append((nats, f"measure {_NAMES[channel]} ({CHANNELS[channel]}) on the same drive"))
     return answer
 
 
 def _known_soil(problem: Problem, right: Hypothesis, other: Hypothesis) -> list[tuple[float, str]]:
-    """Cohesion and friction from a shear test, good to 10 % of the strength, unless they are known."""
+    """Cohesion and friction from a shear test of 10 % accuracy, unless they are known."""
     if {"c_Pa", "phi_rad"} <= set(problem.known.values):
         return []
     a, b = right.fitted, other.fitted
     scale = np.array([max(0.1 * a.vector[0], 100.0), 0.1 * a.vector[1]])
-    away = (a.vector[:2] - b.vector[:2]) ** 2
-    spread = scale**2 + np.diag(b.covariance(problem))[:2] + np.diag(a.covariance(problem))[:2]
-    return [(0.5 * float(np.sum(away / spread)), _SHEAR_TEST)]
+    difference = (a.vector[:2] - b.vector[:2]) ** 2
+    variance = scale**2 + np.diag(b.covariance(problem))[:2] + np.diag(a.covariance(problem))[:2]
+    return [(0.5 * float(np.sum(difference / variance)), _SHEAR_TEST)]
 
 
 def _checks(problem: Problem, right: Hypothesis, other: Hypothesis) -> list[tuple[float, str]]:
-    """A look at the instrument that one explanation takes to be at fault and the other does not."""
+    """A check of an instrument that is faulty under one hypothesis only."""
     answer = []
-    for trial, without in ((right, other), (other, right)):
-        for effect, where in trial.fitted.model.slices():
+    for hypothesis, without in ((right, other), (other, right)):
+        for effect, where in hypothesis.fitted.model.slices():
             noise = problem.samples.noise.copy()
-            noise[problem.answers] = trial.fitted.noise.sd
+            noise[problem.answers] = hypothesis.fitted.noise.sd
             sd = effect.check_sd(noise)
             if sd is not None and effect.slug not in without.slugs:
-                answer.append((0.5 * (float(trial.fitted.vector[where][0]) / sd) ** 2, effect.check))
+                answer.append((0.5 * (float(hypothesis.fitted.vector[where][0]) / sd) ** 2, effect.check))
     return answer
 
 
 def _drives(problem: Problem, right: Hypothesis, other: Hypothesis) -> list[tuple[float, str]]:
-    """Other drives with the same sensors: more loads, more slip, more speeds, a second pass, a slope; none of what was
-    driven already, and each by its gain over as many more rows of the present drive.
+    """Other drives with the same sensors: loads, slips, speeds, passes or slopes that were not driven yet.
+
+    Their gain is relative to as many more rows of the present drive.
     """
     samples = problem.samples
     load, slip = problem.imposed[:, 0], problem.imposed[:, 1]
     grid = np.linspace(0.0, 1.0, _ROWS)
     middle = float(np.median(load))
     speed = samples.drive.rim_speed_m_s
-    usual = float(np.nanmedian(np.abs(speed))) if np.isfinite(speed).any() else 0.1
+    usual_speed = float(np.nanmedian(np.abs(speed))) if np.isfinite(speed).any() else 0.1
     low, high = np.quantile(slip, [0.05, 0.95])
 
     def sweep(first: float, last: float, turns: int) -> np.ndarray:
@@ -131,7 +131,7 @@ def _drives(problem: Problem, right: Hypothesis, other: Hypothesis) -> list[tupl
             "slip", dict(slip=sweep(0.0, 0.6, 7), load=np.interp(grid, [0, 1], [load.min(), load.max()]))
         ),
         "drive at speeds from a third to three times the present one": (
-            "speed", dict(speed=usual * 3.0 ** sweep(-1.0, 1.0, 3), slip=sweep(low, high, 13))
+            "speed", dict(speed=usual_speed * 3.0 ** sweep(-1.0, 1.0, 3), slip=sweep(low, high, 13))
         ),
         "drive twice more in the same rut": (
             "number", dict(number=1.0 + np.floor(grid * 2.999), slip=sweep(low, high, 9))
@@ -149,38 +149,38 @@ def _drives(problem: Problem, right: Hypothesis, other: Hypothesis) -> list[tupl
         "number": driven.pass_number, "pitch": driven.pitch_rad,
     }  # fmt: skip
     along = np.linspace(0, len(load) - 1, _ROWS).round().astype(int)
-    once_more = _expected(
+    same_drive = _expected(
         select_rows(driven, along), problem.imposed[along], noise, right.fitted, other.fitted, problem
     )  # fmt: skip
     for text, (varied, plan) in plans.items():
-        wanted = np.log(plan["speed"]) if varied == "speed" else plan[varied]
-        if _driven(before[varied], wanted):
+        planned = np.log(plan["speed"]) if varied == "speed" else plan[varied]
+        if _covers(before[varied], planned):
             continue
         imposed = np.column_stack([plan.get("load", np.full(_ROWS, middle)), plan.get("slip", np.full(_ROWS, 0.2))])
-        drive = _hypothetical(samples.drive, imposed, plan, usual, samples.wheel.radius_m)
+        drive = _hypothetical(samples.drive, imposed, plan, usual_speed, samples.wheel.radius_m)
         nats = _expected(drive, imposed, noise, right.fitted, other.fitted, problem)
-        answer.append((nats - once_more, text))
+        answer.append((nats - same_drive, text))
     return answer
 
 
-def _driven(before: np.ndarray, wanted: np.ndarray) -> bool:
-    """Say whether values (n,) of a drive, some of which may not be known, take in what is wanted (m,)."""
+def _covers(before: np.ndarray, planned: np.ndarray) -> bool:
+    """Return whether the known values (n,) of a drive cover those planned (m,)."""
     known = before[np.isfinite(before)]
     if not len(known):
         return False
     low, high = np.quantile(known, [0.05, 0.95])
-    return bool(min(high, wanted.max()) - max(low, wanted.min()) > _DRIVEN * np.ptp(wanted))
+    return bool(min(high, planned.max()) - max(low, planned.min()) > _COVERED * np.ptp(planned))
 
 
-def _hypothetical(drive: Drive, imposed: np.ndarray, plan: dict, usual: float, radius: float) -> Drive:
+def _hypothetical(drive: Drive, imposed: np.ndarray, plan: dict, usual_speed: float, radius: float) -> Drive:
     rows = len(imposed)
-    rim = plan.get("speed", np.full(rows, usual))
+    rim = plan.get("speed", np.full(rows, usual_speed))
     time_s = (
         np.linspace(np.nanmin(drive.time_s), np.nanmax(drive.time_s), rows)
         if np.isfinite(drive.time_s).any()
         else np.full(rows, np.nan)
     )
-    # On the ground that is known.
+    # On the same ground.
     along = np.linspace(0, len(drive.slip) - 1, rows).round().astype(int)
     place, x_m, y_m = (each[along] for each in (drive.place_m, drive.x_m, drive.y_m))
     return Drive(
@@ -196,25 +196,27 @@ def _hypothetical(drive: Drive, imposed: np.ndarray, plan: dict, usual: float, r
 def _expected(
     drive: Drive, imposed: np.ndarray, noise: np.ndarray, right: Fitted, other: Fitted, problem: Problem | None
 ) -> float:
-    """Nats by which the other explanation, refitted, would fall behind if one is right."""
+    """Expected loss in log-likelihood of the other hypothesis, refitted, if one is true [nats]."""
     seen = np.flatnonzero(np.isfinite(noise))
     truth = right.model.predict(drive, imposed, right.vector).channels[:, seen]
     answer = other.model.linearise(drive, imposed, other.vector, None)
-    away = (truth - answer.channels[:, seen]) / noise[seen]
+    difference = (truth - answer.channels[:, seen]) / noise[seen]
     columns = answer.by_parameter[:, seen] / noise[seen, None]
-    good = np.asarray(np.isfinite(away).all(axis=1) & np.isfinite(columns).all(axis=(1, 2)))
+    good = np.asarray(np.isfinite(difference).all(axis=1) & np.isfinite(columns).all(axis=(1, 2)))
     if good.sum() < 0.5 * len(good):
         return 0.0
-    away, columns = away[good].ravel(), columns[good].reshape(-1, columns.shape[-1])
-    # On a new drive the fit to the present one holds the parameters where they are.
-    held = scaled_inverse(other.covariance(problem)) if problem is not None else 0.0
-    gradient = columns.T @ away
-    return 0.5 * float(away @ away - gradient @ scaled_inverse(columns.T @ columns + held) @ gradient)
+    difference, columns = difference[good].ravel(), columns[good].reshape(-1, columns.shape[-1])
+    # The fit to the present drive is the prior for a new one.
+    information = columns.T @ columns + (scaled_inverse(other.covariance(problem)) if problem is not None else 0.0)
+    gradient = columns.T @ difference
+    return 0.5 * float(difference @ difference - gradient @ scaled_inverse(information) @ gradient)
 
 
-def would_identify(drive: Drive, variable: str) -> str:
-    """Propose the drive that shows what a discrepancy depends on: its variable alone where other conditions changed
-    with it, else the same again in a condition that did not change.
+def propose_drive(drive: Drive, variable: str) -> str:
+    """Propose a drive that identifies what a discrepancy depends on.
+
+    It varies the variable alone if other conditions varied with it, else it repeats the drive at another value of a
+    condition that was constant.
     """
     conditions = ("load_N", "rim_speed_m_s", "slip")
     varied = [name for name in conditions if drive.has(name) and _varies(getattr(drive, name))]
@@ -226,4 +228,5 @@ def would_identify(drive: Drive, variable: str) -> str:
 
 
 def _varies(values: np.ndarray) -> bool:
+    """Return whether a condition (n,) varied."""
     return bool(np.nanstd(values) > _VARIED * abs(np.nanmean(values)))

@@ -1,4 +1,4 @@
-"""`explain`: why simulation and recording differ, in one pass."""
+"""`explain`: why simulation and recording differ."""
 
 from __future__ import annotations
 
@@ -41,29 +41,29 @@ def explain(
     catalogue: Iterable[str] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Explanation:
-    """Compare a recording with the simulation, and say what the simulation leaves out.
+    """Compare a recording with the simulation and identify the physics or faults that the simulation omits.
 
     Parameters
     ----------
     recording
-        A recording, or the path of one, or of a single wheel file.
+        A recording, the path of one, or the path of a single wheel file.
     vehicle
         The vehicle, or its TOML file; the recording's own where absent.
     soil
-        What is known of the soil from elsewhere, or its TOML file: it breaks ties.
+        Prior knowledge of the soil, or its TOML file: it separates causes that fit equally well.
     simulated
         Another simulator's wheel file for the same drive; the built-in simulator, its soil refitted, where absent.
     seed
-        Of the resampling behind the intervals of held-out errors.
+        Seed of the bootstrap for the intervals of held-out errors.
     catalogue
         Public names of the effects to consider; all where absent.
     progress
-        Called with what is being done, in words.
+        Called with a description of each step.
 
     Returns
     -------
     Explanation
-        The answer, of whatever kind; see `Explanation.verdict`.
+        The result; see `Explanation.verdict`.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def explain(
     if simulated is not None:
         table, unsteady = only_steady(attach(table, simulated, rows.wheel))
         notes = (*notes, *map(sentence, unsteady))
-    # Fits run side by side: more of BLAS's own threads would only wait for each other.
+    # Fits run in parallel: threads of BLAS would only compete with them.
     with threadpool_limits(1):
         samples, own = gather(table, rows.wheel, rows.vehicle), None
         if simulated is not None:
@@ -89,20 +89,20 @@ def explain(
         report("fitting the soil")
         problem, textbook = fit_textbook(samples, known)
         found = search(problem, textbook, considered, report)
-        report("weighing what was fitted")
-        weighed = posterior(found)
-        chosen = choose(problem, found, weighed)
+        report("computing posterior probabilities")
+        probabilities = posterior(found)
+        chosen = choose(problem, found, probabilities)
         report("locating the mismatch")
         regions = locate(problem, chosen.hypothesis.fitted)
         answer = assemble(
-            problem, found, weighed, chosen, regions, source=str(opened.source), seed=seed, began=began, notes=notes,
-            simulated=own,
+            problem, found, probabilities, chosen, regions, source=str(opened.source), seed=seed, began=began,
+            notes=notes, simulated=own,
         )  # fmt: skip
     return replace(answer, summary=summarise(answer), trust=trust(answer), seconds=time.perf_counter() - began)
 
 
 def _considered(catalogue: Iterable[str] | None) -> tuple[str, ...]:
-    """Public names of the effects to consider; raises `InputError` where they are no list, or one is no effect."""
+    """Public names of the effects to consider; raises `InputError` where they are no list or one is unknown."""
     if catalogue is None:
         return tuple(SLUGS)
     if isinstance(catalogue, str) or not isinstance(catalogue, Iterable):

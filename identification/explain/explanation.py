@@ -1,4 +1,4 @@
-"""What `explain` answers: where simulation and recording differ, what was left out, and what modelling it gains."""
+"""Result of `explain`: where simulation and recording differ, which physics is missing, and what modelling it gains."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from ..mechanics.augmented import AugmentedWheel
 
 @dataclass(frozen=True)
 class Region:
-    """Where a channel leaves the simulation: an interval of a variable.
+    """An interval of a variable over which a channel differs from the simulation.
 
-    Where the variable is ``"constant"`` the interval is that of the channel's offset, where it is ``"lag_s"`` of its
-    delay. `share` is what this variable adds there to those before it, of all that is reported; `p_value` is corrected
-    for the number of tests; `mean` is the residual there in units of the channel's noise.
+    For the variable ``"constant"`` it is an interval of the channel's offset, for ``"lag_s"`` of its delay. `share` is
+    the share of this interval in the total gain of all that are reported; `p_value` is corrected for the number of
+    tests; `mean` is the mean residual relative to the channel's noise.
     """
 
     channel: str
@@ -38,8 +38,8 @@ class Region:
 class Candidate:
     """A hypothesis that was fitted: an effect or a set of them.
 
-    `evidence_nats` is ln of its evidence over the textbook wheel's, and `heldout_nats` its gain in log-likelihood on
-    held-out blocks over the textbook wheel: NaN where its probability is below 1 %, and for what is unknown.
+    `evidence_nats` is the log Bayes factor over the textbook wheel, and `heldout_nats` the gain in log-likelihood on
+    held-out blocks over the textbook wheel: NaN where its probability is below 1 %, and for a discrepancy.
     """
 
     effect: str
@@ -52,7 +52,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Screened:
-    """An effect that was not fitted: a score test gives it so few nats."""
+    """An effect that was not fitted because of its small expected gain by a score test."""
 
     effect: str
     expected_nats: float
@@ -60,9 +60,9 @@ class Screened:
 
 @dataclass(frozen=True)
 class ChannelFit:
-    """Root-mean-square error of a channel on held-out rows, without and with what was missing, and its noise, in SI.
+    """Root-mean-square error of a channel on held-out rows, without and with the missing physics, and its noise, in SI.
 
-    `before_interval` and `after_interval` are 95 % intervals from resampling blocks.
+    `before_interval` and `after_interval` are 95 % intervals from bootstrapping blocks.
     """
 
     rmse_before: float
@@ -75,7 +75,7 @@ class ChannelFit:
 
 @dataclass(frozen=True)
 class Rows:
-    """The rows compared, for pictures: variables (each (n,)), measured, before and after (n, m), held out."""
+    """The rows compared: variables (each (n,)), measured, and predictions before and after (n, m), rows held out."""
 
     channels: tuple[str, ...]
     variables: dict[str, np.ndarray]
@@ -87,14 +87,14 @@ class Rows:
 
 @dataclass(frozen=True)
 class Explanation:
-    """The answer.
+    """Result of `explain`.
 
     Parameters
     ----------
     source
         The recording.
     verdict
-        ``"none"``: nothing beyond noise. ``"cannot_tell"``: something, whose possible causes the data do not separate.
+        ``"none"``: nothing beyond noise. ``"cannot_tell"``: something whose possible causes the data do not separate.
     summary
         The answer in a few sentences.
     soil
@@ -102,21 +102,21 @@ class Explanation:
     soil_textbook
         Soil of the textbook wheel, for comparison.
     trust
-        What to rely on: prediction, parameters.
+        Reliability of prediction and parameters, in words.
     located, missing, candidates
         See their types.
     fits
         By channel.
     split
-        How rows were held out.
+        How rows were held out, in words.
     heldout_nats
-        Gained by the best candidate, as `Candidate.heldout_nats`, with the scatter between blocks.
+        Gain of the best candidate, as `Candidate.heldout_nats`, with its standard deviation between blocks.
     notes
-        What was left out of the comparison, in words.
+        Remarks on the comparison and on rows left out.
     rows
-        For pictures.
+        For plots.
     simulator
-        The textbook wheel with what was missing, its parameter vector `vector` (p,), and the vector's `covariance`
+        The textbook wheel with the missing physics, its parameter vector `vector` (p,), and the vector's `covariance`
         (p, p).
     believed
         Probability of each of the simulator's effects, by slug.
@@ -150,17 +150,16 @@ class Explanation:
 
     @property
     def physics(self) -> AugmentedSimulator:
-        """Soil and effects as found: to simulate and predict with, to save, to keep with a class of ground.
+        """Soil and effects as fitted: to simulate and predict with, to save, to store with a terrain class.
 
         The textbook wheel's soil alone where nothing was found. Each effect has its probability; where that is low,
         others fit as well. Standard deviations are conditional on the effects; those of `soil` and `missing` include
-        the spread between probable sets. The discrepancy of something unknown is not part of it: it holds in the
-        recording only.
+        the variance between probable sets. A discrepancy is not part of it: it applies to the recording only.
         """
         return AugmentedSimulator.of(self.simulator, self.vector, self.covariance, self.believed)
 
     def to_json(self) -> dict:
-        """Give the documented JSON (schema 1) of `bevameter explain --json`: SI units, None where a number is unknown.
+        """Return the documented JSON (schema 1) of `bevameter explain --json`: SI units, None for unknown numbers.
 
         Rows, simulator and covariance are not part of it; `physics` has a `to_json` of its own.
         """
@@ -168,7 +167,7 @@ class Explanation:
 
 
 def to_json(explanation: Explanation) -> dict:
-    """Lay the answer out as the documented JSON (schema 1)."""
+    """Convert the result to the documented JSON (schema 1)."""
     answer = {
         "schema": 1,
         "verdict": explanation.verdict,

@@ -1,4 +1,4 @@
-"""Fits: the soil, the effects of a hypothesis and the noise together, maximum a posteriori by damped Gauss-Newton."""
+"""Maximum a posteriori fits of soil, effects and noise, by damped Gauss-Newton steps."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from ..mechanics.augmented import SOIL_COUNT, AugmentedWheel, Entry, Response
 from .likelihood import Problem, White
 from .samples import Samples
 from .steps import Prior, normal_equations, scaled_inverse, solve_step
-from .whitening import SMOOTHEST, Noise
+from .whitening import MAX_SMOOTHNESS, Noise
 
-_LONGEST = np.array([np.inf, 0.5, 1.0, 1.0, 0.5])
-"""Steps of c, tan phi, ln k, ln stiffness and ln n beyond which the model is no straight line."""
+_LARGEST_STEP = np.array([np.inf, 0.5, 1.0, 1.0, 0.5])
+"""Steps of c, tan phi, ln k, ln stiffness and ln n beyond which the linearisation fails."""
 
-_ENOUGH = 0.02
-"""The iteration ends when a step is expected to gain less than this [nats]."""
+_LEAST_EXPECTED_GAIN = 0.02
+"""The iteration ends when the expected gain of a step is below this [nats]."""
 
-_SETTLINGS, _MOST_STEPS = 3, 60
-"""Times that the noise is fitted anew at most, and steps of a fit."""
+_MOST_NOISE_FITS, _MOST_STEPS = 3, 60
+"""Most fits of the noise, and most steps, in a fit."""
 
-_COARSE = 0.1
-"""Share of a channel's scatter that the first search for a soil takes for noise [-]."""
+_COARSE_NOISE = 0.1
+"""Noise in the first search for a soil, relative to a channel's standard deviation [-]."""
 
 _LEAST_CARRIED = 0.5
-"""Share of the rows whose load some soil has to carry [-]."""
+"""Least share of the rows whose load the fitted soil carries [-]."""
 
-_SAME = 0.02
-"""Soils that differ by less in tan phi, ln k, ln stiffness and ln n are one to start from [-]."""
+_DISTINCT = 0.02
+"""Soils that differ by less in tan phi, ln k, ln stiffness and ln n are one initial value [-]."""
 
-_SHARE_STEP, _LEAST_SHARE, _WORTH = 0.3, 0.01, 3.0
-"""Factor between the shares of sensor noise that are weighed where the vehicle does not state it, the least one [-],
-and nats from which on a smaller share is taken: a form that is wrong leaves more noise than there is."""
+_SHARE_STEP, _LEAST_SHARE, _LEAST_SHARE_GAIN = 0.3, 0.01, 3.0
+"""Factor between the shares of sensor noise that are compared where the vehicle does not state it [-], the least share
+[-], and the least gain of a smaller one [nats]: an incorrect model inflates the noise."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Fitted:
     white
         Innovations and their derivatives.
     response
-        The simulator's answers and derivatives.
+        The simulator's channels and derivatives.
     """
 
     model: AugmentedWheel
@@ -81,26 +81,26 @@ class Fitted:
 def fit(
     problem: Problem, model: AugmentedWheel, vector: np.ndarray, noise: Noise | None = None,
     entry: Entry | None = None, *, known: Response | None = None, free: np.ndarray | None = None,
-    steps: int = _MOST_STEPS, settle: bool = True,
+    steps: int = _MOST_STEPS, fit_noise: bool = True,
 ) -> Fitted:  # fmt: skip
-    """Fit a model from a start.
+    """Fit a model from an initial value.
 
     Parameters
     ----------
     problem, model
         The samples and the simulator.
     vector : (p,)
-        Where to start.
+        Initial parameters.
     noise, entry
-        Where the noise and the entry angles start.
+        Initial noise and entry angles.
     known
-        Response of the model less its last effect at the start, if there is one.
+        Response of the model less its last effect at the initial value.
     free : (p,)
-        Which parameters are fitted: all, unless it is stated.
+        Which parameters are fitted; all where absent.
     steps
         Most steps.
-    settle
-        Fit the noise as well.
+    fit_noise
+        Whether to fit the noise as well.
     """
     prior = problem.prior(model)
     vector = np.clip(vector, prior.lower, prior.upper)
@@ -109,31 +109,31 @@ def fit(
         noise = problem.best_noise(response, vector, problem.first_noise, model)
     white = problem.white(response, noise)
     total = float(white.loss.sum()) + prior.loss(vector)
-    damping, settlings = 1e-3, 0
+    damping, noise_fits = 1e-3, 0
     for _ in range(steps):
         step, expected = _step(white, prior, vector, damping, free)
-        if expected < _ENOUGH:
-            if not settle or settlings == _SETTLINGS:
+        if expected < _LEAST_EXPECTED_GAIN:
+            if not fit_noise or noise_fits == _MOST_NOISE_FITS:
                 break
             before = total + problem.noise_loss(noise)
-            settled = problem.best_noise(response, vector, noise, model)
-            settlings += 1
-            white_there = problem.white(response, settled)
-            there = float(white_there.loss.sum()) + prior.loss(vector)
-            calm = before - there - problem.noise_loss(settled) < 5.0 * _ENOUGH
-            noise, white, total = settled, white_there, there
-            if calm:
+            refitted = problem.best_noise(response, vector, noise, model)
+            noise_fits += 1
+            trial_white = problem.white(response, refitted)
+            there = float(trial_white.loss.sum()) + prior.loss(vector)
+            converged = before - there - problem.noise_loss(refitted) < 5.0 * _LEAST_EXPECTED_GAIN
+            noise, white, total = refitted, trial_white, there
+            if converged:
                 break
             continue
         trial = np.clip(vector + step, prior.lower, prior.upper)
-        answer = problem.linearise(model, trial, response.entry(trial - vector))
-        white_there = problem.white(answer, noise)
-        reached = float(white_there.loss.sum()) + prior.loss(trial)
+        trial_response = problem.linearise(model, trial, response.entry(trial - vector))
+        trial_white = problem.white(trial_response, noise)
+        reached = float(trial_white.loss.sum()) + prior.loss(trial)
         if reached < total:
             gain = (total - reached) / expected
-            # By how well the gain was foretold (H. B. Nielsen, IMM-REP-1999-05, Technical University of Denmark).
+            # By the ratio of actual to expected gain (H. B. Nielsen, IMM-REP-1999-05, Technical University of Denmark).
             damping = max(damping * max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3), 1e-6)
-            vector, response, white, total = trial, answer, white_there, reached
+            vector, response, white, total = trial, trial_response, trial_white, reached
         else:
             damping = max(damping, 1e-4) * 10.0
             if damping > 1e6:
@@ -144,15 +144,15 @@ def fit(
 def _step(
     white: White, prior: Prior, vector: np.ndarray, damping: float, free: np.ndarray | None
 ) -> tuple[np.ndarray, float]:
-    """Damped step (p,), no longer than the model is straight, and the gain expected of it [nats]."""
+    """Damped step (p,), limited to the range of the linearisation, and its expected gain [nats]."""
     gradient, information = normal_equations(white.innovations, white.jacobian)
     step, expected = solve_step(gradient, information, prior, vector, damping, free)
-    share = min(1.0, 1.0 / max(float(np.max(np.abs(step[:SOIL_COUNT]) / _LONGEST)), 1e-12))
+    share = min(1.0, 1.0 / max(float(np.max(np.abs(step[:SOIL_COUNT]) / _LARGEST_STEP)), 1e-12))
     return share * step, expected * share * (2.0 - share)
 
 
 def fit_textbook(samples: Samples, known: SoilKnowledge | None = None) -> tuple[Problem, Fitted]:
-    """Fit the textbook wheel from several soils, and fix how errors spread from it.
+    """Fit the textbook wheel from several soils, and fix the propagation of errors at the fit.
 
     Raises
     ------
@@ -160,11 +160,11 @@ def fit_textbook(samples: Samples, known: SoilKnowledge | None = None) -> tuple[
         No soil carries the load of most rows.
     """
     problem = Problem(samples, known, _stated_shares(samples))
-    # Soil first, by what it explains coarsely: variation along the track would explain any soil's residuals.
-    found = together(lambda soil: _coarse(problem, soil), first_soils(problem))
+    # The soil first, with uniform ground: variation along the track would explain the residuals of any soil.
+    found = together(lambda soil: _fit_coarsely(problem, soil), first_soils(problem))
     starts: list[Fitted] = []
     for start in sorted(found, key=lambda fitted: -fitted.score):
-        if not any(np.allclose(start.vector[1:], other.vector[1:], atol=_SAME) for other in starts):
+        if not any(np.allclose(start.vector[1:], other.vector[1:], atol=_DISTINCT) for other in starts):
             starts.append(start)
     model = AugmentedWheel(samples.wheel)
     fits = together(lambda each: fit(problem, model, each.vector, None, Entry(each.theta_1)), starts)
@@ -177,15 +177,17 @@ def fit_textbook(samples: Samples, known: SoilKnowledge | None = None) -> tuple[
             "rows", expected=f"newtons on a wheel of {samples.wheel.radius_m:g} m radius",
         )  # fmt: skip
     if np.isfinite(problem.gap).any():
-        smoother = together(lambda smooth: _smoother(problem, best, smooth), range(1, SMOOTHEST + 1))
+        smoother = together(
+            lambda smoothness: _fit_with_smoothness(problem, best, smoothness), range(1, MAX_SMOOTHNESS + 1)
+        )
         best = max([best, *smoother], key=lambda fitted: fitted.score)
-    problem, best = _likeliest_shares(problem, best)
-    problem.weights = best.response
+    problem, best = _fit_noise_shares(problem, best)
+    problem.reference = best.response
     return problem, fit(problem, model, best.vector, best.noise, best.response.entry(np.zeros(SOIL_COUNT)))
 
 
-def _likeliest_shares(problem: Problem, best: Fitted) -> tuple[Problem, Fitted]:
-    """Weigh smaller shares of sensor noise in the white part of slip and load, where the vehicle does not state it."""
+def _fit_noise_shares(problem: Problem, best: Fitted) -> tuple[Problem, Fitted]:
+    """Fit smaller shares of sensor noise in the white parts of slip and load, where the vehicle does not state it."""
     samples = problem.samples
     for index, channel in ((1, SLIP), (0, LOAD)):
         while samples.drive.timed and not samples.stated[channel] and problem.noise_share[index] > _LEAST_SHARE:
@@ -193,19 +195,21 @@ def _likeliest_shares(problem: Problem, best: Fitted) -> tuple[Problem, Fitted]:
             shares[index] *= _SHARE_STEP
             tried = Problem(samples, problem.known, (shares[0], shares[1]))
             fitted = fit(tried, best.model, best.vector, best.noise, Entry(best.theta_1))
-            if fitted.score < best.score + _WORTH:
+            if fitted.score < best.score + _LEAST_SHARE_GAIN:
                 break
             problem, best = tried, fitted
     return problem, best
 
 
-def _smoother(problem: Problem, fitted: Fitted, smooth: int) -> Fitted:
-    """Fit again with ground that varies more smoothly."""
-    return fit(problem, fitted.model, fitted.vector, replace(fitted.noise, smooth=smooth), Entry(fitted.theta_1))
+def _fit_with_smoothness(problem: Problem, fitted: Fitted, smoothness: int) -> Fitted:
+    """Fit again with smoother variation of the ground."""
+    return fit(
+        problem, fitted.model, fitted.vector, replace(fitted.noise, smoothness=smoothness), Entry(fitted.theta_1)
+    )
 
 
 def _stated_shares(samples: Samples) -> tuple[float, float]:
-    """Shares of the white part of load and slip that the stated noise of the sensors makes; 1 where none is stated."""
+    """Shares of the stated sensor noise in the white parts of load and slip; 1 where none is stated."""
     shares = []
     for channel, path in ((LOAD, samples.load), (SLIP, samples.slip)):
         stated, white = samples.noise[channel] ** 2, float(np.mean(path.white_sd**2))
@@ -213,16 +217,16 @@ def _stated_shares(samples: Samples) -> tuple[float, float]:
     return shares[0], shares[1]
 
 
-def _coarse(problem: Problem, soil: np.ndarray) -> Fitted:
-    """Fit the textbook wheel to ground that is the same everywhere, by what it leaves as a share of the scatter."""
+def _fit_coarsely(problem: Problem, soil: np.ndarray) -> Fitted:
+    """Fit the textbook wheel on uniform ground, with noise in proportion to each channel's standard deviation."""
     scatter = np.nanstd(problem.samples.measured[:, problem.answers], axis=0)
-    sd = np.where(scatter > 0.0, _COARSE * scatter, problem.first_noise.sd)
-    noise = replace(problem.first_noise, sd=sd, spread=np.full(2, 1e-3))
-    return fit(problem, AugmentedWheel(problem.samples.wheel), soil, noise, steps=15, settle=False)
+    sd = np.where(scatter > 0.0, _COARSE_NOISE * scatter, problem.first_noise.sd)
+    noise = replace(problem.first_noise, sd=sd, ground_sd=np.full(2, 1e-3))
+    return fit(problem, AugmentedWheel(problem.samples.wheel), soil, noise, steps=15, fit_noise=False)
 
 
 def first_soils(problem: Problem) -> list[np.ndarray]:
-    """Vectors of five to start from: middling soils, stiff enough to carry the load at the sinkage measured."""
+    """Initial soil vectors (5,): typical soils, stiff enough to carry the load at the sinkage measured."""
     samples = problem.samples
     radius, width = samples.wheel.radius_m, samples.wheel.width_m
     sinkage = samples.measured[:, 2]
@@ -240,7 +244,7 @@ def first_soils(problem: Problem) -> list[np.ndarray]:
 
 
 def with_effect(base: Fitted, effect: Effect, start: np.ndarray) -> tuple[AugmentedWheel, np.ndarray]:
-    """Give the model of a fit with one more effect, and where it starts (p,)."""
+    """Return the model of a fit with one more effect, and its initial parameters (p,)."""
     soil, others = np.split(base.vector, [SOIL_COUNT])
     model = AugmentedWheel(base.model.wheel, (*base.model.effects, effect))
     return model, np.concatenate([effect.initial_soil(soil), others, start])

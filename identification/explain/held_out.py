@@ -1,4 +1,4 @@
-"""How well a model predicts blocks of rows that it was not fitted to: the check of what the evidence says."""
+"""Cross-validation: predictive likelihood and residuals of blocks of rows that a model was not fitted to."""
 
 from __future__ import annotations
 
@@ -13,19 +13,18 @@ from .fit import Fitted, fit
 from .likelihood import Problem
 from .steps import normal_equations
 
-_ALONE = 0.9
-"""A block with more than this share of the information about a parameter does not test it: nothing else determines it.
-"""
+_UNTESTED_SHARE = 0.9
+"""A block with more than this share of the information about a parameter does not test it [-]."""
 
 _MOST_STEPS = 10
-"""Steps of a fit without a block: it starts near its end."""
+"""Most steps of a fit without a block, which starts near its optimum."""
 
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Predictive log-likelihood of each block [nats], and residuals (n, m), SI, of rows while held out.
+    """Predictive log-likelihood of each block [nats], and residuals (n, m), SI, of held-out rows.
 
-    untested: True where a block alone determines a parameter, which stays as it was fitted then.
+    untested: whether one block alone determines some parameter, which is then fixed at the fit to all rows.
     """
 
     nats: np.ndarray
@@ -33,15 +32,15 @@ class HeldOut:
     untested: bool
 
     def gain(self, other: HeldOut) -> tuple[float, float]:
-        """Nats gained over another model, and their standard deviation from the scatter between blocks."""
+        """Gain over another model, and its standard deviation from the scatter between blocks [nats]."""
         each = self.nats - other.nats
         return float(each.sum()), float(np.std(each, ddof=1) * np.sqrt(len(each)))
 
 
 def hold_out(problem: Problem, fitted: Fitted) -> HeldOut:
-    """Predict each block from a fit to all others, with the noise of the fit to all rows.
+    """Predict each block by a fit to all others, with the noise of the fit to all rows.
 
-    The ground's variation is followed from neighbours.
+    The ground's variation is predicted from neighbouring rows.
     """
     block = problem.samples.block
     parts = [np.flatnonzero(block == each) for each in np.unique(block)]
@@ -53,16 +52,16 @@ def hold_out(problem: Problem, fitted: Fitted) -> HeldOut:
 
 
 def _predicted(problem: Problem, fitted: Fitted, rows: np.ndarray) -> tuple[np.ndarray, float, bool]:
-    """Residuals (k, m) of rows by a fit to the others, their log-likelihood, and whether it left parameters out."""
+    """Residuals (k, m) of rows by a fit to the others, their log-likelihood, and whether parameters were fixed."""
     white = fitted.white
     _, own = normal_equations(white.innovations[rows], white.jacobian[rows])
-    alone = np.diag(own) > _ALONE * np.diag(fitted.information(problem))
-    alone[:SOIL_COUNT] = False
+    untested = np.diag(own) > _UNTESTED_SHARE * np.diag(fitted.information(problem))
+    untested[:SOIL_COUNT] = False
     refitted = fit(
         problem.without(rows), fitted.model, fitted.vector, fitted.noise,
-        fitted.response.entry(np.zeros(len(fitted.vector))), free=~alone, steps=_MOST_STEPS, settle=False,
+        fitted.response.entry(np.zeros(len(fitted.vector))), free=~untested, steps=_MOST_STEPS, fit_noise=False,
     )  # fmt: skip
     residuals = problem.residuals(refitted.response)
-    missed = np.where(np.isfinite(residuals), residuals, problem.measured)
-    nats = -float(problem.loss(missed, fitted.noise, fitted.response)[rows].sum())
-    return residuals[rows], nats, bool(alone.any())
+    unexplained = np.where(np.isfinite(residuals), residuals, problem.measured)
+    nats = -float(problem.loss(unexplained, fitted.noise, fitted.response)[rows].sum())
+    return residuals[rows], nats, bool(untested.any())

@@ -1,4 +1,4 @@
-"""Which rows lie on one piece of ground, side by side or one pass over the other."""
+"""Tracks on different ground: rows of one lane lie on the same ground, in one or several passes."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ from ..effects.effect import Drive
 
 
 def lanes(drive: Drive, width_m: float, wheel: np.ndarray | None = None) -> np.ndarray:
-    """Number the tracks, (n,): a wheel on ground that is fresh, or not described, is on another track where it or
-    another `wheel` (n,) ran before; so is one half its width to the side, where tracks are straight.
+    """Number the tracks, (n,).
+
+    A new track begins where a wheel on fresh ground, or ground whose pass is unknown, overlaps a place where it or
+    another `wheel` (n,) ran before, and, where tracks are straight, half a wheel's width to the side.
     """
     stretches = runs_of(drive.stretch)
     names = [""] * len(stretches) if wheel is None else [str(wheel[rows[0]]) for rows in stretches]
@@ -43,6 +45,6 @@ def lanes(drive: Drive, width_m: float, wheel: np.ndarray | None = None) -> np.n
 
 
 def _extent(place_m: np.ndarray) -> tuple[float, float]:
-    """From where to where a stretch runs [m]; nowhere where it was not seen."""
+    """First and last place of a stretch [m]; an empty interval where no place is known."""
     seen = place_m[np.isfinite(place_m)]
     return (float(seen.min()), float(seen.max())) if len(seen) else (math.inf, -math.inf)

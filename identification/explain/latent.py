@@ -1,16 +1,16 @@
-"""True load and slip of each row: a latent path, of which every row's measurement is noisy.
+"""Latent load and slip: the true values of each row, estimated from noisy measurements.
 
-A channel is taken for a stationary Gaussian process about the mean of each stretch between jumps, with the Matern
+A channel is modelled as a stationary Gaussian process about the mean of each stretch between jumps, with the Matern
 correlation of order 5/2 (C. E. Rasmussen, C. K. I. Williams, "Gaussian Processes for Machine Learning" (2006), Eq.
-4.17; as a state-space model J. Hartikainen, S. Sarkka, IEEE MLSP (2010)), plus white noise; amplitude, length and noise
-are the likeliest ones. A jump is where the prediction fails by much more than these explain (A. C. Harvey, S. J.
-Koopman, J. Bus. Econ. Stat. 10 (1992), 377-389). Given all measurements the error of the path's mean is a Markov chain,
-whose transitions the smoother gives (H. E. Rauch et al., AIAA J. 3 (1965), 1445-1450): the likelihood of the other
-channels carries it along. The error is independent of the mean (a Berkson error; R. J. Carroll et al., "Measurement
-Error in Nonlinear Models" (2006), Sec. 1.4), so that regressing on the mean attenuates nothing.
+4.17; as a state-space model J. Hartikainen, S. Sarkka, IEEE MLSP (2010)), plus white noise. Amplitude, length and noise
+maximise the likelihood. A jump is an outlying innovation (A. C. Harvey, S. J. Koopman, J. Bus. Econ. Stat. 10 (1992),
+377-389). Given all measurements the error of the smoothed mean is a Markov chain, whose transitions the smoother yields
+(H. E. Rauch et al., AIAA J. 3 (1965), 1445-1450); it is part of the likelihood of the other channels. The error is
+independent of the mean (a Berkson error; R. J. Carroll et al., "Measurement Error in Nonlinear Models" (2006), Sec.
+1.4), so that regression on the mean is not attenuated.
 
-How much of the white part is the sensor's and how much a true change from row to row cannot be seen in one channel: it
-is the `noise_share`, which the vehicle's stated noise or the likelihood of the other channels decides.
+One channel does not determine how much of the white part is sensor noise and how much a true change from row to row.
+This share, `noise_share`, follows from the noise that the vehicle states or from the likelihood of the other channels.
 """
 
 from __future__ import annotations
@@ -29,92 +29,99 @@ from .whitening import Noise, matern, robust_loss
 STATES = 3
 """States of a path: its value and two derivatives."""
 
-_JUMP, _APART, _SEARCHES = 5.0, 5, 8
-"""A step is a jump where the path leaves its prediction by so many standard deviations, more than in so many rows
-before and after; jumps are looked for so many times at most."""
+_JUMP, _SEPARATION, _MOST_SEARCHES = 5.0, 5, 8
+"""An innovation of so many standard deviations is a jump if none is larger within so many rows before and after; most
+iterations of the search for jumps."""
 
 _FLANK = 2
-"""Rows before and after a jump that lie on its flank."""
+"""Rows before and after a jump that belong to its flank."""
 
 _LEAST_NOISE = 1e-6
-"""Least white noise, as a share of the channel's size: what a converter's last digit makes [-]."""
+"""Least white noise, relative to the channel's largest value: the resolution of a converter [-]."""
 
 _LEAST_LENGTH = 0.7
-"""Shortest length of the path's correlation, in rows: what is rougher is white."""
+"""Least correlation length of the path [rows]: shorter variation counts as white noise."""
 
 _JITTER = 1e-11
-"""Share of a covariance that is added to its diagonal before it is inverted [-]."""
+"""Regularisation of a covariance before its inversion, relative to its trace [-]."""
 
 
 @dataclass(frozen=True)
 class Latent:
-    """What is known of a channel's true values.
+    """Estimated true values of a channel.
 
     Parameters
     ----------
     mean : (n,)
         Expected true value of each row [the channel's unit].
-    keep, fresh : (n, k, k)
-        Transition of the error of the path and its derivatives from the row before, and the covariance of what is new
-        in it; the first state's error is the mean's.
+    transition, process_noise : (n, k, k)
+        Transition matrix and process-noise covariance of the errors of the path and its derivatives; the first state is
+        the error of the mean.
     white : (n,)
-        Variance of the part of the error that is independent from row to row.
+        Variance of the white part of the error.
     """
 
     mean: np.ndarray
-    keep: np.ndarray
-    fresh: np.ndarray
+    transition: np.ndarray
+    process_noise: np.ndarray
     white: np.ndarray
 
 
 @dataclass(frozen=True)
 class Path:
-    """The smooth path of a channel and the white part about it, before the noise share is known.
+    """The smoothed path of a channel and the white part about it, before the noise share is known.
 
-    measured, mean (n,), keep, fresh (n, k, k) as in `Latent`, of the path alone; covariance (n, k, k) of the states'
-    errors, and white_sd (n,) standard deviation of the white part about the path.
+    measured, mean (n,), transition, process_noise (n, k, k) as in `Latent`, of the path alone; covariance (n, k, k) of
+    the states' errors; white_sd (n,) standard deviation of the white part.
     """
 
     measured: np.ndarray
     mean: np.ndarray
-    keep: np.ndarray
-    fresh: np.ndarray
+    transition: np.ndarray
+    process_noise: np.ndarray
     covariance: np.ndarray
     white_sd: np.ndarray
 
     def select(self, rows: np.ndarray, follows: np.ndarray) -> Path:
-        """Give some rows (k,); the chain goes on where a row `follows` (k,) the one before."""
+        """Return some rows (k,); the chain continues where a row `follows` (k,) the previous one."""
         chosen = {name: getattr(self, name)[rows] for name in ("measured", "mean", "covariance", "white_sd")}
-        goes_on = follows[:, None, None]
-        keep = np.where(goes_on, self.keep[rows], 0.0)
-        return Path(keep=keep, fresh=np.where(goes_on, self.fresh[rows], self.covariance[rows]), **chosen)
+        continues = follows[:, None, None]
+        transition = np.where(continues, self.transition[rows], 0.0)
+        return Path(
+            transition=transition,
+            process_noise=np.where(continues, self.process_noise[rows], self.covariance[rows]),
+            **chosen,
+        )
 
     def latent(self, noise_share: float) -> Latent:
-        """Give the true values if the sensor makes this share of the white part's variance, in (0, 1]."""
+        """Return the true values if this share of the white part's variance is sensor noise, in (0, 1]."""
         seen = np.isfinite(self.measured)
         own = np.where(seen, noise_share, 1.0)
         mean = own * self.mean + (1.0 - own) * np.where(seen, self.measured, 0.0)
-        # A row's own reading pulls it by the same share, which its error follows.
+        # The estimate is shrunk towards each row's own reading, and its error by the same factor.
         before = np.concatenate([own[:1], own[:-1]])
-        keep, fresh = self.keep * (own / before)[:, None, None], self.fresh * (own**2)[:, None, None]
-        return Latent(mean, keep, fresh, own * (1.0 - own) * self.white_sd**2)
+        transition, process_noise = (
+            self.transition * (own / before)[:, None, None],
+            self.process_noise * (own**2)[:, None, None],
+        )
+        return Latent(mean, transition, process_noise, own * (1.0 - own) * self.white_sd**2)
 
 
 def path_of(
     measured: np.ndarray, time_s: np.ndarray, stretch: np.ndarray, relative: np.ndarray, first_sd: float
 ) -> Path:
-    """Find the path of a channel of rows that follow each other in time.
+    """Estimate the path of a channel of a time series.
 
     Parameters
     ----------
     measured, time_s : (n,)
         The channel, NaN where not observed, and the time [s].
     stretch : (n,)
-        Number of the uninterrupted stretch of time of each row; a path begins anew in each.
+        Number of the uninterrupted stretch of time of each row; paths of different stretches are independent.
     relative : (n,)
         Standard deviation of the white part by row, up to a common factor.
     first_sd
-        A first guess of that factor [the channel's unit].
+        Initial guess of that factor [the channel's unit].
     """
     jumps = np.concatenate([[True], np.diff(stretch) != 0])
     seen = np.isfinite(measured)
@@ -123,41 +130,43 @@ def path_of(
     least = _LEAST_NOISE * max(float(np.abs(measured[seen]).max()), 1e-300)
     relative, step = np.maximum(relative, 1e-6), _steps(time_s, jumps)
     first = max(first_sd, least)
-    spread = max(float(np.std(measured[seen])), 2.0 * first)
-    starts = [np.log([first, amplitude, length]) for amplitude in (spread, 2.0 * first) for length in (4.0, 25.0)]
-    course = _Course(np.where(seen, measured, 0.0), seen, jumps, step, relative, least)
-    point = course.best(starts)
-    for _ in range(_SEARCHES):
-        away = np.abs(course.innovations(point)[0])
-        new = (away > _JUMP) & (away >= maximum_filter1d(away, 2 * _APART + 1)) & ~course.jumps
+    scatter = max(float(np.std(measured[seen])), 2.0 * first)
+    starts = [np.log([first, amplitude, length]) for amplitude in (scatter, 2.0 * first) for length in (4.0, 25.0)]
+    readings = _Readings(np.where(seen, measured, 0.0), seen, jumps, step, relative, least)
+    point = readings.best(starts)
+    for _ in range(_MOST_SEARCHES):
+        size = np.abs(readings.innovations(point)[0])
+        new = (size > _JUMP) & (size >= maximum_filter1d(size, 2 * _SEPARATION + 1)) & ~readings.jumps
         if not new.any():
             break
-        course = replace(course, jumps=course.jumps | new)
-        point = course.best(starts)
-    return _apart_from_flanks(course, point, measured, jumps)
+        readings = replace(readings, jumps=readings.jumps | new)
+        point = readings.best(starts)
+    return _smooth_between_jumps(readings, point, measured, jumps)
 
 
-def _apart_from_flanks(course: _Course, point: np.ndarray, measured: np.ndarray, begins: np.ndarray) -> Path:
-    """Smooth the readings but for those about a jump: it takes a few rows, on which the paths before and after it say
-    nothing. Each of these stands alone, as does what the path misses. `begins` (n,): where a stretch of time begins.
+def _smooth_between_jumps(readings: _Readings, point: np.ndarray, measured: np.ndarray, begins: np.ndarray) -> Path:
+    """Smooth the readings between jumps; each row on the flank of a jump, or far off the path, is independent.
+
+    A jump takes a few rows, about which the paths before and after it are not informative. `begins` (n,): where a
+    stretch of time begins.
     """
-    path, flank = course.path(point, measured), np.zeros(len(measured), dtype=bool)
-    edges = course.jumps & ~begins
+    path, flank = readings.path(point, measured), np.zeros(len(measured), dtype=bool)
+    edges = readings.jumps & ~begins
     edges |= np.append(edges[1:], False)
-    for _ in range(_SEARCHES):
+    for _ in range(_MOST_SEARCHES):
         edges |= np.nan_to_num(np.abs(measured - path.mean)) > _JUMP * path.white_sd
         new = maximum_filter1d(edges, 2 * _FLANK + 1) & ~flank
         if not new.any():
             break
         flank |= new
-        course = replace(course, jumps=course.jumps | flank | np.append(False, flank[:-1]))
-        path = course.path(point, measured)
+        readings = replace(readings, jumps=readings.jumps | flank | np.append(False, flank[:-1]))
+        path = readings.path(point, measured)
     return path
 
 
 @dataclass(frozen=True)
-class _Course:
-    """Readings (n,), which were seen, where the path begins anew, steps of the clock, and the relative white noise."""
+class _Readings:
+    """Readings (n,), which were observed, where a path begins, time steps, and the relative white noise."""
 
     values: np.ndarray
     seen: np.ndarray
@@ -168,7 +177,7 @@ class _Course:
 
     @cached_property
     def _gaps(self) -> tuple[np.ndarray, np.ndarray]:
-        """The different gaps between rows, infinite where a path begins, and which one is before each row."""
+        """Unique gaps between rows, infinite where a path begins, and the index of the one before each row."""
         return np.unique(np.where(self.jumps, np.inf, self.step), return_inverse=True)
 
     @cached_property
@@ -179,13 +188,13 @@ class _Course:
         return (np.bincount(part, self.values * self.seen) / np.maximum(count, 1.0))[part]
 
     def _parts(self, point: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Arguments of the filter: off the centre, seen, transitions and covariances by gap, gap and noise by row."""
+        """Arguments of `_innovations` for ln(noise, amplitude, length), the readings centred."""
         sd, amplitude, length = np.exp(point)
         gap, which = self._gaps
         noise = Noise(np.ones(1), np.zeros(1), np.full(2, amplitude), max(float(length), _LEAST_LENGTH), STATES - 1)
-        keep, fresh = (np.ascontiguousarray(each[:, :STATES, :STATES]) for each in matern(gap, noise))
+        transition, process_noise = (np.ascontiguousarray(each[:, :STATES, :STATES]) for each in matern(gap, noise))
         variance = (self.relative * max(float(sd), self.least)) ** 2
-        return self.values - self._centre, self.seen, keep, fresh, which, variance
+        return self.values - self._centre, self.seen, transition, process_noise, which, variance
 
     def innovations(self, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Innovations (n,) and ln of their standard deviations (n,)."""
@@ -194,15 +203,15 @@ class _Course:
     def loss(self, point: np.ndarray) -> float:
         """Minus the log-likelihood [nats] of ln(noise, amplitude, length).
 
-        A step that is not known for a jump yet must not pass for noise: the loss is robust.
+        The loss is robust, so that jumps that are not identified yet do not count as noise.
         """
         if not (np.abs(point) < 60.0).all():
             return math.inf
-        away, log_scale = self.innovations(point)
-        return float(robust_loss(away).sum() + log_scale.sum())
+        innovation, log_scale = self.innovations(point)
+        return float(robust_loss(innovation).sum() + log_scale.sum())
 
     def best(self, starts: list[np.ndarray]) -> np.ndarray:
-        """Give the likeliest ln(noise, amplitude, length) that is found from some starts."""
+        """Return the maximum-likelihood ln(noise, amplitude, length) over several starts."""
         options = {"xatol": 0.05, "fatol": 0.1}
         found = [minimize(self.loss, start, method="Nelder-Mead", options=options) for start in starts]
         return min(found, key=lambda each: each.fun).x
@@ -210,12 +219,12 @@ class _Course:
     def path(self, point: np.ndarray, measured: np.ndarray) -> Path:
         """Smooth the readings."""
         parts = self._parts(point)
-        mean, covariance, keep, fresh = _smooth(*parts)
-        return Path(measured, self._centre + mean, keep, fresh, covariance, np.sqrt(parts[-1]))
+        mean, covariance, transition, process_noise = _smooth(*parts)
+        return Path(measured, self._centre + mean, transition, process_noise, covariance, np.sqrt(parts[-1]))
 
 
 def independent(measured: np.ndarray, sd: np.ndarray) -> Path:
-    """Give the path of steady trials, each on its own, shrunk to their mean by the noise's share of the scatter."""
+    """Return the path of independent steady-state trials, shrunk to their mean by the noise's share of the variance."""
     seen = np.isfinite(measured)
     centre, total = float(np.mean(measured[seen])), float(np.var(measured[seen]))
     noise = sd**2
@@ -228,99 +237,99 @@ def independent(measured: np.ndarray, sd: np.ndarray) -> Path:
 
 
 def exact(values: np.ndarray) -> Path:
-    """Give the path of a channel that is known without error."""
-    nothing = np.zeros((len(values), STATES, STATES))
-    return Path(values, values, nothing, nothing, nothing, np.zeros(len(values)))
+    """Return the path of a channel without error."""
+    zero = np.zeros((len(values), STATES, STATES))
+    return Path(values, values, zero, zero, zero, np.zeros(len(values)))
 
 
 def _steps(time_s: np.ndarray, jumps: np.ndarray) -> np.ndarray:
-    """Time from the row before (n,), in usual steps of the clock; 1 where a stretch begins or the clock stands."""
+    """Time since the previous row (n,), in median time steps; 1 where a stretch begins or time does not increase."""
     step = np.diff(time_s, prepend=time_s[:1])
-    going = ~jumps & (step > 0.0)
-    usual = float(np.median(step[going])) if going.any() else 1.0
-    return np.where(going, step / usual, 1.0)
+    increasing = ~jumps & (step > 0.0)
+    median_step = float(np.median(step[increasing])) if increasing.any() else 1.0
+    return np.where(increasing, step / median_step, 1.0)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _innovations(values, seen, keep, fresh, which, noise):
-    """Innovations (n,) of a path and ln of their standard deviations (n,), zero where nothing was seen.
+def _innovations(values, seen, transition, process_noise, which, noise):
+    """Innovations (n,) of a path and ln of their standard deviations (n,), zero where not observed.
 
-    keep, fresh (g, k, k): transitions over each of the gaps; which (n,): the gap before each row; noise (n,): variance.
+    transition, process_noise (g, k, k) over each gap; which (n,): the gap before each row; noise (n,): variance.
     """
-    rows, size = len(values), keep.shape[1]
-    away, log_scale = np.zeros(rows), np.zeros(rows)
-    state, there = np.zeros(size), np.zeros(size)
-    p, half = np.zeros((size, size)), np.zeros((size, size))
+    rows, size = len(values), transition.shape[1]
+    innovation, log_scale = np.zeros(rows), np.zeros(rows)
+    state, predicted = np.zeros(size), np.zeros(size)
+    p, product = np.zeros((size, size)), np.zeros((size, size))
     for row in range(rows):
-        a, q = keep[which[row]], fresh[which[row]]
+        a, q = transition[which[row]], process_noise[which[row]]
         for i in range(size):
-            there[i] = 0.0
+            predicted[i] = 0.0
             for j in range(size):
-                there[i] += a[i, j] * state[j]
-                half[i, j] = 0.0
+                predicted[i] += a[i, j] * state[j]
+                product[i, j] = 0.0
                 for k in range(size):
-                    half[i, j] += a[i, k] * p[k, j]
+                    product[i, j] += a[i, k] * p[k, j]
         for i in range(size):
-            state[i] = there[i]
+            state[i] = predicted[i]
             for j in range(size):
                 value = q[i, j]
                 for k in range(size):
-                    value += half[i, k] * a[j, k]
+                    value += product[i, k] * a[j, k]
                 p[i, j] = value
         if not seen[row]:
             continue
         scale = p[0, 0] + noise[row]
-        off = values[row] - state[0]
-        away[row], log_scale[row] = off / math.sqrt(scale), 0.5 * math.log(scale)
+        residual = values[row] - state[0]
+        innovation[row], log_scale[row] = residual / math.sqrt(scale), 0.5 * math.log(scale)
         for i in range(size):
-            there[i] = p[i, 0] / scale
+            predicted[i] = p[i, 0] / scale
         for i in range(size):
-            state[i] += there[i] * off
+            state[i] += predicted[i] * residual
             for j in range(size):
-                half[i, j] = there[i] * p[0, j]
+                product[i, j] = predicted[i] * p[0, j]
         for i in range(size):
             for j in range(size):
-                p[i, j] -= half[i, j]
-    return away, log_scale
+                p[i, j] -= product[i, j]
+    return innovation, log_scale
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _inverse(matrix):
-    """Inverse of a covariance, its diagonal a little raised."""
+    """Inverse of a regularised covariance."""
     return np.linalg.inv(matrix + _JITTER * np.trace(matrix) * np.eye(len(matrix)))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _smooth(values, seen, keep, fresh, which, noise):
-    """Smooth a path: mean (n,) and covariance (n, k, k), and keep and fresh (n, k, k) of its error's chain.
+def _smooth(values, seen, transition, process_noise, which, noise):
+    """Smoothed mean (n,) and covariance (n, k, k), and transitions and process noise (n, k, k) of the error's chain.
 
     Arguments as in `_innovations`.
     """
-    rows, size = len(values), keep.shape[1]
-    state, ahead_state = np.zeros((rows, size)), np.zeros((rows, size))
-    p, ahead = np.zeros((rows, size, size)), np.zeros((rows, size, size))
-    chain, new = np.zeros((rows, size, size)), np.zeros((rows, size, size))
-    before, spread = np.zeros(size), np.zeros((size, size))
+    rows, size = len(values), transition.shape[1]
+    state, predicted_state = np.zeros((rows, size)), np.zeros((rows, size))
+    p, predicted = np.zeros((rows, size, size)), np.zeros((rows, size, size))
+    error_transition, error_noise = np.zeros((rows, size, size)), np.zeros((rows, size, size))
+    filtered, covariance = np.zeros(size), np.zeros((size, size))
     for row in range(rows):
-        a = keep[which[row]]
-        ahead_state[row] = a @ before
-        ahead[row] = a @ spread @ a.T + fresh[which[row]]
-        before, spread = ahead_state[row].copy(), ahead[row].copy()
+        a = transition[which[row]]
+        predicted_state[row] = a @ filtered
+        predicted[row] = a @ covariance @ a.T + process_noise[which[row]]
+        filtered, covariance = predicted_state[row].copy(), predicted[row].copy()
         if seen[row]:
-            gain = ahead[row, :, 0].copy() / (ahead[row, 0, 0] + noise[row])
-            before = before + gain * (values[row] - before[0])
-            spread = spread - np.outer(gain, ahead[row, 0].copy())
-        state[row], p[row] = before, spread
-    new[rows - 1] = p[rows - 1]
+            gain = predicted[row, :, 0].copy() / (predicted[row, 0, 0] + noise[row])
+            filtered = filtered + gain * (values[row] - filtered[0])
+            covariance = covariance - np.outer(gain, predicted[row, 0].copy())
+        state[row], p[row] = filtered, covariance
+    error_noise[rows - 1] = p[rows - 1]
     for row in range(rows - 2, -1, -1):
-        a = keep[which[row + 1]]
-        back = p[row] @ a.T @ _inverse(ahead[row + 1])
-        state[row] += back @ (state[row + 1] - ahead_state[row + 1])
-        own = p[row] + back @ (p[row + 1] - ahead[row + 1]) @ back.T
-        own = 0.5 * (own + own.T)
-        common = p[row + 1] @ back.T
-        chain[row + 1] = common @ _inverse(own)
-        new[row + 1] = p[row + 1] - chain[row + 1] @ own @ chain[row + 1].T
-        p[row] = own
-    new[0] = p[0]
-    return state[:, 0].copy(), p, chain, new
+        a = transition[which[row + 1]]
+        smoother_gain = p[row] @ a.T @ _inverse(predicted[row + 1])
+        state[row] += smoother_gain @ (state[row + 1] - predicted_state[row + 1])
+        smoothed = p[row] + smoother_gain @ (p[row + 1] - predicted[row + 1]) @ smoother_gain.T
+        smoothed = 0.5 * (smoothed + smoothed.T)
+        cross = p[row + 1] @ smoother_gain.T
+        error_transition[row + 1] = cross @ _inverse(smoothed)
+        error_noise[row + 1] = p[row + 1] - error_transition[row + 1] @ smoothed @ error_transition[row + 1].T
+        p[row] = smoothed
+    error_noise[0] = p[0]
+    return state[:, 0].copy(), p, error_transition, error_noise

@@ -1,8 +1,7 @@
-"""Likelihood of a recording under a model: latent load and slip, sensor noise, ground that varies, gross errors.
+"""Likelihood of a recording under a model: latent load and slip, sensor noise, varying ground, gross errors.
 
-All are parts of one likelihood, Gaussian but for gross errors, linear in small errors: the model's answers at the
-expected load and slip, and the derivatives of the answers by load, slip, stiffness and strength of the ground, say how
-errors of these spread into the channels.
+The likelihood is Gaussian except for gross errors. It is linearised about the expected load and slip and the mean
+ground: the derivatives of the channels by load, slip, stiffness and strength propagate errors into the channels.
 """
 
 from __future__ import annotations
@@ -27,89 +26,95 @@ SOIL_PRIOR = {
     "c_Pa": (0.0, 2e4), "phi_rad": (0.6, 0.4), "k_m": (math.log(0.012), 1.2), "stiffness_Pa": (0.0, math.inf),
     "n": (math.log(0.95), 0.5),
 }  # fmt: skip
-"""Mean and standard deviation in internal coordinates: the range of Wong (2010), Table 2.3, wide."""
+"""Mean and standard deviation in internal coordinates: wider than the range of Wong (2010), Table 2.3."""
 
 _LN_NOISE_SD, _LN_STATED_SD = 0.5, 0.1
-"""Prior standard deviation of ln(noise) about what neighbours show, and about what the vehicle states."""
+"""Prior standard deviation of ln(noise) about the estimate from neighbouring rows, and about a stated noise."""
 
-_MEMORY_SD, _MOST_MEMORY = 0.25, 0.97
+_AUTOCORRELATION_SD, _MAX_AUTOCORRELATION = 0.25, 0.97
 """Prior standard deviation of the autocorrelation of sensor noise about 0, and its upper bound [-]."""
 
 _NEIGHBOURS_ERROR = 3.5
-"""Three standard errors of ln(noise) from neighbours, times the root of their number: a median absolute deviation tells
-with 37 % of the efficiency of a standard deviation (F. R. Hampel, J. Am. Stat. Assoc. 69 (1974), 383-393) [-]."""
+"""Three standard errors of ln(noise) estimated from neighbours, times the root of their number [-]: a median absolute
+deviation has 37 % of the efficiency of a standard deviation (F. R. Hampel, J. Am. Stat. Assoc. 69 (1974), 383-393)."""
 
-_SPREAD_SD, _LN_LENGTH_SD = 0.05, 1.5
-"""Prior standard deviations: ground varies by some per cent, over a length known to a factor of a few."""
+_GROUND_SD_SCALE, _LN_LENGTH_SD = 0.05, 1.5
+"""Prior standard deviations of the ground's standard deviation and of ln of its correlation length [-]."""
 
-_LEAST_SPREAD, _LEAST_LN_NOISE = 1e-5, -1.5
-"""Bounds: the variation's least standard deviation [-], and how far below what neighbours show ln(noise) may be."""
+_LEAST_GROUND_SD, _LEAST_LN_NOISE = 1e-5, -1.5
+"""Lower bounds of the ground's standard deviation, and of ln(noise) relative to the estimate from neighbours [-]."""
 
-QUIET = 0.01
-"""Standard deviation of ground that hardly varies [-]."""
+UNIFORM_SD = 0.01
+"""Standard deviation of nearly uniform ground [-]."""
 
-_STEEPEST = 1e12
-"""Derivatives beyond this, SI, are those of a wheel about to sink in: they are left out."""
+_LARGEST_DERIVATIVE = 1e12
+"""Larger derivatives, SI, are those of a wheel at the limit of the load that the soil carries: they are omitted."""
 
 _DIFFERENCE = 1e-4
-"""Step of ln noise, memory, variation and ln length by which innovations are differentiated."""
+"""Step of the noise parameters (`_packed`) in difference quotients of the innovations."""
 
-_NOISE_STEPS, _NOISE_ENOUGH = 12, 0.05
-"""Steps of the noise at most, and the gain of one [nats] below which it is not taken."""
+_NOISE_STEPS, _LEAST_NOISE_GAIN = 12, 0.05
+"""Most steps of a fit of the noise, and the gain of a step below which it ends [nats]."""
 
 
 @dataclass(frozen=True)
 class White:
-    """Innovations (n, m), their derivatives by the parameters (n, m, p), each row's loss (n,) [nats], and the trust of
-    each stage of whitening (`whitening.Whitener`).
+    """Innovations (n, m), their derivatives by the parameters (n, m, p), each row's loss (n,) [nats], and the robust
+    weights of each filter (`whitening.Whitener`).
     """
 
     innovations: np.ndarray
     jacobian: np.ndarray
     loss: np.ndarray
-    trust: tuple[np.ndarray, np.ndarray]
+    weights: tuple[np.ndarray, np.ndarray]
 
 
 class Problem:
-    """Samples with their priors.
+    """Samples, priors and error model.
 
     Parameters
     ----------
     samples
         The samples.
     known
-        What is known of the soil from elsewhere.
+        Prior knowledge of the soil.
     noise_share
-        Shares of the white part of load and of slip that is sensor noise (`latent.Path.latent`) [-].
-    roughest
-        Largest standard deviation of ln stiffness and ln strength along the track [-].
+        Shares of sensor noise in the white parts of load and slip (`latent.Path.latent`) [-].
+    max_ground_sd
+        Upper bound of the standard deviation of ln stiffness and ln strength along the track [-].
+
+    Attributes
+    ----------
+    reference
+        Response whose derivatives propagate errors under every hypothesis, so that evidences can be compared; None
+        before the textbook wheel is fitted: each response then propagates errors itself.
     """
 
     def __init__(
         self, samples: Samples, known: SoilKnowledge | None = None, noise_share: tuple[float, float] = (1.0, 1.0),
-        roughest: float = 1.0,
+        max_ground_sd: float = 1.0,
     ) -> None:  # fmt: skip
         self.samples, self.known, self.noise_share = samples, known or SoilKnowledge(), noise_share
-        self._roughest = roughest
+        self._max_ground_sd = max_ground_sd
         self.answers = list(samples.answers)
         self.load, self.slip = samples.load.latent(noise_share[0]), samples.slip.latent(noise_share[1])
         self.imposed = np.column_stack([self.load.mean, np.clip(self.slip.mean, -1.0, 0.995)])
         self.seen = np.ascontiguousarray(samples.seen)
         self.measured = samples.measured[:, self.answers]
-        self.order, self.gap = _neighbours(samples.position, samples.lane)
-        self.weights: Response | None = None
+        self.order, self.gap = _order_along_track(samples.position, samples.lane)
+        self.reference: Response | None = None
         self._whiteners: WeakKeyDictionary[Noise, Whitener] = WeakKeyDictionary()
         self.first_noise = self._first_noise()
 
     @cached_property
     def _transitions(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Transitions and new covariances (g, d, d) of the errors of load and slip, and whether a row that has them
-        follows the one before (g,): each once; and which of them each row has (n,).
+        """Unique transitions and process noise (g, d, d) of the errors of load and slip, whether a row that has them
+        follows the previous one (g,), and the index of them for each row (n,).
         """
         both = [np.zeros((len(self.samples), 2 * STATES, 2 * STATES)) for _ in range(2)]
         for index, latent in enumerate((self.load, self.slip)):
             own = slice(STATES * index, STATES * (index + 1))
-            both[0][:, own, own], both[1][:, own, own] = latent.keep, latent.fresh
+            both[0][:, own, own], both[1][:, own, own] = latent.transition, latent.process_noise
         rows = np.column_stack([*(each.reshape(len(each), -1) for each in both), self.samples.follows])
         _, first, which = np.unique(rows, axis=0, return_index=True, return_inverse=True)
         return both[0][first], both[1][first], self.samples.follows[first].astype(bool), which.ravel()
@@ -121,16 +126,16 @@ class Problem:
         self._length_bounds = shortest, max(0.3 * track, 2.0 * shortest)
         length = math.sqrt(shortest * self._length_bounds[1])
         sd = self.samples.noise[self.answers]
-        return Noise(sd, np.zeros(len(sd)), np.full(2, min(0.02, self._roughest)), length)
+        return Noise(sd, np.zeros(len(sd)), np.full(2, min(0.02, self._max_ground_sd)), length)
 
-    def quiet(self) -> Problem:
-        """Give the same with ground that hardly varies, errors spread alike."""
-        answer = Problem(self.samples, self.known, self.noise_share, QUIET)
-        answer.weights = self.weights
+    def with_uniform_ground(self) -> Problem:
+        """Return the same problem with nearly uniform ground and the same reference."""
+        answer = Problem(self.samples, self.known, self.noise_share, UNIFORM_SD)
+        answer.reference = self.reference
         return answer
 
     def without(self, rows: np.ndarray) -> Problem:
-        """Give the same with nothing seen in some rows."""
+        """Return the same problem with some rows unobserved."""
         answer = copy(self)
         answer.seen = self.seen.copy()
         answer.seen[rows] = False
@@ -138,12 +143,12 @@ class Problem:
         return answer
 
     @property
-    def quiet_noise(self) -> Noise:
-        """Noise to start from in ground that hardly varies: variation may have explained what an effect would."""
-        return replace(self.first_noise, spread=np.full(2, QUIET))
+    def uniform_ground_noise(self) -> Noise:
+        """Initial noise with nearly uniform ground: variation of the ground may have absorbed an effect."""
+        return replace(self.first_noise, ground_sd=np.full(2, UNIFORM_SD))
 
     def prior(self, model: AugmentedWheel, *, informed: bool = True) -> Prior:
-        """Priors and bounds of a model's parameter vector; `informed` by what is known of the soil."""
+        """Priors and bounds of a model's parameter vector; `informed` by the prior knowledge of the soil."""
         mean, sd, lower, upper = [], [], [], []
         for name in PARAMETERS:
             if informed and name in self.known.values:
@@ -170,70 +175,68 @@ class Problem:
     def linearise(
         self, model: AugmentedWheel, vector: np.ndarray, entry: Entry | None, known: Response | None = None
     ) -> Response:
-        """Answer of the model with derivatives; those `known` of the model less its last effect are taken over."""
-        latent = self.weights is None
+        """Response of the model with derivatives; those `known` of the model less its last effect are reused."""
+        latent = self.reference is None
         return model.linearise(self.samples.drive, self.imposed, vector, entry, latent=latent, known=known)
 
     def residuals(self, response: Response) -> np.ndarray:
-        """What a model leaves of the answers (n, m), SI, NaN where not observed."""
+        """Residuals (n, m), SI, NaN where not observed."""
         return np.where(self.seen, self.measured - response.channels[:, self.answers], np.nan)
 
     def columns(self, response: Response) -> np.ndarray:
-        """Residuals and derivatives (n, m, 1 + p); a wheel that is not carried misses all of what was measured."""
+        """Residuals and derivatives (n, m, 1 + p); a load that is not carried has zero response."""
         residual = self.measured - response.channels[:, self.answers]
         carried = np.isfinite(residual) | ~self.seen
         residual = np.where(self.seen, np.where(carried, residual, self.measured), 0.0)
         slopes = response.by_parameter[:, self.answers]
-        good = (self.seen & np.isfinite(response.channels[:, self.answers]))[..., None] & (np.abs(slopes) < _STEEPEST)
+        good = (self.seen & np.isfinite(response.channels[:, self.answers]))[..., None] & (
+            np.abs(slopes) < _LARGEST_DERIVATIVE
+        )
         return np.concatenate([residual[..., None], np.where(good, slopes, 0.0)], axis=-1)
 
     def whitener(self, noise: Noise, response: Response) -> Whitener:
-        """Give the whitener of a noise.
-
-        Errors spread as the `weights` have it, where they are fixed, else as the response has it: hypotheses that are
-        weighed alike can be compared.
-        """
-        if self.weights is None:
+        """Return the whitener of a noise model, with errors propagated by `reference` if set, else by the response."""
+        if self.reference is None:
             return self._whitener(self._errors(noise, response), matern(self.gap, noise), response)
         if noise not in self._whiteners:
-            errors = self._errors(noise, self.weights)
-            self._whiteners[noise] = self._whitener(errors, matern(self.gap, noise), self.weights)
+            errors = self._errors(noise, self.reference)
+            self._whiteners[noise] = self._whitener(errors, matern(self.gap, noise), self.reference)
         return self._whiteners[noise]
 
-    def _whitener(self, errors: Filter, transitions: tuple[np.ndarray, np.ndarray], weights: Response) -> Whitener:
-        return whitener(errors, self._by_ground(weights), transitions, self.order)
+    def _whitener(self, errors: Filter, transitions: tuple[np.ndarray, np.ndarray], reference: Response) -> Whitener:
+        return whitener(errors, self._by_ground(reference), transitions, self.order)
 
-    def _by_ground(self, weights: Response) -> np.ndarray:
-        return np.where(self.seen[..., None], np.nan_to_num(weights.by_ground[:, self.answers]), 0.0)
+    def _by_ground(self, reference: Response) -> np.ndarray:
+        return np.where(self.seen[..., None], np.nan_to_num(reference.by_ground[:, self.answers]), 0.0)
 
-    def _errors(self, noise: Noise, weights: Response) -> Filter:
-        """Filter of errors of load and slip, and of sensor noise, in order of time."""
-        paths_keep, paths_fresh, follows, which = self._transitions
-        by_latent = np.nan_to_num(weights.by_latent[:, self.answers])
+    def _errors(self, noise: Noise, reference: Response) -> Filter:
+        """Filter of the errors of load and slip and of sensor noise, in order of time."""
+        path_transition, path_noise, follows, which = self._transitions
+        by_latent = np.nan_to_num(reference.by_latent[:, self.answers])
         white = [index for index, latent in enumerate((self.load, self.slip)) if latent.white.any()]
-        remembers = np.flatnonzero(noise.memory > 0.0)
+        autocorrelated = np.flatnonzero(noise.autocorrelation > 0.0)
         paths = 2 * STATES
-        size = paths + len(white) + len(remembers)
-        keep, fresh = np.zeros((2, len(follows), size, size))
+        size = paths + len(white) + len(autocorrelated)
+        transition, process_noise = np.zeros((2, len(follows), size, size))
         loading, variance = np.zeros((*self.seen.shape, size)), np.tile(noise.sd**2, (len(which), 1))
-        keep[:, :paths, :paths], fresh[:, :paths, :paths] = paths_keep, paths_fresh
+        transition[:, :paths, :paths], process_noise[:, :paths, :paths] = path_transition, path_noise
         loading[..., :paths:STATES] = by_latent
         for state, index in enumerate(white, start=paths):
-            fresh[:, state, state] = 1.0
+            process_noise[:, state, state] = 1.0
             loading[..., state] = by_latent[..., index] * np.sqrt((self.load, self.slip)[index].white)[:, None]
-        for state, channel in enumerate(remembers, start=paths + len(white)):
-            rho = np.where(follows, noise.memory[channel], 0.0)
-            keep[:, state, state], fresh[:, state, state] = rho, noise.sd[channel] ** 2 * (1.0 - rho**2)
+        for state, channel in enumerate(autocorrelated, start=paths + len(white)):
+            rho = np.where(follows, noise.autocorrelation[channel], 0.0)
+            transition[:, state, state], process_noise[:, state, state] = rho, noise.sd[channel] ** 2 * (1.0 - rho**2)
             loading[:, channel, state], variance[:, channel] = 1.0, 0.0
-        of_ground = self._by_ground(weights) ** 2 @ noise.spread**2
-        return Chain(keep, fresh, which, loading, variance).filter(self.seen, of_ground)
+        of_ground = self._by_ground(reference) ** 2 @ noise.ground_sd**2
+        return Chain(transition, process_noise, which, loading, variance).filter(self.seen, of_ground)
 
     def white(self, response: Response, noise: Noise) -> White:
-        """Innovations of a response, with derivatives and losses."""
+        """Innovations of a response, with derivatives, losses and weights."""
         whitened = self.whitener(noise, response)
-        columns, trust = whitened.whiten(self.columns(response))
+        columns, weights = whitened.whiten(self.columns(response))
         innovations = columns[..., 0]
-        return White(innovations, columns[..., 1:], (robust_loss(innovations) + whitened.log_sd).sum(axis=1), trust)
+        return White(innovations, columns[..., 1:], (robust_loss(innovations) + whitened.log_sd).sum(axis=1), weights)
 
     def loss(self, residuals: np.ndarray, noise: Noise, response: Response) -> np.ndarray:
         """Loss of each row (n,) [nats] for residuals (n, m), SI."""
@@ -242,22 +245,22 @@ class Problem:
         return (robust_loss(white[..., 0]) + whitened.log_sd).sum(axis=1)
 
     def noise_prior(self, noise: Noise) -> tuple[Prior, np.ndarray]:
-        """Prior of ln sd (m,), memory (m,), spread (2,) and ln length, and which of them can be estimated."""
+        """Prior of the noise parameters (`_packed`), and which of them can be estimated."""
         count = len(self.answers)
         stated = self.samples.stated[self.answers]
         shortest, longest = self._length_bounds
         mean = np.concatenate([np.log(self.first_noise.sd), np.zeros(count + 2), [math.log(self.first_noise.length)]])
         sd = np.concatenate([
-            np.where(stated, _LN_STATED_SD, _LN_NOISE_SD), np.full(count, _MEMORY_SD), np.full(2, _SPREAD_SD),
-            [_LN_LENGTH_SD],
+            np.where(stated, _LN_STATED_SD, _LN_NOISE_SD), np.full(count, _AUTOCORRELATION_SD),
+            np.full(2, _GROUND_SD_SCALE), [_LN_LENGTH_SD],
         ])  # fmt: skip
-        lower = np.concatenate([mean[:count] + _LEAST_LN_NOISE, np.zeros(count), np.full(2, _LEAST_SPREAD)])
+        lower = np.concatenate([mean[:count] + _LEAST_LN_NOISE, np.zeros(count), np.full(2, _LEAST_GROUND_SD)])
         free = np.ones(2 * count + 3, dtype=bool)
         free[count : 2 * count] = bool(self.samples.follows.any())
         most = mean[:count] + _NEIGHBOURS_ERROR / np.sqrt(np.maximum(self.seen.sum(axis=0), 1))
         if free[count]:
-            most += _hidden(_MOST_MEMORY)
-        upper = np.concatenate([most, np.full(count, _MOST_MEMORY), np.full(2, self._roughest)])
+            most += _log_underestimate(_MAX_AUTOCORRELATION)
+        upper = np.concatenate([most, np.full(count, _MAX_AUTOCORRELATION), np.full(2, self._max_ground_sd)])
         free[-1] = bool(np.isfinite(self.gap).any())
         bounds = math.log(shortest), math.log(longest)
         return Prior(mean, sd**-2.0, np.append(lower, bounds[0]), np.append(upper, bounds[1])), free
@@ -267,30 +270,30 @@ class Problem:
         return self.noise_prior(noise)[0].loss(_packed(noise))
 
     def best_noise(self, response: Response, vector: np.ndarray, start: Noise, model: AugmentedWheel) -> Noise:
-        """Likeliest noise under a response, the parameters following along as far as one linear step goes.
+        """Maximum a posteriori noise, the parameters profiled out to first order.
 
-        Were the parameters held, what they leave unexplained would pass for noise. By scoring (Harvey 1989, Sec.
-        3.4.5), with differences for the derivatives of the innovations.
+        With fixed parameters, their misfit would count as noise. By scoring (Harvey 1989, Sec. 3.4.5), with difference
+        quotients for the derivatives of the innovations.
         """
         prior, free = self.noise_prior(start)
         own, columns = self.prior(model), self.columns(response)
         noise, damping = start, 1e-3
-        loss, step = self._followed(columns, response, noise, vector, own)
+        loss, step = self._profile_loss(columns, response, noise, vector, own)
         for _ in range(_NOISE_STEPS):
             packed = _packed(noise)
             left = columns[..., :1] - (columns[..., 1:] @ step)[..., None]
             gradient, information = self._noise_score(left, response, noise, free)
             change, expected = solve_step(gradient, information, prior, packed, damping, free)
-            if expected < _NOISE_ENOUGH:
+            if expected < _LEAST_NOISE_GAIN:
                 break
             longest = np.concatenate([np.ones(len(self.answers)), np.full(len(self.answers), 0.3), [0.1, 0.1, 1.5]])
             change *= min(1.0, 1.0 / max(float(np.max(np.abs(change) / longest)), 1e-12))
             trial = _unpacked(np.clip(packed + change, prior.lower, prior.upper), noise)
-            reached, followed = self._followed(columns, response, trial, vector, own)
+            reached, trial_step = self._profile_loss(columns, response, trial, vector, own)
             if reached < loss:
-                gained, noise, loss, step = loss - reached, trial, reached, followed
+                gained, noise, loss, step = loss - reached, trial, reached, trial_step
                 damping = max(damping / 5.0, 1e-6)
-                if gained < _NOISE_ENOUGH:
+                if gained < _LEAST_NOISE_GAIN:
                     break
             else:
                 damping *= 10.0
@@ -298,10 +301,10 @@ class Problem:
                     break
         return noise
 
-    def _followed(
+    def _profile_loss(
         self, columns: np.ndarray, response: Response, noise: Noise, vector: np.ndarray, prior: Prior
     ) -> tuple[float, np.ndarray]:
-        """Loss of a noise [nats] less what one step (p,) of the parameters gains beside it, and that step."""
+        """Loss of a noise model [nats] less the gain of one step (p,) of the parameters, and that step."""
         whitened = self.whitener(noise, response)
         white, _ = whitened.whiten(columns)
         gradient, information = normal_equations(white[..., 0], white[..., 1:])
@@ -312,45 +315,46 @@ class Problem:
     def _noise_score(
         self, left: np.ndarray, response: Response, noise: Noise, free: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Score (k,) and information (k, k) of the noise from residuals (n, m, 1), by differences."""
-        packed, weights = _packed(noise), self.weights or response
+        """Score (k,) and information (k, k) of the noise parameters from residuals (n, m, 1), by differences."""
+        packed, reference = _packed(noise), self.reference or response
         base, ground = self.whitener(noise, response), matern(self.gap, noise)
         here = base.whiten(left)[0].ravel()
-        moved, widened = np.zeros((2, len(packed), here.size))
+        moved, log_sd_moved = np.zeros((2, len(packed), here.size))
         for index in np.flatnonzero(free):
             there = packed.copy()
             there[index] += _DIFFERENCE
             changed = _unpacked(there, noise)
             if index < len(packed) - 3:
-                further = self._whitener(self._errors(changed, weights), ground, weights)
+                further = self._whitener(self._errors(changed, reference), ground, reference)
             else:
-                further = self._whitener(base.in_time, matern(self.gap, changed), weights)
+                further = self._whitener(base.in_time, matern(self.gap, changed), reference)
             moved[index] = (further.whiten(left)[0].ravel() - here) / _DIFFERENCE
-            widened[index] = (further.log_sd - base.log_sd).ravel() / _DIFFERENCE
+            log_sd_moved[index] = (further.log_sd - base.log_sd).ravel() / _DIFFERENCE
         weight = robust_weight(here)
-        score = -(moved @ (weight * here)) - widened.sum(axis=1)
-        return score, (moved * weight) @ moved.T + widened @ widened.T
+        score = -(moved @ (weight * here)) - log_sd_moved.sum(axis=1)
+        return score, (moved * weight) @ moved.T + log_sd_moved @ log_sd_moved.T
 
 
-def _hidden(memory: float) -> float:
-    """How far ln of an autocorrelated noise lies above what second differences show of it [-]."""
-    return 0.5 * math.log(6.0 / (6.0 - 8.0 * memory + 2.0 * memory**2))
+def _log_underestimate(autocorrelation: float) -> float:
+    """Underestimate of ln(noise) from second differences of an autocorrelated noise [-]."""
+    return 0.5 * math.log(6.0 / (6.0 - 8.0 * autocorrelation + 2.0 * autocorrelation**2))
 
 
 def _packed(noise: Noise) -> np.ndarray:
-    return np.concatenate([np.log(noise.sd), noise.memory, noise.spread, [math.log(noise.length)]])
+    """Noise parameters (2 m + 3,): ln sd, autocorrelation, standard deviations of the ground, ln length."""
+    return np.concatenate([np.log(noise.sd), noise.autocorrelation, noise.ground_sd, [math.log(noise.length)]])
 
 
 def _unpacked(packed: np.ndarray, like: Noise) -> Noise:
     count = len(like.sd)
     return replace(
-        like, sd=np.exp(packed[:count]), memory=packed[count : 2 * count], spread=packed[-3:-1],
+        like, sd=np.exp(packed[:count]), autocorrelation=packed[count : 2 * count], ground_sd=packed[-3:-1],
         length=math.exp(packed[-1]),
     )  # fmt: skip
 
 
-def _neighbours(position: np.ndarray, lane: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Order (n,) in which the ground's variation is followed, and the distance from the row before, (n,)."""
+def _order_along_track(position: np.ndarray, lane: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Order (n,) of the rows along the track, and the distance from the previous row (n,)."""
     count = len(position)
     if not np.isfinite(position).all():
         return np.arange(count), np.full(count, np.inf)

@@ -1,9 +1,9 @@
 """Where simulation and recording differ: which channel, against which variable, over which interval.
 
-Each test adds a step function of one variable to one channel of the textbook wheel; the soil follows within its
-uncertainty. Residuals are whitened, so twice the gain in log-likelihood is chi-squared. The false discovery rate is
-controlled over all tests (Y. Benjamini, Y. Hochberg, J. R. Stat. Soc. B 57 (1995), 289-300). Of the significant tests
-that with the largest gain is reported, then those that add to it.
+Each test adds a step function of one variable to one channel of the textbook wheel; the soil is refitted within its
+uncertainty. Residuals are white, so that twice the gain in log-likelihood is chi-squared. The false discovery rate is
+controlled over all tests (Y. Benjamini, Y. Hochberg, J. R. Stat. Soc. B 57 (1995), 289-300). Significant tests are
+reported by forward selection, the largest gain first.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ from .whitening import Noise, robust_weight
 FALSE_DISCOVERIES = 0.01
 """False discovery rate [-]."""
 
-_STANDS_OUT = 2.5
-"""A cell whose mean residual is this many standard errors from zero belongs to a region [-]."""
+_SIGNIFICANT_ERRORS = 2.5
+"""Mean residual of a cell, in standard errors, from which on it belongs to a region [-]."""
 
-_WORTH_SAYING = 0.1
-"""A further variable is named where it adds at least this share of what the first one explains [-]."""
+_LEAST_ADDED = 0.1
+"""Least gain of a further variable, relative to the first one [-]."""
 
-_AS_GOOD = (0.05, 5.0)
-"""Variables explain a misfit equally well when their gains differ by less than this share and so many nats."""
+_TIED = (0.05, 5.0)
+"""Variables are tied when their gains differ by less than this share of the largest plus so many nats."""
 
-_HELD = 1e8
-"""How much more certain the soil is taken to be where it is held [-]."""
+_FIXED_SOIL = 1e8
+"""Factor of the soil's precision that fixes it [-]."""
 
 _Spans = tuple[tuple[float, float, float, float], ...]
 """Start, end, share and mean residual [noise] of each interval."""
@@ -46,8 +46,9 @@ _Spans = tuple[tuple[float, float, float, float], ...]
 
 @dataclass(frozen=True)
 class _Stretch:
-    """Where an effect that was found acts: between two values of an attribute of `Drive`; what it adds to the channels
-    there (n, 5), SI. Searching for it in all channels gains `chance` on average [nats].
+    """Interval of an attribute of `Drive` on which a fitted effect acts, and what it adds to the channels (n, 5), SI.
+
+    `chance` is the gain expected from the search for it in all channels [nats].
     """
 
     attribute: str
@@ -59,10 +60,10 @@ class _Stretch:
 
 @dataclass(frozen=True)
 class _Test:
-    """A test: columns (n, k) that may be missing from a channel, and the intervals that `read` gives for their
-    coefficients and standard errors (k,).
+    """A test of columns (n, k) added to a channel.
 
-    `chance` is the gain expected from its search alone [nats].
+    `read` returns intervals from their coefficients and standard errors (k,). `chance` is the gain expected under the
+    null hypothesis from a search over columns [nats].
     """
 
     position: int
@@ -73,15 +74,15 @@ class _Test:
 
 
 def locate(problem: Problem, best: Fitted) -> tuple[Region, ...]:
-    """Find the regions, the strongest first.
+    """Locate the regions, the largest share first.
 
     Parameters
     ----------
     problem
         The samples.
     best
-        The best model that was found. The textbook wheel is tested on its soil and with its noise: refitted by itself
-        it would spread the mismatch of one channel over the others, and count mismatch as noise.
+        The best model. The textbook wheel is tested with its soil and noise: a separate fit would distribute the misfit
+        of one channel over the others, and count misfit as noise.
     """
     noise = best.noise
     textbook = fit(
@@ -89,19 +90,19 @@ def locate(problem: Problem, best: Fitted) -> tuple[Region, ...]:
     )
     precision = scaled_inverse(best.covariance(problem)[:SOIL_COUNT, :SOIL_COUNT])
     stretches = _stretches(problem, best)
-    whites = Whitened(problem, textbook, noise, precision, stretches)
-    if not whites.tests:
+    whitened = Whitened(problem, textbook, noise, precision, stretches)
+    if not whitened.tests:
         return ()
-    sure, corrected = _sure(whites)
-    if not sure and best.model.effects:
-        # Another soil would compensate each channel by itself, though not all of them together: it is held.
-        whites = Whitened(problem, textbook, noise, _HELD * precision, stretches)
-        sure, corrected = _sure(whites)
-    reported = _reported(whites, sure, {name for effect in best.model.effects for name in effect.needs})
+    significant, corrected = _significant(whitened)
+    if not significant and best.model.effects:
+        # A change of soil can compensate for each single channel, though not for all together: it is fixed.
+        whitened = Whitened(problem, textbook, noise, _FIXED_SOIL * precision, stretches)
+        significant, corrected = _significant(whitened)
+    reported = _reported(whitened, significant, {name for effect in best.model.effects for name in effect.needs})
     total = sum(gain for _, gain, _ in reported)
     answer = [
         Region(
-            CHANNELS[problem.answers[whites.tests[each].position]], whites.tests[each].variable, start, end,
+            CHANNELS[problem.answers[whitened.tests[each].position]], whitened.tests[each].variable, start, end,
             share * gain / total, float(corrected[each]), mean,
         )
         for each, gain, spans in reported
@@ -111,51 +112,50 @@ def locate(problem: Problem, best: Fitted) -> tuple[Region, ...]:
 
 
 def _stretches(problem: Problem, best: Fitted) -> list[_Stretch]:
-    """Stretches over which what was found acts."""
+    """Intervals on which fitted effects act."""
     answer = []
     for effect, where in best.model.slices():
         extent = effect.extent(best.vector[where])
         if extent is not None:
-            nothing = best.vector.copy()
-            nothing[where] = [parameter.null for parameter in effect.parameters]
-            without = best.model.predict(problem.samples.drive, problem.imposed, nothing).channels
+            null = best.vector.copy()
+            null[where] = [parameter.null for parameter in effect.parameters]
+            without = best.model.predict(problem.samples.drive, problem.imposed, null).channels
             answer.append(_Stretch(*extent, best.response.channels - without, 0.0))
     return answer
 
 
-def _sure(whites: Whitened) -> tuple[dict[int, float], np.ndarray]:
+def _significant(whitened: Whitened) -> tuple[dict[int, float], np.ndarray]:
     """Significant tests, by number, with their gains [nats], and the corrected p-values of all, (q,)."""
-    everything = range(len(whites.tests))
-    gains = [whites.gain(each) for each in everything]
-    p_values = chi2.sf(2.0 * np.array(gains), [whites.freedom(each) for each in everything])
+    numbers = range(len(whitened.tests))
+    gains = [whitened.gain(each) for each in numbers]
+    p_values = chi2.sf(2.0 * np.array(gains), [whitened.freedom(each) for each in numbers])
     corrected = false_discovery_control(np.maximum(p_values, 1e-300))
-    return {each: gains[each] for each in everything if corrected[each] <= FALSE_DISCOVERIES}, corrected
+    return {each: gains[each] for each in numbers if corrected[each] <= FALSE_DISCOVERIES}, corrected
 
 
-def _reported(whites: Whitened, sure: dict[int, float], through: set[str]) -> list[tuple[int, float, _Spans]]:
-    """Tests that are reported, by number, each with what it adds to those before [nats], and its intervals.
+def _reported(whitened: Whitened, significant: dict[int, float], through: set[str]) -> list[tuple[int, float, _Spans]]:
+    """Selected tests, by number, each with its gain over those before [nats] and its intervals.
 
-    Channels are tested together: ground that varies correlates them.
+    Channels are tested together, because varying ground correlates them.
     """
     answer: list[tuple[int, float, _Spans]] = []
-    while sure:
-        top = max(sure.values())
-        if answer and top < _WORTH_SAYING * answer[0][1]:
+    while significant:
+        top = max(significant.values())
+        if answer and top < _LEAST_ADDED * answer[0][1]:
             break
-        channel = whites.tests[max(sure, key=lambda each: sure[each])].position
+        channel = whitened.tests[max(significant, key=lambda each: significant[each])].position
         good = [
-            each for each, gain in sure.items()
-            if gain >= (1.0 - _AS_GOOD[0]) * top - _AS_GOOD[1] and whites.tests[each].position == channel
+            each for each, gain in significant.items()
+            if gain >= (1.0 - _TIED[0]) * top - _TIED[1] and whitened.tests[each].position == channel
         ]  # fmt: skip
-        # Of two about one variable that of fewer columns: each gains half a nat by chance.
-        earned = {each: sure[each] - 0.5 * whites.freedom(each) for each in good}
-        chosen = min(good, key=lambda each: (rank(whites.tests[each].variable, through), -earned[each]))
+        # Each column gains half a nat by chance.
+        net_gain = {each: significant[each] - 0.5 * whitened.freedom(each) for each in good}
+        chosen = min(good, key=lambda each: (rank(whitened.tests[each].variable, through), -net_gain[each]))
         given = [each for each, *_ in answer]
-        answer.append((chosen, sure[chosen], whites.spans(chosen, given)))
-        added = {each: whites.gain(each, [*given, chosen]) for each in sure if each != chosen}
-        sure = {
-            each: gain for each, gain in added.items() if chi2.sf(2.0 * gain, whites.freedom(each)) <= FALSE_DISCOVERIES
-        }
+        answer.append((chosen, significant[chosen], whitened.spans(chosen, given)))
+        added = {each: whitened.gain(each, [*given, chosen]) for each in significant if each != chosen}
+        p_values = {each: chi2.sf(2.0 * gain, whitened.freedom(each)) for each, gain in added.items()}
+        significant = {each: added[each] for each, p_value in p_values.items() if p_value <= FALSE_DISCOVERIES}
     return answer
 
 
@@ -165,13 +165,13 @@ class Whitened:
     Parameters
     ----------
     problem, textbook
-        The samples, and the textbook wheel on the soil that was found.
+        The samples, and the textbook wheel on the fitted soil.
     noise
-        Noise and the soil's variation.
+        Noise model.
     precision : (5, 5)
-        Of the soil, which is refitted with each test.
+        Prior precision of the soil, which is refitted with each test.
     stretches
-        Stretches that are tested as well.
+        Intervals that are tested as well.
     """
 
     def __init__(
@@ -184,10 +184,10 @@ class Whitened:
         self.tests = tested
         self._soil = len(precision)
         ends = self._soil + np.cumsum([0] + [each.columns.shape[1] for each in tested])
-        self._places = [np.arange(low, high) for low, high in pairwise(ends)]
+        self._columns_of = [np.arange(low, high) for low, high in pairwise(ends)]
         extra = np.zeros((len(problem.samples), len(problem.answers), int(ends[-1]) - self._soil))
-        for test, place in zip(tested, self._places, strict=True):
-            extra[:, test.position, place - self._soil] = test.columns
+        for test, own in zip(tested, self._columns_of, strict=True):
+            extra[:, test.position, own - self._soil] = test.columns
         columns = np.concatenate([problem.columns(textbook.response), extra], axis=-1)
         white, _ = problem.whitener(noise, textbook.response).whiten(columns)
         innovations = white[..., 0]
@@ -199,18 +199,19 @@ class Whitened:
 
     def freedom(self, number: int) -> int:
         """Count the columns of a test."""
-        return len(self._places[number])
+        return len(self._columns_of[number])
 
     def gain(self, number: int, given: Sequence[int] = ()) -> float:
         """Gain of a test over those given, all by number [nats], the soil refitted."""
-        base = np.concatenate([np.arange(self._soil), *(self._places[each] for each in given)])
-        together = np.concatenate([base, self._places[number]])
+        base = np.concatenate([np.arange(self._soil), *(self._columns_of[each] for each in given)])
+        together = np.concatenate([base, self._columns_of[number]])
         more = self._explained(together) - self._explained(base)
         return max(more - self.tests[number].chance, 0.0)
 
     def spans(self, number: int, given: Sequence[int]) -> _Spans:
-        """Intervals over which a test's coefficients differ from zero, with those given, on the soil found."""
-        own, rest = self._places[number], np.concatenate([np.empty(0, int), *(self._places[each] for each in given)])
+        """Intervals over which a test's coefficients differ from zero, tests given included, on the fitted soil."""
+        own = self._columns_of[number]
+        rest = np.concatenate([np.empty(0, int), *(self._columns_of[each] for each in given)])
         gradient = self._gradient[own]
         if len(rest):
             others = scaled_inverse(self._information[np.ix_(rest, rest)]) @ self._gradient[rest]
@@ -223,7 +224,7 @@ class Whitened:
         return 0.5 * float(gradient @ scaled_inverse(self._information[np.ix_(columns, columns)]) @ gradient)
 
     def _tested(self, position: int) -> list[_Test]:
-        """Give all that is tested of one channel."""
+        """Return all tests of one channel."""
         samples, sinkage_m = self._problem.samples, self._textbook.response.channels[:, 2]
         tested = [self._constant(position), *(self._steps(each, position) for each in variables(samples, sinkage_m))]
         tested += [self._inside(each, position) for each in self._stretches]
@@ -239,8 +240,8 @@ class Whitened:
         unit = self._noise.sd[position]
 
         def read(mean: np.ndarray, error: np.ndarray) -> _Spans:
-            size, spread = float(mean[0]), 2.0 * float(error[0])
-            return ((size - spread, size + spread, 1.0, size / unit),)
+            size, margin = float(mean[0]), 2.0 * float(error[0])
+            return ((size - margin, size + margin, 1.0, size / unit),)
 
         return _Test(position, CONSTANT, self._problem.seen[:, position].astype(float)[:, None], read)
 
@@ -258,11 +259,11 @@ class Whitened:
         def read(mean: np.ndarray, error: np.ndarray) -> _Spans:
             weight = np.maximum(mean**2 - error**2, 0.0) * rows
             total = max(float(weight.sum()), 1e-300)
-            stands = np.where(np.abs(mean) > _STANDS_OUT * error, np.sign(mean), 0.0)
-            borders = np.flatnonzero(np.diff(stands)) + 1
+            sign = np.where(np.abs(mean) > _SIGNIFICANT_ERRORS * error, np.sign(mean), 0.0)
+            borders = np.flatnonzero(np.diff(sign)) + 1
             spans = []
-            for cells in np.split(np.arange(len(stands)), borders):
-                if stands[cells[0]] != 0.0:
+            for cells in np.split(np.arange(len(sign)), borders):
+                if sign[cells[0]] != 0.0:
                     level = float(np.average(mean[cells], weights=rows[cells])) / unit
                     share = float(weight[cells].sum()) / total
                     spans.append((float(edges[cells[0], 0]), float(edges[cells[-1], 1]), share, level))
@@ -271,7 +272,7 @@ class Whitened:
         return _Test(position, variable.name, columns, read)
 
     def _inside(self, stretch: _Stretch, position: int) -> _Test | None:
-        """Test for what an effect adds over a stretch."""
+        """Test for the contribution of an effect on its interval."""
         adds = stretch.adds[:, self._problem.answers[position]]
         column = np.where(self._problem.seen[:, position], np.nan_to_num(adds), 0.0)
         where = getattr(self._problem.samples.drive, stretch.attribute)
@@ -289,7 +290,7 @@ class Whitened:
         )
 
     def _periodic(self, angle: np.ndarray, position: int) -> _Test:
-        """Test for a harmonic of the wheel's rotation; the number of cycles is searched for."""
+        """Test for the strongest harmonic of the wheel's rotation."""
         waves = cycles(angle)
         seen = self._problem.seen[:, position]
         residual = np.where(seen, self._residuals[:, position], 0.0)
@@ -300,7 +301,7 @@ class Whitened:
         def read(mean: np.ndarray, _: np.ndarray) -> _Spans:
             return ((0.0, 2.0 * np.pi / (strongest + 1), 1.0, float(np.hypot(*mean)) / unit),)
 
-        # The largest of as many independent exponentials.
+        # Expected largest of as many independent exponential variables.
         chance = float(np.log(len(power)))
         return _Test(position, "wheel_angle_rad", waves[:, strongest] * seen[:, None], read, chance)
 
@@ -315,9 +316,9 @@ class Whitened:
         unit = self._noise.sd[position]
 
         def read(mean: np.ndarray, error: np.ndarray) -> _Spans:
-            # Late by tau, a channel falls short of the simulation by tau times its rate.
-            tau, spread = -float(mean[0]), 2.0 * float(error[0])
+            # A channel delayed by tau differs by -tau times its rate of change.
+            tau, margin = -float(mean[0]), 2.0 * float(error[0])
             size = float(np.sqrt(np.mean((tau * column) ** 2))) / unit
-            return ((tau - spread, tau + spread, 1.0, size),)
+            return ((tau - margin, tau + margin, 1.0, size),)
 
         return _Test(position, LAG, column, read)

@@ -1,4 +1,4 @@
-"""Places along the track at which fits of a patch of soil start."""
+"""Initial places along the track for fits of a patch of soil."""
 
 from __future__ import annotations
 
@@ -14,38 +14,38 @@ from .likelihood import Problem
 from .steps import normal_equations, scaled_inverse
 from .whitening import Noise
 
-_EACH = 2
-"""Stretches that are given for each noise."""
+_PATCHES_EACH = 2
+"""Patches that are returned for each noise model."""
 
-_APART = CELLS // 12
-"""Two stretches differ where one of their edges does by more than so many cells."""
+_DISTINCT = CELLS // 12
+"""Patches are distinct if either edge differs by more than so many cells."""
 
-_MOST_OF_ALL = 0.9
-"""A stretch that takes in more of the track is no place: the soil as a whole is another [-]."""
+_MAX_SHARE = 0.9
+"""Largest share of the track that a patch covers: beyond, the soil as a whole differs [-]."""
 
-_LEAST, _MOST = 5, int(_MOST_OF_ALL * CELLS)
-"""Cells that a stretch has at least, and at most."""
+_LEAST, _MOST = 5, int(_MAX_SHARE * CELLS)
+"""Least and largest number of cells of a patch."""
 
 
-def stretches_apart(problem: Problem, fitted: Fitted) -> dict[str, list[np.ndarray]]:
-    """Give parameter vectors (A, B, from, to) of the patches that gain most, by what they lie along (`tracks_of`).
+def best_patches(problem: Problem, fitted: Fitted) -> dict[str, list[np.ndarray]]:
+    """Return parameter vectors (A, B, from, to) of the patches with the largest gain, by coordinate (`tracks_of`).
 
-    Each pair of edges on a grid is weighed by the gain of the best A and B there, to first order, the fit following.
-    The ground's variation is taken as it was fitted, and as small: fitted, it may have absorbed the patch.
+    The gain of the best A and B is computed for each pair of edges on a grid, to first order, the fit being updated. It
+    is computed with the ground's variation as fitted, which may have absorbed the patch, and with a small one.
     """
     drive, noises = problem.samples.drive, (fitted.noise, problem.first_noise)
     edges = {name: _edges(getattr(drive, name)) for name in tracks_of(drive)}
 
-    def weighed(case: tuple[str, Noise]) -> tuple[np.ndarray, np.ndarray]:
+    def gains_of(case: tuple[str, Noise]) -> tuple[np.ndarray, np.ndarray]:
         name, noise = case
         return _gains(*_scores(problem, fitted, noise, _inside(getattr(drive, name), edges[name])))
 
-    found = iter(together(weighed, product(edges, noises)))
-    return {name: _apart([next(found) for _ in noises], edges[name]) for name in edges}
+    found = iter(together(gains_of, product(edges, noises)))
+    return {name: _select_distinct([next(found) for _ in noises], edges[name]) for name in edges}
 
 
 def _edges(where: np.ndarray) -> np.ndarray:
-    """Edges (k + 1,) of the cells that a variable (n,) is cut into."""
+    """Edges (k + 1,) of the cells that a variable (n,) is divided into."""
     return np.linspace(np.nanmin(where), np.nanmax(where), CELLS + 1)
 
 
@@ -55,16 +55,16 @@ def _inside(where: np.ndarray, edges: np.ndarray) -> np.ndarray:
     return (cell[:, None] == np.arange(CELLS)) & np.isfinite(where)[:, None]
 
 
-def _apart(weighed: Sequence[tuple[np.ndarray, np.ndarray]], edges: np.ndarray) -> list[np.ndarray]:
-    """Give the patches that gain most, a few of each weighing (`_gains`), none of them near another."""
+def _select_distinct(gains: Sequence[tuple[np.ndarray, np.ndarray]], edges: np.ndarray) -> list[np.ndarray]:
+    """Return the distinct patches with the largest gain, a few for each noise model (`_gains`)."""
     found: list[tuple[int, int]] = []
     answer = []
-    for gain, change in weighed:
-        for _ in range(_EACH):
+    for gain, change in gains:
+        for _ in range(_PATCHES_EACH):
             for first, last in found:
                 near = (
-                    slice(max(first - _APART, 0), first + _APART + 1),
-                    slice(max(last - _APART, 0), last + _APART + 1),
+                    slice(max(first - _DISTINCT, 0), first + _DISTINCT + 1),
+                    slice(max(last - _DISTINCT, 0), last + _DISTINCT + 1),
                 )
                 gain[near] = -np.inf
             first, last = (int(index) for index in np.unravel_index(int(np.argmax(gain)), gain.shape))
@@ -76,9 +76,9 @@ def _apart(weighed: Sequence[tuple[np.ndarray, np.ndarray]], edges: np.ndarray) 
 def _scores(
     problem: Problem, fitted: Fitted, noise: Noise, inside: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Gradient (2, k) and information (2, k, 2, k) of ln stiffness and ln strength in each cell, the fit following.
+    """Gradient (2, k) and information (2, k, 2, k) of ln stiffness and ln strength in each cell, the fit profiled out.
 
-    `inside` (n, k) says which row lies in which cell.
+    `inside` (n, k) is True for the cell that a row lies in.
     """
     response, own = fitted.response, len(fitted.vector)
     by_cell = response.by_ground[:, problem.answers, :, None] * inside[:, None, None, :]
@@ -99,9 +99,9 @@ def _scores(
 
 
 def _gains(gradient: np.ndarray, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Nats (k + 1, k + 1) of a stretch between each two edges, and its best A and B (k + 1, k + 1, 2).
+    """Gain (k + 1, k + 1) [nats] of a patch between each two edges, and its best A and B (k + 1, k + 1, 2).
 
-    Stretches too short or too long are minus infinity.
+    The gain of a patch that is too short or too long is minus infinity.
     """
     size = gradient.shape[1] + 1
     slope = np.zeros((2, size))

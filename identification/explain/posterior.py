@@ -1,7 +1,7 @@
-"""Posterior probabilities of hypotheses, of effects, and of something that the catalogue lacks.
+"""Posterior probabilities of sets of effects, of effects, and of something that the catalogue lacks.
 
-P(set | data) is proportional to the prior of the set times its evidence, averaged over the forms of its effects; each
-set stands with and without a discrepancy.
+P(set | data) is proportional to the prior of the set times its evidence, averaged over the forms of its effects. Each
+set competes with and without a discrepancy.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from .evidence import Discrepancy, discrepancy
 from .hyperparameters import PRIOR_EFFECT, PRIOR_UNKNOWN, TEMPERATURE
 from .search import Hypothesis, Search
 
-_WEIGHED = 6
-"""Most probable sets beside which a discrepancy is weighed."""
+_MOST_DISCREPANCIES = 6
+"""Number of the most probable sets for which a discrepancy is computed."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Posterior:
     best
         Best hypothesis of each set.
     discrepancies
-        Beside the best hypotheses of the sets where it was weighed.
+        Of the best hypotheses of the sets for which it was computed.
     """
 
     sets: dict[frozenset[str], float]
@@ -50,15 +50,15 @@ UNKNOWN = "unknown"
 def posterior(
     found: Search, *, effect: float = PRIOR_EFFECT, unknown: float = PRIOR_UNKNOWN, temperature: float = TEMPERATURE
 ) -> Posterior:
-    """Weigh all hypotheses that were fitted.
+    """Compute the posterior from all hypotheses that were fitted.
 
     Parameters
     ----------
     found
-        The search.
+        Result of the search.
     effect, unknown, temperature
-        Prior probability of an effect that does not state its own and of something that the catalogue lacks, and what
-        differences of ln evidence are divided by [-].
+        Prior probabilities of an effect that does not state its own and of something that the catalogue lacks, and the
+        divisor of differences of log evidence [-].
     """
     by_set: dict[frozenset[str], list[float]] = {}
     for each in found.hypotheses:
@@ -67,16 +67,16 @@ def posterior(
     weight = {slugs: float(np.logaddexp.reduce(values)) for slugs, values in by_set.items()}
     known = math.log(1.0 - unknown)
     total = {slugs: value + known for slugs, value in weight.items()}
-    nearest = sorted(weight, key=lambda slugs: -weight[slugs])[:_WEIGHED]
+    leading = sorted(weight, key=lambda slugs: -weight[slugs])[:_MOST_DISCREPANCIES]
     discrepancies = {}
-    for slugs in dict.fromkeys([frozenset[str](), *nearest]):
-        beside = discrepancy(found.problem, best[slugs].fitted)
-        discrepancies[slugs] = beside
-        total[slugs | {UNKNOWN}] = weight[slugs] + beside.log_evidence / temperature + math.log(unknown)
+    for slugs in dict.fromkeys([frozenset[str](), *leading]):
+        added = discrepancy(found.problem, best[slugs].fitted)
+        discrepancies[slugs] = added
+        total[slugs | {UNKNOWN}] = weight[slugs] + added.log_evidence / temperature + math.log(unknown)
     whole = np.logaddexp.reduce(list(total.values()))
     sets = {slugs: float(np.exp(value - whole)) for slugs, value in sorted(total.items(), key=lambda kv: -kv[1])}
     effects: dict[str, float] = {}
-    for slugs, share in sets.items():
+    for slugs, probability in sets.items():
         for slug in slugs:
-            effects[slug] = effects.get(slug, 0.0) + share
+            effects[slug] = effects.get(slug, 0.0) + probability
     return Posterior(sets, effects, effects.pop(UNKNOWN, 0.0), best, discrepancies)

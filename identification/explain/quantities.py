@@ -1,4 +1,4 @@
-"""Names, units and numbers as people read them: kilopascals, millimetres, degrees and per cent."""
+"""Names, units and numbers for text: kilopascals, millimetres, degrees and per cent."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _DEGREES = 180.0 / math.pi
 
 @dataclass(frozen=True)
 class Shown:
-    """How a quantity is shown: in words, its unit (``""`` for a pure number), the factor from SI, and its symbol."""
+    """Display of a quantity: its name, unit (``""`` for a pure number), factor from SI, and symbol."""
 
     words: str
     unit: str = ""
@@ -36,7 +36,7 @@ class Shown:
         return f"{self.name} [{self.unit}]" if self.unit else self.name
 
     def with_unit(self, text: str) -> str:
-        """Give a number, as text, with the unit behind it."""
+        """Append the unit to a number, as text."""
         return f"{text} {self.unit}" if self.unit else text
 
 
@@ -77,7 +77,7 @@ _UNITS = {
 }
 
 _PLACES = ("from", "to")
-"""Parameters in metres that are places along a track, not lengths of the wheel's size."""
+"""Parameters in metres that are positions along a track, not small lengths."""
 
 _COLUMN = re.compile(r"\b(" + "|".join(name for name in _QUANTITIES if "_" in name) + r")\b")
 
@@ -85,7 +85,7 @@ KINDS = {"physics": "physics", "instrument": "instrument or configuration", "unk
 
 
 def shown(name: str, unit: str = "") -> Shown:
-    """Say how a channel, a variable or a parameter is shown; what has no entry is shown as it is, in SI."""
+    """Return the display of a channel, variable or parameter; one without an entry has its name and SI unit."""
     if name in _QUANTITIES:
         return _QUANTITIES[name]
     if name.rpartition(".")[2] in _PLACES or unit not in _UNITS:
@@ -99,7 +99,7 @@ def columns_in_words(text: str) -> str:
 
 
 def number(value: float, scale: float = 1.0) -> str:
-    """Three significant digits; ``unknown`` where there is no number."""
+    """Format a number with three significant digits; ``unknown`` if it is not finite."""
     if not math.isfinite(value):
         return "unknown"
     text = f"{value * scale:.3g}"
@@ -107,12 +107,12 @@ def number(value: float, scale: float = 1.0) -> str:
 
 
 def signed(value: float, places: int = 1) -> str:
-    """Give a number with its sign; ``-`` where there is none."""
+    """Format a number with its sign; ``-`` if it is not finite."""
     return f"{value:+.{places}f}" if math.isfinite(value) else "-"
 
 
-def spread(value: float, sd: float, scale: float = 1.0) -> str:
-    """Give value and standard deviation to the digits that the latter allows."""
+def with_sd(value: float, sd: float, scale: float = 1.0) -> str:
+    """Format a value with its standard deviation, which determines the number of digits."""
     if not math.isfinite(value):
         return "unknown"
     if not math.isfinite(sd):
@@ -127,13 +127,13 @@ def spread(value: float, sd: float, scale: float = 1.0) -> str:
 
 
 def estimate(name: str, value: Estimate) -> str:
-    """``n1 = 0.213 ± 0.019``, with the unit where there is one."""
+    """Format an estimate: ``n1 = 0.213 ± 0.019``, with the unit if any."""
     how = shown(name, value.unit)
-    return f"{how.name} = {how.with_unit(spread(value.value, value.sd, how.scale))}"
+    return f"{how.name} = {how.with_unit(with_sd(value.value, value.sd, how.scale))}"
 
 
 def percent(probability: float) -> str:
-    """Give a probability in per cent, by its bound where it is next to 0 or 100 %."""
+    """Format a probability in per cent, as a bound close to 0 and 100 %."""
     if not math.isfinite(probability):
         return "unknown"
     if probability <= 0.005:
@@ -142,7 +142,7 @@ def percent(probability: float) -> str:
 
 
 def p_value(value: float) -> str:
-    """Give a p-value, very small ones by their bound."""
+    """Format a p-value, very small ones as a bound."""
     if not math.isfinite(value):
         return "unknown"
     return "< 1e-12" if value < 1e-12 else f"{value:.1g}" if value < 0.001 else f"{value:.3f}"
@@ -162,25 +162,25 @@ def title(slug: str) -> str:
 
 
 def what_happens(slug: str) -> str:
-    """Say what happens, in a clause; empty for what is not in the catalogue."""
+    """Describe an effect in a clause; empty for one that is not in the catalogue."""
     if slug == RESERVED:
         return "nothing in the catalogue explains it"
     return REGISTRY[slug].what_happens if slug in REGISTRY else ""
 
 
 def listed(parts: Iterable[str], last: str = "and") -> str:
-    """Join names as people do: ``a, b and c``."""
+    """Join names: ``a, b and c``."""
     *first, final = parts
     return f"{', '.join(first)} {last} {final}" if first else final
 
 
 def capital(text: str) -> str:
-    """Give a text with a capital at its beginning."""
+    """Capitalise the first letter of a text."""
     return text[:1].upper() + text[1:]
 
 
 def interval(region: Region) -> str:
-    """Say where along its variable a region lies, or by how much the channel is off, in the unit that is shown."""
+    """Format the interval of a region: of its variable, or of the channel's offset, in display units."""
     how = shown(region.channel if region.variable == CONSTANT else region.variable)
     if cycles := cycles_a_turn(region):
         return f"{cycles} cycle{'s' if cycles > 1 else ''} a turn of the wheel"
@@ -191,12 +191,12 @@ def interval(region: Region) -> str:
 
 
 def cycles_a_turn(region: Region) -> int:
-    """Count the cycles a turn of the wheel that a region stands for; 0 where it is an interval of another variable."""
+    """Cycles a turn of the wheel of a periodic region; 0 for other regions."""
     ripples = region.variable == "wheel_angle_rad" and region.start == 0.0 and 0.0 < region.end <= 2.0 * math.pi
     return round(2.0 * math.pi / region.end) if ripples else 0
 
 
 def with_interval(value: float, ends: Sequence[float], scale: float = 1.0) -> str:
-    """Give a value with its 95 % interval: ``2.8 (2.4 to 3.3)``."""
+    """Format a value with its 95 % interval: ``2.8 (2.4 to 3.3)``."""
     low, high = ends
     return f"{number(value, scale)} ({number(low, scale)} to {number(high, scale)})"

@@ -1,4 +1,4 @@
-"""The samples that are compared: channels, covariates, what load and slip truly were, and how rows are held out."""
+"""Samples that are compared with the simulation: channels, covariates, latent load and slip, and held-out blocks."""
 
 from __future__ import annotations
 
@@ -24,39 +24,39 @@ from .lanes import lanes
 from .latent import Path, independent, path_of
 
 ANSWERS = (TORQUE, SINKAGE, PULL)
-"""Channels that the simulator answers with; load and slip are what the drive imposes."""
+"""Channels that the simulator predicts; load and slip are imposed by the drive."""
 
 SIMULATED = "simulated_"
-"""Prefix of columns that hold another simulator's answers."""
+"""Prefix of columns with another simulator's channels."""
 
 MOST_SLIP = 0.995
-"""A wheel that slips by so much is stuck: its channels say nothing of the soil any longer [-]."""
+"""Slip from which on a wheel is stuck, and its channels do not depend on the soil's parameters as modelled [-]."""
 
 LEAST_ROWS = 5
 
 MOST_ROWS = 1500
-"""A recording with more rows is thinned to about this number, in pieces so that neighbours stay neighbours."""
+"""A recording with more rows is thinned to about this number, in pieces of neighbouring rows."""
 
 _PIECE = 50
-"""Rows that stay together where others are left out."""
+"""Rows in a piece."""
 
 _BLOCKS = 12
 _WIDEST = 0.09
-"""Slips, or loads as a share of the largest, that are held out as one level lie within this range [-]."""
+"""Largest range of slip, or of load relative to the largest load, in one level that is held out [-]."""
 
 _ISOLATED, _MOST_ISOLATED = 7.0, 0.05
-"""Load or slip this many noises from the median of its neighbours in time is a gross error, where no more than the
-latter share of a stretch is [-]."""
+"""Distance from the median of neighbours in time, in standard deviations of the noise, beyond which load or slip is a
+gross error, and the largest share of a stretch that may be [-]."""
 
-_AT_END, _MORE_OFTEN, _LEVELS_NEAR, _FEWEST_LEVELS = 0.02, 3.0, 5, 20
-"""A sensor is at its end where this share of the rows has exactly the channel's extreme value, so many times more often
-than any of the values near it, in a channel of so many values at least."""
+_SATURATED, _MORE_OFTEN, _LEVELS_NEAR, _FEWEST_LEVELS = 0.02, 3.0, 5, 20
+"""A sensor is saturated if at least this share of the rows has exactly the channel's extreme value, so many times more
+often than each of so many values next to it, in a channel of at least so many different values."""
 
-_STANDS_STILL = 0.1
-"""Share of rows in which a clock may stand still before it is no clock [-]."""
+_MOST_STANDSTILL = 0.1
+"""Largest share of rows in which time does not increase [-]."""
 
 _NEXT = 1.5
-"""Usual steps of the clock within which a row follows the one before [-]."""
+"""Median time steps within which a row follows the previous one [-]."""
 
 
 @dataclass(frozen=True)
@@ -70,26 +70,26 @@ class Samples:
     drive
         Covariates of each row; `load_N` and `slip` are their expected true values.
     measured : (n, 5)
-        Channels as `forward.CHANNELS`; NaN where not observed.
+        Channels as `textbook.CHANNELS`; NaN where not observed.
     noise : (5,)
-        First guess of the sensors' standard deviations; NaN for absent channels.
+        Initial estimate of the sensors' standard deviations; NaN for absent channels.
     stated : (5,)
         True where the vehicle states the noise.
     load, slip
-        What is known of their true paths.
+        Their latent paths.
     follows : (n,)
-        True where a row is the next one in time after the row before it here.
+        True where a row is the next one in time after the previous row.
     position, lane : (n,)
-        Where soil varies: place [m], else time [s], NaN for steady-state trials, whose soils are independent; and the
-        number of the track, whose soil repeats where the wheel runs in its own rut again.
+        Coordinate along which soil varies: place [m], else time [s], NaN for steady-state trials, whose soils are
+        independent; and number of the track, along which soil is the same in every pass.
     block : (n,)
         Number of the block that a row is held out with.
-    made_of
-        What the blocks are, in words.
+    block_kind
+        Description of the blocks.
     notes
-        What was left out, in words.
+        Remarks on rows left out.
     simulated : (n, 5)
-        Another simulator's answers, and the load and slip that they are of, where there is one.
+        Channels of another simulator, if any, with its load and slip.
     """
 
     wheel: Wheel
@@ -103,7 +103,7 @@ class Samples:
     position: np.ndarray
     lane: np.ndarray
     block: np.ndarray
-    made_of: str
+    block_kind: str
     notes: tuple[str, ...] = ()
     simulated: np.ndarray | None = None
 
@@ -112,40 +112,40 @@ class Samples:
 
     @property
     def answers(self) -> tuple[int, ...]:
-        """Channels that are answered and were observed."""
+        """Channels that the simulator predicts and that were observed."""
         return tuple(channel for channel in ANSWERS if np.isfinite(self.measured[:, channel]).sum() >= LEAST_ROWS)
 
     @property
     def split(self) -> str:
         """How rows are held out, in words."""
-        return f"{len(np.unique(self.block))} {self.made_of}"
+        return f"{len(np.unique(self.block))} {self.block_kind}"
 
     @property
     def seen(self) -> np.ndarray:
-        """(n, m) True where an answer was observed."""
+        """(n, m) True where a predicted channel was observed."""
         return np.isfinite(self.measured[:, list(self.answers)])
 
 
 def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
-    """Choose and lay out the rows that can be compared.
+    """Select the rows that can be compared.
 
     Parameters
     ----------
     table
         Rows of wheels of one geometry, slip derived.
     wheel, vehicle
-        The wheel, and the vehicle whose sensors' noise may be stated.
+        The wheel, and the vehicle, which may state the noise of its sensors.
 
     Raises
     ------
     InputError
-        Load, slip or every answer is missing, or too few rows are left.
+        Load, slip or every predicted channel is missing, or too few rows are left.
     """
     _check(table)
     order, stretch = order_of(table)
     table = table.select(order)
     still = int((np.diff(table["time_s"]) == 0.0).sum()) if "time_s" in table else 0
-    if still > _STANDS_STILL * len(table):
+    if still > _MOST_STANDSTILL * len(table):
         raise InputError(
             table.source, f"time_s stands still in {still} of {len(table)} rows",
             expected="a clock that runs, or column run in a file of steady-state trials",
@@ -167,8 +167,8 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
     if not np.isfinite(measured[usable][:, ANSWERS]).any():
         raise InputError(table.source, "nothing to compare", expected="torque, sinkage or drawbar pull that change")
     if timed:
-        measured, at_end = _without_ends(measured, noise)
-        notes += at_end
+        measured, saturated = _without_saturated(measured, noise)
+        notes += saturated
     usable &= np.isfinite(measured[:, ANSWERS]).any(axis=1)
     time_s = table["time_s"] if timed else np.arange(float(len(table)))
     load, slip = (_path(measured[:, channel], time_s, noise[channel], stretch, timed) for channel in (LOAD, SLIP))
@@ -179,11 +179,11 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
     drive = drive_of(table, wheel, stretch)
     if timed:
         drive = _smooth_speeds(drive, table)
-    return _laid_out(table, wheel, vehicle, drive, measured, noise, load, slip, usable, timed, notes)
+    return _select_samples(table, wheel, vehicle, drive, measured, noise, load, slip, usable, timed, notes)
 
 
 def _check(table: WheelTable) -> None:
-    """Refuse a table without load, slip or any answer."""
+    """Raise `InputError` for a table without load, slip or any predicted channel."""
     for name, remedy in (("load_N", "load_N, the wheel's load"), ("slip", "slip, or both speeds")):
         if name not in table:
             raise InputError(table.source, f"no column {name}", expected=remedy)
@@ -196,19 +196,19 @@ def _check(table: WheelTable) -> None:
 
 
 def _path(values: np.ndarray, time_s: np.ndarray, sd: float, stretch: np.ndarray, timed: bool) -> Path:
-    """Find the true path of load or slip, gross errors left out."""
+    """Estimate the latent path of load or slip without gross errors."""
     if not timed:
         return independent(values, np.full(len(values), sd))
-    away = from_running_median(values, stretch) > _ISOLATED * sd
+    outlier = from_running_median(values, stretch) > _ISOLATED * sd
     number = np.cumsum(np.diff(stretch, prepend=stretch[:1]) != 0)
-    # Where many stand apart the channel is quick, not faulty.
-    share = np.bincount(number, away) / np.maximum(np.bincount(number, np.isfinite(values)), 1.0)
-    values = np.where(away & (share[number] <= _MOST_ISOLATED), math.nan, values)
+    # Many outliers mean that the channel changes rapidly, not that it is faulty.
+    share = np.bincount(number, outlier) / np.maximum(np.bincount(number, np.isfinite(values)), 1.0)
+    values = np.where(outlier & (share[number] <= _MOST_ISOLATED), math.nan, values)
     return path_of(values, time_s, stretch, np.ones(len(values)), sd)
 
 
 def _smooth_speeds(drive: Drive, table: WheelTable) -> Drive:
-    """Give the drive with the expected true speeds."""
+    """Return the drive with smoothed speeds."""
     changed = {}
     for name in ("rim_speed_m_s", "travel_speed_m_s"):
         values = getattr(drive, name)
@@ -219,7 +219,7 @@ def _smooth_speeds(drive: Drive, table: WheelTable) -> Drive:
     return replace(drive, **changed)
 
 
-def _laid_out(
+def _select_samples(
     table: WheelTable, wheel: Wheel, vehicle: Vehicle, drive: Drive, measured: np.ndarray, noise: np.ndarray,
     load: Path, slip: Path, usable: np.ndarray, timed: bool, notes: list[str],
 ) -> Samples:  # fmt: skip
@@ -250,12 +250,12 @@ def _laid_out(
 
 
 def _next_in_time(drive: Drive) -> np.ndarray:
-    """(n,) True where a row is the next one of its stretch, by the usual step of the clock."""
+    """(n,) True where a row is the next one of its stretch, by the median time step."""
     step = np.diff(drive.time_s)
     inside = np.diff(drive.stretch) == 0
-    usual = np.median(step[inside & (step > 0.0)]) if (inside & (step > 0.0)).any() else math.inf
+    median_step = np.median(step[inside & (step > 0.0)]) if (inside & (step > 0.0)).any() else math.inf
     with np.errstate(invalid="ignore"):
-        return np.append(False, inside & (step > 0.0) & (step < _NEXT * usual))
+        return np.append(False, inside & (step > 0.0) & (step < _NEXT * median_step))
 
 
 def _usable(table: WheelTable, stretch: np.ndarray) -> tuple[np.ndarray, list[str]]:
@@ -280,18 +280,18 @@ def _usable(table: WheelTable, stretch: np.ndarray) -> tuple[np.ndarray, list[st
     return usable, notes
 
 
-def _without_ends(measured: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, list[str]]:
-    """Blank the values of answers whose sensor is at its end: many rows are exactly the largest value, or the least."""
+def _without_saturated(measured: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """Remove values of saturated sensors: many rows have exactly the channel's largest or least value."""
     measured, notes = measured.copy(), []
     for channel in ANSWERS:
         column = measured[:, channel]
         values, counts = np.unique(column[np.isfinite(column)], return_counts=True)
-        # Without noise a plateau is the wheel's, not the sensor's.
+        # Without noise a plateau is due to the wheel, not to the sensor.
         if len(values) < _FEWEST_LEVELS or noise[channel] <= least_noise(values):
             continue
         for end, which in ((0, "least"), (-1, "largest")):
             near = counts[1:][:_LEVELS_NEAR] if end == 0 else counts[:-1][-_LEVELS_NEAR:]
-            often = max(_AT_END * counts.sum(), _MORE_OFTEN * near.max(), _LEVELS_NEAR)
+            often = max(_SATURATED * counts.sum(), _MORE_OFTEN * near.max(), _LEVELS_NEAR)
             if counts[end] > often:
                 measured[column == values[end], channel] = math.nan
                 notes.append(
@@ -302,7 +302,7 @@ def _without_ends(measured: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, 
 
 
 def _thinned(rows: np.ndarray, passes: int) -> tuple[np.ndarray, bool]:
-    """Choose rows (k,) in pieces, of all passes over the same places where `rows` (n,) come in the order of these."""
+    """Select rows (k,) in pieces; if `rows` (n,) are in order of place, of all passes over the same places."""
     if len(rows) <= MOST_ROWS:
         return np.sort(rows), False
     length = _PIECE * min(passes, 3)
@@ -312,38 +312,38 @@ def _thinned(rows: np.ndarray, passes: int) -> tuple[np.ndarray, bool]:
 
 
 def _blocked(samples: Samples) -> Samples:
-    """Number the blocks to hold out: conditions of trials, else stretches of time that no run or pass crosses."""
+    """Number the blocks to hold out: conditions of trials, else stretches of time within runs and passes."""
     drive, count = samples.drive, len(samples)
     if drive.timed:
-        usual = max(count // _BLOCKS, 1)
+        size = max(count // _BLOCKS, 1)
         block, number = np.empty(count, dtype=int), 0
         for rows in np.split(np.arange(count), np.flatnonzero(np.diff(drive.stretch)) + 1):
-            parts = max(round(len(rows) / usual), 1)
+            parts = max(round(len(rows) / size), 1)
             for part in np.array_split(rows, parts):
                 block[part] = number
                 number += 1
-        made_of = "stretches of time"
+        block_kind = "stretches of time"
         if number > 2 * _BLOCKS:
             block = block * _BLOCKS // number
-            made_of = "groups of neighbouring runs"
-        return replace(samples, block=block, made_of=f"{made_of} held out in turn")
-    level, made_of = np.arange(count) * min(_BLOCKS, count) // count, "groups of trials held out in turn"
+            block_kind = "groups of neighbouring runs"
+        return replace(samples, block=block, block_kind=f"{block_kind} held out in turn")
+    level, block_kind = np.arange(count) * min(_BLOCKS, count) // count, "groups of trials held out in turn"
     for name, values in (("slips", drive.slip), ("loads", drive.load_N / float(np.max(drive.load_N)))):
         apart = levels(values)
         if apart.max() >= 2:
-            level, made_of = levels(values, widest=_WIDEST), f"{name} held out in turn, all their repeats together"
+            level, block_kind = levels(values, widest=_WIDEST), f"{name} held out in turn, all their repeats together"
             if level.max() > apart.max():
-                made_of = f"groups of like {name} held out in turn"
+                block_kind = f"groups of like {name} held out in turn"
             break
     if level.max() >= _BLOCKS:
         level = level * _BLOCKS // (level.max() + 1)
-    return replace(samples, block=level, made_of=made_of)
+    return replace(samples, block=level, block_kind=block_kind)
 
 
 def levels(values: np.ndarray, apart: float = 0.03, widest: float = math.inf) -> np.ndarray:
-    """Number the levels of a quantity, (n,): neighbours in size that are nearer than `apart` are one level.
+    """Number the levels of a quantity (n,): sorted values that differ by at most `apart` are one level.
 
-    Where scattered values make a chain of such neighbours, it is divided into levels that are at most `widest`.
+    A chain of such values that is wider than `widest` is divided into levels that are not.
     """
     order = np.argsort(values)
     along = values[order]

@@ -1,7 +1,7 @@
-"""Search of the catalogue: every effect alone, then the neighbours of the most probable hypotheses.
+"""Search of the catalogue: single effects, then the neighbours of the most probable hypotheses.
 
-A hypothesis is a set of effects; its neighbours have one effect less, one more, or another one or another form of one
-instead. A score test ranks what is not fitted yet.
+A hypothesis is a set of effects. Its neighbours have one effect less, one more, or one replaced by another effect or
+form. A score test ranks hypotheses that are not fitted yet.
 """
 
 from __future__ import annotations
@@ -20,38 +20,37 @@ from ..mechanics.augmented import SOIL_COUNT, AugmentedWheel, Entry
 from .evidence import log_evidence
 from .fit import Fitted, fit, with_effect
 from .hyperparameters import PRIOR_EFFECT, TEMPERATURE
-from .likelihood import QUIET, Problem
-from .places import stretches_apart
+from .likelihood import UNIFORM_SD, Problem
+from .places import best_patches
 from .samples import ANSWERS
 from .steps import Prior, normal_equations, solve_step
 from .whitening import GROSS, Noise
 
 MOST_EFFECTS = 3
-"""Effects of a hypothesis at most."""
+"""Most effects in a hypothesis."""
 
 MOST_EXPANDED = 6
-"""Hypotheses whose neighbours are fitted at most."""
+"""Most hypotheses whose neighbours are fitted."""
 
 WINDOW = 5.0
-"""A hypothesis so far behind the most probable one is not expanded [nats] (Occam's window; D. Madigan, A. E. Raftery,
+"""Largest deficit in log posterior of a hypothesis that is expanded [nats] (Occam's window; D. Madigan, A. E. Raftery,
 J. Am. Stat. Assoc. 89 (1994), 1535-1546)."""
 
 ADDED, SWAPPED, FORMS = 6, 3, 3
-"""Effects that are fitted beside an expanded hypothesis and instead of each of its effects, and other forms of that."""
+"""Most effects that are added to an expanded hypothesis, that replace each of its effects, and other forms of that."""
 
-LEAST_GAIN, LEAST_BESIDE, LEAST_SHARE = 2.5, 4.0, 0.3
-"""An effect is fitted alone, and beside others, if the score test gives it so many nats, and this share of what it
-gives the best [-]."""
+LEAST_GAIN, LEAST_ADDED_GAIN, LEAST_SHARE = 2.5, 4.0, 0.3
+"""Least expected gains by the score test for fitting an effect alone, and with others [nats], and least share of the
+largest expected gain [-]."""
 
-SETTLED = 8
-"""Fits of each round whose noise is fitted, too: those that fit best beside the noise that they began with."""
+MOST_NOISE_FITS = 8
+"""Most fits of each round whose noise is refitted: those with the highest score at the noise of their base."""
 
-BEHIND = 50.0
-"""A fit beside the noise of its base so far behind the best one is left as it is [nats]: fitting its noise gains less.
-"""
+LARGEST_DEFICIT = 50.0
+"""Largest deficit in score, at the noise of the base, for refitting the noise [nats]: that gains less."""
 
-_SHORT = 6
-"""Steps by which starts of one effect are compared."""
+_SHORT_STEPS = 6
+"""Steps of fits by which the initial values of an effect are compared."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +77,7 @@ class Hypothesis:
 
 @dataclass
 class Search:
-    """What was fitted.
+    """Hypotheses that were fitted.
 
     Parameters
     ----------
@@ -87,13 +86,13 @@ class Search:
     catalogue
         Forms of effects that these data can show.
     origin
-        ln evidence of the textbook wheel [nats].
+        Log evidence of the textbook wheel [nats].
     hypotheses
-        All that were fitted, the textbook among them.
+        All hypotheses that were fitted, including the textbook wheel.
     forms, names
-        Number of forms by slug that were considered, and their names.
-    passed
-        Effects that were not fitted alone, with the gain that the score test gives them [nats].
+        Number of forms considered, by slug, and their names.
+    screened
+        Effects that the score test screened out, with their expected gain [nats].
     """
 
     problem: Problem
@@ -103,21 +102,21 @@ class Search:
     hypotheses: list[Hypothesis] = field(default_factory=list)
     forms: dict[str, int] = field(default_factory=dict)
     names: set[str] = field(default_factory=set)
-    passed: dict[str, float] = field(default_factory=dict)
+    screened: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.hypotheses.append(self.textbook)
         self.consider(self.catalogue)
 
     def consider(self, effects: Iterable[Effect]) -> None:
-        """Count forms of effects that were not counted yet."""
+        """Count forms of effects, each once."""
         for effect in effects:
             if effect.name not in self.names:
                 self.forms[effect.slug] = self.forms.get(effect.slug, 0) + 1
                 self.names.add(effect.name)
 
     def take(self, fits: Iterable[Fitted]) -> None:
-        """Add what was fitted, or put it in the place of a worse fit of the same forms."""
+        """Add hypotheses; of several fits of the same forms keep the one with the highest score."""
         for fitted in fits:
             evidence = log_evidence(self.problem, fitted) - self.origin
             new = Hypothesis(fitted.model.effects, fitted, evidence)
@@ -128,35 +127,35 @@ class Search:
                 self.hypotheses[same] = new
 
     def fit_added(
-        self, base: Fitted, effects: Sequence[Effect], *, again: Sequence[Effect] = (), quiet: Sequence[Effect] = ()
+        self, base: Fitted, effects: Sequence[Effect], *, again: Sequence[Effect] = (), uniform: Sequence[Effect] = ()
     ) -> None:
-        """Fit a model with each of some effects more, where that was not done, and the noise of those that fit best.
+        """Fit a model with each of several effects added, unless done before, and refit the noise of the best.
 
-        Those of `again` are fitted beside this noise even if they were beside another one. Those of `quiet` begin in
-        ground that hardly varies, too: its variation may have explained what they would.
+        Effects of `again` are fitted at the noise of the base even if done before. Effects of `uniform` are
+        fitted from nearly uniform ground: its variation may have absorbed them.
         """
         new = [effect for effect in effects if not self.has((*base.model.effects, effect))]
         starts = [(base.noise, effect) for effect in (*new, *again)]
-        calm = replace(self.problem.quiet_noise, smooth=base.noise.smooth)
-        held = together(lambda start: add_effect(self.problem, base, *start), starts)
-        held_quiet = together(partial(add_effect, self.problem, base, calm), quiet)
-        highest = max(each.score for each in (*(each.fitted for each in self.hypotheses), *held))
-        first = [*_leading(held[: len(new)]), *held[len(new) :]]
-        first = [each for each in first if each.score > highest - BEHIND]
+        uniform_noise = replace(self.problem.uniform_ground_noise, smoothness=base.noise.smoothness)
+        fits = together(lambda start: add_effect(self.problem, base, *start), starts)
+        uniform_fits = together(partial(add_effect, self.problem, base, uniform_noise), uniform)
+        highest = max(each.score for each in (*(each.fitted for each in self.hypotheses), *fits))
+        leading = [*_best_forms(fits[: len(new)]), *fits[len(new) :]]
+        leading = [each for each in leading if each.score > highest - LARGEST_DEFICIT]
         best: dict[str, Fitted] = {}
-        for each in (*held, *together(partial(settle, self.problem), [*first, *_leading(held_quiet)])):
+        for each in (*fits, *together(partial(refit_with_noise, self.problem), [*leading, *_best_forms(uniform_fits)])):
             name = each.model.effects[-1].name
             if name not in best or each.score > best[name].score:
                 best[name] = each
         self.take(best.values())
 
     def has(self, effects: Sequence[Effect]) -> bool:
-        """Say whether a set of forms was fitted."""
+        """Return whether these forms were fitted together."""
         names = frozenset(effect.name for effect in effects)
         return any(each.names == names for each in self.hypotheses)
 
     def log_prior(self, each: Hypothesis, effect: float = PRIOR_EFFECT) -> float:
-        """Ln of the prior odds of a hypothesis [nats]: those of its effects, of which each form has an equal share.
+        """Log prior odds of a hypothesis [nats]; the forms of an effect share its prior equally.
 
         `effect` is the prior probability of effects that do not state their own.
         """
@@ -164,11 +163,11 @@ class Search:
         return sum(math.log(share / (1.0 - share) / self.forms[slug]) for slug, share in stated)
 
     def log_posterior(self, each: Hypothesis) -> float:
-        """Ln of the posterior of a hypothesis by itself [nats], up to a constant."""
+        """Log posterior of a hypothesis without a discrepancy [nats], up to a constant."""
         return each.log_evidence / TEMPERATURE + self.log_prior(each)
 
     def best(self) -> dict[frozenset[str], Hypothesis]:
-        """Give the best hypothesis of each set of effects."""
+        """Return the best hypothesis of each set of effects."""
         answer: dict[frozenset[str], Hypothesis] = {}
         for each in self.hypotheses:
             if each.slugs not in answer or each.log_evidence > answer[each.slugs].log_evidence:
@@ -177,9 +176,9 @@ class Search:
 
 
 def search(
-    problem: Problem, fitted: Fitted, slugs: Iterable[str], tell: Callable[[str], None] = lambda _: None
+    problem: Problem, fitted: Fitted, slugs: Iterable[str], progress: Callable[[str], None] = lambda _: None
 ) -> Search:
-    """Fit hypotheses: every effect alone, then the neighbours of the most probable ones.
+    """Fit single effects, then the neighbours of the most probable hypotheses.
 
     Parameters
     ----------
@@ -187,44 +186,46 @@ def search(
         The samples, and the fit of the textbook wheel.
     slugs
         Public names of the effects to consider.
-    tell
-        Called with what is being done, in words.
+    progress
+        Called with a description of each step.
     """
     catalogue = effects_for(situation(problem, fitted), tuple(slugs))
     found = Search(problem, Hypothesis((), fitted, 0.0), catalogue, log_evidence(problem, fitted))
-    tell("fitting every effect alone")
+    progress("fitting every effect alone")
     _fit_alone(found)
     expanded: set[frozenset[str]] = set()
     for _ in range(MOST_EXPANDED):
         ranked = sorted(found.best().values(), key=found.log_posterior, reverse=True)
         near = [each for each in ranked if found.log_posterior(each) > found.log_posterior(ranked[0]) - WINDOW]
-        following = next((each for each in near if each.effects and each.names not in expanded), None)
-        if following is None:
+        selected = next((each for each in near if each.effects and each.names not in expanded), None)
+        if selected is None:
             break
-        tell("fitting neighbours of " + " and ".join(sorted(following.names)))
-        expanded.add(following.names)
-        _expand(found, following)
+        progress("fitting neighbours of " + " and ".join(sorted(selected.names)))
+        expanded.add(selected.names)
+        _fit_neighbours(found, selected)
     return found
 
 
 def _fit_alone(found: Search) -> None:
-    """Fit every effect alone that a score test gives enough, as ground varies or in ground that hardly varies."""
+    """Fit single effects that pass the score test, at the fitted variation of the ground or at a small one."""
     problem, base = found.problem, found.textbook.fitted
     gains = _gains(problem, base, found.catalogue)
-    wanted, quiet = _enough(gains, LEAST_GAIN), []
-    if base.noise.spread.max() > 2.0 * QUIET:
-        calm = problem.quiet()
-        quiet = _first(calm, fit(calm, base.model, base.vector, None, Entry(base.theta_1)), found.catalogue, ADDED)
-    found.fit_added(base, [effect for effect, fits in zip(found.catalogue, wanted, strict=True) if fits], quiet=quiet)
-    for effect, gain, fits in zip(found.catalogue, gains, wanted, strict=True):
-        if not fits and effect not in quiet:
-            found.passed[effect.name] = float(gain)
+    passing, uniform = _passes_screen(gains, LEAST_GAIN), []
+    if base.noise.ground_sd.max() > 2.0 * UNIFORM_SD:
+        other = problem.with_uniform_ground()
+        refitted = fit(other, base.model, base.vector, None, Entry(base.theta_1))
+        uniform = _best_ranked(other, refitted, found.catalogue, ADDED)
+    effects = [effect for effect, passes in zip(found.catalogue, passing, strict=True) if passes]
+    found.fit_added(base, effects, uniform=uniform)
+    for effect, gain, passes in zip(found.catalogue, gains, passing, strict=True):
+        if not passes and effect not in uniform:
+            found.screened[effect.name] = float(gain)
 
 
-def _expand(found: Search, base: Hypothesis) -> None:
-    """Fit a hypothesis less one of its effects, with another one instead, in another form, and with one more."""
+def _fit_neighbours(found: Search, base: Hypothesis) -> None:
+    """Fit a hypothesis with an effect removed, replaced by another effect or form, or added."""
     problem = found.problem
-    smaller = [_less(problem, base.fitted, effect) for effect in base.effects]
+    smaller = [_without_effect(problem, base.fitted, effect) for effect in base.effects]
     new = [bare for bare in smaller if not found.has(bare.model.effects)]
     found.take(together(lambda bare: fit(problem, bare.model, bare.vector, bare.noise, Entry(bare.theta_1)), new))
     for effect, bare in zip(base.effects, smaller, strict=True):
@@ -233,22 +234,22 @@ def _expand(found: Search, base: Hypothesis) -> None:
         derived = effect.extensions()
         found.consider(derived)
         forms = _ranked(problem, bare, same)[:FORMS]
-        found.fit_added(bare, _first(problem, bare, others, SWAPPED), again=[*forms, *derived])
+        found.fit_added(bare, _best_ranked(problem, bare, others, SWAPPED), again=[*forms, *derived])
     if len(base.effects) < MOST_EFFECTS:
         others = [each for each in found.catalogue if each.slug not in base.slugs]
-        found.fit_added(base.fitted, _first(problem, base.fitted, others, ADDED))
+        found.fit_added(base.fitted, _best_ranked(problem, base.fitted, others, ADDED))
 
 
-def _leading(fits: Iterable[Fitted]) -> list[Fitted]:
-    """Give the fits whose noise is worth fitting: the best form of each effect."""
+def _best_forms(fits: Iterable[Fitted]) -> list[Fitted]:
+    """Return the fits whose noise is to be refitted: the best form of each effect, the highest scores first."""
     best: dict[str, Fitted] = {}
     for each in sorted(fits, key=lambda each: -each.score):
         best.setdefault(each.model.effects[-1].slug, each)
-    return list(best.values())[:SETTLED]
+    return list(best.values())[:MOST_NOISE_FITS]
 
 
-def _first(problem: Problem, base: Fitted, effects: Sequence[Effect], most: int) -> list[Effect]:
-    """Give the effects that a score test ranks first beside a fit, each in its best form."""
+def _best_ranked(problem: Problem, base: Fitted, effects: Sequence[Effect], most: int) -> list[Effect]:
+    """Return the effects that a score test ranks first, each in its best form."""
     best: dict[str, Effect] = {}
     for effect in _ranked(problem, base, effects):
         best.setdefault(effect.slug, effect)
@@ -256,22 +257,22 @@ def _first(problem: Problem, base: Fitted, effects: Sequence[Effect], most: int)
 
 
 def _ranked(problem: Problem, base: Fitted, effects: Sequence[Effect]) -> list[Effect]:
-    """Give the effects that gain enough beside a fit by a score test, the best first."""
+    """Return the effects that pass the score test, the largest expected gain first."""
     gains = _gains(problem, base, effects)
-    enough = _enough(gains, LEAST_BESIDE)
-    return [effects[index] for index in np.argsort(-gains) if enough[index]]
+    passing = _passes_screen(gains, LEAST_ADDED_GAIN)
+    return [effects[index] for index in np.argsort(-gains) if passing[index]]
 
 
 def _gains(problem: Problem, base: Fitted, effects: Sequence[Effect]) -> np.ndarray:
     return np.array(together(partial(expected_gain, problem, base), effects), dtype=float)
 
 
-def _enough(gains: np.ndarray, least: float) -> np.ndarray:
+def _passes_screen(gains: np.ndarray, least: float) -> np.ndarray:
     return gains >= max(least, LEAST_SHARE * float(gains.max(initial=0.0)))
 
 
-def _less(problem: Problem, fitted: Fitted, dropped: Effect) -> Fitted:
-    """Give a fit less one of its effects, all else as it is."""
+def _without_effect(problem: Problem, fitted: Fitted, dropped: Effect) -> Fitted:
+    """Return a fit without one of its effects, the other parameters unchanged."""
     kept = [(effect, where) for effect, where in fitted.model.slices() if effect is not dropped]
     vector = np.concatenate([fitted.vector[:SOIL_COUNT], *[fitted.vector[where] for _, where in kept]])
     model = AugmentedWheel(fitted.model.wheel, tuple(effect for effect, _ in kept))
@@ -279,8 +280,10 @@ def _less(problem: Problem, fitted: Fitted, dropped: Effect) -> Fitted:
 
 
 def expected_gain(problem: Problem, base: Fitted, effect: Effect) -> float:
-    """Nats that an effect gains beside a fit to first order: by a step from where it is nothing (score test), or by as
-    much as fits best of what it changes at one of its starts, where it vanishes nowhere smoothly.
+    """Gain of an effect added to a fit, to first order [nats].
+
+    By a step from its null values (score test), or, if it does not vanish smoothly there, by the best multiple of what
+    it changes at one of its initial values.
     """
     if effect.nested:
         model, vector = with_effect(base, effect, np.array([each.null for each in effect.parameters]))
@@ -303,34 +306,34 @@ def expected_gain(problem: Problem, base: Fitted, effect: Effect) -> float:
 
 
 def _gain(problem: Problem, base: Fitted, columns: np.ndarray, prior: Prior, vector: np.ndarray) -> float:
-    """Nats that columns (n, m, k) gain beside a fit, whose own parameters follow, with priors of all of them (p,)."""
-    white, _ = problem.whitener(base.noise, base.response).whiten(columns, base.white.trust)
+    """Gain [nats] of columns (n, m, k) added to a fit, all parameters refitted to first order, with priors (p,)."""
+    white, _ = problem.whitener(base.noise, base.response).whiten(columns, base.white.weights)
     jacobian = np.concatenate([base.white.jacobian, white], axis=-1)
     gradient, information = normal_equations(base.white.innovations, jacobian)
     return solve_step(gradient, information, prior, np.clip(vector, prior.lower, prior.upper), 0.0)[1]
 
 
 def add_effect(problem: Problem, base: Fitted, noise: Noise, effect: Effect) -> Fitted:
-    """Fit a model with one more effect beside a noise, from the best of the effect's starts."""
+    """Fit a model with one more effect at a fixed noise, from the best of the effect's initial values."""
     entry = base.response.entry(np.zeros(0))
     starts = [with_effect(base, effect, start) for start in effect.starts()]
     if len(starts) == 1:
-        return fit(problem, *starts[0], noise, entry, settle=False)
-    short = [fit(problem, *start, noise, entry, steps=_SHORT, settle=False) for start in starts]
+        return fit(problem, *starts[0], noise, entry, fit_noise=False)
+    short = [fit(problem, *start, noise, entry, steps=_SHORT_STEPS, fit_noise=False) for start in starts]
     best = max(short, key=lambda each: each.score)
-    return fit(problem, best.model, best.vector, noise, best.response.entry(np.zeros(0)), settle=False)
+    return fit(problem, best.model, best.vector, noise, best.response.entry(np.zeros(0)), fit_noise=False)
 
 
-def settle(problem: Problem, fitted: Fitted) -> Fitted:
-    """Go on with a fit, the noise with it."""
+def refit_with_noise(problem: Problem, fitted: Fitted) -> Fitted:
+    """Continue a fit, including the noise."""
     return fit(problem, fitted.model, fitted.vector, fitted.noise, fitted.response.entry(np.zeros(0)))
 
 
 def situation(problem: Problem, fitted: Fitted) -> Situation:
-    """Give what decides which forms of an effect the samples can show."""
+    """Return what determines which forms of an effect the samples can show."""
     samples, measured = problem.samples, problem.samples.measured
     innovations = np.full_like(measured, np.nan)
-    # A gross error has a share of every line of the spectrum.
+    # A gross error contributes to every line of the spectrum.
     white = np.clip(fitted.white.innovations, -GROSS, GROSS)
     innovations[:, problem.answers] = np.where(problem.seen, white, np.nan)
     seen = np.isfinite(measured).any(axis=0)
@@ -338,5 +341,5 @@ def situation(problem: Problem, fitted: Fitted) -> Situation:
     typical[[channel for channel in ANSWERS if channel not in samples.answers]] = np.nan
     return Situation(
         samples.wheel, samples.drive, typical, measured[:, 2], innovations, float(fitted.vector[0]),
-        float(fitted.vector[1]), math.exp(fitted.vector[3]), stretches_apart(problem, fitted),
+        float(fitted.vector[1]), math.exp(fitted.vector[3]), best_patches(problem, fitted),
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Another simulator's output: its residuals, and effects as differences from it."""
+"""Comparison with another simulator: its residuals, and effects as differences from it."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from .likelihood import Problem
 from .samples import ANSWERS, LEAST_ROWS, Samples
 
 _FLAT = 1e-9
-"""Share of its size by which a channel scatters that another simulator gives the same value throughout [-]."""
+"""Least standard deviation, relative to its size, of a channel of another simulator that changes [-]."""
 
 _LEAST_SHARE = 0.5
-"""Share of the rows that the other simulator has to answer in [-]."""
+"""Least share of the rows for which the other simulator has values [-]."""
 
 _SAME_LOAD, _SAME_SLIP = 0.01, 0.005
 """Median differences in load, as a share, and in slip, above which a note reports them [-]."""
 
 
 def as_differences(samples: Samples, source: str | Path) -> tuple[Samples, np.ndarray]:
-    """Samples whose textbook wheel answers like the other simulator, and what that simulator misses (n, 5), SI.
+    """Return samples relative to another simulator, and the residuals of that simulator (n, 5), SI.
 
-    The textbook wheel is fitted to what the other simulated, at the load and slip that this did it for, which have no
-    errors; what it misses of that is taken off the recording. An effect then counts by its difference: our model with
-    it minus our model without. What the other simulator misses is computed at the recorded load and slip: where it ran
-    at others, by the textbook wheel. `source` is the simulator's file.
+    The textbook wheel is fitted to the other simulator's channels at its load and slip, which have no errors. The
+    residuals of this fit are subtracted from the recording: an effect then counts by the difference between our model
+    with it and without. The other simulator's residuals are for the recorded load and slip: the textbook wheel corrects
+    for other ones. `source` is the simulator's file.
     """
     if samples.simulated is None:
         raise ValueError("no simulated channels attached")
@@ -40,33 +40,33 @@ def as_differences(samples: Samples, source: str | Path) -> tuple[Samples, np.nd
     if not np.isfinite(samples.simulated[:, answers]).any():
         names = " or ".join(CHANNELS[channel] for channel in answers)
         raise InputError(source, "has no answer that was recorded", expected=names)
-    imitated = _simulated(samples, samples.simulated)
-    seen = np.asarray(np.isfinite(imitated.measured[:, answers]).any(axis=1))
+    imitation = _samples_of(samples, samples.simulated)
+    seen = np.asarray(np.isfinite(imitation.measured[:, answers]).any(axis=1))
     if seen.sum() < _LEAST_SHARE * len(samples):
         raise InputError(
             source, f"has values of a wheel that carries load and moves in {int(seen.sum())} of {len(samples)} rows",
             expected="the whole drive, as often as it was recorded",
         )  # fmt: skip
-    apart = imitated.measured[:, answers] - samples.measured[:, answers]
-    if not np.any(apart[np.isfinite(apart)]):
+    difference = imitation.measured[:, answers] - samples.measured[:, answers]
+    if not np.any(difference[np.isfinite(difference)]):
         raise InputError(source, "gives just what was recorded", expected="what another simulator gives for the drive")
-    problem, fitted = fit_textbook(imitated)
+    problem, fitted = fit_textbook(imitation)
     model = AugmentedWheel(samples.wheel)
-    there = model.predict(imitated.drive, problem.imposed, fitted.vector, fitted.theta_1).channels[:, answers]
+    there = model.predict(imitation.drive, problem.imposed, fitted.vector, fitted.theta_1).channels[:, answers]
     recorded = Problem(samples)
     here = recorded.linearise(model, fitted.vector, None)
-    beyond = there - samples.simulated[:, answers]
-    measured, missed = samples.measured.copy(), np.full_like(samples.measured, np.nan)
-    measured[:, answers] += beyond
-    missed[:, answers] = recorded.residuals(here) + beyond
-    notes = (*samples.notes, *_another_drive(samples, samples.simulated), *_left_out(samples, samples.simulated, seen))
-    return replace(samples, measured=measured, notes=notes), missed
+    correction = there - samples.simulated[:, answers]
+    measured, residuals = samples.measured.copy(), np.full_like(samples.measured, np.nan)
+    measured[:, answers] += correction
+    residuals[:, answers] = recorded.residuals(here) + correction
+    notes = _drive_notes(samples, samples.simulated) + _omission_notes(samples, samples.simulated, seen)
+    return replace(samples, measured=measured, notes=(*samples.notes, *notes)), residuals
 
 
-def _simulated(samples: Samples, simulated: np.ndarray) -> Samples:
-    """Samples of what another simulator gives (n, 5), load and slip with it."""
+def _samples_of(samples: Samples, simulated: np.ndarray) -> Samples:
+    """Samples of another simulator's channels (n, 5), with its load and slip."""
     given, noise, answers = simulated[:, [LOAD, SLIP]], samples.noise.copy(), list(samples.answers)
-    # Rows without an answer count for nothing, at whatever load and slip.
+    # Rows without a predicted channel have no weight, whatever their load and slip.
     given = np.where(np.isfinite(given), given, samples.measured[:, [LOAD, SLIP]])
     measured = samples.measured.copy()
     measured[:, [LOAD, SLIP]], measured[:, answers] = given, simulated[:, answers]
@@ -76,8 +76,8 @@ def _simulated(samples: Samples, simulated: np.ndarray) -> Samples:
     )
 
 
-def _another_drive(samples: Samples, simulated: np.ndarray) -> list[str]:
-    """Say by how much the other simulator's load and slip (n, 5) are not those recorded."""
+def _drive_notes(samples: Samples, simulated: np.ndarray) -> list[str]:
+    """Notes on differences of the other simulator's load and slip (n, 5) from those recorded."""
     load = float(np.nanmedian(np.abs(simulated[:, LOAD] / samples.measured[:, LOAD] - 1.0)))
     slip = float(np.nanmedian(np.abs(simulated[:, SLIP] - samples.measured[:, SLIP])))
     if load <= _SAME_LOAD and slip <= _SAME_SLIP:
@@ -89,8 +89,8 @@ def _another_drive(samples: Samples, simulated: np.ndarray) -> list[str]:
     ]
 
 
-def _left_out(samples: Samples, simulated: np.ndarray, seen: np.ndarray) -> list[str]:
-    """Say which rows, (n,) not `seen`, and which channels are not compared with the simulated ones (n, 5)."""
+def _omission_notes(samples: Samples, simulated: np.ndarray, seen: np.ndarray) -> list[str]:
+    """Notes on rows, (n,) not `seen`, and channels that are not compared with the simulated ones (n, 5)."""
     short = int((~seen).sum())
     notes = [f"{short} of {len(samples)} rows have no simulated value: they are left out"] if short else []
     for channel in ANSWERS:

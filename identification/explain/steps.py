@@ -1,4 +1,4 @@
-"""Normal equations of white residuals: steps towards the best fit, and the prior on the way."""
+"""Damped Newton steps from the normal equations of white residuals and the prior."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Prior:
 
 
 def normal_equations(innovations: np.ndarray, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Gradient (p,) and information (p, p) of the log-likelihood of some rows."""
+    """Gradient (p,) and information (p, p) of the log-likelihood, from innovations (..) and derivatives (.., p)."""
     weight = robust_weight(innovations)
     flat = jacobian.reshape(-1, jacobian.shape[-1])
     return flat.T @ (weight * innovations).ravel(), (flat * weight.ravel()[:, None]).T @ flat
@@ -34,16 +34,16 @@ def solve_step(
     gradient: np.ndarray, information: np.ndarray, prior: Prior, vector: np.ndarray, damping: float,
     free: np.ndarray | None = None,
 ) -> tuple[np.ndarray, float]:  # fmt: skip
-    """Damped Newton step (p,) that stays off the bounds it leans on, and the gain that it is expected to make [nats].
+    """Damped Newton step (p,), parameters at active bounds fixed, and its expected gain [nats].
 
     Parameters
     ----------
     gradient, information
         Of the log-likelihood, (p,) and (p, p); the prior is added.
     prior, vector, damping
-        The prior, where the step begins (p,), and Levenberg's damping in units of the scaled information [-].
+        The prior, the present parameters (p,), and Levenberg's damping relative to the scaled information [-].
     free : (p,), optional
-        Which parameters may move.
+        Which parameters may change.
     """
     gradient = gradient - prior.precision * (vector - prior.mean)
     information = information + np.diag(prior.precision)
@@ -62,13 +62,13 @@ def solve_step(
 
 
 def scaled_inverse(matrix: np.ndarray) -> np.ndarray:
-    """Inverse of a symmetric matrix (p, p) without negative eigenvalues, its units put aside; pseudo where singular."""
+    """Inverse of a positive semidefinite matrix (p, p), scaled to a unit diagonal; pseudo-inverse where singular."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     return np.linalg.pinv(matrix * np.outer(scale, scale), rcond=1e-12, hermitian=True) * np.outer(scale, scale)
 
 
 def log_determinant(matrix: np.ndarray) -> float:
-    """Ln of the determinant of a symmetric positive matrix (p, p), its units put aside."""
+    """Ln of the determinant of a positive definite matrix (p, p), scaled to a unit diagonal."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix * np.outer(scale, scale)
     scaled[np.diag_indices_from(scaled)] += 1e-12

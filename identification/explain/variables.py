@@ -1,4 +1,4 @@
-"""What a residual may depend on, and bases of functions of it."""
+"""Variables that a residual may depend on, and basis functions of them."""
 
 from __future__ import annotations
 
@@ -30,35 +30,35 @@ _NAMES = {
 """Public name of a variable, and the attribute of `Drive` that holds it."""
 
 _TURNING = {"distance_m": "place_m", "x_m": "x_m", "y_m": "y_m"}
-"""The same of places where the track turns, or runs otherwise than along x."""
+"""The same for positions where the track turns, or does not run along x."""
 
 CONSTANT = "constant"
-"""Public name of what is the same everywhere."""
+"""Public name of an offset: it depends on no variable."""
 
 LAG = "lag_s"
-"""Public name of a delay: what depends on it follows a channel's rate of change."""
+"""Public name of a delay: a residual in proportion to a channel's rate of change."""
 
-_USUAL = (
+_ORDER = (
     CONSTANT, "slip", "load_N", "sinkage_m", "pitch_rad", "wheel_angle_rad", "pass", LAG, "rim_speed_m_s",
     "travel_speed_m_s", "x_m", "y_m", "distance_m", "acceleration_m_s2", "angular_acceleration_rad_s2", "time_s",
 )  # fmt: skip
-"""What wheels usually depend on, the most usual first."""
+"""Variables in order of preference among those that explain a misfit equally well."""
 
 _BINS = 10
 _LEAST_IN_BIN = 4
 MOST_CYCLES = 60
 _FEW_LEVELS = 8
 
-_OF_A_SIZE, _HELD = ("load_N", "rim_speed_m_s", "travel_speed_m_s"), 0.02
-"""Variables with a zero of their own, and the share of their size by which they vary where they are held [-]."""
+_RATIO_SCALE, _HELD = ("load_N", "rim_speed_m_s", "travel_speed_m_s"), 0.02
+"""Variables on a ratio scale, and the variation relative to the median below which they are held constant [-]."""
 
 _LEAST_ACCELERATION_M_S2 = 1e-3
-"""Acceleration, of the wheel or of its rim, that no channel shows: a ten-thousandth of the weight [m/s^2]."""
+"""Negligible acceleration of the wheel or its rim: a ten-thousandth of the weight [m/s^2]."""
 
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of m samples: its values, and the edges of the cells into which it is cut."""
+    """A variable: its values (n,), and the edges (k + 1,) of the cells that it is divided into."""
 
     name: str
     values: np.ndarray
@@ -71,11 +71,11 @@ class Variable:
         return np.where(np.isfinite(self.values), inside, -1)
 
     def indicators(self) -> np.ndarray:
-        """(n, cells) one where a sample lies in a cell."""
+        """(n, k) one where a sample lies in a cell."""
         return (self.cell[:, None] == np.arange(len(self.edges) - 1)).astype(float)
 
     def smooth(self) -> np.ndarray:
-        """(n, k) cubic splines of the variable, centred; a polynomial that joins its levels where these are few."""
+        """(n, p) centred cubic splines of the variable, or a polynomial where it has few levels."""
         count = len(self.edges) - 1
         if count <= _FEW_LEVELS:
             low, high = float(self.edges[0]), float(self.edges[-1])
@@ -84,25 +84,25 @@ class Variable:
         else:
             known = np.isfinite(self.values)
             filled = np.where(known, self.values, np.nanmedian(self.values))[:, None]
-            splines = SplineTransformer(n_knots=6, degree=3, knots="quantile" if _spread_out(filled) else "uniform")
+            splines = SplineTransformer(n_knots=6, degree=3, knots="quantile" if _are_spaced(filled) else "uniform")
             columns = np.asarray(splines.fit_transform(filled)) * known[:, None]
         columns = columns - columns.mean(axis=0)
         return columns[:, columns.std(axis=0) > 1e-9]
 
 
-def _spread_out(values: np.ndarray) -> bool:
+def _are_spaced(values: np.ndarray) -> bool:
     return len(np.unique(np.quantile(values, np.linspace(0.0, 1.0, 6)))) == 6
 
 
 def variables(samples: Samples, sinkage_m: np.ndarray) -> list[Variable]:
-    """Give every variable that varies in these samples.
+    """Return the variables that vary in these samples.
 
-    Sinkage is the one predicted, (n,) [m]: the measured one shares soil and errors with what it would explain.
+    Sinkage is the predicted one, (n,) [m]: the measured one has errors in common with the residuals.
     """
     answer = []
     for name, attribute in names_of(samples.drive).items():
         values = getattr(samples.drive, attribute)
-        if not samples.drive.has(attribute) or (name in _OF_A_SIZE and _is_held(values)):
+        if not samples.drive.has(attribute) or (name in _RATIO_SCALE and _is_held(values)):
             continue
         if not _is_negligible(name, values, samples.wheel.radius_m):
             answer.append(Variable(name, values, _edges(values)))
@@ -113,13 +113,13 @@ def variables(samples: Samples, sinkage_m: np.ndarray) -> list[Variable]:
 
 
 def _is_held(values: np.ndarray) -> bool:
-    """Say whether a size (n,) is held so constant that what is left of it explains nothing."""
+    """Return whether a variable (n,) on a ratio scale is held constant."""
     low, middle, high = np.nanquantile(np.abs(values), [0.05, 0.5, 0.95])
     return bool(high - low < _HELD * middle)
 
 
 def _is_negligible(name: str, values: np.ndarray, radius_m: float) -> bool:
-    """Say whether an acceleration (n,) is so small throughout that what is left of a channel cannot follow it."""
+    """Return whether a variable (n,) is an acceleration that is negligible throughout."""
     lever_m = {"acceleration_m_s2": 1.0, "angular_acceleration_rad_s2": radius_m}.get(name)
     return lever_m is not None and bool(np.nanmax(np.abs(values)) * lever_m < _LEAST_ACCELERATION_M_S2)
 
@@ -129,7 +129,8 @@ def names_of(drive: Drive) -> dict[str, str]:
     if drive.axis is None:
         return _NAMES | _TURNING
     aslant = {name: name for name in tracks_of(drive) if name in _TURNING}
-    return {name: held for name, held in _NAMES.items() if name != "x_m"} | {coordinate(drive.axis): "place_m"} | aslant
+    others = {name: attribute for name, attribute in _NAMES.items() if name != "x_m"}
+    return others | {coordinate(drive.axis): "place_m"} | aslant
 
 
 def public_name(drive: Drive, attribute: str) -> str:
@@ -138,30 +139,30 @@ def public_name(drive: Drive, attribute: str) -> str:
 
 
 def rank(name: str, through: Collection[str]) -> int:
-    """Rank a variable among those that explain a misfit equally well: those that a found effect acts through, first.
+    """Rank a variable among those that explain a misfit equally well: those that a fitted effect depends on, first.
 
     Parameters
     ----------
     name
         Public name.
     through
-        Attributes of `Drive` that the found effects need.
+        Attributes of `Drive` that the fitted effects need.
     """
-    usual = _USUAL.index(name)
-    held = {name, _NAMES.get(name, name), "place_m" if name in _TURNING else name}
-    of_effect = not held.isdisjoint(through) or (name == LAG and "time_s" in through)
-    return usual - len(_USUAL) if of_effect else usual
+    order = _ORDER.index(name)
+    names = {name, _NAMES.get(name, name), "place_m" if name in _TURNING else name}
+    of_effect = not names.isdisjoint(through) or (name == LAG and "time_s" in through)
+    return order - len(_ORDER) if of_effect else order
 
 
 def _edges(values: np.ndarray) -> np.ndarray:
-    """Edges of cells: between levels where there are few, quantiles otherwise."""
+    """Edges of cells: between levels if these are few, else quantiles."""
     known = np.sort(values[np.isfinite(values)])
-    spread = known[-1] - known[0]
-    gaps = np.flatnonzero(np.diff(known) > 0.04 * spread)
+    span = known[-1] - known[0]
+    gaps = np.flatnonzero(np.diff(known) > 0.04 * span)
     if len(gaps) < _BINS:
         starts = np.concatenate([[0], gaps + 1, [len(known)]])
         widths = [np.ptp(known[low:high]) for low, high in pairwise(starts)]
-        if len(gaps) and max(widths) < 0.25 * spread and min(np.diff(starts)) >= _LEAST_IN_BIN:
+        if len(gaps) and max(widths) < 0.25 * span and min(np.diff(starts)) >= _LEAST_IN_BIN:
             middles = 0.5 * (known[gaps] + known[gaps + 1])
             return np.concatenate([[known[0]], middles, [known[-1]]])
     bins = int(np.clip(len(known) // (3 * _LEAST_IN_BIN), 2, _BINS))
@@ -169,7 +170,7 @@ def _edges(values: np.ndarray) -> np.ndarray:
 
 
 def span_of(angle: np.ndarray) -> float:
-    """How far angles (n,) go, those that start at zero each turn unwrapped [rad]."""
+    """Range of angles (n,), unwrapped if they restart each turn [rad]."""
     known = angle[np.isfinite(angle)]
     return float(np.ptp(np.unwrap(known))) if known.size else 0.0
 

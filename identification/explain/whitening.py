@@ -1,11 +1,11 @@
-"""Correlated errors made white: a Kalman filter that turns residuals and their derivatives into innovations.
+"""Whitening of correlated errors: Kalman filters that turn residuals and their derivatives into innovations.
 
-Two stages follow each other. In order of time: errors of load and slip (`latent`), which spread into all channels of a
-row, and autocorrelated sensor noise. In order of place: stiffness and strength of the ground, which vary along the
-track as two Matern processes (C. E. Rasmussen, C. K. I. Williams, "Gaussian Processes for Machine Learning" (2006), Eq.
-4.17; J. Hartikainen, S. Sarkka, IEEE MLSP (2010)). Innovations are independent with unit variance where the model is
-right (A. C. Harvey, "Forecasting, Structural Time Series Models and the Kalman Filter" (1989), Sec. 3.4). The first
-stage takes the ground to be the same over the few rows whose errors are correlated.
+The first filter runs in order of time. It removes errors of load and slip (`latent`), which propagate into all channels
+of a row, and autocorrelated sensor noise. The second runs in order of place. It removes the variation of the ground's
+stiffness and strength along the track, two Matern processes (C. E. Rasmussen, C. K. I. Williams, "Gaussian Processes
+for Machine Learning" (2006), Eq. 4.17; J. Hartikainen, S. Sarkka, IEEE MLSP (2010)). Innovations are independent with
+unit variance if the model is correct (A. C. Harvey, "Forecasting, Structural Time Series Models and the Kalman Filter"
+(1989), Sec. 3.4). The first filter assumes uniform ground over the few rows whose errors are correlated.
 """
 
 from __future__ import annotations
@@ -17,102 +17,108 @@ import numpy as np
 from numba import njit
 
 GROSS = 3.0
-"""Size of an innovation from which on it may be a gross error, whose density falls with a power of it: neither the fit
-nor the scale of the noise follows it (F. R. Hampel et al., "Robust Statistics" (1986), Sec. 2.6) [-]."""
+"""Innovation beyond which the density falls as a power law [-], so that gross errors bias neither the fit nor the scale
+of the noise (F. R. Hampel et al., "Robust Statistics" (1986), Sec. 2.6)."""
 
 TO_ONE_OVER_E = (1.0, 2.146193220620582, 2.9046299750299145)
 """Arguments at which the Matern correlations of order 1/2, 3/2 and 5/2 are 1/e."""
 
-SMOOTHEST = 2
-"""Derivatives that the ground's variation may have: Matern 5/2."""
+MAX_SMOOTHNESS = 2
+"""Largest smoothness of the ground's variation: Matern 5/2."""
 
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """What is random in a recording.
+    """Sensor noise and variation of the ground.
 
     Parameters
     ----------
     sd : (m,)
         Standard deviation of the sensors of the answered channels, SI.
-    memory : (m,)
-        Autocorrelation of their errors from one row to the next [-].
-    spread : (2,)
+    autocorrelation : (m,)
+        First-order autocorrelation of their errors [-].
+    ground_sd : (2,)
         Standard deviation of ln stiffness and ln strength of the ground [-].
     length
-        Distance over which their correlation falls to 1/e [m, or s where places are unknown].
-    smooth
-        Number of derivatives that they have.
+        Distance over which the correlation of these falls to 1/e [m, or s where positions are unknown].
+    smoothness
+        Number of derivatives that these have: order of the Matern process less 1/2.
     """
 
     sd: np.ndarray
-    memory: np.ndarray
-    spread: np.ndarray
+    autocorrelation: np.ndarray
+    ground_sd: np.ndarray
     length: float
-    smooth: int = 0
+    smoothness: int = 0
 
 
 @dataclass(frozen=True)
 class Chain:
     """A Gauss-Markov chain of d states along the rows.
 
-    keep, fresh (g, d, d): transitions from the row before and covariances of what is new; which (n,) of them each row
-    has; loading (n, m, d) of the m channels; variance (n, m) of the channels' white noise.
+    transition, process_noise (g, d, d): transition matrices from the previous row and process-noise covariances; which
+    (n,) of the g each row has; loading (n, m, d) of the m channels; variance (n, m) of the channels' white noise.
     """
 
-    keep: np.ndarray
-    fresh: np.ndarray
+    transition: np.ndarray
+    process_noise: np.ndarray
     which: np.ndarray
     loading: np.ndarray
     variance: np.ndarray
 
     def filter(self, seen: np.ndarray, further: np.ndarray | float = 0.0) -> Filter:
-        """Give the filter of the channels seen (n, m), whose values have a `further` variance (n, m) that is not the
-        chain's: it makes no gross errors.
+        """Return the filter of the channels observed, `seen` (n, m).
+
+        A `further` variance (n, m) of the values, which the chain does not model, raises the limit of gross errors.
         """
-        gain, sd, blocks = np.zeros_like(self.loading), np.ones(seen.shape), _blocks(self.keep)
-        _fill_gains(seen, self.keep, self.fresh, self.which, self.loading, self.variance, gain, sd, *blocks)
-        return Filter(seen, self.keep, self.which, self.loading, gain, sd, GROSS * np.sqrt(sd**2 + further), *blocks)
+        gain, sd, blocks = np.zeros_like(self.loading), np.ones(seen.shape), _blocks(self.transition)
+        _fill_gains(
+            seen, self.transition, self.process_noise, self.which, self.loading, self.variance, gain, sd, *blocks
+        )
+        return Filter(
+            seen, self.transition, self.which, self.loading, gain, sd, GROSS * np.sqrt(sd**2 + further), *blocks
+        )
 
 
 @dataclass(frozen=True)
 class Filter:
-    """Kalman filter of a chain. Its gains follow from what is random alone: any residuals can be filtered by them.
+    """Kalman filter of a chain; its gains do not depend on the residuals that are filtered.
 
-    seen (n, m); keep, which and loading as of the `Chain`; gain (n, m, d) of each innovation; sd (n, m) of it, 1 where
-    nothing was seen; farthest (n, m) that it is from 0 without being a gross error; first, last (d,) as of `_blocks`.
+    seen (n, m); transition, which and loading of the `Chain`; gain (n, m, d) and standard deviation sd (n, m) of each
+    innovation, sd 1 where not observed; gross_limit (n, m) beyond which it is a gross error; first, last (d,) as in
+    `_blocks`.
     """
 
     seen: np.ndarray
-    keep: np.ndarray
+    transition: np.ndarray
     which: np.ndarray
     loading: np.ndarray
     gain: np.ndarray
     sd: np.ndarray
-    farthest: np.ndarray
+    gross_limit: np.ndarray
     first: np.ndarray
     last: np.ndarray
 
-    def whiten(self, columns: np.ndarray, order: np.ndarray, trust: np.ndarray | None = None) -> np.ndarray:
+    def whiten(self, columns: np.ndarray, order: np.ndarray, weights: np.ndarray | None = None) -> np.ndarray:
         """Whiten columns (n, m, q) in place, row after row of an order (n,).
 
-        Give the share (n, m) with which each innovation of the first column moved the states, less than 1 where it is
-        a gross error; a `trust` from elsewhere is used as it is.
+        Return the robust weights (n, m) of the innovations of the first column in the update of the states, less than 1
+        for gross errors. Weights that are given are used instead.
         """
-        answer = np.ones(self.seen.shape) if trust is None else trust
+        answer = np.ones(self.seen.shape) if weights is None else weights
         _filter(
-            columns, order, self.seen, self.keep, self.which, self.loading, self.gain, self.sd, self.farthest,
-            self.first, self.last, answer, trust is None,
+            columns, order, self.seen, self.transition, self.which, self.loading, self.gain, self.sd, self.gross_limit,
+            self.first, self.last, answer, weights is None,
         )  # fmt: skip
         return answer
 
 
 @dataclass(frozen=True)
 class Whitener:
-    """Two filters, one after the other: by errors that go along in time, and by ground that varies along the track.
+    """Two filters in sequence.
 
     in_time, in_place
-        The filters, rows in order of time and of place.
+        Filters of errors correlated in time, and of ground that varies along the track.
     order : (n,)
         Rows in order of place.
     log_sd : (n, m)
@@ -125,13 +131,13 @@ class Whitener:
     log_sd: np.ndarray
 
     def whiten(
-        self, columns: np.ndarray, trust: tuple[np.ndarray, np.ndarray] | None = None
+        self, columns: np.ndarray, weights: tuple[np.ndarray, np.ndarray] | None = None
     ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
-        """Whiten columns (n, m, q), residuals first, or others with the `trust` that residuals gave.
+        """Whiten columns (n, m, q), the first of which are residuals unless their `weights` are given.
 
-        Give them, and the trust of each stage.
+        Return the white columns and the robust weights of each filter.
         """
-        white, (early, late) = columns.copy(), trust or (None, None)
+        white, (early, late) = columns.copy(), weights or (None, None)
         early = self.in_time.whiten(white, np.arange(len(white)), early)
         return white, (early, self.in_place.whiten(white, self.order, late))
 
@@ -139,16 +145,16 @@ class Whitener:
 def whitener(
     errors: Filter, ground: np.ndarray, transitions: tuple[np.ndarray, np.ndarray], order: np.ndarray
 ) -> Whitener:
-    """Give the whitener of a noise.
+    """Return the whitener of a noise model.
 
     Parameters
     ----------
     errors
-        Filter of errors that go along in time.
+        Filter of errors correlated in time.
     ground : (n, m, 2)
-        How the channels answer ln stiffness and ln strength of the ground.
+        Derivatives of the channels by ln stiffness and ln strength of the ground.
     transitions
-        How these two vary along the track (`matern`), rows in order of place.
+        Transitions and process noise of these two along the track (`matern`), rows in order of place.
     order : (n,)
         Rows in order of place.
     """
@@ -164,35 +170,34 @@ def whitener(
     return Whitener(errors, field, order, log_sd)
 
 
-def _blocks(keep: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """First and one past the last state (d,) that each state follows from, in any of the transitions (g, d, d)."""
-    linked = (keep != 0.0).any(axis=0) | np.eye(keep.shape[1], dtype=bool)
-    return np.argmax(linked, axis=1), keep.shape[1] - np.argmax(linked[:, ::-1], axis=1)
+def _blocks(transition: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First and one past the last state (d,) that each state depends on, in any of the transitions (g, d, d)."""
+    linked = (transition != 0.0).any(axis=0) | np.eye(transition.shape[1], dtype=bool)
+    return np.argmax(linked, axis=1), transition.shape[1] - np.argmax(linked[:, ::-1], axis=1)
 
 
 def matern(gap: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
-    """Transitions and new covariances (n, 2 k, 2 k) of the ground's two processes over gaps (n,), infinite at first."""
-    size = noise.smooth + 1
-    far = np.minimum(TO_ONE_OVER_E[noise.smooth] * gap / noise.length, 500.0)
-    keep, fresh = np.zeros((2, len(gap), 2 * size, 2 * size))
-    _fill_matern(far, _EVERYWHERE[noise.smooth], noise.spread**2, keep, fresh)
-    return keep, fresh
+    """Transitions and process noise (n, 2 k, 2 k) of the ground's two processes over gaps (n,), the first infinite."""
+    size = noise.smoothness + 1
+    distance = np.minimum(TO_ONE_OVER_E[noise.smoothness] * gap / noise.length, 500.0)
+    transition, process_noise = np.zeros((2, len(gap), 2 * size, 2 * size))
+    _fill_matern(distance, _STATIONARY[noise.smoothness], noise.ground_sd**2, transition, process_noise)
+    return transition, process_noise
 
 
-_EVERYWHERE = (
+_STATIONARY = (
     np.eye(1), np.eye(2), np.array([[1.0, 0.0, -1.0 / 3.0], [0.0, 1.0 / 3.0, 0.0], [-1.0 / 3.0, 0.0, 1.0]])
 )  # fmt: skip
-"""Covariance of a Matern process of order 1/2, 3/2 and 5/2 and its derivatives, in units of the length over which it
-decays."""
+"""Stationary covariance of a Matern process of order 1/2, 3/2 and 5/2 and its derivatives, in decay lengths."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _fill_matern(far, everywhere, variance, keep, fresh):
-    """Fill transitions and new covariances (n, 2 k, 2 k) over distances `far` (n,), in lengths of decay."""
-    size = len(everywhere)
+def _fill_matern(distance, stationary, variance, transition, process_noise):
+    """Fill transitions and process noise (n, 2 k, 2 k) over distances (n,), in decay lengths."""
+    size = len(stationary)
     one, half = np.ones((size, size)), np.empty((size, size))
-    for row in range(len(far)):
-        x = far[row]
+    for row in range(len(distance)):
+        x = distance[row]
         decay, square = math.exp(-x), 0.5 * x * x
         if size == 2:
             one[0, 0], one[0, 1], one[1, 0], one[1, 1] = 1.0 + x, x, -x, 1.0 - x
@@ -204,38 +209,38 @@ def _fill_matern(far, everywhere, variance, keep, fresh):
             for j in range(size):
                 half[i, j] = 0.0
                 for k in range(size):
-                    half[i, j] += one[i, k] * everywhere[k, j] * decay
+                    half[i, j] += one[i, k] * stationary[k, j] * decay
         for i in range(size):
             for j in range(size):
-                new = everywhere[i, j]
+                new = stationary[i, j]
                 for k in range(size):
                     new -= half[i, k] * one[j, k] * decay
                 for field in range(2):
-                    keep[row, field * size + i, field * size + j] = one[i, j] * decay
-                    fresh[row, field * size + i, field * size + j] = variance[field] * new
+                    transition[row, field * size + i, field * size + j] = one[i, j] * decay
+                    process_noise[row, field * size + i, field * size + j] = variance[field] * new
 
 
 def robust_loss(innovation: np.ndarray) -> np.ndarray:
-    """Half the square up to `GROSS`, beyond it the logarithm that goes on with the same slope [nats]."""
+    """Half the square up to `GROSS`, beyond it a logarithm that continues with the same slope [nats]."""
     size = np.abs(innovation)
     return 0.5 * np.minimum(size, GROSS) ** 2 + GROSS**2 * np.log(np.maximum(size, GROSS) / GROSS)
 
 
 def robust_weight(innovation: np.ndarray) -> np.ndarray:
-    """Share with which an innovation counts in the normal equations."""
+    """Weight of an innovation in the normal equations [-]."""
     return (GROSS / np.maximum(np.abs(innovation), GROSS)) ** 2
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _fill_gains(seen, keep, fresh, which, loading, variance, gains, sds, first, last):
+def _fill_gains(seen, transition, process_noise, which, loading, variance, gains, sds, first, last):
     """Fill gains (n, m, d) and standard deviations (n, m) of the innovations, channel by channel.
 
-    first, last (d,) as of `_blocks`: states that do not follow from each other are passed over.
+    first, last (d,) as in `_blocks`: states that do not depend on each other are skipped.
     """
     rows, channels, size = loading.shape
     p, half = np.zeros((size, size)), np.empty((size, size))
     for row in range(rows):
-        a, q = keep[which[row]], fresh[which[row]]
+        a, q = transition[which[row]], process_noise[which[row]]
         for i in range(size):
             for j in range(size):
                 half[i, j] = 0.0
@@ -272,13 +277,13 @@ def _fill_gains(seen, keep, fresh, which, loading, variance, gains, sds, first, 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _filter(columns, order, seen, keep, which, loading, gains, sds, farthest, first, last, trust, robust):
-    """Whiten columns (n, m, q) in place by gains, rows in the order given (n,); fill trust (n, m) where robust."""
+def _filter(columns, order, seen, transition, which, loading, gains, sds, gross_limit, first, last, weights, robust):
+    """Whiten columns (n, m, q) in place by gains, rows in the order given (n,); fill weights (n, m) where robust."""
     rows, channels, count = columns.shape
-    size = keep.shape[1]
+    size = transition.shape[1]
     state, following = np.zeros((size, count)), np.empty((size, count))
     for at in range(rows):
-        row, a = order[at], keep[which[at]]
+        row, a = order[at], transition[which[at]]
         for i in range(size):
             for column in range(count):
                 following[i, column] = 0.0
@@ -300,10 +305,10 @@ def _filter(columns, order, seen, keep, which, loading, gains, sds, farthest, fi
                     for column in range(count):
                         values[column] -= share * state[i, column]
             if robust:
-                # A gross error must not be taken for a change of the states.
-                trust[at, channel] = min(1.0, (farthest[at, channel] / max(abs(values[0]), 1e-300)) ** 2)
+                # A gross error must not be mistaken for a change of the states.
+                weights[at, channel] = min(1.0, (gross_limit[at, channel] / max(abs(values[0]), 1e-300)) ** 2)
             for i in range(size):
-                share = gain[i] * trust[at, channel]
+                share = gain[i] * weights[at, channel]
                 for column in range(count):
                     state[i, column] += share * values[column]
             for column in range(count):

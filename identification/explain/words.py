@@ -1,4 +1,4 @@
-"""The answer in words: what is missing first, how sure that is second, what to do third."""
+"""Text of the result of `explain`: what is missing, its probability, and which measurement to make."""
 
 from __future__ import annotations
 
@@ -26,46 +26,46 @@ from .quantities import (
 from .variables import CONSTANT, LAG
 
 AT_NOISE = 1.3
-"""A channel whose held-out error is within this factor of its noise is predicted to within noise [-]."""
+"""Ratio of held-out error to noise up to which a channel is predicted within noise [-]."""
 
 BETTER, WORSE = 0.97, 1.03
 """Ratios of held-out errors, after to before, below and above which a channel is predicted better and worse [-]."""
 
 FEW = 4 * len(PARAMETERS)
-"""Rows below which only a large effect would show: four for each parameter of the soil."""
+"""Number of rows below which only a large effect is detectable: four for each parameter of the soil."""
 
 _PARAMETERS, _CHANNELS = 3, 3
-"""Parameters of an effect, and channels, that are given in the summary at most."""
+"""Most parameters of an effect, and most channels, in the summary."""
 
 _OPENINGS = {"physics": "Missing: ", "unknown": "Missing: ", "instrument": "Fault: "}
 
 
 def headline(explanation: Explanation) -> str:
-    """Give the answer with its probability; if undecided, with the measurement that decides."""
+    """State the answer with its probability; if undecided, the measurement that decides."""
     missing = explanation.missing
     if not missing:
         return _nothing(explanation)
     if explanation.verdict == "unknown":
         return _beyond_catalogue(missing)
-    sure = [each for each in missing if each.probability >= ASSERTED]
-    if not sure:
+    asserted = [each for each in missing if each.probability >= ASSERTED]
+    if not asserted:
         return _undecided(missing)
     parts = []
     for kind, opening in _OPENINGS.items():
-        if named := _named(each for each in sure if each.kind == kind):
+        if named := _named(each for each in asserted if each.kind == kind):
             parts.append(f"{opening}{listed(named)}.")
-    if possible := _named(each for each in missing if each not in sure):
+    if possible := _named(each for each in missing if each not in asserted):
         parts.append(f"Possibly also: {listed(possible, 'or')}.")
     return " ".join(parts)
 
 
 def _beyond_catalogue(missing: Sequence[Missing]) -> str:
-    """Say that the catalogue lacks something, and which of its effects are probable in the incomplete model."""
+    """State that the catalogue lacks something, and which effects are probable in the incomplete model."""
     known = [each for each in missing if each.kind != "unknown"]
     parts = [f"Missing: {listed(_named(each for each in missing if each.kind == 'unknown'))}."]
-    sure = _named(each for each in known if each.probability >= ASSERTED)
+    asserted = _named(each for each in known if each.probability >= ASSERTED)
     possible = _named(each for each in known if each.probability < ASSERTED)
-    named = [listed(sure)] if sure else []
+    named = [listed(asserted)] if asserted else []
     if possible:
         named.append(f"possibly {listed(possible, 'or')}")
     if named:
@@ -74,7 +74,7 @@ def _beyond_catalogue(missing: Sequence[Missing]) -> str:
 
 
 def details(explanation: Explanation) -> str:
-    """Say what happens, what modelling it gains, what to do, and where the difference is largest."""
+    """Describe the effects, the gain of modelling them, the measurement to make, and the largest region."""
     described = [each for each in explanation.missing if each.probability >= ASSERTED]
     if explanation.verdict == "unknown":
         described = [each for each in explanation.missing if each.kind == "unknown"]
@@ -89,19 +89,19 @@ def details(explanation: Explanation) -> str:
 
 
 def summarise(explanation: Explanation) -> str:
-    """Give the answer in a few sentences."""
+    """Summarise the answer in a few sentences."""
     return f"{headline(explanation)} {details(explanation)}".rstrip()
 
 
 def trust(explanation: Explanation) -> str:
-    """Say what can be relied on: the prediction, the parameters, both or neither."""
-    far = above_noise(explanation)
+    """State whether prediction and parameters are reliable."""
+    excess = above_noise(explanation)
     worse = any(fit.rmse_after > WORSE * fit.rmse_before for fit in explanation.fits.values())
-    sure = all(each.probability >= ASSERTED and each.kind != "unknown" for each in explanation.missing)
+    asserted = all(each.probability >= ASSERTED and each.kind != "unknown" for each in explanation.missing)
     prediction = "within noise on held-out rows"
-    if far:
-        prediction = f"the held-out error is {_times(far)}: the form of the model is incomplete"
-    if sure and not far and (explanation.verdict == "none" or not worse):
+    if excess:
+        prediction = f"the held-out error is {_times(excess)}: the form of the model is incomplete"
+    if asserted and not excess and (explanation.verdict == "none" or not worse):
         parameters = "usable with their standard deviations, if the sensors' zeros and gains are right"
     else:
         parameters = "those of the best fit; another form of the model may fit as well with other values"
@@ -109,13 +109,13 @@ def trust(explanation: Explanation) -> str:
 
 
 def above_noise(explanation: Explanation) -> dict[str, float]:
-    """Channels whose held-out error stays above the noise, and how many times as large it is."""
+    """Ratio of held-out error to noise by channel, for channels where it exceeds `AT_NOISE`."""
     ratios = {name: _ratio(fit.rmse_after, fit.noise) for name, fit in explanation.fits.items()}
     return {name: ratio for name, ratio in ratios.items() if ratio > AT_NOISE}
 
 
 def predicted_worse(explanation: Explanation) -> list[str]:
-    """Channels, in words, that are predicted worse with what was added than without."""
+    """Names of channels that are predicted worse with the effects than without."""
     if explanation.verdict == "none":
         return []
     return [
@@ -124,7 +124,7 @@ def predicted_worse(explanation: Explanation) -> list[str]:
 
 
 def missing_lines(missing: Missing) -> list[str]:
-    """Give what is missing in lines of text: its name and probability, its parameters, and what else it may be."""
+    """Describe something missing in lines of text: name and probability, parameters, alternatives."""
     form = f", {missing.form}" if missing.form else ""
     kind = KINDS.get(missing.kind, missing.kind)
     source = f"; {missing.source}" if missing.source else ""
@@ -142,7 +142,7 @@ def missing_lines(missing: Missing) -> list[str]:
 
 
 def name_of(missing: Missing) -> str:
-    """Name what is missing; a fault of one channel with that channel."""
+    """Name of something missing; for a fault of one channel, with that channel."""
     if missing.kind == "unknown":
         return "something that the catalogue lacks"
     channel = _channel(missing)
@@ -150,7 +150,7 @@ def name_of(missing: Missing) -> str:
 
 
 def _channel(missing: Missing) -> str:
-    """Name the channel that a form is of; empty where it is of none."""
+    """Name of the channel in an effect's form; empty if there is none."""
     name = missing.form.partition(", ")[0]
     return shown(name).words if name in CHANNELS else ""
 
@@ -163,12 +163,12 @@ def _named(missing: Iterable[Missing]) -> list[str]:
     return [f"{name_of(each)} ({percent(each.probability)})" for each in missing]
 
 
-def _times(far: dict[str, float]) -> str:
-    return listed(f"{ratio:.2g} times the noise in {shown(name).words}" for name, ratio in far.items())
+def _times(excess: dict[str, float]) -> str:
+    return listed(f"{ratio:.2g} times the noise in {shown(name).words}" for name, ratio in excess.items())
 
 
 def _nothing(explanation: Explanation) -> str:
-    far, few = above_noise(explanation), explanation.n < FEW
+    excess, few = above_noise(explanation), explanation.n < FEW
     rows = f"{explanation.n:,} rows"
     caution = " With so few rows only a large effect would show." if few else ""
     other = [
@@ -181,16 +181,16 @@ def _nothing(explanation: Explanation) -> str:
             f"No physics is missing: the other simulator's {listed(other)} differ from the recording by its soil, for "
             f"the textbook wheel on another soil agrees better over {rows}.{caution}"
         )
-    if far:
+    if excess:
         return (
-            f"Nothing that the catalogue holds is missing, but over {rows} the held-out error is {_times(far)}: no "
+            f"Nothing that the catalogue holds is missing, but over {rows} the held-out error is {_times(excess)}: no "
             f"effect of the catalogue explains it.{caution}"
         )
     return f"Nothing is missing: over {rows} the simulation agrees with the recording within noise.{caution}"
 
 
 def _undecided(missing: Sequence[Missing]) -> str:
-    """Name the possible causes, and the measurement that decides between them."""
+    """List the possible causes, and the measurement that decides between them."""
     named, decisive = _named(missing), _decisive(missing)
     if len(named) == 1:
         answer = f"Possibly missing: {named[0]}"
@@ -204,7 +204,7 @@ def _undecided(missing: Sequence[Missing]) -> str:
 
 
 def _what(missing: Missing) -> str:
-    """Say in a clause what an effect does; of the unknown, in which channels it is and what it varies with."""
+    """Describe an effect in a clause; a discrepancy by its channels and variables."""
     if missing.kind == "unknown":
         return columns_in_words(missing.description) or name_of(missing)
     what, channel = what_happens(missing.effect), _channel(missing)
@@ -212,7 +212,7 @@ def _what(missing: Missing) -> str:
 
 
 def _values(missing: Missing) -> str:
-    """Give the first parameters of an effect with standard deviations, and how many more there are."""
+    """List the first parameters of an effect with standard deviations, and the number of others."""
     values = [estimate(name, value) for name, value in missing.parameters.items()]
     if len(values) > _PARAMETERS:
         values[_PARAMETERS:] = [f"{len(values) - _PARAMETERS} more"]
@@ -225,12 +225,12 @@ def _happens(missing: Missing) -> str:
 
 
 def _gains(missing: Missing, errors: str) -> str:
-    """Say what an effect does and what modelling it changes, in one sentence."""
+    """Describe an effect and the change in held-out errors, in one sentence."""
     return f"{capital(_what(missing))}; with {_values(missing) or 'it'} {errors}."
 
 
 def _errors(explanation: Explanation) -> str:
-    """Say in a clause by how much held-out errors change with what was found; empty where they do not."""
+    """Describe the change in held-out errors in a clause; empty if there is none."""
     falls, rises = [], []
     ratios = {name: _ratio(fit.rmse_after, fit.rmse_before) for name, fit in explanation.fits.items()}
     for name, ratio in sorted(ratios.items(), key=lambda pair: pair[1])[:_CHANNELS]:
@@ -252,22 +252,22 @@ def _change(name: str, fit: ChannelFit) -> str:
 
 
 def _is_asserted(explanation: Explanation) -> bool:
-    """Say whether the model whose held-out errors are shown holds what is asserted, and nothing else."""
-    sure = {each.effect for each in explanation.missing if each.probability >= ASSERTED}
+    """Return whether the model whose held-out errors are shown has exactly the asserted effects."""
+    asserted = {each.effect for each in explanation.missing if each.probability >= ASSERTED}
     effects = {each.slug for each in explanation.simulator.effects}
-    return bool(effects) and effects == sure and not _smooth(explanation)
+    return bool(effects) and effects == asserted and not _has_discrepancy(explanation)
 
 
-def _smooth(explanation: Explanation) -> bool:
+def _has_discrepancy(explanation: Explanation) -> bool:
     return any(each.kind == "unknown" and each.probability > 0.5 for each in explanation.missing)
 
 
 def _modelled(explanation: Explanation) -> str:
-    """Name the model whose held-out errors are shown."""
+    """Describe the model whose held-out errors are shown."""
     if _is_asserted(explanation):
         return "with them"
     named = [effect(each.name) for each in explanation.simulator.effects]
-    named += ["a smooth discrepancy"] * _smooth(explanation)
+    named += ["a smooth discrepancy"] * _has_discrepancy(explanation)
     return f"with the most probable model{f', {listed(named)},' if named else ''}"
 
 
@@ -277,8 +277,8 @@ _NOTHING_SEPARATES = (
 
 
 def _decisive(missing: Sequence[Missing]) -> Missing | None:
-    """Give what to measure first for: something probable that the catalogue lacks, else an effect in doubt, else one
-    that is asserted; None where nothing decides.
+    """Return the missing item to measure first: a probable discrepancy, else an effect that is not asserted, else one
+    that is; None if no measurement is proposed.
     """
 
     def rank(each: Missing) -> tuple[bool, bool, bool]:
@@ -289,7 +289,7 @@ def _decisive(missing: Sequence[Missing]) -> Missing | None:
 
 
 def aim(missing: Missing) -> str:
-    """Say what a measurement is for: to identify something unknown, to check an asserted effect, or to decide."""
+    """Purpose of a measurement: to identify something unknown, to check an asserted effect, or to decide."""
     return "identify it" if missing.kind == "unknown" else "check" if missing.probability >= ASSERTED else "decide"
 
 
@@ -298,7 +298,7 @@ def _measurement(missing: Missing) -> str:
 
 
 def _action(missing: Sequence[Missing]) -> str:
-    """Say which measurement or check decides."""
+    """State the measurement or check to make."""
     first = _decisive(missing)
     if first is None:
         undecided = any(each.probability < ASSERTED and each.indistinguishable_from for each in missing)
@@ -307,7 +307,7 @@ def _action(missing: Sequence[Missing]) -> str:
 
 
 def _located(regions: Sequence[Region]) -> str:
-    """Say where the difference is largest."""
+    """Describe the region with the largest share."""
     if not regions:
         return ""
     first = regions[0]

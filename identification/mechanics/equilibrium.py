@@ -1,8 +1,8 @@
-"""Entry angle at which the soil carries the load: the one root finder that every wheel model uses.
+"""Entry angle at which the soil carries the load: the root finder of all wheel models.
 
-Between two integrations of all stresses each field of a contact is taken to follow a power of the entry angle. That is
-exact for what does not change (0) and for angles in a fixed proportion (1), so that nearly all models are solved by it;
-the others are laid out again at the angle found, and the search continues.
+Between two integrations of the stresses each field of a contact is assumed to be a power of the entry angle. This is
+exact for constant fields (0) and for angles in a fixed proportion (1), and so for nearly all models. For the others the
+contact is computed again at the angle found, and the iteration continues.
 """
 
 from __future__ import annotations
@@ -19,47 +19,47 @@ from .kinks import EDGES
 from .stresses import COARSE, FINE, QUICK, integrate, one_rim
 
 SMALLEST_ENTRY_ANGLE = 1e-4
-"""Entry angles are sought from here on [rad]."""
+"""Lower end of the search for entry angles [rad]."""
 
 LARGEST_ENTRY_ANGLE = 1.9
 """Entry angles beyond this [rad] mean a wheel buried above its axle: the load is not carried."""
 
 IN_PROPORTION = np.zeros(len(FIELDS))
 IN_PROPORTION[[THETA_1, THETA_2, THETA_M]] = 1.0
-"""Powers (f,) of the entry angle that the fields follow where only the angles change, in proportion."""
+"""Exponents (f,) of the fields as powers of the entry angle if the angles change in proportion."""
 
 EXACT = 1e-10
-"""Relative error of the load at which the search ends."""
+"""Relative error of the load at which the iteration ends [-]."""
 
 CORRECTABLE = 2e-4
-"""The same where derivatives are wanted: a linear correction by these leaves about the square of it."""
+"""The same with derivatives [-]: a linear correction by these leaves about the square of it."""
 
 _SECANT, _LAST = 3e-6, 0.1
-"""Relative error of the load that a secant step makes up for without an integration after it, which leaves the product
-of the errors that it is drawn through, and the share of the step before that it has at most [-]."""
+"""Relative error of the load that a final secant step corrects without a further integration, and the largest size of
+this step relative to the previous one [-]."""
 
 _ITERATIONS, _PATIENCE = 40, 8
-"""Steps at most, and those after which a bracket has to shrink by half."""
+"""Most iterations, and those after which brackets are bisected if they shrink too slowly."""
 
 _NEAR = 1e-3
-"""Relative error of the load that the coarse rule leaves, and share of an error that a search from near leaves [-]."""
+"""Relative error of the load that a search by the coarse rule leaves, of the load or of the present error [-]."""
 
 _STRAIGHT = 0.1
-"""Relative error of the load from which on a step by the slopes is not trusted [-]."""
+"""Relative error of the load up to which Newton steps by the derivatives are used [-]."""
 
 _GROWTHS = 0.2, 20.0
-"""Powers of the entry angle between which the load is taken to grow."""
+"""Bounds of the exponent of the load as a power of the entry angle [-]."""
 
 _STEP = 1e-5
 _ROUNDING = 1e-9
-"""Relative difference up to which fields do follow the powers that they were taken to follow [-]."""
+"""Relative difference up to which fields agree with the assumed powers [-]."""
 
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """Contacts (n, f) that carry their load, their forces W [N], T [N m], DP [N] (n, 3) and derivatives of these by
-    the fields (n, 3, 21) where they were wanted; and the power of the entry angle with which the load grows (n,). Rows
-    whose load is not carried are NaN.
+    """Contacts (n, f) that carry their load, their forces W [N], T [N m], DP [N] (n, 3), derivatives of these by the
+    fields (n, 3, 21) if requested, and the exponent of the load as a power of the entry angle (n,). Rows whose load is
+    not carried are NaN.
     """
 
     contact: np.ndarray
@@ -83,21 +83,21 @@ def carry(
     Parameters
     ----------
     contact : (n, f)
-        Where the search starts, columns as `fields.FIELDS`.
+        Initial contacts, columns as `fields.FIELDS`.
     load_N : (n,)
-        [N].
+        Load [N].
     width_m
-        Of the wheel [m].
+        Width of the wheel [m].
     lay_out
-        Gives the contact (n, f) at entry angles (n,); where absent theta_2 and theta_m stay in proportion to theta_1,
+        Returns the contact (n, f) at entry angles (n,); where absent theta_2 and theta_m stay in proportion to theta_1,
         and nothing else changes.
     growth : (n,), optional
-        Power of the entry angle with which the load grows, where it is known.
+        Exponent of the load as a power of the entry angle, if known.
     near
-        The contact is taken to carry about its load: it is integrated before anything is sought.
+        Whether the initial contact carries about its load: it is then integrated first.
     sloped
-        Whether derivatives of the forces are wanted. The contact then carries its load but for `CORRECTABLE`, by the
-        quick rule, else for `EXACT`, by the fine one.
+        Whether to compute derivatives of the forces. The load then has a relative error of `CORRECTABLE` by the quick
+        rule, else of `EXACT` by the fine one.
     """
     rows = len(contact)
     load = np.ascontiguousarray(load_N, dtype=float)
@@ -122,14 +122,14 @@ def carry(
                 exact = not _differ(moved, contact, _ROUNDING)
         integrate(contact, width_m, *rule, off, forces, slopes)
         if not sloped:
-            # Where fields have not followed their powers the first two forces are not those of one contact.
+            # A secant needs forces of two contacts with the assumed powers.
             tolerance = np.where(np.isfinite(before[:, 1]), _SECANT if exact or iteration else EXACT, EXACT)
         off &= ~(np.abs(forces[:, 0] - load) <= tolerance * load)
         if not off.any():
             break
     lost = ~(np.abs(forces[:, 0] - load) <= tolerance * load)
     if not sloped:
-        # The last secant step needs no further integration.
+        # The final secant step needs no further integration.
         with np.errstate(divide="ignore", invalid="ignore"):
             steps = np.column_stack([contact[:, THETA_1], forces]) - before
             share = (load - forces[:, 0]) / steps[:, 1]
@@ -143,13 +143,13 @@ def carry(
 
 
 def _moved(contact: np.ndarray, theta_1: np.ndarray) -> np.ndarray:
-    """Give the contacts with other entry angles (n,), the other angles in proportion."""
+    """Return the contacts with other entry angles (n,), the other angles in proportion."""
     contact[:, THETA_1 : THETA_M + 1] *= (theta_1 / contact[:, THETA_1])[:, None]
     return contact
 
 
 def _powers(contact: np.ndarray, lay_out: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """Powers (n, f) of the entry angle that the fields of a contact follow near it; zero where they do not."""
+    """Exponents (n, f) of a contact's fields as local powers of the entry angle; zero where they are none."""
     there = lay_out(contact[:, THETA_1] * (1.0 + _STEP))
     answer = np.zeros_like(contact)
     for f in np.flatnonzero((there != contact).any(axis=0)):
@@ -164,7 +164,7 @@ def _powers(contact: np.ndarray, lay_out: Callable[[np.ndarray], np.ndarray]) ->
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _differ(these, those, tolerance):
-    """Say whether contacts (n, f) differ by more than a share of what they are."""
+    """Return whether contacts (n, f) differ by more than a relative tolerance."""
     for f in range(these.shape[1]):
         for row in range(these.shape[0]):
             one, other = these[row, f], those[row, f]
@@ -178,13 +178,12 @@ def _approach(
     contact, powers, load, width, nodes, weights, fine_nodes, fine_weights, bracket, known, slopes, before, growth,
     halve, off,
 ):  # fmt: skip
-    """Move the contacts (n, f) that are `off` (n,) to where they carry their load, but for little.
+    """Move the contacts (n, f) that are `off` (n,) close to the entry angle at which they carry their load.
 
-    They carry it by a coarse rule first. Forces (n, 3) that are `known` of a contact where it is narrow its `bracket`
-    (n, 2), and correct that rule by a factor; where none are known one step by the fine rule follows. The angle and the
-    forces that the move was computed from are left in `before` (n, 4). Where brackets are to `halve`,
-    contacts go to the middle of theirs. Contacts that carry too little, or too much, at either end of what entry angles
-    may be are given up.
+    The load is matched by the coarse rule. Forces (n, 3) `known` at the present angle narrow its `bracket` (n, 2) and
+    correct this rule by a factor; if none are known, one step by the fine rule follows. The angle and forces that the
+    step started from are left in `before` (n, 4). With `halve`, brackets are bisected. Contacts that carry too little
+    or too much at the ends of the range of entry angles are excluded.
     """
     field, moved, power = np.empty(contact.shape[1]), np.empty(contact.shape[1]), np.empty(contact.shape[1])
     scratch, forces, no_slopes = np.empty((4, EDGES)), np.empty(3), np.empty((3, 0))
@@ -263,7 +262,7 @@ def _approach(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _turn(field, power, ratio, moved):
-    """Move a contact (f,) to another entry angle, whose ratio to the present one is given."""
+    """Move a contact (f,) to another entry angle, given its ratio to the present one."""
     for f in range(field.size):
         if power[f] == 1.0:
             moved[f] = field[f] * ratio

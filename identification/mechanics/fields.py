@@ -1,4 +1,4 @@
-"""The numbers that a contact of wheel and soil is described by, and through which effects enter."""
+"""Fields that describe a contact of wheel and soil, and that effects change."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ FIELDS = (
     "layer_stiffness_Pa", "most_normal_Pa", "hump", "decay", "rim_cuts_off",
 )  # fmt: skip
 """Columns of a contact: entry, exit and peak angle [rad], V / omega [m], c [Pa], tan phi, Janosi k [m], stiffness
-k1 + k2 b [Pa], n, radius of the contact, radius at which soil shears and lever arm of the shear stress [m], what
-carries load besides the stresses on the rim [N], share of the shear strength left after its peak (infinite for
-Janosi's law, which has no peak), adhesion [Pa] and friction of the rim (infinite where soil never slips on it), depth
-[m] and stiffness [Pa] of a layer beneath, the largest normal stress that the wheel transmits [Pa] (infinite for a rigid
-one), h of Kacigin & Guskov's law (infinite where it is not theirs) [-], m of Bekker's (likewise) [-],
-and one where the rim cuts the soil's shear stress off instead of its strength."""
+k1 + k2 b [Pa], n, radius of the contact, radius at which soil shears and lever arm of the shear stress [m], load not
+carried by the stresses on the rim [N], residual share of the shear strength after its peak (infinite for Janosi's law,
+which has no peak), adhesion [Pa] and friction of the rim (infinite if soil never slips on it), depth [m] and stiffness
+[Pa] of a layer beneath, the largest normal stress that the wheel transmits [Pa] (infinite for a rigid one), h of
+Kacigin & Guskov's law (infinite for other laws) [-], m of Bekker's (likewise) [-], and 1 if the rim limits the shear
+stress instead of the shear strength."""
 
 COLUMN = {name: index for index, name in enumerate(FIELDS)}
 
@@ -27,14 +27,14 @@ COLUMN = {name: index for index, name in enumerate(FIELDS)}
 ) = range(len(FIELDS))  # fmt: skip
 
 SLOPED = CUTS_OFF
-"""Forces have derivatives by all fields but the last, which is a switch."""
+"""Number of fields by which forces have derivatives: all but the last, which is a switch."""
 
 TEXTBOOK = np.zeros(len(FIELDS))
 TEXTBOOK[[RESIDUAL, TAN_DELTA, LAYER_DEPTH, MOST_NORMAL, HUMP, DECAY]] = math.inf
-"""A row (f,) whose fields beyond geometry and soil are such that the textbook wheel has nothing of the kind."""
+"""A row (f,) with the textbook wheel's values of all fields but geometry and soil."""
 
 LOCKED = 1e-9
-"""Least r omega / V of a braked wheel: none is locked altogether."""
+"""Least r omega / V of a braked wheel [-]: a locked one would have zero."""
 
 
 def speed_ratio(slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,11 +1,10 @@
-"""The driven wheel with the freedom of form that is reported in the literature: nuisance physics for an honest fit.
+"""The textbook wheel with nuisance parameters for published departures from its form.
 
-Where the textbook's form is rejected, its five parameters have to bend to what it leaves out, and their intervals,
-conditional on the form, miss the truth. Here the form itself is uncertain: a few numbers that describe how
-wheels on real soil depart from the textbook, each with a prior as wide as what has been published, are estimated with
-the soil and carried into its intervals. A discrepancy without knowledge of the physics does not give the parameters
-back (J. Brynjarsdottir, A. O'Hagan, Inverse Problems 30 (2014) 114007, Sec. 4). The textbook is the point where every
-freedom has its textbook value.
+If the textbook form is incorrect, its five parameters are biased, and their intervals, conditional on the form, do not
+cover the true values. Here the form is uncertain: nuisance parameters describe departures of wheels on real soil from
+the textbook, with priors as wide as published values. They are estimated with the soil and marginalised in its
+intervals. A discrepancy without physics does not recover the parameters (J. Brynjarsdottir, A. O'Hagan, Inverse
+Problems 30 (2014) 114007, Sec. 4).
 """
 
 from __future__ import annotations
@@ -19,12 +18,12 @@ from ...framework.core.soil import PARAMETERS
 from ...framework.core.vehicle import Wheel
 from . import fields
 from .soil import from_internal, to_internal
-from .textbook import PEAK_SHARE, Prediction, contact_array, in_equilibrium, predicted, started
+from .textbook import PEAK_SHARE, Prediction, contact_array, in_equilibrium, initial_angles, predicted
 
 
 @dataclass(frozen=True)
 class Freedom:
-    """One way in which the form may depart: its textbook value, the published spread [same unit], and bounds."""
+    """A nuisance parameter: its textbook value, prior standard deviation [same unit] and bounds."""
 
     name: str
     textbook: float
@@ -44,18 +43,18 @@ FREEDOMS = (
 )
 
 _SMALLEST_SHARE, _LARGEST_SHARE = 0.05, 0.95
-"""The stress peak stays inside the contact."""
+"""Bounds of theta_m / theta_1 [-]: the stress peak stays inside the contact."""
 
 PUSH = 1e5
-"""Unit of the bulldozing resistance [Pa/m]: of the order of 1, as the optimiser's steps want it."""
+"""Unit of the bulldozing resistance [Pa/m], which makes the parameter of order 1 for the optimiser."""
 
 SMALLEST_EXPONENT, SMALLEST_LOAD = 0.05, 1e-3
-"""The sinkage exponent at any slip [-], and the load in typical loads [-], are at least these."""
+"""Lower bounds of the sinkage exponent at any slip [-], and of the load relative to a typical load [-]."""
 
 
 @dataclass(frozen=True)
 class FlexibleWheel:
-    """Five soil parameters as in `textbook.TextbookWheel`, then the numbers of `FREEDOMS`, all at their own scale.
+    """Five soil parameters as in `textbook.TextbookWheel`, then the nuisance parameters of `FREEDOMS`.
 
     The shear modulus k is that at `load_N` [N], a typical load.
     """
@@ -65,12 +64,12 @@ class FlexibleWheel:
     names: tuple[str, ...] = PARAMETERS
 
     def to_vector(self, values: dict[str, float]) -> np.ndarray:
-        """Lay out the soil in internal coordinates, and the freedoms at the textbook's values."""
+        """Return the soil in internal coordinates, and the nuisance parameters at their textbook values."""
         soil = [to_internal(name, values[name]) for name in self.names]
         return np.array([*soil, *(freedom.textbook for freedom in FREEDOMS)])
 
     def from_vector(self, vector: np.ndarray) -> dict[str, float]:
-        """Give the SI values of the soil in a vector."""
+        """Return the SI values of the soil in a vector."""
         return {name: from_internal(name, float(value)) for name, value in zip(self.names, vector, strict=False)}
 
     def exponents(self, vector: np.ndarray, slip: np.ndarray) -> np.ndarray:
@@ -84,7 +83,7 @@ class FlexibleWheel:
         heavier = np.log(np.maximum(imposed[:, 0], SMALLEST_LOAD * self.load_N) / self.load_N)
         modulus, stiffness, n0 = np.exp(vector[2:5])
         soil = vector[0], vector[1], modulus * np.exp(stiffening * heavier), stiffness, self.exponents(vector, slip)
-        start = contact_array(started(theta_1), imposed[:, 1], soil, self.wheel)
+        start = contact_array(initial_angles(theta_1), imposed[:, 1], soil, self.wheel)
         share = a0 + a1 * slip
         moving = (share > _SMALLEST_SHARE) & (share < _LARGEST_SHARE)
         start[:, fields.THETA_2] = -exit_share * start[:, fields.THETA_1]

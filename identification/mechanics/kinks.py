@@ -1,6 +1,6 @@
-"""Where the stresses along the rim have a kink, and the laws that they follow there.
+"""Kinks of the stresses along the rim, and the shear laws with a peak.
 
-A quadrature that runs over a kink loses digits: the rim is cut at each of them.
+A quadrature across a kink loses accuracy: the rim is divided at each of them.
 """
 
 from __future__ import annotations
@@ -33,30 +33,30 @@ from .fields import (
 )  # fmt: skip
 
 EDGES = 12
-"""Ends of the pieces that the rim is cut into at its kinks, at most; further ones go without."""
+"""Most ends of the pieces that the rim is divided into; further kinks are ignored."""
 
 _SHEARED = 16.0
-"""Displacement by which the shear stress of a wheel that is braked hard is mobilised, in moduli [-]."""
+"""Displacement at which the shear stress of a hard-braked wheel is fully mobilised, in moduli [-]."""
 
 _LOOKS, _CLOSE = 8, 1e-6
-"""Where a rim may begin to cut the shear stress off: intervals of a zone that are looked at, and how close to it the
-zone is cut, as shares of the zone [-]."""
+"""Intervals of a zone in which the search for a limit of the shear stress by the rim starts, and tolerance of the
+result relative to the zone [-]."""
 
 _LEVEL = 40.0
-"""Displacement by which nothing is left of a hump, in moduli [-]."""
+"""Displacement from which on a hump has vanished, in moduli [-]."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def cut(field, width, sin_1, cos_1, top, edges):
-    """Cut the zones' common [0, 1] where the stresses have a kink: fills `edges`, gives the number of pieces.
+    """Divide the zones' common [0, 1] at kinks of the stresses: fills `edges`, returns the number of pieces.
 
-    The integrand is continuous at a kink, so that where a kink lies has no slope.
+    The integrand is continuous at a kink, so that the integral has no derivative by the kink's position.
     """
     edges[0], pieces = 0.0, 1
     theta_1, theta_2, theta_m = field[THETA_1], field[THETA_2], field[THETA_M]
     entering = field[ADVANCE] * cos_1 - field[SHEAR_RADIUS]
     if entering > 0.0:
-        # No kink, but nearly a step: the soil under a wheel that is all but locked is sheared to its end at once.
+        # No kink, but nearly a step: soil under an almost locked wheel mobilises its full strength at once.
         steep = _SHEARED * field[MODULUS] / entering / (theta_1 - theta_m)
         if steep < 0.9:
             edges[pieces] = steep
@@ -92,7 +92,7 @@ def cut(field, width, sin_1, cos_1, top, edges):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _cut_at_the_rim(field, width, sin_1, cos_1, top, edges, pieces):
-    """Cut where soil begins, or ceases, to slip on a rim that cuts its shear stress off, in either zone."""
+    """Divide either zone where soil begins, or ceases, to slip on a rim that limits the shear stress."""
     for zone in range(2):
         before = _over_the_rim(field, width, sin_1, cos_1, top, zone, 0.0)
         for step in range(1, _LOOKS + 1):
@@ -100,7 +100,7 @@ def _cut_at_the_rim(field, width, sin_1, cos_1, top, edges, pieces):
             after = _over_the_rim(field, width, sin_1, cos_1, top, zone, high)
             if (before > 0.0) != (after > 0.0) and pieces < edges.size - 1:
                 at_low, at_high, middle = before, after, high
-                # Regula falsi, the end that stays halved (Illinois).
+                # Regula falsi (Illinois algorithm).
                 for _ in range(30):
                     middle = (low * at_high - high * at_low) / (at_high - at_low)
                     found = _over_the_rim(field, width, sin_1, cos_1, top, zone, middle)
@@ -120,7 +120,7 @@ def _cut_at_the_rim(field, width, sin_1, cos_1, top, edges, pieces):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _over_the_rim(field, width, sin_1, cos_1, top, zone, along):
-    """Give what the soil's shear stress has beyond the rim's [Pa], a share of a zone from its free end."""
+    """Excess of the soil's shear stress over the rim's [Pa] at a share of a zone from its free end."""
     theta_1, theta_2, theta_m = field[THETA_1], field[THETA_2], field[THETA_M]
     ahead = theta_1 + (theta_m - theta_1) * along
     normal = min(_pressure(field, field[RADIUS] * (math.cos(ahead) - cos_1), width), field[MOST_NORMAL])
@@ -136,7 +136,7 @@ def _over_the_rim(field, width, sin_1, cos_1, top, zone, along):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _pressure(field, depth, width):
-    """Normal stress [Pa] at a depth [m], whether or not the wheel transmits it."""
+    """Normal stress [Pa] at a depth [m] below a rigid wheel."""
     normal = field[STIFFNESS] * (max(depth, 0.0) / width) ** field[EXPONENT]
     if depth > field[LAYER_DEPTH]:
         normal += field[LAYER_STIFFNESS] * ((depth - field[LAYER_DEPTH]) / width) ** field[EXPONENT]
@@ -145,10 +145,10 @@ def _pressure(field, depth, width):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def turning_point(theta_1, ratio):
-    """Angle at which the shear displacement of a wheel that turns slower than it travels changes its sign.
+    """Angle [rad] at which the shear displacement of a wheel that turns slower than it travels changes its sign.
 
-    There sin(theta) - ratio theta, ratio = r omega / V, is what it is at the entry, and grows with theta. NaN where the
-    displacement has one sign all along the rim.
+    There sin(theta) - ratio theta, ratio = r omega / V, equals its value at the entry, and grows with theta. NaN if the
+    displacement has the same sign along the whole rim.
     """
     peak = math.acos(ratio)
     target = math.sin(theta_1) - ratio * theta_1
@@ -174,7 +174,7 @@ def turning_point(theta_1, ratio):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _share_of_front(field, depth, cos_1):
-    """Share of the front zone, from its edge, at which the rim is so deep [m]; 1 where it never is."""
+    """Share of the front zone, from its free end, at which the rim has a depth [m]; 1 if it is never that deep."""
     cosine = cos_1 + depth / field[RADIUS]
     if not cosine < 1.0:
         return 1.0
@@ -183,7 +183,7 @@ def _share_of_front(field, depth, cos_1):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _depth_of(field, normal, width):
-    """Depth [m] at which the soil presses so much [Pa]."""
+    """Depth [m] at which the soil has a normal stress [Pa]."""
     depth = width * (normal / field[STIFFNESS]) ** (1.0 / field[EXPONENT])
     if depth <= field[LAYER_DEPTH]:
         return depth
@@ -199,20 +199,20 @@ def _depth_of(field, normal, width):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def has_peak(field):
-    """Say whether the shear stress of a contact (f,) passes a peak."""
+    """Return whether the shear stress of a contact (f,) has a peak."""
     return min(field[RESIDUAL], field[HUMP], field[DECAY]) < math.inf
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def with_peak(displacement, modulus, residual, hump, decay, top, by_top):
-    """Mobilised share of the shear strength where it passes a peak, odd in the displacement [m], and its derivatives.
+    """Mobilised share of the shear strength, with a peak and odd in the displacement [m], and its derivatives.
 
-    They are by the displacement [1/m], by `residual`, `hump` and `decay`. Where `residual` is finite the law is that of
+    They are by the displacement [1/m], by `residual`, `hump` and `decay`. If `residual` is finite the law is that of
     J. Y. Wong, J. Preston-Thomas, J. Terramechanics 19 (1983): a peak at the displacement `modulus`, then a fall to the
-    residual share; where `hump` is finite that of V. V. Kacigin, V. V. Guskov, J. Terramechanics 5(3) (1968), over its
-    largest value, the `top`; where `decay` is finite that of M. G. Bekker, "Theory of Land Locomotion" (1956), the
-    difference of two exponentials over its largest value. By the modulus [m] the derivative is
-    that by the displacement, times -displacement / modulus.
+    residual share; if `hump` is finite that of V. V. Kacigin, V. V. Guskov, J. Terramechanics 5(3) (1968), relative to
+    its largest value, the `top`; if `decay` is finite that of M. G. Bekker, "Theory of Land Locomotion" (1956), the
+    difference of two exponentials relative to its largest value. The derivative by the modulus [m] is that by the
+    displacement times -displacement / modulus.
     """
     along, sign = abs(displacement) / modulus, math.copysign(1.0, displacement)
     if hump < math.inf:
@@ -235,7 +235,7 @@ def with_peak(displacement, modulus, residual, hump, decay, top, by_top):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _hump(along, hump):
-    """Kacigin & Guskov's stress over what is left of it, and its derivative, at so many moduli."""
+    """Kacigin & Guskov's stress relative to its residual value, and its derivative, at a displacement in moduli."""
     rising = math.tanh(along)
     sech = 1.0 / math.cosh(along)
     return rising * (1.0 + hump * sech), sech * sech * (1.0 + hump * (2.0 * sech - 1.0 / sech))
@@ -243,7 +243,7 @@ def _hump(along, hump):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def top_of(hump, decay):
-    """Largest value of Kacigin & Guskov's law or of Bekker's, before it is scaled, and its derivative by h or by m."""
+    """Largest value of Kacigin & Guskov's or Bekker's law before scaling, and its derivative by h or m."""
     if hump < math.inf:
         where = math.acosh((1.0 + math.sqrt(1.0 + 8.0 * hump * hump)) / (2.0 * hump))
         return _hump(where, hump)[0], math.tanh(where) / math.cosh(where)

@@ -1,7 +1,7 @@
-"""The paper's closed form: linear stresses, linear least squares, an on-line estimator.
+"""Closed-form estimation with linear stresses: least squares in a batch and on-line.
 
-Source: Iagnemma & Dubowsky (2002), Eq. 10-22. Kept as what it is: fast, and biased, because errors in sinkage, torque
-and slip enter the regressors, and because the stresses are not quite linear. `estimation` is the accurate way.
+Source: Iagnemma & Dubowsky (2002), Eq. 10-22. Fast, but biased: errors in sinkage, torque and slip enter the
+regressors, and the stresses are not exactly linear. `identification.estimate` is accurate.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def regressors(
 def peak_stresses(
     load_N: np.ndarray, torque_Nm: np.ndarray, sinkage_m: np.ndarray, wheel: Wheel
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Greatest normal and shear stress sigma_m, tau_m [Pa], each (n,), from Eq. 17 and 18."""
+    """Largest normal and shear stress sigma_m, tau_m [Pa], each (n,), from Eq. 17 and 18."""
     theta_1 = entry_angle(sinkage_m, wheel.radius_m)
     half = theta_1 / 2.0
     r, b = wheel.radius_m, wheel.width_m
@@ -92,8 +92,8 @@ def estimate(
 ) -> LinearEstimate:
     """Estimate c and phi by Eq. 22 in one batch; parameters as `regressors`.
 
-    Rows that are not finite, or where the shear is not mobilised, are left out. The answer is NaN with fewer than two
-    rows. The covariance is that of ordinary least squares: it knows nothing of the bias.
+    Rows that are not finite, or whose shear is not mobilised, are left out. The result is NaN with fewer than two rows.
+    The covariance is that of ordinary least squares: it does not include the bias.
     """
     k1, k2 = regressors(load_N, torque_Nm, sinkage_m, slip, k_m, wheel)
     usable = np.isfinite(k1) & np.isfinite(k2).all(axis=1)
@@ -113,7 +113,7 @@ def estimate(
 class OnlineEstimator:
     """Eq. 22 sample by sample, with exponential forgetting or over a sliding window.
 
-    Only the normal equations of two unknowns are kept, so an update costs the same however long the drive.
+    Only the normal equations of two unknowns are stored, so that the cost of an update is constant.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ class OnlineEstimator:
     k_m
         Assumed Janosi shear modulus [m].
     memory
-        Number of samples after which the weight of an old one has fallen to 1/e [-]; infinite: none is forgotten.
+        Number of samples after which the weight of an old one has fallen to 1/e [-]; infinite for equal weights.
     window
         Number of samples kept [-]; None keeps all.
     """
@@ -136,7 +136,7 @@ class OnlineEstimator:
         self.n = 0
 
     def update(self, load_N: float, torque_Nm: float, sinkage_m: float, slip: float) -> tuple[float, float]:
-        """Take one sample in; give (c [Pa], tan phi [-]), NaN while two samples that differ have not been seen."""
+        """Add one sample and return (c [Pa], tan phi [-]), NaN before two different samples."""
         row = self._normal_equations(load_N, torque_Nm, sinkage_m, slip)
         if row is not None:
             f = self._forget
@@ -154,7 +154,7 @@ class OnlineEstimator:
     def _normal_equations(
         self, load_N: float, torque_Nm: float, sinkage_m: float, slip: float
     ) -> tuple[float, ...] | None:
-        """Products of one row of Eq. 21: x1 x1, x1 x2, x2 x2, x1 y, x2 y; None where it says nothing."""
+        """Products of one row of Eq. 21: x1 x1, x1 x2, x2 x2, x1 y, x2 y; None if it is not usable."""
         r = self._radius
         if not (0.0 < sinkage_m < r and math.isfinite(load_N + torque_Nm + slip)):
             return None
@@ -171,7 +171,7 @@ class OnlineEstimator:
         return x1 * x1, x1 * x2, x2 * x2, x1 * y, x2 * y
 
     def solution(self) -> tuple[float, float]:
-        """Give the present (c [Pa], tan phi [-])."""
+        """Return the present (c [Pa], tan phi [-])."""
         m11, m12, m22, v1, v2 = self._sums
         determinant = m11 * m22 - m12 * m12
         if determinant <= 1e-12 * m11 * m22:

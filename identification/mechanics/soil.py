@@ -30,7 +30,7 @@ class Soil:
 
     @staticmethod
     def from_knowledge(known: SoilKnowledge, source: str = "soil") -> Soil:
-        """Build a soil of which every parameter is known; raises `InputError` naming the one that is missing."""
+        """Build a soil from known parameters; raises `InputError` naming those that are missing."""
         missing = [name for name in PARAMETERS if name not in known.values]
         if missing:
             raise InputError(source, f"{', '.join(missing)} missing", expected="c_Pa, phi_deg, k_m, stiffness_Pa and n")
@@ -38,12 +38,12 @@ class Soil:
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """The five numbers that stresses follow from: c [Pa], tan phi, k [m], stiffness [Pa], n."""
+        """The five numbers that determine the stresses: c [Pa], tan phi, k [m], stiffness [Pa], n."""
         return self.c_Pa, math.tan(self.phi_rad), self.k_m, self.stiffness_Pa, self.n
 
 
 def soil_vector(soil: Soil) -> np.ndarray:
-    """Lay a soil out as the leading entries of a model's vector: c [Pa], tan phi, ln k, ln stiffness, ln n."""
+    """Return a soil as the leading entries of a model's vector: c [Pa], tan phi, ln k, ln stiffness, ln n."""
     return np.array([to_internal(name, getattr(soil, name)) for name in PARAMETERS])
 
 

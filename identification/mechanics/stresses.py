@@ -1,13 +1,13 @@
-"""Quadrature of the stresses along the rim, with its derivatives: the one that every wheel model uses.
+"""Quadrature of the stresses along the rim, with its derivatives, for all wheel models.
 
 Stresses are those of K. Iagnemma, S. Dubowsky, "Terrain estimation for high-speed rough-terrain autonomous vehicle
-navigation" (2002), Eq. 2-9. A contact is a row of numbers (`fields.FIELDS`); effects that the textbook leaves out
-enter by changing them.
+navigation" (2002), Eq. 2-9. A contact is a row of numbers (`fields.FIELDS`), which effects change.
 
-The rim is cut at the angle of the stress peak theta_m. In the front zone theta = theta_1 - (theta_1 - theta_m) u and in
-the rear zone theta = theta_2 + (theta_m - theta_2) u, u in [0, 1]: by Eq. 9 both zones then have the same normal stress
-at the same u. Stress rises from the free ends like u^n, n not an integer, which spoils Gauss-Legendre quadrature; with
-u = s^2 or s^3 the integrand is smoother in s. Both zones are cut further where the stresses have a kink.
+The rim is divided at the angle of the stress peak theta_m. In the front zone theta = theta_1 - (theta_1 - theta_m) u;
+in the rear zone theta = theta_2 + (theta_m - theta_2) u, u in [0, 1]: by Eq. 9 both zones then have the same normal
+stress at the same u. Stress rises from the free ends like u^n, n not an integer, which slows the convergence of
+Gauss-Legendre quadrature; with u = s^2 or s^3 the integrand is smoother in s. Both zones are also divided at kinks of
+the stresses.
 """
 
 from __future__ import annotations
@@ -57,13 +57,13 @@ def quadrature(count: int, clustering: int) -> Rule:
 
 # Largest errors over the soils, slips and sinkages of Iagnemma & Dubowsky (2002), Sec. 3.1, relative to W, W r and W.
 FINE = quadrature(14, 3)
-"""Nine digits: 3e-10."""
+"""Relative error 3e-10."""
 
 QUICK = quadrature(8, 2)
-"""Six digits, 9e-7: for estimation, far below any sensor's noise."""
+"""Relative error 9e-7: for estimation, far below any sensor's noise."""
 
 COARSE = quadrature(4, 2)
-"""Three digits, 4e-4: to search for the entry angle with."""
+"""Relative error 4e-4: for the search for the entry angle."""
 
 
 def rim_forces(contact: np.ndarray, width_m: float, rule: Rule = FINE) -> np.ndarray:
@@ -74,7 +74,7 @@ def rim_forces(contact: np.ndarray, width_m: float, rule: Rule = FINE) -> np.nda
 def rim_forces_and_slopes(
     contact: np.ndarray, width_m: float, rule: Rule = FINE, *, sloped: bool = True
 ) -> tuple[np.ndarray, np.ndarray]:
-    """As `rim_forces`, with the derivatives (n, 3, 21) by all fields but the last; by none where not `sloped`."""
+    """As `rim_forces`, with the derivatives (n, 3, 21) by all fields but the last; by none if not `sloped`."""
     rows = len(contact)
     forces, slopes = np.empty((rows, 3)), np.empty((rows, 3, SLOPED if sloped else 0))
     integrate(np.asfortranarray(contact), width_m, *rule, np.ones(rows, dtype=bool), forces, slopes)
@@ -85,7 +85,7 @@ def rim_forces_and_slopes(
 def integrate(contact, width, nodes, weights, wanted, forces, slopes):
     """Integrate the stresses of each row of `contact` (n, f) into `forces` (n, 3) and `slopes` (n, 3, 21 or 0).
 
-    Rows that are not `wanted` (n,) keep what they have.
+    Rows that are not `wanted` (n,) are left unchanged.
     """
     field, scratch = np.empty(contact.shape[1]), np.empty((4, EDGES))
     for row in range(contact.shape[0]):
@@ -97,9 +97,9 @@ def integrate(contact, width, nodes, weights, wanted, forces, slopes):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def forces_near(there, here, forces, slopes, near, beyond):
-    """Carry the forces (n, 3) of contacts `here` (n, f) over to `near` (n, 3), those `there`, by their slopes.
+    """Linearise the forces (n, 3) of contacts `there` (n, f) about those `here`, by the slopes, into `near` (n, 3).
 
-    Marks rows in `beyond` (n,) where that cannot be done: they have to be integrated.
+    Marks rows in `beyond` (n,) that have to be integrated instead.
     """
     near[:] = forces
     for row in range(there.shape[0]):
@@ -115,7 +115,7 @@ def forces_near(there, here, forces, slopes, near, beyond):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def one_rim(field, width, nodes, weights, scratch, forces, slopes):
-    """Integrate one contact (f,); `scratch` (4, `EDGES`) is room to work in, its contents of no account."""
+    """Integrate one contact (f,); `scratch` (4, `EDGES`) is work space."""
     theta_1, theta_2, theta_m, advance = field[THETA_1], field[THETA_2], field[THETA_M], field[ADVANCE]
     cohesion, tan_phi, modulus, exponent = field[COHESION], field[TAN_PHI], field[MODULUS], field[EXPONENT]
     radius, shear_radius = field[RADIUS], field[SHEAR_RADIUS]
@@ -193,7 +193,7 @@ def one_rim(field, width, nodes, weights, scratch, forces, slopes):
                 for force in range(3):
                     by_normal[force] += by_shear[force] * mobilised * friction
                     by_moved[force] = by_shear[force] * strengthened
-                    # The node moves with the angles, and the zone becomes longer.
+                    # The node moves with the angles, and the length of the zone changes.
                     here = up if force == 0 else (shear if force == 1 else on)
                     turned = weight * on if force == 0 else (0.0 if force == 1 else -weight * up)
                     turned += by_moved[force] * back

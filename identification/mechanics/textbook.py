@@ -1,4 +1,4 @@
-"""Forward mechanics of a rigid wheel on deformable soil, and the textbook wheel that is estimated with.
+"""Forward mechanics of a rigid wheel on deformable soil: the textbook wheel.
 
 Source, unless another is named: K. Iagnemma, S. Dubowsky, "Terrain estimation for high-speed rough-terrain autonomous
 vehicle navigation" (2002), Eq. 1-9. The stresses are those of Reece (normal, Eq. 6), Mohr-Coulomb and Janosi & Hanamoto
@@ -22,16 +22,16 @@ from .equilibrium import LARGEST_ENTRY_ANGLE, SMALLEST_ENTRY_ANGLE, Equilibrium,
 from .soil import Soil, from_internal, to_internal
 
 CHANNELS = ("load_N", "torque_Nm", "sinkage_m", "slip", "drawbar_pull_N")
-"""Channels that the wheel can sense, in the order of every array of predictions."""
+"""Channels of a wheel, in the order of arrays of predictions."""
 
 ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
-"""Channels that the ground answers with; load and slip are imposed."""
+"""Channels that follow from load and slip, which are imposed."""
 
 PEAK_SHARE = 0.5
 """theta_m / theta_1: the peak stress lies midway (Sec. 3.1, second assumption)."""
 
 USUAL_ENTRY_ANGLE = 0.5
-"""Entry angle at which a search starts where nothing better is known [rad]."""
+"""Default initial entry angle [rad]."""
 
 
 @dataclass(frozen=True)
@@ -103,14 +103,14 @@ def shear_stress(
 def contact_array(
     theta_1: float | np.ndarray, slip: np.ndarray, soil: Soil | Sequence[float | np.ndarray], wheel: Wheel
 ) -> np.ndarray:
-    """Lay out n textbook contacts as the (n, f) array that `stresses` integrates: theta_2 = 0, theta_m midway.
+    """Return n textbook contacts as the (n, f) array that `stresses` integrates: theta_2 = 0, theta_m midway.
 
     Parameters
     ----------
     theta_1, slip : (n,)
         Entry angles [rad] and slips [-].
     soil
-        One soil, or c [Pa], tan phi [-], k [m], stiffness [Pa] and n [-], each one for all or (n,).
+        One soil, or c [Pa], tan phi [-], k [m], stiffness [Pa] and n [-], each a scalar or (n,).
     wheel
         The wheel.
     """
@@ -126,7 +126,7 @@ def contact_array(
 
 
 def equilibrium(wheel: Wheel, soil: Soil, load_N: np.ndarray, slip: np.ndarray) -> WheelState:
-    """Find the entry angle at which the soil carries the load at the given slip, and what follows from it.
+    """Compute the state of the wheel at the entry angle at which the soil carries the load at the given slip.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def equilibrium(wheel: Wheel, soil: Soil, load_N: np.ndarray, slip: np.ndarray) 
     Returns
     -------
     WheelState
-        NaN in rows whose load is not positive and finite, or is not carried at all (the wheel is swallowed).
+        NaN in rows whose load is not positive and finite, or is not carried at any entry angle.
     """
     load, slip = np.broadcast_arrays(np.asarray(load_N, dtype=float), np.asarray(slip, dtype=float))
     load, slip = load.ravel(), slip.ravel()
@@ -165,7 +165,7 @@ class Prediction:
 
 
 class ForwardModel(Protocol):
-    """What predicts the channels from imposed load [N] and slip (n, 2) and a parameter vector (p,)."""
+    """A model of the channels by imposed load [N] and slip (n, 2) and a parameter vector (p,)."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -173,20 +173,18 @@ class ForwardModel(Protocol):
         ...
 
     def predict(self, imposed: np.ndarray, vector: np.ndarray, theta_1: np.ndarray) -> Prediction:
-        """Predict all channels; `theta_1` (n,) is where the search for the entry angle starts [rad]."""
+        """Predict all channels from initial entry angles `theta_1` (n,) [rad]."""
         ...
 
 
-def started(theta_1: np.ndarray) -> np.ndarray:
-    """Entry angles (n,) at which a search may start, those given where they are any [rad]."""
+def initial_angles(theta_1: np.ndarray) -> np.ndarray:
+    """Initial entry angles (n,) [rad]: the given ones where they are in range, else the default."""
     usable = (theta_1 > SMALLEST_ENTRY_ANGLE) & (theta_1 < LARGEST_ENTRY_ANGLE)
     return np.where(usable, theta_1, USUAL_ENTRY_ANGLE)
 
 
 def in_equilibrium(contact: np.ndarray, imposed: np.ndarray, wheel: Wheel) -> tuple[Equilibrium, np.ndarray]:
-    """Equilibrium of contacts whose angles stay in proportion, and the derivatives (n, 3) of its forces by the entry
-    angle alone.
-    """
+    """Equilibrium of contacts, and derivatives (n, 3) of its forces by the entry angle, all angles in proportion."""
     found = carry(contact, imposed[:, 0], wheel.width_m, near=True, sloped=True)
     by_angle = found.slopes[:, :, fields.THETA_1].copy()
     for field in (fields.THETA_2, fields.THETA_M):
@@ -198,10 +196,10 @@ def in_equilibrium(contact: np.ndarray, imposed: np.ndarray, wheel: Wheel) -> tu
 def predicted(
     found: Equilibrium, by_angle: np.ndarray, direct: np.ndarray, imposed: np.ndarray, wheel: Wheel
 ) -> Prediction:
-    """Predict the channels from a wheel that stands in the ground.
+    """Predict the channels of a wheel in equilibrium.
 
-    The entry angle answers to whatever changes so that W stays what is imposed (implicit function theorem), and what
-    its search left over of the load is corrected by the same slopes.
+    Derivatives of the entry angle follow from a constant W (implicit function theorem); the error of the load that the
+    root finder leaves is corrected by the same derivatives.
 
     Parameters
     ----------
@@ -241,22 +239,22 @@ class TextbookWheel:
     names: tuple[str, ...] = PARAMETERS
 
     def to_vector(self, values: dict[str, float]) -> np.ndarray:
-        """Lay out c, phi, k, stiffness, n as (c, tan phi, ln k, ln stiffness, ln n)."""
+        """Convert c, phi, k, stiffness, n to (c, tan phi, ln k, ln stiffness, ln n)."""
         return np.array([to_internal(name, values[name]) for name in self.names])
 
     def from_vector(self, vector: np.ndarray) -> dict[str, float]:
-        """Give the SI values of a vector."""
+        """Return the SI values of a vector."""
         return {name: from_internal(name, float(value)) for name, value in zip(self.names, vector, strict=True)}
 
     def soil(self, vector: np.ndarray) -> Soil:
-        """Give the soil of a vector whose cohesion and friction are not negative."""
+        """Return the soil of a vector whose cohesion and friction are not negative."""
         return Soil(**self.from_vector(vector))
 
     def predict(self, imposed: np.ndarray, vector: np.ndarray, theta_1: np.ndarray) -> Prediction:
         """Predict W [N], T [N m], z [m], i [-], DP [N]: see `Prediction`."""
         soil = [*vector[:2], *np.exp(vector[2:])]
         found, by_angle = in_equilibrium(
-            contact_array(started(theta_1), imposed[:, 1], soil, self.wheel), imposed, self.wheel
+            contact_array(initial_angles(theta_1), imposed[:, 1], soil, self.wheel), imposed, self.wheel
         )
         direct = np.zeros((len(imposed), 3, 2 + len(soil)))
         direct[:, :, 1:] = found.slopes[:, :, fields.ADVANCE : fields.EXPONENT + 1]

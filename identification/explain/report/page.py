@@ -10,7 +10,7 @@ from pathlib import Path
 from ....framework.core.files import write_text
 from ....framework.core.html import page, table, unbroken
 from ..explanation import Candidate, Explanation
-from ..quantities import capital, effect, listed, shown, signed, spread
+from ..quantities import capital, effect, listed, shown, signed, with_sd
 from ..words import details, headline, predicted_worse
 from . import pictures
 from .missing import missing_section
@@ -98,7 +98,7 @@ def _predictions(explanation: Explanation) -> str:
     body = f"<h2>Prediction of held-out rows</h2><p>{escape(capital(explanation.split))}.</p>"
     if explanation.verdict != "none":
         gain = explanation.heldout_nats
-        body += f"<p>Log-likelihood of held-out rows gained: {unbroken(spread(gain.value, gain.sd))} nats.</p>"
+        body += f"<p>Log-likelihood of held-out rows gained: {unbroken(with_sd(gain.value, gain.sd))} nats.</p>"
     body += _figure(
         pictures.held_out_errors(explanation),
         "Root-mean-square error of held-out rows, with 95 % intervals from resampling blocks. Dashed: the noise, as "

@@ -6,7 +6,7 @@ from html import escape
 
 from ....framework.core.html import table
 from ....framework.core.sound_explanation import SoundFindings, SoundRegion, SpectralFit
-from ..quantities import number, p_value, shown, spread
+from ..quantities import number, p_value, shown, with_sd
 from ..words import missing_lines
 from .missing import missing_section
 
@@ -63,7 +63,7 @@ def _fit(fit: SpectralFit) -> str:
     before, after, noise = map(number, (fit.rms_before_dB, fit.rms_after_dB, fit.noise_dB))
     # Where all stretches gained the same, each counts at the most that one may: a bound.
     bound = fit.nats_sd <= 1e-9 * abs(fit.nats_gained)
-    gained = f"at least {number(fit.nats_gained)}" if bound else spread(fit.nats_gained, fit.nats_sd)
+    gained = f"at least {number(fit.nats_gained)}" if bound else with_sd(fit.nats_gained, fit.nats_sd)
     return (
         f"<p>Held-out spectra ({escape(fit.split)}): error {before} dB before, {after} dB after, where a perfect model "
         f"would leave {noise} dB; {gained} nats gained over {fit.n} cells.</p>"

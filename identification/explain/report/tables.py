@@ -15,8 +15,8 @@ from ..quantities import (
     percent,
     shown,
     signed,
-    spread,
     with_interval,
+    with_sd,
 )
 
 Table = tuple[list[str], list[list[str]]]
@@ -68,7 +68,7 @@ def parameter_table(parameters: dict[str, Estimate]) -> Table:
     rows = []
     for name, each in parameters.items():
         how = shown(name, each.unit)
-        rows.append([how.name, spread(each.value, each.sd, how.scale), how.unit or "-"])
+        rows.append([how.name, with_sd(each.value, each.sd, how.scale), how.unit or "-"])
     return ["parameter", "value ± standard deviation", "unit"], rows
 
 
@@ -80,6 +80,6 @@ def soil_table(explanation: Explanation) -> Table:
     rows = []
     for name in dict.fromkeys(name for soil in soils.values() for name in soil):
         how, values = shown(name), [soil.get(name) for soil in soils.values()]
-        cells = ["" if each is None else spread(each.value, each.sd, how.scale) for each in values]
+        cells = ["" if each is None else with_sd(each.value, each.sd, how.scale) for each in values]
         rows.append([how.name, *cells, how.unit or "-"])
     return ["parameter", *soils, "unit"], rows

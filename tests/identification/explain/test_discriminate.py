@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bevameter.identification.explain.discriminate import would_identify
+from bevameter.identification.explain.discriminate import propose_drive
 
 
 def drive(fitted, **varied):
@@ -24,4 +24,4 @@ def drive(fitted, **varied):
     ],
 )
 def test_what_was_driven_already_is_not_proposed(fitted, varied, proposed):
-    assert would_identify(drive(fitted, **varied), "slip") == proposed
+    assert propose_drive(drive(fitted, **varied), "slip") == proposed

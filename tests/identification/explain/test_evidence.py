@@ -6,9 +6,9 @@ from bevameter.identification.effects.catalogue.sinkage_offset import SinkageOff
 from bevameter.identification.explain.evidence import (
     AMPLITUDES,
     discrepancy,
+    discrepancy_basis,
     log_evidence,
     log_integral,
-    smooth_courses,
 )
 from bevameter.identification.explain.fit import fit, with_effect
 from bevameter.identification.explain.steps import Prior
@@ -22,26 +22,26 @@ def test_laplace_agrees_with_integration_over_an_offset(fitted):
     problem, textbook = fitted
     offset = SinkageOffset(float(np.sqrt(np.nanmean(problem.samples.measured[:, 2] ** 2))))
     model, vector = with_effect(textbook, offset, np.zeros(1))
-    whole = fit(problem, model, vector, textbook.noise, Entry(textbook.theta_1), settle=False)
+    whole = fit(problem, model, vector, textbook.noise, Entry(textbook.theta_1), fit_noise=False)
     sd = float(np.sqrt(whole.covariance(problem)[-1, -1]))
     grid = whole.vector[-1] + sd * np.linspace(-6.0, 6.0, 49)
     prior_sd = offset.parameters[0].scale
     logs = []
     for value in grid:
         held = type(problem)(problem.samples, problem.known, problem.noise_share)
-        held.weights = problem.weights
+        held.reference = problem.reference
         held.measured = problem.measured - value * (np.array(problem.answers) == 2)
-        there = fit(held, AugmentedWheel(model.wheel), whole.vector[:-1], textbook.noise, settle=False)
+        there = fit(held, AugmentedWheel(model.wheel), whole.vector[:-1], textbook.noise, fit_noise=False)
         logs.append(log_evidence(held, there) - 0.5 * (value / prior_sd) ** 2)
     density = logsumexp(logs) + np.log(grid[1] - grid[0]) - np.log(np.sqrt(2.0 * np.pi) * prior_sd)
-    # Cohesion leans on its bound in a part of the grid: there the density is no normal one.
+    # Cohesion is at its bound in a part of the grid: there the density is not normal.
     assert log_evidence(problem, whole) == pytest.approx(density, abs=0.2)
 
 
 @pytest.mark.parametrize("gradient", [0.0, -0.7, -4.0])
 @pytest.mark.parametrize("place", [0.0, 0.6])
 def test_integral_within_bounds_is_exact(gradient, place):
-    """A parameter that leans on its bound, or lies before it, beside another one that follows it."""
+    """A parameter at its bound, or inside it, correlated with another one."""
     information = np.array([[2.0, 1.5], [1.5, 3.0]])
     vector, slope = np.array([place, 5.0]), np.array([gradient if place == 0.0 else 0.0, 0.0])
     prior = Prior(np.zeros(2), np.zeros(2), np.array([0.0, -np.inf]), np.full(2, np.inf))
@@ -56,19 +56,19 @@ def test_integral_within_bounds_is_exact(gradient, place):
 
 def test_discrepancy_is_marginalised_exactly(fitted):
     problem, textbook = fitted
-    courses = smooth_courses(problem.samples.drive)
-    rows, count = courses.shape
+    basis = discrepancy_basis(problem.samples.drive)
+    rows, count = basis.shape
     channels = len(problem.answers)
     extra = np.zeros((rows, channels, count * channels))
     for channel in range(channels):
-        extra[:, channel, channel * count : (channel + 1) * count] = courses * textbook.noise.sd[channel]
+        extra[:, channel, channel * count : (channel + 1) * count] = basis * textbook.noise.sd[channel]
     columns = np.concatenate([problem.columns(textbook.response), extra * problem.seen[..., None]], axis=-1)
     white, _ = problem.whitener(textbook.noise, textbook.response).whiten(columns)
     weight = robust_weight(white[..., 0]).ravel()
     flat = white.reshape(len(weight), -1) * np.sqrt(weight)[:, None]
     residual, soil, smooth = flat[:, 0], flat[:, 1:6], flat[:, 6:]
     prior = problem.prior(textbook.model)
-    # What the prior of the soil pulls by is one more observation of each of its parameters.
+    # The prior of the soil is one more observation of each of its parameters.
     known = np.sqrt(prior.precision)
     residual = np.concatenate([residual, known * (prior.mean - textbook.vector)])
     soil = np.vstack([soil, np.diag(known)])

@@ -18,8 +18,8 @@ def test_each_block_is_predicted_as_by_a_fit_without_it(fitted):
         measured = problem.samples.measured.copy()
         measured[np.ix_(rows, problem.answers)] = np.nan
         others = Problem(replace(problem.samples, measured=measured), problem.known, problem.noise_share)
-        others.weights = problem.weights
-        without = fit(others, textbook.model, textbook.vector, textbook.noise, Entry(textbook.theta_1), settle=False)
+        others.reference = problem.reference
+        without = fit(others, textbook.model, textbook.vector, textbook.noise, Entry(textbook.theta_1), fit_noise=False)
         predicted = without.response.channels[np.ix_(rows, problem.answers)]
         expected = problem.measured[rows] - predicted
         np.testing.assert_allclose(held.residuals[rows] / textbook.noise.sd, expected / textbook.noise.sd, atol=0.02)

@@ -35,7 +35,7 @@ def test_the_error_of_the_mean_is_a_chain_with_the_variance_stated():
     path = _found(truth, 0.01, 1)
     covariance = path.covariance[0]
     for row in range(1, ROWS):
-        covariance = path.keep[row] @ covariance @ path.keep[row].T + path.fresh[row]
+        covariance = path.transition[row] @ covariance @ path.transition[row].T + path.process_noise[row]
         np.testing.assert_allclose(covariance[0, 0], path.covariance[row, 0, 0], rtol=1e-6)
 
 
@@ -48,7 +48,7 @@ def test_unseen_rows_are_less_certain_and_a_new_stretch_begins_anew():
     sd = np.sqrt(path.covariance[:, 0, 0])
     assert sd[42] > 1.2 * sd[60]
     assert np.abs(path.mean - truth).max() < 0.15
-    np.testing.assert_allclose(path.keep[100], 0.0, atol=1e-100)
+    np.testing.assert_allclose(path.transition[100], 0.0, atol=1e-100)
 
 
 def test_a_share_of_sensor_noise_pulls_the_mean_towards_the_reading():

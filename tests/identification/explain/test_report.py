@@ -17,7 +17,7 @@ from bevameter import InputError
 from bevameter.framework.core.explanation import ASSERTED
 from bevameter.identification.effects.catalogue import REGISTRY
 from bevameter.identification.explain.explanation import Candidate, Estimate, Region, Screened
-from bevameter.identification.explain.quantities import effect, estimate, number, p_value, shown, spread
+from bevameter.identification.explain.quantities import effect, estimate, number, p_value, shown, with_sd
 from bevameter.identification.explain.report import pictures
 from bevameter.identification.explain.report.page import report_html, write_report
 from bevameter.identification.explain.report.tables import fit_table, located_table, soil_table
@@ -266,7 +266,7 @@ def test_quantities_read_as_people_write_them(name, value, expected):
 
 def test_numbers_have_the_digits_that_they_deserve():
     assert [number(value) for value in (1234.0, 0.00012, 1e9, math.nan)] == ["1230", "0.00012", "1e+09", "unknown"]
-    assert spread(123456.0, 2100.0) == "123500 ± 2100"
+    assert with_sd(123456.0, 2100.0) == "123500 ± 2100"
     assert [p_value(value) for value in (0.0, 2e-5, 0.0123)] == ["< 1e-12", "2e-05", "0.012"]
     assert shown("sinkage_m").label == "sinkage z [mm]"
     assert shown("pass").label == "number of the pass"

@@ -13,12 +13,12 @@ def _dense(chain: Chain, seen: np.ndarray) -> np.ndarray:
     states = np.zeros((rows, rows, size, size))
     own = np.zeros((size, size))
     for row in range(rows):
-        keep, fresh = chain.keep[chain.which[row]], chain.fresh[chain.which[row]]
-        own = keep @ own @ keep.T + fresh
+        transition, process_noise = chain.transition[chain.which[row]], chain.process_noise[chain.which[row]]
+        own = transition @ own @ transition.T + process_noise
         states[row, row] = own
         carried = own
         for later in range(row + 1, rows):
-            carried = chain.keep[chain.which[later]] @ carried
+            carried = chain.transition[chain.which[later]] @ carried
             states[later, row] = carried
             states[row, later] = carried.T
     covariance = np.einsum("ics,ijst,jdt->icjd", chain.loading, states, chain.loading).reshape(rows * channels, -1)
@@ -58,20 +58,20 @@ def test_a_gross_error_does_not_move_the_states():
     spoilt[5, 0] = 1e6
     near, far, filtered = columns.copy(), spoilt.copy(), chain.filter(seen)
     assert filtered.whiten(near, np.arange(ROWS)).min() == 1.0
-    trust = filtered.whiten(far, np.arange(ROWS))
-    assert trust[5, 0] < 1e-4
+    weights = filtered.whiten(far, np.arange(ROWS))
+    assert weights[5, 0] < 1e-4
     np.testing.assert_allclose(far[8:], near[8:], atol=3.0)
-    # Further columns can follow later, by the trust that the first have given.
-    np.testing.assert_allclose(filtered.whiten(spoilt, np.arange(ROWS), trust), trust)
+    # Further columns can follow later, with the weights of the first.
+    np.testing.assert_allclose(filtered.whiten(spoilt, np.arange(ROWS), weights), weights)
     np.testing.assert_allclose(spoilt, far)
 
 
 @pytest.mark.parametrize("smooth", [0, 1, 2])
 def test_correlation_of_the_ground_falls_to_one_over_e_at_its_length(smooth):
     gap = np.array([np.inf, 0.3])
-    keep, fresh = matern(gap, Noise(np.ones(1), np.zeros(1), np.array([2.0, 1.0]), 0.3, smooth))
-    correlation = (keep[1] @ fresh[0])[0, 0] / fresh[0][0, 0]
+    transition, process_noise = matern(gap, Noise(np.ones(1), np.zeros(1), np.array([2.0, 1.0]), 0.3, smooth))
+    correlation = (transition[1] @ process_noise[0])[0, 0] / process_noise[0][0, 0]
     assert correlation == pytest.approx(np.exp(-1.0), rel=1e-6)
-    after = keep[1] @ fresh[0] @ keep[1].T + fresh[1]
-    np.testing.assert_allclose(after, fresh[0], atol=1e-9)
+    after = transition[1] @ process_noise[0] @ transition[1].T + process_noise[1]
+    np.testing.assert_allclose(after, process_noise[0], atol=1e-9)
     assert TO_ONE_OVER_E[0] == 1.0
