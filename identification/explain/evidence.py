@@ -75,75 +75,90 @@ def _log_prior_scale(prior: Prior) -> float:
 
 @dataclass(frozen=True)
 class Discrepancy:
-    """A smooth function of the drive's covariates, added to the channels.
+    """A smooth function of the drive's covariates, added to the answers.
 
-    log_evidence: ln of the Bayes factor of a model with it over the same model without it [nats]; mean (n, m): its
-    posterior mean, SI; amplitude: root mean square of that, relative to the channels' noise [-].
+    log_evidence: log Bayes factor of a model with it over the same model without it [nats]; mean (n, m): what its most
+    probable structure adds to the answers, SI.
     """
 
     log_evidence: float
     mean: np.ndarray
-    amplitude: float
 
 
 def discrepancy(problem: Problem, fitted: Fitted) -> Discrepancy:
-    """Compute the evidence for a discrepancy added to a fitted model, whose parameters are refitted to first order."""
-    basis = discrepancy_basis(problem.samples.drive)
-    rows, count = basis.shape
-    channels, size = len(problem.answers), len(fitted.vector)
-    extra = np.zeros((rows, channels, count * channels))
-    for channel in range(channels):
-        extra[:, channel, channel * count : (channel + 1) * count] = basis * fitted.noise.sd[channel]
+    """Compute the evidence for a discrepancy added to a fitted model, whose parameters are refitted to first order.
+
+    Which channels it is in, which covariates it depends on and how large it is are unknown: the evidence is the mean
+    over `structures` and `AMPLITUDES`.
+    """
+    basis, covariates = discrepancy_basis(problem.samples.drive)
+    rows, channels, size = len(basis), len(problem.answers), len(fitted.vector)
+    extra = np.einsum("nk,cd->ncdk", basis, np.diag(fitted.noise.sd)).reshape(rows, channels, -1)
     columns = np.concatenate([problem.columns(fitted.response), np.where(problem.seen[..., None], extra, 0.0)], axis=-1)
     white, _ = problem.whitener(fitted.noise, fitted.response).whiten(columns)
     gradient, information = normal_equations(white[..., 0], white[..., 1:])
     prior = problem.prior(fitted.model)
     gradient[:size] += prior.precision * (prior.mean - fitted.vector)
     information[np.arange(size), np.arange(size)] += prior.precision
-    base_gain, base_log_det = _gain(information[:size, :size], gradient[:size])
-    terms, coefficients = [], []
-    for amplitude in AMPLITUDES:
-        with_prior = information.copy()
-        added = np.arange(size, len(gradient))
-        with_prior[added, added] += amplitude**-2.0
-        gain, log_det = _gain(with_prior, gradient)
-        terms.append(gain - base_gain - 0.5 * (log_det - base_log_det) - len(added) * math.log(amplitude))
-        coefficients.append((scaled_inverse(with_prior) @ gradient)[size:])
-    best = coefficients[int(np.argmax(terms))]
-    mean = extra @ best
-    return Discrepancy(
-        float(np.logaddexp.reduce(terms)) - math.log(len(AMPLITUDES)), mean,
-        float(np.sqrt(np.mean((mean / fitted.noise.sd)[problem.seen] ** 2))),
-    )  # fmt: skip
+    # The model's parameters integrated out.
+    regression = information[size:, :size] @ scaled_inverse(information[:size, :size])
+    gradient = gradient[size:] - regression @ gradient[:size]
+    information = information[size:, size:] - regression @ information[:size, size:]
+    precision, logs, means = np.array(AMPLITUDES)[:, None] ** -2.0, [], []
+    for chosen in structures(covariates, channels):
+        values, vectors = np.linalg.eigh(information[np.ix_(chosen, chosen)])
+        values, along = np.maximum(values, 0.0), vectors.T @ gradient[chosen]
+        logs.append(0.5 * (along**2 / (values + precision) - np.log1p(values / precision)).sum(axis=1))
+        at = int(np.argmax(logs[-1]))
+        means.append((chosen, vectors @ (along / (values + precision[at]))))
+    chosen, coefficients = means[int(np.argmax(np.max(logs, axis=1)))]
+    evidence = float(np.logaddexp.reduce(logs, axis=None)) - math.log(np.size(logs))
+    return Discrepancy(evidence, extra[..., chosen] @ coefficients)
 
 
-def _gain(information: np.ndarray, gradient: np.ndarray) -> tuple[float, float]:
-    """Gain of a Newton step [nats], and ln of the information's determinant."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
-    scaled = information * np.outer(scale, scale)
-    scaled[np.diag_indices_from(scaled)] += 1e-10
-    scaled_gradient = scale * gradient
-    return 0.5 * float(scaled_gradient @ np.linalg.solve(scaled, scaled_gradient)), log_determinant(information)
+_CONSTANT, _PRODUCT = "constant", "slip load_N"
 
 
-def discrepancy_basis(drive: Drive) -> np.ndarray:
-    """Basis functions (n, k) of a discrepancy: Legendre polynomials of slip, load, time, speed and pass number."""
-    columns = [np.ones((len(drive), 1)), legvander(_scaled(drive.slip), 4)[:, 1:]]
+def discrepancy_basis(drive: Drive) -> tuple[np.ndarray, np.ndarray]:
+    """Basis functions (n, k) of a discrepancy, Legendre polynomials of covariates, and the covariate of each (k,)."""
+    degrees = {"slip": 4}
     if drive.load_N.std() > _LEAST_VARIATION * drive.load_N.mean():
-        load = legvander(_scaled(drive.load_N), 3)[:, 1:]
-        columns += [load, (_scaled(drive.slip) * _scaled(drive.load_N))[:, None]]
-    if drive.timed and drive.has("time_s"):
-        columns.append(legvander(_scaled(drive.time_s), 4)[:, 1:])
-    if drive.has("rim_speed_m_s"):
-        columns.append(legvander(_scaled(np.log(np.abs(drive.rim_speed_m_s) + 1e-6)), 2)[:, 1:])
-    if drive.has("pass_number"):
-        columns.append(legvander(_scaled(drive.pass_number), 2)[:, 1:])
-    if drive.has("pitch_rad"):
-        columns.append(_scaled(drive.pitch_rad)[:, None])
-    for name in ("acceleration_m_s2", "angular_acceleration_rad_s2"):
-        if drive.has(name):
-            columns.append(_scaled(getattr(drive, name))[:, None])
-    return np.column_stack(columns)
+        degrees["load_N"] = 3
+    if drive.timed:
+        degrees["time_s"] = 4
+    degrees |= {"rim_speed_m_s": 2, "pass_number": 2, "pitch_rad": 1}
+    degrees |= {"acceleration_m_s2": 1, "angular_acceleration_rad_s2": 1}
+    columns, covariates = [np.ones((len(drive), 1))], [_CONSTANT]
+    for name, degree in degrees.items():
+        values = getattr(drive, name)
+        if drive.has(name) or name in ("slip", "load_N"):
+            values = np.log(np.abs(values) + 1e-6) if name == "rim_speed_m_s" else values
+            columns.append(legvander(_scaled(values), degree)[:, 1:])
+            covariates += degree * [name]
+    if "load_N" in degrees:
+        columns.append((_scaled(drive.slip) * _scaled(drive.load_N))[:, None])
+        covariates.append(_PRODUCT)
+    return np.column_stack(columns), np.array(covariates)
+
+
+def structures(covariates: np.ndarray, channels: int) -> list[np.ndarray]:
+    """Coefficients of each structure of a discrepancy: it is in one channel or in all of them, and depends on one
+    covariate, on slip and load, or on all covariates.
+
+    Parameters
+    ----------
+    covariates : (k,)
+        Covariate of each basis function.
+    channels
+        Number m of channels; coefficients are ordered by channel, then basis function.
+    """
+    names = [name for name in dict.fromkeys(covariates) if name != _PRODUCT]
+    dependences = [np.isin(covariates, [_CONSTANT, name]) for name in names]
+    if _PRODUCT in covariates:
+        dependences.append(np.isin(covariates, [_CONSTANT, "slip", "load_N", _PRODUCT]))
+    dependences.append(np.ones(len(covariates), dtype=bool))
+    places = [*np.eye(channels, dtype=bool), np.ones(channels, dtype=bool)][: channels + (channels > 1)]
+    return [np.flatnonzero(np.outer(place, dependence)) for place in places for dependence in dependences]
 
 
 def _scaled(values: np.ndarray) -> np.ndarray:

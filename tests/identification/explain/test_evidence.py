@@ -1,14 +1,18 @@
 """Evidence against numerical integration, and discrepancies against the dense Gaussian."""
 
+from copy import copy
+
 import numpy as np
 import pytest
 from bevameter.identification.effects.catalogue.sinkage_offset import SinkageOffset
 from bevameter.identification.explain.evidence import (
     AMPLITUDES,
+    dependence,
     discrepancy,
     discrepancy_basis,
     log_evidence,
     log_integral,
+    structures,
 )
 from bevameter.identification.explain.fit import fit, with_effect
 from bevameter.identification.explain.steps import Prior
@@ -56,7 +60,7 @@ def test_integral_within_bounds_is_exact(gradient, place):
 
 def test_discrepancy_is_marginalised_exactly(fitted):
     problem, textbook = fitted
-    basis = discrepancy_basis(problem.samples.drive)
+    basis, covariates = discrepancy_basis(problem.samples.drive)
     rows, count = basis.shape
     channels = len(problem.answers)
     extra = np.zeros((rows, channels, count * channels))
@@ -76,14 +80,37 @@ def test_discrepancy_is_marginalised_exactly(fitted):
     left, _ = np.linalg.qr(soil)
     free = np.eye(len(residual)) - left @ left.T
     logs = []
-    for amplitude in AMPLITUDES:
-        inside = np.eye(smooth.shape[1]) / amplitude**2 + smooth.T @ free @ smooth
-        pull = smooth.T @ free @ residual
-        gain = 0.5 * pull @ np.linalg.solve(inside, pull)
-        logs.append(gain - 0.5 * np.linalg.slogdet(inside)[1] - smooth.shape[1] * np.log(amplitude))
-    expected = logsumexp(logs) - np.log(len(AMPLITUDES))
-    assert discrepancy(problem, textbook).log_evidence == pytest.approx(expected, abs=0.05)
+    for chosen in structures(covariates, channels):
+        some = smooth[:, chosen]
+        for amplitude in AMPLITUDES:
+            inside = np.eye(len(chosen)) / amplitude**2 + some.T @ free @ some
+            slope = some.T @ free @ residual
+            gain = 0.5 * slope @ np.linalg.solve(inside, slope)
+            logs.append(gain - 0.5 * np.linalg.slogdet(inside)[1] - len(chosen) * np.log(amplitude))
+    assert discrepancy(problem, textbook).log_evidence == pytest.approx(logsumexp(logs) - np.log(len(logs)), abs=0.05)
+
+
+def test_a_discrepancy_depends_on_one_covariate_on_slip_and_load_or_on_all():
+    covariates = np.array(["constant", "slip", "slip", "load_N", "slip load_N"])
+    found = {tuple(each.tolist()) for each in structures(covariates, 2)}
+    one = {(0,), (0, 1, 2), (0, 3), (0, 1, 2, 3, 4)}
+    shifted = {tuple(5 + each for each in chosen) for chosen in one}
+    both = {(*chosen, *(5 + each for each in chosen)) for chosen in one}
+    assert found == one | shifted | both
+
+
+def test_a_step_of_one_channel_along_slip_is_found(fitted):
+    """Five sensor noises in drawbar pull at high slip: the other channels are left as they are."""
+    problem, textbook = fitted
+    slip, pull = problem.samples.drive.slip, problem.answers.index(4)
+    moved = copy(problem)
+    moved.measured = problem.measured.copy()
+    moved.measured[:, pull] += 5.0 * textbook.noise.sd[pull] * (slip > np.median(slip))
+    found = discrepancy(moved, textbook)
+    assert found.log_evidence > 10.0
+    assert np.abs(np.delete(found.mean, pull, axis=1)).max() == 0.0
+    assert dependence(moved, found)[0][:2] == (4, "slip")
 
 
 def test_a_null_has_no_discrepancy(fitted):
-    assert discrepancy(*fitted).log_evidence < -5.0
+    assert discrepancy(*fitted).log_evidence < 0.0
