@@ -3,8 +3,8 @@
 PRIOR_EFFECT = 0.01
 """Prior probability of each effect of the catalogue [-]."""
 
-PRIOR_UNKNOWN = 0.05
-"""Prior probability of something that the catalogue lacks [-]."""
+PRIOR_UNKNOWN = 0.1
+"""Prior probability of something that the catalogue lacks [-]: one drive in ten is taken to have it."""
 
 TEMPERATURE = 5.0
 """Divisor of differences of log evidence [-]: published forms of an effect differ, the catalogue has some of them, and

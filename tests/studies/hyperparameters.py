@@ -3,8 +3,11 @@
     python tests/studies/judge.py make --set training --cache CACHE
     python tests/studies/hyperparameters.py --cache CACHE --out evidence.jsonl --processes 2
 
-Each training recording is searched once; what was fitted is kept, so that the posterior can be weighed anew for each
-choice. The table gives the mean of ln P(what is hidden) [nats], and how often P is calibrated; the largest mean wins.
+Each training recording is searched once, and once more without its effect if it has a single one; what was fitted is
+kept, so that the posterior can be computed anew for each choice. The table gives the mean of ln P(what is hidden) with
+the whole catalogue, of ln P(something that the catalogue lacks) without the effect, and of both, the latter with a
+weight of `LEFT_OUT` [nats]; and how often effects are right that are stated with some probability. The largest mean of
+both wins.
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ import json
 import math
 import os
 from collections import Counter
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -24,13 +28,19 @@ import numpy as np
 TEMPERATURES, EFFECTS, UNKNOWNS = (
     (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0),
     (0.0025, 0.005, 0.01, 0.02, 0.04),
-    (0.02, 0.05, 0.1),
+    (0.025, 0.05, 0.1, 0.2),
 )
 """What is tried."""
 
+LEFT_OUT = 0.1
+"""Weight of recordings whose effect is not in the catalogue: drives are taken to be such ones as often as that."""
 
-def searched(folder: Path) -> dict[str, Any]:
-    """Search the catalogue for a recording, and give all evidence."""
+LEAST = math.log(1e-6)
+"""What a hypothesis that was not fitted scores [nats]."""
+
+
+def searched(folder: Path, left_out: str | None) -> dict[str, Any]:
+    """Search the catalogue, one effect left out if it is stated, for a recording, and give all evidence."""
     from bevameter.framework.core.soil import as_knowledge
     from bevameter.identification.effects.catalogue import SLUGS
     from bevameter.identification.estimate.identify import open_recording
@@ -45,10 +55,10 @@ def searched(folder: Path) -> dict[str, Any]:
     problem, textbook = fit_textbook(
         gather(rows.table, rows.wheel, rows.vehicle), as_knowledge(soil if soil.is_file() else None)
     )
-    found = search(problem, textbook, SLUGS)
-    beside = posterior(found).discrepancies
+    found = search(problem, textbook, [slug for slug in SLUGS if slug != left_out])
     return {
         "name": folder.name,
+        "left_out": left_out,
         "evidence": [
             # At a prior probability of a half the odds of effects that do not state their own are nothing.
             [
@@ -59,26 +69,32 @@ def searched(folder: Path) -> dict[str, Any]:
             ]
             for each in found.hypotheses
         ],
-        "discrepancy": [[sorted(slugs), each.log_evidence] for slugs, each in beside.items()],
+        "discrepancy": [[sorted(slugs), each.log_evidence] for slugs, each in posterior(found).discrepancies.items()],
     }
 
 
-def weighed(row: dict[str, Any], temperature: float, effect: float, unknown: float) -> dict[frozenset[str], float]:
-    """Give the posterior of each set of effects, discrepancies summed out."""
+def log_posterior(
+    row: dict[str, Any], temperature: float, effect: float, unknown: float
+) -> dict[tuple[frozenset[str], bool], float]:
+    """Give the log-posterior of each set of effects, without and with a discrepancy."""
     odds, weight = math.log(effect / (1.0 - effect)), {}
     for slugs, evidence, stated, count in row["evidence"]:
         key = frozenset(slugs)
         own = evidence / temperature + stated + count * odds
         weight[key] = float(np.logaddexp(weight.get(key, -np.inf), own))
-    beside = {frozenset(slugs): evidence for slugs, evidence in row["discrepancy"]}
-    total = {
-        key: np.logaddexp(
-            value + math.log(1.0 - unknown), value + beside.get(key, -np.inf) / temperature + math.log(unknown)
-        )
-        for key, value in weight.items()
-    }
+    total = {(key, False): value + math.log(1.0 - unknown) for key, value in weight.items()}
+    for slugs, evidence in row["discrepancy"]:
+        total[frozenset(slugs), True] = weight[frozenset(slugs)] + evidence / temperature + math.log(unknown)
     whole = np.logaddexp.reduce(list(total.values()))
-    return {key: float(np.exp(value - whole)) for key, value in total.items()}
+    return {key: float(value - whole) for key, value in total.items()}
+
+
+def jobs(cache: Path, truths: dict[str, Any]) -> Iterator[tuple[Path, str | None]]:
+    """Give what is searched: each recording with the whole catalogue, then without its single effect."""
+    for name, truth in truths.items():
+        yield cache / "recordings" / name, None
+        if len(truth["effects"]) == 1:
+            yield cache / "recordings" / name, truth["effects"][0]["effect"]
 
 
 def main() -> None:
@@ -91,28 +107,33 @@ def main() -> None:
     given = parser.parse_args()
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     rows = [json.loads(line) for line in given.out.read_text().splitlines()] if given.out.is_file() else []
-    done = {row["name"] for row in rows}
-    folders = [each for each in sorted((given.cache / "recordings").iterdir()) if each.name not in done][: given.limit]
+    done = {(row["name"], row["left_out"]) for row in rows}
+    truths = {path.stem: json.loads(path.read_text()) for path in sorted((given.cache / "truth").glob("*.json"))}
+    left = [job for job in jobs(given.cache, truths) if (job[0].name, job[1]) not in done][: given.limit]
     with ProcessPoolExecutor(given.processes) as pool, given.out.open("a", encoding="utf-8") as file:
-        for row in pool.map(searched, folders):
+        for row in pool.map(searched, *zip(*left, strict=True)) if left else ():
             rows.append(row)
             file.write(json.dumps(row) + "\n")
             file.flush()
-    truths = {row["name"]: json.loads((given.cache / "truth" / f"{row['name']}.json").read_text()) for row in rows}
-    print("temperature  P(effect)  P(unknown)  mean ln P(hidden)  right of those from 0.85 to 0.95, and from 0.95")
-    for temperature, effect, unknown in itertools.product(TEMPERATURES, EFFECTS, UNKNOWNS):
-        scores, right = [], {name: Counter() for name in ("likely", "sure")}
+    print("temperature  P(effect)  P(unknown)  ln P(hidden)  left out  both  right from 0.85 to 0.95, and from 0.95")
+    for choice in itertools.product(TEMPERATURES, EFFECTS, UNKNOWNS):
+        scores, right = {True: [], False: []}, {name: Counter() for name in ("likely", "sure")}
         for row in rows:
             hidden = frozenset(each["effect"] for each in truths[row["name"]]["effects"])
-            sets = weighed(row, temperature, effect, unknown)
-            # What was not fitted has next to no probability.
-            scores.append(math.log(max(sets.get(hidden, 0.0), 1e-6)))
-            for slug in set().union(*sets):
-                share = sum(value for key, value in sets.items() if slug in key)
+            found = log_posterior(row, *choice)
+            if row["left_out"]:
+                unknown = np.logaddexp.reduce([value for (_, lacks), value in found.items() if lacks])
+                scores[True].append(max(unknown, LEAST))
+                continue
+            scores[False].append(max(found.get((hidden, False), LEAST), LEAST))
+            for slug in {slug for slugs, _ in found for slug in slugs}:
+                share = sum(math.exp(value) for (slugs, _), value in found.items() if slug in slugs)
                 if share >= 0.85:
                     right["sure" if share >= 0.95 else "likely"][slug in hidden] += 1
+        known, lacking = np.mean(scores[False]), np.mean(scores[True])
+        both = (1.0 - LEFT_OUT) * known + LEFT_OUT * lacking
         said = "  ".join(f"{each[True]} of {each.total()}" for each in right.values())
-        print(f"{temperature:11g}  {effect:9g}  {unknown:10g}  {np.mean(scores):17.3f}  {said}")
+        print("{:11g}  {:9g}  {:10g}".format(*choice), f" {known:12.3f}  {lacking:8.3f}  {both:.3f}  {said}")
 
 
 if __name__ == "__main__":
