@@ -59,19 +59,14 @@ class Chosen:
     before: HeldOut
     after: HeldOut
 
-    @property
-    def residuals(self) -> np.ndarray:
-        """Residuals (n, m) of held-out rows, SI."""
-        return self.after.residuals - (0.0 if self.discrepancy is None else self.discrepancy.mean)
-
 
 def choose(problem: Problem, found: Search, posterior: Posterior) -> Chosen:
     """Choose the most probable set, in its most probable form."""
     first = next(iter(posterior.sets))
     hypothesis = posterior.best[first - {UNKNOWN}]
     before = hold_out(problem, found.textbook.fitted)
-    after = before if not hypothesis.effects else hold_out(problem, hypothesis.fitted)
-    added = posterior.discrepancies.get(first - {UNKNOWN}) if UNKNOWN in first else None
+    after = hold_out(problem, hypothesis.fitted, discrepant=UNKNOWN in first) if first else before
+    added = posterior.discrepancies[first - {UNKNOWN}] if UNKNOWN in first else None
     return Chosen(hypothesis, added, before, after)
 
 
@@ -92,7 +87,7 @@ def assemble(
     """
     missing = missing_of(problem, found, posterior, chosen)
     verdict = verdict_of(missing)
-    before, after = chosen.before.residuals, chosen.residuals
+    before, after = chosen.before.residuals, chosen.after.residuals
     if verdict == "none":
         after, regions = before, ()
     if simulated is not None:
@@ -130,18 +125,20 @@ def assemble(
 def missing_of(problem: Problem, found: Search, posterior: Posterior, chosen: Chosen) -> tuple[Missing, ...]:
     """List the asserted effects and, if these leave a probability of half or more, their rivals.
 
-    Empty if the textbook wheel has a probability above a half.
+    Empty only if the textbook wheel has a probability above a half.
     """
     if posterior.sets.get(frozenset(), 0.0) > 0.5:
         return ()
     asserted = [slug for slug, share in posterior.effects.items() if share >= ASSERTED]
     listed = list(asserted)
     left = 1.0 - sum(share for slugs, share in posterior.sets.items() if slugs - {UNKNOWN} <= set(asserted))
+    # Where the probability is spread over many, the first of them are listed all the same.
+    least = MENTIONED if max([posterior.unknown, *posterior.effects.values()]) >= MENTIONED else 0.0
     if not asserted or left >= 0.5:
         rivals = sorted(posterior.effects, key=lambda slug: -posterior.effects[slug])
-        listed += [slug for slug in rivals if slug not in listed and posterior.effects[slug] >= MENTIONED]
+        listed += [slug for slug in rivals if slug not in listed and posterior.effects[slug] >= least]
     answer = [_missing(problem, found, posterior, chosen, slug) for slug in listed[:MOST_LISTED]]
-    if posterior.unknown >= (0.5 if asserted else MENTIONED):
+    if posterior.unknown >= (0.5 if asserted else least):
         answer.append(_unknown(problem, posterior, chosen))
     return tuple(sorted(answer, key=lambda each: -each.probability))
 
@@ -236,34 +233,47 @@ def soil_of(problem: Problem, best: Hypothesis, found: Search, posterior: Poster
 def _candidates(
     problem: Problem, found: Search, posterior: Posterior, before: HeldOut
 ) -> tuple[Candidate, ...]:  # fmt: skip
-    logs = np.array([found.log_posterior(each) for each in found.hypotheses])
-    by_set: dict[frozenset[str], float] = {}
-    for slugs, share in posterior.sets.items():
-        by_set[slugs - {UNKNOWN}] = by_set.get(slugs - {UNKNOWN}, 0.0) + share
+    """Return all hypotheses but the textbook wheel, without and with a discrepancy; their probabilities exclude each
+    other.
+    """
+    logs = [found.log_posterior(each) for each in found.hypotheses]
+    of_set: dict[frozenset[str], float] = {}
+    for each, log in zip(found.hypotheses, logs, strict=True):
+        of_set[each.slugs] = float(np.logaddexp(of_set.get(each.slugs, -math.inf), log))
     answer = []
     for each, log in zip(found.hypotheses, logs, strict=True):
-        if not each.effects:
-            continue
-        same = logs[[other.slugs == each.slugs for other in found.hypotheses]]
-        share = by_set[each.slugs] * math.exp(log - same.max()) / float(np.exp(same - same.max()).sum())
-        kinds = sorted({effect.kind for effect in each.effects})
-        values = {
-            (f"{effect.slug}.{parameter.name}" if len(each.effects) > 1 else parameter.name): Estimate(
-                float(value), float(sd), parameter.unit
-            )
-            for effect, where in each.fitted.model.slices()
-            for parameter, value, sd in zip(
-                effect.parameters, each.fitted.vector[where],
-                np.sqrt(np.maximum(np.diag(each.fitted.covariance(problem))[where], 0.0)), strict=True,
-            )
-        }  # fmt: skip
-        name = " + ".join(effect.name for effect in each.effects)
-        gain = hold_out(problem, each.fitted).gain(before)[0] if share >= HELD_OUT_FROM else math.nan
-        answer.append(Candidate(name, kinds[-1], share, each.log_evidence, gain, values))
-    if posterior.unknown > 0.0:
-        nats = max(posterior.discrepancies.values(), key=lambda each: each.log_evidence).log_evidence
-        answer.append(Candidate(UNKNOWN, UNKNOWN, posterior.unknown, nats, math.nan, {}))
+        if each.effects:
+            share = posterior.sets[each.slugs] * math.exp(log - of_set[each.slugs])
+            kind = "instrument" if {effect.kind for effect in each.effects} == {"instrument"} else "physics"
+            name, gain = _joined(each), math.nan
+            if share >= HELD_OUT_FROM:
+                gain = hold_out(problem, each.fitted).gain(before)[0]
+            answer.append(Candidate(name, kind, share, each.log_evidence, gain, _parameters_by_name(problem, each)))
+    for slugs, added in posterior.discrepancies.items():
+        base, share, gain = posterior.best[slugs], posterior.sets[slugs | {UNKNOWN}], math.nan
+        if share >= HELD_OUT_FROM:
+            gain = hold_out(problem, base.fitted, discrepant=True).gain(before)[0]
+        name = f"{_joined(base)} + {UNKNOWN}" if slugs else UNKNOWN
+        answer.append(Candidate(name, UNKNOWN, share, base.log_evidence + added.log_evidence, gain, {}))
     return tuple(sorted(answer, key=lambda each: (-each.probability, -each.evidence_nats)))
+
+
+def _joined(hypothesis: Hypothesis) -> str:
+    return " + ".join(effect.name for effect in hypothesis.effects)
+
+
+def _parameters_by_name(problem: Problem, hypothesis: Hypothesis) -> dict[str, Estimate]:
+    """Parameters of all effects, with the effect's name where there are several."""
+    sd = np.sqrt(np.maximum(np.diag(hypothesis.fitted.covariance(problem)), 0.0))
+    return {
+        (f"{effect.slug}.{parameter.name}" if len(hypothesis.effects) > 1 else parameter.name): Estimate(
+            float(value), float(error), parameter.unit
+        )
+        for effect, where in hypothesis.fitted.model.slices()
+        for parameter, value, error in zip(
+            effect.parameters, hypothesis.fitted.vector[where], sd[where], strict=True
+        )
+    }  # fmt: skip
 
 
 def noise_of(problem: Problem, fitted: Fitted, position: int) -> float:

@@ -78,11 +78,13 @@ class Discrepancy:
     """A smooth function of the drive's covariates, added to the answers.
 
     log_evidence: log Bayes factor of a model with it over the same model without it [nats]; mean (n, m): what its most
-    probable structure adds to the answers, SI.
+    probable structure adds to the answers, SI; change (n, m): the same with the response of the model, whose
+    parameters are refitted with it.
     """
 
     log_evidence: float
     mean: np.ndarray
+    change: np.ndarray
 
 
 def discrepancy(problem: Problem, fitted: Fitted) -> Discrepancy:
@@ -101,19 +103,23 @@ def discrepancy(problem: Problem, fitted: Fitted) -> Discrepancy:
     gradient[:size] += prior.precision * (prior.mean - fitted.vector)
     information[np.arange(size), np.arange(size)] += prior.precision
     # The model's parameters integrated out.
-    regression = information[size:, :size] @ scaled_inverse(information[:size, :size])
-    gradient = gradient[size:] - regression @ gradient[:size]
-    information = information[size:, size:] - regression @ information[:size, size:]
-    precision, logs, means = np.array(AMPLITUDES)[:, None] ** -2.0, [], []
+    covariance, cross = scaled_inverse(information[:size, :size]), information[:size, size:]
+    slope = gradient[size:] - cross.T @ covariance @ gradient[:size]
+    curvature = information[size:, size:] - cross.T @ covariance @ cross
+    precision, logs = np.array(AMPLITUDES)[:, None] ** -2.0, []
+    modes: list[tuple[np.ndarray, np.ndarray]] = []
     for chosen in structures(covariates, channels):
-        values, vectors = np.linalg.eigh(information[np.ix_(chosen, chosen)])
-        values, along = np.maximum(values, 0.0), vectors.T @ gradient[chosen]
+        values, vectors = np.linalg.eigh(curvature[np.ix_(chosen, chosen)])
+        values, along = np.maximum(values, 0.0), vectors.T @ slope[chosen]
         logs.append(0.5 * (along**2 / (values + precision) - np.log1p(values / precision)).sum(axis=1))
         at = int(np.argmax(logs[-1]))
-        means.append((chosen, vectors @ (along / (values + precision[at]))))
-    chosen, coefficients = means[int(np.argmax(np.max(logs, axis=1)))]
+        modes.append((chosen, vectors @ (along / (values + precision[at]))))
+    chosen, coefficients = modes[int(np.argmax(np.max(logs, axis=1)))]
     evidence = float(np.logaddexp.reduce(logs, axis=None)) - math.log(np.size(logs))
-    return Discrepancy(evidence, extra[..., chosen] @ coefficients)
+    mean = extra[..., chosen] @ coefficients
+    step = covariance @ (gradient[:size] - cross[:, chosen] @ coefficients)
+    response = np.nan_to_num(fitted.response.by_parameter[:, problem.answers]) @ step
+    return Discrepancy(evidence, mean, mean + response)
 
 
 _CONSTANT, _PRODUCT = "constant", "slip load_N"
@@ -131,19 +137,19 @@ def discrepancy_basis(drive: Drive) -> tuple[np.ndarray, np.ndarray]:
     columns, covariates = [np.ones((len(drive), 1))], [_CONSTANT]
     for name, degree in degrees.items():
         values = getattr(drive, name)
-        if drive.has(name) or name in ("slip", "load_N"):
+        if drive.has(name):
             values = np.log(np.abs(values) + 1e-6) if name == "rim_speed_m_s" else values
             columns.append(legvander(_scaled(values), degree)[:, 1:])
             covariates += degree * [name]
-    if "load_N" in degrees:
+    if {"slip", "load_N"} <= set(covariates):
         columns.append((_scaled(drive.slip) * _scaled(drive.load_N))[:, None])
         covariates.append(_PRODUCT)
     return np.column_stack(columns), np.array(covariates)
 
 
 def structures(covariates: np.ndarray, channels: int) -> list[np.ndarray]:
-    """Coefficients of each structure of a discrepancy: it is in one channel or in all of them, and depends on one
-    covariate, on slip and load, or on all covariates.
+    """Coefficients of each structure of a discrepancy, once: it is in one channel or in all of them, and depends on
+    one covariate, on slip and load, or on all covariates.
 
     Parameters
     ----------
@@ -158,7 +164,8 @@ def structures(covariates: np.ndarray, channels: int) -> list[np.ndarray]:
         dependences.append(np.isin(covariates, [_CONSTANT, "slip", "load_N", _PRODUCT]))
     dependences.append(np.ones(len(covariates), dtype=bool))
     places = [*np.eye(channels, dtype=bool), np.ones(channels, dtype=bool)][: channels + (channels > 1)]
-    return [np.flatnonzero(np.outer(place, dependence)) for place in places for dependence in dependences]
+    masks = (np.outer(place, dependence).ravel() for place in places for dependence in dependences)
+    return [np.flatnonzero(mask) for mask in {mask.tobytes(): mask for mask in masks}.values()]
 
 
 def _scaled(values: np.ndarray) -> np.ndarray:

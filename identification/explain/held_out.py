@@ -9,6 +9,7 @@ import numpy as np
 
 from ...framework.core.concurrency import together
 from ..mechanics.augmented import SOIL_COUNT
+from .evidence import discrepancy
 from .fit import Fitted, fit
 from .likelihood import Problem
 from .steps import normal_equations
@@ -37,31 +38,37 @@ class HeldOut:
         return float(each.sum()), float(np.std(each, ddof=1) * np.sqrt(len(each)))
 
 
-def hold_out(problem: Problem, fitted: Fitted) -> HeldOut:
+def hold_out(problem: Problem, fitted: Fitted, *, discrepant: bool = False) -> HeldOut:
     """Predict each block by a fit to all others, with the noise of the fit to all rows.
 
-    The ground's variation is predicted from neighbouring rows.
+    The ground's variation is predicted from neighbouring rows. With `discrepant` a discrepancy is estimated from the
+    other blocks as well.
     """
     block = problem.samples.block
     parts = [np.flatnonzero(block == each) for each in np.unique(block)]
-    predictions = together(partial(_predicted, problem, fitted), parts)
+    predictions = together(partial(_predicted, problem, fitted, discrepant), parts)
     residuals = np.full(problem.seen.shape, np.nan)
     for rows, (there, _, _) in zip(parts, predictions, strict=True):
         residuals[rows] = there
     return HeldOut(np.array([nats for _, nats, _ in predictions]), residuals, any(each[2] for each in predictions))
 
 
-def _predicted(problem: Problem, fitted: Fitted, rows: np.ndarray) -> tuple[np.ndarray, float, bool]:
+def _predicted(
+    problem: Problem, fitted: Fitted, discrepant: bool, rows: np.ndarray
+) -> tuple[np.ndarray, float, bool]:  # fmt: skip
     """Residuals (k, m) of rows by a fit to the others, their log-likelihood, and whether parameters were fixed."""
     white = fitted.white
     _, own = normal_equations(white.innovations[rows], white.jacobian[rows])
     untested = np.diag(own) > _UNTESTED_SHARE * np.diag(fitted.information(problem))
     untested[:SOIL_COUNT] = False
+    others = problem.without(rows)
     refitted = fit(
-        problem.without(rows), fitted.model, fitted.vector, fitted.noise,
+        others, fitted.model, fitted.vector, fitted.noise,
         fitted.response.entry(np.zeros(len(fitted.vector))), free=~untested, steps=_MOST_STEPS, fit_noise=False,
     )  # fmt: skip
     residuals = problem.residuals(refitted.response)
+    if discrepant:
+        residuals -= discrepancy(others, refitted).change
     unexplained = np.where(np.isfinite(residuals), residuals, problem.measured)
     nats = -float(problem.loss(unexplained, fitted.noise, fitted.response)[rows].sum())
     return residuals[rows], nats, bool(untested.any())

@@ -170,6 +170,12 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
         measured, saturated = _without_saturated(measured, noise)
         notes += saturated
     usable &= np.isfinite(measured[:, ANSWERS]).any(axis=1)
+    most = int(np.isfinite(measured[usable][:, ANSWERS]).sum(axis=0).max())
+    if most < LEAST_ROWS:
+        raise InputError(
+            table.source, f"at most {most} usable values of torque, sinkage or drawbar pull",
+            expected=f"at least {LEAST_ROWS} of one of them",
+        )  # fmt: skip
     time_s = table["time_s"] if timed else np.arange(float(len(table)))
     load, slip = (_path(measured[:, channel], time_s, noise[channel], stretch, timed) for channel in (LOAD, SLIP))
     table = WheelTable(

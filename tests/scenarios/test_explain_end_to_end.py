@@ -25,7 +25,11 @@ def explained(tmp_path, seed: int, *effects: str, level: str = "plain") -> tuple
     done = CliRunner().invoke(app, list(map(str, command)))
     assert done.exit_code == 0, done.output
     assert report.stat().st_size > 0
-    return json.loads(page.read_text(encoding="utf-8")), made.truth
+    answer = json.loads(page.read_text(encoding="utf-8"))
+    names = [each["effect"] for each in answer["candidates"]]
+    assert len(names) == len(set(names))
+    assert sum(each["probability"] for each in answer["candidates"]) < 1.0 + 1e-9
+    return answer, made.truth
 
 
 def test_compaction_by_earlier_passes_is_named(tmp_path):

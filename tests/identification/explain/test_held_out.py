@@ -1,5 +1,6 @@
 """Held-out blocks against fits without them."""
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -30,3 +31,29 @@ def test_the_true_model_is_predicted_to_within_its_noise(fitted):
     residuals = hold_out(problem, textbook).residuals
     size = np.sqrt(np.nanmean(residuals**2, axis=0)) / textbook.noise.sd
     assert (size < 3.0).all()
+
+
+def test_a_block_has_no_part_in_its_own_discrepancy(fitted):
+    """Its prediction stays where it is, whatever was measured in the block."""
+    problem, textbook = fitted
+    rows = problem.samples.block == np.unique(problem.samples.block)[3]
+    moved = copy(problem)
+    moved.measured = problem.measured.copy()
+    moved.measured[rows] += 5.0 * textbook.noise.sd
+    predicted, again = (
+        each.measured[rows] - hold_out(each, textbook, discrepant=True).residuals[rows] for each in (problem, moved)
+    )
+    np.testing.assert_allclose(again / textbook.noise.sd, predicted / textbook.noise.sd, atol=1e-6)
+
+
+def test_a_discrepancy_that_other_blocks_show_is_predicted(fitted):
+    problem, textbook = fitted
+    slip, pull = problem.samples.drive.slip, problem.answers.index(4)
+    moved = copy(problem)
+    moved.measured = problem.measured.copy()
+    moved.measured[:, pull] += 20.0 * textbook.noise.sd[pull] * np.cos(6.0 * slip)
+    without, with_it = (hold_out(moved, textbook, discrepant=given) for given in (False, True))
+    gain, sd = with_it.gain(without)
+    assert gain > 5.0 * sd
+    error = [np.sqrt(np.nanmean(each.residuals[:, pull] ** 2)) for each in (without, with_it)]
+    assert error[1] < 0.5 * error[0]
