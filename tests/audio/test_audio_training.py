@@ -45,7 +45,7 @@ def outcome():
         return train_audio_arrays(waves, names, [f"site {i // 3}" for i in range(12)], rng)
 
 
-def test_grounds_are_told_apart_on_a_site_not_trained_on(outcome, tmp_path):
+def test_grounds_are_distinguished_on_a_site_not_trained_on(outcome, tmp_path):
     assert outcome.report["balanced_accuracy"]["low"] > 0.6
     rng = np.random.default_rng(8)
     files = []
@@ -72,8 +72,8 @@ def test_a_clip_shorter_than_a_window_gives_one_row(outcome, tmp_path):
 
 
 def test_silence_is_unknown_and_says_so(outcome, tmp_path):
-    soundfile.write(tmp_path / "quiet.wav", np.zeros(2 * RATE), RATE)
-    rows = classify_sounds([tmp_path / "quiet.wav"], outcome.classifier)
+    soundfile.write(tmp_path / "silent.wav", np.zeros(2 * RATE), RATE)
+    rows = classify_sounds([tmp_path / "silent.wav"], outcome.classifier)
     assert all(row["unknown"] and row["class"] == "unknown" and row["reasons"] == ["silent"] for row in rows)
 
 
@@ -164,7 +164,7 @@ def test_silent_sounds_are_counted_and_a_silent_class_is_refused(tmp_path):
         for index in range(3):
             soundfile.write(tmp_path / name / f"{index}.wav", ground(name, rng, 1.5), RATE)
     for index in range(2):
-        soundfile.write(tmp_path / "sand" / f"quiet {index}.wav", np.zeros(RATE + index), RATE)
+        soundfile.write(tmp_path / "sand" / f"silent {index}.wav", np.zeros(RATE + index), RATE)
     (tmp_path / "sand" / "notes.txt").write_text("made up")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(train, "CANDIDATES", ("logistic",))

@@ -1,4 +1,4 @@
-"""What `bevameter explain` prints of the sound, beside what JSON and report hold."""
+"""What `bevameter explain` prints about sound."""
 
 from dataclasses import replace
 

@@ -67,7 +67,7 @@ def test_reported_score_is_of_unseen_groups(outcome, rng):
 
 
 def test_degraded_copies_are_scored_apart(rng):
-    """Copies drowned in noise teach, but the score on top is that of the items as they came."""
+    """Noisy copies are trained on, but the main score is that of the original items."""
     x, y, g = blobs(rng, groups=15, shift=0.3)
     drowned = x + rng.normal(scale=4.0, size=x.shape)
     made = np.arange(2 * len(x)) >= len(x)
@@ -84,7 +84,7 @@ def test_degraded_copies_are_scored_apart(rng):
 
 
 def test_few_groups_make_no_model_sure_of_everything(rng):
-    """Two groups of each of two classes far apart: all is right on groups held out, and that is little to go by."""
+    """Two groups of each of two separate classes: held-out groups are all right, but there are only four."""
     x, y, g = blobs(rng, classes=2, groups=2, distance=6.0)
     trained = train(x, y, g, candidates=("logistic", "trees"))
     report = trained.report
@@ -97,8 +97,8 @@ def test_few_groups_make_no_model_sure_of_everything(rng):
     assert (evidence.probabilities.max(axis=1) > 0.9).mean() < 0.2
 
 
-def test_many_groups_outweigh_what_was_taken_for_granted(rng):
-    """Labels wrong at random in a third of the groups: the prior at a temperature of 1 gives way."""
+def test_many_groups_outweigh_the_prior_of_the_temperature(rng):
+    """Labels are wrong at random in a third of the groups; the prior favours a temperature of 1."""
     x, y, g = blobs(rng, groups=40, rows=4, shift=0.1, distance=8.0)
     wrong = np.isin(g, rng.permutation(np.unique(g))[:40])
     shifted = np.char.add("class", ((np.char.replace(y, "class", "").astype(int) + 1) % 3).astype(str))
@@ -323,7 +323,7 @@ def test_report_is_json_and_its_page_stands_alone(rng):
 
 
 def test_progress_rises_to_one(rng):
-    told = []
-    train(*blobs(rng), progress=told.append)
-    assert told == sorted(told)
-    assert told[-1] == 1.0
+    reported = []
+    train(*blobs(rng), progress=reported.append)
+    assert reported == sorted(reported)
+    assert reported[-1] == 1.0

@@ -237,7 +237,7 @@ def test_a_tree_that_would_run_astray_is_refused(tmp_path, field):
         TerrainClassifier.load(path)
 
 
-def test_an_array_that_promises_more_than_it_holds_is_refused(saved):
+def test_an_array_shorter_than_its_header_states_is_refused(saved):
     def damage(entries):
         name = next(name for name in entries if name.endswith(".npy"))
         header = io.BytesIO()

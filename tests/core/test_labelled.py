@@ -152,7 +152,7 @@ def test_a_class_folder_without_a_usable_file_is_named(folder):
         read_labelled(folder)
 
 
-def test_what_is_passed_over_beside_usable_files_is_noted(folder):
+def test_unusable_files_among_usable_ones_are_noted(folder):
     notes = []
     read_labelled(folder, notes)
     assert notes == ["Passed over in clay: .txt (1); used: 1."]

@@ -50,7 +50,7 @@ def test_a_row_without_a_place_does_not_cost_the_others_theirs():
 
 
 @pytest.mark.parametrize("numbers", [[1.0, 1.0, 1.0, 2.0, 2.0, 2.0], [1.0, 2.0, 1.0, 2.0, 1.0, 2.0]])
-def test_lanes_that_are_passed_in_turn_are_told_apart(numbers):
+def test_lanes_driven_in_turn_are_kept_separate(numbers):
     lane = np.array([0, 1, 2, 0, 1, 2]) if numbers[1] == 1.0 else np.array([0, 0, 1, 1, 2, 2])
     slips = np.where(np.array(numbers) > 1.0, 0.7, 0.1 * (lane + 1.0))
     found = slip_before(**{**stretches_of(numbers, slips.tolist()), "lane": np.repeat(lane, 20)})

@@ -88,7 +88,7 @@ def test_a_vehicle_may_be_given_instead(drive, tmp_path):
     other.write_text(VEHICLE.replace("0.2", "0.3"))
     np.testing.assert_allclose(read_recording(drive, vehicle=other).wheel["slip"], 0.5)
     wheel_alone = read_recording(drive / "wheel.csv")
-    np.testing.assert_allclose(wheel_alone.wheel["slip"], 0.25)  # the vehicle beside the file
+    np.testing.assert_allclose(wheel_alone.wheel["slip"], 0.25)  # vehicle.toml of the same folder
     assert wheel_alone.camera is None
 
 

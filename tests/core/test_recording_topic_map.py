@@ -73,7 +73,7 @@ def test_missing_sound_messages_leave_a_gap_that_is_said(tmp_path, rng):
     assert any("sample rate" in problem for problem in without.problems)
 
 
-def test_channels_of_a_topic_stay_beside_their_mix(tmp_path, rng):
+def test_channels_of_a_topic_are_kept_with_their_mix(tmp_path, rng):
     types = typestore()
     kind = "std_msgs/msg/Float32MultiArray"
     layout = types.types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)

@@ -34,7 +34,7 @@ def test_channels_come_on_one_clock(tmp_path, rng):
 def test_a_zero_wheel_speed_is_said(tmp_path, rng):
     imu = write_run(tmp_path / "imu_01.csv", np.arange(200) / 100, wx=rng.normal(size=200))
     pro = write_run(tmp_path / "pro_01.csv", np.arange(14) * 0.15, curL=np.ones(14), velL=np.zeros(14))
-    recording = read_recording(imu)  # joins the file beside it
+    recording = read_recording(imu)  # joins pro_01.csv of the same folder
     assert recording.vibration.wheel_names == ("curL", "velL")
     assert recording.problems == (f"{pro.name}, column velL: zero in every row; the wheel speed was not recorded",)
 

@@ -283,7 +283,7 @@ def test_real_wheel_files_and_their_slip(folder, n, tolerance, shared_data):
     np.testing.assert_allclose(derived, table["slip"], atol=tolerance)
 
 
-def test_a_wheel_file_of_many_rows_with_text_beside_numbers_is_read(shared_data):
+def test_a_wheel_file_of_many_rows_with_columns_of_text_is_read(shared_data):
     table = read_wheel_file(shared_data / "published-wheel-tests" / "wheel_tests.csv")
     assert "citation" not in table
     assert {"load_N", "slip", "drawbar_pull_N", "sinkage_m", "torque_Nm", "radius_m"} <= set(table.columns)

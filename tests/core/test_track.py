@@ -36,7 +36,7 @@ def test_pose_gives_places_and_speed():
     assert yaw[0, 0] == 0.0
 
 
-def test_the_wheels_speed_is_preferred_to_that_of_the_pose():
+def test_the_speed_is_that_of_the_wheels_where_there_are_poses_too():
     wheel = {"time_s": np.array([0.0, 10.0]), "travel_speed_m_s": np.array([1.5, 1.5])}
     track = track_of(recording(pose=straight(speed=2.0), wheel=wheel))
     np.testing.assert_allclose(track.speed_m_s, 1.5)
@@ -131,7 +131,7 @@ def test_every_steps_along_the_way_also_where_the_vehicle_stands():
     np.testing.assert_allclose(steps[:-1], 0.5, atol=1e-6)
 
 
-def test_cells_under_four_wheels_on_a_bend_lie_beside_the_track():
+def test_cells_under_four_wheels_lie_on_both_sides_of_the_track():
     places = {"fl": (0.5, 1.0), "fr": (0.5, -1.0), "rl": (-0.5, 1.0), "rr": (-0.5, -1.0)}
     wheels = tuple(Wheel(radius_m=0.2, width_m=0.1, name=name, position_m=place) for name, place in places.items())
     track = track_of(recording(pose=straight()))

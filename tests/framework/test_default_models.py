@@ -76,7 +76,7 @@ def test_an_interrupted_training_leaves_no_model(cache, monkeypatch):
     assert not cached_path("vision").exists()
 
 
-def test_models_are_found_beside_the_database(cache, tiny, tmp_path):
+def test_models_are_found_next_to_the_database(cache, tiny, tmp_path):
     database = tmp_path / "site.db"
     tiny["vision"].save(tmp_path / "site.models" / "vision.skops")
     models = find_models(None, database)

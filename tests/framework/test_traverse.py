@@ -1,4 +1,4 @@
-"""The main job on senses and wheels that answer as told: what is fused, attached, stored, said, and left alone."""
+"""The main job with senses and wheels of prescribed answers: what is fused, stored, reported and left out."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def said(x_m, sure, closed, reason):
 
 @pytest.fixture
 def world(monkeypatch):
-    """Senses that tell the truth outside their drop-outs, and wheels that feel c = 1 kPa at each stretch."""
+    """Senses that state the true class outside their drop-outs, and c = 1 kPa for each stretch."""
     blind, deaf = (5.0, 8.0), (7.0, 12.0)
 
     def observe_ground(camera, lens, pose_at, speed_at, model, cell_size_m):
@@ -90,11 +90,11 @@ def world(monkeypatch):
     def identify_segments(recording, *, boundaries_s=()):
         edges = [0.0, *np.asarray(boundaries_s).tolist(), 30.0, 39.9]
         return tuple(
-            Segment(start, end, end <= 30.0, "" if end <= 30.0 else "too fast", 150, felt if end <= 30.0 else None)
+            Segment(start, end, end <= 30.0, "" if end <= 30.0 else "too fast", 150, soil if end <= 30.0 else None)
             for start, end in itertools.pairwise(edges)
         )
 
-    felt = estimate(1000.0, 0.55)
+    soil = estimate(1000.0, 0.55)
     monkeypatch.setattr(looking, "observe_ground", observe_ground)
     monkeypatch.setattr(listening, "listen", listen)
     monkeypatch.setattr(segments, "identify_segments", identify_segments)
@@ -307,6 +307,6 @@ def test_the_summary_is_json(world, tmp_path):
 
 
 def test_progress_ends_at_one_for_every_stage(world, tmp_path):
-    told = {}
-    run_traverse(recording(), tmp_path / "t.db", models=MODELS, progress=told.__setitem__)
-    assert told == {"reading": 1.0, "camera": 1.0, "microphone": 1.0, "soil": 1.0, "storing": 1.0}
+    reported = {}
+    run_traverse(recording(), tmp_path / "t.db", models=MODELS, progress=reported.__setitem__)
+    assert reported == {"reading": 1.0, "camera": 1.0, "microphone": 1.0, "soil": 1.0, "storing": 1.0}
