@@ -71,7 +71,7 @@ def test_soil_without_estimate_needs_a_reason(make):
     with pytest.raises(ValueError, match="none"):
         SoilObservation(2.0, 1.0, 0.0, 0.0, {}, None, (0.0, 1.0), 10.0, gate_reason="too fast")
     with pytest.raises(ValueError, match="sum to one"):
-        make.felt({"sand": 0.8, "clay": 0.8})
+        make.soil({"sand": 0.8, "clay": 0.8})
 
 
 def test_nothing_seen_is_a_drive_too():
