@@ -1,4 +1,4 @@
-"""What effects ask of each sample, where some of it was not observed."""
+"""Quantities that effects need of each sample, where some were not observed."""
 
 from __future__ import annotations
 
@@ -16,13 +16,16 @@ PLACE = 0.3 * TIME_S - 0.2 * (np.cos(0.5 * TIME_S) - 1.0)
 def laid_out(**columns: np.ndarray):
     count = len(TIME_S)
     table = WheelTable(
-        {"time_s": TIME_S, "load_N": np.full(count, 80.0), "slip": np.full(count, 0.2), **columns}, None, None, "made"
+        {"time_s": TIME_S, "load_N": np.full(count, 80.0), "slip": np.full(count, 0.2), **columns},
+        None,
+        None,
+        "simulated",
     )
     return drive_of(table, Wheel(radius_m=0.1, width_m=0.1), order_of(table)[1])
 
 
 def test_a_gap_costs_the_acceleration_of_its_own_rows_alone():
-    """Inertia of 128 nats was not even tried, for twelve rows of 1,469 had no speed."""
+    """Twelve rows of 1,469 without a speed once kept inertia from being tried."""
     speed = SPEED.copy()
     speed[[50, *range(200, 212)]] = np.nan
     rate = rate_of_change(speed, TIME_S, np.zeros(len(TIME_S), dtype=int))

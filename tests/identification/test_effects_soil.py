@@ -135,7 +135,7 @@ def test_what_the_soil_is_comes_before_what_is_done_to_it_in_whatever_order_they
 
 
 def test_all_forms_of_a_patch_start_where_the_ground_seems_to_be_another():
-    """A freer form without a start of its own ended a search in an error where it took another one's place."""
+    """A search once ended in an error where a freer form without a start replaced another form."""
     patch = SoilPatch("place", np.linspace(0.0, 5.0, 30), [np.array([0.2, -0.1, 1.0, 2.0])])
     assert [each.form for each in patch.extensions()] == ["place, cohesion apart", "place, another class"]
     for each in (patch, *patch.extensions()):

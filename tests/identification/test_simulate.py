@@ -78,7 +78,7 @@ def test_without_effects_nothing_changes_and_with_one_at_its_null_next_to_nothin
     assert np.isnan(null["sinkage_m"][2])
 
 
-def test_effects_act_together_and_on_the_rows_that_they_were_asked_for(drive_file):
+def test_effects_act_together(drive_file):
     plain = simulate(VEHICLE, SOIL, drive_file, effects=["slip_sinkage:n1=0"])
     both = simulate(VEHICLE, SOIL, drive_file, effects=["slip_sinkage:n1=0.5", "torque_offset:T_0=20 N cm"])
     once = simulate(VEHICLE, SOIL, drive_file, effects=["slip_sinkage:n1=0.5"])
@@ -191,8 +191,8 @@ def test_rows_without_an_answer_are_counted_and_the_reason_is_said(tmp_path):
         (tmp_path / name).write_text(text)
     files = [str(tmp_path / name) for name in ("drive.csv", "vehicle.toml", "soil.toml", "out.csv")]
     options = ("--vehicle", "--soil", "--out")
-    asked = [files[0], *(each for pair in zip(options, files[1:], strict=True) for each in pair)]
-    result = CliRunner().invoke(app, ["simulate", *asked])
+    arguments = [files[0], *(each for pair in zip(options, files[1:], strict=True) for each in pair)]
+    result = CliRunner().invoke(app, ["simulate", *arguments])
     assert result.exit_code == 0, result.output
     assert "2 of 6 rows have no answer: load or slip is missing" in result.output
     assert "2 of 6 rows have no answer: the load is not above 0 N" in result.output

@@ -72,8 +72,8 @@ def test_what_was_stored_simulates_as_what_was_fitted():
     answer = simulator.simulate(Vehicle(wheels=(SITUATION.wheel,)), table)
     # The speed that the stiffness refers to is that of the drive it was found on, not of this one.
     np.testing.assert_allclose(answer["torque_Nm"], expected[:, TORQUE], rtol=1e-6)
-    asked = ["slip_sinkage:n1=0.9", "rate_dependence:m=0.18"]
-    other = simulate(Vehicle(wheels=(SITUATION.wheel,)), SOIL, table, asked)
+    effects = ["slip_sinkage:n1=0.9", "rate_dependence:m=0.18"]
+    other = simulate(Vehicle(wheels=(SITUATION.wheel,)), SOIL, table, effects)
     assert np.abs(other["sinkage_m"] / answer["sinkage_m"] - 1.0).max() > 0.01
 
 
@@ -223,7 +223,7 @@ def test_a_fit_errs_by_all_its_numbers_together():
 def test_a_covariance_that_rounding_spoilt_is_read_back():
     (sinkage, *_) = forms_by_name("slip_sinkage", SITUATION)
     covariance = np.ones((6, 6))
-    covariance[0, 1] = covariance[1, 0] = 1.0 - 1e-7  # beside ones elsewhere
+    covariance[0, 1] = covariance[1, 0] = 1.0 - 1e-7  # the other elements are 1
     found = AugmentedSimulator.of(
         AugmentedWheel(SITUATION.wheel, (sinkage,)), np.append(soil_vector(SOIL), 0.5), covariance
     )

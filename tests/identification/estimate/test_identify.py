@@ -169,7 +169,7 @@ def test_rows_of_another_wheel_are_refused(rng):
         identify(recording(table))
 
 
-def test_beside_a_vehicle_the_rows_of_its_wheel_are_taken(rng):
+def test_with_a_vehicle_the_rows_of_its_wheel_are_used(rng):
     """Of rows that describe several wheels; without a vehicle each is identified by itself."""
     table = trials(rng)
     result = identify(recording(table, Vehicle(wheels=(Wheel(radius_m=0.1, width_m=0.08),))))

@@ -84,7 +84,7 @@ def test_a_friction_that_may_be_nearly_any_is_not_determined_however_little_it_m
         "stiffness_Pa": Quantity(1e5, 1e4, 8e4, 1.2e5),
         "n": Quantity(1.0, 0.1, 0.8, 1.2),
     }
-    told = separable(quantities, strength, np.ones(5, dtype=bool), 1.0)
-    assert told == {"c_Pa": True, "phi_rad": False, "k_m": True, "stiffness_Pa": True, "n": True}
+    determined = separable(quantities, strength, np.ones(5, dtype=bool), 1.0)
+    assert determined == {"c_Pa": True, "phi_rad": False, "k_m": True, "stiffness_Pa": True, "n": True}
     narrow = {**quantities, "phi_rad": Quantity(0.2, 0.1, 0.0, 0.39)}
     assert separable(narrow, strength, np.ones(5, dtype=bool), 1.0)["phi_rad"]

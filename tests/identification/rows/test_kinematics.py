@@ -80,7 +80,7 @@ def test_travel_and_slip_show_it_where_the_wheel_has_no_speed(rng):
 @pytest.mark.parametrize("noise", [0.0, 0.1])
 @pytest.mark.parametrize("step_s", [0.01, 0.1, 0.4, 1.0])
 def test_an_angle_in_radians_agrees_however_it_is_counted(rng, speed, sign, noise, step_s):
-    """Going on, anew with each turn, from -pi to pi, backwards; also where a row is more than a turn."""
+    """Continuous, wrapped to a turn or to [-pi, pi], reversed; also with more than a turn between rows."""
     table = recorded(rng, speed, step_s, noise=noise)
     angle = sign * table["wheel_angle_rad"]
     for counted in (angle, angle % TURN, (angle + np.pi) % TURN - np.pi):
@@ -95,7 +95,7 @@ def test_an_encoder_of_few_steps_agrees(rng, steps, speed):
     assert angle_disagreement(changed(table, wheel_angle_rad=coarse), WHEEL) is None
 
 
-def test_standing_wheels_few_rows_and_trials_tell_nothing(rng):
+def test_stationary_wheels_few_rows_and_trials_are_not_judged(rng):
     table = recorded(rng)
     degrees = changed(table, wheel_angle_rad=np.degrees(table["wheel_angle_rad"]))
     assert angle_disagreement(degrees, WHEEL)
@@ -129,7 +129,7 @@ def test_a_recording_says_so(rng):
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_wheel_whose_turning_nobody_saw_is_not_judged(rng):
+def test_a_wheel_without_recorded_rotation_is_not_judged(rng):
     table = recorded(rng)
     assert angle_disagreement(table.select(np.arange(1)), WHEEL) is None
     unseen = np.full(len(table), np.nan)
@@ -140,7 +140,7 @@ def test_a_wheel_whose_turning_nobody_saw_is_not_judged(rng):
 
 
 def with_radius(rng, radius_m=0.15, noise=0.0, rows=200, braking=False) -> WheelTable:
-    """Rows whose slip was worked out with a radius of its own."""
+    """Rows whose slip was computed with the radius `radius_m`."""
     rim = 0.5 + 0.2 * rng.random(rows)
     slip = (-0.3 if braking else 0.1) + 0.2 * rng.random(rows)
     ratio = np.where(slip >= 0.0, 1.0 - slip, 1.0 / (1.0 + slip))
@@ -166,8 +166,8 @@ def test_a_braking_wheel_shows_its_radius_too(rng):
     assert found.values["agreeing_radius_m"] == pytest.approx(0.165)
 
 
-def test_what_no_radius_mends_is_named_without_one(rng):
-    """A slip of another definition, a wheel that spins on the spot."""
+def test_a_disagreement_that_no_radius_explains_is_named_without_one(rng):
+    """A slip of another definition, and a wheel that spins in place."""
     other = with_radius(rng)
     other.columns["slip"][:] = other["slip"] / (1.0 - other["slip"])
     spinning = with_radius(rng)
@@ -176,17 +176,17 @@ def test_what_no_radius_mends_is_named_without_one(rng):
         assert slip_disagreement(table, WHEEL).values["agreeing_radius_m"] is None
 
 
-def test_noise_few_rows_and_missing_speeds_tell_nothing(rng):
+def test_noise_few_rows_and_missing_speeds_are_not_judged(rng):
     assert slip_disagreement(with_radius(rng), WHEEL) is None
     assert slip_disagreement(with_radius(rng, noise=0.2), WHEEL) is None
     assert slip_disagreement(with_radius(rng, 0.165, rows=15), WHEEL) is None
     one_speed = with_radius(rng, 0.165)
     one_speed = WheelTable({name: one_speed[name] for name in ("time_s", "slip", "travel_speed_m_s")}, None, None, "")
     assert slip_disagreement(one_speed, WHEEL) is None
-    standing = with_radius(rng, 0.165)
-    standing.columns["wheel_speed_rad_s"][:] = 0.0
-    standing.columns["travel_speed_m_s"][:] = 0.0
-    assert slip_disagreement(standing, WHEEL) is None
+    stationary = with_radius(rng, 0.165)
+    stationary.columns["wheel_speed_rad_s"][:] = 0.0
+    stationary.columns["travel_speed_m_s"][:] = 0.0
+    assert slip_disagreement(stationary, WHEEL) is None
 
 
 def test_of_several_wheels_the_one_is_named_whose_slip_disagrees(rng):

@@ -1,4 +1,4 @@
-"""What settles where a wheel starts is left out of runs at constant slip, and nothing else of them is."""
+"""Transients at the start of a wheel are left out of runs at constant slip, and nothing else is."""
 
 from __future__ import annotations
 
@@ -217,7 +217,7 @@ def test_a_start_is_taken_neither_for_physics_nor_for_an_instrument():
     assert any("where the wheel starts" in note for note in answer.notes)
 
 
-def test_nor_is_it_beside_another_simulator_which_has_no_start(tmp_path):
+def test_a_start_is_no_mismatch_of_a_simulation_without_one(tmp_path):
     steady = runs(varied=0.0, slips=FEW_SLIPS)
     path = tmp_path / "simulated.csv"
     header = ",".join(("run", *steady.columns))

@@ -42,7 +42,7 @@ def test_a_pull_along_a_drive_with_the_other_sign_is_refused(rng):
 
 
 @pytest.mark.parametrize("why", ["no sinkage", "slope"])
-def test_where_it_is_not_beyond_doubt_it_is_doubted(why, rng):
+def test_a_likely_wrong_sign_of_the_pull_is_noted(why, rng):
     table = trials(rng)
     pitch = np.full(len(table), 0.1)
     table = without(turned(table), "sinkage_m") if why == "no sinkage" else turned(table, pitch_rad=pitch)

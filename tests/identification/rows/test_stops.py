@@ -149,7 +149,7 @@ def test_noisy_speeds_are_no_steps_of_slip():
 
 
 @pytest.mark.parametrize("stopped", [10, 20, 23])
-def test_a_carriage_that_stands_for_long_beside_a_commanded_wheel_is_a_stop(stopped):
+def test_a_carriage_at_rest_is_a_stop_though_the_wheel_speed_is_the_commanded_one(stopped):
     table = runs()
     rows = np.arange(len(table)).reshape(-1, ROWS)
     driven, last = rows[:, : ROWS - SLOWS - STANDS], rows[:, -1:]
@@ -203,8 +203,8 @@ def test_a_drive_that_stands_in_between_is_used_where_it_rolls():
     table = runs()
     one = WheelTable({**table.columns, "time_s": np.arange(len(table)) * STEP_S}, None, None, "drive.csv")
     rows = select_wheel_rows(recording(one))
-    standing = rows.reasons == "at standstill"
-    assert 18 * (STANDS - 2) <= standing.sum() <= 18 * (STANDS + 1)
+    stopped = rows.reasons == "at standstill"
+    assert 18 * (STANDS - 2) <= stopped.sum() <= 18 * (STANDS + 1)
 
 
 def test_what_is_found_of_runs_that_stop_is_what_is_found_of_their_steady_rows():

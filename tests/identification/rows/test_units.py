@@ -169,7 +169,7 @@ def test_a_load_in_kilonewtons_shows_by_its_pull_and_one_in_kilograms_does_not(r
 
 
 def test_a_wheel_that_is_mostly_in_the_air_is_not_refused(rng):
-    """Its load is then nearly nothing beside what a pull's sensor reads."""
+    """Its median load is then negligible against the reading of the pull sensor."""
     table = drive(rng)
     load = table["load_N"].copy()
     load[: int(0.8 * len(load))] = 0.01
