@@ -1,4 +1,4 @@
-"""Training, classifying and listening on made-up grounds, and on the footsteps of ../shared/data."""
+"""Training, classifying and listening on synthetic grounds, and on the footsteps of ../shared/data."""
 
 from __future__ import annotations
 

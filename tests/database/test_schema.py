@@ -144,8 +144,8 @@ def test_an_estimate_of_no_soil_is_not_answered(tmp_path, drive_with_soil, mean)
     with TerrainDatabase(path) as database:
         database.add_drive(drive_with_soil)
     with closing(sqlite3.connect(path)) as connection, connection:
-        told = "UPDATE soil_observation SET estimate = json_set(estimate, '$.mean_c_tan_phi', json(?))"
-        connection.execute(told, (str(mean),))
+        statement = "UPDATE soil_observation SET estimate = json_set(estimate, '$.mean_c_tan_phi', json(?))"
+        connection.execute(statement, (str(mean),))
     with (
         TerrainDatabase(path, must_exist=True) as database,
         pytest.raises(InputError, match=r"mean_c_tan_phi .*no soil"),

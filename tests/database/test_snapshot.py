@@ -112,9 +112,9 @@ def test_nothing_can_be_changed(view):
     with pytest.raises(ValueError, match="read-only"):
         answer.class_probability[:] = 0.0
     path = np.array([SAND, CLAY])
-    asked = view.along(path)
+    answer = view.along(path)
     path[:] = 0.0  # the path stays the planner's own
-    np.testing.assert_array_equal(asked.x, [SAND[0], CLAY[0]])
+    np.testing.assert_array_equal(answer.x, [SAND[0], CLAY[0]])
     np.testing.assert_array_equal(view.along([SAND, CLAY], now=0.0).class_probability, before.class_probability)
 
 
@@ -232,10 +232,10 @@ def test_questions_that_make_no_sense(view, ask, said):
 
 def test_strength_far_from_the_stresses_driven_is_said_to_be_extrapolated(view):
     """Driven at 5 to 30 kPa."""
-    asked = [view.class_answer("sand", normal_stress=stress) for stress in (1e3, 5e3, 50e3, 70e3, 1e9)]
-    assert [bool(each.extrapolated[0]) for each in asked] == [True, False, False, True, True]
+    answers = [view.class_answer("sand", normal_stress=stress) for stress in (1e3, 5e3, 50e3, 70e3, 1e9)]
+    assert [bool(each.extrapolated[0]) for each in answers] == [True, False, False, True, True]
     assert not view.class_answer("asphalt", normal_stress=1e9).extrapolated.any()
     # The bound holds the error of the line's slope, however far it is drawn.
     strength = view.soils["sand"].strength
     slope_sd = math.sqrt(strength.predictive_covariance[1, 1])
-    assert asked[-1].shear_strength_lower[0] < 1e9 * (strength.mean[1] - 1.64 * slope_sd)
+    assert answers[-1].shear_strength_lower[0] < 1e9 * (strength.mean[1] - 1.64 * slope_sd)

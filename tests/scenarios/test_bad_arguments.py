@@ -114,6 +114,6 @@ def test_a_vehicle_is_planned_with_by_its_file(answer, files):
     assert answer.mobility(str(path), load_N=60.0).load_N == (60.0,)
 
 
-def test_when_it_is_asked_is_a_time(answer):
+def test_the_time_of_a_query_is_posix_seconds_or_a_datetime(answer):
     for now in ("today", None.__class__, [0.0], math.nan, True):
         refused("^now: .*expected POSIX seconds, or a datetime", answer.snapshot.at, 0.0, 0.0, now=now)

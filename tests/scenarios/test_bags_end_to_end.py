@@ -1,4 +1,4 @@
-"""A drive in a ROS 1 bag, a ROS 2 bag and an MCAP file, through the command line, beside the same drive in a folder."""
+"""A drive as ROS 1 bag, ROS 2 bag and MCAP file, through the command line, against the same drive in a folder."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def nanoseconds(seconds: str | float) -> int:
 
 
 def write_bag(kind: str, source: Path, folder: Path) -> Path:
-    """Write the drive as a bag, its vehicle beside it."""
+    """Write the drive as a bag, with vehicle.toml in the same folder."""
     messages = Messages(source, ros1=kind == "ros1")
     path = folder / {"ros1": "drive.bag", "ros2": "drive", "mcap": "drive.mcap"}[kind]
     if kind == "mcap":

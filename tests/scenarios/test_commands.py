@@ -77,8 +77,8 @@ def questions(short_drive, tmp_path):
 
 @pytest.mark.parametrize("query", ["at", "near", "along"])
 def test_places_in_every_format(query, questions, stored):
-    asked = ["query", *questions[query], "--db", stored]
-    page = json.loads(said(*asked, "--format", "json"))
+    command = ["query", *questions[query], "--db", stored]
+    page = json.loads(said(*command, "--format", "json"))
     assert (page["schema"], page["query"]) == (1, query)
     places = page["places"]
     assert {"known", "unknown", "class_probabilities", "c_Pa", "tan_phi", "covariance_c_tan_phi", "shear_strength_Pa",
@@ -86,13 +86,13 @@ def test_places_in_every_format(query, questions, stored):
     assert any(place["known"] for place in places)
     for place in places:
         assert place["known"] == (place["unknown"] is None) == (place["shear_strength_lower_Pa"] is not None)
-    rows = list(csv.DictReader(io.StringIO(said(*asked, "--format", "csv"))))
+    rows = list(csv.DictReader(io.StringIO(said(*command, "--format", "csv"))))
     assert len(rows) == len(places)
     assert float(rows[0]["x_m"]) == places[0]["x_m"]
-    collection = json.loads(said(*asked, "--format", "geojson"))
+    collection = json.loads(said(*command, "--format", "geojson"))
     assert collection["type"] == "FeatureCollection"
     assert len(collection["features"]) == len(places)
-    table = said(*asked)
+    table = said(*command)
     assert "lower bound at confidence 0.95" in table
     if query == "along":
         assert places[-1]["unknown"] == "nobody has seen this ground"
@@ -190,7 +190,7 @@ def test_a_database_of_another_program_is_found_out_before_the_work(wheels, tmp_
 
 
 def test_a_nan_stretch_is_driven_around_and_said(wheels, tmp_path):
-    """Values that were not observed are no fault: the rows beside them are used, and the summary says how many."""
+    """Missing values are no fault: the other rows are used, and the summary says how many."""
     folder = tmp_path / "drive"
     shutil.copytree(wheels, folder)
     with (folder / "wheel.csv").open(newline="", encoding="utf-8") as file:

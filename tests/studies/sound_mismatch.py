@@ -118,7 +118,7 @@ def contact(v: np.ndarray, legs: tuple[str, ...], data: Path | None, rng: np.ran
         way = np.cumsum(v[first:last]) / RATE
         own = np.zeros(last - first + 2 * RATE, np.float32)
         if data is None:
-            own += made_ground(v[first:last], growth, rng)
+            own += synthetic_ground(v[first:last], growth, rng)
         else:
             count = int(rng.uniform(6, 14) * way[-1])
             for place in np.sort(rng.uniform(0, way[-1], count)):
@@ -131,7 +131,7 @@ def contact(v: np.ndarray, legs: tuple[str, ...], data: Path | None, rng: np.ran
     return sound[: len(v)]
 
 
-def made_ground(v: np.ndarray, growth: float, rng: np.random.Generator) -> np.ndarray:
+def synthetic_ground(v: np.ndarray, growth: float, rng: np.random.Generator) -> np.ndarray:
     """Noise bands and clicks for a ground where no recordings are at hand, two seconds longer than v (m,)."""
     n = len(v) + 2 * RATE
     gain = np.pad(v, (0, 2 * RATE), "edge") ** (growth + 0.5)
@@ -361,7 +361,7 @@ def main() -> None:
                 named += right(effect, truth, found)
                 false += false_names({effect}, found)
             print(f"{effect:12s} {level:7s} {level_dB:6.1f} dB: named right {interval(named, n)} of {n}; "
-                  f"false names beside it {false}; {time.monotonic() - begun:.0f} s", flush=True)  # fmt: skip
+                  f"false names {false}; {time.monotonic() - begun:.0f} s", flush=True)  # fmt: skip
     if options.classify:
         model = clean_classifier(np.random.default_rng([options.seed, 3]))
         for effect in (None, *options.only):

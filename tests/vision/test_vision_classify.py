@@ -22,7 +22,7 @@ from bevameter.vision.train import train_vision, train_vision_arrays
 
 
 def ground(rng, kind, size=160):
-    """Fine grain, stones, or blades: one photograph of made-up ground."""
+    """Fine grain, stones, or blades: one photograph of synthetic ground."""
     noise = rng.normal(size=(size, size))
     if kind == "fine":
         height = cv2.GaussianBlur(noise, (0, 0), rng.uniform(0.6, 0.9))

@@ -15,7 +15,7 @@ from .turns import Track, draw_track
 PROTOCOLS = ("bench", "field", "steady", "ramps", "turns")
 
 PROTOCOL_SHARES = (0.5, 0.25, 0.25, 0.0, 0.0)
-"""How often each is drawn where none is asked for; ramps and turns are made only where they are."""
+"""Probabilities of the protocols where none is given; ramps and turns are drawn only if they are given."""
 
 LACKED = {"steady": frozenset({"time"}), "ramps": frozenset({"accelerations"})}
 """Needs that a protocol never has."""

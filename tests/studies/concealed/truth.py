@@ -100,7 +100,7 @@ def effect_dict(found: Found, answers: Sequence[str], share: float | None, track
 
 
 def _places(effect: Effect, track: Track | None) -> dict[str, list[float]]:
-    """Give from where to where a patch lies, by the variables that tell a place; empty for all else."""
+    """Give from where to where a patch lies, by the variables of place; empty for all else."""
     if not isinstance(effect, SoilPatch):
         return {}
     interval = [effect.start_m, effect.end_m]

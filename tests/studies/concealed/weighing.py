@@ -213,8 +213,8 @@ def refit_with(
 ) -> tuple[Refit, float]:  # fmt: skip
     """Refit the soil together with the magnitude of one effect; give the fit and the magnitude.
 
-    The model takes the reported load and slip for true, but for what the effect itself makes of them: what is asked is
-    whether this effect alone could stand for all that is hidden.
+    The model takes the reported load and slip for true, but for what the effect itself makes of them: the fit
+    shows whether this effect alone could stand for all that is hidden.
     """
     data = case.answers(observed)
     low, high = effect.bounds

@@ -73,11 +73,11 @@ class _Explainer:
             self._process = _SPAWN.Process(target=_serve, args=(far,))
             self._process.start()
             far.close()
-            if self._pipe.recv() and "failure" in (first := self._asked(folder, without, timeout_s)):
+            if self._pipe.recv() and "failure" in (first := self._answer(folder, without, timeout_s)):
                 return first
-        return self._asked(folder, without, timeout_s)
+        return self._answer(folder, without, timeout_s)
 
-    def _asked(self, folder: Path, without: list[str], timeout_s: float) -> dict[str, Any]:
+    def _answer(self, folder: Path, without: list[str], timeout_s: float) -> dict[str, Any]:
         began = time.perf_counter()
         self._pipe.send((folder, without))
         try:
@@ -105,7 +105,7 @@ def _serve(pipe: Connection) -> None:
     while True:
         try:
             folder, without = pipe.recv()
-        except EOFError:  # whom it answers is gone
+        except EOFError:  # the parent process has ended
             return
         began = time.perf_counter()
         try:

@@ -1,4 +1,4 @@
-"""The sets of recordings that `explain` is judged on, and how they are made into a cache.
+"""The sets of recordings that `explain` is judged on, and the cache that holds them.
 
 A cache holds `recordings/<name>/`, the folders that `explain` reads, and `truth/<name>.json`, what was put into them.
 The truth is moved there last: where it is, the recording is whole.
@@ -73,7 +73,7 @@ def truth_path(cache: Path, name: str) -> Path:
     return cache / "truth" / f"{name}.json"
 
 
-def made(cache: Path, recordings: RecordingSet) -> dict[str, dict[str, Any]]:
+def stored_truths(cache: Path, recordings: RecordingSet) -> dict[str, dict[str, Any]]:
     """Read the truths of the recordings that the cache holds, by name."""
     paths = {name: truth_path(cache, name) for name in recordings.named()}
     return {name: json.loads(path.read_text(encoding="utf-8")) for name, path in paths.items() if path.is_file()}
