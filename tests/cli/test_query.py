@@ -212,7 +212,7 @@ def test_the_command_loads_nothing_heavy():
     assert "'pint'" not in heavy
 
 
-def test_a_class_that_the_model_does_not_fit_is_said_so(query, tmp_path):
+def test_a_class_that_the_model_does_not_fit_is_noted(query, tmp_path):
     assert "does not fit" not in query("classes")[1]
     with TerrainDatabase(str(tmp_path / "wrong.db")) as database:
         database.add_drive(some_drive(misfit=4.0))

@@ -65,7 +65,7 @@ def test_the_report_says_on_what_it_rests(trained):
     assert "bright" in html
 
 
-def test_classify_tells_new_sounds_apart(trained, tmp_path):
+def test_classify_distinguishes_new_sounds(trained, tmp_path):
     rng = np.random.default_rng(99)
     files = []
     for name in ("deep", "bright"):

@@ -48,7 +48,7 @@ def outcome():
     return train(*blobs(np.random.default_rng(1)), candidates=("logistic", "trees"))
 
 
-def test_learns_what_can_be_learnt(outcome, rng):
+def test_separable_classes_are_learnt(outcome, rng):
     x, y, _ = blobs(rng)
     evidence = outcome.classifier.evidence(x, np.ones(len(x)))
     assert np.mean(np.array(evidence.labels()) == y) > 0.7
@@ -223,7 +223,7 @@ def test_shapes_that_disagree_are_refused(outcome):
         outcome.classifier.evidence(np.zeros((2, D)), np.ones(3))
 
 
-def test_nothing_in_nothing_out(outcome):
+def test_no_rows_give_no_evidence(outcome):
     evidence = outcome.classifier.evidence(np.empty((0, D)), np.empty(0))
     assert isinstance(evidence, ClassEvidence)
     assert len(evidence) == 0
@@ -252,7 +252,7 @@ def test_names_that_no_class_may_have_are_input_errors(name, says, rng):
         train(x, np.where(y == "class2", name, y), g)
 
 
-def test_class_with_a_single_group_is_said_not_scored(rng):
+def test_class_with_a_single_group_is_reported_not_scored(rng):
     x, y, g = blobs(rng)
     g = np.where(y == "class2", "only", g)
     report = train(x, y, g).report
@@ -293,7 +293,7 @@ def test_notes_on_the_material_stand_first_among_the_warnings(rng):
     assert train(x, y, g, notes=["Two were lost."]).report["warnings"][0] == "Two were lost."
 
 
-def test_weights_make_classes_even_and_large_groups_modest():
+def test_weights_balance_classes_and_limit_large_groups():
     y = np.array([0] * 100 + [0] + [1] * 10)
     group = np.array([0] * 100 + [1] + [2] * 10)
     weight = row_weights(y, group)
@@ -310,7 +310,7 @@ def test_same_seed_same_model_other_seed_other_model(rng):
     assert first.classifier.version != other.classifier.version
 
 
-def test_report_is_json_and_its_page_stands_alone(rng):
+def test_report_is_json_and_its_page_is_self_contained(rng):
     x, y, g = blobs(rng)
     y = np.where(y == "class1", "<script>alert(1)</script>", y)
     report = train(x, y, g, modality="a<b").report

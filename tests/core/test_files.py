@@ -1,4 +1,4 @@
-"""Files are written whole or not at all, never over what is read, and what is no file stays what it is."""
+"""Files are written whole or not at all, never over an input, and a path that is no regular file is kept."""
 
 from __future__ import annotations
 

@@ -104,7 +104,7 @@ def test_an_image_that_cannot_be_read_is_a_frame_with_its_problem(drive):
     assert "2.png: no such file" in frames[2].problem
 
 
-def test_sound_that_was_cut_off_is_said(drive):
+def test_truncated_sound_is_reported(drive):
     sound = drive / "sound.wav"
     sound.write_bytes(sound.read_bytes()[: 44 + RATE * 2])
     recording = read_recording(drive)

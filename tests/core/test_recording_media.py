@@ -174,7 +174,7 @@ def test_empty_sound_in_each_meaning(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["wav", "flac", "ogg"])
-def test_half_a_sound_file_is_said_and_read_as_far_as_it_goes(kind, tone, tmp_path, rng):
+def test_half_a_sound_file_is_reported_and_read_as_far_as_it_goes(kind, tone, tmp_path, rng):
     tone += rng.normal(0, 0.1, len(tone)).astype(np.float32)  # so that Ogg needs more than one page
     path = tmp_path / f"x.{kind}"
     sf.write(path, tone, RATE)

@@ -153,7 +153,7 @@ def test_an_estimate_of_no_soil_is_not_answered(tmp_path, drive_with_soil, mean)
         database.snapshot()
 
 
-def test_a_missing_folder_is_said(tmp_path):
+def test_a_missing_folder_is_reported(tmp_path):
     with pytest.raises(InputError, match="no such folder"):
         TerrainDatabase(tmp_path / "nowhere" / "terrain.db")
 
@@ -161,7 +161,7 @@ def test_a_missing_folder_is_said(tmp_path):
 @pytest.mark.skipif(
     os.name == "nt" or not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write anywhere"
 )
-def test_a_file_that_may_not_be_written_is_said(tmp_path, drive_with_soil):
+def test_a_file_that_may_not_be_written_is_reported(tmp_path, drive_with_soil):
     path = tmp_path / "terrain.db"
     TerrainDatabase(path).close()
     path.chmod(0o444)

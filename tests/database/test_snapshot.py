@@ -230,7 +230,7 @@ def test_questions_that_make_no_sense(view, ask, said):
         ask(view)
 
 
-def test_strength_far_from_the_stresses_driven_is_said_to_be_extrapolated(view):
+def test_strength_far_from_the_stresses_driven_is_reported_to_be_extrapolated(view):
     """Driven at 5 to 30 kPa."""
     answers = [view.class_answer("sand", normal_stress=stress) for stress in (1e3, 5e3, 50e3, 70e3, 1e9)]
     assert [bool(each.extrapolated[0]) for each in answers] == [True, False, False, True, True]

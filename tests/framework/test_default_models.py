@@ -49,7 +49,7 @@ def test_a_default_model_is_trained_once_and_then_cached(cache, tmp_path):
     assert cache == ["vision"]
 
 
-def test_a_damaged_cache_is_made_anew(cache, tiny):
+def test_a_damaged_cache_is_rebuilt(cache, tiny):
     default_model("audio")
     path = cached_path("audio")
     path.write_bytes(path.read_bytes()[:500])
@@ -58,7 +58,7 @@ def test_a_damaged_cache_is_made_anew(cache, tiny):
     assert TerrainClassifier.load(path).version == tiny["audio"].version
 
 
-def test_a_cached_model_of_another_sense_is_not_believed(cache, tiny):
+def test_a_cached_model_of_another_sense_is_not_used(cache, tiny):
     path = cached_path("audio")
     path.parent.mkdir(parents=True)
     tiny["vision"].save(path)

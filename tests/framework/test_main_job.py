@@ -1,4 +1,4 @@
-"""The main job on a synthetic drive with every fault in it, against the ground truth: nothing is faked here."""
+"""The main job on a synthetic drive with every fault in it, against the ground truth."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def test_a_planner_finds_the_soil_under_the_class(drive):
     assert np.median(answer.shear_strength[sand]) == pytest.approx(strength, rel=0.25)
 
 
-def test_fast_driving_is_not_used_for_soil_and_that_is_said(drive):
+def test_fast_driving_is_not_used_for_soil_and_that_is_reported(drive):
     folder, _, summary = drive
     assert any(reason.startswith("too fast") for reason in summary.closed_s)
     for soil in summary.soils:

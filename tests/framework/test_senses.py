@@ -1,4 +1,4 @@
-"""The registry of senses: one of somebody else's is one class that registers itself."""
+"""The registry of senses: a sense from outside the package is one class that registers itself."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def test_a_sense_from_outside_the_package_is_trained_classifies_and_is_fused(the
     assert named.tolist() == ["sand", "loam"]
 
 
-def test_a_sense_without_a_model_is_absent_and_said(thermometer, tmp_path):
+def test_a_sense_without_a_model_is_absent_and_reported(thermometer, tmp_path):
     summary = run_traverse(recording(), tmp_path / "t.db")
     (warm,) = (one for one in summary.senses if one.sense == "thermometer")
     assert warm.absent == "no model: warmth.skops is not among the models"

@@ -24,7 +24,7 @@ def laid_out(**columns: np.ndarray):
     return drive_of(table, Wheel(radius_m=0.1, width_m=0.1), order_of(table)[1])
 
 
-def test_a_gap_costs_the_acceleration_of_its_own_rows_alone():
+def test_a_gap_in_speed_loses_the_acceleration_of_its_own_rows_only():
     """Twelve rows of 1,469 without a speed once kept inertia from being tried."""
     speed = SPEED.copy()
     speed[[50, *range(200, 212)]] = np.nan
@@ -45,7 +45,7 @@ def test_places_that_were_not_observed_lie_between_those_that_were():
 
 
 @pytest.mark.parametrize("known", [0, 1, 150])
-def test_where_most_was_not_observed_nothing_is_made_up(known):
+def test_positions_are_not_interpolated_where_most_are_missing(known):
     place = np.where(np.arange(len(TIME_S)) < known, PLACE, np.nan)
     drive = laid_out(x_m=place, travel_speed_m_s=SPEED)
     assert np.isfinite(drive.place_m).sum() == known

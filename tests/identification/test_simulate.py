@@ -182,7 +182,7 @@ def test_a_wheel_behind_runs_on_what_the_one_in_front_left():
     assert expected[later & (place < 1.5)].mean() > 1.1 * expected[later & (place > 2.5)].mean()
 
 
-def test_rows_without_an_answer_are_counted_and_the_reason_is_said(tmp_path):
+def test_rows_without_an_answer_are_counted_and_the_reason_is_reported(tmp_path):
     for name, text in (
         ("vehicle.toml", "[wheel]\nradius_m = 0.15\nwidth_m = 0.12\n"),
         ("soil.toml", "c_Pa = 300\nphi_deg = 31\nk_m = 0.012\nstiffness_Pa = 9e4\nn = 0.9\n"),
@@ -200,7 +200,7 @@ def test_rows_without_an_answer_are_counted_and_the_reason_is_said(tmp_path):
     assert "lugs" not in result.output
 
 
-def test_lugs_that_are_stated_and_left_out_are_said(drive_file):
+def test_lugs_that_are_stated_and_left_out_are_reported(drive_file):
     lugged = Vehicle(wheels=(Wheel(radius_m=0.15, width_m=0.12, grouser_height_m=0.01, grouser_count=12),))
     table = simulate(lugged, SOIL, drive_file)
     assert any("lugs are left out" in note for note in notes(lugged, table))

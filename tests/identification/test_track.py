@@ -29,7 +29,7 @@ def around(radius_m, passes=TWICE):
     return laid_out(radius_m * np.cos(AROUND), radius_m * np.sin(AROUND), passes)
 
 
-def test_where_the_track_turns_its_place_is_the_way_gone():
+def test_where_the_track_turns_the_place_is_the_distance_travelled():
     drive = around(4.0, np.ones(ROWS))
     assert drive.axis is None
     assert coordinate(drive.axis) == "distance_m"
@@ -84,7 +84,7 @@ def test_long_parallel_lanes_in_one_drive_are_a_track_that_turns(rng, apart_m, t
     assert np.nanmax(drive.place_m) == pytest.approx(60.0 if turns else 20.0, rel=0.02)
 
 
-def test_places_that_were_not_seen_are_not_made_up():
+def test_missing_positions_of_a_loop_are_not_interpolated():
     lost = (np.arange(ROWS) >= 100) & (np.arange(ROWS) < 160)
     x_m = np.where(lost, np.nan, 4.0 * np.cos(AROUND))
     drive = laid_out(x_m, 4.0 * np.sin(AROUND), np.ones(ROWS))
@@ -143,7 +143,7 @@ def test_where_a_figure_of_eight_crosses_itself_a_later_pass_stays_on_its_branch
     np.testing.assert_allclose(drive.place_m[203:397], drive.place_m[3:197], atol=0.1)
 
 
-def test_noise_of_positions_is_no_way_gone():
+def test_noise_of_positions_adds_no_distance():
     rng = np.random.default_rng(3)
     x_m, y_m = 4.0 * np.cos(AROUND), 4.0 * np.sin(AROUND)
     drive = laid_out(x_m + 0.05 * rng.normal(size=ROWS), y_m + 0.05 * rng.normal(size=ROWS), np.ones(ROWS))
@@ -180,7 +180,7 @@ def test_a_pass_whose_number_one_row_lacks_is_one_pass(row):
 
 @pytest.mark.parametrize("where", [100, 300])
 @pytest.mark.parametrize("noise_m", [0.0, 0.01])
-def test_a_wheel_that_stands_on_a_later_pass_is_where_it_stands(rng, where, noise_m):
+def test_a_wheel_at_rest_on_a_later_pass_adds_no_distance(rng, where, noise_m):
     angle = np.insert(AROUND[:-40], where, np.full(40, AROUND[where]))
     passes = np.insert(TWICE[:-40], where, np.full(40, TWICE[where]))
     x_m, y_m = 4.0 * np.array([np.cos(angle), np.sin(angle)]) + noise_m * rng.normal(size=(2, ROWS))
@@ -224,7 +224,7 @@ def test_a_wheel_that_stands_between_updates_stays(began):
     np.testing.assert_allclose(laid_out(held, 0.0 * held).place_m, way, atol=1e-9)
 
 
-def test_a_wheel_that_stands_most_of_the_time_goes_its_way_all_the_same():
+def test_a_wheel_at_rest_most_of_the_time_has_a_track_that_turns():
     around = np.clip(np.arange(ROWS) - 250, 0, 100) * 0.03
     noise = 0.01 * np.random.default_rng(5).normal(size=(2, ROWS))
     drive = laid_out(4.0 * np.cos(around) + noise[0], 4.0 * np.sin(around) + noise[1], np.ones(ROWS))
@@ -232,7 +232,7 @@ def test_a_wheel_that_stands_most_of_the_time_goes_its_way_all_the_same():
     assert drive.place_m[345] - drive.place_m[255] == pytest.approx(4.0 * 0.03 * 90.0, rel=0.05)
 
 
-def test_what_was_decided_of_a_drive_holds_of_its_rows():
+def test_selected_rows_keep_the_axis_of_their_drive():
     drive = laid_out(np.minimum(ALONG_M, 5.0), np.maximum(ALONG_M - 5.0, 0.0))
     assert drive.axis is None
     assert select_rows(drive, np.arange(150)).axis is None

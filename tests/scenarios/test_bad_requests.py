@@ -96,7 +96,7 @@ DATABASES = {
 
 
 @pytest.mark.parametrize("kind", DATABASES)
-def test_a_database_that_is_none_of_ours(kind, drive, tmp_path, models, monkeypatch):
+def test_a_database_of_another_program(kind, drive, tmp_path, models, monkeypatch):
     monkeypatch.chdir(tmp_path)
     make, said = DATABASES[kind]
     database = make(tmp_path / "other.db")
@@ -114,7 +114,7 @@ def test_a_missing_database_is_not_created_by_a_query(tmp_path):
     refused(tmp_path, ["map", "--out", tmp_path / "m.png", *options], "none.db", "no such file")
 
 
-def test_queries_that_mean_nothing(tmp_path):
+def test_invalid_queries(tmp_path):
     for query, said in (
         (["at", "east", "2"], ("X", "'east'")),
         (["at", "1", "nan"], ("Y", "'nan'")),
@@ -129,7 +129,7 @@ def test_queries_that_mean_nothing(tmp_path):
 
 
 @pytest.mark.parametrize("sense", ["vision", "audio"])
-def test_models_that_are_none(sense, drive, tmp_path, models):
+def test_files_that_are_no_models(sense, drive, tmp_path, models):
     chosen = tmp_path / "chosen"
     chosen.mkdir()
     model = chosen / f"{sense}.skops"
@@ -167,7 +167,7 @@ def test_classifying_what_is_no_file_of_the_sense(fault, tmp_path, models):
     refused(tmp_path, [*command, "--json", tmp_path / "o.json"], *said)
 
 
-def test_half_a_wav_does_not_pass_for_a_whole_one(tmp_path, models):
+def test_a_truncated_wav_is_refused(tmp_path, models):
     whole = sound(tmp_path / "x.wav").read_bytes()
     (tmp_path / "x.wav").write_bytes(whole[: len(whole) // 2])
     command = ["classify", "audio", tmp_path / "x.wav", "--model", models / "audio.skops"]
@@ -225,7 +225,7 @@ def test_training_on_a_bad_file(sense, content, tmp_path):
 
 
 @pytest.mark.parametrize("option", ["--out", "--json", "--report"])
-def test_a_result_that_cannot_be_written_is_said_first(option, drive, tmp_path):
+def test_a_result_that_cannot_be_written_is_reported_first(option, drive, tmp_path):
     outputs = {"--out": tmp_path / "m.skops", option: tmp_path / "nowhere" / "x"}
     arguments = ["train", "audio", tmp_path / "none", *(part for pair in outputs.items() for part in pair)]
     refused(tmp_path, arguments, "nowhere", "there is no folder")

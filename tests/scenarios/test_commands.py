@@ -182,14 +182,14 @@ def test_the_same_drive_in_another_folder_is_known(wheels, tmp_path):
     assert "nothing added" in said("run", tmp_path / "copy", "--db", tmp_path / "t.db")
 
 
-def test_a_database_of_another_program_is_found_out_before_the_work(wheels, tmp_path, monkeypatch):
+def test_a_database_of_another_program_is_refused_before_the_work(wheels, tmp_path, monkeypatch):
     (tmp_path / "t.db").write_text("my diary")
     monkeypatch.setattr(traverse, "find_models", lambda *a, **k: pytest.fail("models were looked for first"))
     said("run", wheels, "--db", tmp_path / "t.db", status=2)
     assert (tmp_path / "t.db").read_text() == "my diary"
 
 
-def test_a_nan_stretch_is_driven_around_and_said(wheels, tmp_path):
+def test_a_stretch_of_nan_is_left_out_and_reported(wheels, tmp_path):
     """Missing values are no fault: the other rows are used, and the summary says how many."""
     folder = tmp_path / "drive"
     shutil.copytree(wheels, folder)
@@ -236,7 +236,7 @@ def test_half_a_jpeg_among_the_images_costs_that_image_alone(short_drive, small_
 
 
 @pytest.mark.filterwarnings("error")
-def test_soil_is_found_again_that_was_simulated(tmp_path):
+def test_simulated_soil_is_identified(tmp_path):
     rows = ["time_s,load_N,slip"]
     for index in range(240):
         load = 450 + 250 * math.sin(0.23 * index)

@@ -1,4 +1,4 @@
-"""The judges' command: sets of recordings, the cache, runs that go on where they stopped, and what is kept shut."""
+"""`judge.py`: sets of recordings, the cache, runs that go on where they stopped, and what stays frozen."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def test_runs_go_on_where_they_stopped_and_are_scored(cache, monkeypatch, capsys
         (("make", "--set", "training", "--protocol", "ramps"), "a named set draws its own"),
     ],
 )
-def test_what_is_frozen_stays_shut(arguments, message, tmp_path, capsys):
+def test_frozen_sets_show_aggregates_only(arguments, message, tmp_path, capsys):
     with pytest.raises(SystemExit):
         judge.main([*arguments, "--cache", str(tmp_path)])
     assert message in capsys.readouterr().err

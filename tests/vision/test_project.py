@@ -46,7 +46,7 @@ def test_optical_axis_meets_the_ground_where_the_pitch_says():
     np.testing.assert_allclose(pixels[0], (319.5, 239.5), atol=1e-9)
 
 
-def test_left_is_left_and_behind_is_nowhere():
+def test_left_is_left_and_points_behind_are_not_projected():
     pixels, inside = ground_to_image(camera(), np.array([[2.0, 0.5], [2.0, -0.5], [-5.0, 0.0]]))
     assert pixels[0, 0] < 319.5 < pixels[1, 0]
     assert np.isnan(pixels[2]).all()

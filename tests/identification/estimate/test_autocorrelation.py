@@ -60,7 +60,7 @@ def held(segment: Segment, soil: Soil) -> list[bool]:
     ]
 
 
-def test_one_soil_stays_one_and_its_intervals_hold():
+def test_one_soil_is_one_segment_and_its_intervals_hold():
     """First-order noise of 0.7; four of five intervals at least."""
     (segment,) = driven(0, autoregressive(0.7))
     assert np.mean(held(segment, SAND)) >= 0.8

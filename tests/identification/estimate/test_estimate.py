@@ -139,7 +139,7 @@ def test_what_is_known_is_held_and_what_is_uncertain_is_weighed(rng):
     assert weighed[1] < (np.radians(0.5) / np.cos(np.radians(30.0)) ** 2) ** 2
 
 
-def test_where_the_model_is_wrong_the_intervals_say_so(rng):
+def test_intervals_widen_where_the_model_is_wrong(rng):
     measured = paper_case(rng, 0.02, pull=True, n=40)
     wrong = measured.channels.copy()
     wrong[:, 2] *= 1.0 + 0.6 * wrong[:, 3]  # sinkage grows with slip, which the textbook wheel leaves out

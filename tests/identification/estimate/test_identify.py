@@ -149,7 +149,7 @@ def test_the_linear_method_says_which_channel_it_lacks_that_is_stuck(rng):
     assert "no column torque_Nm, or none that changes" in result.segments[0].reason
 
 
-def test_thinning_is_said(rng, monkeypatch):
+def test_thinning_is_reported(rng, monkeypatch):
     monkeypatch.setattr("bevameter.identification.estimate.identify.MOST_ROWS", 120)
     result = identify(recording(drive(rng)))
     assert result.segments[0].estimate.n == 120
@@ -285,7 +285,7 @@ def test_a_wheel_that_no_wheel_can_be_is_one_clear_error(rng, value, message):
         identify(recording(table, None))
 
 
-def test_lugs_that_are_left_out_are_said(rng):
+def test_lugs_that_are_left_out_are_reported(rng):
     lugged = Wheel(radius_m=0.15, width_m=0.12, grouser_height_m=0.01, grouser_count=12)
     assert codes(identify(recording(drive(rng), Vehicle(wheels=(lugged,), noise=VEHICLE.noise))).findings) == [
         "grousers_left_out"

@@ -43,8 +43,8 @@ def test_the_noise_of_each_channel_is_estimated(noise):
     assert len(notes) == 2
 
 
-def test_intervals_are_as_wide_as_they_have_to_be_and_hold():
-    """With the noise that neighbours show the intervals of c are seven times as wide."""
+def test_intervals_are_narrow_and_hold_the_truth():
+    """With the noise estimated from neighbouring rows the intervals of c are seven times as wide."""
     table = drive(0, (0.04, 0.02), (0.0, 0.0)).select(np.arange(200))
     found, shown = estimated(table), estimated(table, {"load_N": 5.8, "slip": 0.019})
     assert codes(found.findings).count(CODE) == 2

@@ -1,4 +1,4 @@
-"""The report of `explain`: that it is whole, shows what was found, and lets nothing in from the recording's text."""
+"""The report of `explain`: it is complete, shows the findings, and escapes the recording's text."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def test_every_verdict_has_its_page_with_the_answer_first(answer):
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_rivals_and_what_separates_them_are_shown():
+def test_alternatives_and_what_separates_them_are_shown():
     text = Page(report_html(cannot_tell())).text
     assert "torque gain" in text
     assert cannot_tell().missing[0].would_tell in text
@@ -126,7 +126,7 @@ def test_rivals_and_what_separates_them_are_shown():
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_channel_that_is_predicted_worse_is_said_so():
+def test_a_channel_that_is_predicted_worse_is_reported():
     fits = {**explanation().fits, "torque_Nm": replace(explanation().fits["torque_Nm"], rmse_before=0.4)}
     assert "<p class=warn>" in report_html(explanation(fits=fits))
     assert "<p class=warn>" not in report_html(explanation())

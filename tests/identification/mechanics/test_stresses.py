@@ -1,4 +1,4 @@
-"""The quadrature along the rim: adaptive quadrature's forces whatever effects add, and slopes that are theirs."""
+"""The quadrature along the rim: forces against adaptive quadrature, slopes against differences."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rows that stand in a recording twice are left out, repeats that happen to agree are not."""
+"""Rows recorded twice are left out, repeats that agree by chance are not."""
 
 from __future__ import annotations
 

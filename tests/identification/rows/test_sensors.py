@@ -60,7 +60,7 @@ def test_a_stated_noise_is_not_judged_by_a_channel_that_is_held_stuck_or_missing
 
 
 @pytest.mark.parametrize(("name", "stuck"), [("torque_Nm", 5.0), ("sinkage_m", 0.02)])
-def test_an_answer_that_never_changes_is_left_out_and_said_so(rng, name, stuck):
+def test_an_answer_that_never_changes_is_left_out_and_reported(rng, name, stuck):
     table = drive(rng)
     result = identify(recording(with_columns(table, **{name: np.full(len(table), stuck)})))
     assert [each.values for each in result.findings if each.code == "stuck_channel"] == [{"channel": name}]

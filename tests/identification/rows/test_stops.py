@@ -1,4 +1,4 @@
-"""Where a wheel is stopped, stands or gets going is left out of runs at constant slip, and nothing else of them is."""
+"""Stops, standstill and starts are left out of runs at constant slip, and nothing else is."""
 
 from __future__ import annotations
 
@@ -187,7 +187,7 @@ def slower_at_the_end(table):
 
 
 @pytest.mark.parametrize("change", [weak_ground, gone_in_three_runs, slower_at_the_end])
-def test_what_is_no_stop_is_left_to_be_found(change):
+def test_changes_that_are_no_stop_are_kept(change):
     whole = runs()
     driven = whole.select(whole["time_s"] < (ROWS - SLOWS - STANDS) * STEP_S - 1e-9)
     again = np.arange(len(driven)).reshape(18, -1)
@@ -207,7 +207,7 @@ def test_a_drive_that_stands_in_between_is_used_where_it_rolls():
     assert 18 * (STANDS - 2) <= stopped.sum() <= 18 * (STANDS + 1)
 
 
-def test_what_is_found_of_runs_that_stop_is_what_is_found_of_their_steady_rows():
+def test_runs_that_stop_give_the_results_of_their_steady_rows():
     table = runs(speeds=(), slips=(0.05, 0.2, 0.45))
     answer = explain(recording(table), catalogue=("soil_patch", "drift", "torque_offset", "time_lag"))
     assert answer.verdict == "none"
