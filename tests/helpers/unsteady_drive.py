@@ -31,4 +31,4 @@ def drive(
         "load_N": load * (1.0 + noise[0] * rng.normal(size=ROWS)),
         "slip": slip + noise[1] * rng.normal(size=ROWS),
     }
-    return WheelTable({"time_s": time, "true_slip": slip, **measured, **answers}, None, None, "simulated")
+    return WheelTable({"time_s": time, "true_slip": slip, **measured, **answers}, None, None, "test")

@@ -16,10 +16,7 @@ PLACE = 0.3 * TIME_S - 0.2 * (np.cos(0.5 * TIME_S) - 1.0)
 def laid_out(**columns: np.ndarray):
     count = len(TIME_S)
     table = WheelTable(
-        {"time_s": TIME_S, "load_N": np.full(count, 80.0), "slip": np.full(count, 0.2), **columns},
-        None,
-        None,
-        "simulated",
+        {"time_s": TIME_S, "load_N": np.full(count, 80.0), "slip": np.full(count, 0.2), **columns}, None, None, "test"
     )
     return drive_of(table, Wheel(radius_m=0.1, width_m=0.1), order_of(table)[1])
 

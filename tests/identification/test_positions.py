@@ -18,7 +18,7 @@ def laid_out(x_m, passes=None, time_s=None, wheel=None, y_m=None):
         "load_N": np.full(len(x_m), 80.0), "slip": np.full(len(x_m), 0.2), "x_m": x_m,
         **({} if y_m is None else {"y_m": y_m}), **({} if passes is None else {"pass": passes}),
     }  # fmt: skip
-    table = WheelTable(columns, wheel, None, "simulated")
+    table = WheelTable(columns, wheel, None, "test")
     order, stretch = order_of(table)
     return drive_of(table.select(order), Wheel(radius_m=0.1, width_m=0.1), stretch)
 
@@ -97,7 +97,7 @@ def test_a_rear_wheel_finds_the_slip_of_the_front_one_whichever_began_first(name
         "slip": np.where(is_front, np.tile(slip, 2), 0.3), "x_m": np.tile(ALONG_M, 2),
         "pass": np.where(is_front, 1.0, 2.0),
     }  # fmt: skip
-    table = WheelTable(columns, np.where(is_front, front, rear), None, "simulated")
+    table = WheelTable(columns, np.where(is_front, front, rear), None, "test")
     order, stretch = order_of(table)
     drive = drive_of(table.select(order), Wheel(radius_m=0.1, width_m=0.1), stretch)
     behind = (drive.pass_number == 2.0) & (np.abs(drive.x_m - 5.0) > 0.5)

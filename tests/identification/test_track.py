@@ -21,7 +21,7 @@ def laid_out(x_m, y_m, passes=None, time_s=None):
         "time_s": 0.1 * np.arange(ROWS) if time_s is None else time_s, "load_N": np.full(ROWS, 80.0),
         "slip": np.full(ROWS, 0.2), "x_m": x_m, "y_m": y_m, **({} if passes is None else {"pass": passes}),
     }  # fmt: skip
-    table = WheelTable(columns, None, None, "simulated")
+    table = WheelTable(columns, None, None, "test")
     return drive_of(table, Wheel(radius_m=0.1, width_m=0.1), order_of(table)[1])
 
 
@@ -123,7 +123,7 @@ def test_a_wheel_behind_another_is_on_its_ground(names, every):
         "load_N": np.full(2 * ROWS, 80.0),
         "slip": 0.1 * passes, "x_m": 4.0 * np.cos(angle), "y_m": 4.0 * np.sin(angle), "pass": passes,
     }  # fmt: skip
-    table = WheelTable(columns, wheel, None, "simulated")
+    table = WheelTable(columns, wheel, None, "test")
     order, stretch = order_of(table)
     drive = drive_of(table.select(order), Wheel(radius_m=0.1, width_m=0.1), stretch)
     turned = angle[order]
@@ -194,7 +194,7 @@ def test_runs_follow_as_they_were_recorded_whatever_their_names(restarts):
         "time_s": np.tile(np.arange(100.0), 4) if restarts else np.arange(400.0),
         "load_N": np.full(ROWS, 80.0), "slip": np.full(ROWS, 0.2), "pass": np.repeat([1.0, 2.0, 3.0, 4.0], 100),
     }  # fmt: skip
-    order, stretch = order_of(WheelTable(columns, None, run, "simulated"))
+    order, stretch = order_of(WheelTable(columns, None, run, "test"))
     np.testing.assert_array_equal(order, np.arange(ROWS))
     np.testing.assert_array_equal(stretch, np.repeat(np.arange(4), 100))
 
@@ -261,7 +261,7 @@ def test_adjoining_lanes_are_as_many_as_were_driven(fresh, apart_m):
     }  # fmt: skip
     columns["time_s"] = columns["time_s"] + 100.0 * number
     columns["y_m"][number == 3] = np.nan
-    table = WheelTable(columns, None, None, "simulated")
+    table = WheelTable(columns, None, None, "test")
     drive = drive_of(table, Wheel(radius_m=0.1, width_m=0.1), order_of(table)[1])
     assert len(np.unique(lanes(drive, 0.1))) == 6
 
@@ -272,7 +272,7 @@ def test_wheels_side_by_side_are_each_on_a_lane_of_their_own(every):
     columns = {
         "time_s": clock, "load_N": np.full(2 * ROWS, 80.0), "slip": np.full(2 * ROWS, 0.2), "x_m": np.tile(ALONG_M, 2),
     }  # fmt: skip
-    table = WheelTable(columns, np.repeat(["left", "right"], ROWS), None, "simulated")
+    table = WheelTable(columns, np.repeat(["left", "right"], ROWS), None, "test")
     order, stretch = order_of(table)
     table = table.select(order)
     lane = lanes(drive_of(table, Wheel(radius_m=0.1, width_m=0.1), stretch), 0.1, table.wheel)
@@ -282,7 +282,7 @@ def test_wheels_side_by_side_are_each_on_a_lane_of_their_own(every):
 
 def test_runs_without_a_clock_through_the_same_places_are_each_on_ground_of_their_own():
     columns = {"load_N": np.full(ROWS, 80.0), "slip": np.full(ROWS, 0.2), "x_m": np.tile(np.linspace(0.0, 3.0, 100), 4)}
-    table = WheelTable(columns, None, None, "simulated")
+    table = WheelTable(columns, None, None, "test")
     lane = lanes(drive_of(table, Wheel(radius_m=0.1, width_m=0.1), order_of(table)[1]), 0.1)
     assert len(np.unique(lane)) == 4
     np.testing.assert_allclose(np.bincount(lane), 100, atol=12)

@@ -24,7 +24,6 @@ from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run one stage."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     stages = parser.add_subparsers(required=True)
     which = argparse.ArgumentParser(add_help=False)

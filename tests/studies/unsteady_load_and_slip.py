@@ -26,7 +26,7 @@ def main() -> None:
     for seed in range(parser.parse_args().seeds):
         table = drive(seed, (0.04, 0.02), (0.0, 0.0))
         found = identify(
-            Recording("simulated", Path("made.csv"), Vehicle(wheels=(WHEEL,)), None, "", "0" * 64, wheel=table)
+            Recording("test", Path("wheel.csv"), Vehicle(wheels=(WHEEL,)), None, "", "0" * 64, wheel=table)
         ).overall
         assert found is not None
         held.append(

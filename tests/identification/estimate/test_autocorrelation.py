@@ -46,9 +46,7 @@ def driven(seed: int, noise, soils=(SAND,), n: int = 300, step_s: float = 0.1) -
         true[name] = by_soil[np.arange(n) * len(soils) // n, np.arange(n)]
     columns = {name: values + NOISE[name] * noise(n, rng) for name, values in true.items()}
     table = WheelTable({"time_s": step_s * np.arange(n), **columns}, None, None, Path("wheel.csv"))
-    found = identify(
-        Recording("simulated", Path("wheel.csv"), Vehicle(wheels=(WHEEL,)), None, "", "0" * 64, wheel=table)
-    )
+    found = identify(Recording("test", Path("wheel.csv"), Vehicle(wheels=(WHEEL,)), None, "", "0" * 64, wheel=table))
     return [segment for segment in found.segments if segment.used]
 
 

@@ -21,7 +21,7 @@ CODE = "unsteady_input"
 
 
 def recording(table: WheelTable, stated: dict[str, float] | None = None) -> Recording:
-    vehicle = Vehicle(name="simulated", wheels=(WHEEL,), noise=stated or {})
+    vehicle = Vehicle(name="test", wheels=(WHEEL,), noise=stated or {})
     return Recording("table", Path("table.csv"), vehicle, None, "", "0" * 64, wheel=table)
 
 
@@ -66,7 +66,7 @@ def test_steady_trials_have_no_neighbours_that_are_unsteady():
     table = drive(1, (0.04, 0.02), (0.0, 0.0))
     trials = WheelTable(
         {name: values for name, values in table.columns.items() if name != "time_s"}, None,
-        np.array([f"trial {number}" for number in range(ROWS)], dtype=object), "simulated",
+        np.array([f"trial {number}" for number in range(ROWS)], dtype=object), "test",
     )  # fmt: skip
     assert CODE not in codes(estimated(trials).findings)
 

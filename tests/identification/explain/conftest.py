@@ -24,5 +24,5 @@ def fitted_to(recording):
     """Problem and textbook fit of a concealed recording."""
     stated = recording.vehicle
     wheel = Wheel(**{key: stated[key] for key in ("radius_m", "width_m", "grouser_height_m", "grouser_count")})
-    table = WheelTable(recording.recorded.columns, None, recording.recorded.run, "simulated")
-    return fit_textbook(gather(table, wheel, Vehicle(name="simulated", wheels=(wheel,), noise=stated["noise"])))
+    table = WheelTable(recording.recorded.columns, None, recording.recorded.run, "test")
+    return fit_textbook(gather(table, wheel, Vehicle(name="test", wheels=(wheel,), noise=stated["noise"])))

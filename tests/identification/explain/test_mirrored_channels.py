@@ -24,7 +24,7 @@ def mirrored(channel: str) -> Recording:
         columns[name] = getattr(state, name) + rng.normal(scale=sd, size=len(load))
     columns[channel] = -columns[channel]
     table = WheelTable(columns, None, None, Path("wheel.csv"))
-    return Recording("simulated", Path(), Vehicle(wheels=(WHEEL,)), None, "", "", wheel=table)
+    return Recording("test", Path(), Vehicle(wheels=(WHEEL,)), None, "", "", wheel=table)
 
 
 def test_a_mirrored_torque_is_refused():

@@ -133,7 +133,6 @@ def _round_quantum(size: float) -> float:
 
 
 def quantise(values: np.ndarray, step: float) -> np.ndarray:
-    """Round to a converter's steps."""
     return np.round(values / step) * step
 
 

@@ -90,7 +90,6 @@ class _Explainer:
         return {"seconds": time.perf_counter() - began, "failure": failure}
 
     def end(self) -> None:
-        """End the process."""
         if self._process is not None:
             self._process.kill()
             self._process.join()

@@ -64,12 +64,10 @@ SETS = {
 
 
 def folder_of(cache: Path, name: str) -> Path:
-    """Give the folder of a recording."""
     return cache / "recordings" / name
 
 
 def truth_path(cache: Path, name: str) -> Path:
-    """Give the file of a recording's truth."""
     return cache / "truth" / f"{name}.json"
 
 
