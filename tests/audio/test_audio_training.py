@@ -71,13 +71,13 @@ def test_a_clip_shorter_than_a_window_gives_one_row(outcome, tmp_path):
     assert row["end_s"] == pytest.approx(0.4)
 
 
-def test_silence_is_unknown_and_says_so(outcome, tmp_path):
+def test_silence_is_unknown_with_its_reason(outcome, tmp_path):
     soundfile.write(tmp_path / "silent.wav", np.zeros(2 * RATE), RATE)
     rows = classify_sounds([tmp_path / "silent.wav"], outcome.classifier)
     assert all(row["unknown"] and row["class"] == "unknown" and row["reasons"] == ["silent"] for row in rows)
 
 
-def test_listening_hears_what_classifying_the_file_says(outcome, tmp_path):
+def test_listening_to_a_stream_agrees_with_classifying_the_file(outcome, tmp_path):
     rng = np.random.default_rng(10)
     sound = np.concatenate([ground(name, rng, 20.0) for name in ("gravel", "sand", "hard")])
     sound[25 * RATE : 30 * RATE] = 0

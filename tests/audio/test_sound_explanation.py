@@ -162,7 +162,7 @@ def test_whitened_noise_of_any_colour_has_mean_one(rng):
     assert whitened(power, 16)[:, 100:-100].mean() == pytest.approx(1.0, abs=0.05)
 
 
-def test_a_line_is_taken_away_and_its_surroundings_stay(rng):
+def test_a_line_is_removed_and_its_surroundings_are_kept(rng):
     track = Speeds(np.array([0.0, 20.0]), np.array([3.0, 9.0]), np.array([1.0, 2.0]))
     count = 10 * RATE_HZ
     angle = track.angle(0.0, count, RATE_HZ)
@@ -174,7 +174,7 @@ def test_a_line_is_taken_away_and_its_surroundings_stay(rng):
     assert np.std((left - noise)[inner]) < 0.05 * np.std(line)
 
 
-def test_wind_is_held_down_and_louder_sound_stays(rng):
+def test_wind_is_attenuated_and_louder_sound_is_kept(rng):
     track = Speeds(np.array([0.0, 20.0]), np.array([5.0, 5.0]), np.array([2.0, 2.0]))
     noise = rng.standard_normal(5 * RATE_HZ).astype(np.float32) * 0.01
     density = 2.0 * 0.01**2 / RATE_HZ

@@ -1,4 +1,4 @@
-"""`bevameter explain`: what it prints and writes, and that it refuses in one line what it cannot use."""
+"""`bevameter explain`: printed and written output, and bad input refused in one line."""
 
 from __future__ import annotations
 

@@ -113,7 +113,7 @@ def test_a_full_disk_is_one_line_and_exit_2(arguments, unbuffered, tmp_path):
 
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 @pytest.mark.parametrize("arguments", [["--help"], ["explain", "--help"], ["query", "classes"]])
-def test_a_reader_that_went_away_is_no_error_and_exit_141(arguments, unbuffered, tmp_path):
+def test_a_closed_pipe_is_no_error_and_exit_141(arguments, unbuffered, tmp_path):
     TerrainDatabase(f"sqlite:///{tmp_path}/terrain.db").close()
     reader, writer = os.pipe()
     os.close(reader)

@@ -167,8 +167,8 @@ def test_what_is_unlike_training_is_unknown(outcome, rng):
     assert huge.unknown[0]
 
 
-def test_quality_that_falls_near_the_gate_says_why(outcome, rng):
-    """From well inside to far outside: as soon as nearness to the gate costs a fifth, a reason names it."""
+def test_quality_that_falls_near_the_gate_has_a_reason(outcome, rng):
+    """From well inside to far outside: once the gate lowers quality by a fifth, a reason names it."""
     x, _, _ = blobs(rng, classes=1, groups=1, rows=1)
     evidence = outcome.classifier.evidence(x + np.linspace(0, 12, 400)[:, None], np.ones(400))
     close = ~evidence.unknown & (evidence.quality < 0.8)
@@ -187,7 +187,7 @@ def test_gate_keeps_its_false_rejection_rate_on_fresh_groups(rng):
     assert trained.report["gate"]["held_out_rejection"] < 0.06
 
 
-def test_the_report_says_how_ground_of_no_class_fares(rng):
+def test_the_report_states_how_ground_of_no_class_is_classified(rng):
     far = train(*blobs(rng, distance=25.0)).report
     assert far["gate"]["other_ground_rejection"] > 0.9
     assert not any("no class" in text for text in far["warnings"])
@@ -261,7 +261,7 @@ def test_class_with_a_single_group_is_reported_not_scored(rng):
     assert any("class2" in text for text in report["warnings"])
 
 
-def test_one_group_a_class_still_trains_and_says_so(rng):
+def test_one_group_a_class_trains_with_a_note(rng):
     x, y, _ = blobs(rng)
     trained = train(x, y, y)
     report = trained.report

@@ -54,13 +54,13 @@ def test_a_pipe_is_written_to(tmp_path):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
-def test_a_device_that_takes_nothing_is_an_error_and_stays():
+def test_a_full_device_is_an_error_and_is_kept():
     with pytest.raises(InputError, match="/dev/full: cannot be written: No space left"):
         write_text("lost", Path("/dev/full"))
     assert Path("/dev/full").is_char_device()
 
 
-def test_where_nothing_may_be_made_is_one_line(tmp_path):
+def test_a_folder_without_write_permission_is_one_line(tmp_path):
     if not Path("/proc/self").exists():
         pytest.skip("no file system that makes no files")
     with pytest.raises(InputError, match="cannot be written"):

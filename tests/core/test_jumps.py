@@ -45,7 +45,7 @@ def test_rows_without_a_pose_are_still_counted(tmp_path):
 
 
 @pytest.mark.parametrize(("x", "row"), [(moved(X, slice(80, None), 0.0), 82), (X + 5e3 * (T > 5.0), 103)])
-def test_a_frame_that_changes_on_the_way_is_refused(tmp_path, x, row):
+def test_a_frame_that_changes_within_a_drive_is_refused(tmp_path, x, row):
     with pytest.raises(InputError, match=rf"pose.csv, row {row}, column x_m: a jump of .* in 0.05 s.*50 m/s"):
         read_recording(written(tmp_path, x, Y))
 

@@ -70,7 +70,7 @@ def test_wrong_columns_and_stretches_are_named(header, row, says, folder):
         read_labelled(folder)
 
 
-def test_what_is_no_labelled_folder(tmp_path):
+def test_folders_that_are_not_labelled(tmp_path):
     with pytest.raises(InputError, match="no such folder"):
         read_labelled(tmp_path / "none")
     with pytest.raises(InputError, match=r"neither index\.csv nor"):

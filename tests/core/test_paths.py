@@ -57,7 +57,7 @@ def test_a_file_in_a_folder_without_permission(read, shut):
 
 
 @pytest.mark.parametrize("read", READERS[:3])
-def test_what_is_no_file_is_reported(read, tmp_path):
+def test_a_path_that_is_no_file_is_reported(read, tmp_path):
     (tmp_path / "x.csv").mkdir()
     with pytest.raises(InputError, match=r"x\.csv: a folder"):
         read(tmp_path / "x.csv")

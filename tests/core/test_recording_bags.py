@@ -328,7 +328,7 @@ def test_a_ros2_bag_without_its_metadata_is_read(tmp_path, rng, topic_map):
 
 @pytest.mark.parametrize("kind", ["ros1", "ros2_sqlite", "mcap"])
 @pytest.mark.parametrize("share", [0.0, 0.002])
-def test_a_bag_of_which_nothing_is_left_is_an_error(kind, share, tmp_path, rng):
+def test_a_bag_without_a_readable_message_is_an_error(kind, share, tmp_path, rng):
     _, path = write_bag(kind, tmp_path, rng)
     file = cut(path, share)
     with pytest.raises(InputError, match=file.name.split(".")[0]):

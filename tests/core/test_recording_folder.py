@@ -219,7 +219,7 @@ def test_an_image_that_is_a_link_to_itself_is_a_frame_without_one(drive):
     assert "a link that leads to itself" in frames[1].problem
 
 
-def test_what_is_no_recording(tmp_path):
+def test_paths_that_are_no_recording(tmp_path):
     with pytest.raises(InputError, match="no such file or folder"):
         read_recording(tmp_path / "nowhere")
     with pytest.raises(InputError, match="no stream of a recording in it"):

@@ -108,7 +108,7 @@ def test_an_image_too_large_by_its_header_is_not_decoded(picture):
      (b"\xff\xd8\xff\xd9" + b"\0" * 9, "cut off"), (b"\xff\xd8abcdefgh", "no marker at byte 2"),
      (b"\x89PNG\r\n\x1a\n", "PNG cut off")],
 )  # fmt: skip
-def test_what_is_no_image(data, says):
+def test_files_that_are_no_image(data, says):
     with pytest.raises(InputError, match=says):
         decode_image(data, "x.jpg")
 

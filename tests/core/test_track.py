@@ -121,7 +121,7 @@ def test_poses_that_come_only_while_the_vehicle_moves_leave_no_gap():
     assert track_of(recording(pose=pose, wheel=turning)).problems
 
 
-def test_every_steps_along_the_way_also_where_the_vehicle_stands():
+def test_samples_are_evenly_spaced_along_the_track_also_at_standstill():
     t = np.arange(0.0, 30.0, 0.1)
     x = np.where(t < 10, t, np.where(t < 20, 10.0, t - 10.0))
     track = track_of(recording(pose=Pose(t, x, np.zeros_like(x), np.zeros_like(x))))

@@ -1,4 +1,4 @@
-"""A vehicle file's faults are named as they were written."""
+"""Faults of a vehicle file are named by key and value."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ def test_the_same_processing_is_the_same_drive(make):
         {"start_time": None},
     ],
 )
-def test_whatever_shapes_the_result_makes_another_drive(make, changes):
+def test_anything_that_affects_the_result_makes_another_drive(make, changes):
     assert dataclasses.replace(make.drive(), **changes).id != make.drive().id
 
 
@@ -74,7 +74,7 @@ def test_soil_without_estimate_needs_a_reason(make):
         make.soil({"sand": 0.8, "clay": 0.8})
 
 
-def test_nothing_seen_is_a_drive_too():
+def test_a_drive_without_observations_is_a_drive():
     assert len(TerrainObservations.nothing()) == 0
 
 

@@ -96,7 +96,7 @@ def test_ground_without_any_soil_data(make):
     assert ahead.class_probability[0].tolist() == pytest.approx([0.1, 0.9])
 
 
-def test_nothing_can_be_changed(view):
+def test_answers_are_read_only(view):
     found = list(arrays(view))
     assert len(found) > 10
     assert not any(array.flags.writeable for array in found)

@@ -1,4 +1,4 @@
-"""Where a run finds its models, and how the default ones are cached."""
+"""The folder of a run's models, and the cache of the default models."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def test_models_are_found_next_to_the_database(cache, tiny, tmp_path):
     assert "synthetic ground only" in models.warnings[0]
 
 
-def test_a_folder_that_is_named_goes_before_the_databases(cache, tiny, tmp_path):
+def test_a_folder_that_is_given_has_precedence_over_the_databases(cache, tiny, tmp_path):
     for folder in ("site.models", "mine"):
         for sense in ("vision", "audio"):
             tiny[sense].save(tmp_path / folder / f"{sense}.skops")

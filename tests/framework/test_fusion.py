@@ -53,7 +53,7 @@ def test_noise_drop_out_leaves_the_cameras_verdict():
     assert not belief.unknown[0]
 
 
-def test_both_closed_is_unknown_and_says_why():
+def test_both_closed_is_unknown_with_the_reasons():
     belief = fuse(
         [
             sense("camera", [[3, -4]], [None], reason="blurred"),
@@ -95,7 +95,7 @@ def test_low_quality_tempers_towards_the_uniform():
     assert low.quality[0] == pytest.approx(0.3)
 
 
-def test_contradiction_of_sharp_senses_lowers_quality_and_says_so():
+def test_contradiction_of_certain_senses_lowers_quality_with_a_reason():
     belief = fuse([sense("camera", [[0, 0]], [SAND]), sense("microphone", [[0, 0]], [GRAVEL])])
     assert belief.quality[0] < 0.35
     assert belief.reasons[0] == ("camera says sand, microphone says gravel",)

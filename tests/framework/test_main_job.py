@@ -53,7 +53,7 @@ def test_most_of_the_track_is_recognised_rightly(drive):
     assert (named == labels)[known & labelled & sure].mean() > 0.9
 
 
-def test_drop_outs_are_noticed_and_the_other_sense_goes_on(drive):
+def test_drop_outs_are_detected_and_the_other_sense_is_used(drive):
     folder, path, summary = drive
     camera, microphone, _ = summary.senses
     closed_camera, closed_microphone = " ".join(camera.closed), " ".join(microphone.closed)
@@ -104,7 +104,7 @@ def test_fast_driving_is_not_used_for_soil_and_that_is_reported(drive):
         assert soil.end_s <= stretch["slow_until_s"] + 2.0
 
 
-def test_the_command_says_it_all_and_a_second_run_adds_nothing(drive, small_models, tmp_path):
+def test_the_command_prints_the_summary_and_a_second_run_adds_nothing(drive, small_models, tmp_path):
     folder, path, summary = drive
     arguments = [
         "run",

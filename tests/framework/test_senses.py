@@ -148,7 +148,7 @@ def test_vibration_is_observed_under_the_wheels(tmp_path, rng):
     assert summary.track_m["gravel"] == pytest.approx(10.0, abs=2.5)
 
 
-def test_a_sense_that_nobody_has_is_an_error():
+def test_an_unknown_sense_is_an_error():
     with pytest.raises(InputError, match=r"no sense 'smell' .*vision"):
         senses.sense_named("smell")
     result = CliRunner().invoke(app, ["train", "smell", "x", "--out", "m.skops"])

@@ -116,7 +116,7 @@ MODELS = Models(
 )
 
 
-def test_a_drive_goes_in_and_a_map_comes_out(world, tmp_path):
+def test_a_drive_gives_a_map(world, tmp_path):
     summary = run_traverse(recording(), tmp_path / "t.db", models=MODELS)
     assert summary.distance_m == pytest.approx(39.9)
     assert summary.track_m["sand"] == pytest.approx(20.0, abs=1.5)
@@ -145,7 +145,7 @@ def test_gaps_of_the_poses_are_left_off_the_map_and_reported(world, tmp_path):
     np.testing.assert_array_equal(np.isnan(ahead.class_probability[:, 0]), [False, True, False])
 
 
-def test_the_summary_says_how_far_each_sense_was_trusted(world, tmp_path):
+def test_the_summary_states_the_weight_of_each_sense(world, tmp_path):
     camera, microphone, _ = run_traverse(recording(), tmp_path / "t.db", models=MODELS).senses
     assert camera.closed == {"blurred": camera.items - round(camera.trusted_share * camera.items)}
     assert microphone.closed == {"wind": 10}
@@ -220,7 +220,7 @@ def test_what_a_sense_raises_reaches_the_caller(world, tmp_path, monkeypatch):
     assert not (tmp_path / "t.db").exists()
 
 
-def test_a_missing_camera_is_reported_and_the_microphone_goes_on(world, tmp_path):
+def test_a_missing_camera_is_reported_and_the_microphone_is_used(world, tmp_path):
     summary = run_traverse(recording(camera=None), tmp_path / "t.db", models=MODELS)
     assert summary.senses[0].absent == "no camera in the recording"
     assert summary.senses[0].items == 0
@@ -268,7 +268,7 @@ def test_dead_reckoning_is_reported(world, tmp_path):
     assert any("heading unknown" in text for text in summary.warnings)
 
 
-def test_a_drive_without_places_puts_nothing_on_the_map_but_teaches_its_soils(world, tmp_path):
+def test_a_drive_without_positions_adds_no_cells_but_its_soils(world, tmp_path):
     run_traverse(recording(pose=None), tmp_path / "t.db", models=MODELS)
     with TerrainDatabase(tmp_path / "t.db") as database:
         (drive,) = database.drives()

@@ -44,7 +44,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 
-def test_every_effect_is_a_module_of_its_name_and_says_what_happens():
+def test_every_effect_is_a_module_of_its_name_with_a_description():
     for slug, kind in REGISTRY.items():
         assert kind.__module__.endswith(f".catalogue.{slug}")
         assert kind.title == kind.title.strip()
@@ -54,7 +54,7 @@ def test_every_effect_is_a_module_of_its_name_and_says_what_happens():
     assert list(SLUGS) == sorted(SLUGS, key=lambda slug: (REGISTRY[slug].kind != "physics", slug))
 
 
-def test_every_slug_has_a_form_and_every_form_says_what_it_is():
+def test_every_slug_has_a_form_and_every_form_has_a_description():
     assert {effect.slug for effect in FORMS} == set(SLUGS)
     for effect in FORMS:
         assert effect.kind == REGISTRY[effect.slug].kind
@@ -72,7 +72,7 @@ def test_every_slug_has_a_form_and_every_form_says_what_it_is():
 
 
 @pytest.mark.parametrize("effect", FORMS, ids=identity)
-def test_an_effect_changes_the_channels_that_it_says(effect):
+def test_an_effect_changes_the_channels_that_it_states(effect):
     values = [min(p.start + 0.3 * p.scale, p.high) for p in effect.parameters]
     answer = AugmentedWheel(WHEEL, (effect,)).predict(DRIVE, IMPOSED, np.concatenate([soil_vector(SOIL), values]))
     moved = [channel for channel in range(5) if not untouched(answer.channels - textbook(), channel)]
@@ -152,7 +152,7 @@ def test_derivatives_are_those_of_the_prediction(effect):
 
 @pytest.mark.filterwarnings("error")
 def test_a_wheel_that_bears_less_the_deeper_it_stands_has_no_derivatives_and_warns_of_none():
-    """A tyre that is softer than the soil, as a search comes by it."""
+    """A tyre softer than the soil, as a search may try."""
     (tyre,) = (each for each in FORMS if each.name == "tyre_deflection[pressure]")
     vector = np.array([0.0, 0.0, -4.42284863, 19.3098465, -1.30092787, 3.07e4])
     imposed = np.column_stack([np.linspace(60.0, 180.0, len(IMPOSED)), np.full(len(IMPOSED), -0.05)])

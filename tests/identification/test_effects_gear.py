@@ -106,7 +106,7 @@ def test_lugs_that_the_vehicle_states_are_likely_before_anything_is_measured():
     assert {form.prior_probability for form in others} == {None}
 
 
-def test_lugs_that_nobody_stated_are_a_tenth_of_the_radius_high():
+def test_lugs_of_unstated_height_are_a_tenth_of_the_radius_high():
     unstated, stated = (
         replace(SITUATION, wheel=WHEEL.model_copy(update={"grouser_height_m": share * WHEEL.radius_m}))
         for share in (0.0, 0.1)

@@ -1,4 +1,4 @@
-"""Positions as receivers give them: wrong at the ends, lost where a wheel is set down, blank between fixes."""
+"""Positions of receivers: outliers at the ends, gaps where a wheel is set down, blanks between fixes."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_a_wheel_that_is_set_down_while_positions_are_lost_begins_a_new_stretch(
 
 
 @pytest.mark.parametrize("jitter_m", [0.0, 1e-4])
-def test_a_wheel_that_creeps_or_stands_and_then_drives_does_so_in_one_stretch(jitter_m):
+def test_a_wheel_that_starts_from_creep_or_rest_is_in_one_stretch(jitter_m):
     speed = np.where(np.arange(ROWS) < 250, 0.0 if jitter_m else 0.001, 0.05)
     x_m = np.cumsum(speed) + jitter_m * np.random.default_rng(3).normal(size=ROWS)
     assert len(np.unique(laid_out(x_m).stretch)) == 1

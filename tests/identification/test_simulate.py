@@ -69,7 +69,7 @@ def test_bad_input_is_named(tmp_path, drive_file):
         simulate(VEHICLE, SOIL, blind)
 
 
-def test_without_effects_nothing_changes_and_with_one_at_its_null_next_to_nothing(drive_file):
+def test_no_effect_changes_nothing_and_one_at_its_null_almost_nothing(drive_file):
     plain = simulate(VEHICLE, SOIL, drive_file)
     null = simulate(VEHICLE, SOIL, drive_file, effects=["slip_sinkage:n1=0"])
     rows = [0, 1, 3]

@@ -163,7 +163,7 @@ def test_hostile_documents_are_refused_in_one_line(fault):
 
 
 @pytest.mark.parametrize("page", [None, [], 3, "{}", {"schema": 1}])
-def test_what_is_no_document_is_refused(page):
+def test_text_that_is_no_document_is_refused(page):
     with pytest.raises(InputError, match="an object with"):
         AugmentedSimulator.from_json(page)
 

@@ -1,4 +1,4 @@
-"""Where along its track a wheel is, whatever the track's direction, its gaps and its positions' noise."""
+"""Place of a wheel along its track, for tracks of any direction, with gaps and noisy positions."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_where_it_is_straight_the_place_is_that_along_it(x, y, name):
 
 @pytest.mark.parametrize("slope", [0.0, 0.02, 0.08, 0.2])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_clock_that_stops_makes_no_other_lane(rng, slope, sign):
+def test_a_gap_in_time_starts_no_other_lane(rng, slope, sign):
     time_s = 0.1 * np.arange(ROWS) + 30.0 * (np.arange(ROWS) >= 200)
     noise = 0.02 * rng.normal(size=ROWS)
     drive = laid_out(sign * ALONG_M + noise, slope * ALONG_M, time_s=time_s)
@@ -128,11 +128,11 @@ def test_a_wheel_behind_another_is_on_its_ground(names, every):
     drive = drive_of(table.select(order), Wheel(radius_m=0.1, width_m=0.1), stretch)
     turned = angle[order]
     for number in (1.0, 2.0, 3.0, 4.0):
-        # What lies behind the start is on ground where nothing had run, until the lap is closed.
+        # Ground behind the start is fresh until the lap is closed.
         rows = (drive.pass_number == number) & (turned > 2.0 * np.pi * (number > 2.0)) & (turned > 0.0)
         np.testing.assert_allclose(drive.place_m[rows], 4.0 * np.mod(turned[rows], 2.0 * np.pi), atol=0.1)
         if number > 1.0:
-            # Cells that lie half in what another stretch left are of both.
+            # Cells at the border of two stretches belong to both.
             other = np.abs(drive.slip_before[rows] - 0.1 * (number - 1.0)) > 0.02
             assert other.mean() < 0.1
 
@@ -157,7 +157,7 @@ def test_noise_of_positions_adds_no_distance():
 
 
 @pytest.mark.parametrize(("rows", "away_m"), [(1, 0.8), (1, 3.0), (3, 3.0), (5, 3.0), (5, 5e5)])
-def test_positions_wrong_for_some_rows_are_no_other_place(away_m, rows):
+def test_outliers_of_position_are_no_other_place(away_m, rows):
     wrong = np.add.outer([50, 130, 270, 333], np.arange(rows)).ravel()
     straight = ALONG_M.copy()
     straight[wrong] += away_m
@@ -188,7 +188,7 @@ def test_a_wheel_at_rest_on_a_later_pass_adds_no_distance(rng, where, noise_m):
 
 
 @pytest.mark.parametrize("restarts", [True, False])
-def test_runs_follow_as_they_were_recorded_whatever_their_names(restarts):
+def test_runs_are_in_recorded_order_for_any_names(restarts):
     run = np.repeat(["r9", "r10", "r11", "again"], 100)
     columns = {
         "time_s": np.tile(np.arange(100.0), 4) if restarts else np.arange(400.0),
@@ -217,7 +217,7 @@ def test_positions_of_a_slower_receiver_are_put_between_its_updates(rng, every, 
 
 
 @pytest.mark.parametrize("began", [0, 100, 200])
-def test_a_wheel_that_stands_between_updates_stays(began):
+def test_a_wheel_at_rest_between_updates_does_not_move(began):
     """With positions at 1 Hz a wheel at rest was once moved by up to a second's travel."""
     way = 0.05 * np.clip(np.arange(ROWS) - began, 0, 200)
     held = way[np.arange(ROWS) // 20 * 20]

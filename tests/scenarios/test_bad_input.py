@@ -175,7 +175,7 @@ def test_soil_that_cannot_be_identified(drive, tmp_path):
 
 
 @pytest.mark.parametrize("command", [run, identify])
-def test_the_real_command_says_one_line_and_leaves_nothing(command, drive, tmp_path):
+def test_the_real_command_prints_one_line_and_writes_nothing(command, drive, tmp_path):
     """As a user's shell sees it: no traceback, no warning of a library, no database, no part of a file."""
     (drive / "wheel.csv").write_text(edited(9, "0.7,", "0.35,"))
     before = everything(tmp_path)

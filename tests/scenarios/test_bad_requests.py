@@ -161,7 +161,7 @@ CLASSIFY_FAULTS = {
 
 
 @pytest.mark.parametrize("fault", CLASSIFY_FAULTS)
-def test_classifying_what_is_no_file_of_the_sense(fault, tmp_path, models):
+def test_classifying_a_file_of_another_kind(fault, tmp_path, models):
     sense, make, said = CLASSIFY_FAULTS[fault]
     command = ["classify", sense, make(tmp_path), "--model", models / f"{sense}.skops"]
     refused(tmp_path, [*command, "--json", tmp_path / "o.json"], *said)

@@ -1,4 +1,4 @@
-"""The commands as a user strings them together: pages that programs read, second runs, interrupts, two at once."""
+"""Commands in sequence: machine-readable output, second runs, interrupts, two runs at once."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ def command(stage, cache, *more, seeds=("920000", "3")):
     judge.main([stage, "--seeds", *seeds, "--cache", str(cache), *map(str, more)])
 
 
-def test_making_goes_on_where_it_stopped(monkeypatch, tmp_path):
+def test_making_resumes_where_it_stopped(monkeypatch, tmp_path):
     monkeypatch.setattr(study, "draw", lambda seed, protocol: ((), "hidden", protocol or "steady"))
     ramps = recordings.RecordingSet("study", range(2), "ramps")
     for name, seed in ramps.named().items():
@@ -91,7 +91,7 @@ def test_a_recording_that_fails_is_reported_and_the_others_are_made(monkeypatch,
         command("make", tmp_path)
 
 
-def test_runs_go_on_where_they_stopped_and_are_scored(cache, monkeypatch, capsys):
+def test_runs_resume_where_they_stopped_and_are_scored(cache, monkeypatch, capsys):
     ran = []
 
     def run(folders, left_out, processes, timeout_s):

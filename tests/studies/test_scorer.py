@@ -170,7 +170,7 @@ def test_a_patch_is_found_where_it_lies():
     assert score(truth(PATCH), answer("none"))["located_interval"] is False
 
 
-def test_a_failure_is_nothing_right():
+def test_a_failure_counts_as_nothing_right():
     found = score(truth(OFFSET), None)
     assert found["failed"]
     assert found["named"] is False
@@ -203,7 +203,7 @@ def test_with_a_cause_beyond_the_catalogue_the_other_one_may_be_named():
     assert unknown["statements"] == [(0.9, True)]
 
 
-def test_a_truth_that_lacks_places_and_an_oracle_is_scored_all_the_same():
+def test_a_truth_without_places_and_an_oracle_is_scored():
     bare = {"level": "plain", "effects": [{"effect": "slip_sinkage", "kind": "physics"}]}
     found = score(bare, answer("physics", said("slip_sinkage"), after={"torque_Nm": 0.1}))
     assert found["named"]

@@ -113,7 +113,7 @@ def test_layout_is_in_view_and_resolved():
     assert (np.diff(np.unique(layout.centre_m[:, 0])) > 0.1).all()
 
 
-def test_a_camera_that_resolves_nothing_has_no_patches():
+def test_a_camera_of_too_low_resolution_has_no_patches():
     coarse = camera(matrix=((8.0, 0.0, 5.5), (0.0, 8.0, 4.5), (0.0, 0.0, 1.0)), width_px=12, height_px=10)
     layout = ground_patches(coarse, 0.3)
     assert len(layout) == 0

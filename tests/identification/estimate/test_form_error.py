@@ -35,7 +35,7 @@ def recording(study, kind: str, seed: int, *, steady: bool = True):
     return ground, usable(study.recording(rng, ground, load_N, steady=steady, pull=True))
 
 
-def test_the_flexible_wheel_is_the_textbook_where_nothing_is_free():
+def test_the_flexible_wheel_is_the_textbook_at_zero_freedoms():
     flexible, textbook = FlexibleWheel(WHEEL, 100.0), TextbookWheel(WHEEL)
     start = np.full(len(IMPOSED), 0.5)
     a = flexible.predict(IMPOSED, flexible.to_vector(VALUES), start)

@@ -76,7 +76,7 @@ def undrawn(monkeypatch):
         monkeypatch.setattr(pictures, name, lambda _: b"")
 
 
-def test_the_page_needs_nothing_from_elsewhere(html, page):
+def test_the_page_is_self_contained(html, page):
     assert page.links
     assert all(link.startswith("data:image/png;base64,") for link in page.links)
     assert {"script", "link", "iframe", "object", "form"}.isdisjoint(page.tags)
@@ -185,7 +185,7 @@ def test_the_report_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("rows", [1, 12])
-def test_few_rows_and_constant_or_absent_variables_are_drawn_all_the_same(rows):
+def test_few_rows_and_constant_or_absent_variables_are_drawn(rows):
     base = explanation()
     few = replace(
         base.rows,
@@ -195,7 +195,7 @@ def test_few_rows_and_constant_or_absent_variables_are_drawn_all_the_same(rows):
     assert len(Page(report_html(replace(base, rows=few))).links) >= 2
 
 
-def test_values_that_are_not_known_are_drawn_and_shown_all_the_same():
+def test_unknown_values_are_drawn_and_shown():
     base, nan = explanation(), math.nan
     empty = replace(base.rows, measured=np.full_like(base.rows.measured, nan), noise=np.full(3, nan))
     fits = {

@@ -61,7 +61,7 @@ def test_an_unknown_cause_is_located_and_given_with_the_effects_asserted():
     assert holds(headline(both), "slip-sinkage (98 %)", "(93 %)")
 
 
-def test_nothing_missing_counts_the_rows_and_says_no_more():
+def test_an_answer_without_findings_states_the_number_of_rows():
     said = summarise(replace(nothing(), n=1200))
     assert said == headline(replace(nothing(), n=1200))
     assert "1,200" in said

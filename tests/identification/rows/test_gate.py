@@ -9,7 +9,7 @@ from slow_drive import WHEEL, drive, with_columns
 
 
 @pytest.mark.parametrize("row", [0, 150, -1])
-def test_one_gross_error_closes_no_gate_wherever_it_stands(rng, row):
+def test_one_gross_error_closes_no_gate_at_any_row(rng, row):
     table = drive(rng)
     sinkage = table["sinkage_m"].copy()
     sinkage[row] = 0.3

@@ -119,7 +119,7 @@ def test_gaps_and_runs_do_not_matter(rng):
     assert angle_disagreement(changed(runs, wheel_angle_rad=np.degrees(angle)), WHEEL).values["unit"] == "degrees"
 
 
-def test_a_recording_says_so(rng):
+def test_an_angle_in_another_unit_is_a_finding_of_the_recording(rng):
     table = recorded(rng)
     columns = {"load_N": np.full(400, 60.0), "wheel_angle_rad": np.degrees(table["wheel_angle_rad"])}
     opened = Recording(
@@ -212,16 +212,16 @@ def drive_with_another_radius(rng) -> Recording:
     return Recording("test", drive.source, Vehicle(wheels=(WHEEL,)), None, "", "0" * 64, wheel=drive)
 
 
-def test_identify_says_so(drive_with_another_radius):
+def test_identify_reports_a_slip_of_another_radius(drive_with_another_radius):
     assert "slip_disagrees" in codes(identify(drive_with_another_radius).findings)
 
 
-def test_explain_says_so(drive_with_another_radius):
+def test_explain_reports_a_slip_of_another_radius(drive_with_another_radius):
     found = select_wheel_rows(drive_with_another_radius).findings
     assert set(sentences(found)) <= set(explain(drive_with_another_radius, catalogue=()).notes)
 
 
-def test_slips_that_are_filled_in_from_the_speeds_do_not_hide_it(rng, drive_with_another_radius):
+def test_slips_computed_from_the_speeds_do_not_hide_another_radius(rng, drive_with_another_radius):
     """They agree with the speeds, and say nothing of what was recorded."""
     drive = drive_with_another_radius.wheel
     fewer = changed(drive, slip=np.where(rng.random(len(drive)) < 0.6, np.nan, drive["slip"]))

@@ -176,7 +176,7 @@ def test_nothing_else_is_left_out(change, seed):
     assert found is None
 
 
-def test_runs_whose_slip_or_load_goes_on_changing_are_left_as_they_are():
+def test_runs_whose_slip_or_load_keeps_changing_are_kept_whole():
     table = runs(starts())
     for name, change in (("slip", np.linspace(0.0, 0.2, ROWS)), ("load_N", np.linspace(0.0, 30.0, ROWS))):
         changing = {**table.columns, name: table[name] + np.tile(change, 18)}

@@ -69,7 +69,7 @@ def recording(table: WheelTable) -> Recording:
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 @pytest.mark.parametrize("slip", ["commanded", "none"])
 @pytest.mark.parametrize("speeds", [("wheel_speed_rad_s", "travel_speed_m_s"), ("wheel_speed_rad_s",)])
-def test_a_wheel_stands_where_its_speeds_say_so(speeds, slip, noise):
+def test_a_wheel_is_at_standstill_where_its_speeds_are_zero(speeds, slip, noise):
     table = with_standstill(runs(speeds=speeds, slip=slip, noise=noise))
     still = stands(table).reshape(-1, ROWS)
     # Within the window of the median.
@@ -79,7 +79,7 @@ def test_a_wheel_stands_where_its_speeds_say_so(speeds, slip, noise):
     assert slip == "none" or np.isnan(table["slip"][still.ravel()]).all()
 
 
-def test_neither_a_crawling_nor_a_dragged_wheel_stands():
+def test_neither_a_crawling_nor_a_dragged_wheel_is_at_standstill():
     time_s = np.arange(400) * 0.1
     speed = np.linspace(0.01, 1.0, 400)
     rolling = {"slip": np.full(400, 0.2), "wheel_speed_rad_s": speed / 0.12, "travel_speed_m_s": speed}
@@ -199,7 +199,7 @@ def test_changes_that_are_no_stop_are_kept(change):
     assert without_stops(with_standstill(changed))[1] is None
 
 
-def test_a_drive_that_stands_in_between_is_used_where_it_rolls():
+def test_a_drive_with_standstills_is_used_where_it_rolls():
     table = runs()
     one = WheelTable({**table.columns, "time_s": np.arange(len(table)) * STEP_S}, None, None, "drive.csv")
     rows = select_wheel_rows(recording(one))
