@@ -37,7 +37,7 @@ def test_the_sound_is_printed(monkeypatch):
         assert said in text, said
 
 
-def test_an_empty_finding_is_printed_and_missing_sound_is_not(monkeypatch):
+def test_sound_without_findings_is_printed_and_missing_sound_is_not(monkeypatch):
     nothing = SoundFindings("none")
     assert "The sound is that of the contact: nothing else was found in it." in printed(monkeypatch, nothing)
     assert "Sound" not in printed(monkeypatch, None)

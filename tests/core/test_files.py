@@ -60,7 +60,7 @@ def test_a_full_device_is_an_error_and_is_kept():
     assert Path("/dev/full").is_char_device()
 
 
-def test_a_folder_without_write_permission_is_one_line(tmp_path):
+def test_a_folder_that_takes_no_files_is_one_line(tmp_path):
     if not Path("/proc/self").exists():
         pytest.skip("no file system that makes no files")
     with pytest.raises(InputError, match="cannot be written"):

@@ -32,7 +32,7 @@ def database(tmp_path, drive_with_soil):
         (3, "1 to 200 letters"),
     ],
 )  # fmt: skip
-def test_physics_of_an_invalid_class_is_not_stored(database, name, said):
+def test_physics_of_a_misspelt_or_reserved_class_is_not_stored(database, name, said):
     with pytest.raises(InputError, match=said) as caught:
         database.add_physics(name, SINKS, source="x")
     assert "class_name" in str(caught.value)
@@ -54,7 +54,7 @@ def test_a_class_with_soil_only_has_its_spelling(database, make):
 
 
 @pytest.mark.parametrize(("name", "said"), [("Sand", "'sand'"), ("unknown", "closed gate")])
-def test_a_merge_takes_no_physics_of_an_invalid_class(database, tmp_path, name, said):
+def test_a_merge_takes_no_physics_of_a_misspelt_or_reserved_class(database, tmp_path, name, said):
     with TerrainDatabase(tmp_path / "other.db") as other:
         other.add_physics("gravel", SINKS, source="x")
         with closing(sqlite3.connect(tmp_path / "other.db")) as connection:  # as versions before stored it

@@ -5,7 +5,7 @@
     python tests/studies/judge.py run   --set training --cache CACHE --out answers.jsonl --leave-one-out
     python tests/studies/judge.py score --set training --cache CACHE answers.jsonl --compare other.jsonl
 
-Each stage goes on where it was stopped. `run` takes whatever `bevameter` is on PYTHONPATH. Instead of a named set,
+Each stage resumes where it was stopped. `run` takes whatever `bevameter` is on PYTHONPATH. Instead of a named set,
 `--seeds 793600 300` takes that many recordings of the study from that seed on, `--protocol ramps` makes drives of one
 kind of them. README.md in this folder says who may see what.
 """

@@ -1,4 +1,4 @@
-"""What cleaning is worth: the ground recognised along a drive, before and after, with an interval over drives."""
+"""Benefit of cleaning: the ground recognised along a drive, before and after, with an interval over drives."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Gain:
 
     @property
     def helps(self) -> bool:
-        """Whether cleaning is shown to help."""
+        """Whether cleaning significantly helps."""
         return self.low > 0.0
 
 

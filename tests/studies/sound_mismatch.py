@@ -1,4 +1,4 @@
-"""What `explain_sound` finds in drives it never saw: named right, false alarms, seconds, and what cleaning is worth.
+"""`explain_sound` on independent drives: named right, false alarms, seconds, and the benefit of cleaning.
 
 The drives are made here, by other means than the package's own: contact sound is real footsteps (scattered along the
 way as grains, louder with speed) where the folder of recordings is given, else noise bands and clicks; the background
@@ -154,7 +154,7 @@ def background(n: int, data: Path | None, rng: np.random.Generator) -> np.ndarra
         own = clips(data, "noise")[QUIET_NOISES[int(rng.integers(3))]]
         tape: list[np.ndarray] = []
         while sum(len(c) for c in tape) < n:
-            # No clip is heard twice at the same pitch: a loop would be a line.
+            # No clip is repeated at the same pitch: a loop would be a line.
             clip = own[int(rng.integers(len(own)))]
             clip = soxr.resample(clip, RATE, RATE * np.exp(rng.normal(0, 0.05)), quality="QQ")
             tape.append(clip / max(clip.std(), 1e-6))
@@ -262,11 +262,11 @@ def interval(k: int, n: int) -> str:
     return f"{100 * p:.0f} % ({100 * max(middle - half, 0):.0f}-{100 * min(middle + half, 1):.0f})"
 
 
-# What cleaning is worth to the classifier.
+# Benefit of cleaning for the classifier.
 
 
 def clean_classifier(rng: np.random.Generator, sites: int = 10) -> TerrainClassifier:
-    """A classifier that has heard the package's synthetic grounds, and no noise but a microphone's own."""
+    """A classifier trained on the package's synthetic grounds, with a microphone's own noise only."""
     windows, labels, groups = [], [], []
     length = round(WINDOW_S * RATE_HZ)
     for name in VOICES:

@@ -109,12 +109,12 @@ def conceal(
     Raises
     ------
     ValueError
-        A slug, level or protocol that there is not, or an effect that cannot be seen in the protocol.
+    An unknown slug, level or protocol, or an effect that cannot be seen in the protocol.
     """
     chosen = tuple(None for _ in effects) if forms is None else tuple(forms)
     _check(effects, chosen, level, protocol)
     needs = needs_of(effects)
-    # the level is no part of it: the same seed drives the same wheel at every strength where it can
+    # without the level: one seed drives the same wheel at every strength where it can
     rng = np.random.default_rng([seed, len(effects), *(sum(map(ord, slug)) for slug in effects)])
     best: tuple[float, _Scene, list[Found], list[float]] | None = None
     tried = 0
@@ -162,7 +162,7 @@ def _scene(
 
     The sensors' noise is multiplied by `noise_factor`.
     """
-    # a wheel with lugs does not give away that lugs are what is hidden
+    # a wheel with lugs does not reveal that lugs are hidden
     lugs = "lugs" in needs or rng.random() < 0.08
     body = draw_body(rng, lugs)
     kind, ground = draw_ground(rng, body)

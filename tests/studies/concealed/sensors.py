@@ -1,4 +1,4 @@
-"""Sensors and the soil's variation along the track: what stands between truth and recording."""
+"""Sensors, and the soil's variation along the track."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Sensors:
     """White noise by column (standard deviation, SI), and quanta of the converters; `speed` relative.
 
     `gross` is the share of rows with a gross error, `missing` the share of the rows that drop out in stretches,
-    `stated` whether vehicle.toml tells the noise.
+    `stated` whether vehicle.toml states the noise.
     """
 
     noise: dict[str, float]

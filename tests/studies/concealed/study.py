@@ -1,4 +1,4 @@
-"""The study's recordings by number: what recording number s hides is drawn from seed s alone."""
+"""The study's recordings by number: the effects of recording number s are drawn from seed s alone."""
 
 from __future__ import annotations
 

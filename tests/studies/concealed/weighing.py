@@ -1,4 +1,4 @@
-"""What the data of a recording weigh: the textbook's wheel refitted, and the nats that it loses against the truth.
+"""Information in a recording: the textbook's wheel refitted, and the nats that it loses against the truth.
 
 The misfit of the refitted textbook model is weighed, channel by channel, by the covariance of everything that is random
 in it: noise of the answer, noise of the inputs carried through the model, and the soil's variation along the track,
@@ -236,5 +236,5 @@ def refit_with(
 
 
 def still(channels: Channels, theta_1: np.ndarray) -> bool:
-    """Tell whether every row found an equilibrium that is no deeper than a wheel can be driven through."""
+    """Whether every row has an equilibrium that is no deeper than a wheel can be driven through."""
     return bool(np.isfinite(theta_1).all() and theta_1.max() < 1.25 and (channels.sinkage_m > 0).all())

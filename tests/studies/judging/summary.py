@@ -1,4 +1,4 @@
-"""What many scores say together: shares with Wilson's intervals, quantiles, calibration, in one table."""
+"""Summary of many scores: shares with Wilson's intervals, quantiles and calibration, in one table."""
 
 from __future__ import annotations
 
