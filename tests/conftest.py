@@ -64,7 +64,7 @@ SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
-    """The folder of real recordings beside the project; tests that need it skip where it is absent."""
+    """The folder of real recordings next to the checkout; tests that need it skip where it is absent."""
     if not SHARED_DATA.is_dir():
         pytest.skip("the recordings of ../shared/data are not on this machine")
     return SHARED_DATA

@@ -130,9 +130,9 @@ def normal(name: str) -> str:
 
 
 @pytest.mark.parametrize("code", ["import bevameter", "from bevameter.framework.cli import main"])
-def test_nothing_heavy_is_imported_at_the_door(code):
-    asked = f"import sys; {code}; print(sorted(set({HEAVY!r}) & set(sys.modules)))"
-    done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True)
+def test_importing_the_package_imports_nothing_heavy(code):
+    program = f"import sys; {code}; print(sorted(set({HEAVY!r}) & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 
 

@@ -78,7 +78,7 @@ def test_a_wrong_command_line_does_not_parse(line):
 
 @pytest.fixture
 def terrain(tmp_path) -> Path:
-    """A folder as `make demo` leaves it: ten metres of sand, five of grass that no wheel has felt, and the vehicle."""
+    """A folder as `make demo` leaves it: ten metres of sand with soil, five of grass without, and the vehicle."""
     cell_y = np.arange(60)
     evidence = ClassEvidence(
         ("grass", "sand"),

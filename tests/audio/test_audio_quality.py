@@ -17,7 +17,7 @@ from bevameter.audio.quality import (
 
 
 def steps(rng, count=1):
-    """Windows with two dull steps each, quiet between them."""
+    """Windows with two low-pitched steps each, silent between them."""
     time = np.arange(RATE_HZ) / RATE_HZ
     windows = np.zeros((count, RATE_HZ))
     for window in windows:
@@ -70,7 +70,7 @@ def test_quiet_and_coarse_sound_is_not_called_clipped(rng, steps):
     assert faults_of(np.round(sound * steps) / steps).clipped[0] < 0.005
 
 
-def test_clipping_of_one_channel_shows_beside_others(rng):
+def test_clipping_of_one_of_several_channels_is_measured(rng):
     whole = rng.normal(0, 0.1, 22050)
     driven = np.clip(10 * whole, -0.6, 0.6)
     alone = faults_of(driven).clipped[0]

@@ -1,4 +1,4 @@
-"""Training, classifying and listening on made-up grounds, and on the footsteps of ../shared/data."""
+"""Training, classifying and listening on synthetic grounds, and on the footsteps of ../shared/data."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def outcome():
         return train_audio_arrays(waves, names, [f"site {i // 3}" for i in range(12)], rng)
 
 
-def test_grounds_are_told_apart_on_a_site_not_trained_on(outcome, tmp_path):
+def test_grounds_are_distinguished_on_a_site_not_trained_on(outcome, tmp_path):
     assert outcome.report["balanced_accuracy"]["low"] > 0.6
     rng = np.random.default_rng(8)
     files = []
@@ -71,13 +71,13 @@ def test_a_clip_shorter_than_a_window_gives_one_row(outcome, tmp_path):
     assert row["end_s"] == pytest.approx(0.4)
 
 
-def test_silence_is_unknown_and_says_so(outcome, tmp_path):
-    soundfile.write(tmp_path / "quiet.wav", np.zeros(2 * RATE), RATE)
-    rows = classify_sounds([tmp_path / "quiet.wav"], outcome.classifier)
+def test_silence_is_unknown_with_its_reason(outcome, tmp_path):
+    soundfile.write(tmp_path / "silent.wav", np.zeros(2 * RATE), RATE)
+    rows = classify_sounds([tmp_path / "silent.wav"], outcome.classifier)
     assert all(row["unknown"] and row["class"] == "unknown" and row["reasons"] == ["silent"] for row in rows)
 
 
-def test_listening_hears_what_classifying_the_file_says(outcome, tmp_path):
+def test_listening_to_a_stream_agrees_with_classifying_the_file(outcome, tmp_path):
     rng = np.random.default_rng(10)
     sound = np.concatenate([ground(name, rng, 20.0) for name in ("gravel", "sand", "hard")])
     sound[25 * RATE : 30 * RATE] = 0
@@ -164,7 +164,7 @@ def test_silent_sounds_are_counted_and_a_silent_class_is_refused(tmp_path):
         for index in range(3):
             soundfile.write(tmp_path / name / f"{index}.wav", ground(name, rng, 1.5), RATE)
     for index in range(2):
-        soundfile.write(tmp_path / "sand" / f"quiet {index}.wav", np.zeros(RATE + index), RATE)
+        soundfile.write(tmp_path / "sand" / f"silent {index}.wav", np.zeros(RATE + index), RATE)
     (tmp_path / "sand" / "notes.txt").write_text("made up")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(train, "CANDIDATES", ("logistic",))

@@ -1,4 +1,4 @@
-"""Which number of lugs a comb of lines is told to be, in whitened spectra whose lines are known."""
+"""Number of lugs found from a comb of lines, in whitened spectra with known lines."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def spectra(rng: np.random.Generator, lines: dict[float, float]) -> Aligned:
     return Aligned("order", rng.exponential(power), speed, 1.0, 20, stretch, multiples)
 
 
-def told(rng: np.random.Generator, lines: dict[float, float]) -> int:
+def lugs_found(rng: np.random.Generator, lines: dict[float, float]) -> int:
     family = spectra(rng, lines)
     comb = find_comb(family, null_of(family, rng))
     return 0 if comb is None else comb.lugs
@@ -27,20 +27,20 @@ def told(rng: np.random.Generator, lines: dict[float, float]) -> int:
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("lugs", [11, 15, 29])
-def test_teeth_that_are_heard_only_where_a_mount_rings_tell_the_lugs(lugs, seed):
+def test_lugs_are_counted_from_harmonics_near_a_resonance_only(lugs, seed):
     ringing = {float(order): 1.5 for order in range(lugs, 1050, lugs) if 550 < order < 1000}
-    assert told(np.random.default_rng([seed, lugs]), ringing) == lugs
+    assert lugs_found(np.random.default_rng([seed, lugs]), ringing) == lugs
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_lugs_are_no_part_of_their_number_whose_teeth_are_silent(seed):
+def test_a_divisor_of_the_number_of_lugs_is_not_found(seed):
     heard = {float(order): 1.0 for order in range(45, 1050, 45)}
-    assert told(np.random.default_rng(seed), heard) == 45
+    assert lugs_found(np.random.default_rng(seed), heard) == 45
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_noise_and_a_few_strong_lines_are_no_comb(seed):
     rng = np.random.default_rng(seed)
-    assert told(rng, {}) == 0
-    assert told(rng, {float(order): 30.0 for order in (210, 420, 630, 840)}) == 0
-    assert told(rng, {171.0: 200.0, 342.0: 200.0}) == 0
+    assert lugs_found(rng, {}) == 0
+    assert lugs_found(rng, {float(order): 30.0 for order in (210, 420, 630, 840)}) == 0
+    assert lugs_found(rng, {171.0: 200.0, 342.0: 200.0}) == 0

@@ -1,4 +1,4 @@
-"""Where lines are told to stand, how well, and how strong, against tones and orders of known place and power."""
+"""Place, standard deviation and strength of fitted lines, against tones and orders of known place and power."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def found_in(study, sound, time_s, wheel, rng):
 
 
 def scored(truths, lines, family):
-    """Standard scores of the told places, and errors of the told excess [dB], each (n,), of lines that are there."""
+    """Standard scores of the fitted places, and errors of the fitted excess [dB], each (n,), of the true lines."""
     assert 0.8 * len(truths) <= len(lines) <= len(truths), [(line.family, line.place) for line in lines]
     assert {line.family for line in lines} == {family}
     z, error = [], []
@@ -41,11 +41,11 @@ def scored(truths, lines, family):
 
 
 def holds(z):
-    """Whether standard scores are those of an honest standard deviation: 95 in a hundred within 2, but for chance."""
+    """Whether standard scores agree with their standard deviation: about 95 % lie within 2."""
     return np.mean(np.abs(z) < 2.0) >= 0.9 and np.sqrt(np.mean(z**2)) < 1.2
 
 
-def test_steady_tones_of_any_strength_stand_where_they_are_told_to(study, rng):
+def test_steady_tones_of_any_strength_are_placed_within_their_uncertainty(study, rng):
     z, error = [], []
     t = np.arange(int(SECONDS * RATE)) / RATE
     for _ in range(3):
@@ -58,14 +58,14 @@ def test_steady_tones_of_any_strength_stand_where_they_are_told_to(study, rng):
         z.append(one[0])
         error.append(one[1])
     assert holds(np.concatenate(z)), np.concatenate(z)
-    # The weakest scatter by the noise itself; the smooth spectrum that all stand on is high by a few tenths.
+    # The weakest tones scatter with the noise; the smooth background spectrum is a few tenths of a dB too high.
     assert np.abs(np.concatenate(error)).max() < 3.0
     assert np.median(np.abs(np.concatenate(error))) < 0.6
 
 
 @pytest.mark.parametrize("place", [100.0, 200.0, 203.3, 999.5, 1000.25])
-def test_a_strong_tone_is_not_told_low(study, rng, place):
-    """It was told half a bin low, by seven standard deviations."""
+def test_the_frequency_of_a_strong_tone_is_unbiased(study, rng, place):
+    """The estimate was once half a bin low, by seven standard deviations."""
     time_s, wheel = varied_speed(rng)
     t = np.arange(int(SECONDS * RATE)) / RATE
     sound = NOISE * rng.standard_normal(t.size) + 0.005 * np.sin(2 * np.pi * place * t)
@@ -77,7 +77,7 @@ def test_a_strong_tone_is_not_told_low(study, rng, place):
 
 
 @pytest.mark.parametrize("error", [0.0, 0.003], ids=["exact speed", "noisy speed"])
-def test_orders_of_any_strength_stand_where_they_are_told_to(study, rng, error):
+def test_orders_of_any_strength_are_placed_within_their_uncertainty(study, rng, error):
     z = []
     t = np.arange(int(SECONDS * RATE)) / RATE
     for _ in range(3):
@@ -85,15 +85,15 @@ def test_orders_of_any_strength_stand_where_they_are_told_to(study, rng, error):
         theta = np.cumsum(np.interp(t, time_s, wheel)) / RATE
         places = 40.0 + 60.0 * np.arange(8) + rng.uniform(0.0, 40.0, 8)
         truths = list(zip(places, rng.choice(AMPLITUDES[2:], 8), strict=True))
-        # Where in a bin an order falls goes with speed, and so does how loud the ground is beside it.
+        # The place of an order within its bin changes with speed, and so does the noise of the ground around it.
         noise = NOISE * np.interp(t, time_s, wheel / wheel.mean()) ** 2 * rng.standard_normal(t.size)
         sound = noise + sum(a * np.sin(order * theta) for order, a in truths)
-        told = wheel * (1.0 + error * rng.standard_normal(wheel.size))
-        z.append(scored(truths, found_in(study, sound, time_s, told, rng), "order")[0])
+        measured = wheel * (1.0 + error * rng.standard_normal(wheel.size))
+        z.append(scored(truths, found_in(study, sound, time_s, measured, rng), "order")[0])
     assert holds(np.concatenate(z)), np.concatenate(z)
 
 
-def test_a_line_that_hides_the_noise_around_it_has_no_excess_and_no_company(study, rng):
+def test_the_excess_of_a_line_that_masks_the_noise_around_it_is_unknown(study, rng):
     time_s, wheel = varied_speed(rng)
     t = np.arange(int(SECONDS * RATE)) / RATE
     sound = 0.001 * rng.standard_normal(t.size) + 0.9 * np.sin(2 * np.pi * 1777.4 * t)
@@ -104,7 +104,7 @@ def test_a_line_that_hides_the_noise_around_it_has_no_excess_and_no_company(stud
     assert abs(tone.parameters["frequency"].value - 1777.4) < 2.0 * tone.parameters["frequency"].sd
 
 
-def test_the_hump_is_that_of_the_window():
+def test_the_main_lobe_is_that_of_the_hann_window():
     n = 4096
     window = np.hanning(n + 1)[:-1]
     tone = np.exp(2j * np.pi * 100.3 * np.arange(n) / n) * window
@@ -113,14 +113,14 @@ def test_the_hump_is_that_of_the_window():
     np.testing.assert_allclose(hann_power(np.array([0.0, 1.0, -1.0, 2.0])), [1.0, 0.25, 0.25, 0.0], atol=1e-5)
 
 
-def test_where_nothing_was_seen_nothing_is_known(rng):
+def test_a_line_without_data_is_as_uncertain_as_its_search_range(rng):
     nothing = Spectra(np.full((30, 200), np.nan), np.ones(30), 20, np.arange(30) // 5)
     line = fit_line(nothing, np.arange(30), 90.0, 1.5)
     assert (line.multiple, line.excess) == (90.0, 0.0)
     assert line.sd == pytest.approx(3.0 / np.sqrt(12.0))
 
 
-def test_few_stretches_do_not_tell_how_well_a_line_is_placed(rng):
+def test_a_line_in_few_stretches_is_as_uncertain_as_its_search_range(rng):
     for groups, known in ((1, False), (2, False), (8, True)):
         power = np.ones((15 * groups, 200))
         power[:, 98:103] += 20.0 * hann_power(np.arange(98, 103) - 100.0)
@@ -130,7 +130,7 @@ def test_few_stretches_do_not_tell_how_well_a_line_is_placed(rng):
         assert line.sd <= 3.0 / np.sqrt(12.0) + 1e-9
 
 
-def test_in_noise_the_place_is_known_no_better_than_it_was_sought(rng):
+def test_a_place_fitted_to_noise_stays_within_its_search_range(rng):
     noise = Spectra(rng.exponential(size=(60, 200)), np.ones(60), 20, np.arange(60) // 10)
     for place in range(40, 160, 10):
         line = fit_line(noise, np.arange(60), float(place), 1.5)

@@ -1,4 +1,4 @@
-"""What `explain_sound` says of sound that was sampled slowly, and of microphones that heard nothing."""
+"""`explain_sound` on sound sampled at low rates, and on microphones that recorded nothing."""
 
 import numpy as np
 import pytest
@@ -25,14 +25,14 @@ def spectra_of(study, samples, rate):
 
 
 @pytest.mark.parametrize("rate", [1000, 2000, 4000, 8000, 11025, 12000])
-def test_nothing_is_found_above_what_was_sampled(study, rng, rate):
+def test_nothing_is_found_above_the_sampled_band(study, rng, rate):
     found = explain_sound(study.ArraySound(noise_at(rate, rng), rate), TIME_S, WHEEL, TRAVEL).findings
     assert found.verdict == "none", found.missing
     assert found.notes[0] == f"sampled at {rate:g} Hz: nothing above {0.45 * rate:g} Hz was observed"
 
 
 @pytest.mark.parametrize("rate", [2000, 4000, 8000])
-def test_what_was_sampled_is_found_and_located_within_it(study, rng, rate):
+def test_effects_within_the_sampled_band_are_found_and_located(study, rng, rate):
     """The gear's second harmonic leaves the band of the slowest recorder where the wheel turns fast."""
     t = np.arange(int(SECONDS * rate)) / rate
     theta = np.cumsum(np.interp(t, TIME_S, WHEEL)) / rate
@@ -47,26 +47,26 @@ def test_what_was_sampled_is_found_and_located_within_it(study, rng, rate):
     assert max(place.to_Hz for place in found.located) <= top
 
 
-def test_spectra_and_bands_end_where_the_recorder_heard_no_more(study, rng):
+def test_spectra_and_bands_end_at_the_sampled_band(study, rng):
     slow = spectra_of(study, noise_at(4000, rng), 4000)
     fast = spectra_of(study, noise_at(16000, rng), 16000)
     assert (slow.top_hz, fast.top_hz) == (1800.0, 5000.0)
     assert slow.band_hz[-1] < 1800.0 < fast.band_hz[slow.band_hz.size] * 2.0 ** (1.0 / 24.0)
     np.testing.assert_array_equal(slow.band_hz, fast.band_hz[: slow.band_hz.size])
-    # Up to the end the spectra are those of noise: neither the end itself nor the resampling shows.
+    # Up to its end the spectra are those of noise: neither the band limit nor the resampling shows.
     assert slow.fixed[:, -100:].mean() == pytest.approx(1.0, abs=0.05)
     assert np.nanmean(slow.turned[:, -100:]) == pytest.approx(1.0, abs=0.05)
     assert np.isnan(slow.turned[:, -20:]).any()
     assert not np.isnan(fast.turned).any()
 
 
-def test_wind_is_not_asked_for_where_contact_sound_alone_was_not_heard(study, rng):
+def test_wind_is_not_fitted_where_the_band_lacks_contact_sound(study, rng):
     said = find_wind(spectra_of(study, noise_at(1000, rng), 1000), rng)
     assert isinstance(said, str)
     assert "nothing above 600 Hz" in said
 
 
-def test_of_two_recorders_the_one_that_heard_less_counts(study, rng):
+def test_of_two_recorders_the_one_with_the_narrower_band_counts(study, rng):
     fast, slow = noise_at(16000, rng), noise_at(8000, rng)
     for samples, rate, other, other_rate in ((fast, 16000, slow, 8000), (slow, 8000, fast, 16000)):
         reference = reference_level(study.ArraySound(other, other_rate))

@@ -1,4 +1,4 @@
-"""What `explain_sound` says of drives made by another generator (tests/studies/sound_mismatch.py)."""
+"""`explain_sound` on drives of an independent generator (tests/studies/sound_mismatch.py)."""
 
 import json
 
@@ -76,7 +76,7 @@ def test_a_gear_is_found_among_real_footsteps_and_weather(study, shared_data):
     assert study.right("gear_mesh", truth, drive.explain())
 
 
-def test_at_one_speed_order_and_tone_cannot_be_told_apart(study):
+def test_at_one_speed_order_and_tone_cannot_be_distinguished(study):
     drive, _ = drive_with(study, "gear_mesh", -12.0, vary=False)
     found = drive.explain()
     assert found.findings.verdict == "cannot_tell"
@@ -96,8 +96,8 @@ def test_cleaned_sound_is_closer_to_the_clean(study, geared):
     assert np.mean((cleaned - alone) ** 2) < 0.2 * np.mean((recorded - alone) ** 2)
 
 
-def test_a_reference_tells_a_resonance_from_the_ground(study):
-    """On one ground alone a hump may be its own: said; known clean sound of that ground settles it."""
+def test_a_reference_separates_a_resonance_from_the_ground(study):
+    """On a single ground a resonance may be the ground's own; clean sound of that ground separates the two."""
     rng = np.random.default_rng(15)
     drive = study.clean_drive(None, rng, duration_s=64.0, grounds=1)
     clean = study.ArraySound(drive.sound.copy())
@@ -105,9 +105,9 @@ def test_a_reference_tells_a_resonance_from_the_ground(study):
     alone = [c for c in drive.explain().findings.missing if c.effect == "resonance"]
     assert alone
     assert all(c.probability <= 0.5 and c.indistinguishable_from and not c.subtracted for c in alone)
-    told = [c for c in drive.explain(reference=clean).findings.missing if c.effect == "resonance"]
-    assert told
-    assert told[0].probability > 0.5
+    referenced = [c for c in drive.explain(reference=clean).findings.missing if c.effect == "resonance"]
+    assert referenced
+    assert referenced[0].probability > 0.5
 
 
 def test_the_json_is_plain_and_has_its_schema(geared):
@@ -135,7 +135,7 @@ class Gappy:
                 yield SoundBlock(float(first), 0.1 * rng.standard_normal(round(block_s * 16000)).astype(np.float32))
 
 
-def test_what_could_not_be_read_is_left_out_and_said():
+def test_unreadable_sound_is_left_out_and_reported():
     time_s = np.arange(10.0, 75.0, 0.1)
     speed = 4.0 + np.sin(time_s)
     speed[30:35] = np.nan
@@ -144,7 +144,7 @@ def test_what_could_not_be_read_is_left_out_and_said():
     assert any("damaged" in note for note in found.findings.notes)
 
 
-def test_too_little_sound_is_said_and_none_is_an_error():
+def test_too_little_sound_is_reported_and_none_is_an_error():
     speed = np.full(100, 4.0)
     short = explain_sound(Gappy(), np.linspace(10.0, 30.0, 100), speed, 0.2 * speed)
     assert short.findings.verdict == "unknown"
@@ -162,7 +162,7 @@ def test_whitened_noise_of_any_colour_has_mean_one(rng):
     assert whitened(power, 16)[:, 100:-100].mean() == pytest.approx(1.0, abs=0.05)
 
 
-def test_a_line_is_taken_away_and_its_surroundings_stay(rng):
+def test_a_line_is_removed_and_its_surroundings_are_kept(rng):
     track = Speeds(np.array([0.0, 20.0]), np.array([3.0, 9.0]), np.array([1.0, 2.0]))
     count = 10 * RATE_HZ
     angle = track.angle(0.0, count, RATE_HZ)
@@ -174,7 +174,7 @@ def test_a_line_is_taken_away_and_its_surroundings_stay(rng):
     assert np.std((left - noise)[inner]) < 0.05 * np.std(line)
 
 
-def test_wind_is_held_down_and_louder_sound_stays(rng):
+def test_wind_is_attenuated_and_louder_sound_is_kept(rng):
     track = Speeds(np.array([0.0, 20.0]), np.array([5.0, 5.0]), np.array([2.0, 2.0]))
     noise = rng.standard_normal(5 * RATE_HZ).astype(np.float32) * 0.01
     density = 2.0 * 0.01**2 / RATE_HZ

@@ -1,4 +1,4 @@
-"""What `bevameter explain` prints of the sound, beside what JSON and report hold."""
+"""What `bevameter explain` prints about sound."""
 
 from dataclasses import replace
 
@@ -37,7 +37,7 @@ def test_the_sound_is_printed(monkeypatch):
         assert said in text, said
 
 
-def test_nothing_in_the_sound_is_said_and_no_sound_is_passed_over(monkeypatch):
+def test_sound_without_findings_is_printed_and_missing_sound_is_not(monkeypatch):
     nothing = SoundFindings("none")
     assert "The sound is that of the contact: nothing else was found in it." in printed(monkeypatch, nothing)
     assert "Sound" not in printed(monkeypatch, None)

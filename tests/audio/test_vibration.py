@@ -76,7 +76,7 @@ def test_level_and_spectrum_are_those_of_the_signal(labelled):
     assert by_name["az_crossings"] == pytest.approx(0.5, abs=0.03)  # of white noise
 
 
-def test_runs_are_told_apart_with_and_without_their_wheels(outcome, tmp_path):
+def test_runs_are_classified_with_and_without_their_wheels(outcome, tmp_path):
     assert outcome.report["balanced_accuracy"]["value"] > 0.9
     rng = np.random.default_rng(3)
     for name, kind in (("a", "rough"), ("b", "smooth")):

@@ -1,4 +1,4 @@
-"""Speed of `explain`, and of fitting one effect beside what a user would otherwise pick.
+"""Speed of `explain`, and of fitting one effect, against `scipy.optimize.least_squares`.
 
 python -m pytest tests/benchmarks/test_explain_speed.py --benchmark-only
 """

@@ -1,4 +1,4 @@
-"""Speed of the wheel-soil mechanics and of the estimators, beside what a user would otherwise pick.
+"""Speed of the wheel-soil mechanics and of the estimators, against quadrature and root finding by scipy.
 
 python -m pytest tests/benchmarks/test_identification_speed.py --benchmark-only
 """
@@ -60,7 +60,7 @@ def test_equilibrium_of_a_hundred_thousand_samples_takes_17_us_each_at_most(benc
     equilibrium(WHEEL, SOIL, LOADS[:2], SLIPS[:2])
     state = benchmark.pedantic(equilibrium, args=(WHEEL, SOIL, loads, slips), rounds=3)
     assert np.isfinite(state.theta_1_rad).all()
-    if benchmark.enabled:  # not beside other tests: that would measure those
+    if benchmark.enabled:  # tests in parallel would distort the time
         each = benchmark.stats.stats.min / len(loads)
         benchmark.extra_info["us a sample"] = 1e6 * each
         assert each <= 17e-6
@@ -81,7 +81,7 @@ def test_a_thousand_times_the_throughput_of_quadrature_and_root_finding(benchmar
     slow = (time.perf_counter() - began) / len(LOADS[few])
     equilibrium(WHEEL, SOIL, LOADS[:2], SLIPS[:2])
     benchmark(equilibrium, WHEEL, SOIL, LOADS, SLIPS)
-    if benchmark.enabled:  # not beside other tests: that would measure those
+    if benchmark.enabled:  # tests in parallel would distort the time
         ratio = slow / (benchmark.stats.stats.median / len(LOADS))
         benchmark.extra_info["times_faster"] = ratio
         assert ratio >= 1000.0

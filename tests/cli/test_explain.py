@@ -1,4 +1,4 @@
-"""`bevameter explain`: what it prints and writes, and that it refuses in one line what it cannot use."""
+"""`bevameter explain`: printed and written output, and bad input refused in one line."""
 
 from __future__ import annotations
 
@@ -146,34 +146,34 @@ def drive(tmp_path) -> Path:
     return folder
 
 
-def asked(folder: Path, recording: Path, *more) -> list:
+def command(folder: Path, recording: Path, *more) -> list:
     return ["explain", recording, "--json", folder / "o.json", "--report", folder / "o.html", *more]
 
 
 def test_bad_recordings_are_refused(drive, tmp_path):
-    refused(tmp_path, asked(tmp_path, tmp_path / "none.csv"), "none.csv", "no such file")
+    refused(tmp_path, command(tmp_path, tmp_path / "none.csv"), "none.csv", "no such file")
     (drive / "wheel.csv").write_text(edited(5, "503", "heavy"))
-    refused(tmp_path, asked(tmp_path, drive), "wheel.csv", "row 5", "'heavy'")
+    refused(tmp_path, command(tmp_path, drive), "wheel.csv", "row 5", "'heavy'")
     (drive / "wheel.csv").write_text("time_s,load_N,slip\n" + "".join(f"{i},500,0.2\n" for i in range(40)))
-    refused(tmp_path, asked(tmp_path, drive), "wheel.csv", "torque_Nm, sinkage_m or drawbar_pull_N")
+    refused(tmp_path, command(tmp_path, drive), "wheel.csv", "torque_Nm, sinkage_m or drawbar_pull_N")
     (drive / "wheel.csv").write_text("\n".join(WHEEL.split("\n")[:4]) + "\n")
-    refused(tmp_path, asked(tmp_path, drive), "wheel.csv", "3 rows", "at least")
+    refused(tmp_path, command(tmp_path, drive), "wheel.csv", "3 rows", "at least")
     (drive / "wheel.csv").unlink()
-    refused(tmp_path, asked(tmp_path, drive), "drive", "wheel.csv")
+    refused(tmp_path, command(tmp_path, drive), "drive", "wheel.csv")
     (drive / "pose.csv").write_text("time_s,x_m,y_m,yaw_rad\n0,0,0,0\n2,0.5,0,0\n")
-    refused(tmp_path, asked(tmp_path, drive), "drive", "no wheel channels")
+    refused(tmp_path, command(tmp_path, drive), "drive", "no wheel channels")
 
 
 def test_bad_vehicles_soils_and_simulations_are_refused(drive, tmp_path):
     wheel = tmp_path / "wheel.csv"
     wheel.write_text(WHEEL)
-    refused(tmp_path, asked(tmp_path, wheel), "wheel.csv", "no wheel geometry", "--vehicle")
-    refused(tmp_path, asked(tmp_path, wheel, "--vehicle", tmp_path / "none.toml"), "none.toml", "no such file")
+    refused(tmp_path, command(tmp_path, wheel), "wheel.csv", "no wheel geometry", "--vehicle")
+    refused(tmp_path, command(tmp_path, wheel, "--vehicle", tmp_path / "none.toml"), "none.toml", "no such file")
     (tmp_path / "flat.toml").write_text(VEHICLE.replace("0.2", "-0.2"))
-    refused(tmp_path, asked(tmp_path, wheel, "--vehicle", tmp_path / "flat.toml"), "flat.toml", "radius_m", "-0.2")
+    refused(tmp_path, command(tmp_path, wheel, "--vehicle", tmp_path / "flat.toml"), "flat.toml", "radius_m", "-0.2")
     (tmp_path / "soil.toml").write_text(SOIL.replace("30.0", "95"))
-    refused(tmp_path, asked(tmp_path, drive, "--soil", tmp_path / "soil.toml"), "soil.toml", "phi_deg", "95")
-    refused(tmp_path, asked(tmp_path, drive, "--simulated", tmp_path / "sim.csv"), "sim.csv")
+    refused(tmp_path, command(tmp_path, drive, "--soil", tmp_path / "soil.toml"), "soil.toml", "phi_deg", "95")
+    refused(tmp_path, command(tmp_path, drive, "--simulated", tmp_path / "sim.csv"), "sim.csv")
 
 
 def test_a_negative_seed_is_refused():

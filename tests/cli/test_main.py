@@ -37,7 +37,7 @@ def test_version():
     assert result.output.strip() == f"bevameter {bevameter.__version__}"
 
 
-def test_the_way_of_asking_is_at_fault():
+def test_a_wrong_command_line_exits_with_status_2():
     result = CliRunner().invoke(cli.app, ["run"])
     assert result.exit_code == 2
     assert "RECORDING" in result.stderr
@@ -113,7 +113,7 @@ def test_a_full_disk_is_one_line_and_exit_2(arguments, unbuffered, tmp_path):
 
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 @pytest.mark.parametrize("arguments", [["--help"], ["explain", "--help"], ["query", "classes"]])
-def test_a_reader_that_went_away_is_no_error_and_exit_141(arguments, unbuffered, tmp_path):
+def test_a_closed_pipe_is_no_error_and_exit_141(arguments, unbuffered, tmp_path):
     TerrainDatabase(f"sqlite:///{tmp_path}/terrain.db").close()
     reader, writer = os.pipe()
     os.close(reader)
@@ -125,6 +125,6 @@ def test_a_reader_that_went_away_is_no_error_and_exit_141(arguments, unbuffered,
 
 
 def test_a_full_disk_elsewhere_keeps_its_traceback(monkeypatch):
-    """What is written by name is told by name, and a fault of ours is not hidden."""
+    """Only a failure of standard output is one line; any other OSError is an unexpected error."""
     result = failing_with(OSError(errno.ENOSPC, "No space left on device", "part.csv"), monkeypatch)
     assert isinstance(result.exception, OSError)

@@ -33,7 +33,7 @@ def some_drive(site: str = "quarry", misfit: float = 1.0) -> Drive:
 
 @pytest.fixture
 def query(tmp_path, monkeypatch, capsys):
-    """Run `bevameter query ...` beside a small database; give exit status, stdout, stderr."""
+    """Run `bevameter query ...` on a small database; give exit status, stdout, stderr."""
     monkeypatch.chdir(tmp_path)
     with TerrainDatabase("terrain.db") as database:
         database.add_drive(some_drive())
@@ -122,11 +122,11 @@ def test_near_a_place(query):
 
 def test_the_columns_of_csv_are_the_same_whatever_is_found(query, tmp_path):
     (tmp_path / "path.csv").write_text("x_m,y_m\n0.1,0.1\n")
-    asked = (
+    queries = (
         ("at", "0.2", "0.3"), ("at", "9", "9"), ("along", "path.csv"),
         ("near", "0", "0", "--radius", "1"), ("near", "99", "99", "--radius", "1"),
     )  # fmt: skip
-    pages = [query(*arguments, "--format", "csv")[1].splitlines() for arguments in asked]
+    pages = [query(*arguments, "--format", "csv")[1].splitlines() for arguments in queries]
     assert [len(page) for page in pages] == [2, 2, 2, 3, 1]
     (header,) = {page[0] for page in pages}
     assert header.startswith("x_m,y_m,known,unknown,class,probability_asphalt,probability_sand,c_Pa,")
@@ -135,8 +135,8 @@ def test_the_columns_of_csv_are_the_same_whatever_is_found(query, tmp_path):
 
 
 def test_stress_in_any_unit(query):
-    asked = [query("class", "sand", "--normal-stress", text, "--format", "json")[1] for text in ("20 kPa", "0.2 bar")]
-    assert json.loads(asked[0])["normal_stress_Pa"] == pytest.approx(json.loads(asked[1])["normal_stress_Pa"])
+    answers = [query("class", "sand", "--normal-stress", text, "--format", "json")[1] for text in ("20 kPa", "0.2 bar")]
+    assert json.loads(answers[0])["normal_stress_Pa"] == pytest.approx(json.loads(answers[1])["normal_stress_Pa"])
 
 
 def test_several_sites(query):
@@ -212,7 +212,7 @@ def test_the_command_loads_nothing_heavy():
     assert "'pint'" not in heavy
 
 
-def test_a_class_that_the_model_does_not_fit_is_said_so(query, tmp_path):
+def test_a_class_that_the_model_does_not_fit_is_noted(query, tmp_path):
     assert "does not fit" not in query("classes")[1]
     with TerrainDatabase(str(tmp_path / "wrong.db")) as database:
         database.add_drive(some_drive(misfit=4.0))

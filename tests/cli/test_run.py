@@ -71,7 +71,7 @@ def test_a_database_of_another_program_is_left_alone(tmp_path, folder):
     assert other.read_text() == "my diary"
 
 
-def test_a_page_that_cannot_be_written_is_said_before_any_work(tmp_path, folder):
+def test_an_output_that_cannot_be_written_is_refused_before_any_work(tmp_path, folder):
     arguments = ["run", str(folder), "--db", str(tmp_path / "t.db"), "--json", str(tmp_path / "no" / "o.json")]
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 2
@@ -86,7 +86,7 @@ def test_wheels_alone_make_a_summary_that_says_what_is_missing(tmp_path, folder)
     assert "no places" in result.output
 
 
-def test_a_model_that_does_not_fit_is_said_and_written(capsys):
+def test_a_model_that_does_not_fit_is_printed_and_written(capsys):
     finding = warning("wrong_form", misfit=4.2, misfit_with_freedom=1.2, c_Pa=900.0, phi_rad=0.5)
     estimate = SoilEstimate(
         {"c_Pa": Quantity(1e3, 1e2, 8e2, 12e2)}, np.array([1e3, 0.5]), np.eye(2), {}, (), {"c_Pa": False}, "", "ml",

@@ -48,7 +48,7 @@ def trained(labelled, tmp_path_factory):
     return folder, result
 
 
-def test_the_report_says_on_what_it_rests(trained):
+def test_the_report_states_its_data(trained):
     folder, result = trained
     page = json.loads((folder / "audio.json").read_text())
     assert page["schema"] == 1
@@ -65,7 +65,7 @@ def test_the_report_says_on_what_it_rests(trained):
     assert "bright" in html
 
 
-def test_classify_tells_new_sounds_apart(trained, tmp_path):
+def test_classify_distinguishes_new_sounds(trained, tmp_path):
     rng = np.random.default_rng(99)
     files = []
     for name in ("deep", "bright"):
@@ -112,7 +112,7 @@ def test_bad_labelled_folders_give_one_line_and_no_model(labelled, tmp_path):
     assert not out.exists()
 
 
-def test_where_nothing_can_be_written_no_work_is_done(labelled, tmp_path):
+def test_an_output_that_cannot_be_written_is_refused_before_training(labelled, tmp_path):
     assert "no folder" in bad("train", "audio", labelled, "--out", tmp_path / "nowhere" / "m.skops")
     assert "is a folder" in bad("train", "audio", labelled, "--out", tmp_path)
 

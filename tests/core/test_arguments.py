@@ -1,4 +1,4 @@
-"""What a program hands over: what is taken for a number or a path, and that the rest is one short line."""
+"""Arguments from Python: numbers and paths that are accepted, and one short line for the rest."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ NO_NUMBERS = ("0.2", b"1", None, True, np.bool_(True), [0.2], np.array([0.2]), {
 @pytest.mark.parametrize(
     "value", [0.2, 1, np.float32(0.5), np.int64(3), np.array(0.25), Decimal("0.5"), Fraction(1, 4)]
 )
-def test_what_is_a_number_is_taken(value):
+def test_numbers_are_accepted(value):
     assert number("slip", value, "a number") == float(value)
     assert numbers("load_N", [value, value], "numbers").tolist() == [float(value)] * 2
 
 
 @pytest.mark.parametrize("value", NO_NUMBERS)
-def test_what_is_no_number_is_named_with_its_argument(value):
+def test_a_value_that_is_no_number_is_named_with_its_argument(value):
     with pytest.raises(InputError, match=r"^slip: .*\(expected a number\)$") as caught:
         number("slip", value, "a number")
     assert len(str(caught.value)) < 130
 
 
 @pytest.mark.parametrize("values", ["a", None, [1.0, None], [1.0, "2"], [[1.0], [1.0, 2.0]], [True], [1j], [10**400]])
-def test_what_are_no_numbers_is_named_with_its_argument(values):
+def test_values_that_are_no_numbers_are_named_with_their_argument(values):
     with pytest.raises(InputError, match=r"^load_N: .*\(expected numbers\)$"):
         numbers("load_N", values, "numbers")
 

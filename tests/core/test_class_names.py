@@ -1,4 +1,4 @@
-"""Names of classes that are written by hand: what nothing would match is refused."""
+"""Names of classes: those that nothing would match are refused."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def test_a_name_is_spelt_as_it_is_known(name):
 
 
 @pytest.mark.parametrize("name", ["unknown", "Unknown ", "", " ", "a\nb"])
-def test_what_is_no_name_is_refused_though_it_is_known(name):
+def test_an_invalid_name_is_refused_though_it_is_known(name):
     with pytest.raises(InputError, match="class_name"):
         check_spelling(name, ({name},), "class_name")
 

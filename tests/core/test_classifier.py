@@ -48,7 +48,7 @@ def outcome():
     return train(*blobs(np.random.default_rng(1)), candidates=("logistic", "trees"))
 
 
-def test_learns_what_can_be_learnt(outcome, rng):
+def test_separable_classes_are_learnt(outcome, rng):
     x, y, _ = blobs(rng)
     evidence = outcome.classifier.evidence(x, np.ones(len(x)))
     assert np.mean(np.array(evidence.labels()) == y) > 0.7
@@ -67,7 +67,7 @@ def test_reported_score_is_of_unseen_groups(outcome, rng):
 
 
 def test_degraded_copies_are_scored_apart(rng):
-    """Copies drowned in noise teach, but the score on top is that of the items as they came."""
+    """Noisy copies are trained on, but the main score is that of the original items."""
     x, y, g = blobs(rng, groups=15, shift=0.3)
     drowned = x + rng.normal(scale=4.0, size=x.shape)
     made = np.arange(2 * len(x)) >= len(x)
@@ -84,7 +84,7 @@ def test_degraded_copies_are_scored_apart(rng):
 
 
 def test_few_groups_make_no_model_sure_of_everything(rng):
-    """Two groups of each of two classes far apart: all is right on groups held out, and that is little to go by."""
+    """Two groups of each of two separate classes: held-out groups are all right, but there are only four."""
     x, y, g = blobs(rng, classes=2, groups=2, distance=6.0)
     trained = train(x, y, g, candidates=("logistic", "trees"))
     report = trained.report
@@ -97,8 +97,8 @@ def test_few_groups_make_no_model_sure_of_everything(rng):
     assert (evidence.probabilities.max(axis=1) > 0.9).mean() < 0.2
 
 
-def test_many_groups_outweigh_what_was_taken_for_granted(rng):
-    """Labels wrong at random in a third of the groups: the prior at a temperature of 1 gives way."""
+def test_many_groups_outweigh_the_prior_of_the_temperature(rng):
+    """Labels are wrong at random in a third of the groups; the prior favours a temperature of 1."""
     x, y, g = blobs(rng, groups=40, rows=4, shift=0.1, distance=8.0)
     wrong = np.isin(g, rng.permutation(np.unique(g))[:40])
     shifted = np.char.add("class", ((np.char.replace(y, "class", "").astype(int) + 1) % 3).astype(str))
@@ -167,8 +167,8 @@ def test_what_is_unlike_training_is_unknown(outcome, rng):
     assert huge.unknown[0]
 
 
-def test_quality_that_falls_near_the_gate_says_why(outcome, rng):
-    """From well inside to far outside: as soon as nearness to the gate costs a fifth, a reason names it."""
+def test_quality_that_falls_near_the_gate_has_a_reason(outcome, rng):
+    """From well inside to far outside: once the gate lowers quality by a fifth, a reason names it."""
     x, _, _ = blobs(rng, classes=1, groups=1, rows=1)
     evidence = outcome.classifier.evidence(x + np.linspace(0, 12, 400)[:, None], np.ones(400))
     close = ~evidence.unknown & (evidence.quality < 0.8)
@@ -187,7 +187,7 @@ def test_gate_keeps_its_false_rejection_rate_on_fresh_groups(rng):
     assert trained.report["gate"]["held_out_rejection"] < 0.06
 
 
-def test_the_report_says_how_ground_of_no_class_fares(rng):
+def test_the_report_states_how_ground_of_no_class_is_classified(rng):
     far = train(*blobs(rng, distance=25.0)).report
     assert far["gate"]["other_ground_rejection"] > 0.9
     assert not any("no class" in text for text in far["warnings"])
@@ -223,7 +223,7 @@ def test_shapes_that_disagree_are_refused(outcome):
         outcome.classifier.evidence(np.zeros((2, D)), np.ones(3))
 
 
-def test_nothing_in_nothing_out(outcome):
+def test_no_rows_give_no_evidence(outcome):
     evidence = outcome.classifier.evidence(np.empty((0, D)), np.empty(0))
     assert isinstance(evidence, ClassEvidence)
     assert len(evidence) == 0
@@ -252,7 +252,7 @@ def test_names_that_no_class_may_have_are_input_errors(name, says, rng):
         train(x, np.where(y == "class2", name, y), g)
 
 
-def test_class_with_a_single_group_is_said_not_scored(rng):
+def test_class_with_a_single_group_is_reported_not_scored(rng):
     x, y, g = blobs(rng)
     g = np.where(y == "class2", "only", g)
     report = train(x, y, g).report
@@ -261,7 +261,7 @@ def test_class_with_a_single_group_is_said_not_scored(rng):
     assert any("class2" in text for text in report["warnings"])
 
 
-def test_one_group_a_class_still_trains_and_says_so(rng):
+def test_one_group_a_class_trains_with_a_note(rng):
     x, y, _ = blobs(rng)
     trained = train(x, y, y)
     report = trained.report
@@ -293,7 +293,7 @@ def test_notes_on_the_material_stand_first_among_the_warnings(rng):
     assert train(x, y, g, notes=["Two were lost."]).report["warnings"][0] == "Two were lost."
 
 
-def test_weights_make_classes_even_and_large_groups_modest():
+def test_weights_balance_classes_and_limit_large_groups():
     y = np.array([0] * 100 + [0] + [1] * 10)
     group = np.array([0] * 100 + [1] + [2] * 10)
     weight = row_weights(y, group)
@@ -310,7 +310,7 @@ def test_same_seed_same_model_other_seed_other_model(rng):
     assert first.classifier.version != other.classifier.version
 
 
-def test_report_is_json_and_its_page_stands_alone(rng):
+def test_report_is_json_and_its_page_is_self_contained(rng):
     x, y, g = blobs(rng)
     y = np.where(y == "class1", "<script>alert(1)</script>", y)
     report = train(x, y, g, modality="a<b").report
@@ -323,7 +323,7 @@ def test_report_is_json_and_its_page_stands_alone(rng):
 
 
 def test_progress_rises_to_one(rng):
-    told = []
-    train(*blobs(rng), progress=told.append)
-    assert told == sorted(told)
-    assert told[-1] == 1.0
+    reported = []
+    train(*blobs(rng), progress=reported.append)
+    assert reported == sorted(reported)
+    assert reported[-1] == 1.0

@@ -43,7 +43,7 @@ def test_classes_count_alike_in_balanced_accuracy_only():
 @pytest.mark.parametrize(("groups", "k", "rows"), [(2, 2, 12), (3, 5, 6), (5, 2, 12), (20, 3, 4)])
 @pytest.mark.parametrize(("recall", "alike"), [(0.6, 2.0), (0.8, 20.0), (0.95, 2.0), (0.99, 5.0)])
 def test_nine_intervals_in_ten_hold_the_truth_at_least(groups, k, rows, recall, alike, rng):
-    """Groups differ in how often they are recognised (beta-distributed): 0.95 is promised."""
+    """The rate of recognition differs between groups (beta-distributed); the nominal level is 0.95."""
     held = []
     for _ in range(200):
         rate = rng.beta(recall * alike, (1 - recall) * alike, (k, groups))

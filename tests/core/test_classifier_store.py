@@ -1,4 +1,4 @@
-"""Models on disk: what comes back is what was saved, and nothing else is let in."""
+"""Models on disk: a saved model is read back unchanged, and anything else is refused."""
 
 import io
 import json
@@ -209,7 +209,7 @@ def test_arrays_that_are_not_finite_are_refused(saved):
 
 
 @pytest.mark.parametrize("field", ["left_child", "feature"])
-def test_a_tree_that_would_run_astray_is_refused(tmp_path, field):
+def test_a_tree_with_invalid_nodes_is_refused(tmp_path, field):
     rng = np.random.default_rng(1)
     y = np.repeat(["a", "b"], 40)
     x = rng.normal(size=(80, 2)) + (y == "a")[:, None]
@@ -237,7 +237,7 @@ def test_a_tree_that_would_run_astray_is_refused(tmp_path, field):
         TerrainClassifier.load(path)
 
 
-def test_an_array_that_promises_more_than_it_holds_is_refused(saved):
+def test_an_array_shorter_than_its_header_states_is_refused(saved):
     def damage(entries):
         name = next(name for name in entries if name.endswith(".npy"))
         header = io.BytesIO()
@@ -248,7 +248,7 @@ def test_an_array_that_promises_more_than_it_holds_is_refused(saved):
         TerrainClassifier.load(rewritten(saved, damage))
 
 
-def test_an_archive_that_swells_is_refused(saved, monkeypatch):
+def test_an_archive_that_unpacks_to_too_much_is_refused(saved, monkeypatch):
     monkeypatch.setattr(store, "MAX_CONTENT_BYTES", 1000)
     with pytest.raises(InputError, match="expected a smaller model"):
         TerrainClassifier.load(saved)

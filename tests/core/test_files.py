@@ -1,4 +1,4 @@
-"""Files are written whole or not at all, never over what is read, and what is no file stays what it is."""
+"""Files are written whole or not at all, never over an input, and a path that is no regular file is kept."""
 
 from __future__ import annotations
 
@@ -54,13 +54,13 @@ def test_a_pipe_is_written_to(tmp_path):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
-def test_a_device_that_takes_nothing_is_an_error_and_stays():
+def test_a_full_device_is_an_error_and_is_kept():
     with pytest.raises(InputError, match="/dev/full: cannot be written: No space left"):
         write_text("lost", Path("/dev/full"))
     assert Path("/dev/full").is_char_device()
 
 
-def test_where_nothing_may_be_made_is_one_line(tmp_path):
+def test_a_folder_that_takes_no_files_is_one_line(tmp_path):
     if not Path("/proc/self").exists():
         pytest.skip("no file system that makes no files")
     with pytest.raises(InputError, match="cannot be written"):

@@ -1,4 +1,4 @@
-"""Places that no ground vehicle gets to."""
+"""Positions that no ground vehicle can reach."""
 
 import numpy as np
 import pytest
@@ -45,7 +45,7 @@ def test_rows_without_a_pose_are_still_counted(tmp_path):
 
 
 @pytest.mark.parametrize(("x", "row"), [(moved(X, slice(80, None), 0.0), 82), (X + 5e3 * (T > 5.0), 103)])
-def test_a_frame_that_changes_on_the_way_is_refused(tmp_path, x, row):
+def test_a_frame_that_changes_within_a_drive_is_refused(tmp_path, x, row):
     with pytest.raises(InputError, match=rf"pose.csv, row {row}, column x_m: a jump of .* in 0.05 s.*50 m/s"):
         read_recording(written(tmp_path, x, Y))
 
@@ -56,7 +56,7 @@ def test_places_on_no_map_are_refused(tmp_path, x):
         read_recording(written(tmp_path, np.full(N, x), Y))
 
 
-def test_places_in_wheel_rows_are_looked_at_as_well(tmp_path):
+def test_positions_in_wheel_rows_are_checked_as_well(tmp_path):
     table = np.column_stack([T, np.full(N, 100.0), moved(X, [50], 0.0), Y])
     file = tmp_path / "wheel.csv"
     np.savetxt(file, table, "%.10g", ",", header="time_s,load_N,x_m,y_m", comments="")
@@ -76,7 +76,7 @@ def test_places_in_wheel_rows_that_jump_for_good_cost_the_places_only(tmp_path):
     assert "no place of the vehicle is taken from its wheels' rows: " in recording.problems[0]
 
 
-def test_what_a_vehicle_does_is_possible():
+def test_possible_motion_is_not_refused():
     """Driving fast, with times of receipt that bunch up, a clock of whole seconds, a rest, a correction, a long gap."""
     x = 30.0 * np.arange(0.0, 20.0, 0.1)
     bunched = np.repeat(np.arange(0.0, 20.0, 0.2), 2) + np.tile([0.0, 1e-3], 100)

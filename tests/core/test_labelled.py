@@ -70,7 +70,7 @@ def test_wrong_columns_and_stretches_are_named(header, row, says, folder):
         read_labelled(folder)
 
 
-def test_what_is_no_labelled_folder(tmp_path):
+def test_folders_that_are_not_labelled(tmp_path):
     with pytest.raises(InputError, match="no such folder"):
         read_labelled(tmp_path / "none")
     with pytest.raises(InputError, match=r"neither index\.csv nor"):
@@ -152,7 +152,7 @@ def test_a_class_folder_without_a_usable_file_is_named(folder):
         read_labelled(folder)
 
 
-def test_what_is_passed_over_beside_usable_files_is_noted(folder):
+def test_unusable_files_among_usable_ones_are_noted(folder):
     notes = []
     read_labelled(folder, notes)
     assert notes == ["Passed over in clay: .txt (1); used: 1."]

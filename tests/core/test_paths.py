@@ -1,4 +1,4 @@
-"""Files and folders that cannot be read, and what is no file: each is named, and said what it is."""
+"""Files and folders that cannot be read, and paths that are no files: each is named with its reason."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def loop(tmp_path):
 
 @pytest.fixture
 def shut(tmp_path):
-    """A folder that may not be looked into, with a file in it."""
+    """A folder without read permission, with a file in it."""
     folder = tmp_path / "shut"
     folder.mkdir()
     (folder / "a.csv").write_text("time_s\n")
@@ -51,13 +51,13 @@ def test_a_link_that_leads_to_itself(read, loop):
 
 
 @pytest.mark.parametrize("read", READERS)
-def test_a_file_in_a_folder_that_may_not_be_looked_into(read, shut):
+def test_a_file_in_a_folder_without_permission(read, shut):
     with pytest.raises(InputError, match=r"a\.csv: Permission denied"):
         read(shut / "a.csv")
 
 
 @pytest.mark.parametrize("read", READERS[:3])
-def test_what_is_no_file_is_said(read, tmp_path):
+def test_a_path_that_is_no_file_is_reported(read, tmp_path):
     (tmp_path / "x.csv").mkdir()
     with pytest.raises(InputError, match=r"x\.csv: a folder"):
         read(tmp_path / "x.csv")
@@ -75,6 +75,6 @@ def test_a_labelled_folder_with_a_link_to_itself_leaves_it_to_the_reader(loop):
         read_labelled(folder)
 
 
-def test_a_class_that_may_not_be_looked_into(shut):
+def test_a_class_folder_without_permission(shut):
     with pytest.raises(InputError, match="shut: Permission denied"):
         read_labelled(shut.parent)

@@ -1,4 +1,4 @@
-"""The registry of readers: a format of somebody else's is one class that registers itself."""
+"""The registry of readers: a format from outside the package is one class that registers itself."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bags are written here by rosbags and mcap, read back, and read once more with their ends cut off."""
+"""Bags written by rosbags and mcap, read whole and truncated."""
 
 import base64
 import json
@@ -250,7 +250,7 @@ def cut(path, share):
 
 @pytest.mark.parametrize("kind", ["mcap", "mcap_lz4"])
 @pytest.mark.parametrize("share", [0.5, 0.9])
-def test_of_a_bag_that_was_cut_off_what_is_readable_is_used(kind, share, tmp_path, rng, topic_map):
+def test_the_readable_part_of_a_truncated_bag_is_used(kind, share, tmp_path, rng, topic_map):
     drive, path = write_bag(kind, tmp_path, rng)
     cut(path, share)
     recording = read_recording(path, topics=topic_map)
@@ -275,7 +275,7 @@ def test_of_a_bag_that_was_cut_off_what_is_readable_is_used(kind, share, tmp_pat
     ],
 )
 @pytest.mark.parametrize("share", [0.5, 0.9])
-def test_what_repairs_a_bag_that_cannot_be_read_without_its_end_is_said(kind, repair, share, tmp_path, rng):
+def test_the_repair_of_an_unreadable_truncated_bag_is_named(kind, repair, share, tmp_path, rng):
     _, path = write_bag(kind, tmp_path, rng)
     file = cut(path, share)
     with pytest.raises(InputError, match=rf"cut off or damaged .*try `{repair}`") as refused:
@@ -311,7 +311,7 @@ def test_a_storage_file_that_fills_the_disk_is_not_unpacked(tmp_path, rng, monke
 
 
 @pytest.mark.parametrize("name", ["with space", "50 % #1"])
-def test_a_bag_whose_folder_has_signs_in_its_name_is_read(name, tmp_path, rng):
+def test_a_bag_whose_folder_has_special_characters_in_its_name_is_read(name, tmp_path, rng):
     (tmp_path / name).mkdir()
     _, path = write_bag("ros2_sqlite", tmp_path, rng)
     path = path.rename(tmp_path / name / "bag")
@@ -328,7 +328,7 @@ def test_a_ros2_bag_without_its_metadata_is_read(tmp_path, rng, topic_map):
 
 @pytest.mark.parametrize("kind", ["ros1", "ros2_sqlite", "mcap"])
 @pytest.mark.parametrize("share", [0.0, 0.002])
-def test_a_bag_of_which_nothing_is_left_is_an_error(kind, share, tmp_path, rng):
+def test_a_bag_without_a_readable_message_is_an_error(kind, share, tmp_path, rng):
     _, path = write_bag(kind, tmp_path, rng)
     file = cut(path, share)
     with pytest.raises(InputError, match=file.name.split(".")[0]):

@@ -88,7 +88,7 @@ def test_a_vehicle_may_be_given_instead(drive, tmp_path):
     other.write_text(VEHICLE.replace("0.2", "0.3"))
     np.testing.assert_allclose(read_recording(drive, vehicle=other).wheel["slip"], 0.5)
     wheel_alone = read_recording(drive / "wheel.csv")
-    np.testing.assert_allclose(wheel_alone.wheel["slip"], 0.25)  # the vehicle beside the file
+    np.testing.assert_allclose(wheel_alone.wheel["slip"], 0.25)  # vehicle.toml of the same folder
     assert wheel_alone.camera is None
 
 
@@ -104,7 +104,7 @@ def test_an_image_that_cannot_be_read_is_a_frame_with_its_problem(drive):
     assert "2.png: no such file" in frames[2].problem
 
 
-def test_sound_that_was_cut_off_is_said(drive):
+def test_truncated_sound_is_reported(drive):
     sound = drive / "sound.wav"
     sound.write_bytes(sound.read_bytes()[: 44 + RATE * 2])
     recording = read_recording(drive)
@@ -219,7 +219,7 @@ def test_an_image_that_is_a_link_to_itself_is_a_frame_without_one(drive):
     assert "a link that leads to itself" in frames[1].problem
 
 
-def test_what_is_no_recording(tmp_path):
+def test_paths_that_are_no_recording(tmp_path):
     with pytest.raises(InputError, match="no such file or folder"):
         read_recording(tmp_path / "nowhere")
     with pytest.raises(InputError, match="no stream of a recording in it"):

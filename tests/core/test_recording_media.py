@@ -108,7 +108,7 @@ def test_an_image_too_large_by_its_header_is_not_decoded(picture):
      (b"\xff\xd8\xff\xd9" + b"\0" * 9, "cut off"), (b"\xff\xd8abcdefgh", "no marker at byte 2"),
      (b"\x89PNG\r\n\x1a\n", "PNG cut off")],
 )  # fmt: skip
-def test_what_is_no_image(data, says):
+def test_files_that_are_no_image(data, says):
     with pytest.raises(InputError, match=says):
         decode_image(data, "x.jpg")
 
@@ -174,7 +174,7 @@ def test_empty_sound_in_each_meaning(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["wav", "flac", "ogg"])
-def test_half_a_sound_file_is_said_and_read_as_far_as_it_goes(kind, tone, tmp_path, rng):
+def test_half_a_sound_file_is_reported_and_read_as_far_as_it_goes(kind, tone, tmp_path, rng):
     tone += rng.normal(0, 0.1, len(tone)).astype(np.float32)  # so that Ogg needs more than one page
     path = tmp_path / f"x.{kind}"
     sf.write(path, tone, RATE)

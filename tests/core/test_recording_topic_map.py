@@ -50,7 +50,7 @@ def test_raw_images_of_each_encoding(tmp_path, rng):
     assert "bayer_odd" in frames[4].problem
 
 
-def test_missing_sound_messages_leave_a_gap_that_is_said(tmp_path, rng):
+def test_missing_sound_messages_leave_a_gap_that_is_reported(tmp_path, rng):
     types = typestore()
     kind = "std_msgs/msg/Float32MultiArray"
     layout = types.types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
@@ -73,7 +73,7 @@ def test_missing_sound_messages_leave_a_gap_that_is_said(tmp_path, rng):
     assert any("sample rate" in problem for problem in without.problems)
 
 
-def test_channels_of_a_topic_stay_beside_their_mix(tmp_path, rng):
+def test_channels_of_a_topic_are_kept_with_their_mix(tmp_path, rng):
     types = typestore()
     kind = "std_msgs/msg/Float32MultiArray"
     layout = types.types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
@@ -168,7 +168,7 @@ def test_a_force_sensor_whose_axis_points_up_has_its_load_turned(tmp_path):
     assert read_recording(path, topics=write(tmp_path, said)).wheel["load_N"].tolist() == [-80.0] * 5
 
 
-def test_mp3_is_said_and_left_out(tmp_path):
+def test_mp3_is_reported_and_left_out(tmp_path):
     types = typestore()
     kind = "audio_common_msgs/msg/AudioData"
     types.register(get_types_from_msg("uint8[] data", kind))

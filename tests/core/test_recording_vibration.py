@@ -31,15 +31,15 @@ def test_channels_come_on_one_clock(tmp_path, rng):
     assert any("pro_01.csv.gz" in problem and "without a value" in problem for problem in run.problems)
 
 
-def test_a_zero_wheel_speed_is_said(tmp_path, rng):
+def test_a_zero_wheel_speed_is_reported(tmp_path, rng):
     imu = write_run(tmp_path / "imu_01.csv", np.arange(200) / 100, wx=rng.normal(size=200))
     pro = write_run(tmp_path / "pro_01.csv", np.arange(14) * 0.15, curL=np.ones(14), velL=np.zeros(14))
-    recording = read_recording(imu)  # joins the file beside it
+    recording = read_recording(imu)  # joins pro_01.csv of the same folder
     assert recording.vibration.wheel_names == ("curL", "velL")
     assert recording.problems == (f"{pro.name}, column velL: zero in every row; the wheel speed was not recorded",)
 
 
-def test_a_faster_recording_is_low_passed_before_it_is_thinned_out(tmp_path):
+def test_a_faster_recording_is_low_passed_before_decimation(tmp_path):
     time = np.arange(4000) / 400
     slow, fast = np.sin(2 * np.pi * 10 * time), np.sin(2 * np.pi * 90 * time)  # 90 Hz would alias to 10 Hz
     run = read_vibration_run(write_run(tmp_path / "x.csv", time, a=slow, b=fast))
@@ -48,7 +48,7 @@ def test_a_faster_recording_is_low_passed_before_it_is_thinned_out(tmp_path):
     assert np.abs(run.channels[middle, 1]).max() < 0.02
 
 
-def test_gaps_stay_gaps_and_slow_recordings_are_said(tmp_path):
+def test_gaps_stay_gaps_and_slow_recordings_are_reported(tmp_path):
     time = np.concatenate([np.arange(100), np.arange(200, 300)]) / 100
     run = read_vibration_run(write_run(tmp_path / "x.csv", time, a=np.ones(200)))
     gone = np.isnan(run.channels[:, 0])

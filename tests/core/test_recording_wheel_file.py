@@ -146,13 +146,13 @@ def test_columns_that_are_known_or_read_are_not_named(wheel_csv):
     assert read_wheel(wheel_csv(f"time_s,{','.join(names)}\n0,{values}\n"))[1] == ()
 
 
-def test_a_last_row_that_was_cut_off_is_left_out_and_said(wheel_csv):
+def test_a_last_row_that_was_cut_off_is_left_out_and_reported(wheel_csv):
     table, problems = read_wheel(wheel_csv("time_s,load_N,slip\n0,1,0\n1,2,0\n2,3"))
     assert len(table) == 2
     assert problems == ("wheel.csv, row 4: cut off in mid-row, left out",)
 
 
-def test_bytes_that_editors_add_do_not_matter(wheel_csv):
+def test_byte_order_marks_and_line_ends_do_not_matter(wheel_csv):
     table = read_wheel_file(wheel_csv("\ufefftime_s, load_N\r\n0, 1\r\n1, 2\r\n\r\n"))
     np.testing.assert_array_equal(table["load_N"], [1.0, 2.0])
 
@@ -283,7 +283,7 @@ def test_real_wheel_files_and_their_slip(folder, n, tolerance, shared_data):
     np.testing.assert_allclose(derived, table["slip"], atol=tolerance)
 
 
-def test_a_wheel_file_of_many_rows_with_text_beside_numbers_is_read(shared_data):
+def test_a_wheel_file_of_many_rows_with_columns_of_text_is_read(shared_data):
     table = read_wheel_file(shared_data / "published-wheel-tests" / "wheel_tests.csv")
     assert "citation" not in table
     assert {"load_N", "slip", "drawbar_pull_N", "sinkage_m", "torque_Nm", "radius_m"} <= set(table.columns)

@@ -36,7 +36,7 @@ def test_pose_gives_places_and_speed():
     assert yaw[0, 0] == 0.0
 
 
-def test_the_wheels_speed_is_preferred_to_that_of_the_pose():
+def test_the_speed_is_that_of_the_wheels_where_there_are_poses_too():
     wheel = {"time_s": np.array([0.0, 10.0]), "travel_speed_m_s": np.array([1.5, 1.5])}
     track = track_of(recording(pose=straight(speed=2.0), wheel=wheel))
     np.testing.assert_allclose(track.speed_m_s, 1.5)
@@ -64,7 +64,7 @@ def test_a_travel_speed_that_no_vehicle_has_places_nothing():
         track_of(recording(wheel=wheel))
 
 
-def test_nothing_places_steady_trials_or_a_standing_start():
+def test_steady_trials_and_recordings_without_speeds_have_no_track():
     runs = np.array(["a", "a", "b"])
     wheel = {"time_s": np.arange(3.0), "travel_speed_m_s": np.ones(3)}
     assert track_of(recording(wheel=wheel, run=runs)) is None
@@ -87,7 +87,7 @@ def curve(time_s, *, without=(np.inf, np.inf), stood=(np.inf, np.inf)):
     return Pose(time_s, 10 * np.sin(way / 10), 10 - 10 * np.cos(way / 10), way / 10)
 
 
-def test_no_straight_line_leads_over_a_hole_in_the_poses():
+def test_gaps_in_the_poses_are_not_interpolated():
     track = track_of(recording(pose=curve(np.arange(0.0, 100.0, 0.05), without=(30.0, 60.0))))
     np.testing.assert_allclose(track.holes_s, [[30.0, 60.0]])
     assert "no places for 30.0 s from 30.0 s to 60.0 s" in track.problems[0]
@@ -99,14 +99,14 @@ def test_no_straight_line_leads_over_a_hole_in_the_poses():
     assert not window.any()
 
 
-def test_several_holes_are_summed_up():
+def test_several_gaps_are_summarised():
     time_s = np.arange(0.0, 100.0, 0.05)
     track = track_of(recording(pose=curve(time_s[(time_s < 10.01) | (time_s >= 11.99)], without=(30.0, 60.0))))
     assert "no places for 32.0 s, in 2 holes, the longest from 30.0 s to 60.0 s" in track.problems[0]
 
 
 @pytest.mark.parametrize("lost", [(0.0, 0.0), (4.5, 6.5)])
-def test_slow_poses_with_two_lost_are_no_hole(lost):
+def test_slow_poses_with_two_lost_are_no_gap(lost):
     pose = curve(np.arange(0.0, 30.0) + 0.05 * np.sin(np.arange(30.0)), without=lost)
     track = track_of(recording(pose=pose))
     assert not track.problems
@@ -114,14 +114,14 @@ def test_slow_poses_with_two_lost_are_no_hole(lost):
     assert np.abs(np.hypot(x, y - 10.0) - 10.0).max() < 0.15
 
 
-def test_poses_that_come_only_while_the_vehicle_moves_leave_no_hole():
+def test_poses_that_come_only_while_the_vehicle_moves_leave_no_gap():
     pose = curve(np.arange(0.0, 100.0, 0.05), without=(30.0, 60.0), stood=(30.0, 60.0))
     assert not track_of(recording(pose=pose)).problems
     turning = {"time_s": np.array([0.0, 100.0]), "travel_speed_m_s": np.array([1.0, 1.0])}
     assert track_of(recording(pose=pose, wheel=turning)).problems
 
 
-def test_every_steps_along_the_way_also_where_the_vehicle_stands():
+def test_samples_are_evenly_spaced_along_the_track_also_at_standstill():
     t = np.arange(0.0, 30.0, 0.1)
     x = np.where(t < 10, t, np.where(t < 20, 10.0, t - 10.0))
     track = track_of(recording(pose=Pose(t, x, np.zeros_like(x), np.zeros_like(x))))
@@ -131,7 +131,7 @@ def test_every_steps_along_the_way_also_where_the_vehicle_stands():
     np.testing.assert_allclose(steps[:-1], 0.5, atol=1e-6)
 
 
-def test_cells_under_four_wheels_on_a_bend_lie_beside_the_track():
+def test_cells_under_four_wheels_lie_on_both_sides_of_the_track():
     places = {"fl": (0.5, 1.0), "fr": (0.5, -1.0), "rl": (-0.5, 1.0), "rr": (-0.5, -1.0)}
     wheels = tuple(Wheel(radius_m=0.2, width_m=0.1, name=name, position_m=place) for name, place in places.items())
     track = track_of(recording(pose=straight()))

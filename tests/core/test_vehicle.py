@@ -1,4 +1,4 @@
-"""A vehicle file's faults are named as they were written."""
+"""Faults of a vehicle file are named by key and value."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ from bevameter.framework.core.vehicle import Wheel, load_vehicle
         ("[wheel]\nradius_m = 0.2\nwidth_m = 0.1\n[noise]\nload_N = true\n", r"key noise\.load_N: True"),
     ],
 )
-def test_a_fault_is_told_by_its_key_and_value(tmp_path, text, said):
-    """A wheel of 454 m was one whose file is in millimetres."""
+def test_a_fault_is_named_by_its_key_and_value(tmp_path, text, said):
+    """A radius of 454 m is one in millimetres."""
     path = tmp_path / "vehicle.toml"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=said):

@@ -1,4 +1,4 @@
-"""Drives made to measure for the database's tests."""
+"""Builders of drives for the tests of the database."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def estimate(c_Pa: float = 1000.0, tan_phi: float = 0.6, *, sd: tuple[float, flo
     )
 
 
-def felt(
+def soil(
     class_probabilities: dict[str, float], c_Pa: float = 1000.0, tan_phi: float = 0.6, at_s: float = 0.0, **options
 ) -> SoilObservation:
     return SoilObservation(
@@ -92,7 +92,7 @@ class Make:
 
     START = START
     estimate = staticmethod(estimate)
-    felt = staticmethod(felt)
+    soil = staticmethod(soil)
     seen = staticmethod(seen)
     drive = staticmethod(drive)
 
@@ -103,8 +103,8 @@ def make() -> type[Make]:
 
 
 @pytest.fixture
-def felt_drive(make) -> Drive:
-    """Two classes with soil, one cell of each, one cell unknown, one of a class that no wheel felt."""
+def drive_with_soil(make) -> Drive:
+    """Two classes with soil, one cell of each, one unknown cell, and one cell of a class without soil."""
     terrain = make.seen(
         [(0, 0), (1, 0), (2, 0), (-3, -2)],
         [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [1 / 3, 1 / 3, 1 / 3], [0.9, 0.05, 0.05]],
@@ -113,7 +113,7 @@ def felt_drive(make) -> Drive:
         reasons=[(), (), ("too dark", "blurred"), ()],
     )
     soils = tuple(
-        make.felt({name: 1.0}, c + 20.0 * index, t + 0.005 * index, at_s=10.0 * index)
+        make.soil({name: 1.0}, c + 20.0 * index, t + 0.005 * index, at_s=10.0 * index)
         for name, c, t in (("clay", 3000.0, 0.4), ("sand", 500.0, 0.6))
         for index in range(4)
     )

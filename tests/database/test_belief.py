@@ -6,7 +6,7 @@ from bevameter.framework.core.pooling import PROBABILITY_FLOOR, cells_from_keys
 CLASSES = ("clay", "sand")
 
 
-def test_a_single_look_is_taken_at_its_word(make):
+def test_a_single_look_keeps_its_probabilities(make):
     cells = combine([make.drive(terrain=make.seen([(0, 0)], [[0.3, 0.7]], quality=[0.2]))], CLASSES, 0.5)
     np.testing.assert_allclose(cells.probability, [[0.3, 0.7]])
 

@@ -17,9 +17,9 @@ SINKS = AugmentedSimulator({name: Estimated(value, 0.0) for name, value in VALUE
 
 
 @pytest.fixture
-def database(tmp_path, felt_drive):
+def database(tmp_path, drive_with_soil):
     with TerrainDatabase(tmp_path / "terrain.db") as database:
-        database.add_drive(felt_drive)
+        database.add_drive(drive_with_soil)
         yield database
 
 
@@ -32,7 +32,7 @@ def database(tmp_path, felt_drive):
         (3, "1 to 200 letters"),
     ],
 )  # fmt: skip
-def test_physics_of_what_nothing_will_match_is_not_stored(database, name, said):
+def test_physics_of_a_misspelt_or_reserved_class_is_not_stored(database, name, said):
     with pytest.raises(InputError, match=said) as caught:
         database.add_physics(name, SINKS, source="x")
     assert "class_name" in str(caught.value)
@@ -44,17 +44,17 @@ def test_physics_may_be_stored_ahead_of_drives_and_then_has_its_spelling(databas
     assert database.add_physics("moon dust", SINKS, source="x") == Added(1, 0)
     with pytest.raises(InputError, match="'moon dust'"):
         database.add_physics("Moon dust", SINKS, source="x")
-    assert database.add_physics("asphalt", SINKS, source="x") == Added(1, 0), "seen, and not felt yet"
+    assert database.add_physics("asphalt", SINKS, source="x") == Added(1, 0), "seen, without soil so far"
 
 
-def test_a_class_that_only_wheels_felt_has_its_spelling(database, make):
-    database.add_drive(make.drive("d2", soils=(make.felt({"gravel": 1.0}),)))
+def test_a_class_with_soil_only_has_its_spelling(database, make):
+    database.add_drive(make.drive("d2", soils=(make.soil({"gravel": 1.0}),)))
     with pytest.raises(InputError, match="'gravel'"):
         database.add_physics("Gravel", SINKS, source="x")
 
 
 @pytest.mark.parametrize(("name", "said"), [("Sand", "'sand'"), ("unknown", "closed gate")])
-def test_a_merge_takes_no_physics_that_nothing_will_match(database, tmp_path, name, said):
+def test_a_merge_takes_no_physics_of_a_misspelt_or_reserved_class(database, tmp_path, name, said):
     with TerrainDatabase(tmp_path / "other.db") as other:
         other.add_physics("gravel", SINKS, source="x")
         with closing(sqlite3.connect(tmp_path / "other.db")) as connection:  # as versions before stored it
@@ -81,7 +81,7 @@ def test_a_drive_whose_classes_are_one_is_not_stored(database, make):
         with pytest.raises(InputError, match="drive 'drive d3', classes"):
             database.add_drive(make.drive("d3", terrain))
     with pytest.raises(InputError, match="'Clay'"):
-        database.add_drive(make.drive("d3", soils=(make.felt({"Clay": 1.0}),)))
+        database.add_drive(make.drive("d3", soils=(make.soil({"Clay": 1.0}),)))
     assert len(database.drives()) == before
 
 

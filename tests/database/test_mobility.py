@@ -24,7 +24,7 @@ def view(make):
         unknown=[False, False, True, False],
     )
     soils = tuple(
-        make.felt({name: 1.0}, c, t, at_s=10.0 * index)
+        make.soil({name: 1.0}, c, t, at_s=10.0 * index)
         for name, c, t in (("clay", 3000.0, 0.4), ("sand", 500.0, 0.6))
         for index in range(40)
     )
@@ -34,7 +34,7 @@ def view(make):
 def test_the_pull_is_that_of_the_wheel_on_the_soil(view):
     answer = view.along([SAND, CLAY, DARK, ASPHALT])
     pull = answer.drawbar_pull(ROVER, slip=0.3)
-    assert pull.load_N == (80.0,)  # the load under which the soil was felt
+    assert pull.load_N == (80.0,)  # the load under which the soil was identified
     assert pull.known.tolist() == [True, True, False, False]
     assert pull.reason.tolist() == answer.reason.tolist()
     for index, (c_Pa, tan_phi) in enumerate(((500.0, 0.6), (3000.0, 0.4))):
@@ -78,7 +78,7 @@ def test_mobility(view):
 def test_ground_that_swallows_the_wheel_does_not_carry_it(view, make):
     mud = dataclasses.replace(make.estimate(50.0, 0.05))
     soft = {**mud.parameters, "stiffness_Pa": dataclasses.replace(mud.parameters["stiffness_Pa"], value=200.0, sd=10.0)}
-    soils = (dataclasses.replace(make.felt({"clay": 1.0}), estimate=dataclasses.replace(mud, parameters=soft)),) * 5
+    soils = (dataclasses.replace(make.soil({"clay": 1.0}), estimate=dataclasses.replace(mud, parameters=soft)),) * 5
     terrain = make.seen([(0, 0)], [[1.0, 0.0]])
     answer = Snapshot.derive("q", [make.drive(terrain=terrain, soils=soils)]).at(0.1, 0.1)
     assert answer.drawbar_pull(ROVER, slip=0.2, load_N=500.0).lower[0] == -math.inf
@@ -90,7 +90,7 @@ def test_without_the_other_parameters_there_is_no_prediction(make):
     bare = dataclasses.replace(
         estimate, parameters={name: value for name, value in estimate.parameters.items() if name != "k_m"}
     )
-    soils = (dataclasses.replace(make.felt({"sand": 1.0}), estimate=bare),)
+    soils = (dataclasses.replace(make.soil({"sand": 1.0}), estimate=bare),)
     terrain = make.seen([(0, 0)], [[0.0, 1.0]])
     answer = Snapshot.derive("q", [make.drive(terrain=terrain, soils=soils)]).at(0.1, 0.1)
     assert answer.known[0]  # the strength is known
@@ -127,7 +127,7 @@ def test_questions_that_make_no_sense(view, options, said):
 
 
 def test_a_load_must_be_known(make):
-    soils = (dataclasses.replace(make.felt({"sand": 1.0}), load_N=math.nan),)
+    soils = (dataclasses.replace(make.soil({"sand": 1.0}), load_N=math.nan),)
     answer = Snapshot.derive("q", [make.drive(soils=soils)]).at(0.1, 0.1)
     with pytest.raises(InputError, match="none"):
         answer.drawbar_pull(ROVER, slip=0.2)

@@ -27,7 +27,7 @@ def test_the_same_processing_is_the_same_drive(make):
         {"start_time": None},
     ],
 )
-def test_whatever_shapes_the_result_makes_another_drive(make, changes):
+def test_anything_that_affects_the_result_makes_another_drive(make, changes):
     assert dataclasses.replace(make.drive(), **changes).id != make.drive().id
 
 
@@ -71,10 +71,10 @@ def test_soil_without_estimate_needs_a_reason(make):
     with pytest.raises(ValueError, match="none"):
         SoilObservation(2.0, 1.0, 0.0, 0.0, {}, None, (0.0, 1.0), 10.0, gate_reason="too fast")
     with pytest.raises(ValueError, match="sum to one"):
-        make.felt({"sand": 0.8, "clay": 0.8})
+        make.soil({"sand": 0.8, "clay": 0.8})
 
 
-def test_nothing_seen_is_a_drive_too():
+def test_a_drive_without_observations_is_a_drive():
     assert len(TerrainObservations.nothing()) == 0
 
 

@@ -43,7 +43,7 @@ SINKS = physics(effect("slip_sinkage", "exponent", n1=0.6))
 def traverse(make):
     terrain = make.seen([(2, 0), (1, 0)], [[0.0, 1.0], [1.0, 0.0]])
     soils = tuple(
-        make.felt({name: 1.0}, c, t, at_s=10.0 * index)
+        make.soil({name: 1.0}, c, t, at_s=10.0 * index)
         for name, c, t in (("clay", 3000.0, 0.4), ("sand", 500.0, 0.6))
         for index in range(40)
     )
@@ -194,19 +194,19 @@ def test_what_the_fit_does_not_know_of_the_soil_widens_the_bound(traverse):
     sure = physics()
     sd = {"c_Pa": 400.0, "phi_rad": 0.06, "k_m": 0.002, "stiffness_Pa": 4e4, "n": 0.05}
     unsure = dataclasses.replace(sure, soil={name: Estimated(sure.soil[name].value, sd[name]) for name in PARAMETERS})
-    # Cohesion and friction make up for each other, as a fit to one load has them.
+    # Cohesion and friction are strongly correlated, as in a fit at one load.
     ridge = np.eye(5)
     ridge[0, 1] = ridge[1, 0] = -0.98
-    told = dataclasses.replace(unsure, correlation=tuple(map(tuple, ridge.tolist())))
+    correlated = dataclasses.replace(unsure, correlation=tuple(map(tuple, ridge.tolist())))
     unknown = dataclasses.replace(sure, soil={name: Estimated(sure.soil[name].value) for name in PARAMETERS})
-    exact, wide, narrow, nobody = map(answer, (sure, unsure, told, unknown))
+    exact, wide, narrow, nobody = map(answer, (sure, unsure, correlated, unknown))
     assert wide.lower[0] < narrow.lower[0] - 0.5 < exact.lower[0] - 1.0
     assert nobody.lower[0] < exact.lower[0] - 1.0
     assert wide.mean[0] == pytest.approx(exact.mean[0], abs=2.0)
 
 
 def test_the_bound_holds_where_soils_are_drawn_from_what_the_fit_knows(traverse):
-    """Of soils that the fit allows, one of twenty pulls less than the bound, or fewer: places differ besides."""
+    """Of soils within the fit's uncertainty one in twenty pulls less than the bound, or fewer."""
     sd = {"c_Pa": 400.0, "phi_rad": 0.06, "k_m": 0.004, "stiffness_Pa": 1e5, "n": 0.15}
     found = AugmentedSimulator({name: Estimated(getattr(SOIL, name), sd[name]) for name in PARAMETERS})
     view = Snapshot.derive("q", [traverse], {"sand": found}).along([SAND], confidence=0.95)
@@ -284,8 +284,8 @@ def test_physics_that_cannot_even_be_decoded_is_one_line(tmp_path, traverse, sta
     assert len(str(caught.value)) < 1000
 
 
-def test_mobility_uses_it_and_a_class_whose_k_no_stretch_told_becomes_predictable(make):
-    blind = make.felt({"sand": 1.0}, 500.0, 0.6)
+def test_mobility_uses_it_and_a_class_without_an_estimate_of_k_becomes_predictable(make):
+    blind = make.soil({"sand": 1.0}, 500.0, 0.6)
     parameters = {name: entry for name, entry in blind.estimate.parameters.items() if name != "k_m"}
     blind = dataclasses.replace(blind, estimate=dataclasses.replace(blind.estimate, parameters=parameters))
     terrain = make.seen([(2, 0)], [[0.0, 1.0]])
@@ -300,7 +300,7 @@ def test_mobility_uses_it_and_a_class_whose_k_no_stretch_told_becomes_predictabl
     assert worse.drawbar_pull_lower[0] < answer.drawbar_pull_lower[0]
 
 
-def test_a_snapshot_stays_what_it_was_and_asks_no_database(tmp_path, traverse):
+def test_a_snapshot_does_not_change_and_needs_no_database(tmp_path, traverse):
     path = tmp_path / "terrain.db"
     with TerrainDatabase(path) as database:
         database.add_drive(traverse)

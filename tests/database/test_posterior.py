@@ -25,7 +25,7 @@ def test_lower_bounds_cover_new_places(places, relative_noise):
         estimates += np.array([rng.multivariate_normal([0.0, 0.0], one) for one in noise])
         location, scale, freedom = random_effects(estimates, noise, np.ones(places), PRIOR).predict(GRADIENT)
         bound = location + scale * stdtrit(freedom, 0.05)
-        # The share of all places of the class that hold what the bound promises, exactly.
+        # The exact share of all places of the class that are stronger than the bound.
         covered.append(ndtr((GRADIENT @ MEAN - bound) / np.sqrt(GRADIENT @ scatter @ GRADIENT)))
     # With few stretches the prior's wide tails err on the side of caution.
     assert 0.93 <= np.mean(covered) <= (0.985 if places == 3 else 0.97), np.mean(covered)
@@ -62,8 +62,8 @@ def test_precise_stretches_count_more():
 
 
 def test_improbable_stretches_count_less(make):
-    soils = [make.felt({"sand": 1.0}, 1000.0), make.felt({"sand": 0.55, "clay": 0.45}, 2000.0)]
-    alike = [soils[0], make.felt({"sand": 1.0}, 2000.0)]
+    soils = [make.soil({"sand": 1.0}, 1000.0), make.soil({"sand": 0.55, "clay": 0.45}, 2000.0)]
+    alike = [soils[0], make.soil({"sand": 1.0}, 2000.0)]
     assert class_soils(soils)["sand"].strength.mean[0] < class_soils(alike)["sand"].strength.mean[0] - 50
     assert class_soils(soils)["sand"].weight == pytest.approx(1.55)
 
@@ -72,22 +72,22 @@ def test_more_places_make_the_bound_tighter(make):
     bounds = []
     for number in (1, 2, 5, 20):
         spread = np.linspace(-1.0, 1.0, number) if number > 1 else [0.0]
-        soils = [make.felt({"sand": 1.0}, 1000.0 + 150.0 * one, 0.6 + 0.03 * one) for one in spread]
+        soils = [make.soil({"sand": 1.0}, 1000.0 + 150.0 * one, 0.6 + 0.03 * one) for one in spread]
         location, scale, freedom = class_soils(soils)["sand"].strength.predict(GRADIENT)
         bounds.append(location + scale * stdtrit(freedom, 0.05))
     assert np.all(np.diff(bounds) > 0)
-    assert bounds[0] > 0  # even one stretch tells something
+    assert bounds[0] > 0  # even one stretch is informative
 
 
-def test_classes_that_no_wheel_felt_are_absent(make):
+def test_classes_without_soil_are_absent(make):
     soils = [
-        make.felt({"sand": 0.9, "clay": 0.1}),
-        make.felt({"clay": 0.4, "loam": 0.3, "sand": 0.3}),  # nobody knows what this was
-        make.felt({}),
-        make.felt({"gravel": 1.0}, gate_reason="too fast"),
-        dataclasses.replace(make.felt({"grass": 1.0}), estimate=None, gate_reason="no slip"),
+        make.soil({"sand": 0.9, "clay": 0.1}),
+        make.soil({"clay": 0.4, "loam": 0.3, "sand": 0.3}),  # no class is probable
+        make.soil({}),
+        make.soil({"gravel": 1.0}, gate_reason="too fast"),
+        dataclasses.replace(make.soil({"grass": 1.0}), estimate=None, gate_reason="no slip"),
         dataclasses.replace(
-            make.felt({"loam": 1.0}),
+            make.soil({"loam": 1.0}),
             estimate=dataclasses.replace(make.estimate(), covariance_c_tan_phi=np.full((2, 2), np.inf)),
         ),
     ]
@@ -96,12 +96,12 @@ def test_classes_that_no_wheel_felt_are_absent(make):
     assert class_soils([]) == {}
 
 
-def test_parameters_that_nothing_told_are_absent(make):
+def test_parameters_without_an_estimate_are_absent(make):
     estimate = make.estimate()
     bare = dataclasses.replace(
         estimate, parameters={name: value for name, value in estimate.parameters.items() if name != "k_m"}
     )
-    soil = class_soils([dataclasses.replace(make.felt({"sand": 1.0}), estimate=bare)])["sand"]
+    soil = class_soils([dataclasses.replace(make.soil({"sand": 1.0}), estimate=bare)])["sand"]
     assert set(soil.others) == {"log_stiffness", "n"}
 
 
@@ -110,7 +110,7 @@ def test_a_singular_covariance_is_fine(make):
     tied = np.outer([1000.0, -0.05], [1000.0, -0.05])
     soils = [
         dataclasses.replace(
-            make.felt({"sand": 1.0}, c, t),
+            make.soil({"sand": 1.0}, c, t),
             estimate=dataclasses.replace(make.estimate(c, t), covariance_c_tan_phi=tied),
         )
         for c, t in ((1000.0, 0.6), (3000.0, 0.5), (200.0, 0.64))
@@ -129,8 +129,8 @@ def lower_bound(soils) -> float:
 
 
 def test_pieces_of_one_stretch_are_one_place_however_finely_it_is_cut(make):
-    pieces = [make.felt({"sand": 1.0}, 1000.0 + 100.0 * (-1) ** each, at_s=5.0 * each) for each in range(16)]
-    whole = make.felt({"sand": 1.0})
+    pieces = [make.soil({"sand": 1.0}, 1000.0 + 100.0 * (-1) ** each, at_s=5.0 * each) for each in range(16)]
+    whole = make.soil({"sand": 1.0})
     assert class_soils(pieces)["sand"].weight == 1.0
     assert class_soils(pieces)["sand"].stretches == 16
     assert lower_bound(pieces) <= lower_bound([whole])
@@ -143,11 +143,11 @@ def misfitting(soil):
 
 
 def test_estimates_of_a_wrong_form_never_tighten_the_bound(make):
-    fitting = [make.felt({"sand": 1.0}, 1000.0 + 150.0 * one, at_s=20.0 * one) for one in range(3)]
-    wrong = [misfitting(make.felt({"sand": 1.0}, 1100.0, at_s=100.0 + 20.0 * one)) for one in range(9)]
+    fitting = [make.soil({"sand": 1.0}, 1000.0 + 150.0 * one, at_s=20.0 * one) for one in range(3)]
+    wrong = [misfitting(make.soil({"sand": 1.0}, 1100.0, at_s=100.0 + 20.0 * one)) for one in range(9)]
     assert lower_bound(fitting + wrong) == lower_bound(fitting)
     assert lower_bound(wrong) <= lower_bound(wrong[:1])
-    between = [make.felt({"sand": 1.0}, at_s=5.0 * one) for one in range(3)]
+    between = [make.soil({"sand": 1.0}, at_s=5.0 * one) for one in range(3)]
     between[1] = misfitting(between[1])
     assert class_soils(between)["sand"].weight == 1.0
     assert class_soils(wrong)["sand"].misfits

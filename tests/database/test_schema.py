@@ -43,10 +43,10 @@ def test_migrations_make_the_tables_that_the_code_expects(tmp_path):
     engine.dispose()
 
 
-def test_a_new_database_opens_again_for_reading(tmp_path, felt_drive):
+def test_a_new_database_opens_again_for_reading(tmp_path, drive_with_soil):
     path = tmp_path / "with space % and ü.db"
     with TerrainDatabase(path) as database:
-        database.add_drive(felt_drive)
+        database.add_drive(drive_with_soil)
     before = path.read_bytes()
     with TerrainDatabase(f"sqlite:///{path}", must_exist=True) as database:
         assert database.name == str(path)
@@ -98,10 +98,10 @@ def test_files_that_are_no_database_are_left_alone(tmp_path, must_exist):
     assert text.read_text() == "dear diary\n" * 100
 
 
-def test_a_truncated_database_is_one_line(tmp_path, felt_drive):
+def test_a_truncated_database_is_one_line(tmp_path, drive_with_soil):
     path = tmp_path / "terrain.db"
     with TerrainDatabase(path) as database:
-        database.add_drive(felt_drive)
+        database.add_drive(drive_with_soil)
     path.write_bytes(path.read_bytes()[:9000])
     with pytest.raises(InputError) as caught, TerrainDatabase(path, must_exist=True) as database:
         database.snapshot()
@@ -124,10 +124,10 @@ def test_a_truncated_database_is_one_line(tmp_path, felt_drive):
         ("drive", "models", "4", "drive 'drive d1': "),
     ],
 )
-def test_what_is_damaged_is_named_in_one_line(tmp_path, felt_drive, table, column, value, said):
+def test_what_is_damaged_is_named_in_one_line(tmp_path, drive_with_soil, table, column, value, said):
     path = tmp_path / "t.db"
     with TerrainDatabase(path) as database:
-        database.add_drive(felt_drive)
+        database.add_drive(drive_with_soil)
     with closing(sqlite3.connect(path)) as connection, connection:
         connection.execute(f"UPDATE {table} SET {column} = ?", (value,))
     with (
@@ -139,13 +139,13 @@ def test_what_is_damaged_is_named_in_one_line(tmp_path, felt_drive, table, colum
 
 
 @pytest.mark.parametrize("mean", [[-5000, -3], [1e9, 0.5], [500, 40]])
-def test_an_estimate_of_no_soil_is_not_answered(tmp_path, felt_drive, mean):
+def test_an_estimate_of_no_soil_is_not_answered(tmp_path, drive_with_soil, mean):
     path = tmp_path / "t.db"
     with TerrainDatabase(path) as database:
-        database.add_drive(felt_drive)
+        database.add_drive(drive_with_soil)
     with closing(sqlite3.connect(path)) as connection, connection:
-        told = "UPDATE soil_observation SET estimate = json_set(estimate, '$.mean_c_tan_phi', json(?))"
-        connection.execute(told, (str(mean),))
+        statement = "UPDATE soil_observation SET estimate = json_set(estimate, '$.mean_c_tan_phi', json(?))"
+        connection.execute(statement, (str(mean),))
     with (
         TerrainDatabase(path, must_exist=True) as database,
         pytest.raises(InputError, match=r"mean_c_tan_phi .*no soil"),
@@ -153,7 +153,7 @@ def test_an_estimate_of_no_soil_is_not_answered(tmp_path, felt_drive, mean):
         database.snapshot()
 
 
-def test_a_missing_folder_is_said(tmp_path):
+def test_a_missing_folder_is_reported(tmp_path):
     with pytest.raises(InputError, match="no such folder"):
         TerrainDatabase(tmp_path / "nowhere" / "terrain.db")
 
@@ -161,12 +161,12 @@ def test_a_missing_folder_is_said(tmp_path):
 @pytest.mark.skipif(
     os.name == "nt" or not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write anywhere"
 )
-def test_a_file_that_may_not_be_written_is_said(tmp_path, felt_drive):
+def test_a_file_that_may_not_be_written_is_reported(tmp_path, drive_with_soil):
     path = tmp_path / "terrain.db"
     TerrainDatabase(path).close()
     path.chmod(0o444)
     with TerrainDatabase(path) as database, pytest.raises(InputError, match="readonly"):
-        database.add_drive(felt_drive)
+        database.add_drive(drive_with_soil)
 
 
 @pytest.mark.parametrize(
@@ -226,14 +226,14 @@ def server():
             subprocess.run(["pg_ctl", "-D", data, "-m", "immediate", "stop"], stdout=subprocess.DEVNULL)
 
 
-def test_the_same_on_postgresql(server, tmp_path, felt_drive, make):
-    total = len(felt_drive.terrain) + len(felt_drive.soils)
+def test_the_same_on_postgresql(server, tmp_path, drive_with_soil, make):
+    total = len(drive_with_soil.terrain) + len(drive_with_soil.soils)
     with pytest.raises(InputError, match="holds no terrain database"):
         TerrainDatabase(server, must_exist=True)
     with TerrainDatabase(server) as database, TerrainDatabase(tmp_path / "terrain.db") as file:
-        assert database.add_drive(felt_drive) == Added(total, 0)
-        assert database.add_drive(felt_drive) == Added(0, total)
-        file.add_drive(make.drive("d2", soils=(make.felt({"sand": 1.0}),)))
+        assert database.add_drive(drive_with_soil) == Added(total, 0)
+        assert database.add_drive(drive_with_soil) == Added(0, total)
+        file.add_drive(make.drive("d2", soils=(make.soil({"sand": 1.0}),)))
         assert database.merge(file) == Added(3, 0)
         assert file.merge(database) == Added(total, 3)
         there, here = database.snapshot(), file.snapshot()
@@ -242,4 +242,4 @@ def test_the_same_on_postgresql(server, tmp_path, felt_drive, make):
             here.along(place).shear_strength_lower.tolist()[:2]
         )
         assert there.along(place).reason.tolist() == here.along(place).reason.tolist()
-        assert [drive.id for drive in database.drives()] == [felt_drive.id, make.drive("d2").id]
+        assert [drive.id for drive in database.drives()] == [drive_with_soil.id, make.drive("d2").id]

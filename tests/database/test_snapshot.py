@@ -15,8 +15,8 @@ SAND, CLAY, DARK, ASPHALT, NOWHERE = (0.1, 0.1), (0.6, 0.1), (1.2, 0.1), (-1.3, 
 
 
 @pytest.fixture
-def view(felt_drive) -> Snapshot:
-    return Snapshot.derive("quarry", [felt_drive])
+def view(drive_with_soil) -> Snapshot:
+    return Snapshot.derive("quarry", [drive_with_soil])
 
 
 def arrays(thing, seen=None):
@@ -96,7 +96,7 @@ def test_ground_without_any_soil_data(make):
     assert ahead.class_probability[0].tolist() == pytest.approx([0.1, 0.9])
 
 
-def test_nothing_can_be_changed(view):
+def test_answers_are_read_only(view):
     found = list(arrays(view))
     assert len(found) > 10
     assert not any(array.flags.writeable for array in found)
@@ -112,19 +112,19 @@ def test_nothing_can_be_changed(view):
     with pytest.raises(ValueError, match="read-only"):
         answer.class_probability[:] = 0.0
     path = np.array([SAND, CLAY])
-    asked = view.along(path)
+    answer = view.along(path)
     path[:] = 0.0  # the path stays the planner's own
-    np.testing.assert_array_equal(asked.x, [SAND[0], CLAY[0]])
+    np.testing.assert_array_equal(answer.x, [SAND[0], CLAY[0]])
     np.testing.assert_array_equal(view.along([SAND, CLAY], now=0.0).class_probability, before.class_probability)
 
 
-def test_answers_need_no_database_any_more(tmp_path, felt_drive, make):
+def test_answers_need_no_database_any_more(tmp_path, drive_with_soil, make):
     path = tmp_path / "terrain.db"
     with TerrainDatabase(path) as database:
-        database.add_drive(felt_drive)
+        database.add_drive(drive_with_soil)
         frozen = database.snapshot()
         before = frozen.along([SAND, CLAY, DARK], now=0.0).shear_strength_lower
-        database.add_drive(make.drive("d2", soils=(make.felt({"sand": 1.0}, 9000.0),)))
+        database.add_drive(make.drive("d2", soils=(make.soil({"sand": 1.0}, 9000.0),)))
         assert database.snapshot().at(*SAND).cohesion[0] > 2 * frozen.at(*SAND).cohesion[0]
     path.unlink()
     np.testing.assert_array_equal(frozen.along([SAND, CLAY, DARK], now=0.0).shear_strength_lower, before)
@@ -159,7 +159,7 @@ def test_the_bound_of_a_mixture_is_the_mixtures_quantile(rng):
 
 
 def test_classes_without_soil_count_as_no_strength(make):
-    soils = tuple(make.felt({"sand": 1.0}, 500.0 + 20.0 * index) for index in range(9))
+    soils = tuple(make.soil({"sand": 1.0}, 500.0 + 20.0 * index) for index in range(9))
     bounds = []
     for asphalt in (0.0, 0.02, 0.045, 0.06):
         terrain = make.seen([(0, 0)], [[asphalt, 1.0 - asphalt]], classes=("asphalt", "sand"))
@@ -170,22 +170,22 @@ def test_classes_without_soil_count_as_no_strength(make):
     assert math.isnan(bounds[3])
 
 
-def test_uncertainty_of_the_class_widens_the_covariance(make, felt_drive):
+def test_uncertainty_of_the_class_widens_the_covariance(make, drive_with_soil):
     terrain = make.seen([(0, 0), (1, 0)], [[0.5, 0.5], [0.001, 0.999]])
-    answer = Snapshot.derive("q", [dataclasses.replace(felt_drive, terrain=terrain)]).along([SAND, CLAY])
+    answer = Snapshot.derive("q", [dataclasses.replace(drive_with_soil, terrain=terrain)]).along([SAND, CLAY])
     assert answer.covariance[0, 0, 0] > 1250.0**2 > answer.covariance[1, 0, 0]
     # Three quarters of the way down the weaker class still holds nearly half of the mass.
     assert answer.shear_strength_lower[0] < answer.shear_strength_lower[1]
     np.testing.assert_allclose(answer.soil_weight.sum(axis=1), 1.0)
 
 
-def test_age(view, make, felt_drive):
+def test_age(view, make, drive_with_soil):
     now = make.START + timedelta(hours=1)
     answer = view.along([SAND, CLAY, DARK, NOWHERE], now=now)
     assert answer.age[:3].tolist() == [3600.0, 3599.0, 3598.0]
     assert math.isnan(answer.age[3])
     assert view.at(*SAND, now=now.replace(tzinfo=None)).age == view.at(*SAND, now=now.timestamp()).age
-    undated = Snapshot.derive("q", [dataclasses.replace(felt_drive, start_time=None)])
+    undated = Snapshot.derive("q", [dataclasses.replace(drive_with_soil, start_time=None)])
     assert math.isnan(undated.at(*SAND).age[0])
     assert undated.at(*SAND).known[0]
 
@@ -230,12 +230,12 @@ def test_questions_that_make_no_sense(view, ask, said):
         ask(view)
 
 
-def test_strength_far_from_the_stresses_driven_is_said_to_be_extrapolated(view):
+def test_strength_far_from_the_stresses_driven_is_reported_to_be_extrapolated(view):
     """Driven at 5 to 30 kPa."""
-    asked = [view.class_answer("sand", normal_stress=stress) for stress in (1e3, 5e3, 50e3, 70e3, 1e9)]
-    assert [bool(each.extrapolated[0]) for each in asked] == [True, False, False, True, True]
+    answers = [view.class_answer("sand", normal_stress=stress) for stress in (1e3, 5e3, 50e3, 70e3, 1e9)]
+    assert [bool(each.extrapolated[0]) for each in answers] == [True, False, False, True, True]
     assert not view.class_answer("asphalt", normal_stress=1e9).extrapolated.any()
     # The bound holds the error of the line's slope, however far it is drawn.
     strength = view.soils["sand"].strength
     slope_sd = math.sqrt(strength.predictive_covariance[1, 1])
-    assert asked[-1].shear_strength_lower[0] < 1e9 * (strength.mean[1] - 1.64 * slope_sd)
+    assert answers[-1].shear_strength_lower[0] < 1e9 * (strength.mean[1] - 1.64 * slope_sd)

@@ -28,14 +28,14 @@ def content(path: Path) -> dict[str, list]:
     return rows
 
 
-def test_a_drive_is_stored_once(tmp_path, felt_drive):
+def test_a_drive_is_stored_once(tmp_path, drive_with_soil):
     path = tmp_path / "terrain.db"
-    total = len(felt_drive.terrain) + len(felt_drive.soils)
+    total = len(drive_with_soil.terrain) + len(drive_with_soil.soils)
     with TerrainDatabase(path) as database:
-        assert database.add_drive(felt_drive) == Added(total, 0)
+        assert database.add_drive(drive_with_soil) == Added(total, 0)
     before = content(path)
     with TerrainDatabase(path) as database:
-        assert database.add_drive(felt_drive) == Added(0, total)
+        assert database.add_drive(drive_with_soil) == Added(0, total)
     assert content(path) == before
     assert not path.with_name("terrain.db-wal").exists()  # one file to copy
 
@@ -44,9 +44,9 @@ def test_drives_come_back_as_they_went_in(tmp_path, make):
     vague = dataclasses.replace(make.estimate().parameters["k_m"], sd=math.inf)
     odd = dataclasses.replace(make.estimate(), misfit=math.nan, parameters={"k_m": vague})
     soils = (
-        dataclasses.replace(make.felt({"sand": 0.7, "clay": 0.3}), estimate=odd, x_m=math.nan),
-        dataclasses.replace(make.felt({}, at_s=20.0), estimate=None, gate_reason="too fast", load_N=math.nan),
-        make.felt({"sand": 1.0}, at_s=40.0, effects=(SoilEffect("slip_sinkage", {"n1": 0.2}),)),
+        dataclasses.replace(make.soil({"sand": 0.7, "clay": 0.3}), estimate=odd, x_m=math.nan),
+        dataclasses.replace(make.soil({}, at_s=20.0), estimate=None, gate_reason="too fast", load_N=math.nan),
+        make.soil({"sand": 1.0}, at_s=40.0, effects=(SoilEffect("slip_sinkage", {"n1": 0.2}),)),
     )
     terrain = make.seen(
         [(-5, 7), (2**31 - 1, -(2**31) + 1)], [[0.25, 0.75], [0.5, 0.5]], unknown=[False, True],
@@ -76,7 +76,7 @@ def test_drives_come_back_as_they_went_in(tmp_path, make):
     assert effect == dataclasses.replace(soils[2], estimate=effect.estimate)
 
 
-def test_a_drive_that_saw_and_felt_nothing_is_known_afterwards(tmp_path, make):
+def test_a_drive_without_observations_is_known_afterwards(tmp_path, make):
     nothing = make.drive(terrain=TerrainObservations.nothing())
     with TerrainDatabase(tmp_path / "terrain.db") as database:
         assert database.add_drive(nothing) == Added(0, 0)
@@ -85,7 +85,7 @@ def test_a_drive_that_saw_and_felt_nothing_is_known_afterwards(tmp_path, make):
 
 
 @pytest.mark.parametrize("fault", [KeyboardInterrupt, RuntimeError])
-def test_an_interrupted_drive_leaves_nothing(tmp_path, felt_drive, make, monkeypatch, fault):
+def test_an_interrupted_drive_leaves_nothing(tmp_path, drive_with_soil, make, monkeypatch, fault):
     path = tmp_path / "terrain.db"
     monkeypatch.setattr(store_module, "_CHUNK", 2)
     with TerrainDatabase(path) as database:
@@ -100,10 +100,10 @@ def test_an_interrupted_drive_leaves_nothing(tmp_path, felt_drive, make, monkeyp
         original = store_module.soil_rows
         monkeypatch.setattr(store_module, "soil_rows", breaks_off)
         with pytest.raises(fault):
-            database.add_drive(felt_drive)
+            database.add_drive(drive_with_soil)
         assert content(path) == before
         monkeypatch.setattr(store_module, "soil_rows", original)
-        assert database.add_drive(felt_drive).new == len(felt_drive.terrain) + len(felt_drive.soils)
+        assert database.add_drive(drive_with_soil).new == len(drive_with_soil.terrain) + len(drive_with_soil.soils)
 
 
 _CHILD = textwrap.dedent("""
@@ -213,7 +213,7 @@ def test_merging_is_set_union(tmp_path_factory, empty_database, make, parts):
         shutil.copy(empty_database, folder / name)  # to make one takes longer than all that follows
         with TerrainDatabase(folder / name) as database:
             for digest, model in sorted(part):
-                soils = (make.felt({"sand": 1.0}, 900.0 + digest),)
+                soils = (make.soil({"sand": 1.0}, 900.0 + digest),)
                 database.add_drive(make.drive(str(digest), soils=soils, model=str(model)))
 
     def merged(*order: str) -> Path:
@@ -236,7 +236,7 @@ def test_merging_says_what_was_new_and_does_not_touch_the_other(tmp_path, make):
     with TerrainDatabase(tmp_path / "a.db") as one, TerrainDatabase(tmp_path / "b.db") as two:
         one.add_drive(make.drive("d1"))
         two.add_drive(make.drive("d1"))
-        two.add_drive(make.drive("d2", soils=(make.felt({"sand": 1.0}),)))
+        two.add_drive(make.drive("d2", soils=(make.soil({"sand": 1.0}),)))
         before = content(tmp_path / "b.db")
         assert one.merge(two) == Added(3, 2)
         assert one.merge(two) == Added(0, 5)

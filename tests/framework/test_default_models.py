@@ -1,4 +1,4 @@
-"""Where a run finds its models, and how the default ones are cached."""
+"""The folder of a run's models, and the cache of the default models."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_a_default_model_is_trained_once_and_then_cached(cache, tmp_path):
     assert cache == ["vision"]
 
 
-def test_a_damaged_cache_is_made_anew(cache, tiny):
+def test_a_damaged_cache_is_rebuilt(cache, tiny):
     default_model("audio")
     path = cached_path("audio")
     path.write_bytes(path.read_bytes()[:500])
@@ -58,7 +58,7 @@ def test_a_damaged_cache_is_made_anew(cache, tiny):
     assert TerrainClassifier.load(path).version == tiny["audio"].version
 
 
-def test_a_cached_model_of_another_sense_is_not_believed(cache, tiny):
+def test_a_cached_model_of_another_sense_is_not_used(cache, tiny):
     path = cached_path("audio")
     path.parent.mkdir(parents=True)
     tiny["vision"].save(path)
@@ -76,7 +76,7 @@ def test_an_interrupted_training_leaves_no_model(cache, monkeypatch):
     assert not cached_path("vision").exists()
 
 
-def test_models_are_found_beside_the_database(cache, tiny, tmp_path):
+def test_models_are_found_next_to_the_database(cache, tiny, tmp_path):
     database = tmp_path / "site.db"
     tiny["vision"].save(tmp_path / "site.models" / "vision.skops")
     models = find_models(None, database)
@@ -87,7 +87,7 @@ def test_models_are_found_beside_the_database(cache, tiny, tmp_path):
     assert "synthetic ground only" in models.warnings[0]
 
 
-def test_a_folder_that_is_named_goes_before_the_databases(cache, tiny, tmp_path):
+def test_a_folder_that_is_given_has_precedence_over_the_databases(cache, tiny, tmp_path):
     for folder in ("site.models", "mine"):
         for sense in ("vision", "audio"):
             tiny[sense].save(tmp_path / folder / f"{sense}.skops")

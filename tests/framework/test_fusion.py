@@ -1,4 +1,4 @@
-"""Fusion: who is believed where a sense drops out, whether 0.9 means nine in ten, and that order does not matter."""
+"""Fusion: drop-outs of a sense, calibration, and independence of order."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_noise_drop_out_leaves_the_cameras_verdict():
     assert not belief.unknown[0]
 
 
-def test_both_closed_is_unknown_and_says_why():
+def test_both_closed_is_unknown_with_the_reasons():
     belief = fuse(
         [
             sense("camera", [[3, -4]], [None], reason="blurred"),
@@ -95,7 +95,7 @@ def test_low_quality_tempers_towards_the_uniform():
     assert low.quality[0] == pytest.approx(0.3)
 
 
-def test_contradiction_of_sharp_senses_lowers_quality_and_says_so():
+def test_contradiction_of_certain_senses_lowers_quality_with_a_reason():
     belief = fuse([sense("camera", [[0, 0]], [SAND]), sense("microphone", [[0, 0]], [GRAVEL])])
     assert belief.quality[0] < 0.35
     assert belief.reasons[0] == ("camera says sand, microphone says gravel",)
@@ -117,14 +117,14 @@ def test_a_class_that_a_sense_cannot_know_gets_no_vote():
     np.testing.assert_allclose(alone.probabilities[0], [0.1, 0.9], rtol=1e-9)
 
 
-def test_a_class_that_only_an_almost_deaf_sense_knows_weighs_almost_nothing():
+def test_a_class_known_only_to_a_sense_of_low_quality_has_little_weight():
     camera = sense("camera", [[0, 0]], [[0.1, 0.9]], classes=("asphalt", "sand"))
     microphone = sense("microphone", [[0, 0]], [[0.9, 0.1]], classes=("gravel", "sand"), quality=0.01)
     belief = fuse([camera, microphone])
     assert belief.probabilities[0, 1] < 0.01
 
 
-def test_ten_looks_at_one_stone_are_not_ten_stones():
+def test_ten_looks_at_one_cell_are_not_independent():
     once = fuse([sense("camera", [[0, 0]], [DOUBT[::-1]])])
     ten = fuse([sense("camera", [[0, 0]] * 10, [[0.2, 0.2, 0.6]] * 10)])
     assert ten.effective_looks["camera"][0] <= 3.0
@@ -149,7 +149,7 @@ def gaussian_looks(rng, n_cells, rho, spread):
 
 
 @pytest.mark.parametrize("rho", [0.35, 0.6, 0.9])
-def test_a_belief_of_nine_tenths_is_right_nine_times_in_ten(rng, rho):
+def test_fused_probabilities_are_calibrated(rng, rho):
     n = 6000
     truth, cell, p = gaussian_looks(rng, n, rho, 1.3)
     camera = SenseMap("camera")
@@ -171,7 +171,7 @@ def test_a_belief_of_nine_tenths_is_right_nine_times_in_ten(rng, rho):
 
 
 def test_multiplying_correlated_looks_would_have_been_overconfident(rng):
-    """The check above can fail: looks taken as independent are far too sure."""
+    """The test of calibration fails for looks taken as independent."""
     truth, cell, p = gaussian_looks(rng, 3000, 0.9, 1.3)
     camera = SenseMap("camera")
     camera.add(np.column_stack([cell, np.zeros_like(cell)]), evidence(list(p)), np.zeros(len(cell)))

@@ -1,4 +1,4 @@
-"""The main job on a synthetic drive with every fault in it, against the ground truth: nothing is faked here."""
+"""The main job on a synthetic drive with every fault in it, against the ground truth."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_most_of_the_track_is_recognised_rightly(drive):
     assert (named == labels)[known & labelled & sure].mean() > 0.9
 
 
-def test_drop_outs_are_noticed_and_the_other_sense_goes_on(drive):
+def test_drop_outs_are_detected_and_the_other_sense_is_used(drive):
     folder, path, summary = drive
     camera, microphone, _ = summary.senses
     closed_camera, closed_microphone = " ".join(camera.closed), " ".join(microphone.closed)
@@ -96,7 +96,7 @@ def test_a_planner_finds_the_soil_under_the_class(drive):
     assert np.median(answer.shear_strength[sand]) == pytest.approx(strength, rel=0.25)
 
 
-def test_fast_driving_is_not_used_for_soil_and_that_is_said(drive):
+def test_fast_driving_is_not_used_for_soil_and_that_is_reported(drive):
     folder, _, summary = drive
     assert any(reason.startswith("too fast") for reason in summary.closed_s)
     for soil in summary.soils:
@@ -104,7 +104,7 @@ def test_fast_driving_is_not_used_for_soil_and_that_is_said(drive):
         assert soil.end_s <= stretch["slow_until_s"] + 2.0
 
 
-def test_the_command_says_it_all_and_a_second_run_adds_nothing(drive, small_models, tmp_path):
+def test_the_command_prints_the_summary_and_a_second_run_adds_nothing(drive, small_models, tmp_path):
     folder, path, summary = drive
     arguments = [
         "run",

@@ -26,7 +26,7 @@ def quantity(value, sd):
     return Quantity(value, sd, value - 1.96 * sd, value + 1.96 * sd)
 
 
-def felt(start_s, x_m, name, c_Pa, phi_deg):
+def soil_at(start_s, x_m, name, c_Pa, phi_deg):
     phi = math.radians(phi_deg)
     estimate = SoilEstimate(
         {"c_Pa": quantity(c_Pa, 200.0), "phi_rad": quantity(phi, 0.02)},
@@ -50,7 +50,7 @@ def fill(path, *, site="quarry", models=None):
         tuple(("camera: blurred",) if closed else () for closed in unknown),
     )  # fmt: skip
     terrain = TerrainObservations(0.5, cell_x, cell_y, cell_x * 0.5, np.full(len(best), "fused"), evidence)
-    soils = (felt(0.0, 5.0, "clay", 4000.0, 20.0), felt(25.0, 30.0, "gravel", 300.0, 36.0))
+    soils = (soil_at(0.0, 5.0, "clay", 4000.0, 20.0), soil_at(25.0, 30.0, "gravel", 300.0, 36.0))
     drive = Drive("d" * 64, "drive", site, "rover", None, models or {"camera": "a" * 64}, "test", terrain, soils)
     with TerrainDatabase(path) as database:
         database.add_drive(drive)

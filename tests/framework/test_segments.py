@@ -44,7 +44,7 @@ def test_a_change_of_ground_is_found_where_it_is():
     assert metres["loam"] == pytest.approx(10.0, abs=0.6)
 
 
-def test_a_single_wrong_cell_cuts_nothing():
+def test_a_single_wrong_cell_does_not_split_a_stretch():
     along = drive([SAND] * 10 + [[0.8, 0.2]] + [SAND] * 10)
     assert len(along.changes_s()) == 0
     assert along.metres() == {"sand": pytest.approx(10.5, abs=0.1)}
@@ -71,7 +71,7 @@ def test_where_nothing_is_known_there_is_no_class_and_no_change():
     assert len(along.changes_s()) == 0
 
 
-def test_a_stretch_of_two_minds_has_no_class():
+def test_a_stretch_with_two_likely_classes_has_no_class():
     along = drive([[0.55, 0.45]] * 12)
     assert along.belief_between(0.0, 6.0) == {}
     assert along.metres() == {"loam": pytest.approx(6.0, abs=0.1)}

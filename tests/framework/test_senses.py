@@ -1,4 +1,4 @@
-"""The registry of senses: one of somebody else's is one class that registers itself."""
+"""The registry of senses: a sense from outside the package is one class that registers itself."""
 
 from __future__ import annotations
 
@@ -114,14 +114,14 @@ def test_a_sense_from_outside_the_package_is_trained_classifies_and_is_fused(the
     assert named.tolist() == ["sand", "loam"]
 
 
-def test_a_sense_without_a_model_is_absent_and_said(thermometer, tmp_path):
+def test_a_sense_without_a_model_is_absent_and_reported(thermometer, tmp_path):
     summary = run_traverse(recording(), tmp_path / "t.db")
     (warm,) = (one for one in summary.senses if one.sense == "thermometer")
     assert warm.absent == "no model: warmth.skops is not among the models"
 
 
 def test_vibration_is_observed_under_the_wheels(tmp_path, rng):
-    """The class is that of the shaking: quiet for 10 s, then ten times as strong."""
+    """The class follows the vibration: weak for 10 s, then ten times as strong."""
     from bevameter.audio.vibration import train_vibration
     from bevameter.framework.core.classifier.labelled import LabelledFile
 
@@ -148,7 +148,7 @@ def test_vibration_is_observed_under_the_wheels(tmp_path, rng):
     assert summary.track_m["gravel"] == pytest.approx(10.0, abs=2.5)
 
 
-def test_a_sense_that_nobody_has_is_an_error():
+def test_an_unknown_sense_is_an_error():
     with pytest.raises(InputError, match=r"no sense 'smell' .*vision"):
         senses.sense_named("smell")
     result = CliRunner().invoke(app, ["train", "smell", "x", "--out", "m.skops"])

@@ -1,4 +1,4 @@
-"""The main job on senses and wheels that answer as told: what is fused, attached, stored, said, and left alone."""
+"""The main job with senses and wheels of prescribed answers: what is fused, stored, reported and left out."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def said(x_m, sure, closed, reason):
 
 @pytest.fixture
 def world(monkeypatch):
-    """Senses that tell the truth outside their drop-outs, and wheels that feel c = 1 kPa at each stretch."""
+    """Senses that state the true class outside their drop-outs, and c = 1 kPa for each stretch."""
     blind, deaf = (5.0, 8.0), (7.0, 12.0)
 
     def observe_ground(camera, lens, pose_at, speed_at, model, cell_size_m):
@@ -90,11 +90,11 @@ def world(monkeypatch):
     def identify_segments(recording, *, boundaries_s=()):
         edges = [0.0, *np.asarray(boundaries_s).tolist(), 30.0, 39.9]
         return tuple(
-            Segment(start, end, end <= 30.0, "" if end <= 30.0 else "too fast", 150, felt if end <= 30.0 else None)
+            Segment(start, end, end <= 30.0, "" if end <= 30.0 else "too fast", 150, soil if end <= 30.0 else None)
             for start, end in itertools.pairwise(edges)
         )
 
-    felt = estimate(1000.0, 0.55)
+    soil = estimate(1000.0, 0.55)
     monkeypatch.setattr(looking, "observe_ground", observe_ground)
     monkeypatch.setattr(listening, "listen", listen)
     monkeypatch.setattr(segments, "identify_segments", identify_segments)
@@ -116,7 +116,7 @@ MODELS = Models(
 )
 
 
-def test_a_drive_goes_in_and_a_map_comes_out(world, tmp_path):
+def test_a_drive_gives_a_map(world, tmp_path):
     summary = run_traverse(recording(), tmp_path / "t.db", models=MODELS)
     assert summary.distance_m == pytest.approx(39.9)
     assert summary.track_m["sand"] == pytest.approx(20.0, abs=1.5)
@@ -132,7 +132,7 @@ def test_a_drive_goes_in_and_a_map_comes_out(world, tmp_path):
     assert not ahead.known[3:].any()
 
 
-def test_nothing_is_put_on_the_map_in_a_hole_of_the_poses_which_is_said(world, tmp_path):
+def test_gaps_of_the_poses_are_left_off_the_map_and_reported(world, tmp_path):
     t = np.concatenate([np.arange(0.0, 25.0, 0.1), np.arange(35.0, 40.0, 0.1)])
     holed = recording(pose=Pose(t, t, np.zeros_like(t), np.zeros_like(t)))
     first, again = (run_traverse(holed, tmp_path / "t.db", models=MODELS) for _ in range(2))
@@ -145,7 +145,7 @@ def test_nothing_is_put_on_the_map_in_a_hole_of_the_poses_which_is_said(world, t
     np.testing.assert_array_equal(np.isnan(ahead.class_probability[:, 0]), [False, True, False])
 
 
-def test_the_summary_says_how_far_each_sense_was_trusted(world, tmp_path):
+def test_the_summary_states_the_weight_of_each_sense(world, tmp_path):
     camera, microphone, _ = run_traverse(recording(), tmp_path / "t.db", models=MODELS).senses
     assert camera.closed == {"blurred": camera.items - round(camera.trusted_share * camera.items)}
     assert microphone.closed == {"wind": 10}
@@ -220,26 +220,26 @@ def test_what_a_sense_raises_reaches_the_caller(world, tmp_path, monkeypatch):
     assert not (tmp_path / "t.db").exists()
 
 
-def test_a_missing_camera_is_said_and_the_microphone_goes_on(world, tmp_path):
+def test_a_missing_camera_is_reported_and_the_microphone_is_used(world, tmp_path):
     summary = run_traverse(recording(camera=None), tmp_path / "t.db", models=MODELS)
     assert summary.senses[0].absent == "no camera in the recording"
     assert summary.senses[0].items == 0
     assert summary.track_m["sand"] > 10
 
 
-def test_a_camera_without_geometry_is_said(world, tmp_path):
+def test_a_camera_without_geometry_is_reported(world, tmp_path):
     blind = Vehicle(wheels=vehicle().wheels)
     summary = run_traverse(recording(vehicle=blind), tmp_path / "t.db", models=MODELS)
     assert "[camera]" in summary.senses[0].absent
 
 
-def test_a_missing_sound_is_said(world, tmp_path):
+def test_a_missing_sound_is_reported(world, tmp_path):
     summary = run_traverse(recording(sound=None), tmp_path / "t.db", models=MODELS)
     assert summary.senses[1].absent == "no sound in the recording"
     assert summary.track_m["loam"] > 10
 
 
-def test_without_wheels_no_soil_is_learnt_and_that_is_said(world, tmp_path):
+def test_without_wheels_no_soil_is_learnt_and_that_is_reported(world, tmp_path):
     summary = run_traverse(recording(wheel=None), tmp_path / "t.db", models=MODELS)
     assert summary.soils == ()
     assert any("no wheel channels" in text for text in summary.problems)
@@ -254,7 +254,7 @@ def test_without_senses_soil_is_stored_without_a_class(world, tmp_path):
     assert summary.track_m == {"unknown": pytest.approx(39.9)}
 
 
-def test_without_places_nothing_is_mapped_and_that_is_said(world, tmp_path):
+def test_without_places_nothing_is_mapped_and_that_is_reported(world, tmp_path):
     table = WheelTable({"time_s": np.arange(10.0), "load_N": np.ones(10)}, None, None, Path("wheel.csv"))
     summary = run_traverse(recording(pose=None, wheel=table), tmp_path / "t.db", models=MODELS)
     assert summary.places == ""
@@ -262,13 +262,13 @@ def test_without_places_nothing_is_mapped_and_that_is_said(world, tmp_path):
     assert summary.senses[0].absent == "no places in the recording"
 
 
-def test_dead_reckoning_is_said(world, tmp_path):
+def test_dead_reckoning_is_reported(world, tmp_path):
     summary = run_traverse(recording(pose=None), tmp_path / "t.db", models=MODELS)
     assert summary.places == "dead reckoning"
     assert any("heading unknown" in text for text in summary.warnings)
 
 
-def test_a_drive_without_places_puts_nothing_on_the_map_but_teaches_its_soils(world, tmp_path):
+def test_a_drive_without_positions_adds_no_cells_but_its_soils(world, tmp_path):
     run_traverse(recording(pose=None), tmp_path / "t.db", models=MODELS)
     with TerrainDatabase(tmp_path / "t.db") as database:
         (drive,) = database.drives()
@@ -279,7 +279,7 @@ def test_a_drive_without_places_puts_nothing_on_the_map_but_teaches_its_soils(wo
     assert not snapshot.at(5.0, 0.0).known.any()
 
 
-def test_soil_that_cannot_be_identified_is_said(world, tmp_path, monkeypatch):
+def test_soil_that_cannot_be_identified_is_reported(world, tmp_path, monkeypatch):
     def identify_segments(recording, **options):
         raise InputError("wheel.csv", "no slip was observed")
 
@@ -289,7 +289,7 @@ def test_soil_that_cannot_be_identified_is_said(world, tmp_path, monkeypatch):
     assert summary.track_m["sand"] > 10
 
 
-def test_models_of_synthetic_ground_are_said_loudly(world, tmp_path):
+def test_models_of_synthetic_ground_are_warned_about(world, tmp_path):
     models = Models(MODELS.classifiers, MODELS.origins, ("vision", "audio"))
     summary = run_traverse(recording(), tmp_path / "t.db", models=models)
     assert summary.synthetic
@@ -307,6 +307,6 @@ def test_the_summary_is_json(world, tmp_path):
 
 
 def test_progress_ends_at_one_for_every_stage(world, tmp_path):
-    told = {}
-    run_traverse(recording(), tmp_path / "t.db", models=MODELS, progress=told.__setitem__)
-    assert told == {"reading": 1.0, "camera": 1.0, "microphone": 1.0, "soil": 1.0, "storing": 1.0}
+    reported = {}
+    run_traverse(recording(), tmp_path / "t.db", models=MODELS, progress=reported.__setitem__)
+    assert reported == {"reading": 1.0, "camera": 1.0, "microphone": 1.0, "soil": 1.0, "storing": 1.0}

@@ -32,11 +32,11 @@ def textbook() -> np.ndarray:
 
 
 def predict(named: str, situation: Situation = SITUATION, soil: Soil = SOIL) -> np.ndarray:
-    """Channels (n, 5) with effects asked for as on the command line, " + " between them."""
-    asked = [parse_effect(each) for each in named.split(" + ")]
-    effects = [choose(each, forms_by_name(each.slug, situation)) for each in asked]
-    values = [values_of(effect, each) for effect, each in zip(effects, asked, strict=True)]
-    model = AugmentedWheel(situation.wheel, tuple(map(pinned, effects, asked)))
+    """Channels (n, 5) with effects named as on the command line, joined by " + "."""
+    parsed = [parse_effect(each) for each in named.split(" + ")]
+    effects = [choose(each, forms_by_name(each.slug, situation)) for each in parsed]
+    values = [values_of(effect, each) for effect, each in zip(effects, parsed, strict=True)]
+    model = AugmentedWheel(situation.wheel, tuple(map(pinned, effects, parsed)))
     drive = situation.drive
     imposed = np.column_stack([drive.load_N, drive.slip])
     return model.predict(drive, imposed, np.concatenate([soil_vector(soil), *values])).channels

@@ -1,4 +1,4 @@
-"""Answers of `explain` made by hand: what the report and the command have to show, whatever the search would find."""
+"""Prepared answers of `explain` for tests of the report and of the command."""
 
 from __future__ import annotations
 

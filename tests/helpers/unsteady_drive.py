@@ -1,4 +1,4 @@
-"""Drives whose load and slip really change from row to row, and are measured more or less well."""
+"""Drives whose true load and slip change from row to row, measured with noise."""
 
 from __future__ import annotations
 
@@ -16,9 +16,7 @@ ROWS = 600
 def drive(
     seed: int, unsteady: tuple[float, float], noise: tuple[float, float], friction_Nm: float = 0.0
 ) -> WheelTable:  # fmt: skip
-    """A drive whose load and slip really change from row to row by so much [share, -], and are measured so badly; its
-    true slip is kept beside, as a column that nothing reads.
-    """
+    """Load and slip that change by `unsteady` from row to row, measured with `noise`, both [share, -]."""
     rng = np.random.default_rng(seed)
     time = 0.2 * np.arange(ROWS)
     load = 150.0 * (1.0 + 0.3 * np.sin(0.11 * time)) * (1.0 + unsteady[0] * rng.normal(size=ROWS))
@@ -33,4 +31,4 @@ def drive(
         "load_N": load * (1.0 + noise[0] * rng.normal(size=ROWS)),
         "slip": slip + noise[1] * rng.normal(size=ROWS),
     }
-    return WheelTable({"time_s": time, "true_slip": slip, **measured, **answers}, None, None, "made")
+    return WheelTable({"time_s": time, "true_slip": slip, **measured, **answers}, None, None, "test")

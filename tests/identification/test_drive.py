@@ -1,4 +1,4 @@
-"""What effects ask of each sample, where some of it was not observed."""
+"""Quantities that effects need of each sample, where some were not observed."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ PLACE = 0.3 * TIME_S - 0.2 * (np.cos(0.5 * TIME_S) - 1.0)
 def laid_out(**columns: np.ndarray):
     count = len(TIME_S)
     table = WheelTable(
-        {"time_s": TIME_S, "load_N": np.full(count, 80.0), "slip": np.full(count, 0.2), **columns}, None, None, "made"
+        {"time_s": TIME_S, "load_N": np.full(count, 80.0), "slip": np.full(count, 0.2), **columns}, None, None, "test"
     )
     return drive_of(table, Wheel(radius_m=0.1, width_m=0.1), order_of(table)[1])
 
 
-def test_a_gap_costs_the_acceleration_of_its_own_rows_alone():
-    """Inertia of 128 nats was not even tried, for twelve rows of 1,469 had no speed."""
+def test_a_gap_in_speed_loses_the_acceleration_of_its_own_rows_only():
+    """Twelve rows of 1,469 without a speed once kept inertia from being tried."""
     speed = SPEED.copy()
     speed[[50, *range(200, 212)]] = np.nan
     rate = rate_of_change(speed, TIME_S, np.zeros(len(TIME_S), dtype=int))
@@ -42,7 +42,7 @@ def test_places_that_were_not_observed_lie_between_those_that_were():
 
 
 @pytest.mark.parametrize("known", [0, 1, 150])
-def test_where_most_was_not_observed_nothing_is_made_up(known):
+def test_positions_are_not_interpolated_where_most_are_missing(known):
     place = np.where(np.arange(len(TIME_S)) < known, PLACE, np.nan)
     drive = laid_out(x_m=place, travel_speed_m_s=SPEED)
     assert np.isfinite(drive.place_m).sum() == known

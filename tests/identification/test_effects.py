@@ -44,7 +44,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 
-def test_every_effect_is_a_module_of_its_name_and_says_what_happens():
+def test_every_effect_is_a_module_of_its_name_with_a_description():
     for slug, kind in REGISTRY.items():
         assert kind.__module__.endswith(f".catalogue.{slug}")
         assert kind.title == kind.title.strip()
@@ -54,7 +54,7 @@ def test_every_effect_is_a_module_of_its_name_and_says_what_happens():
     assert list(SLUGS) == sorted(SLUGS, key=lambda slug: (REGISTRY[slug].kind != "physics", slug))
 
 
-def test_every_slug_has_a_form_and_every_form_says_what_it_is():
+def test_every_slug_has_a_form_and_every_form_has_a_description():
     assert {effect.slug for effect in FORMS} == set(SLUGS)
     for effect in FORMS:
         assert effect.kind == REGISTRY[effect.slug].kind
@@ -72,7 +72,7 @@ def test_every_slug_has_a_form_and_every_form_says_what_it_is():
 
 
 @pytest.mark.parametrize("effect", FORMS, ids=identity)
-def test_an_effect_changes_the_channels_that_it_says(effect):
+def test_an_effect_changes_the_channels_that_it_states(effect):
     values = [min(p.start + 0.3 * p.scale, p.high) for p in effect.parameters]
     answer = AugmentedWheel(WHEEL, (effect,)).predict(DRIVE, IMPOSED, np.concatenate([soil_vector(SOIL), values]))
     moved = [channel for channel in range(5) if not untouched(answer.channels - textbook(), channel)]
@@ -152,7 +152,7 @@ def test_derivatives_are_those_of_the_prediction(effect):
 
 @pytest.mark.filterwarnings("error")
 def test_a_wheel_that_bears_less_the_deeper_it_stands_has_no_derivatives_and_warns_of_none():
-    """A tyre that is softer than the soil, as a search comes by it."""
+    """A tyre softer than the soil, as a search may try."""
     (tyre,) = (each for each in FORMS if each.name == "tyre_deflection[pressure]")
     vector = np.array([0.0, 0.0, -4.42284863, 19.3098465, -1.30092787, 3.07e4])
     imposed = np.column_stack([np.linspace(60.0, 180.0, len(IMPOSED)), np.full(len(IMPOSED), -0.05)])
@@ -162,7 +162,7 @@ def test_a_wheel_that_bears_less_the_deeper_it_stands_has_no_derivatives_and_war
 
 
 @pytest.mark.parametrize("effect", [form for form in FORMS if not form.moves_wheel.all()], ids=identity)
-def test_a_wheel_that_an_effect_does_not_move_stands_alike(effect):
+def test_an_effect_that_does_not_move_the_wheel_leaves_the_entry_angle(effect):
     model = AugmentedWheel(WHEEL, (effect,))
     null = np.array([parameter.null for parameter in effect.parameters])
     changed = np.array([min(p.null + 0.5 * p.scale, p.high) for p in effect.parameters])
@@ -177,7 +177,7 @@ def test_a_wheel_that_an_effect_does_not_move_stands_alike(effect):
 
 
 @pytest.mark.parametrize("effect", [effect for effect in FORMS if effect.nested], ids=identity)
-def test_where_an_effect_is_nothing_derivatives_of_the_wheel_without_it_are_taken_over(effect):
+def test_at_its_null_an_effect_takes_over_the_derivatives_of_the_wheel_without_it(effect):
     soil, null = soil_vector(SOIL), np.array([parameter.null for parameter in effect.parameters])
     without = AugmentedWheel(WHEEL).linearise(DRIVE, IMPOSED, soil, None)
     model, vector = AugmentedWheel(WHEEL, (effect,)), np.concatenate([soil, null])
@@ -188,7 +188,7 @@ def test_where_an_effect_is_nothing_derivatives_of_the_wheel_without_it_are_take
     np.testing.assert_array_equal(there.by_parameter[..., 5:], whole.by_parameter[..., 5:])
 
 
-def test_derivatives_are_not_taken_over_where_the_effect_is_something():
+def test_derivatives_are_not_taken_over_where_the_effect_acts():
     (lugs,) = [effect for effect in FORMS if effect.name == "grousers[radius]"]
     without = AugmentedWheel(WHEEL).linearise(DRIVE, IMPOSED, soil_vector(SOIL), None)
     model, vector = AugmentedWheel(WHEEL, (lugs,)), np.append(soil_vector(SOIL), 0.5)
@@ -199,8 +199,8 @@ def test_derivatives_are_not_taken_over_where_the_effect_is_something():
 
 
 @pytest.mark.parametrize("last", [effect for effect in FORMS if effect.nested], ids=identity)
-def test_beside_any_other_effect_one_at_its_null_is_nothing(last):
-    """Whatever one changes another may have changed already: it changes it further instead of setting it."""
+def test_an_effect_at_its_null_leaves_every_other_effect_unchanged(last):
+    """An effect changes a quantity from what other effects have set it to, and does not overwrite it."""
     null = np.array([parameter.null for parameter in last.parameters])
     for first in FORMS:
         if first.slug == last.slug:
@@ -208,8 +208,8 @@ def test_beside_any_other_effect_one_at_its_null_is_nothing(last):
         start = (*first.starts(), np.array([parameter.start for parameter in first.parameters]))[0]
         base = np.concatenate([soil_vector(SOIL), start])
         alone = AugmentedWheel(WHEEL, (first,)).predict(DRIVE, IMPOSED, base)
-        beside = AugmentedWheel(WHEEL, (first, last)).predict(DRIVE, IMPOSED, np.append(base, null))
-        np.testing.assert_allclose(beside.channels, alone.channels, rtol=1e-5, err_msg=first.name)
+        combined = AugmentedWheel(WHEEL, (first, last)).predict(DRIVE, IMPOSED, np.append(base, null))
+        np.testing.assert_allclose(combined.channels, alone.channels, rtol=1e-5, err_msg=first.name)
 
 
 def test_a_lag_shifts_a_channel_in_time_while_the_clock_runs():
@@ -318,7 +318,7 @@ def test_soil_loaded_faster_is_stiffer_or_stronger_about_its_reference_speed():
     np.testing.assert_allclose(predict("rate_dependence:m=0.3,v0=0.25", alike), textbook(), rtol=1e-4)
 
 
-def test_forms_that_there_are_are_told_apart():
+def test_an_unknown_form_is_refused_with_the_forms_there_are():
     with pytest.raises(InputError, match=r"'place' or 'time' or 'x' or 'y' or 'place, cohesion apart' or 'place, a"):
         change("soil_patch:form=nowhere,from=0.4,to=0.6,A=1")
 
@@ -393,19 +393,19 @@ def test_carried_loads_give_finite_channels_whatever_the_parameters(effect, shar
         ("slope_gravity:s=__import__('os')", "finite"),
     ],
 )
-def test_what_cannot_be_asked_for_is_one_line_that_lists_what_can(text, said):
+def test_a_bad_effect_is_refused_in_one_line_with_what_is_expected(text, said):
     with pytest.raises(InputError, match=said) as caught:
         predict(text)
     assert "\n" not in str(caught.value)
 
 
 def test_quantities_carry_their_units_and_forms_their_beginnings():
-    asked = parse_effect("side_wall_friction:form=stress,tau_s=0.8 kPa")
-    assert values_of(choose(asked, forms_of("side_wall_friction")), asked) == pytest.approx([800.0])
-    asked = parse_effect("inertia:J=2e4 kg cm**2")
-    assert values_of(choose(asked, forms_of("inertia")), asked) == pytest.approx([2.0])
-    asked = NamedEffect("grousers", {"a_T": 0.1}, "ripple")
-    assert choose(asked, forms_of("grousers")).form == "ripple, 18 lugs"
+    parsed = parse_effect("side_wall_friction:form=stress,tau_s=0.8 kPa")
+    assert values_of(choose(parsed, forms_of("side_wall_friction")), parsed) == pytest.approx([800.0])
+    parsed = parse_effect("inertia:J=2e4 kg cm**2")
+    assert values_of(choose(parsed, forms_of("inertia")), parsed) == pytest.approx([2.0])
+    parsed = NamedEffect("grousers", {"a_T": 0.1}, "ripple")
+    assert choose(parsed, forms_of("grousers")).form == "ripple, 18 lugs"
     for named, form in (
         ("drift:form=torque,d1=0.3", "torque_Nm"),
         ("drift:form=torque_Nm,d1=0.3,d2=0.3", "torque_Nm, bent"),
@@ -416,8 +416,8 @@ def test_quantities_carry_their_units_and_forms_their_beginnings():
         assert choose(parse_effect(named), forms_of("drift")).form == form
     braked = choose(parse_effect("slip_sinkage:form=transport, driven,p=0.3,h=0.2"), forms_of("slip_sinkage"))
     assert braked.form == "transport, driven, and dig-out"
-    asked = parse_effect("drift:d1=0.1,form=torque_Nm, curved")
-    assert choose(asked, forms_of("drift")).form == "torque_Nm, curved"
+    parsed = parse_effect("drift:d1=0.1,form=torque_Nm, curved")
+    assert choose(parsed, forms_of("drift")).form == "torque_Nm, curved"
 
 
 def forms_of(slug: str) -> list[Effect]:

@@ -50,7 +50,7 @@ def test_lugs_may_drag_soil_along_without_a_longer_lever():
     assert (change("grousers:form=displacement of the tips,s=1")[:, [TORQUE, PULL]] > 0.0).all()
 
 
-def test_lugs_may_ripple_evenly_beside_their_radius():
+def test_lugs_may_ripple_evenly_in_addition_to_their_radius():
     lugs, ripple = "radius and even ripple, 18 lugs", "a_T=0.5,b_DP=2,a_z=1e-4"
     away = change(f"grousers:form={lugs},s=0.7,{ripple}") - change("grousers:s=0.7")
     phase = WHEEL.grouser_count * DRIVE.wheel_angle_rad
@@ -106,7 +106,7 @@ def test_lugs_that_the_vehicle_states_are_likely_before_anything_is_measured():
     assert {form.prior_probability for form in others} == {None}
 
 
-def test_lugs_that_nobody_stated_are_a_tenth_of_the_radius_high():
+def test_lugs_of_unstated_height_are_a_tenth_of_the_radius_high():
     unstated, stated = (
         replace(SITUATION, wheel=WHEEL.model_copy(update={"grouser_height_m": share * WHEEL.radius_m}))
         for share in (0.0, 0.1)
@@ -239,9 +239,9 @@ def test_a_wrong_radius_is_a_wrong_slip_and_leaves_the_angle_of_the_wheel():
     true = equilibrium(WHEEL, SOIL, DRIVE.load_N, 1.0 - (1.0 - DRIVE.slip) / 1.05)
     np.testing.assert_allclose(wrong[:, TORQUE], true.torque_Nm, rtol=1e-5)
     np.testing.assert_allclose(wrong[:, SLIP], DRIVE.slip)
-    asked = parse_effect("rolling_radius:e=0.05")
+    parsed = parse_effect("rolling_radius:e=0.05")
     before = DRIVE.wheel_angle_rad.copy()
-    choose(asked, forms_by_name("rolling_radius", SITUATION)).impose(IMPOSED.copy(), DRIVE, np.array([0.05]))
+    choose(parsed, forms_by_name("rolling_radius", SITUATION)).impose(IMPOSED.copy(), DRIVE, np.array([0.05]))
     np.testing.assert_array_equal(DRIVE.wheel_angle_rad, before)
 
 
@@ -266,7 +266,7 @@ def test_lines_of_white_residuals_stand_out_of_noise_and_overtones_are_no_lugs_o
     # A misfit may come and go with any number of turns.
     assert counts({3: 0.4, 18: 0.3}, every) == [3, 18]
     assert counts({18: 0.5}, [PULL]) == [18]
-    # What is stated is tried whatever shows, and one more line beside it.
+    # The stated count is always tried, and one further line.
     assert counts({5: 0.4, 18: 0.3}, every, WHEEL) == [WHEEL.grouser_count, 5]
     assert counts({WHEEL.grouser_count: 0.4}, every, WHEEL) == [WHEEL.grouser_count]
     assert counts({2 * WHEEL.grouser_count: 0.4}, every, WHEEL) == [WHEEL.grouser_count, 2 * WHEEL.grouser_count]
@@ -291,7 +291,7 @@ def test_what_warms_settles():
 
 
 def test_what_warms_was_cold_on_a_drive_that_began_before():
-    """It was e^(t_first / tau) times as much once."""
+    """It was once too large by a factor of e^(t_first / tau)."""
     drive = replace(DRIVE, time_s=3000.0 + 0.5 * np.arange(len(DRIVE)))
     effect = forms_by_name("drift", replace(SITUATION, drive=drive))
     effect = next(each for each in effect if each.form == "torque_Nm, warming")
@@ -301,7 +301,7 @@ def test_what_warms_was_cold_on_a_drive_that_began_before():
 
 
 def test_zeros_of_each_run_are_offered_where_slip_changes_within_runs():
-    """Runs at a slip each: zeros of their own would make up for any law of slip."""
+    """With one slip for each run, zeros of the runs would replace any law of slip."""
     run, along = np.repeat(np.arange(4), 50), np.tile(np.linspace(0.0, 1.0, 50), 4)
     longer = replace(select_rows(DRIVE, np.arange(200) % len(DRIVE)), time_s=0.1 * np.arange(200), stretch=run)
     load = 100.0 + 20.0 * np.sin(9.0 * along)
@@ -360,7 +360,7 @@ def test_a_course_that_slip_and_load_foretell_is_offered_by_name_only():
 
 
 def test_no_delay_of_slip_is_offered_where_it_rises_at_one_rate():
-    """It would be an offset, for which the differences between published laws are enough."""
+    """It would be an offset, which the differences between published laws explain as well."""
     count = 400
     longer = select_rows(DRIVE, np.arange(count) % len(DRIVE))
     along = 4.0 * np.arange(count) / count
@@ -378,18 +378,18 @@ def test_no_delay_of_slip_is_offered_where_it_rises_at_one_rate():
 
 
 def test_further_overtones_are_those_that_rows_are_close_enough_to_show():
-    """Rows twelve to a lug show waves of a fourth part of one; seven to a lug show none beyond a third."""
-    for rows_a_lug, told in ((12.0, ["2 overtones", "3 overtones"]), (7.0, ["2 overtones"]), (5.0, [])):
+    """Twelve rows a lug resolve the fourth harmonic; seven resolve the third at most."""
+    for rows_a_lug, expected in ((12.0, ["2 overtones", "3 overtones"]), (7.0, ["2 overtones"]), (5.0, [])):
         angle = np.arange(len(DRIVE)) * 2.0 * np.pi / (WHEEL.grouser_count * rows_a_lug)
         angle = np.maximum(angle, 4.0 * (np.arange(len(DRIVE)) == len(DRIVE) - 1))
         drive = replace(DRIVE, wheel_angle_rad=angle)
         found = effects_for(replace(SITUATION, drive=drive), ["grousers"])
         (form,) = [each for each in found if each.form == f"radius and ripple, {WHEEL.grouser_count} lugs, overtone"]
         more = [each.form.rpartition(", ")[2] for each in form.extensions() if each.form.startswith(form.form[:20])]
-        assert [each for each in more if each != "overtone"] == told
+        assert [each for each in more if each != "overtone"] == expected
         others = [each for each in form.extensions() if each.form.endswith(", overtone")]
         assert others
-        assert all(len(other.extensions()) == len(told) for other in others)
+        assert all(len(other.extensions()) == len(expected) for other in others)
         (once,) = [each for each in found if each.form == f"radius and ripple, {WHEEL.grouser_count} lugs"]
         assert not any("overtone" in each.form for each in once.extensions())
 

@@ -128,14 +128,14 @@ def test_compaction_may_change_cohesion_and_shear_modulus_by_themselves(form):
 
 @pytest.mark.parametrize("sinks", ["slip_sinkage:form=ratio,p=0.8", "slip_sinkage:n1=0.3"])
 @pytest.mark.parametrize("ground", ["soil_patch:form=place,from=0.3,to=0.8,A=0.2,E=0.4", "multipass_compaction:A=0.8"])
-def test_what_the_soil_is_comes_before_what_is_done_to_it_in_whatever_order_they_are_named(sinks, ground):
+def test_effects_of_the_soil_precede_effects_on_it_in_any_order_of_names(sinks, ground):
     together = predict(f"{sinks} + {ground}")
     np.testing.assert_allclose(together, predict(f"{ground} + {sinks}"), rtol=1e-6)
     assert np.abs(together - predict(ground))[:, SINKAGE].max() > 1e-4
 
 
 def test_all_forms_of_a_patch_start_where_the_ground_seems_to_be_another():
-    """A freer form without a start of its own ended a search in an error where it took another one's place."""
+    """A search once ended in an error where a freer form without a start replaced another form."""
     patch = SoilPatch("place", np.linspace(0.0, 5.0, 30), [np.array([0.2, -0.1, 1.0, 2.0])])
     assert [each.form for each in patch.extensions()] == ["place, cohesion apart", "place, another class"]
     for each in (patch, *patch.extensions()):

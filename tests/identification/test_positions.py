@@ -1,4 +1,4 @@
-"""Positions as receivers give them: wrong at the ends, lost where a wheel is set down, blank between fixes."""
+"""Positions of receivers: outliers at the ends, gaps where a wheel is set down, blanks between fixes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def laid_out(x_m, passes=None, time_s=None, wheel=None, y_m=None):
         "load_N": np.full(len(x_m), 80.0), "slip": np.full(len(x_m), 0.2), "x_m": x_m,
         **({} if y_m is None else {"y_m": y_m}), **({} if passes is None else {"pass": passes}),
     }  # fmt: skip
-    table = WheelTable(columns, wheel, None, "made")
+    table = WheelTable(columns, wheel, None, "test")
     order, stretch = order_of(table)
     return drive_of(table.select(order), Wheel(radius_m=0.1, width_m=0.1), stretch)
 
@@ -27,7 +27,7 @@ def laid_out(x_m, passes=None, time_s=None, wheel=None, y_m=None):
 @pytest.mark.parametrize("away_m", [100.0, -5e5])
 @pytest.mark.parametrize("end", ["first", "last"])
 def test_a_fix_that_is_off_the_track_at_either_end_is_wrong(rows, away_m, end):
-    """The receiver gives one position until it has a fix, or from when it loses it."""
+    """The receiver repeats one position before its first fix, or after its last."""
     there = np.arange(ROWS) < rows if end == "first" else np.arange(ROWS) >= ROWS - rows
     drive = laid_out(np.where(there, away_m, ALONG_M))
     assert len(np.unique(drive.stretch)) == 1
@@ -52,7 +52,7 @@ def test_a_wheel_that_is_set_down_while_positions_are_lost_begins_a_new_stretch(
 
 
 @pytest.mark.parametrize("jitter_m", [0.0, 1e-4])
-def test_a_wheel_that_creeps_or_stands_and_then_drives_does_so_in_one_stretch(jitter_m):
+def test_a_wheel_that_starts_from_creep_or_rest_is_in_one_stretch(jitter_m):
     speed = np.where(np.arange(ROWS) < 250, 0.0 if jitter_m else 0.001, 0.05)
     x_m = np.cumsum(speed) + jitter_m * np.random.default_rng(3).normal(size=ROWS)
     assert len(np.unique(laid_out(x_m).stretch)) == 1
@@ -65,7 +65,7 @@ def test_forces_between_the_fixes_of_a_slower_receiver_are_where_the_wheel_was()
 
 
 def test_two_tracks_with_a_pause_of_the_clock_have_no_place_in_common():
-    """Left and right wheels of a curve: the left one's second piece had the places of the right one's first."""
+    """On a curve the second piece of the left wheel was once given the places of the right wheel's first."""
     around = np.pi * np.arange(ROWS) / ROWS
     time_s = 0.1 * np.arange(ROWS) + 30.0 * (np.arange(ROWS) >= 200)
     radius = np.repeat([4.0, 5.0], ROWS)
@@ -97,7 +97,7 @@ def test_a_rear_wheel_finds_the_slip_of_the_front_one_whichever_began_first(name
         "slip": np.where(is_front, np.tile(slip, 2), 0.3), "x_m": np.tile(ALONG_M, 2),
         "pass": np.where(is_front, 1.0, 2.0),
     }  # fmt: skip
-    table = WheelTable(columns, np.where(is_front, front, rear), None, "made")
+    table = WheelTable(columns, np.where(is_front, front, rear), None, "test")
     order, stretch = order_of(table)
     drive = drive_of(table.select(order), Wheel(radius_m=0.1, width_m=0.1), stretch)
     behind = (drive.pass_number == 2.0) & (np.abs(drive.x_m - 5.0) > 0.5)

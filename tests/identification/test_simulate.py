@@ -69,7 +69,7 @@ def test_bad_input_is_named(tmp_path, drive_file):
         simulate(VEHICLE, SOIL, blind)
 
 
-def test_without_effects_nothing_changes_and_with_one_at_its_null_next_to_nothing(drive_file):
+def test_no_effect_changes_nothing_and_one_at_its_null_almost_nothing(drive_file):
     plain = simulate(VEHICLE, SOIL, drive_file)
     null = simulate(VEHICLE, SOIL, drive_file, effects=["slip_sinkage:n1=0"])
     rows = [0, 1, 3]
@@ -78,7 +78,7 @@ def test_without_effects_nothing_changes_and_with_one_at_its_null_next_to_nothin
     assert np.isnan(null["sinkage_m"][2])
 
 
-def test_effects_act_together_and_on_the_rows_that_they_were_asked_for(drive_file):
+def test_effects_act_together(drive_file):
     plain = simulate(VEHICLE, SOIL, drive_file, effects=["slip_sinkage:n1=0"])
     both = simulate(VEHICLE, SOIL, drive_file, effects=["slip_sinkage:n1=0.5", "torque_offset:T_0=20 N cm"])
     once = simulate(VEHICLE, SOIL, drive_file, effects=["slip_sinkage:n1=0.5"])
@@ -182,7 +182,7 @@ def test_a_wheel_behind_runs_on_what_the_one_in_front_left():
     assert expected[later & (place < 1.5)].mean() > 1.1 * expected[later & (place > 2.5)].mean()
 
 
-def test_rows_without_an_answer_are_counted_and_the_reason_is_said(tmp_path):
+def test_rows_without_an_answer_are_counted_and_the_reason_is_reported(tmp_path):
     for name, text in (
         ("vehicle.toml", "[wheel]\nradius_m = 0.15\nwidth_m = 0.12\n"),
         ("soil.toml", "c_Pa = 300\nphi_deg = 31\nk_m = 0.012\nstiffness_Pa = 9e4\nn = 0.9\n"),
@@ -191,8 +191,8 @@ def test_rows_without_an_answer_are_counted_and_the_reason_is_said(tmp_path):
         (tmp_path / name).write_text(text)
     files = [str(tmp_path / name) for name in ("drive.csv", "vehicle.toml", "soil.toml", "out.csv")]
     options = ("--vehicle", "--soil", "--out")
-    asked = [files[0], *(each for pair in zip(options, files[1:], strict=True) for each in pair)]
-    result = CliRunner().invoke(app, ["simulate", *asked])
+    arguments = [files[0], *(each for pair in zip(options, files[1:], strict=True) for each in pair)]
+    result = CliRunner().invoke(app, ["simulate", *arguments])
     assert result.exit_code == 0, result.output
     assert "2 of 6 rows have no answer: load or slip is missing" in result.output
     assert "2 of 6 rows have no answer: the load is not above 0 N" in result.output
@@ -200,7 +200,7 @@ def test_rows_without_an_answer_are_counted_and_the_reason_is_said(tmp_path):
     assert "lugs" not in result.output
 
 
-def test_lugs_that_are_stated_and_left_out_are_said(drive_file):
+def test_lugs_that_are_stated_and_left_out_are_reported(drive_file):
     lugged = Vehicle(wheels=(Wheel(radius_m=0.15, width_m=0.12, grouser_height_m=0.01, grouser_count=12),))
     table = simulate(lugged, SOIL, drive_file)
     assert any("lugs are left out" in note for note in notes(lugged, table))

@@ -1,4 +1,4 @@
-"""The augmented simulator outlives its fit: JSON and back, simulated again, and hostile documents refused."""
+"""The augmented simulator in storage: JSON and back, simulation, and hostile documents."""
 
 from __future__ import annotations
 
@@ -72,8 +72,8 @@ def test_what_was_stored_simulates_as_what_was_fitted():
     answer = simulator.simulate(Vehicle(wheels=(SITUATION.wheel,)), table)
     # The speed that the stiffness refers to is that of the drive it was found on, not of this one.
     np.testing.assert_allclose(answer["torque_Nm"], expected[:, TORQUE], rtol=1e-6)
-    asked = ["slip_sinkage:n1=0.9", "rate_dependence:m=0.18"]
-    other = simulate(Vehicle(wheels=(SITUATION.wheel,)), SOIL, table, asked)
+    effects = ["slip_sinkage:n1=0.9", "rate_dependence:m=0.18"]
+    other = simulate(Vehicle(wheels=(SITUATION.wheel,)), SOIL, table, effects)
     assert np.abs(other["sinkage_m"] / answer["sinkage_m"] - 1.0).max() > 0.01
 
 
@@ -99,7 +99,7 @@ def crossed() -> list:
     return answer.tolist()
 
 
-def test_what_knows_no_correlation_is_written_as_it_was():
+def test_a_fit_without_correlations_is_written_without_them():
     page = physics("slip_sinkage", form="exponent", n1=0.5).to_json()
     assert page["schema"] == 1
     assert set(page) == {"schema", "soil", "effects"}
@@ -107,7 +107,7 @@ def test_what_knows_no_correlation_is_written_as_it_was():
 
 
 def broken() -> dict:
-    """Faults by name: how to spoil a good document, and what the message says."""
+    """Faults by name: a change of a valid document, and the message expected."""
 
     def at(*path, value):
         def spoil(page):
@@ -163,7 +163,7 @@ def test_hostile_documents_are_refused_in_one_line(fault):
 
 
 @pytest.mark.parametrize("page", [None, [], 3, "{}", {"schema": 1}])
-def test_what_is_no_document_is_refused(page):
+def test_text_that_is_no_document_is_refused(page):
     with pytest.raises(InputError, match="an object with"):
         AugmentedSimulator.from_json(page)
 
@@ -201,18 +201,18 @@ def test_each_soil_and_draw_goes_through_the_effect_of_the_ground():
         np.testing.assert_allclose(pulls[index], expected, rtol=1e-3, atol=1e-3)
 
 
-def test_a_fit_errs_by_all_its_numbers_together():
+def test_errors_of_a_fit_follow_its_joint_covariance():
     (lag,), (sinkage, *_) = (forms_by_name(slug, SITUATION)[:1] for slug in ("torque_gain", "slip_sinkage"))
     model = AugmentedWheel(SITUATION.wheel, (lag, sinkage))
     root = np.diag([50.0, 0.02, 0.1, 0.2, 0.05, 0.01, 0.04]) @ np.linalg.cholesky(0.3 * np.eye(7) + 0.7)
     covariance = root @ root.T
-    covariance[0, 1] *= 1.0 + 1e-15  # as inverting leaves it
+    covariance[0, 1] *= 1.0 + 1e-15  # rounding, as of an inverse
     found = AugmentedSimulator.of(model, np.concatenate([soil_vector(SOIL), [0.02, 0.5]]), covariance)
     again = AugmentedSimulator.from_json(json.loads(json.dumps(found.to_json())))
     assert again == found
     normal = np.random.default_rng(5).normal(size=(40_000, error_count(again)))
     errors = errors_of_fit(again, normal)
-    kept = [0, 1, 2, 3, 4, 6]  # what the instrument errs by is not the ground's
+    kept = [0, 1, 2, 3, 4, 6]  # errors of the instrument are no errors of the ground
     sd = np.sqrt(np.diag(covariance))[kept]
     np.testing.assert_allclose(np.cov(errors.T) / np.outer(sd, sd), np.full((6, 6), 0.7) + 0.3 * np.eye(6), atol=0.02)
     moved = soils_off(np.tile([500.0, SOIL.phi_rad, 0.012, 2e5, 0.9], (len(errors), 1)), errors)
@@ -223,7 +223,7 @@ def test_a_fit_errs_by_all_its_numbers_together():
 def test_a_covariance_that_rounding_spoilt_is_read_back():
     (sinkage, *_) = forms_by_name("slip_sinkage", SITUATION)
     covariance = np.ones((6, 6))
-    covariance[0, 1] = covariance[1, 0] = 1.0 - 1e-7  # beside ones elsewhere
+    covariance[0, 1] = covariance[1, 0] = 1.0 - 1e-7  # the other elements are 1
     found = AugmentedSimulator.of(
         AugmentedWheel(SITUATION.wheel, (sinkage,)), np.append(soil_vector(SOIL), 0.5), covariance
     )
@@ -231,7 +231,7 @@ def test_a_covariance_that_rounding_spoilt_is_read_back():
     np.testing.assert_allclose(np.array(again.correlation), covariance, atol=1e-6)
 
 
-def test_errors_that_nobody_knows_are_as_large_as_the_prior_s():
+def test_errors_without_an_estimate_are_those_of_the_prior():
     ground = physics("slip_sinkage", form="exponent", n1=0.5)
     (effect, *_) = forms_by_name("slip_sinkage", SITUATION)
     errors = errors_of_fit(ground, np.eye(6))
@@ -239,7 +239,7 @@ def test_errors_that_nobody_knows_are_as_large_as_the_prior_s():
     assert errors[0, 0] == pytest.approx(0.01)
 
 
-def test_lugs_are_those_of_the_wheel_that_comes():
+def test_lugs_are_those_of_the_wheel_that_is_simulated():
     soils = draws(4)
     ground = physics("grousers", form="radius", s=0.8)
     errors = np.zeros((4, 6))
@@ -249,7 +249,7 @@ def test_lugs_are_those_of_the_wheel_that_comes():
 
 
 def test_a_ripple_of_other_lugs_than_the_vehicle_s_can_be_simulated():
-    """What was found may be that the vehicle's file has the wrong number of lugs."""
+    """The vehicle's file may state the wrong number of lugs."""
     time_s = np.arange(200) / 20.0
     drive = WheelTable(
         {"time_s": time_s, "load_N": np.full(200, 90.0), "slip": np.full(200, 0.3), "wheel_angle_rad": 2.0 * time_s},

@@ -30,7 +30,7 @@ def drive(tmp_path):
 
 @pytest.fixture(scope="module")
 def models(tmp_path_factory):
-    """One model of each sense, of noise: enough to get past its door."""
+    """One model of each sense, trained on noise."""
     folder = tmp_path_factory.mktemp("models")
     rng = np.random.default_rng(1)
     width = len(SOUND_FEATURES) + len(MEASURES)

@@ -29,7 +29,7 @@ def refused(said: str, call, *arguments, **options) -> None:
 
 
 @pytest.mark.parametrize("call", [bevameter.explain, bevameter.identify], ids=["explain", "identify"])
-def test_what_is_no_recording_vehicle_or_soil_is_named(call, files):
+def test_an_invalid_recording_vehicle_or_soil_is_named(call, files):
     for recording in (None, 5, {"time_s": [0.0]}, np.zeros(3)):
         refused("^recording: .*expected a Recording, or the path", call, recording)
     for vehicle in NO_VEHICLES:
@@ -46,12 +46,12 @@ def test_a_seed_is_a_whole_number(files, seed):
 
 
 @pytest.mark.parametrize("catalogue", [5, "slip_sinkage", ["gravity"], [["slip_sinkage"]]])
-def test_what_is_no_catalogue_or_simulation_is_named(files, catalogue):
+def test_an_invalid_catalogue_or_simulation_is_named(files, catalogue):
     refused("^catalogue: ", bevameter.explain, files / "wheel.csv", catalogue=catalogue)
     refused("^simulated: 5 ", bevameter.explain, files / "wheel.csv", simulated=5)
 
 
-def test_what_is_no_method_is_named(files):
+def test_an_invalid_method_is_named(files):
     for method in ("least squares", None, ["ml"]):
         refused("^method: .*expected ml or linear", bevameter.identify, files / "wheel.csv", method=method)
 
@@ -114,6 +114,6 @@ def test_a_vehicle_is_planned_with_by_its_file(answer, files):
     assert answer.mobility(str(path), load_N=60.0).load_N == (60.0,)
 
 
-def test_when_it_is_asked_is_a_time(answer):
+def test_the_time_of_a_query_is_posix_seconds_or_a_datetime(answer):
     for now in ("today", None.__class__, [0.0], math.nan, True):
         refused("^now: .*expected POSIX seconds, or a datetime", answer.snapshot.at, 0.0, 0.0, now=now)

@@ -175,7 +175,7 @@ def test_soil_that_cannot_be_identified(drive, tmp_path):
 
 
 @pytest.mark.parametrize("command", [run, identify])
-def test_the_real_command_says_one_line_and_leaves_nothing(command, drive, tmp_path):
+def test_the_real_command_prints_one_line_and_writes_nothing(command, drive, tmp_path):
     """As a user's shell sees it: no traceback, no warning of a library, no database, no part of a file."""
     (drive / "wheel.csv").write_text(edited(9, "0.7,", "0.35,"))
     before = everything(tmp_path)
@@ -192,7 +192,7 @@ N = range(300)
 ODD = {
     "five rows": WHEEL.split("\n")[:6],
     "constant": [HEADER, *(f"{0.1 * i:.1f},500,0.2,12,0.01" for i in N)],
-    "standing": [HEADER, *(f"{0.1 * i:.1f},500,0,0,0.01" for i in N)],
+    "standstill": [HEADER, *(f"{0.1 * i:.1f},500,0,0,0.01" for i in N)],
     "no load": [HEADER, *(f"{0.1 * i:.1f},0,0.2,0,0" for i in N)],
     "huge": [HEADER, *(f"{0.1 * i:.1f},{5 + i % 7}e290,0.2,{1 + i % 5}e300,{i % 3}e305" for i in N)],
     "far in time": [HEADER, *(f"{1.7e9 + 0.1 * i:.1f},{500 + i % 9},{0.1 + i % 30 / 60},12,0.01" for i in N)],
@@ -202,7 +202,7 @@ ODD = {
 
 @pytest.mark.parametrize("kind", ODD)
 def test_odd_numbers_get_an_answer_without_a_warning(kind, drive, tmp_path):
-    """Nothing is wrong with the file: there is an answer, if only that the soil cannot be told."""
+    """The files are valid: there is an answer, if only that the soil cannot be identified."""
     (drive / "wheel.csv").write_text("\n".join(ODD[kind]) + "\n")
     for arguments in (
         identify(tmp_path, drive),

@@ -96,25 +96,25 @@ DATABASES = {
 
 
 @pytest.mark.parametrize("kind", DATABASES)
-def test_a_database_that_is_none_of_ours(kind, drive, tmp_path, models, monkeypatch):
+def test_a_database_of_another_program(kind, drive, tmp_path, models, monkeypatch):
     monkeypatch.chdir(tmp_path)
     make, said = DATABASES[kind]
     database = make(tmp_path / "other.db")
-    asked = ["--db", database]
-    refused(tmp_path, ["run", drive, *asked, "--models", models], *said)
+    options = ["--db", database]
+    refused(tmp_path, ["run", drive, *options, "--models", models], *said)
     if kind != "nowhere":
-        refused(tmp_path, ["query", "classes", *asked], *said)
-        refused(tmp_path, ["map", "--out", tmp_path / "m.png", *asked], *said)
+        refused(tmp_path, ["query", "classes", *options], *said)
+        refused(tmp_path, ["map", "--out", tmp_path / "m.png", *options], *said)
 
 
-def test_a_database_that_is_not_there_is_not_made_by_asking(tmp_path):
-    asked = ["--db", tmp_path / "none.db"]
+def test_a_missing_database_is_not_created_by_a_query(tmp_path):
+    options = ["--db", tmp_path / "none.db"]
     for query in (["classes"], ["class", "sand"], ["at", "1", "2"], ["near", "1", "2", "--radius", "3"]):
-        refused(tmp_path, ["query", *query, *asked], "none.db", "no such file")
-    refused(tmp_path, ["map", "--out", tmp_path / "m.png", *asked], "none.db", "no such file")
+        refused(tmp_path, ["query", *query, *options], "none.db", "no such file")
+    refused(tmp_path, ["map", "--out", tmp_path / "m.png", *options], "none.db", "no such file")
 
 
-def test_queries_that_mean_nothing(tmp_path):
+def test_invalid_queries(tmp_path):
     for query, said in (
         (["at", "east", "2"], ("X", "'east'")),
         (["at", "1", "nan"], ("Y", "'nan'")),
@@ -129,7 +129,7 @@ def test_queries_that_mean_nothing(tmp_path):
 
 
 @pytest.mark.parametrize("sense", ["vision", "audio"])
-def test_models_that_are_none(sense, drive, tmp_path, models):
+def test_files_that_are_no_models(sense, drive, tmp_path, models):
     chosen = tmp_path / "chosen"
     chosen.mkdir()
     model = chosen / f"{sense}.skops"
@@ -141,8 +141,8 @@ def test_models_that_are_none(sense, drive, tmp_path, models):
         (other.read_bytes(), f"expected a model for {sense}"),
     ):
         model.write_bytes(content)
-        asked = ["classify", sense, file, "--model", model, "--json", tmp_path / "o.json"]
-        refused(tmp_path, asked, model.name, said)
+        command = ["classify", sense, file, "--model", model, "--json", tmp_path / "o.json"]
+        refused(tmp_path, command, model.name, said)
         refused(tmp_path, run(tmp_path, drive, "--models", chosen), model.name, said)
     refused(tmp_path, run(tmp_path, drive, "--models", tmp_path / "none"), "none", "no model")
     refused(tmp_path, ["classify", sense, file, "--model", tmp_path], "expected a model")
@@ -161,17 +161,17 @@ CLASSIFY_FAULTS = {
 
 
 @pytest.mark.parametrize("fault", CLASSIFY_FAULTS)
-def test_classifying_what_is_no_file_of_the_sense(fault, tmp_path, models):
+def test_classifying_a_file_of_another_kind(fault, tmp_path, models):
     sense, make, said = CLASSIFY_FAULTS[fault]
-    asked = ["classify", sense, make(tmp_path), "--model", models / f"{sense}.skops"]
-    refused(tmp_path, [*asked, "--json", tmp_path / "o.json"], *said)
+    command = ["classify", sense, make(tmp_path), "--model", models / f"{sense}.skops"]
+    refused(tmp_path, [*command, "--json", tmp_path / "o.json"], *said)
 
 
-def test_half_a_wav_does_not_pass_for_a_whole_one(tmp_path, models):
+def test_a_truncated_wav_is_refused(tmp_path, models):
     whole = sound(tmp_path / "x.wav").read_bytes()
     (tmp_path / "x.wav").write_bytes(whole[: len(whole) // 2])
-    asked = ["classify", "audio", tmp_path / "x.wav", "--model", models / "audio.skops"]
-    refused(tmp_path, asked, "x.wav", "cut off", "a whole sound file")
+    command = ["classify", "audio", tmp_path / "x.wav", "--model", models / "audio.skops"]
+    refused(tmp_path, command, "x.wav", "cut off", "a whole sound file")
 
 
 def labelled(folder: Path, classes=("a", "b"), index: str | None = None) -> Path:
@@ -208,8 +208,8 @@ def test_a_bad_labelled_folder(fault, tmp_path):
     classes, index, said = LABELLED_FAULTS[fault]
     (tmp_path / "data").mkdir()
     folder = labelled(tmp_path / "data", classes, index)
-    asked = ["train", "audio", folder, "--out", tmp_path / "m.skops", "--json", tmp_path / "o.json"]
-    refused(tmp_path, [*asked, "--report", tmp_path / "r.html"], *said)
+    command = ["train", "audio", folder, "--out", tmp_path / "m.skops", "--json", tmp_path / "o.json"]
+    refused(tmp_path, [*command, "--report", tmp_path / "r.html"], *said)
 
 
 @pytest.mark.parametrize(
@@ -220,14 +220,14 @@ def test_training_on_a_bad_file(sense, content, tmp_path):
     for name in ("a", "b"):
         (tmp_path / "data" / name).mkdir(parents=True)
         (tmp_path / "data" / name / f"x.{suffix}").write_bytes(content)
-    asked = ["train", sense, tmp_path / "data", "--out", tmp_path / "m.skops"]
-    refused(tmp_path, asked, f"x.{suffix}")
+    command = ["train", sense, tmp_path / "data", "--out", tmp_path / "m.skops"]
+    refused(tmp_path, command, f"x.{suffix}")
 
 
 @pytest.mark.parametrize("option", ["--out", "--json", "--report"])
-def test_a_result_that_cannot_be_written_is_said_first(option, drive, tmp_path):
-    asked = {"--out": tmp_path / "m.skops", option: tmp_path / "nowhere" / "x"}
-    arguments = ["train", "audio", tmp_path / "none", *(part for pair in asked.items() for part in pair)]
+def test_a_result_that_cannot_be_written_is_reported_first(option, drive, tmp_path):
+    outputs = {"--out": tmp_path / "m.skops", option: tmp_path / "nowhere" / "x"}
+    arguments = ["train", "audio", tmp_path / "none", *(part for pair in outputs.items() for part in pair)]
     refused(tmp_path, arguments, "nowhere", "there is no folder")
     if option == "--json":
         refused(tmp_path, ["identify", drive, option, tmp_path / "nowhere" / "x"], "nowhere")
@@ -241,8 +241,8 @@ def test_scenarios_that_cannot_be_written(tmp_path):
     refused(tmp_path, ["scenario", "moon", tmp_path / "s"], "'moon'", "demo")
     refused(tmp_path, ["scenario", "short"], "OUT missing")
     for duration in ("1", "1e12", "inf", "nan"):
-        asked = ["scenario", "testbed", tmp_path / "s", "--duration", duration]
-        refused(tmp_path, asked, f"duration {float(duration)!r} s", "at least 5 s and at most 86400 s")
+        command = ["scenario", "testbed", tmp_path / "s", "--duration", duration]
+        refused(tmp_path, command, f"duration {float(duration)!r} s", "at least 5 s and at most 86400 s")
     refused(tmp_path, ["scenario", "short", tmp_path / "full"], "full")
     refused(tmp_path, ["scenario", "short", tmp_path / "file"], "file")
     for duration in ("-5", "nan", "0"):

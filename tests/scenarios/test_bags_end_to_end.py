@@ -1,4 +1,4 @@
-"""A drive in a ROS 1 bag, a ROS 2 bag and an MCAP file, through the command line, beside the same drive in a folder."""
+"""A drive as ROS 1 bag, ROS 2 bag and MCAP file, through the command line, against the same drive in a folder."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def nanoseconds(seconds: str | float) -> int:
 
 
 def write_bag(kind: str, source: Path, folder: Path) -> Path:
-    """Write the drive as a bag, its vehicle beside it."""
+    """Write the drive as a bag, with vehicle.toml in the same folder."""
     messages = Messages(source, ros1=kind == "ros1")
     path = folder / {"ros1": "drive.bag", "ros2": "drive", "mcap": "drive.mcap"}[kind]
     if kind == "mcap":
@@ -200,7 +200,7 @@ def cut(path: Path, share: float) -> Path:
     return file
 
 
-def test_of_an_mcap_file_that_was_cut_off_the_rest_is_used_and_the_loss_is_said(folder, small_models, tmp_path):
+def test_of_an_mcap_file_that_was_cut_off_the_rest_is_used_and_the_loss_is_reported(folder, small_models, tmp_path):
     path = write_bag("mcap", folder, tmp_path)
     cut(path, 0.6)
     page, said = ran(path, small_models, tmp_path)
@@ -213,7 +213,7 @@ def test_of_an_mcap_file_that_was_cut_off_the_rest_is_used_and_the_loss_is_said(
 
 
 @pytest.mark.parametrize(("kind", "share"), [(kind, 0.0005) for kind in KINDS] + [("ros1", 0.6), ("ros2", 0.6)])
-def test_of_a_bag_that_cannot_be_read_one_line_is_said(kind, share, folder, tmp_path):
+def test_of_a_bag_that_cannot_be_read_one_line_is_reported(kind, share, folder, tmp_path):
     path = write_bag(kind, folder, tmp_path)
     file = cut(path, share)
     result = CliRunner().invoke(app, ["run", str(path), "--db", str(tmp_path / "t.db")])

@@ -1,4 +1,4 @@
-"""The commands as a user strings them together: pages that programs read, second runs, interrupts, two at once."""
+"""Commands in sequence: machine-readable output, second runs, interrupts, two runs at once."""
 
 from __future__ import annotations
 
@@ -77,8 +77,8 @@ def questions(short_drive, tmp_path):
 
 @pytest.mark.parametrize("query", ["at", "near", "along"])
 def test_places_in_every_format(query, questions, stored):
-    asked = ["query", *questions[query], "--db", stored]
-    page = json.loads(said(*asked, "--format", "json"))
+    command = ["query", *questions[query], "--db", stored]
+    page = json.loads(said(*command, "--format", "json"))
     assert (page["schema"], page["query"]) == (1, query)
     places = page["places"]
     assert {"known", "unknown", "class_probabilities", "c_Pa", "tan_phi", "covariance_c_tan_phi", "shear_strength_Pa",
@@ -86,13 +86,13 @@ def test_places_in_every_format(query, questions, stored):
     assert any(place["known"] for place in places)
     for place in places:
         assert place["known"] == (place["unknown"] is None) == (place["shear_strength_lower_Pa"] is not None)
-    rows = list(csv.DictReader(io.StringIO(said(*asked, "--format", "csv"))))
+    rows = list(csv.DictReader(io.StringIO(said(*command, "--format", "csv"))))
     assert len(rows) == len(places)
     assert float(rows[0]["x_m"]) == places[0]["x_m"]
-    collection = json.loads(said(*asked, "--format", "geojson"))
+    collection = json.loads(said(*command, "--format", "geojson"))
     assert collection["type"] == "FeatureCollection"
     assert len(collection["features"]) == len(places)
-    table = said(*asked)
+    table = said(*command)
     assert "lower bound at confidence 0.95" in table
     if query == "along":
         assert places[-1]["unknown"] == "nobody has seen this ground"
@@ -182,15 +182,15 @@ def test_the_same_drive_in_another_folder_is_known(wheels, tmp_path):
     assert "nothing added" in said("run", tmp_path / "copy", "--db", tmp_path / "t.db")
 
 
-def test_a_database_of_another_program_is_found_out_before_the_work(wheels, tmp_path, monkeypatch):
+def test_a_database_of_another_program_is_refused_before_the_work(wheels, tmp_path, monkeypatch):
     (tmp_path / "t.db").write_text("my diary")
     monkeypatch.setattr(traverse, "find_models", lambda *a, **k: pytest.fail("models were looked for first"))
     said("run", wheels, "--db", tmp_path / "t.db", status=2)
     assert (tmp_path / "t.db").read_text() == "my diary"
 
 
-def test_a_nan_stretch_is_driven_around_and_said(wheels, tmp_path):
-    """Values that were not observed are no fault: the rows beside them are used, and the summary says how many."""
+def test_a_stretch_of_nan_is_left_out_and_reported(wheels, tmp_path):
+    """Missing values are no fault: the other rows are used, and the summary says how many."""
     folder = tmp_path / "drive"
     shutil.copytree(wheels, folder)
     with (folder / "wheel.csv").open(newline="", encoding="utf-8") as file:
@@ -236,7 +236,7 @@ def test_half_a_jpeg_among_the_images_costs_that_image_alone(short_drive, small_
 
 
 @pytest.mark.filterwarnings("error")
-def test_soil_is_found_again_that_was_simulated(tmp_path):
+def test_simulated_soil_is_identified(tmp_path):
     rows = ["time_s,load_N,slip"]
     for index in range(240):
         load = 450 + 250 * math.sin(0.23 * index)

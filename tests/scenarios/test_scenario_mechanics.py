@@ -62,7 +62,7 @@ def test_each_row_has_its_own_soil():
             assert getattr(varied, name)[row] == pytest.approx(getattr(alone, name)[0], rel=1e-9)
 
 
-def test_a_load_that_the_soil_does_not_carry_is_nothing():
+def test_a_load_that_the_soil_does_not_carry_has_no_answer():
     found = equilibrium(RADIUS, WIDTH, SOIL, np.array([100.0, 1e7]), np.array([0.2, 0.2]))
     assert np.isfinite(found.torque_Nm[0])
     assert np.isnan([found.torque_Nm[1], found.drawbar_pull_N[1], found.sinkage_m[1]]).all()

@@ -113,10 +113,10 @@ def test_interruption_leaves_nothing(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_progress_is_told_by_stage(tmp_path: Path) -> None:
-    told: list[tuple[str, float]] = []
-    write_scenario("testbed", tmp_path / "t", duration_s=5.0, progress=lambda stage, share: told.append((stage, share)))
-    assert told == [("wheels", 0.0), ("wheels", 1.0)]
+def test_progress_is_reported_by_stage(tmp_path: Path) -> None:
+    calls: list[tuple[str, float]] = []
+    write_scenario("testbed", tmp_path / "t", duration_s=5.0, progress=lambda *call: calls.append(call))
+    assert calls == [("wheels", 0.0), ("wheels", 1.0)]
     assert not (tmp_path / "t" / "camera").exists()
 
 

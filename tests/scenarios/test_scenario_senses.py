@@ -175,10 +175,10 @@ def test_looks_are_labelled_grouped_and_repeatable(monkeypatch: pytest.MonkeyPat
 
 
 def test_sounds_are_labelled_and_grouped() -> None:
-    told: list[float] = []
-    sounds = labelled_sounds(np.random.default_rng(0), 2, told.append)
-    assert told[-1] == 1.0
-    assert np.all(np.diff(told) > 0)
+    reported: list[float] = []
+    sounds = labelled_sounds(np.random.default_rng(0), 2, reported.append)
+    assert reported[-1] == 1.0
+    assert np.all(np.diff(reported) > 0)
     assert sounds.windows.dtype == np.float32
     assert np.abs(sounds.windows).max() <= 1.0
     assert sounds.windows.std(axis=1).min() > 1e-4

@@ -1,6 +1,6 @@
-"""How well the senses do on a synthetic drive, look by look and window by window, where the truth is known.
+"""Scores of the senses on synthetic drives of known truth, look by look and window by window.
 
-The way is that of a recording: pictures as JPEG, cut into cells ahead of the vehicle, and 16-bit sound cut into
+The input is that of a recording: pictures as JPEG, cut into cells ahead of the vehicle, and 16-bit sound cut into
 windows. What is judged is what is stated: a class, a probability, or nothing.
 """
 

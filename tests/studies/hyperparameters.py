@@ -1,4 +1,4 @@
-"""Choose the temperature and the two priors of `explain`: by the probability that it gives to what is hidden.
+"""Choose the temperature and the two priors of `explain` by the probability that it gives to the hidden effects.
 
     python tests/studies/judge.py make --set training --cache CACHE
     python tests/studies/hyperparameters.py --cache CACHE --out evidence.jsonl --processes 2

@@ -25,7 +25,7 @@ from bevameter.identification.mechanics.textbook import TextbookWheel, equilibri
 WHEEL = Wheel(radius_m=0.5, width_m=0.3)
 SOIL = Soil(c_Pa=1e3, phi_rad=np.radians(30.0), k_m=0.005, stiffness_Pa=20e3 + 600e3 * 0.3, n=0.9)
 NAMES = ("c_Pa", "phi_rad", "k_m", "stiffness_Pa", "n")
-ASSUMED_K = 3.0 * SOIL.k_m  # what the linear method is told
+ASSUMED_K = 3.0 * SOIL.k_m  # given to the linear method
 
 
 def truth(samples: int = 300, swing_N: float = 300.0) -> np.ndarray:

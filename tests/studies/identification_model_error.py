@@ -166,7 +166,7 @@ def one(seed: int, kind: str, *, steady: bool, pull: bool) -> Outcome:
     truth = np.array([soil.c_Pa, np.degrees(soil.phi_rad)])
     c, phi = estimate.parameters["c_Pa"], estimate.parameters["phi_rad"]
     after = np.array([[c.low, c.high], np.degrees([phi.low, phi.high])])
-    # Before: the scatter carried, the form taken at its word.
+    # Before: the scatter carried, the form taken as right.
     half = solution.quantile * np.sqrt(np.diag(solution.covariance())[:2])
     ends = np.maximum(solution.fit.vector[:2, None] + half[:, None] * [-1.0, 1.0], 0.0)
     before = np.array([ends[0], np.degrees(np.arctan(ends[1]))]) if found else after

@@ -5,9 +5,9 @@
     python tests/studies/judge.py run   --set training --cache CACHE --out answers.jsonl --leave-one-out
     python tests/studies/judge.py score --set training --cache CACHE answers.jsonl --compare other.jsonl
 
-Each stage goes on where it was stopped. `run` takes whatever `bevameter` is on PYTHONPATH. Instead of a named set,
+Each stage resumes where it was stopped. `run` takes whatever `bevameter` is on PYTHONPATH. Instead of a named set,
 `--seeds 793600 300` takes that many recordings of the study from that seed on, `--protocol ramps` makes drives of one
-kind of them. README.md beside this file says who may look at what.
+kind of them. README.md in this folder says who may see what.
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run one stage."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     stages = parser.add_subparsers(required=True)
     which = argparse.ArgumentParser(add_help=False)
@@ -83,13 +82,13 @@ def _make(given: argparse.Namespace, chosen: recordings.RecordingSet) -> None:
                 failed[name] = error
             yield name
 
-    _shown(names(), len(chosen.seeds), len(recordings.made(given.cache, chosen)))
+    _shown(names(), len(chosen.seeds), len(recordings.stored_truths(given.cache, chosen)))
     if failed:
         raise SystemExit("\n".join(f"{name}: {error}" for name, error in failed.items()))
 
 
 def _run(given: argparse.Namespace, chosen: recordings.RecordingSet) -> None:
-    truths = recordings.made(given.cache, chosen)
+    truths = recordings.stored_truths(given.cache, chosen)
     left_out = {}
     if given.leave_one_out:
         hidden = {name: [effect["effect"] for effect in truth["effects"]] for name, truth in truths.items()}
@@ -108,7 +107,7 @@ def _run(given: argparse.Namespace, chosen: recordings.RecordingSet) -> None:
 def _score(given: argparse.Namespace, chosen: recordings.RecordingSet) -> None:
     if given.each and chosen.frozen:
         raise ValueError("--each: of frozen recordings nobody sees more than aggregates")
-    truths = recordings.made(given.cache, chosen)
+    truths = recordings.stored_truths(given.cache, chosen)
     results = {path.name: answers.read_results(path) for path in (given.answers, given.compare) if path is not None}
     both = [key for key in next(iter(results.values())) if key[0] in truths and all(key in r for r in results.values())]
     scores = {

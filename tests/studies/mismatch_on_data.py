@@ -1,4 +1,4 @@
-"""What `explain` finds where nobody concealed anything: real wheels, and a simulation with other physics.
+"""What `explain` finds in recordings without hidden effects: real wheels, and a simulation with other physics.
 
 python tests/studies/mismatch_on_data.py        # prints tables in Markdown
 """

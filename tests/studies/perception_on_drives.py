@@ -1,6 +1,6 @@
-"""What camera and microphone state on whole drives with the default models, and whether they are as right as they say.
+"""What camera and microphone state on whole drives with the default models: accuracy and calibration.
 
-Development looked at seeds 1 and 2 of `demo`, `short` and `rover4`; seeds from 101 on took no part in it. Scores are
+Seeds 1 and 2 of `demo`, `short` and `rover4` were used in development; seeds from 101 on were not. Scores are
 those of `drive_scores`, pooled by the rows that are known.
 
     python tests/studies/perception_on_drives.py --seeds 2

@@ -1,4 +1,4 @@
-"""What cleaning is worth: the ground recognised along a drive, before and after, with an interval over drives."""
+"""Benefit of cleaning: the ground recognised along a drive, before and after, with an interval over drives."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from bevameter.framework.core.recording.types import Labels, SoundStream
 
 @dataclass(frozen=True)
 class Heard:
-    """What a classifier made of one drive, window by window.
+    """A classifier's result on one drive, window by window.
 
     Parameters
     ----------
     truth, taken : (n,)
         Class that was driven over, and the class taken to be most probable; ``""`` where nothing could be said.
     known : (n,)
-        Whether the classifier vouched for it.
+        Whether the classifier gave a class.
     """
 
     truth: np.ndarray
@@ -51,7 +51,7 @@ def heard(sound: SoundStream, model: TerrainClassifier, labels: Labels) -> Heard
 class Gain:
     """Balanced accuracy before and after cleaning, its difference with a 95 % interval over drives, and the verdict.
 
-    `known_before` and `known_after` are the shares of windows that the classifier vouched for; `helps` is whether the
+    `known_before` and `known_after` are the shares of windows that the classifier gave a class; `helps` is whether the
     interval of the difference lies above zero. Windows of one drive are not independent: drives are drawn.
     """
 
@@ -67,7 +67,7 @@ class Gain:
 
     @property
     def helps(self) -> bool:
-        """Whether cleaning is shown to help."""
+        """Whether cleaning significantly helps."""
         return self.low > 0.0
 
 

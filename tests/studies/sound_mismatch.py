@@ -1,4 +1,4 @@
-"""What `explain_sound` finds in drives it never saw: named right, false alarms, seconds, and what cleaning is worth.
+"""`explain_sound` on independent drives: named right, false alarms, seconds, and the benefit of cleaning.
 
 The drives are made here, by other means than the package's own: contact sound is real footsteps (scattered along the
 way as grains, louder with speed) where the folder of recordings is given, else noise bands and clicks; the background
@@ -118,7 +118,7 @@ def contact(v: np.ndarray, legs: tuple[str, ...], data: Path | None, rng: np.ran
         way = np.cumsum(v[first:last]) / RATE
         own = np.zeros(last - first + 2 * RATE, np.float32)
         if data is None:
-            own += made_ground(v[first:last], growth, rng)
+            own += synthetic_ground(v[first:last], growth, rng)
         else:
             count = int(rng.uniform(6, 14) * way[-1])
             for place in np.sort(rng.uniform(0, way[-1], count)):
@@ -131,7 +131,7 @@ def contact(v: np.ndarray, legs: tuple[str, ...], data: Path | None, rng: np.ran
     return sound[: len(v)]
 
 
-def made_ground(v: np.ndarray, growth: float, rng: np.random.Generator) -> np.ndarray:
+def synthetic_ground(v: np.ndarray, growth: float, rng: np.random.Generator) -> np.ndarray:
     """Noise bands and clicks for a ground where no recordings are at hand, two seconds longer than v (m,)."""
     n = len(v) + 2 * RATE
     gain = np.pad(v, (0, 2 * RATE), "edge") ** (growth + 0.5)
@@ -154,7 +154,7 @@ def background(n: int, data: Path | None, rng: np.random.Generator) -> np.ndarra
         own = clips(data, "noise")[QUIET_NOISES[int(rng.integers(3))]]
         tape: list[np.ndarray] = []
         while sum(len(c) for c in tape) < n:
-            # No clip is heard twice at the same pitch: a loop would be a line.
+            # No clip is repeated at the same pitch: a loop would be a line.
             clip = own[int(rng.integers(len(own)))]
             clip = soxr.resample(clip, RATE, RATE * np.exp(rng.normal(0, 0.05)), quality="QQ")
             tape.append(clip / max(clip.std(), 1e-6))
@@ -262,11 +262,11 @@ def interval(k: int, n: int) -> str:
     return f"{100 * p:.0f} % ({100 * max(middle - half, 0):.0f}-{100 * min(middle + half, 1):.0f})"
 
 
-# What cleaning is worth to the classifier.
+# Benefit of cleaning for the classifier.
 
 
 def clean_classifier(rng: np.random.Generator, sites: int = 10) -> TerrainClassifier:
-    """A classifier that has heard the package's synthetic grounds, and no noise but a microphone's own."""
+    """A classifier trained on the package's synthetic grounds, with a microphone's own noise only."""
     windows, labels, groups = [], [], []
     length = round(WINDOW_S * RATE_HZ)
     for name in VOICES:
@@ -361,7 +361,7 @@ def main() -> None:
                 named += right(effect, truth, found)
                 false += false_names({effect}, found)
             print(f"{effect:12s} {level:7s} {level_dB:6.1f} dB: named right {interval(named, n)} of {n}; "
-                  f"false names beside it {false}; {time.monotonic() - begun:.0f} s", flush=True)  # fmt: skip
+                  f"false names {false}; {time.monotonic() - begun:.0f} s", flush=True)  # fmt: skip
     if options.classify:
         model = clean_classifier(np.random.default_rng([options.seed, 3]))
         for effect in (None, *options.only):

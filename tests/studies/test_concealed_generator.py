@@ -82,40 +82,40 @@ def test_tracks_turn_and_later_passes_run_on_the_same_ground(rng):
 
 
 def test_a_patch_on_a_track_that_turns_lies_where_the_track_says():
-    made = conceal(101, ("soil_patch",), "plain", "turns", samples=400)
-    places = made.truth["effects"][0]["places"]
+    result = conceal(101, ("soil_patch",), "plain", "turns", samples=400)
+    places = result.truth["effects"][0]["places"]
     start, end = places["distance_m"]
-    columns = made.recorded.columns
+    columns = result.recorded.columns
     way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(columns["x_m"]), np.diff(columns["y_m"])))])
     inside = (way > start) & (way < end) & (columns["pass"] == 1)
     assert inside.sum() > 10
-    assert set(made.truth["effects"][0]["variables"]) == {"distance_m", "x_m", "y_m"}
+    assert set(result.truth["effects"][0]["variables"]) == {"distance_m", "x_m", "y_m"}
     for name in ("x_m", "y_m"):
         low, high = places[name]
         assert np.all((columns[name][inside] > low - 0.05) & (columns[name][inside] < high + 0.05))
 
 
 @pytest.mark.parametrize("level", list(LEVELS))
-def test_the_strength_is_what_was_asked(level):
-    made = conceal(2, ("drivetrain_friction",), level, "bench", samples=500)
-    assert made.truth["reached"]
-    assert made.truth["nats"] == pytest.approx(LEVELS[level], rel=0.15)
-    assert min(made.truth["textbook_r2"].values()) > 0.95
+def test_the_strength_is_that_of_the_level(level):
+    result = conceal(2, ("drivetrain_friction",), level, "bench", samples=500)
+    assert result.truth["reached"]
+    assert result.truth["nats"] == pytest.approx(LEVELS[level], rel=0.15)
+    assert min(result.truth["textbook_r2"].values()) > 0.95
 
 
 def test_nats_are_those_of_another_fit():
     """Steady trials, rows independent: nats from a variance counted over many recordings, by another optimiser."""
-    made = conceal(1, ("slip_sinkage",), "hidden", "steady")
-    case, effects = made.case, made.effects
+    result = conceal(1, ("slip_sinkage",), "hidden", "steady")
+    case, effects = result.case, result.effects
     drive, rng = case.drive, np.random.default_rng(0)
     plan = draw_plan(rng, "steady", case.body, case.ground, frozenset({"pull"}))
     plan = replace(plan, drive=drive, columns=(*plan.columns, "drawbar_pull_N"))
-    quiet = replace(case.sensors, gross=0.0, missing=0.0)
+    sensors = replace(case.sensors, gross=0.0, missing=0.0)
     misses = []
     for _ in range(150):
         soil = case.variation.of(case.ground, case.variation.draw(rng))
         varied, theta_1 = simulate(soil, case.body, drive, effects, nodes=8)
-        seen = record(rng, plan, case.body, quiet, varied)
+        seen = record(rng, plan, case.body, sensors, varied)
         expected, _ = simulate(
             case.ground, case.body, drive, effects, nodes=8, guess=theta_1,
             load_N=drive.load_N * seen.load_error, slip=seen.true_slip(drive),
@@ -124,25 +124,25 @@ def test_nats_are_those_of_another_fit():
         misses.append(columns - case.answers(expected))
     counted = np.var(misses, axis=0)
     _, theta_1 = simulate(case.ground, case.body, drive, effects)
-    weight = weights(case, effects, made.clean, theta_1)
+    weight = weights(case, effects, result.clean, theta_1)
     ratio = (counted / weight.variance).mean(axis=0)
     np.testing.assert_allclose(ratio, 1.0, atol=0.12)
 
     def misfit(logs):
         ground = Ground(np.exp(logs[0]), float(np.arctan(np.exp(logs[1]))), *np.exp(logs[2:]))
         model, _ = simulate(ground, case.body, drive)
-        return ((case.answers(model) - case.answers(made.clean)) / np.sqrt(counted)).ravel()
+        return ((case.answers(model) - case.answers(result.clean)) / np.sqrt(counted)).ravel()
 
     fit = least_squares(misfit, vector(case.ground) + 0.1, x_scale="jac")
-    assert fit.cost == pytest.approx(made.truth["nats"], rel=0.15)
+    assert fit.cost == pytest.approx(result.truth["nats"], rel=0.15)
 
 
 def test_what_varies_along_the_track_is_weighed_as_it_varies():
     """Whitened misfits of the true model have unit variance in each channel, noise and soil drawn many times."""
-    made = conceal(4, (), "hidden", "bench", samples=400)
-    case = made.case
+    result = conceal(4, (), "hidden", "bench", samples=400)
+    case = result.case
     _, theta_1 = simulate(case.ground, case.body, case.drive)
-    weight = weights(case, (), made.clean, theta_1)
+    weight = weights(case, (), result.clean, theta_1)
     rng = np.random.default_rng(1)
     squares = []
     for _ in range(25):
@@ -160,27 +160,27 @@ def test_what_varies_along_the_track_is_weighed_as_it_varies():
 
 
 def test_a_null_hides_nothing():
-    made = conceal(11, (), "hidden", "field", samples=400)
-    assert made.effects == ()
-    assert made.truth["effects"] == []
-    assert made.truth["level"] == "null"
-    assert made.truth["nats"] == pytest.approx(0.0, abs=0.01)
-    plain, _ = simulate(made.case.ground, made.case.body, made.case.drive)
-    np.testing.assert_array_equal(made.clean.answers(), plain.answers())
+    result = conceal(11, (), "hidden", "field", samples=400)
+    assert result.effects == ()
+    assert result.truth["effects"] == []
+    assert result.truth["level"] == "null"
+    assert result.truth["nats"] == pytest.approx(0.0, abs=0.01)
+    plain, _ = simulate(result.case.ground, result.case.body, result.case.drive)
+    np.testing.assert_array_equal(result.clean.answers(), plain.answers())
     # and what the textbook leaves of the recorded rows is what was put there: noise and the soil's variation
-    sound = made.recorded.sound
-    off = np.column_stack([made.recorded.columns[n] - getattr(made.oracle, n) for n in made.case.names])[sound]
-    _, theta_1 = simulate(made.case.ground, made.case.body, made.case.drive)
-    expected = weights(made.case, (), made.clean, theta_1).variance[sound].mean(axis=0)
+    sound = result.recorded.sound
+    off = np.column_stack([result.recorded.columns[n] - getattr(result.oracle, n) for n in result.case.names])[sound]
+    _, theta_1 = simulate(result.case.ground, result.case.body, result.case.drive)
+    expected = weights(result.case, (), result.clean, theta_1).variance[sound].mean(axis=0)
     assert np.all(np.mean(off**2, axis=0) / expected < 2.5)
     assert np.all(np.mean(off**2, axis=0) / expected > 0.3)
 
 
 def test_both_effects_of_a_pair_are_there_beyond_each_other():
-    made = conceal(5, ("torque_offset", "slip_sinkage"), "hidden", "steady")
-    assert [effect["effect"] for effect in made.truth["effects"]] == ["torque_offset", "slip_sinkage"]
-    assert made.truth["reached"]
-    for effect in made.truth["effects"]:
+    result = conceal(5, ("torque_offset", "slip_sinkage"), "hidden", "steady")
+    assert [effect["effect"] for effect in result.truth["effects"]] == ["torque_offset", "slip_sinkage"]
+    assert result.truth["reached"]
+    for effect in result.truth["effects"]:
         assert effect["nats_alone"] == pytest.approx(LEVELS["hidden"], rel=0.15)
         assert effect["share_beside_the_other"] > 0.3
 
@@ -193,37 +193,37 @@ def test_the_same_seed_makes_the_same_recording():
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
-def test_recordings_are_read_and_tell_nothing(tmp_path, protocol):
-    made = conceal(6, ("slip_sinkage",), "hidden", protocol, samples=200)
-    folder = made.write(tmp_path / "recording", tmp_path / "truth")
+def test_recordings_are_read_and_do_not_reveal_their_effects(tmp_path, protocol):
+    result = conceal(6, ("slip_sinkage",), "hidden", protocol, samples=200)
+    folder = result.write(tmp_path / "recording", tmp_path / "truth")
     recording = read_recording(folder)
     assert recording.wheel is not None
-    assert len(recording.wheel) == len(made.case.drive)
+    assert len(recording.wheel) == len(result.case.drive)
     assert recording.problems == ()
     assert recording.vehicle is not None
-    assert recording.vehicle.wheels[0].radius_m == made.case.body.radius_m
+    assert recording.vehicle.wheels[0].radius_m == result.case.body.radius_m
     assert ("run" if protocol == "steady" else "time_s") in (folder / "wheel.csv").read_text().splitlines()[0].split(
         ","
     )
-    np.testing.assert_allclose(recording.wheel["torque_Nm"], made.recorded.columns["torque_Nm"])
-    told = " ".join(path.read_text() for path in folder.iterdir() if path.suffix == ".toml")
-    assert not any(slug in told for slug in catalogue())
+    np.testing.assert_allclose(recording.wheel["torque_Nm"], result.recorded.columns["torque_Nm"])
+    text = " ".join(path.read_text() for path in folder.iterdir() if path.suffix == ".toml")
+    assert not any(slug in text for slug in catalogue())
     assert {path.name for path in folder.iterdir()} == {"recording.toml", "vehicle.toml", "wheel.csv"}
     truth = json.loads((tmp_path / "truth" / "recording.json").read_text())
     assert truth["effects"][0]["effect"] == "slip_sinkage"
-    assert set(truth["oracle_rmse"]) == set(made.case.names)
+    assert set(truth["oracle_rmse"]) == set(result.case.names)
 
 
 def test_the_truth_is_not_written_where_the_tool_looks(tmp_path):
-    made = conceal(6, (), "hidden", "steady")
+    result = conceal(6, (), "hidden", "steady")
     with pytest.raises(ValueError, match="truth folder"):
-        made.write(tmp_path / "a", tmp_path / "a" / "truth")
+        result.write(tmp_path / "a", tmp_path / "a" / "truth")
 
 
 def test_soil_known_from_elsewhere_comes_with_a_slippery_rim(tmp_path):
-    made = conceal(0, ("rim_adhesion",), "buried", "steady")
-    folder = made.write(tmp_path / "a")
-    assert made.truth["soil_known"]
+    result = conceal(0, ("rim_adhesion",), "buried", "steady")
+    folder = result.write(tmp_path / "a")
+    assert result.truth["soil_known"]
     assert "phi_deg" in (folder / "soil.toml").read_text()
 
 
@@ -238,27 +238,29 @@ def test_soil_known_from_elsewhere_comes_with_a_slippery_rim(tmp_path):
         ({"forms": ("nonsense",)}, "no form 'nonsense'"),
     ],
 )
-def test_what_cannot_be_made_is_refused(given, message):
+def test_a_bad_argument_is_refused(given, message):
     with pytest.raises(ValueError, match=message):
         conceal(0, **given)
 
 
 def test_refitting_finds_the_soil_of_a_null():
-    made = conceal(7, (), "hidden", "steady")
-    _, theta_1 = simulate(made.case.ground, made.case.body, made.case.drive)
-    weight = weights(made.case, (), made.clean, theta_1)
-    fit = refit_textbook(made.case, made.clean, weight, vector(made.case.ground) + np.array([0.3, -0.1, 0.3, 0.2, 0.1]))
+    result = conceal(7, (), "hidden", "steady")
+    _, theta_1 = simulate(result.case.ground, result.case.body, result.case.drive)
+    weight = weights(result.case, (), result.clean, theta_1)
+    fit = refit_textbook(
+        result.case, result.clean, weight, vector(result.case.ground) + np.array([0.3, -0.1, 0.3, 0.2, 0.1])
+    )
     assert fit.nats < 0.5
 
 
 def test_refitting_with_the_effect_itself_leaves_nothing():
     """The fit with soil and magnitude, of an effect and of a fault of the inputs."""
     for slug in ("load_gain", "bulldozing"):
-        made = conceal(1, (slug,), "hidden", "steady")
-        _, theta_1 = simulate(made.case.ground, made.case.body, made.case.drive, made.effects)
-        weight = weights(made.case, made.effects, made.clean, theta_1)
-        effect = made.effects[0]
+        result = conceal(1, (slug,), "hidden", "steady")
+        _, theta_1 = simulate(result.case.ground, result.case.body, result.case.drive, result.effects)
+        weight = weights(result.case, result.effects, result.clean, theta_1)
+        effect = result.effects[0]
         near = effect.scaled(0.8 * effect.magnitude)
-        fit, magnitude = refit_with(made.case, made.clean, weight, near, vector(made.case.ground) + 0.01)
+        fit, magnitude = refit_with(result.case, result.clean, weight, near, vector(result.case.ground) + 0.01)
         assert fit.nats < 1.0
         assert magnitude == pytest.approx(effect.magnitude, rel=0.1)

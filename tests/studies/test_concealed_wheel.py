@@ -17,7 +17,7 @@ GROUND = Ground(c_Pa=1000.0, phi_rad=0.5, k_m=0.015, stiffness_Pa=1.5e5, n=0.9)
 
 
 def drive_of(load, slip, **given) -> Drive:
-    """Rows in time, 10 a second, at 0.1 m/s unless told otherwise."""
+    """Rows in time, 10 a second, at 0.1 m/s unless stated otherwise."""
     load, slip = np.broadcast_arrays(np.asarray(load, dtype=float), np.asarray(slip, dtype=float))
     count = len(load)
     zero = np.zeros(count)

@@ -1,4 +1,4 @@
-"""The judges' command: sets of recordings, the cache, runs that go on where they stopped, and what is kept shut."""
+"""`judge.py`: sets of recordings, the cache, runs that go on where they stopped, and what stays frozen."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_a_protocol_that_cannot_show_what_is_hidden_gives_way_to_a_bench_test():
     drawn = [study.draw(seed, "ramps") for seed in range(60)]
     assert {protocol for _, _, protocol in drawn} == {"bench", "ramps"}
     assert all(("inertia" in effects) is (protocol == "bench") for effects, _, protocol in drawn)
-    # Nothing else hangs on what is asked for.
+    # Effects and level do not depend on the protocol.
     assert [row[:2] for row in drawn] == [study.draw(seed)[:2] for seed in range(60)]
 
 
@@ -56,12 +56,12 @@ def command(stage, cache, *more, seeds=("920000", "3")):
     judge.main([stage, "--seeds", *seeds, "--cache", str(cache), *map(str, more)])
 
 
-def test_making_goes_on_where_it_stopped(monkeypatch, tmp_path):
+def test_making_resumes_where_it_stopped(monkeypatch, tmp_path):
     monkeypatch.setattr(study, "draw", lambda seed, protocol: ((), "hidden", protocol or "steady"))
     ramps = recordings.RecordingSet("study", range(2), "ramps")
     for name, seed in ramps.named().items():
         recordings.make_one(tmp_path, ramps, name, seed)
-    assert sorted(recordings.made(tmp_path, ramps)) == ["study-ramps-0", "study-ramps-1"]
+    assert sorted(recordings.stored_truths(tmp_path, ramps)) == ["study-ramps-0", "study-ramps-1"]
     folder = recordings.folder_of(tmp_path, "study-ramps-0")
     assert sorted(path.name for path in folder.iterdir()) == ["recording.toml", "vehicle.toml", "wheel.csv"]
     assert list(recordings.make(tmp_path, ramps, 1)) == []
@@ -78,10 +78,10 @@ def test_the_frozen_generator_writes_its_own_recordings(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "frozen_generator.generate", generate)
     chosen = recordings.SETS["frozen-generator"]
     recordings.make_one(tmp_path, chosen, "frozen_generator-5003", 5003)
-    assert recordings.made(tmp_path, chosen) == {"frozen_generator-5003": {"seed": 5003, "effects": []}}
+    assert recordings.stored_truths(tmp_path, chosen) == {"frozen_generator-5003": {"seed": 5003, "effects": []}}
 
 
-def test_a_recording_that_cannot_be_made_is_told_and_the_others_are_made(monkeypatch, tmp_path, capsys):
+def test_a_recording_that_fails_is_reported_and_the_others_are_made(monkeypatch, tmp_path, capsys):
     def make(*_):
         yield "study-920000", "ValueError: no drive"
         yield "study-920001", None
@@ -91,7 +91,7 @@ def test_a_recording_that_cannot_be_made_is_told_and_the_others_are_made(monkeyp
         command("make", tmp_path)
 
 
-def test_runs_go_on_where_they_stopped_and_are_scored(cache, monkeypatch, capsys):
+def test_runs_resume_where_they_stopped_and_are_scored(cache, monkeypatch, capsys):
     ran = []
 
     def run(folders, left_out, processes, timeout_s):
@@ -128,7 +128,7 @@ def test_runs_go_on_where_they_stopped_and_are_scored(cache, monkeypatch, capsys
         (("make", "--set", "training", "--protocol", "ramps"), "a named set draws its own"),
     ],
 )
-def test_what_is_frozen_stays_shut(arguments, message, tmp_path, capsys):
+def test_frozen_sets_show_aggregates_only(arguments, message, tmp_path, capsys):
     with pytest.raises(SystemExit):
         judge.main([*arguments, "--cache", str(tmp_path)])
     assert message in capsys.readouterr().err
@@ -169,16 +169,16 @@ def test_the_effects_left_out_are_not_in_the_catalogue_that_the_tool_is_given(mo
     import bevameter
     from bevameter.identification.effects.catalogue import SLUGS
 
-    asked = []
+    options_given = []
 
     class Answer:
         def to_json(self):
             return NONE
 
     def explain(folder, **options):
-        asked.append(options)
+        options_given.append(options)
         return Answer()
 
     monkeypatch.setattr(bevameter, "explain", explain, raising=False)
     assert answers.answer_of(tmp_path, ["drift"]) == NONE
-    assert asked == [{"catalogue": [slug for slug in SLUGS if slug != "drift"]}]
+    assert options_given == [{"catalogue": [slug for slug in SLUGS if slug != "drift"]}]

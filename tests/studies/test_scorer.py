@@ -1,4 +1,4 @@
-"""The scorer of explanations, on answers made by hand, and the table of many scores."""
+"""The scorer of explanations, on prepared answers, and the table of many scores."""
 
 from __future__ import annotations
 
@@ -99,19 +99,19 @@ def test_naming_everything_names_nothing():
     assert not score(truth(SLIP_SINKAGE), answer("physics", wide))["named"]
 
 
-def test_a_wrong_name_is_wrong_alone_and_beside_the_right_one():
+def test_a_wrong_name_is_wrong_alone_and_together_with_the_right_one():
     alone = score(truth(OFFSET), answer("physics", said("exit_angle")))
     assert not alone["named"]
     assert alone["falsely_named"]
     assert alone["kind_right"] is False
-    beside = answer("instrument", said("torque_offset", kind="instrument"), said("drift", kind="instrument"))
-    assert not score(truth(OFFSET), beside)["named"]
-    assert score(truth(OFFSET), beside)["falsely_named"]
-    assert score(truth(OFFSET), beside)["kind_right"]
+    both = answer("instrument", said("torque_offset", kind="instrument"), said("drift", kind="instrument"))
+    assert not score(truth(OFFSET), both)["named"]
+    assert score(truth(OFFSET), both)["falsely_named"]
+    assert score(truth(OFFSET), both)["kind_right"]
 
 
 @pytest.mark.parametrize(("share", "first"), [(0.6, True), (0.3, False)])
-def test_an_undecided_answer_tells_the_kind_by_its_most_probable_name_only(share, first):
+def test_an_undecided_answer_has_the_kind_of_its_most_probable_name(share, first):
     undecided = answer(
         "cannot_tell", said("drivetrain_friction", 0.9 - share), said("torque_offset", share, "instrument")
     )
@@ -120,7 +120,7 @@ def test_an_undecided_answer_tells_the_kind_by_its_most_probable_name_only(share
     assert found["first_kind_right"] is first
 
 
-def test_what_was_not_found_is_not_named_and_tells_no_kind():
+def test_an_effect_that_is_not_found_is_not_named_and_has_no_kind():
     found = score(truth(OFFSET), answer("none"))
     assert found["named"] is False
     assert found["falsely_named"] is False
@@ -128,7 +128,7 @@ def test_what_was_not_found_is_not_named_and_tells_no_kind():
     assert found["located_channel"] is False
 
 
-def test_nulls_ask_for_none():
+def test_anything_found_in_a_null_is_a_false_alarm():
     assert score(truth(), answer("none"))["false_alarm"] is False
     for verdict in ("physics", "instrument", "unknown", "cannot_tell"):
         assert score(truth(), answer(verdict))["false_alarm"] is True
@@ -147,11 +147,11 @@ def test_pairs_count_both():
 
 
 def test_the_unknown_is_no_name():
-    """An admission beside a right name does no harm; an answer "unknown" names nothing, whatever it mentions."""
+    """An unknown effect with a right name does no harm; an answer "unknown" names nothing, whatever it lists."""
     unknown = said("unknown", 0.6, "unknown")
-    beside = score(truth(SLIP_SINKAGE), answer("physics", said("slip_sinkage"), unknown))
-    assert beside["named"]
-    assert not beside["falsely_named"]
+    both = score(truth(SLIP_SINKAGE), answer("physics", said("slip_sinkage"), unknown))
+    assert both["named"]
+    assert not both["falsely_named"]
     mentioned = score(truth(SLIP_SINKAGE), answer("unknown", said("slip_sinkage", 0.3), unknown))
     assert mentioned["named"] is False
     assert mentioned["falsely_named"] is False
@@ -170,7 +170,7 @@ def test_a_patch_is_found_where_it_lies():
     assert score(truth(PATCH), answer("none"))["located_interval"] is False
 
 
-def test_a_failure_is_nothing_right():
+def test_a_failure_counts_as_nothing_right():
     found = score(truth(OFFSET), None)
     assert found["failed"]
     assert found["named"] is False
@@ -194,7 +194,7 @@ def test_where_the_catalogue_lacks_the_cause_only_a_confident_name_is_wrong(hidd
     assert scored("none")["confident_wrong"] is False
 
 
-def test_beside_a_cause_beyond_the_catalogue_the_other_one_may_be_named():
+def test_with_a_cause_beyond_the_catalogue_the_other_one_may_be_named():
     both = truth(OFFSET, BEYOND)
     right = said("torque_offset", kind="instrument")
     assert score(both, answer("instrument", right))["confident_wrong"] is False
@@ -203,7 +203,7 @@ def test_beside_a_cause_beyond_the_catalogue_the_other_one_may_be_named():
     assert unknown["statements"] == [(0.9, True)]
 
 
-def test_a_truth_that_lacks_places_and_an_oracle_is_scored_all_the_same():
+def test_a_truth_without_places_and_an_oracle_is_scored():
     bare = {"level": "plain", "effects": [{"effect": "slip_sinkage", "kind": "physics"}]}
     found = score(bare, answer("physics", said("slip_sinkage"), after={"torque_Nm": 0.1}))
     assert found["named"]
@@ -256,7 +256,7 @@ def test_the_table_counts_what_was_scored():
     assert "0 of 1" in found["false alarm on nulls"]
     assert "0 of 1" in found["both of a pair named"]
     assert "1 of 1" in found["at least one of a pair named"]
-    assert "1 of 4" in found["falsely named beside or instead"]
+    assert "1 of 4" in found["falsely named, in addition or instead"]
     assert "1 of 1" in found["confident wrong name (from 0.8), cause beyond the catalogue"]
     assert "0 of 1" in found["confident wrong name (from 0.8), effect left out of the catalogue"]
     assert "1 of 1" in found["parameter's interval holds the truth"]

@@ -1,4 +1,4 @@
-"""How often 95 % intervals hold the soil where load and slip really change from row to row and are measured well.
+"""How often 95 % intervals hold the soil where the true load and slip change from row to row and are measured well.
 
 The drives are those of `tests/helpers/unsteady_drive.py`: true changes of 4 % of the load and 0.02 of slip that what
 neighbours show would call noise.
@@ -26,7 +26,7 @@ def main() -> None:
     for seed in range(parser.parse_args().seeds):
         table = drive(seed, (0.04, 0.02), (0.0, 0.0))
         found = identify(
-            Recording("made", Path("made.csv"), Vehicle(wheels=(WHEEL,)), None, "", "0" * 64, wheel=table)
+            Recording("test", Path("wheel.csv"), Vehicle(wheels=(WHEEL,)), None, "", "0" * 64, wheel=table)
         ).overall
         assert found is not None
         held.append(

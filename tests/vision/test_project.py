@@ -46,7 +46,7 @@ def test_optical_axis_meets_the_ground_where_the_pitch_says():
     np.testing.assert_allclose(pixels[0], (319.5, 239.5), atol=1e-9)
 
 
-def test_left_is_left_and_behind_is_nowhere():
+def test_left_is_left_and_points_behind_are_not_projected():
     pixels, inside = ground_to_image(camera(), np.array([[2.0, 0.5], [2.0, -0.5], [-5.0, 0.0]]))
     assert pixels[0, 0] < 319.5 < pixels[1, 0]
     assert np.isnan(pixels[2]).all()
@@ -113,7 +113,7 @@ def test_layout_is_in_view_and_resolved():
     assert (np.diff(np.unique(layout.centre_m[:, 0])) > 0.1).all()
 
 
-def test_a_camera_that_resolves_nothing_has_no_patches():
+def test_a_camera_of_too_low_resolution_has_no_patches():
     coarse = camera(matrix=((8.0, 0.0, 5.5), (0.0, 8.0, 4.5), (0.0, 0.0, 1.0)), width_px=12, height_px=10)
     layout = ground_patches(coarse, 0.3)
     assert len(layout) == 0

@@ -22,7 +22,7 @@ from bevameter.vision.train import train_vision, train_vision_arrays
 
 
 def ground(rng, kind, size=160):
-    """Fine grain, stones, or blades: one photograph of made-up ground."""
+    """Fine grain, stones, or blades: one photograph of synthetic ground."""
     noise = rng.normal(size=(size, size))
     if kind == "fine":
         height = cv2.GaussianBlur(noise, (0, 0), rng.uniform(0.6, 0.9))
@@ -65,7 +65,7 @@ def test_unseen_photographs_are_named(model, tmp_path, rng):
 
 
 @pytest.mark.parametrize("kind", ["noise", "sky", "black", "white", "checker"])
-def test_what_is_no_ground_is_unknown(model, kind, rng):
+def test_images_without_ground_are_unknown(model, kind, rng):
     """Colour noise, a sky, nothing at all, a chessboard."""
     sky = np.linspace(180, 240, 160)[:, None, None] * np.array([1.0, 0.8, 0.6]) + rng.normal(0, 0.6, (160, 160, 3))
     checker = np.kron(np.indices((8, 8)).sum(axis=0) % 2, np.ones((20, 20)))[..., None] * [250.0, 20.0, 60.0]

@@ -1,4 +1,4 @@
-"""Features of patches: what they must not mind, what they must see, and the quality beside them."""
+"""Features of patches: invariances, sensitivities, and quality."""
 
 import cv2
 import numpy as np
@@ -27,7 +27,7 @@ def test_one_name_a_column_and_all_finite(rng):
 
 
 def test_a_patch_is_measured_alone(rng):
-    """Whatever stands beside a patch in the batch changes nothing."""
+    """The other patches of the batch change nothing."""
     patches = textures(rng, n=70)
     np.testing.assert_allclose(patch_features(patches)[[0, 69]], patch_features(patches[[0, 69]]), rtol=1e-4, atol=1e-4)
 
@@ -44,7 +44,7 @@ def test_patches_without_contrast_are_not_finite():
     assert not np.isfinite(patch_features(flat)).all(axis=1).any()
 
 
-def test_texture_does_not_mind_exposure_and_turning(rng):
+def test_texture_is_invariant_to_exposure_and_rotation(rng):
     patches = textures(rng, n=12, sigma=1.5)
     rows = patch_features(patches)
     texture = slice(column("brightness_p1"), None)

@@ -22,19 +22,19 @@ NOISE = {"load_N": 2.4, "torque_Nm": 0.18, "sinkage_m": 2.5e-4, "slip": 0.01, "d
 
 
 def autoregressive(rho: float):
-    """Noise (n,) of which each value has `rho` of the one before in it."""
+    """First-order autoregressive noise (n,) of unit variance."""
     return lambda n, rng: lfilter([np.sqrt(1.0 - rho**2)], [1.0, -rho], rng.normal(size=n + 100))[100:]
 
 
 def low_passed(n: int, rng: np.random.Generator) -> np.ndarray:
-    """Noise (n,) at 50 Hz behind a filter of 2 Hz."""
+    """White noise (n,) at 50 Hz, low-passed at 2 Hz, of unit variance."""
     numerator, denominator = butter(2, 2.0 / 25.0)
     values = lfilter(numerator, denominator, rng.normal(size=n + 500))[500:]
     return values / 0.293  # Standard deviation of what the filter lets through.
 
 
 def driven(seed: int, noise, soils=(SAND,), n: int = 300, step_s: float = 0.1) -> list[Segment]:
-    """What is identified of a drive over soils, each as long, with sensors of which nothing is stated."""
+    """Segments identified in a drive over soils of equal length, with sensors of unstated noise."""
     rng = np.random.default_rng(seed)
     phase = 2.0 * np.pi * np.arange(n) / n
     load = 120.0 * (1.0 + 0.3 * np.sin(3.1 * phase + 0.3))
@@ -46,7 +46,7 @@ def driven(seed: int, noise, soils=(SAND,), n: int = 300, step_s: float = 0.1) -
         true[name] = by_soil[np.arange(n) * len(soils) // n, np.arange(n)]
     columns = {name: values + NOISE[name] * noise(n, rng) for name, values in true.items()}
     table = WheelTable({"time_s": step_s * np.arange(n), **columns}, None, None, Path("wheel.csv"))
-    found = identify(Recording("made", Path("wheel.csv"), Vehicle(wheels=(WHEEL,)), None, "", "0" * 64, wheel=table))
+    found = identify(Recording("test", Path("wheel.csv"), Vehicle(wheels=(WHEEL,)), None, "", "0" * 64, wheel=table))
     return [segment for segment in found.segments if segment.used]
 
 
@@ -58,15 +58,15 @@ def held(segment: Segment, soil: Soil) -> list[bool]:
     ]
 
 
-def test_one_soil_stays_one_and_its_intervals_hold():
-    """First-order noise of 0.7; of five intervals four at least."""
+def test_one_soil_is_one_segment_and_its_intervals_hold():
+    """First-order noise of 0.7; four of five intervals at least."""
     (segment,) = driven(0, autoregressive(0.7))
     assert np.mean(held(segment, SAND)) >= 0.8
     assert "autocorrelated_noise" in codes(segment.estimate.findings)
 
 
 @pytest.mark.slow
-def test_filtered_sensors_make_no_soils():
+def test_low_passed_sensors_cause_no_change_of_soil():
     (segment,) = driven(1, low_passed, n=600, step_s=0.02)
     assert all(held(segment, SAND)[:2])
     assert "autocorrelated_noise" in codes(segment.estimate.findings)
@@ -74,7 +74,7 @@ def test_filtered_sensors_make_no_soils():
 
 
 @pytest.mark.slow
-def test_a_change_of_soil_is_found_beside_autocorrelated_noise():
+def test_a_change_of_soil_is_found_under_autocorrelated_noise():
     first, second = driven(1, autoregressive(0.8), (SAND, CLAY))
     assert second.start_s == pytest.approx(15.0, abs=0.3)
     assert all(held(first, SAND)[:2] + held(second, CLAY)[:2])
@@ -82,7 +82,7 @@ def test_a_change_of_soil_is_found_beside_autocorrelated_noise():
 
 @pytest.mark.slow
 def test_no_segment_is_shorter_than_the_gate_uses():
-    """At 50 Hz 30 rows, which are enough, are 0.6 s: soils that change every second are not told apart."""
+    """At 50 Hz the 30 rows required are 0.6 s, yet soils that change every second are not separated."""
     segments = driven(1, lambda n, rng: rng.normal(size=n), (SAND, CLAY) * 8, n=800, step_s=0.02)
     assert min(segment.end_s - segment.start_s for segment in segments) >= 5.0
 
@@ -95,7 +95,7 @@ def test_a_misfit_that_follows_what_is_driven_is_no_autocorrelated_noise(rng):
 
 
 @pytest.mark.parametrize(("rho", "rows"), [(0.0, 1.0), (0.6, 4.0), (0.8, 9.0)])
-def test_rows_that_say_the_same_are_counted(rho, rows):
+def test_the_number_of_rows_per_independent_row_is_found(rho, rows):
     rng = np.random.default_rng(3)
     found = [
         rows_in_noise(autoregressive(rho)(2000, rng)[:, None], np.sin(np.arange(2000) / 50.0)[:, None])

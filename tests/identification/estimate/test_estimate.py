@@ -50,12 +50,12 @@ def test_an_estimate_is_as_good_as_the_cramer_rao_bound_and_its_interval_is_no_w
     The shear modulus is the one that suffers where the slips, which swing, are taken to be normal.
     """
     rng = np.random.default_rng(3)
-    quiet = paper_case(rng, 1e-9)
+    noise_free = paper_case(rng, 1e-9)
     noisy = paper_case(rng, 0.10)
-    # The bound: the information at the truth, the true load and slip of every sample unknown.
+    # Cramer-Rao bound at the truth, the true load and slip of every sample unknown.
     model = TextbookWheel(WHEEL)
     vector = model.to_vector({name: getattr(SOIL, name) for name in model.names})
-    prediction = model.predict(quiet.channels[:, [0, 3]], vector, np.full(300, 0.4))
+    prediction = model.predict(noise_free.channels[:, [0, 3]], vector, np.full(300, 0.4))
     scale = np.where(np.isfinite(noisy.noise), 1.0 / noisy.noise, 0.0)[None, :, None]
     a, b = np.nan_to_num(prediction.by_latent) * scale, np.nan_to_num(prediction.by_parameter) * scale
     inner = np.linalg.inv(np.einsum("nma,nmb->nab", a, a))
@@ -70,7 +70,7 @@ def test_an_estimate_is_as_good_as_the_cramer_rao_bound_and_its_interval_is_no_w
     assert abs((solution.fit.vector - vector)[2]) < 0.2
 
 
-def test_at_constant_load_cohesion_and_friction_are_not_told_apart_but_strength_is(rng):
+def test_at_constant_load_strength_is_determined_but_not_cohesion_and_friction(rng):
     known = SoilKnowledge({"k_m": SOIL.k_m, "n": SOIL.n})
     estimate = estimate_soil(paper_case(rng, 0.02, swing_N=0.0, n=80), WHEEL, known)
     assert not estimate.separable["c_Pa"]
@@ -139,10 +139,10 @@ def test_what_is_known_is_held_and_what_is_uncertain_is_weighed(rng):
     assert weighed[1] < (np.radians(0.5) / np.cos(np.radians(30.0)) ** 2) ** 2
 
 
-def test_where_the_model_is_wrong_the_intervals_say_so(rng):
+def test_intervals_widen_where_the_model_is_wrong(rng):
     measured = paper_case(rng, 0.02, pull=True, n=40)
     wrong = measured.channels.copy()
-    wrong[:, 2] *= 1.0 + 0.6 * wrong[:, 3]  # sinkage grows with slip, which the textbook wheel knows nothing of
+    wrong[:, 2] *= 1.0 + 0.6 * wrong[:, 3]  # sinkage grows with slip, which the textbook wheel leaves out
     known = SoilKnowledge({"k_m": SOIL.k_m, "n": SOIL.n})
     before, after = (
         estimate_soil(replace(measured, channels=each), WHEEL, known) for each in (measured.channels, wrong)

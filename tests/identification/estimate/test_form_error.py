@@ -1,4 +1,4 @@
-"""Where the wheel does what the textbook leaves out: it is seen, and the intervals say so."""
+"""Physics that the textbook leaves out: its form is rejected, and the intervals widen."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ def study():
 
 
 def recording(study, kind: str, seed: int, *, steady: bool = True):
-    """What the study simulates, by an integrator of its own: the ground and the samples."""
+    """Ground and samples simulated by the study's own integrator."""
     rng = np.random.default_rng(seed)
     ground, load_N = study.ground(rng, kind)
     return ground, usable(study.recording(rng, ground, load_N, steady=steady, pull=True))
 
 
-def test_the_flexible_wheel_is_the_textbook_where_nothing_is_free():
+def test_the_flexible_wheel_is_the_textbook_at_zero_freedoms():
     flexible, textbook = FlexibleWheel(WHEEL, 100.0), TextbookWheel(WHEEL)
     start = np.full(len(IMPOSED), 0.5)
     a = flexible.predict(IMPOSED, flexible.to_vector(VALUES), start)
@@ -101,7 +101,7 @@ def along_a_track(seed: int, variation: float, noise: float = 0.01, n: int = 400
 
 
 def smooth(rng: np.random.Generator, n: int, rows: float = 24.0) -> np.ndarray:
-    """A Gaussian process (n,) of variance 1 that is forgotten in some `rows`."""
+    """A Gaussian process (n,) of unit variance with a correlation length of some `rows`."""
     values = gaussian_filter1d(rng.normal(size=n + 400), rows)[200 : 200 + n]
     return values / values.std()
 
@@ -109,7 +109,7 @@ def smooth(rng: np.random.Generator, n: int, rows: float = 24.0) -> np.ndarray:
 @pytest.mark.parametrize("variation", [0.03, 0.08])
 @pytest.mark.parametrize("seed", range(3))
 def test_ground_that_varies_along_the_track_is_no_error_of_form(seed, variation):
-    """By 3 % the misfit is 1.2 to 1.4, by 8 % 2.2 to 2.7; independent samples would be rejected in half and all."""
+    """The misfit is 1.2 to 1.4 at 3 % and 2.2 to 2.7 at 8 %; taken as independent, half and all would be rejected."""
     measured, wheel = along_a_track(seed, variation), Wheel(radius_m=0.14, width_m=0.1)
     solution = solve(measured, wheel, SoilKnowledge())
     assert solution.misfit > 1.1

@@ -32,7 +32,7 @@ def test_two_soils_with_a_boundary_between_give_two_estimates(rng):
         assert phi.high - phi.low < np.radians(8.0)
 
 
-def test_a_change_of_soil_that_nobody_stated_is_found_from_the_wheels(rng):
+def test_an_unstated_change_of_soil_is_found_from_the_wheels(rng):
     result = identify(recording(drive(rng, (SAND, CLAY_LIKE, SAND), stretch_s=8.0)), soil=KNOWN)
     assert [segment.start_s for segment in result.segments] == pytest.approx([0.0, 8.0, 16.0], abs=1.0)
     for segment, soil in zip(result.segments, (SAND, CLAY_LIKE, SAND), strict=True):
@@ -110,7 +110,7 @@ def test_a_column_that_is_not_there_is_one_clear_error(rng, missing):
 
 
 @pytest.mark.parametrize(("name", "expected"), [("load_N", "positive"), ("sinkage_m", "positive downwards")])
-def test_a_channel_that_is_measured_the_other_way_round_is_refused(rng, name, expected):
+def test_a_channel_of_reversed_sign_is_refused(rng, name, expected):
     table = drive(rng)
     with pytest.raises(InputError, match=rf"column {name}: -.*100 % of the rows below 0 \(expected .*{expected}"):
         identify(recording(with_columns(table, **{name: -table[name]})))
@@ -143,13 +143,13 @@ def test_trials_that_are_far_apart_in_time_are_no_slow_drive(rng):
     assert codes(found.findings) == ["steady_trials"]
 
 
-def test_the_linear_method_says_which_channel_it_lacks_that_is_stuck(rng):
+def test_the_linear_method_names_the_stuck_channel_that_it_needs(rng):
     table = drive(rng)
     result = identify(recording(with_columns(table, torque_Nm=np.full(len(table), 5.0))), method="linear")
     assert "no column torque_Nm, or none that changes" in result.segments[0].reason
 
 
-def test_thinning_is_said(rng, monkeypatch):
+def test_thinning_is_reported(rng, monkeypatch):
     monkeypatch.setattr("bevameter.identification.estimate.identify.MOST_ROWS", 120)
     result = identify(recording(drive(rng)))
     assert result.segments[0].estimate.n == 120
@@ -169,7 +169,7 @@ def test_rows_of_another_wheel_are_refused(rng):
         identify(recording(table))
 
 
-def test_beside_a_vehicle_the_rows_of_its_wheel_are_taken(rng):
+def test_with_a_vehicle_the_rows_of_its_wheel_are_used(rng):
     """Of rows that describe several wheels; without a vehicle each is identified by itself."""
     table = trials(rng)
     result = identify(recording(table, Vehicle(wheels=(Wheel(radius_m=0.1, width_m=0.08),))))
@@ -208,7 +208,7 @@ def test_the_linear_method_needs_torque_and_never_reports_negative_cohesion(rng)
 
 
 @pytest.mark.slow
-def test_real_sand_without_torque_says_what_it_does_not_know(shared_data):
+def test_real_sand_without_torque_has_its_uncertainty_stated(shared_data):
     """Single-wheel testbed, dry sand: angle of repose 29 deg, cohesion 0-1 kPa (NOTES.md of the recording).
 
     Sinkage rises with slip, which the textbook's does not. Without torque, pull fixes only phi less the angle of the
@@ -285,7 +285,7 @@ def test_a_wheel_that_no_wheel_can_be_is_one_clear_error(rng, value, message):
         identify(recording(table, None))
 
 
-def test_lugs_that_are_left_out_are_said(rng):
+def test_lugs_that_are_left_out_are_reported(rng):
     lugged = Wheel(radius_m=0.15, width_m=0.12, grouser_height_m=0.01, grouser_count=12)
     assert codes(identify(recording(drive(rng), Vehicle(wheels=(lugged,), noise=VEHICLE.noise))).findings) == [
         "grousers_left_out"

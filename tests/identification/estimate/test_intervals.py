@@ -1,4 +1,4 @@
-"""Ends of profile intervals: on a parabola, over a cliff, at a bound."""
+"""Ends of profile intervals: of a parabola, at a discontinuity, at a bound."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_a_lopsided_profile_is_followed_on_its_own_side(monkeypatch):
 
 @pytest.mark.parametrize("edge", [0.3, 1.1, 1.9, 7.0])
 def test_a_profile_that_breaks_off_ends_at_its_edge(monkeypatch, edge):
-    """Where a bound stops another parameter: before the edge next to nothing is lost, beyond it everything."""
+    """Another parameter reaches its bound: the profile is flat up to the edge and undefined beyond it."""
     found = end(monkeypatch, lambda at: -0.5 * (at / 20.0) ** 2 if at < edge else -1e4)
     assert found[0] == pytest.approx(edge, rel=0.05)
     assert found[1] == pytest.approx(0.5 * edge, rel=0.1), "what goes with the edge is what went with the last foothold"
@@ -74,8 +74,8 @@ def test_a_flat_profile_ends_at_the_bound(monkeypatch):
     assert end(monkeypatch, lambda at: -1e-4 * at**2, bound=3.0)[0] == pytest.approx(3.0)
 
 
-def test_a_friction_that_may_be_nearly_any_is_not_determined_however_little_it_matters():
-    """A cohesive soil: 50 degrees of friction are worth little of its strength."""
+def test_a_friction_with_a_wide_interval_is_not_determined_even_if_strength_is():
+    """The strength of a cohesive soil depends little on friction."""
     strength = (ShearStrength(1e3, 12e3, 11.5e3, 12.5e3),)
     quantities = {
         "c_Pa": Quantity(12e3, 300.0, 11.4e3, 12.6e3),
@@ -84,7 +84,7 @@ def test_a_friction_that_may_be_nearly_any_is_not_determined_however_little_it_m
         "stiffness_Pa": Quantity(1e5, 1e4, 8e4, 1.2e5),
         "n": Quantity(1.0, 0.1, 0.8, 1.2),
     }
-    told = separable(quantities, strength, np.ones(5, dtype=bool), 1.0)
-    assert told == {"c_Pa": True, "phi_rad": False, "k_m": True, "stiffness_Pa": True, "n": True}
+    determined = separable(quantities, strength, np.ones(5, dtype=bool), 1.0)
+    assert determined == {"c_Pa": True, "phi_rad": False, "k_m": True, "stiffness_Pa": True, "n": True}
     narrow = {**quantities, "phi_rad": Quantity(0.2, 0.1, 0.0, 0.39)}
     assert separable(narrow, strength, np.ones(5, dtype=bool), 1.0)["phi_rad"]

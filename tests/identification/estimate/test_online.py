@@ -55,7 +55,7 @@ def test_it_follows_a_change_of_soil(rng):
         assert phi.sd < np.radians(3.0)
 
 
-def test_samples_that_say_nothing_are_left_out(rng):
+def test_samples_without_information_are_left_out(rng):
     rows, noise = drive(rng, SAND, 60)
     identifier = OnlineIdentifier(WHEEL, dict(zip(CHANNELS, noise, strict=True)))
     estimate = feed(identifier, rows)

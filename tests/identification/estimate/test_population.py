@@ -1,4 +1,4 @@
-"""The population of load and slip: a density, its moments, and what it learns of a driver's habits."""
+"""The population of load and slip: density, moments and clusters."""
 
 import numpy as np
 import pytest
@@ -37,7 +37,7 @@ def test_without_samples_it_is_as_wide_as_the_measured_slips_less_their_noise(rn
 
 
 @pytest.mark.parametrize("gross", [-0.98, 0.95, -5.0])
-def test_gross_errors_leave_its_kernels_as_fine_as_they_were(rng, gross):
+def test_gross_errors_do_not_widen_its_kernels(rng, gross):
     slip = 0.3 + 0.02 * rng.normal(size=300)
     clean, spoilt = Grid.over(slip, 0.01), Grid.over(np.where(np.arange(300) % 100 == 7, gross, slip), 0.01)
     assert spoilt.widths[0] == pytest.approx(clean.widths[0], rel=0.1)
@@ -61,7 +61,7 @@ def test_on_another_grid_it_is_the_same_but_for_detail(two_habits):
     assert line[1] == pytest.approx(line[0])
 
 
-def test_moved_its_means_move_alone(two_habits):
+def test_shifting_it_moves_its_means_only(two_habits):
     population = Population.beginning(Grid.over(two_habits, 0.05), np.full(400, 800.0), 20.0, 2.0)
     moved = population.moved(5.0, -0.01)
     assert moved.moments[0] - population.moments[0] == pytest.approx([5.0, -0.01])
@@ -102,5 +102,5 @@ def test_load_goes_with_slip_where_slip_varies_and_not_where_it_does_not(rng):
     assert fitted.slope == pytest.approx(900.0, rel=0.05)
     assert fitted.deviation == pytest.approx(10.0, rel=0.5)
     held = np.stack([load, 0.3 + 1e-6 * slip], axis=-1)[:, None]
-    # Taken at its word, the load would rise by 9e8 N a unit of slip.
+    # A plain regression would give 9e8 N of load per unit of slip.
     assert abs(beginning.improved(held, np.ones((300, 1)), np.ones(300), 1.0, 1.0).slope) < 100.0

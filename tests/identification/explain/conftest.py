@@ -1,4 +1,4 @@
-"""A drive with a known soil, made by code that shares nothing with the simulator that is fitted."""
+"""A drive on a known soil, simulated by code that shares nothing with the simulator that is fitted."""
 
 import pytest
 from bevameter.framework.core.recording.types import WheelTable
@@ -20,9 +20,9 @@ def fitted(null):
     return fitted_to(null)
 
 
-def fitted_to(made):
+def fitted_to(recording):
     """Problem and textbook fit of a concealed recording."""
-    stated = made.vehicle
+    stated = recording.vehicle
     wheel = Wheel(**{key: stated[key] for key in ("radius_m", "width_m", "grouser_height_m", "grouser_count")})
-    table = WheelTable(made.recorded.columns, None, made.recorded.run, "made")
-    return fit_textbook(gather(table, wheel, Vehicle(name="made", wheels=(wheel,), noise=stated["noise"])))
+    table = WheelTable(recording.recorded.columns, None, recording.recorded.run, "test")
+    return fit_textbook(gather(table, wheel, Vehicle(name="test", wheels=(wheel,), noise=stated["noise"])))

@@ -1,4 +1,4 @@
-"""Torque and pull that are measured the other way round are refused, or at least not taken for noise."""
+"""Torque and pull of reversed sign are refused, or at least not taken for noise."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def mirrored(channel: str) -> Recording:
         columns[name] = getattr(state, name) + rng.normal(scale=sd, size=len(load))
     columns[channel] = -columns[channel]
     table = WheelTable(columns, None, None, Path("wheel.csv"))
-    return Recording("made", Path(), Vehicle(wheels=(WHEEL,)), None, "", "", wheel=table)
+    return Recording("test", Path(), Vehicle(wheels=(WHEEL,)), None, "", "", wheel=table)
 
 
 def test_a_mirrored_torque_is_refused():
@@ -39,13 +39,13 @@ def test_a_mirrored_pull_is_refused():
 
 @pytest.fixture
 def mirrored_pull(monkeypatch):
-    """The answer to a pull the other way round that nobody refused; no two trials are alike."""
+    """The answer to a pull of reversed sign that the checks let pass, as no two trials are alike."""
     monkeypatch.setattr("bevameter.identification.rows.select.check_pull", lambda *_: None)
     recording = mirrored("drawbar_pull_N")
     return explain(recording), np.abs(recording.wheel["drawbar_pull_N"]).max()
 
 
-def test_a_mirrored_pull_of_single_trials_is_something_unknown(mirrored_pull):
+def test_a_mirrored_pull_of_single_trials_has_an_unknown_cause(mirrored_pull):
     assert mirrored_pull[0].verdict in ("unknown", "cannot_tell")
 
 

@@ -1,4 +1,4 @@
-"""The report of `explain`: that it is whole, shows what was found, and lets nothing in from the recording's text."""
+"""The report of `explain`: it is complete, shows the findings, and escapes the recording's text."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def undrawn(monkeypatch):
         monkeypatch.setattr(pictures, name, lambda _: b"")
 
 
-def test_the_page_needs_nothing_from_elsewhere(html, page):
+def test_the_page_is_self_contained(html, page):
     assert page.links
     assert all(link.startswith("data:image/png;base64,") for link in page.links)
     assert {"script", "link", "iframe", "object", "form"}.isdisjoint(page.tags)
@@ -118,7 +118,7 @@ def test_every_verdict_has_its_page_with_the_answer_first(answer):
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_rivals_and_what_separates_them_are_shown():
+def test_alternatives_and_what_separates_them_are_shown():
     text = Page(report_html(cannot_tell())).text
     assert "torque gain" in text
     assert cannot_tell().missing[0].would_tell in text
@@ -126,7 +126,7 @@ def test_rivals_and_what_separates_them_are_shown():
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_channel_that_is_predicted_worse_is_said_so():
+def test_a_channel_that_is_predicted_worse_is_reported():
     fits = {**explanation().fits, "torque_Nm": replace(explanation().fits["torque_Nm"], rmse_before=0.4)}
     assert "<p class=warn>" in report_html(explanation(fits=fits))
     assert "<p class=warn>" not in report_html(explanation())
@@ -185,7 +185,7 @@ def test_the_report_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("rows", [1, 12])
-def test_few_rows_and_constant_or_absent_variables_are_drawn_all_the_same(rows):
+def test_few_rows_and_constant_or_absent_variables_are_drawn(rows):
     base = explanation()
     few = replace(
         base.rows,
@@ -195,7 +195,7 @@ def test_few_rows_and_constant_or_absent_variables_are_drawn_all_the_same(rows):
     assert len(Page(report_html(replace(base, rows=few))).links) >= 2
 
 
-def test_values_that_are_not_known_are_drawn_and_shown_all_the_same():
+def test_unknown_values_are_drawn_and_shown():
     base, nan = explanation(), math.nan
     empty = replace(base.rows, measured=np.full_like(base.rows.measured, nan), noise=np.full(3, nan))
     fits = {

@@ -44,7 +44,7 @@ def test_a_fault_alone_reads_otherwise_than_physics():
     assert said.split()[0] != headline(explanation()).split()[0]
 
 
-def test_what_cannot_be_told_lists_the_causes_and_the_measurement_that_tells():
+def test_an_undecided_answer_lists_its_causes_and_the_measurement_that_separates_them():
     answer = cannot_tell()
     assert holds(headline(answer), "side-wall friction (55 %)", "torque gain (42 %)")
     assert answer.missing[0].would_tell in headline(answer)
@@ -53,7 +53,7 @@ def test_what_cannot_be_told_lists_the_causes_and_the_measurement_that_tells():
     assert "torque gain" not in one
 
 
-def test_the_unknown_says_where_it_lives_and_what_is_asserted_with_it():
+def test_an_unknown_cause_is_located_and_given_with_the_effects_asserted():
     said = summarise(unknown())
     assert holds(said, "(93 %)", "rim speed")
     assert "_" not in said
@@ -61,7 +61,7 @@ def test_the_unknown_says_where_it_lives_and_what_is_asserted_with_it():
     assert holds(headline(both), "slip-sinkage (98 %)", "(93 %)")
 
 
-def test_nothing_missing_counts_the_rows_and_says_no_more():
+def test_an_answer_without_findings_states_the_number_of_rows():
     said = summarise(replace(nothing(), n=1200))
     assert said == headline(replace(nothing(), n=1200))
     assert "1,200" in said
@@ -88,7 +88,7 @@ def test_parameters_are_relied_on_only_where_all_is_certain_and_within_noise():
         assert trust(doubted) != certain
 
 
-def test_a_channel_that_is_predicted_worse_is_said_so():
+def test_a_channel_that_is_predicted_worse_is_reported():
     fits = {**explanation().fits, "torque_Nm": replace(explanation().fits["torque_Nm"], rmse_before=0.4)}
     worse = explanation(fits=fits)
     assert predicted_worse(worse) == ["torque"]
@@ -111,7 +111,7 @@ def test_the_most_probable_set_is_named_where_nothing_is_asserted():
         (Region("torque_Nm", "pitch_rad", 0.0, math.radians(10.0), 1.0, 1e-9, math.nan), "0 to 10 deg"),
     ],
 )
-def test_the_place_of_the_difference_is_said_in_the_units_of_its_variable(region, said):
+def test_the_place_of_the_difference_is_reported_in_the_units_of_its_variable(region, said):
     assert said in details(explanation(located=(region,)))
     assert "nan" not in details(explanation(located=(region,)))
 

@@ -1,4 +1,4 @@
-"""The wheel with effects: what it answers to slip next to locked, and that its two ways to answer agree."""
+"""The wheel with effects: derivatives near a locked wheel, and agreement of both evaluations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The entry angle at which the load is carried: by adaptive quadrature, too, and whatever follows the angle."""
+"""The entry angle that carries the load, against adaptive quadrature and root finding."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_what_is_left_of_the_load_where_slopes_are_wanted_is_small_enough_to_be_
     np.testing.assert_array_equal(found.forces, rim_forces(found.contact, WIDTH, QUICK))
 
 
-def test_a_search_from_near_takes_what_is_near_enough_and_moves_the_rest(rng):
+def test_a_search_from_a_near_start_moves_only_rows_out_of_tolerance(rng):
     slip, load = rng.uniform(-0.4, 0.9, 50), rng.uniform(30.0, 250.0, 50)
     first = carry(started(50, slip), load, WIDTH, sloped=True)
     again = carry(first.contact, load, WIDTH, growth=first.growth, near=True, sloped=True)
@@ -83,8 +83,8 @@ def test_a_search_from_near_takes_what_is_near_enough_and_moves_the_rest(rng):
     assert np.flatnonzero(moved.contact[:, 0] != first.contact[:, 0]).tolist() == [7]
 
 
-def test_a_floor_under_loose_soil_is_stood_upon(rng):
-    """The load hardly grows with the angle, and then at once: secant steps hop to and fro over the kink."""
+def test_a_hard_floor_under_loose_soil_carries_the_load(rng):
+    """The load has a kink in the entry angle, about which secant steps oscillate."""
     load = np.geomspace(5.0, 3e3, 60)
     contact = contacts(
         np.full(60, 1.5), rng.uniform(0.0, 0.9, 60), layer_depth_m=0.01, layer_stiffness_Pa=1e9, stiffness_Pa=2e3
@@ -103,4 +103,4 @@ def test_loads_that_are_none_or_not_carried_have_no_answer():
         assert np.isnan(found.contact[lost, :3]).all()
         assert np.isnan(found.slopes[lost]).all()
         assert 0.0 < found.contact[5, 0] < LARGEST_ENTRY_ANGLE
-    assert contact[0, THETA_1] == 0.5  # what was given stays as it was
+    assert contact[0, THETA_1] == 0.5  # the input is not changed

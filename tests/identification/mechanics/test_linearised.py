@@ -1,4 +1,4 @@
-"""The paper's closed form against forces made of the very triangles it assumes."""
+"""The paper's closed form against forces integrated from the triangular stresses that it assumes."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_the_on_line_form_is_the_batch_form_and_forgets():
     assert answer == pytest.approx((only_later.c_Pa, only_later.tan_phi), rel=1e-4)
 
 
-def test_nothing_comes_of_nothing():
+def test_no_rows_give_no_estimate():
     online = linearised.OnlineEstimator(WHEEL, 0.01)
     assert np.isnan(online.update(np.nan, 1.0, 0.01, 0.2)).all()
     assert online.n == 0

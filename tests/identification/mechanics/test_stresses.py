@@ -1,4 +1,4 @@
-"""The quadrature along the rim: adaptive quadrature's forces whatever effects add, and slopes that are theirs."""
+"""The quadrature along the rim: forces against adaptive quadrature, slopes against differences."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_forces_agree_with_adaptive_quadrature_whatever_effects_change(law, rng)
 
 @pytest.mark.parametrize("law", ["layer", "flat", "slips on the rim", "cut off at the rim"])
 def test_kinks_of_the_stresses_cost_no_digits(law, rng):
-    """Without a cut at the kink eight nodes were wrong by up to 9 % for a layer, 2 % for a tyre that gives way."""
+    """Without a cut at the kink eight nodes err by up to 9 % for a layer and by 2 % for a flexible tyre."""
     theta_1, slip = rng.uniform(0.2, 1.0, 200), rng.uniform(0.0, 0.8, 200)
     smooth, contact = forces_of(contacts(theta_1, slip)), contacts(theta_1, slip, **LAWS[law])
     many = forces_of(contact, quadrature(200, 2))
@@ -71,7 +71,7 @@ def test_the_shear_displacement_of_a_braked_wheel_changes_its_sign_where_the_rim
             assert (away < 0.0).all() or (away > 0.0).all()
 
 
-def test_a_contact_that_goes_on_behind_the_wheel_carries_more():
+def test_a_contact_behind_the_bottom_of_the_wheel_carries_more():
     theta_1, slip = np.array([0.6]), np.array([0.2])
     behind = contacts(theta_1, slip, theta_2=-0.24)
     assert forces_of(behind)[0, 0] > forces_of(contacts(theta_1, slip))[0, 0]

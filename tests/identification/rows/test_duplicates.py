@@ -1,4 +1,4 @@
-"""Rows that stand in a recording twice are left out, repeats that happen to agree are not."""
+"""Rows recorded twice are left out, repeats that agree by chance are not."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_readings_so_coarse_that_repeats_agree_by_chance_are_kept(rng, repeats):
     assert without_duplicates(table) == (table, None)
 
 
-def test_duplicates_of_trials_that_were_repeated_are_found_all_the_same(rng):
+def test_duplicates_of_repeated_trials_are_found(rng):
     table = trials(rng, repeats=3)
     kept, found = without_duplicates(together(table, table, run=np.tile(table.run, 2)))
     assert len(kept) == 63

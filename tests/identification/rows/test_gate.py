@@ -9,7 +9,7 @@ from slow_drive import WHEEL, drive, with_columns
 
 
 @pytest.mark.parametrize("row", [0, 150, -1])
-def test_one_gross_error_closes_no_gate_wherever_it_stands(rng, row):
+def test_one_gross_error_closes_no_gate_at_any_row(rng, row):
     table = drive(rng)
     sinkage = table["sinkage_m"].copy()
     sinkage[row] = 0.3
@@ -36,7 +36,7 @@ def test_short_closures_do_not_cut_a_stretch_and_short_stretches_are_not_used():
     assert len(stretches[0].rows) == 117
 
 
-def test_a_pause_of_the_clock_ends_a_stretch_and_is_no_driving():
+def test_a_gap_in_time_ends_a_stretch_and_is_not_counted_as_driving():
     time_s = np.arange(200) / 10.0
     time_s[34:] += 3600.0
     time_s[100:] += 0.3

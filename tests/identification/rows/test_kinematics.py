@@ -80,7 +80,7 @@ def test_travel_and_slip_show_it_where_the_wheel_has_no_speed(rng):
 @pytest.mark.parametrize("noise", [0.0, 0.1])
 @pytest.mark.parametrize("step_s", [0.01, 0.1, 0.4, 1.0])
 def test_an_angle_in_radians_agrees_however_it_is_counted(rng, speed, sign, noise, step_s):
-    """Going on, anew with each turn, from -pi to pi, backwards; also where a row is more than a turn."""
+    """Continuous, wrapped to a turn or to [-pi, pi], reversed; also with more than a turn between rows."""
     table = recorded(rng, speed, step_s, noise=noise)
     angle = sign * table["wheel_angle_rad"]
     for counted in (angle, angle % TURN, (angle + np.pi) % TURN - np.pi):
@@ -95,7 +95,7 @@ def test_an_encoder_of_few_steps_agrees(rng, steps, speed):
     assert angle_disagreement(changed(table, wheel_angle_rad=coarse), WHEEL) is None
 
 
-def test_standing_wheels_few_rows_and_trials_tell_nothing(rng):
+def test_stationary_wheels_few_rows_and_trials_are_not_judged(rng):
     table = recorded(rng)
     degrees = changed(table, wheel_angle_rad=np.degrees(table["wheel_angle_rad"]))
     assert angle_disagreement(degrees, WHEEL)
@@ -119,7 +119,7 @@ def test_gaps_and_runs_do_not_matter(rng):
     assert angle_disagreement(changed(runs, wheel_angle_rad=np.degrees(angle)), WHEEL).values["unit"] == "degrees"
 
 
-def test_a_recording_says_so(rng):
+def test_an_angle_in_another_unit_is_a_finding_of_the_recording(rng):
     table = recorded(rng)
     columns = {"load_N": np.full(400, 60.0), "wheel_angle_rad": np.degrees(table["wheel_angle_rad"])}
     opened = Recording(
@@ -129,7 +129,7 @@ def test_a_recording_says_so(rng):
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_wheel_whose_turning_nobody_saw_is_not_judged(rng):
+def test_a_wheel_without_recorded_rotation_is_not_judged(rng):
     table = recorded(rng)
     assert angle_disagreement(table.select(np.arange(1)), WHEEL) is None
     unseen = np.full(len(table), np.nan)
@@ -140,7 +140,7 @@ def test_a_wheel_whose_turning_nobody_saw_is_not_judged(rng):
 
 
 def with_radius(rng, radius_m=0.15, noise=0.0, rows=200, braking=False) -> WheelTable:
-    """Rows whose slip was worked out with a radius of its own."""
+    """Rows whose slip was computed with the radius `radius_m`."""
     rim = 0.5 + 0.2 * rng.random(rows)
     slip = (-0.3 if braking else 0.1) + 0.2 * rng.random(rows)
     ratio = np.where(slip >= 0.0, 1.0 - slip, 1.0 / (1.0 + slip))
@@ -166,8 +166,8 @@ def test_a_braking_wheel_shows_its_radius_too(rng):
     assert found.values["agreeing_radius_m"] == pytest.approx(0.165)
 
 
-def test_what_no_radius_mends_is_named_without_one(rng):
-    """A slip of another definition, a wheel that spins on the spot."""
+def test_a_disagreement_that_no_radius_explains_is_named_without_one(rng):
+    """A slip of another definition, and a wheel that spins in place."""
     other = with_radius(rng)
     other.columns["slip"][:] = other["slip"] / (1.0 - other["slip"])
     spinning = with_radius(rng)
@@ -176,17 +176,17 @@ def test_what_no_radius_mends_is_named_without_one(rng):
         assert slip_disagreement(table, WHEEL).values["agreeing_radius_m"] is None
 
 
-def test_noise_few_rows_and_missing_speeds_tell_nothing(rng):
+def test_noise_few_rows_and_missing_speeds_are_not_judged(rng):
     assert slip_disagreement(with_radius(rng), WHEEL) is None
     assert slip_disagreement(with_radius(rng, noise=0.2), WHEEL) is None
     assert slip_disagreement(with_radius(rng, 0.165, rows=15), WHEEL) is None
     one_speed = with_radius(rng, 0.165)
     one_speed = WheelTable({name: one_speed[name] for name in ("time_s", "slip", "travel_speed_m_s")}, None, None, "")
     assert slip_disagreement(one_speed, WHEEL) is None
-    standing = with_radius(rng, 0.165)
-    standing.columns["wheel_speed_rad_s"][:] = 0.0
-    standing.columns["travel_speed_m_s"][:] = 0.0
-    assert slip_disagreement(standing, WHEEL) is None
+    stationary = with_radius(rng, 0.165)
+    stationary.columns["wheel_speed_rad_s"][:] = 0.0
+    stationary.columns["travel_speed_m_s"][:] = 0.0
+    assert slip_disagreement(stationary, WHEEL) is None
 
 
 def test_of_several_wheels_the_one_is_named_whose_slip_disagrees(rng):
@@ -212,16 +212,16 @@ def drive_with_another_radius(rng) -> Recording:
     return Recording("test", drive.source, Vehicle(wheels=(WHEEL,)), None, "", "0" * 64, wheel=drive)
 
 
-def test_identify_says_so(drive_with_another_radius):
+def test_identify_reports_a_slip_of_another_radius(drive_with_another_radius):
     assert "slip_disagrees" in codes(identify(drive_with_another_radius).findings)
 
 
-def test_explain_says_so(drive_with_another_radius):
+def test_explain_reports_a_slip_of_another_radius(drive_with_another_radius):
     found = select_wheel_rows(drive_with_another_radius).findings
     assert set(sentences(found)) <= set(explain(drive_with_another_radius, catalogue=()).notes)
 
 
-def test_slips_that_are_filled_in_from_the_speeds_do_not_hide_it(rng, drive_with_another_radius):
+def test_slips_computed_from_the_speeds_do_not_hide_another_radius(rng, drive_with_another_radius):
     """They agree with the speeds, and say nothing of what was recorded."""
     drive = drive_with_another_radius.wheel
     fewer = changed(drive, slip=np.where(rng.random(len(drive)) < 0.6, np.nan, drive["slip"]))

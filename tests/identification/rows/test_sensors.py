@@ -19,7 +19,7 @@ def found(table, **noise) -> list[Finding]:
 
 
 @pytest.mark.parametrize(
-    ("name", "stated", "told"),
+    ("name", "stated", "message"),
     [
         ("sinkage_m", 0.5, r"sinkage_m of wheel.csv ranges from 0\.\d+ to 0\.\d+"),
         ("torque_Nm", 1e9, "torque_Nm of wheel.csv ranges from"),
@@ -28,31 +28,31 @@ def found(table, **noise) -> list[Finding]:
         ("slip", 1.0, r"slip of wheel.csv lies in \[-1, 1\]"),
     ],
 )
-def test_a_noise_beside_which_a_channel_is_nothing_is_refused(name, stated, told, rng):
-    with pytest.raises(InputError, match=rf"vehicle 'vehicle', key noise\.{name}: .*standard deviation: {told}"):
+def test_a_stated_noise_above_the_range_of_its_channel_is_refused(name, stated, message, rng):
+    with pytest.raises(InputError, match=rf"vehicle 'vehicle', key noise\.{name}: .*standard deviation: {message}"):
         found(trials(rng), **{name: stated})
 
 
-def test_it_is_refused_by_identify(rng):
+def test_identify_refuses_a_stated_noise_above_the_range_of_its_channel(rng):
     vehicle = Vehicle(wheels=(WHEEL,), noise={**VEHICLE.noise, "sinkage_m": 0.5})
     with pytest.raises(InputError, match=r"key noise\.sinkage_m: 0\.5 "):
         identify(recording(drive(rng), vehicle))
 
 
 @pytest.mark.parametrize("timed", [True, False])
-def test_a_noise_of_nothing_is_noted(timed, rng):
+def test_a_stated_noise_far_below_the_scatter_is_noted(timed, rng):
     (note,) = found(drive(rng) if timed else trials(rng), torque_Nm=1e-9)
     assert (note.values["channel"], note.values["stated"]) == ("torque_Nm", 1e-9)
     assert note.values["shown"] > 0.01
 
 
-def test_noise_as_it_is_and_several_times_it_is_neither(rng):
+def test_a_stated_noise_within_a_factor_of_ten_is_accepted(rng):
     table = drive(rng)
     for factor in (0.1, 1.0, 10.0):
         assert found(table, **{name: factor * each for name, each in VEHICLE.noise.items()}) == []
 
 
-def test_a_channel_that_is_held_or_stuck_or_not_recorded_says_nothing(rng):
+def test_a_stated_noise_is_not_judged_by_a_channel_that_is_held_stuck_or_missing(rng):
     table = trials(rng)
     held = {"load_N": np.full(len(table), 90.0), "sinkage_m": np.full(len(table), 0.02)}
     assert found(with_columns(table, **held), load_N=20.0, sinkage_m=0.5, x_m=1e6, wheel_speed_rad_s=1e6) == []
@@ -60,7 +60,7 @@ def test_a_channel_that_is_held_or_stuck_or_not_recorded_says_nothing(rng):
 
 
 @pytest.mark.parametrize(("name", "stuck"), [("torque_Nm", 5.0), ("sinkage_m", 0.02)])
-def test_an_answer_that_never_changes_is_left_out_and_said_so(rng, name, stuck):
+def test_an_answer_that_never_changes_is_left_out_and_reported(rng, name, stuck):
     table = drive(rng)
     result = identify(recording(with_columns(table, **{name: np.full(len(table), stuck)})))
     assert [each.values for each in result.findings if each.code == "stuck_channel"] == [{"channel": name}]
@@ -96,6 +96,6 @@ def test_of_two_wheels_only_the_one_whose_sensor_is_stuck_loses_it(rng):
         ({}, []),
     ],
 )
-def test_lugs_that_are_stated_by_half_are_named(lugs, expected, rng):
+def test_lugs_without_a_height_or_a_count_are_named(lugs, expected, rng):
     vehicle = Vehicle(wheels=(Wheel(radius_m=0.15, width_m=0.12, **lugs),), noise=VEHICLE.noise)
     assert codes(select_wheel_rows(recording(drive(rng), vehicle)).findings) == expected

@@ -1,4 +1,4 @@
-"""What settles where a wheel starts is left out of runs at constant slip, and nothing else of them is."""
+"""Transients at the start of a wheel are left out of runs at constant slip, and nothing else is."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def recording(table: WheelTable) -> Recording:
 
 
 @pytest.mark.parametrize("share", [0.05, 0.4])
-def test_what_settles_is_left_out(share):
+def test_transients_are_left_out(share):
     table, found = without_settling(runs(starts(share)))
     assert (found.values["runs"], found.values["steps"]) == (18, False)
     assert found.values["channels"][:2] == ["torque_Nm", "sinkage_m"]
@@ -80,7 +80,7 @@ def test_what_settles_is_left_out(share):
     assert first < 0.5 * ROWS * STEP_S
 
 
-def test_it_is_found_without_names_of_runs_and_rows_in_any_order():
+def test_transients_are_found_without_names_of_runs_and_in_any_order_of_rows():
     table = runs(starts())
     shuffled = table.select(np.random.default_rng(1).permutation(len(table)))
     expected = len(without_settling(table)[0])
@@ -105,12 +105,12 @@ def test_without_slip_steps_show_in_the_speeds():
 
 
 @pytest.mark.parametrize("late", [("torque_Nm",), ("drawbar_pull_N",)])
-def test_an_instrument_that_is_late_after_steps_is_left_to_be_found(late):
+def test_an_instrument_that_is_late_after_steps_is_kept(late):
     assert without_settling(in_steps(late))[1] is None
 
 
 @pytest.mark.parametrize("rows", range(1, 9))
-def test_channels_that_arrive_late_are_left_to_be_found(rows):
+def test_channels_that_arrive_late_are_kept(rows):
     columns = dict(in_steps(()).columns)
     steady = runs(varied=0.0)
     for name in ANSWERS:
@@ -121,7 +121,7 @@ def test_channels_that_arrive_late_are_left_to_be_found(rows):
     assert without_settling(WheelTable(columns, None, np.repeat(["a", "b", "c"], 6 * ROWS), "rig.csv"))[1] is None
 
 
-def test_what_load_slip_or_speed_do_first_is_no_start():
+def test_initial_changes_of_load_slip_or_speed_are_no_transient():
     table = runs(starts())
     settling = np.tile(SETTLING, 18)
     for name, change in (("load_N", 1.0 - 0.08 * settling), ("wheel_speed_rad_s", 1.0 - 0.09 * settling)):
@@ -176,21 +176,21 @@ def test_nothing_else_is_left_out(change, seed):
     assert found is None
 
 
-def test_runs_whose_slip_or_load_goes_on_changing_are_left_as_they_are():
+def test_runs_whose_slip_or_load_keeps_changing_are_kept_whole():
     table = runs(starts())
     for name, change in (("slip", np.linspace(0.0, 0.2, ROWS)), ("load_N", np.linspace(0.0, 30.0, ROWS))):
         changing = {**table.columns, name: table[name] + np.tile(change, 18)}
         assert without_settling(WheelTable(changing, None, table.run, "rig.csv"))[1] is None
 
 
-def test_few_runs_show_nothing_and_trials_have_no_start():
+def test_few_runs_and_trials_are_kept_whole():
     table = runs(starts(), slips=(0.2,))
     assert without_settling(table)[1] is None
     trials = {name: values for name, values in runs(starts()).columns.items() if name != "time_s"}
     assert without_settling(WheelTable(trials, None, None, "rig.csv"))[1] is None
 
 
-def test_holes_are_no_settling():
+def test_gaps_are_no_transient():
     table = runs(starts())
     pull = np.full(len(table), np.nan)
     holes = {**table.columns, "drawbar_pull_N": pull}
@@ -217,7 +217,7 @@ def test_a_start_is_taken_neither_for_physics_nor_for_an_instrument():
     assert any("where the wheel starts" in note for note in answer.notes)
 
 
-def test_nor_is_it_beside_another_simulator_which_has_no_start(tmp_path):
+def test_a_start_is_no_mismatch_of_a_simulation_without_one(tmp_path):
     steady = runs(varied=0.0, slips=FEW_SLIPS)
     path = tmp_path / "simulated.csv"
     header = ",".join(("run", *steady.columns))

@@ -1,4 +1,4 @@
-"""Channels that are measured the other way round are refused or doubted, and what looks like it is not."""
+"""Channels of reversed sign are refused or noted, and similar recordings are not."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_a_pull_along_a_drive_with_the_other_sign_is_refused(rng):
 
 
 @pytest.mark.parametrize("why", ["no sinkage", "slope"])
-def test_where_it_is_not_beyond_doubt_it_is_doubted(why, rng):
+def test_a_likely_wrong_sign_of_the_pull_is_noted(why, rng):
     table = trials(rng)
     pitch = np.full(len(table), 0.1)
     table = without(turned(table), "sinkage_m") if why == "no sinkage" else turned(table, pitch_rad=pitch)
@@ -77,7 +77,7 @@ def test_towed_wheels_are_not_doubted(rng):
     assert found(table) == []
 
 
-def test_few_rows_show_nothing(rng):
+def test_few_rows_are_not_judged(rng):
     table = trials(rng).select(np.arange(6))
     assert found(turned(table)) == []
 
@@ -103,7 +103,7 @@ def test_a_sinkage_whose_zero_is_a_little_off_is_not_refused(rng):
 
 
 def mirrored_slip(rng, braked=1.0):
-    """A drive at slips that are driven ones but for their sign in a share of the rows, the last."""
+    """A drive whose slip has its sign reversed in the last share `braked` of the rows."""
     table = drive(rng)
     first = int((1.0 - braked) * len(table))
     return with_columns(table, slip=np.where(np.arange(len(table)) < first, table["slip"], -table["slip"]))
@@ -117,7 +117,7 @@ def test_a_torque_that_drives_a_braked_wheel_is_refused(rng):
         select_wheel_rows(recording(mirrored_slip(rng)))
 
 
-def test_where_the_lesser_part_of_a_drive_is_so_it_is_doubted(rng):
+def test_a_torque_of_the_wrong_sign_in_part_of_a_drive_is_noted(rng):
     assert found(mirrored_slip(rng, braked=0.3)) == ["torque_sign"]
 
 

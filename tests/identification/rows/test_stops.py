@@ -1,4 +1,4 @@
-"""Where a wheel is stopped, stands or gets going is left out of runs at constant slip, and nothing else of them is."""
+"""Stops, standstill and starts are left out of runs at constant slip, and nothing else is."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def recording(table: WheelTable) -> Recording:
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 @pytest.mark.parametrize("slip", ["commanded", "none"])
 @pytest.mark.parametrize("speeds", [("wheel_speed_rad_s", "travel_speed_m_s"), ("wheel_speed_rad_s",)])
-def test_a_wheel_stands_where_its_speeds_say_so(speeds, slip, noise):
+def test_a_wheel_is_at_standstill_where_its_speeds_are_zero(speeds, slip, noise):
     table = with_standstill(runs(speeds=speeds, slip=slip, noise=noise))
     still = stands(table).reshape(-1, ROWS)
     # Within the window of the median.
@@ -79,7 +79,7 @@ def test_a_wheel_stands_where_its_speeds_say_so(speeds, slip, noise):
     assert slip == "none" or np.isnan(table["slip"][still.ravel()]).all()
 
 
-def test_neither_a_crawling_nor_a_dragged_wheel_stands():
+def test_neither_a_crawling_nor_a_dragged_wheel_is_at_standstill():
     time_s = np.arange(400) * 0.1
     speed = np.linspace(0.01, 1.0, 400)
     rolling = {"slip": np.full(400, 0.2), "wheel_speed_rad_s": speed / 0.12, "travel_speed_m_s": speed}
@@ -149,7 +149,7 @@ def test_noisy_speeds_are_no_steps_of_slip():
 
 
 @pytest.mark.parametrize("stopped", [10, 20, 23])
-def test_a_carriage_that_stands_for_long_beside_a_commanded_wheel_is_a_stop(stopped):
+def test_a_carriage_at_rest_is_a_stop_though_the_wheel_speed_is_the_commanded_one(stopped):
     table = runs()
     rows = np.arange(len(table)).reshape(-1, ROWS)
     driven, last = rows[:, : ROWS - SLOWS - STANDS], rows[:, -1:]
@@ -187,7 +187,7 @@ def slower_at_the_end(table):
 
 
 @pytest.mark.parametrize("change", [weak_ground, gone_in_three_runs, slower_at_the_end])
-def test_what_is_no_stop_is_left_to_be_found(change):
+def test_changes_that_are_no_stop_are_kept(change):
     whole = runs()
     driven = whole.select(whole["time_s"] < (ROWS - SLOWS - STANDS) * STEP_S - 1e-9)
     again = np.arange(len(driven)).reshape(18, -1)
@@ -199,15 +199,15 @@ def test_what_is_no_stop_is_left_to_be_found(change):
     assert without_stops(with_standstill(changed))[1] is None
 
 
-def test_a_drive_that_stands_in_between_is_used_where_it_rolls():
+def test_a_drive_with_standstills_is_used_where_it_rolls():
     table = runs()
     one = WheelTable({**table.columns, "time_s": np.arange(len(table)) * STEP_S}, None, None, "drive.csv")
     rows = select_wheel_rows(recording(one))
-    standing = rows.reasons == "at standstill"
-    assert 18 * (STANDS - 2) <= standing.sum() <= 18 * (STANDS + 1)
+    stopped = rows.reasons == "at standstill"
+    assert 18 * (STANDS - 2) <= stopped.sum() <= 18 * (STANDS + 1)
 
 
-def test_what_is_found_of_runs_that_stop_is_what_is_found_of_their_steady_rows():
+def test_runs_that_stop_give_the_results_of_their_steady_rows():
     table = runs(speeds=(), slips=(0.05, 0.2, 0.45))
     answer = explain(recording(table), catalogue=("soil_patch", "drift", "torque_offset", "time_lag"))
     assert answer.verdict == "none"

@@ -60,7 +60,7 @@ def test_a_load_of_a_newton_is_no_pull_over_the_load(rng):
     assert found(with_columns(table, **scaled)) == []
 
 
-def test_a_braked_wheel_says_nothing_of_the_load(rng):
+def test_a_load_is_not_judged_by_a_braked_wheel(rng):
     table = trials(rng, slips=(-0.8, -0.6, -0.4, -0.2))
     assert found(with_columns(table, load_N=table["load_N"] / 9.81)) == []
     assert np.all(table["slip"] < 0.0)
@@ -169,7 +169,7 @@ def test_a_load_in_kilonewtons_shows_by_its_pull_and_one_in_kilograms_does_not(r
 
 
 def test_a_wheel_that_is_mostly_in_the_air_is_not_refused(rng):
-    """Its load is then nearly nothing beside what a pull's sensor reads."""
+    """Its median load is then negligible against the reading of the pull sensor."""
     table = drive(rng)
     load = table["load_N"].copy()
     load[: int(0.8 * len(load))] = 0.01

@@ -41,12 +41,12 @@ def test_a_wheel_that_carries_little_loses_no_row_above_zero(rng, noises, most):
 
 
 def test_a_stretch_ends_where_its_rows_do(rng):
-    """The next stretch begins loaded as little as the noise is large."""
+    """The next stretch begins with a load as small as the noise."""
     load = np.concatenate([-np.abs(rng.normal(size=20)), np.full(40, 0.5)])
     assert carries_nothing(load, np.repeat([0, 1], [20, 40])).sum() == 20
 
 
-def test_zeros_without_noise_and_gross_errors_take_nothing_with_them():
+def test_exact_zeros_and_gross_errors_do_not_affect_their_neighbours():
     load = np.full(100, 60.0)
     load[40:60] = 0.0
     load[50] = 5.0

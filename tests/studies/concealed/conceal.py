@@ -20,7 +20,7 @@ from .weighing import Case, refit_textbook, refit_with, still, vector, weights
 from .write import write_recording
 
 DRAWS, ATTEMPTS = 60, 8
-"""So many drives are drawn at most, and tried with the effect until it can be made as strong as asked."""
+"""Most drives drawn, and most of them tried with the effect until one lets it reach its level."""
 
 
 @dataclass(frozen=True)
@@ -109,12 +109,12 @@ def conceal(
     Raises
     ------
     ValueError
-        A slug, level or protocol that there is not, or an effect that cannot be seen in the protocol.
+    An unknown slug, level or protocol, or an effect that cannot be seen in the protocol.
     """
     chosen = tuple(None for _ in effects) if forms is None else tuple(forms)
     _check(effects, chosen, level, protocol)
     needs = needs_of(effects)
-    # the level is no part of it: the same seed drives the same wheel at every strength where it can
+    # without the level: one seed drives the same wheel at every strength where it can
     rng = np.random.default_rng([seed, len(effects), *(sum(map(ord, slug)) for slug in effects)])
     best: tuple[float, _Scene, list[Found], list[float]] | None = None
     tried = 0
@@ -156,13 +156,13 @@ def _check(effects: Sequence[str], forms: Sequence[str | None], level: str, prot
 
 def _scene(
     rng: np.random.Generator, needs: frozenset[str], protocol: str | None, samples: int, effects: Sequence[str],
-    quiet: float,
+    noise_factor: float,
 ) -> _Scene | None:  # fmt: skip
-    """Draw all that comes before the effects; None where the wheel would sink in, or noise hides the textbook itself.
+    """Draw all that precedes the effects; None where the wheel would sink in, or noise hides the textbook itself.
 
-    `quiet` scales the sensors' noise.
+    The sensors' noise is multiplied by `noise_factor`.
     """
-    # a wheel with lugs does not give away that lugs are what is hidden
+    # a wheel with lugs does not reveal that lugs are hidden
     lugs = "lugs" in needs or rng.random() < 0.08
     body = draw_body(rng, lugs)
     kind, ground = draw_ground(rng, body)
@@ -172,7 +172,7 @@ def _scene(
     textbook, theta_1 = simulate(ground, body, plan.drive)
     if not still(textbook, theta_1) or theta_1.max() > 1.1 or theta_1.min() < 0.08:
         return None
-    sensors = draw_sensors(rng, textbook, chosen == "steady", quiet)
+    sensors = draw_sensors(rng, textbook, chosen == "steady", noise_factor)
     known = {}
     if "rim_adhesion" in effects:
         tan_phi = float(np.tan(ground.phi_rad))

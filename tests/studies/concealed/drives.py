@@ -1,4 +1,4 @@
-"""How experimenters drive a wheel, at random: on benches, in fields, in steady trials, ramps of slip and turns."""
+"""Random drives of a wheel as in experiments: on benches, in fields, in steady trials, ramps of slip and turns."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .turns import Track, draw_track
 PROTOCOLS = ("bench", "field", "steady", "ramps", "turns")
 
 PROTOCOL_SHARES = (0.5, 0.25, 0.25, 0.0, 0.0)
-"""How often each is drawn where none is asked for; ramps and turns are made only where they are."""
+"""Probabilities of the protocols where none is given; ramps and turns are drawn only if they are given."""
 
 LACKED = {"steady": frozenset({"time"}), "ramps": frozenset({"accelerations"})}
 """Needs that a protocol never has."""
@@ -177,7 +177,7 @@ def _bench(rng: np.random.Generator, body: Body, loads: np.ndarray, needs: froze
 def _ramps(rng: np.random.Generator, body: Body, loads: np.ndarray, needs: frozenset[str], samples: int) -> Plan:
     """A single-wheel rig: for each dead weight, the lightest first, one slow ramp of slip on fresh ground.
 
-    The wheel turns evenly while the carriage slows down or hurries on; where passes are needed each weight runs in its
+    The wheel turns evenly while the carriage slows down or speeds up; where passes are needed each weight runs in its
     own rut again.
     """
     rate = float(rng.choice([5.0, 10.0, 20.0]))

@@ -48,7 +48,6 @@ class StressPeakShift(Effect):
         return {"a0": self.a0, "a1": self.magnitude}
 
     def geometry(self, contact: Contact) -> None:
-        """Move the peak."""
         share = np.clip(self.a0 + self.magnitude * np.abs(contact.drive.slip), 0.05, 0.95)[:, None]
         contact.theta_m = contact.theta_m + (share - 0.5) * (contact.theta_1 - contact.theta_2)
 
@@ -159,7 +158,6 @@ class RimAdhesion(Effect):
         return max(1.0 - self.adhesion_share * self.magnitude, 0.0)
 
     def shearing(self, contact: Contact) -> None:
-        """Let the rim slip."""
         rubbed = contact.pressure * np.tan(contact.ground.phi_rad) * (1.0 - self.magnitude)
         limit = contact.ground.c_Pa * self._adhesion() + rubbed
         if self.form == "capped":

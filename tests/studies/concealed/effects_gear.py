@@ -134,7 +134,7 @@ class TyreDeflection(Effect):
 
 @dataclass(frozen=True)
 class SlopeGravity(Effect):
-    """On a slope the weight has a component along the track, which the sensor of drawbar pull feels.
+    """On a slope the weight has a component along the track, which the sensor of drawbar pull measures.
 
     ``mass``: an axle of fixed mass, -m g sin(pitch). ``load``: in proportion to the load, -s W tan(pitch), W being
     normal to the ground. Statics.

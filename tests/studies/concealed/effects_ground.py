@@ -238,7 +238,6 @@ class SoilPatch(Effect):
         }
 
     def ground(self, ground: Ground, drive: Drive, body: Body) -> Ground:
-        """Change the soil by place."""
         rise = 0.5 * (1.0 + np.tanh((drive.x_m - self.start_m) / self.border_m))
         fall = 0.5 * (1.0 + np.tanh((self.end_m - drive.x_m) / self.border_m))
         inside = self.magnitude * rise * fall

@@ -21,7 +21,6 @@ class Fault(Effect):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, setting: Setting, form: str) -> Self:
-        """Draw the sign."""
         return cls(form, 0.0, float(rng.choice([-1.0, 1.0])))
 
 
@@ -49,7 +48,6 @@ class TorqueOffset(Fault):
         return {"offset_Nm": self.sign * self.magnitude * self.span}
 
     def reported(self, channels: Channels, drive: Drive) -> Channels:
-        """Shift the torque."""
         return replace(channels, torque_Nm=channels.torque_Nm + self.parameters()["offset_Nm"])
 
 
@@ -71,7 +69,6 @@ class TorqueGain(Fault):
         return {"gain": float(np.exp(self.sign * self.magnitude))}
 
     def reported(self, channels: Channels, drive: Drive) -> Channels:
-        """Scale the torque."""
         return replace(channels, torque_Nm=channels.torque_Nm * self.parameters()["gain"])
 
 
@@ -93,7 +90,6 @@ class LoadGain(Fault):
         return {"gain": float(np.exp(self.sign * self.magnitude))}
 
     def reported(self, channels: Channels, drive: Drive) -> Channels:
-        """Scale the load that is reported."""
         return replace(channels, load_N=channels.load_N * self.parameters()["gain"])
 
     def inputs(self, load_N: np.ndarray, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -125,7 +121,6 @@ class SinkageOffset(Fault):
         return {"offset_m": self.sign * self.magnitude * self.span}
 
     def reported(self, channels: Channels, drive: Drive) -> Channels:
-        """Shift the sinkage."""
         return replace(channels, sinkage_m=channels.sinkage_m + self.parameters()["offset_m"])
 
 
@@ -172,7 +167,6 @@ class TimeLag(Fault):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, setting: Setting, form: str) -> Self:
-        """Draw the channel."""
         return cls(form, 0.0, 1.0, str(rng.choice(ANSWERS if setting.pulls else ANSWERS[:2])))
 
     @property
@@ -185,7 +179,6 @@ class TimeLag(Fault):
         return {"lag_s": self.magnitude}
 
     def reported(self, channels: Channels, drive: Drive) -> Channels:
-        """Delay the channel."""
         values, time = getattr(channels, self.channel), drive.time_s
         if self.form == "delay":
             late = np.interp(time - self.magnitude, time, values)
@@ -231,7 +224,6 @@ class Drift(Fault):
         return {name: self.sign * self.magnitude * self.span}
 
     def reported(self, channels: Channels, drive: Drive) -> Channels:
-        """Add the drift."""
         part = (drive.time_s - drive.time_s[0]) / np.ptp(drive.time_s)
         if self.form == "linear":
             course = part

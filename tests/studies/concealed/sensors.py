@@ -1,4 +1,4 @@
-"""Sensors and the soil's variation along the track: what stands between truth and recording."""
+"""Sensors, and the soil's variation along the track."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Sensors:
     """White noise by column (standard deviation, SI), and quanta of the converters; `speed` relative.
 
     `gross` is the share of rows with a gross error, `missing` the share of the rows that drop out in stretches,
-    `stated` whether vehicle.toml tells the noise.
+    `stated` whether vehicle.toml states the noise.
     """
 
     noise: dict[str, float]
@@ -102,24 +102,25 @@ class Sensors:
         return float(np.hypot(self.noise[name], self.quanta[name] / np.sqrt(12.0)))
 
     def slip_deviation(self, drive: Drive) -> np.ndarray:
-        """Give the noise of slip made of the two noisy speeds, (m,)."""
+        """Give the noise of a slip computed from the two noisy speeds, (m,)."""
         slower = np.where(drive.slip >= 0.0, 1.0 - drive.slip, 1.0 + drive.slip)
         return slower * self.speed * np.sqrt(1.25)
 
 
-def draw_sensors(rng: np.random.Generator, truth: Channels, steady: bool, quiet: float) -> Sensors:
+def draw_sensors(rng: np.random.Generator, truth: Channels, steady: bool, factor: float) -> Sensors:
     """Draw noise of 0.3 to 3 % of each channel's range, quanta, faults.
 
-    In steady trials, whose rows are means, it is half of that; `quiet` scales it down further.
+    In steady trials, whose rows are means, it is half of that; it is multiplied by `factor`.
     """
     noise, quanta = {}, {}
     for name in ("load_N", *ANSWERS):
         values = getattr(truth, name)
         span = float(max(np.ptp(values), 0.1 * np.abs(values).max()))
-        noise[name] = span * quiet * (0.5 if steady else 1.0) * float(np.exp(rng.uniform(np.log(0.003), np.log(0.03))))
+        share = float(np.exp(rng.uniform(np.log(0.003), np.log(0.03))))
+        noise[name] = span * factor * (0.5 if steady else 1.0) * share
         quanta[name] = _round_quantum(noise[name] * float(rng.uniform(0.1, 1.2)))
     noise["load_N"] = min(noise["load_N"], 0.015 * float(truth.load_N.mean()))
-    speed = quiet * (0.5 if steady else 1.0) * float(np.exp(rng.uniform(np.log(0.002), np.log(0.012))))
+    speed = factor * (0.5 if steady else 1.0) * float(np.exp(rng.uniform(np.log(0.002), np.log(0.012))))
     gross = float(rng.uniform(0.003, 0.01)) if rng.random() < 0.12 else 0.0
     missing = float(rng.uniform(0.01, 0.04)) if rng.random() < 0.12 and not steady else 0.0
     return Sensors(noise, speed, quanta, gross, missing, bool(rng.random() < 0.5))
@@ -132,7 +133,6 @@ def _round_quantum(size: float) -> float:
 
 
 def quantise(values: np.ndarray, step: float) -> np.ndarray:
-    """Round to a converter's steps."""
     return np.round(values / step) * step
 
 

@@ -30,7 +30,7 @@ SOIL_RANGES = {
     "regolith": SoilRange(170.0, 35.0, 0.018, 1.4e3, 820e3, 1.00),
     "snow": SoilRange(1030.0, 19.7, 0.025, 4.37e3, 196.72e3, 1.60),
 }
-"""J. Y. Wong, *Terramechanics and Off-Road Vehicle Engineering* (2010), Table 2.3 and the shear parameters beside it;
+"""J. Y. Wong, *Terramechanics and Off-Road Vehicle Engineering* (2010), Table 2.3, with its shear parameters;
 regolith after G. Heiken et al., *Lunar Sourcebook* (1991), Table 9.14. Where k is not given there, it is chosen."""
 
 

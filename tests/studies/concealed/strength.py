@@ -1,4 +1,4 @@
-"""How strong a hidden effect is made: so that the truth gains so many nats over the refitted textbook."""
+"""Strength of a hidden effect at which the truth gains a given number of nats over the refitted textbook."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LEAST_R2 = 0.95
 
 @dataclass(frozen=True)
 class Found:
-    """An effect of the strength asked, or the nearest that is plausible; `reached` tells which."""
+    """An effect of the required strength, or the nearest plausible one; `reached` says which."""
 
     effect: Effect
     nats: float

@@ -1,4 +1,4 @@
-"""The study's recordings by number: what recording number s hides is drawn from seed s alone."""
+"""The study's recordings by number: the effects of recording number s are drawn from seed s alone."""
 
 from __future__ import annotations
 
@@ -40,21 +40,21 @@ def shown_by(protocol: str, effects: tuple[str, ...]) -> str:
 
 
 def make(seed: int, protocol: str | None = None) -> ConcealedRecording:
-    """Make recording number `seed`; an effect that cannot be made so strong is hidden at the next level below.
+    """Make recording number `seed`; an effect that cannot reach its level is hidden at the next one below.
 
     Two effects that stand for each other in this drive are replaced by the next pair.
     """
     effects, level, shown = draw(seed, protocol)
     names = list(LEVELS)
     slugs, rng = list(catalogue()), np.random.default_rng([9178, seed])
-    made = None
+    recording = None
     for _ in range(3):
         for lower in names[names.index(level) :]:
-            made = conceal(seed, effects, lower, shown)
-            if made.truth["reached"]:
-                return made
+            recording = conceal(seed, effects, lower, shown)
+            if recording.truth["reached"]:
+                return recording
         if len(effects) == 2:
             effects = tuple(str(slug) for slug in rng.choice(slugs, 2, replace=False))
             shown = shown_by(protocol or shown, effects)
-    assert made is not None
-    return made
+    assert recording is not None
+    return recording

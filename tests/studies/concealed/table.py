@@ -36,7 +36,7 @@ class Recorded:
         return np.where(ratio <= 1.0, 1.0 - ratio, 1.0 / ratio - 1.0)
 
     def stated_noise(self, sensors: Sensors) -> dict[str, float]:
-        """Give what vehicle.toml tells of the noise: nothing, or what a data sheet would."""
+        """Give the noise stated in vehicle.toml: nothing, or what a data sheet would state."""
         if not sensors.stated:
             return {}
         stated = {name: sensors.deviation(name) for name in ("load_N", *ANSWERS) if name in self.columns}

@@ -1,4 +1,4 @@
-"""The truth of a concealed recording, fit for JSON: what the scorer sees and the tool never."""
+"""The truth of a concealed recording, for JSON: seen by the scorer and never by the tool."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def truth_of(
     seed: int, level: str, plan: Plan, kind: str, case: Case, found: Sequence[Found], shares: Sequence[float],
     textbook: Refit,
 ) -> dict:  # fmt: skip
-    """Give the truth: effects, soil, strength, protocol, and what the textbook refitted makes of it."""
+    """Give the truth: effects, soil, strength, protocol, and the fit of the textbook to it."""
     reached = all(f.reached for f in found) and all(share > 0.3 for share in shares)
     return {
         "schema": 1,
@@ -100,7 +100,7 @@ def effect_dict(found: Found, answers: Sequence[str], share: float | None, track
 
 
 def _places(effect: Effect, track: Track | None) -> dict[str, list[float]]:
-    """Give from where to where a patch lies, by the variables that tell a place; empty for all else."""
+    """Give the interval of a patch, by the variables of place; empty for other effects."""
     if not isinstance(effect, SoilPatch):
         return {}
     interval = [effect.start_m, effect.end_m]

@@ -1,4 +1,4 @@
-"""What the data of a recording weigh: the textbook's wheel refitted, and the nats that it loses against the truth.
+"""Information in a recording: the textbook's wheel refitted, and the nats that it loses against the truth.
 
 The misfit of the refitted textbook model is weighed, channel by channel, by the covariance of everything that is random
 in it: noise of the answer, noise of the inputs carried through the model, and the soil's variation along the track,
@@ -213,8 +213,8 @@ def refit_with(
 ) -> tuple[Refit, float]:  # fmt: skip
     """Refit the soil together with the magnitude of one effect; give the fit and the magnitude.
 
-    The model takes the reported load and slip for true, but for what the effect itself makes of them: what is asked is
-    whether this effect alone could stand for all that is hidden.
+    The model takes the reported load and slip for true, but for what the effect itself makes of them: the fit
+    shows whether this effect alone could stand for all that is hidden.
     """
     data = case.answers(observed)
     low, high = effect.bounds
@@ -236,5 +236,5 @@ def refit_with(
 
 
 def still(channels: Channels, theta_1: np.ndarray) -> bool:
-    """Tell whether every row found an equilibrium that is no deeper than a wheel can be driven through."""
+    """Whether every row has an equilibrium that is no deeper than a wheel can be driven through."""
     return bool(np.isfinite(theta_1).all() and theta_1.max() < 1.25 and (channels.sinkage_m > 0).all())

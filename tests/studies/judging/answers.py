@@ -1,4 +1,4 @@
-"""`bevameter explain` over a cache of recordings, in processes that are ended where one takes too long."""
+"""`bevameter explain` over a cache of recordings, in processes that are ended after a time limit."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _SPAWN = multiprocessing.get_context("spawn")
 def run(
     folders: Mapping[str, Path], left_out: Mapping[str, Collection[str]], processes: int, timeout_s: float
 ) -> Iterator[dict[str, Any]]:
-    """Have recordings explained, and give each result as it comes.
+    """Explain recordings, and give each result as it comes.
 
     Parameters
     ----------
@@ -28,9 +28,9 @@ def run(
     left_out
         Effects that the tool's catalogue is to lack, by the recording's name; empty where it has all.
     processes
-        So many recordings at a time.
+    Recordings explained at a time.
     timeout_s
-        After which an answer is given up [s].
+    Longest time for an answer [s].
 
     Yields
     ------
@@ -67,17 +67,17 @@ class _Explainer:
         self._pipe: Any = None
 
     def explain(self, folder: Path, without: list[str], timeout_s: float) -> dict[str, Any]:
-        """Give seconds and answer or failure; a new process answers twice, for the first time compiles kernels."""
+        """Give seconds and answer or failure; a new process answers twice, as the first answer compiles kernels."""
         if self._process is None:
             self._pipe, far = _SPAWN.Pipe()
             self._process = _SPAWN.Process(target=_serve, args=(far,))
             self._process.start()
             far.close()
-            if self._pipe.recv() and "failure" in (first := self._asked(folder, without, timeout_s)):
+            if self._pipe.recv() and "failure" in (first := self._answer(folder, without, timeout_s)):
                 return first
-        return self._asked(folder, without, timeout_s)
+        return self._answer(folder, without, timeout_s)
 
-    def _asked(self, folder: Path, without: list[str], timeout_s: float) -> dict[str, Any]:
+    def _answer(self, folder: Path, without: list[str], timeout_s: float) -> dict[str, Any]:
         began = time.perf_counter()
         self._pipe.send((folder, without))
         try:
@@ -90,7 +90,6 @@ class _Explainer:
         return {"seconds": time.perf_counter() - began, "failure": failure}
 
     def end(self) -> None:
-        """End the process."""
         if self._process is not None:
             self._process.kill()
             self._process.join()
@@ -105,7 +104,7 @@ def _serve(pipe: Connection) -> None:
     while True:
         try:
             folder, without = pipe.recv()
-        except EOFError:  # whom it answers is gone
+        except EOFError:  # the parent process has ended
             return
         began = time.perf_counter()
         try:
@@ -157,7 +156,7 @@ def read_results(path: Path) -> dict[tuple[str, bool], dict[str, Any]]:
 
 
 def append(path: Path, rows: Iterator[dict[str, Any]]) -> Iterator[str]:
-    """Write each row as a line the moment it comes, and give its name."""
+    """Write each row as a line as soon as it comes, and give its name."""
     path.parent.mkdir(parents=True, exist_ok=True)
     before = path.read_text(encoding="utf-8") if path.is_file() else ""
     with path.open("a", encoding="utf-8") as file:

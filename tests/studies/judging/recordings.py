@@ -1,7 +1,7 @@
-"""The sets of recordings that `explain` is judged on, and how they are made into a cache.
+"""The sets of recordings that `explain` is judged on, and the cache that holds them.
 
-A cache holds `recordings/<name>/`, the folders that `explain` reads, and `truth/<name>.json`, what was put into them.
-The truth is moved there last: where it is, the recording is whole.
+A cache holds `recordings/<name>/`, the folders that `explain` reads, and `truth/<name>.json`, what they hide. The
+truth is written last: where it exists, the recording is complete.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ FROZEN_SEEDS = range(880000, 880340)
 """Of the study; about 30 % of them hide nothing."""
 
 FROZEN_GENERATOR_SEEDS = range(5000, 5120)
-"""Of the frozen generator, which was written by another hand."""
+"""Of the frozen generator, written independently."""
 
 TRAINING_SEEDS = range(900000, 900160)
 """Of the study, for whoever works on `explain`; all other seeds of the study but the frozen ones are free, too."""
@@ -38,7 +38,7 @@ class RecordingSet:
     seeds
         One recording each.
     protocol
-        Kind of drive of all recordings of the study that can show what they hide in it; drawn for each where absent.
+        Protocol of all recordings of the study that can show their effects in it; drawn for each where absent.
     """
 
     generator: str
@@ -47,7 +47,7 @@ class RecordingSet:
 
     @property
     def frozen(self) -> bool:
-        """Whether nobody who works on `explain` may see more than aggregates."""
+        """Whether those who work on `explain` may see aggregates only."""
         return self.generator == "frozen_generator" or bool({*self.seeds} & {*FROZEN_SEEDS})
 
     def named(self) -> dict[str, int]:
@@ -64,16 +64,14 @@ SETS = {
 
 
 def folder_of(cache: Path, name: str) -> Path:
-    """Give the folder of a recording."""
     return cache / "recordings" / name
 
 
 def truth_path(cache: Path, name: str) -> Path:
-    """Give the file of a recording's truth."""
     return cache / "truth" / f"{name}.json"
 
 
-def made(cache: Path, recordings: RecordingSet) -> dict[str, dict[str, Any]]:
+def stored_truths(cache: Path, recordings: RecordingSet) -> dict[str, dict[str, Any]]:
     """Read the truths of the recordings that the cache holds, by name."""
     paths = {name: truth_path(cache, name) for name in recordings.named()}
     return {name: json.loads(path.read_text(encoding="utf-8")) for name, path in paths.items() if path.is_file()}
@@ -93,7 +91,7 @@ def make_one(cache: Path, recordings: RecordingSet, name: str, seed: int) -> Non
     folder, path = folder_of(cache, name), truth_path(cache, name)
     for parent in (folder.parent, path.parent):
         parent.mkdir(parents=True, exist_ok=True)
-    shutil.rmtree(folder, ignore_errors=True)  # half of one that was interrupted
+    shutil.rmtree(folder, ignore_errors=True)  # left by an interrupted run
     with tempfile.TemporaryDirectory(dir=cache) as place:
         truth = Path(place) / "truth"
         if recordings.generator == "study":

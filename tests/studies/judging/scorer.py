@@ -114,10 +114,10 @@ def _confident_wrong(hidden: Sequence[str], answer: Mapping[str, Any]) -> bool:
 
 
 def _kind(truth: Mapping[str, Any], answer: Mapping[str, Any]) -> tuple[bool | None, bool | None]:
-    """Was physics told from instruments, by all that is listed and by the most probable name of it?
+    """Was the kind, physics or instrument, right, by all that is listed and by its most probable name?
 
-    None where nothing of either kind was asserted, or both are hidden: where nothing was found, nothing was told. By
-    all, an undecided answer is right only if all that it lists is of one kind.
+    None where nothing of either kind was asserted, or both are hidden. By all, an undecided answer is right only if all
+    that it lists is of one kind.
     """
     kinds = {effect["kind"] for effect in truth["effects"]}
     if len(kinds) != 1 or not answer["missing"]:

@@ -1,4 +1,4 @@
-"""What many scores say together: shares with Wilson's intervals, quantiles, calibration, in one table."""
+"""Summary of many scores: shares with Wilson's intervals, quantiles and calibration, in one table."""
 
 from __future__ import annotations
 
@@ -62,14 +62,14 @@ def measures(scores: Scores) -> dict[str, str]:
         "both of a pair named": of("pair", "both_named", lambda s: s["reached"]),
         "at least one of a pair named": of("pair", "named", lambda s: s["reached"]),
         "false alarm on nulls": of("null", "false_alarm"),
-        "falsely named beside or instead": of(both, "falsely_named"),
+        "falsely named, in addition or instead": of(both, "falsely_named"),
         "named as one of a group said to be indistinguishable": of(both, "indistinguishable", lambda s: s["named"]),
         f"{sure}, cause beyond the catalogue": of("beyond", "confident_wrong"),
         "nothing found, cause beyond the catalogue": of("beyond", "silent"),
         f"{sure}, effect left out of the catalogue": of("left_out", "confident_wrong"),
         "nothing found, effect left out of the catalogue": of("left_out", "silent"),
-        "physics told from instrument, by all that is listed": of("single", "kind_right"),
-        "physics told from instrument, by the most probable name": of("single", "first_kind_right"),
+        "physics or instrument right, by all that is listed": of("single", "kind_right"),
+        "physics or instrument right, by the most probable name": of("single", "first_kind_right"),
         "channel located": of("single", "located_channel"),
         "variable located": of("single", "located_variable"),
         "patch located along the track": of("single", "located_interval"),
