@@ -9,7 +9,7 @@ from pkgutil import iter_modules
 
 from ....framework.core.errors import InputError
 from ..effect import Effect, Situation
-from ..registry import REGISTRY
+from ..registry import REGISTRY, check_form
 
 
 def load_plugins() -> None:
@@ -37,12 +37,12 @@ def effects_for(situation: Situation, slugs: Iterable[str] = SLUGS) -> list[Effe
     Raises
     ------
     InputError
-        A name is not in the catalogue.
+        A name is not in the catalogue, or a form of an effect is incomplete.
     """
     wanted = set(slugs)
     for slug in sorted(wanted):
         effect_class(slug)
-    return [effect for slug in SLUGS if slug in wanted for effect in REGISTRY[slug].forms(situation)]
+    return [check_form(form) for slug in SLUGS if slug in wanted for form in REGISTRY[slug].forms(situation)]
 
 
 def forms_by_name(slug: str, situation: Situation) -> list[Effect]:
@@ -51,12 +51,12 @@ def forms_by_name(slug: str, situation: Situation) -> list[Effect]:
     Raises
     ------
     InputError
-        The name is not in the catalogue.
+        The name is not in the catalogue, or a form of the effect is incomplete.
     """
     found: dict[tuple[str, ...], Effect] = {}
     following = list(effect_class(slug).forms_by_name(situation))
     while following:
-        form = following.pop(0)
+        form = check_form(following.pop(0))
         key = (form.form, *(parameter.name for parameter in form.parameters))
         if key not in found:
             found[key] = form
