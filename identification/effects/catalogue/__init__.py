@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable
-from importlib import import_module, metadata
+from importlib import import_module
 from pkgutil import iter_modules
 
 from ....framework.core.errors import InputError
+from ....framework.core.plugins import load_plugins
 from ..effect import Effect, Situation
 from ..registry import REGISTRY, check_form
-
-
-def load_plugins() -> None:
-    """Import the effects of other packages: entry points of the group ``bevameter.effects``."""
-    for point in metadata.entry_points(group="bevameter.effects"):
-        try:
-            point.load()
-        except Exception as error:  # whatever a module of another package raises
-            warnings.warn(f"effect {point.name} of a plug-in is left out: {error}", stacklevel=2)
-
 
 for _module in iter_modules(__path__):
     import_module(f"{__name__}.{_module.name}")
 for _slug in sorted(REGISTRY, key=lambda slug: (REGISTRY[slug].kind != "physics", slug)):
     REGISTRY[_slug] = REGISTRY.pop(_slug)
-load_plugins()
+load_plugins("bevameter.effects")
 
 SLUGS = REGISTRY.keys()
 """Public names of all effects that are registered, whenever: physics first."""
