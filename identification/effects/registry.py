@@ -17,7 +17,7 @@ from .effect import COVARIATES, Effect, Kind, Parameter
 REGISTRY: dict[str, type[Effect]] = {}
 """Classes of effects by slug."""
 
-_Class = TypeVar("_Class", bound=type[Effect])
+_Effect = TypeVar("_Effect", bound=Effect)
 
 _OF_CLASS, _OF_FORM = ("title", "what_happens", "check"), ("equation", "source")
 """Texts that a class states, and those that each of its forms may state by itself."""
@@ -28,7 +28,7 @@ _EXPECTED = (
 )
 
 
-def register(effect: _Class) -> _Class:
+def register(effect: type[_Effect]) -> type[_Effect]:
     """Add an effect to the catalogue; a class decorator.
 
     Raises
