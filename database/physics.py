@@ -162,6 +162,18 @@ def read_physics(connection: Connection, database: str, site: str | None = None)
     ]
 
 
+def newest_row(connection: Connection, class_name: str, site: str) -> Any | None:
+    """Identity, source and time of the newest physics of a class at exactly this site; None where there is none."""
+    table = table_of(PhysicsRow)
+    query = (
+        select(table.c.id, table.c.source, table.c.observed_at)
+        .where(table.c.class_name == class_name, table.c.site == site)
+        .order_by(table.c.observed_at.desc(), table.c.id.desc())
+        .limit(1)
+    )
+    return connection.execute(query).one_or_none()
+
+
 def found_by_others(connection: Connection, database: str, driven: set[str], own: set[str]) -> list[dict[str, Any]]:
     """Rows of another database's physics, read as strictly as they are added to one whose classes, those that drives
     bring with a merge included, are `driven`, and those of whose physics are its `own`.

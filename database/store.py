@@ -24,6 +24,7 @@ from .physics import (
     add_rows,
     driven_classes,
     found_by_others,
+    newest_row,
     physics_classes,
     physics_row,
     read_physics,
@@ -155,7 +156,8 @@ class TerrainDatabase:
         source
             Where it came from, for people.
         time
-            When it was found; the present if absent, and then the same physics added again is newer physics.
+            When it was found. The present if absent, and then physics that is the newest of the class and site already,
+            whatever its source, adds nothing: a recording that is explained again is no newer physics.
         site
             The site that it holds at; empty for ground of the class anywhere.
 
@@ -169,7 +171,12 @@ class TerrainDatabase:
         found = ClassPhysics(class_name, physics, source, time if time is not None else datetime.now(UTC), site)
         with self._read() as connection:
             check_spelling(class_name, (driven_classes(connection), physics_classes(connection)), "class_name")
+            newest = newest_row(connection, class_name, site)
         found = replace(found, physics=sound_physics(physics, f"physics of {class_name}"))
+        if time is None and newest is not None:
+            again = replace(found, source=newest.source, observed_at=newest.observed_at)
+            if again.id == newest.id:
+                return Added(0, 1)
         with self._written() as connection:
             new = add_rows(connection, [physics_row(found)])
         return Added(new, 1 - new)

@@ -97,6 +97,8 @@ def check_store(database: str | Path | None, class_name: str | None) -> None:
 def store(answer: Explanation, database: str | Path, class_name: str) -> str:
     """Store soil and effects that were found with a class of terrain, for predictions on it.
 
+    What the class has already as its newest, as where a recording is explained again, is stored once.
+
     Parameters
     ----------
     answer

@@ -22,7 +22,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import ClassVar
 
@@ -32,6 +31,7 @@ from .core.classifier.classifier import TerrainClassifier, TrainingOutcome
 from .core.classifier.labelled import LabelledFile, read_labelled
 from .core.errors import InputError
 from .core.evidence import ClassEvidence
+from .core.plugins import load_plugins
 from .core.recording.types import Recording
 from .core.track.way import Track, cells_under_wheels
 
@@ -128,34 +128,34 @@ class Sense(ABC):
         """
 
 
-_SENSES: dict[str, Sense] = {}
+SENSES: dict[str, Sense] = {}
+"""Those that are registered, by name; `senses` loads all of them first."""
 
 
 def register(sense: type[Sense]) -> type[Sense]:
     """Add a sense, as a decorator of its class; it takes the place of another of the same name."""
-    _SENSES[sense.name] = sense()
+    SENSES[sense.name] = sense()
     return sense
 
 
 @cache
-def _load() -> None:
+def load_senses() -> None:
     """Import the modules of this package's senses, and of others that entry points name."""
-    others = dict(_SENSES)
+    others = dict(SENSES)
     package = import_module("..", __package__)
     for part in pkgutil.iter_modules(package.__path__):
         folders = [str(Path(folder) / part.name) for folder in package.__path__]
         for module in pkgutil.iter_modules(folders) if part.ispkg else ():
             if module.name.endswith("sense"):
                 import_module(f"{package.__name__}.{part.name}.{module.name}")
-    for point in entry_points(group="bevameter.senses"):
-        point.load()
-    _SENSES.update(others)  # what was registered before stays
+    load_plugins("bevameter.senses")
+    SENSES.update(others)  # what was registered before stays
 
 
 def senses() -> tuple[Sense, ...]:
     """Give all senses, in the order of their instruments' names."""
-    _load()
-    return tuple(sorted(_SENSES.values(), key=lambda sense: (sense.instrument, sense.name)))
+    load_senses()
+    return tuple(sorted(SENSES.values(), key=lambda sense: (sense.instrument, sense.name)))
 
 
 def sense_named(name: str) -> Sense:

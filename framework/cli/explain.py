@@ -24,7 +24,10 @@ def command(
     ] = None,
     json: Annotated[Path | None, typer.Option("--json", help="Write the answer as JSON.")] = None,
     report: Annotated[Path | None, typer.Option("--report", help="Write the answer as an HTML page.")] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the resampling behind the intervals.")] = 0,
+    seed: Annotated[
+        int,
+        typer.Option("--seed", min=0, help="Seed of the intervals' resampling and of the sound's surrogates."),
+    ] = 0,
     db: Annotated[
         str | None, typer.Option("--db", help="Terrain database to store soil and effects in; needs --class.")
     ] = None,

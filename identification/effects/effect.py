@@ -251,8 +251,6 @@ class Effect:
     """Whether it is a property of the ground that acts on any wheel: included in a planner's predictions."""
     by_run: ClassVar[bool] = False
     """Whether its parameters describe the runs of one recording: these are not stored."""
-    remembers: ClassVar[bool] = False
-    """Whether a reported sample depends on earlier samples."""
     remark: str = ""
     """Note for the report if the effect is identified."""
 

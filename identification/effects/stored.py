@@ -18,6 +18,7 @@ import numpy as np
 
 from ...framework.core.arguments import shown
 from ...framework.core.errors import InputError
+from ...framework.core.explanation import UNKNOWN
 from ...framework.core.recording.types import WheelTable
 from ...framework.core.soil import PARAMETERS, PLAUSIBLE
 from ...framework.core.vehicle import Vehicle
@@ -27,7 +28,6 @@ from ..simulate import simulate
 from .catalogue import SLUGS, effect_class, forms_by_name
 from .effect import Effect
 from .parse import NamedEffect, follows_drive, lugs_of, smallest_form, specimen
-from .registry import RESERVED
 
 SCHEMA = 2
 """Version of the document: the second adds correlations and probabilities; both can be read."""
@@ -241,7 +241,7 @@ def _effect(document: Any, schema: object, source: str, place: str) -> StoredEff
     slug, form = page["slug"], page["form"]
     if not isinstance(form, str):
         raise InputError(source, f"form {shown(form)}", expected="text", place=place)
-    if slug == RESERVED:
+    if slug == UNKNOWN:
         slug, form = _FORMER.get(form, (slug, form))
     if not isinstance(slug, str) or slug not in SLUGS:
         raise InputError(source, f"effect {shown(slug)}", expected="one of " + ", ".join(SLUGS), place=place)

@@ -18,7 +18,7 @@ _TOLERANCE = 0.15
 """An end is taken where the profile has fallen to within this share of the critical value."""
 
 _UNFORESEEN = 0.1
-"""What the population of load and slip still gains where a step of the parameters promises little [nats]."""
+"""Gain of the population of load and slip where the predicted gain of a step of the parameters is small [nats]."""
 
 _CLIFF = 10.0
 """A fall beyond this many times the critical value is no slope of a parabola."""
@@ -28,8 +28,8 @@ _CLIFF = 10.0
 class _Walk:
     """How to walk out: trials, iterations of a fit, gain [nats] that ends it, first step [half intervals], growth.
 
-    A fit also ends before a step that promises less than a share `foreseen` of the critical value [-] beyond what the
-    population gains unforeseen, and less than `foreseen_at_most` [nats]: what is missed moves an end by that share.
+    A fit also ends before a step whose predicted gain is less than a share `foreseen` of the critical value [-], less
+    `_UNFORESEEN`, and less than `foreseen_at_most` [nats]: what is missed moves an end by that share.
     """
 
     trials: int

@@ -152,8 +152,9 @@ def fit(
 ) -> Fit:  # fmt: skip
     """Maximise the marginal likelihood from a starting point by damped scoring.
 
-    A step that promises to gain less than `foreseen` nats, with what the last one gained beyond its promise, is taken
-    unseen and is the last: the log-likelihood holds what it promises, all else is that of the point before.
+    A step whose predicted gain, with what the last step gained beyond its own prediction, is less than `foreseen` nats
+    is the last and is not evaluated: the log-likelihood includes its predicted gain, all else is that of the point
+    before.
     """
     vector = np.where(problem.free, np.clip(point.vector, problem.lower, problem.upper), problem.held)
     point = recentre(problem, replace(point, vector=vector))
@@ -169,21 +170,21 @@ def fit(
 def _climb(
     problem: Problem, point: Point, iterations: int, *, enough: float, foreseen: float = 0.0
 ) -> tuple[Point, State, bool]:  # fmt: skip
-    """Step uphill until a step gains less than `enough` nats, or is to gain less than `foreseen`."""
+    """Step uphill until a step gains less than `enough` nats, or its predicted gain is less than `foreseen`."""
     damping, converged, fresh, striding = 1e-3, False, False, True
-    beyond = math.inf  # What the last step gained beyond what it promised: that of the population, which comes slowly.
+    beyond = math.inf  # Gain of the last step beyond its prediction: that of the population, which comes slowly.
     state = evaluate(problem, point)
     for _ in range(iterations):
-        trial, promised = _move(problem, point, state, damping, striding=striding)
-        if trial is not None and promised >= 0.0 and promised + max(beyond, 0.0) < foreseen:
-            point, state, converged = trial, replace(state, value=state.value + promised), True
+        trial, predicted = _move(problem, point, state, damping, striding=striding)
+        if trial is not None and predicted >= 0.0 and predicted + max(beyond, 0.0) < foreseen:
+            point, state, converged = trial, replace(state, value=state.value + predicted), True
             break
         # The quadrature follows every step: one that stayed behind would call a wider population a worse one.
         trial = None if trial is None else recentre(problem, recentre(problem, trial))
         moved = None if trial is None else evaluate(problem, trial)
         if trial is not None and moved is not None and moved.value >= state.value - 1e-9 * abs(state.value):
             gain = moved.value - state.value
-            beyond = gain - promised
+            beyond = gain - predicted
             point, state, fresh = replace(trial, theta_1=moved.theta_1), moved, False
             damping = max(damping / 8.0, 1e-9)
             if gain < enough:
@@ -206,9 +207,9 @@ def _climb(
 def _move(
     problem: Problem, point: Point, state: State, damping: float, *, striding: bool
 ) -> tuple[Point | None, float]:  # fmt: skip
-    """One damped step of everything that is estimated, None where it cannot be taken, and what it is to gain [nats].
+    """One damped step of everything that is estimated, None where it cannot be taken, and its predicted gain [nats].
 
-    What the shares of the population gain is not in it.
+    The prediction leaves out what the shares of the population gain.
     """
     p = len(problem.held)
     uphill = np.einsum("n,nd->d", state.weights, mean_score(state))

@@ -18,7 +18,7 @@ from ...framework.core.soil import PARAMETERS, PLAUSIBLE, SoilKnowledge
 from ..mechanics.augmented import AugmentedWheel, Entry, Response
 from ..mechanics.soil import slope_of_internal, to_internal
 from .latent import STATES
-from .samples import Samples
+from .samples import MOST_SLIP, Samples
 from .steps import Prior, normal_equations, solve_step
 from .whitening import Chain, Filter, Noise, Whitener, matern, robust_loss, robust_weight, whitener
 
@@ -98,7 +98,7 @@ class Problem:
         self._max_ground_sd = max_ground_sd
         self.answers = list(samples.answers)
         self.load, self.slip = samples.load.latent(noise_share[0]), samples.slip.latent(noise_share[1])
-        self.imposed = np.column_stack([self.load.mean, np.clip(self.slip.mean, -1.0, 0.995)])
+        self.imposed = np.column_stack([self.load.mean, np.clip(self.slip.mean, -1.0, MOST_SLIP)])
         self.seen = np.ascontiguousarray(samples.seen)
         self.measured = samples.measured[:, self.answers]
         self.order, self.gap = _order_along_track(samples.position, samples.lane)

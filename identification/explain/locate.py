@@ -46,16 +46,12 @@ _Spans = tuple[tuple[float, float, float, float], ...]
 
 @dataclass(frozen=True)
 class _Stretch:
-    """Interval of an attribute of `Drive` on which a fitted effect acts, and what it adds to the channels (n, 5), SI.
-
-    `chance` is the gain expected from the search for it in all channels [nats].
-    """
+    """Interval of an attribute of `Drive` on which an effect acts, and what it adds to the channels (n, 5), SI."""
 
     attribute: str
     low: float
     high: float
     adds: np.ndarray
-    chance: float
 
 
 @dataclass(frozen=True)
@@ -120,7 +116,7 @@ def _stretches(problem: Problem, best: Fitted) -> list[_Stretch]:
             null = best.vector.copy()
             null[where] = [parameter.null for parameter in effect.parameters]
             without = best.model.predict(problem.samples.drive, problem.imposed, null).channels
-            answer.append(_Stretch(*extent, best.response.channels - without, 0.0))
+            answer.append(_Stretch(*extent, best.response.channels - without))
     return answer
 
 
@@ -284,10 +280,7 @@ class Whitened:
         def read(mean: np.ndarray, _: np.ndarray) -> _Spans:
             return ((stretch.low, stretch.high, 1.0, float(mean[0]) * unit),)
 
-        chance = stretch.chance / len(self._problem.answers)
-        return _Test(
-            position, public_name(self._problem.samples.drive, stretch.attribute), column[:, None], read, chance
-        )
+        return _Test(position, public_name(self._problem.samples.drive, stretch.attribute), column[:, None], read)
 
     def _periodic(self, angle: np.ndarray, position: int) -> _Test:
         """Test for the strongest harmonic of the wheel's rotation."""

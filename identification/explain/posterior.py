@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...framework.core.explanation import UNKNOWN
 from .evidence import Discrepancy, discrepancy
 from .hyperparameters import PRIOR_EFFECT, PRIOR_UNKNOWN, TEMPERATURE
 from .search import Hypothesis, Search
@@ -42,9 +43,6 @@ class Posterior:
     unknown: float
     best: dict[frozenset[str], Hypothesis]
     discrepancies: dict[frozenset[str], Discrepancy]
-
-
-UNKNOWN = "unknown"
 
 
 def posterior(

@@ -7,9 +7,9 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from ...framework.core.explanation import UNKNOWN
 from ...framework.core.sound_explanation import SOUND_NAMES
 from ..effects.catalogue import REGISTRY
-from ..effects.registry import RESERVED
 from .explanation import Estimate, Region
 from .variables import CONSTANT
 
@@ -163,7 +163,7 @@ def title(slug: str) -> str:
 
 def what_happens(slug: str) -> str:
     """Describe an effect in a clause; empty for one that is not in the catalogue."""
-    if slug == RESERVED:
+    if slug == UNKNOWN:
         return "nothing in the catalogue explains it"
     return REGISTRY[slug].what_happens if slug in REGISTRY else ""
 

@@ -30,7 +30,7 @@ _MOST_RUNS = 0.8
 _STARTING = 2
 """Rows in which a wheel may reach its speed."""
 
-_BESIDE_STEP, _ABOVE_NOISE = 5, 4.0
+_EACH_SIDE, _ABOVE_NOISE = 5, 4.0
 """Rows before and after a step whose medians are compared, and their least difference in standard deviations of a row:
 five of that difference."""
 
@@ -176,15 +176,15 @@ def _conditions(table: WheelTable) -> tuple[list[np.ndarray], list[np.ndarray]]:
 
 def _steps(imposed: list[np.ndarray], rows: np.ndarray) -> np.ndarray:
     """Find the steps of what is imposed (n,) in consecutive rows (k,): the numbers of rows."""
-    if len(rows) < 2 * _BESIDE_STEP:
+    if len(rows) < 2 * _EACH_SIDE:
         return np.empty(0, dtype=int)
-    size, leap = np.zeros(len(rows) - 2 * _BESIDE_STEP + 1), np.zeros(len(rows))
+    size, leap = np.zeros(len(rows) - 2 * _EACH_SIDE + 1), np.zeros(len(rows))
     for values in imposed:
-        middles = np.median(sliding_window_view(values[rows], _BESIDE_STEP), axis=1)
+        middles = np.median(sliding_window_view(values[rows], _EACH_SIDE), axis=1)
         noise = float(np.nan_to_num(noise_of_series([values[rows]])))
-        size = np.fmax(size, np.abs(middles[_BESIDE_STEP:] - middles[:-_BESIDE_STEP]) / max(1.0, _ABOVE_NOISE * noise))
+        size = np.fmax(size, np.abs(middles[_EACH_SIDE:] - middles[:-_EACH_SIDE]) / max(1.0, _ABOVE_NOISE * noise))
         leap = np.fmax(leap, np.abs(np.diff(values[rows], prepend=values[rows[:1]])))
-    about = find_peaks(size, height=1.0, distance=_BESIDE_STEP)[0] + _BESIDE_STEP
+    about = find_peaks(size, height=1.0, distance=_EACH_SIDE)[0] + _EACH_SIDE
     # Medians locate a step to two rows.
     near = about[:, None] + np.arange(-_STARTING, _STARTING + 1)
     return about - _STARTING + np.argmax(leap[near], axis=1)

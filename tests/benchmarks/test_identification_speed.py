@@ -6,6 +6,7 @@ python -m pytest tests/benchmarks/test_identification_speed.py --benchmark-only
 from __future__ import annotations
 
 import time
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -106,17 +107,16 @@ def test_linear_update(benchmark):
     benchmark(estimator.update, *rows[0][:4])
 
 
+@pytest.mark.slow
 @pytest.mark.benchmark(group="one sample while driving")
 def test_maximum_likelihood_update_with_600_samples_in_the_window(benchmark):
-    rows, noise = drive(640)
-    identifier = OnlineIdentifier(WHEEL, dict(zip(CHANNELS, noise, strict=True)), window=600)
-    samples = [dict(zip(CHANNELS, row, strict=True)) for row in rows]
-    # As if 600 samples had come one by one, which would take half a minute.
-    identifier._rows = rows[:600]
-    for sample in samples[600:610]:
+    window = 600
+    rows, noise = drive(window + 40)
+    identifier = OnlineIdentifier(WHEEL, dict(zip(CHANNELS, noise, strict=True)), window=window)
+    samples = iter([dict(zip(CHANNELS, row, strict=True)) for row in rows])
+    for sample in islice(samples, window + 10):
         identifier.update(**sample)
-    rest = iter(samples[610:])
-    benchmark.pedantic(lambda: identifier.update(**next(rest)), rounds=25)
+    benchmark.pedantic(lambda: identifier.update(**next(samples)), rounds=25)
     estimate = identifier.estimate()
     assert estimate is not None
-    assert estimate.n == 600
+    assert estimate.n == window

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -115,6 +117,15 @@ def test_what_was_found_is_stored_with_a_class(answers, tmp_path):
     assert kept.source == explanation().source
     (effect,) = kept.physics.effects
     assert (effect.slug, effect.probability, effect.parameters["n1"].value) == ("slip_sinkage", 0.98, 0.2134)
+
+
+def test_what_is_found_again_is_stored_once(answers, tmp_path):
+    for _ in range(2):
+        answers(explanation())
+        result = call("wheel.csv", "--db", tmp_path / "terrain.db", "--class", "sand")
+        assert result.exit_code == 0, result.output
+    with closing(sqlite3.connect(tmp_path / "terrain.db")) as connection:
+        assert connection.execute("SELECT count(*) FROM class_physics").fetchone() == (1,)
 
 
 @pytest.mark.parametrize("answer", [nothing(), cannot_tell(), unknown()], ids=lambda answer: answer.verdict)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from importlib.metadata import EntryPoint
 
 import numpy as np
 import pytest
@@ -74,18 +75,18 @@ def test_a_reader_that_was_added_later_comes_first(tmp_path):
         readers.READERS[:] = before
 
 
-def test_a_format_that_an_entry_point_names_is_loaded(format_of_its_own, tmp_path, monkeypatch):
-    class Point:
-        def load(self):
-            return __import__(format_of_its_own)
-
-    read_recording_before = list(readers.READERS)
-    monkeypatch.setattr(readers, "entry_points", lambda group: [Point()] if group == "bevameter.readers" else [])
+def test_a_format_of_an_entry_point_is_loaded_and_a_broken_one_is_left_out(format_of_its_own, tmp_path, monkeypatch):
+    points = [EntryPoint(name, module, "bevameter.readers")
+              for name, module in (("broken", "no_such_module"), ("logger", format_of_its_own))]  # fmt: skip
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda group: points)
+    before = list(readers.READERS)
     readers.load_readers.cache_clear()
     path = tmp_path / "drive.log"
     path.write_text("LOG\n0 80\n1 81\n")
-    assert len(read_recording(path).wheel) == 2
-    assert len(readers.READERS) == len(read_recording_before) + 1
+    with pytest.warns(UserWarning, match=r"broken = no_such_module of .* \(bevameter\.readers\) is left out") as caught:
+        assert len(read_recording(path).wheel) == 2
+    assert len(caught) == 1
+    assert len(readers.READERS) == len(before) + 1
 
 
 def test_topics_are_for_bags(tmp_path):

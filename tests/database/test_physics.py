@@ -63,6 +63,21 @@ def test_physics_is_stored_once_and_read_back(tmp_path):
         assert len(database.physics()) == 2
 
 
+def test_physics_of_no_stated_time_that_is_the_newest_already_adds_nothing(tmp_path):
+    other = physics(effect("slip_sinkage", "exponent", n1=0.3))
+    with TerrainDatabase(tmp_path / "terrain.db") as database:
+        assert database.add_physics("sand", SINKS, source="drive", time=FOUND) == Added(1, 0)
+        assert database.add_physics("sand", SINKS, source="drive") == Added(0, 1)
+        assert database.add_physics("sand", SINKS, source="/data/drive") == Added(0, 1), "the same by another path"
+        assert database.add_physics("sand", SINKS, source="drive", site="quarry") == Added(1, 0)
+        assert database.add_physics("clay", SINKS, source="drive") == Added(1, 0)
+        assert database.add_physics("sand", other, source="drive") == Added(1, 0)
+        assert database.add_physics("sand", SINKS, source="drive") == Added(1, 0), "in use again"
+        assert [each.physics.to_json() for each in database.physics("sand") if not each.site] == [
+            each.to_json() for each in (SINKS, other, SINKS)
+        ]
+
+
 def test_databases_merge_their_physics_as_sets(tmp_path, traverse):
     with TerrainDatabase(tmp_path / "a.db") as first, TerrainDatabase(tmp_path / "b.db") as second:
         first.add_drive(traverse)

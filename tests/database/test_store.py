@@ -87,7 +87,6 @@ def test_a_drive_without_observations_is_known_afterwards(tmp_path, make):
 @pytest.mark.parametrize("fault", [KeyboardInterrupt, RuntimeError])
 def test_an_interrupted_drive_leaves_nothing(tmp_path, drive_with_soil, make, monkeypatch, fault):
     path = tmp_path / "terrain.db"
-    monkeypatch.setattr(store_module, "_CHUNK", 2)
     with TerrainDatabase(path) as database:
         database.add_drive(make.drive("earlier"))
         before = content(path)
@@ -114,17 +113,16 @@ _CHILD = textwrap.dedent("""
     from bevameter.database.observations import Drive, TerrainObservations
 
     path, fate, *digests = sys.argv[1:]
-    m = 3000
+    m = 12000 if fate == "dies" else 3000  # rows of which some are written before the process dies
     evidence = ClassEvidence(("sand",), np.ones((m, 1)), np.ones(m), np.zeros(m, dtype=bool), ((),) * m)
     cells = np.arange(m)
     terrain = TerrainObservations(0.5, cells, cells, cells.astype(float), np.full(m, "fused"), evidence)
     if fate == "dies":
-        store._CHUNK = 1000
         original = store.terrain_rows
 
         def terrain_rows(drive):
             for index, row in enumerate(original(drive)):
-                if index == 2500:
+                if index == 11000:
                     os._exit(9)
                 yield row
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import sys
+import warnings
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import numpy as np
@@ -54,17 +56,21 @@ class Thermometer(Sense):
 
 
 @pytest.fixture
-def thermometer(tmp_path, monkeypatch):
-    """A sense in a module outside of the package, whose import is all that it takes."""
+def thermometer_module(tmp_path, monkeypatch):
+    """A module with a sense outside of the package, whose import is all that it takes."""
     senses.senses()
-    before = dict(senses._SENSES)
+    before = dict(senses.SENSES)
     (tmp_path / "thermometer_sense.py").write_text(SENSE)
     monkeypatch.syspath_prepend(tmp_path)
-    __import__("thermometer_sense")
-    yield
-    senses._SENSES.clear()
-    senses._SENSES.update(before)
+    yield "thermometer_sense"
+    senses.SENSES.clear()
+    senses.SENSES.update(before)
     sys.modules.pop("thermometer_sense", None)
+
+
+@pytest.fixture
+def thermometer(thermometer_module):
+    __import__(thermometer_module)
 
 
 @pytest.fixture
@@ -155,3 +161,16 @@ def test_an_unknown_sense_is_an_error():
     assert result.exit_code == 2
     assert len(result.stderr.splitlines()) == 1
     assert all(name in result.stderr for name in ("smell", "vision", "audio", "vibration"))
+
+
+def test_a_sense_of_an_entry_point_is_loaded_and_a_broken_one_is_left_out(thermometer_module, monkeypatch):
+    points = [EntryPoint(name, module, "bevameter.senses")
+              for name, module in (("broken", "no_such_module"), ("warmth", thermometer_module))]  # fmt: skip
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda group: points)
+    senses.load_senses.cache_clear()
+    with pytest.warns(UserWarning, match=r"broken = no_such_module of .* \(bevameter\.senses\) is left out") as caught:
+        assert senses.sense_named("warmth").instrument == "thermometer"
+    assert len(caught) == 1
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # said once
+        assert {sense.name for sense in senses.senses()} >= {"warmth", "vision", "audio", "vibration"}

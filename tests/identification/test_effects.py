@@ -173,7 +173,7 @@ def test_an_effect_that_does_not_move_the_wheel_leaves_the_entry_angle(effect):
     )
     np.testing.assert_array_equal(there.theta_1, here.theta_1)
     assert not np.array_equal(there.channels, here.channels)
-    assert not here.turned[:, 5:][:, ~effect.moves_wheel].any()
+    assert not here.theta_1_by_parameter[:, 5:][:, ~effect.moves_wheel].any()
 
 
 @pytest.mark.parametrize("effect", [effect for effect in FORMS if effect.nested], ids=identity)

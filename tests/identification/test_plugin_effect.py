@@ -15,8 +15,9 @@ from bevameter import InputError, TerrainDatabase, Vehicle, Wheel, simulate
 from bevameter.framework.cli.main import app
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.core.recording.wheel_file import read_wheel_file, write_wheel_file
-from bevameter.identification.effects import Effect, catalogue, register
+from bevameter.identification.effects import Effect, Parameter, catalogue, register
 from bevameter.identification.effects.catalogue import REGISTRY
+from bevameter.identification.effects.parse import specimen
 from bevameter.identification.effects.stored import AugmentedSimulator
 from bevameter.identification.explain.report.page import report_html
 from bevameter.identification.mechanics.soil import Soil
@@ -100,21 +101,65 @@ def test_plug_ins_are_entry_points_and_one_that_does_not_load_is_left_out_with_a
     points = [EntryPoint(name, module, "bevameter.effects")
               for name, module in (("broken", "no_such_module"), ("cable_drag", "cable_drag"))]  # fmt: skip
     monkeypatch.setattr("importlib.metadata.entry_points", lambda group: points)
-    with pytest.warns(UserWarning, match="broken of a plug-in is left out: No module named 'no_such_module'"):
-        catalogue.load_plugins()
+    with pytest.warns(UserWarning, match=r"broken = no_such_module of .* \(bevameter\.effects\) is left out") as caught:
+        importlib.reload(catalogue)
+    assert len(caught) == 1
     assert "cable_drag" in catalogue.SLUGS
     del REGISTRY["cable_drag"]
 
 
+PARAMETER = Parameter("w", "N/m", 0.0, 20.0, 0.5, 2.0, "engineering judgement")
+COMPLETE = {
+    "slug": "new_effect", "title": "a title", "what_happens": "something", "check": "measure it",
+    "equation": "DP -= w x", "source": "definition", "parameters": (PARAMETER,),
+}  # fmt: skip
+
+
+def made(*absent: str, **stated) -> type[Effect]:
+    return type("New", (Effect,), {name: COMPLETE[name] for name in COMPLETE if name not in absent} | stated)
+
+
+def test_a_complete_effect_is_registered():
+    new = made()
+    try:
+        assert register(new) is new
+        assert REGISTRY["new_effect"] is new
+    finally:
+        del REGISTRY["new_effect"]
+
+
 @pytest.mark.parametrize(
-    ("texts", "said"),
+    ("new", "said"),
     [
-        ({"slug": "slip_sinkage"}, "another slug"), ({"slug": "unknown"}, "not unknown"), ({"slug": "a b"}, "letters"),
-        ({}, "slug ''"), ({"slug": "new_effect", "check": ""}, "no check"),
+        (made(slug="slip_sinkage"), "another slug"),
+        (made(slug="unknown"), "not unknown"),
+        (made(slug="a b"), "letters"),
+        (made("slug"), "slug ''"),
+        (made(check=" "), "lacks a valid check "),
+        (made("title", "what_happens", "equation", "source", "parameters"),
+         "lacks a valid title, what_happens, equation, source, parameters "),
+        (made(kind="sensor"), "lacks a valid kind .*physics or instrument"),
+        (made(parameters=()), "lacks a valid parameters "),
+        (made(parameters=PARAMETER), "lacks a valid parameters "),
+        (made(needs=("place",)), "lacks a valid needs "),
+        (made(changes=(5,)), "lacks a valid changes "),
+        (made(__init__=lambda self, usual: None), "cannot be constructed: .*usual.*`forms` of its own"),
     ],
 )  # fmt: skip
-def test_an_effect_without_name_or_description_is_refused(texts, said):
-    described = {"title": "a title", "what_happens": "something", "check": "measure it"}
-    with pytest.raises(InputError, match=said):
-        register(type("New", (Effect,), described | texts))
+def test_an_incomplete_effect_is_refused_when_it_is_registered(new, said):
+    with pytest.raises(InputError, match=rf"New: .*{said}"):
+        register(new)
     assert "new_effect" not in REGISTRY
+
+
+def test_an_incomplete_form_of_an_effect_is_refused_when_it_is_built():
+    """A class with forms of its own may leave equation and parameters to them."""
+    form = made("equation")
+    register(made("equation", "parameters", forms=classmethod(lambda cls, situation: [form()])))
+    try:
+        with pytest.raises(InputError, match=r"New: lacks a valid equation "):
+            catalogue.forms_by_name("new_effect", specimen())
+        with pytest.raises(InputError, match=r"New: lacks a valid equation "):
+            catalogue.effects_for(specimen(), ["new_effect"])
+    finally:
+        del REGISTRY["new_effect"]

@@ -20,12 +20,12 @@ import pkgutil
 from abc import ABC, abstractmethod
 from functools import cache
 from importlib import import_module
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import ClassVar
 
 from ..arguments import path_of
 from ..errors import InputError, reading
+from ..plugins import load_plugins
 from ..vehicle import Vehicle, as_vehicle, load_vehicle
 from .types import Recording
 
@@ -85,8 +85,7 @@ def load_readers() -> None:
     others = list(READERS)
     for module in pkgutil.iter_modules(formats.__path__):
         import_module(f"{formats.__name__}.{module.name}")
-    for point in entry_points(group="bevameter.readers"):
-        point.load()
+    load_plugins("bevameter.readers")
     READERS.sort(key=others.__contains__, reverse=True)  # what was registered before comes before
 
 

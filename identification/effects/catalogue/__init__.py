@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable
-from importlib import import_module, metadata
+from importlib import import_module
 from pkgutil import iter_modules
 
 from ....framework.core.errors import InputError
+from ....framework.core.plugins import load_plugins
 from ..effect import Effect, Situation
-from ..registry import REGISTRY
-
-
-def load_plugins() -> None:
-    """Import the effects of other packages: entry points of the group ``bevameter.effects``."""
-    for point in metadata.entry_points(group="bevameter.effects"):
-        try:
-            point.load()
-        except Exception as error:  # whatever a module of another package raises
-            warnings.warn(f"effect {point.name} of a plug-in is left out: {error}", stacklevel=2)
-
+from ..registry import REGISTRY, check_form
 
 for _module in iter_modules(__path__):
     import_module(f"{__name__}.{_module.name}")
 for _slug in sorted(REGISTRY, key=lambda slug: (REGISTRY[slug].kind != "physics", slug)):
     REGISTRY[_slug] = REGISTRY.pop(_slug)
-load_plugins()
+load_plugins("bevameter.effects")
 
 SLUGS = REGISTRY.keys()
 """Public names of all effects that are registered, whenever: physics first."""
@@ -37,12 +27,12 @@ def effects_for(situation: Situation, slugs: Iterable[str] = SLUGS) -> list[Effe
     Raises
     ------
     InputError
-        A name is not in the catalogue.
+        A name is not in the catalogue, or a form of an effect is incomplete.
     """
     wanted = set(slugs)
     for slug in sorted(wanted):
         effect_class(slug)
-    return [effect for slug in SLUGS if slug in wanted for effect in REGISTRY[slug].forms(situation)]
+    return [check_form(form) for slug in SLUGS if slug in wanted for form in REGISTRY[slug].forms(situation)]
 
 
 def forms_by_name(slug: str, situation: Situation) -> list[Effect]:
@@ -51,12 +41,12 @@ def forms_by_name(slug: str, situation: Situation) -> list[Effect]:
     Raises
     ------
     InputError
-        The name is not in the catalogue.
+        The name is not in the catalogue, or a form of the effect is incomplete.
     """
     found: dict[tuple[str, ...], Effect] = {}
     following = list(effect_class(slug).forms_by_name(situation))
     while following:
-        form = following.pop(0)
+        form = check_form(following.pop(0))
         key = (form.form, *(parameter.name for parameter in form.parameters))
         if key not in found:
             found[key] = form

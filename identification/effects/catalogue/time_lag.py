@@ -31,7 +31,6 @@ class TimeLag(Effect):
     what_happens = "a channel arrives late"
     check = "stop and start the wheel abruptly, and compare when the channels respond"
     kind = "instrument"
-    remembers = True
     needs = ("time_s",)
     source = "definition"
 
@@ -80,7 +79,6 @@ class LowPass(Effect):
 
     slug, title, what_happens, check = TimeLag.slug, TimeLag.title, TimeLag.what_happens, TimeLag.check
     kind = "instrument"
-    remembers = True
     needs = ("time_s",)
     source = "definition of a first-order low-pass"
 

@@ -1,0 +1,20 @@
+"""Plug-ins: modules of other distributions that register effects, senses or readers when they are imported."""
+
+from __future__ import annotations
+
+import warnings
+from importlib import metadata
+
+
+def load_plugins(group: str) -> None:
+    """Import what the entry points of a group name; one that cannot be imported is left out, with a warning."""
+    for point in metadata.entry_points(group=group):
+        try:
+            point.load()
+        except Exception as error:  # whatever a module of another distribution raises
+            origin = point.dist.name if point.dist is not None else "an unknown distribution"
+            warnings.warn(
+                f"entry point {point.name} = {point.value} of {origin} ({group}) is left out: "
+                f"{type(error).__name__}: {error}",
+                stacklevel=2,
+            )
