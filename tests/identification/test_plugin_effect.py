@@ -74,7 +74,7 @@ def test_it_is_simulated_by_its_name(cable, tmp_path):
 
 
 def test_it_is_named_reported_and_stored(cable, tmp_path):
-    answer = bevameter.explain(recorded(tmp_path), vehicle=VEHICLE, catalogue=[cable, "pull_offset", "slip_sinkage"])
+    answer = bevameter.explain(recorded(tmp_path), vehicle=VEHICLE, catalogue=[cable, "slip_sinkage"])
     (found,) = answer.missing
     assert (found.effect, found.kind) == (cable, "physics")
     assert found.probability > 0.8
