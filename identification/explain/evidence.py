@@ -134,7 +134,8 @@ def discrepancy_basis(drive: Drive) -> tuple[np.ndarray, np.ndarray]:
         degrees["time_s"] = 4
     degrees |= {"rim_speed_m_s": 2, "pass_number": 2, "pitch_rad": 1}
     degrees |= {"acceleration_m_s2": 1, "angular_acceleration_rad_s2": 1}
-    columns, covariates = [np.ones((len(drive), 1))], [_CONSTANT]
+    columns: list[np.ndarray] = [np.ones((len(drive), 1))]
+    covariates = [_CONSTANT]
     for name, degree in degrees.items():
         values = getattr(drive, name)
         if drive.has(name):
