@@ -34,13 +34,10 @@ from .search import Hypothesis, Search
 from .variables import names_of
 
 MENTIONED = 0.05
-"""Least probability of an effect that is listed where none is asserted [-]."""
+"""Least probability of an effect that is listed where none is asserted, and of a candidate that is held out [-]."""
 
 MOST_LISTED = 6
 """Most effects that are listed; all that were fitted are among the candidates."""
-
-HELD_OUT_FROM = 0.01
-"""Least probability of a candidate for which held-out blocks are predicted [-]; most have far less."""
 
 _GROSS = 8.0
 """Innovation beyond which a value is a gross error [-]."""
@@ -246,12 +243,12 @@ def _candidates(
             share = posterior.sets[each.slugs] * math.exp(log - of_set[each.slugs])
             kind = "instrument" if {effect.kind for effect in each.effects} == {"instrument"} else "physics"
             name, gain = _joined(each), math.nan
-            if share >= HELD_OUT_FROM:
+            if share >= MENTIONED:
                 gain = hold_out(problem, each.fitted).gain(before)[0]
             answer.append(Candidate(name, kind, share, each.log_evidence, gain, _parameters_by_name(problem, each)))
     for slugs, added in posterior.discrepancies.items():
         base, share, gain = posterior.best[slugs], posterior.sets[slugs | {UNKNOWN}], math.nan
-        if share >= HELD_OUT_FROM:
+        if share >= MENTIONED:
             gain = hold_out(problem, base.fitted, discrepant=True).gain(before)[0]
         name = f"{_joined(base)} + {UNKNOWN}" if slugs else UNKNOWN
         answer.append(Candidate(name, UNKNOWN, share, base.log_evidence + added.log_evidence, gain, {}))

@@ -39,7 +39,7 @@ class Candidate:
     """A hypothesis that was fitted: an effect or a set of them.
 
     `evidence_nats` is the log Bayes factor over the textbook wheel, and `heldout_nats` the gain in log-likelihood on
-    held-out blocks over the textbook wheel: NaN where its probability is below 1 %.
+    held-out blocks over the textbook wheel: NaN where its probability is below 5 %.
     """
 
     effect: str
