@@ -131,7 +131,7 @@ def missing_lines(missing: Missing) -> list[str]:
     further = {
         "where": columns_in_words(missing.description),
         "indistinguishable from": ", ".join(map(effect, missing.indistinguishable_from)),
-        f"to {aim(missing)}": _measurement(missing),
+        f"to {aim(missing)}": measurement(missing),
     }
     return [
         f"{capital(name_of(missing))} ({missing.effect}{form}; {kind}): {percent(missing.probability)}",
@@ -199,7 +199,7 @@ def _undecided(missing: Sequence[Missing]) -> str:
     else:
         answer = f"Cannot tell between {listed(named)}"
         if decisive is not None:
-            return f"{answer}: {_measurement(decisive)}."
+            return f"{answer}: {measurement(decisive)}."
     return f"{answer}. {_action(missing)}".rstrip()
 
 
@@ -293,7 +293,8 @@ def aim(missing: Missing) -> str:
     return "identify it" if missing.kind == "unknown" else "check" if missing.probability >= ASSERTED else "decide"
 
 
-def _measurement(missing: Missing) -> str:
+def measurement(missing: Missing) -> str:
+    """Measurement to make, with the names of quantities where it is about columns; empty if none is proposed."""
     return columns_in_words(missing.would_tell) if missing.kind == "unknown" else missing.would_tell
 
 
@@ -303,7 +304,7 @@ def _action(missing: Sequence[Missing]) -> str:
     if first is None:
         undecided = any(each.probability < ASSERTED and each.indistinguishable_from for each in missing)
         return _NOTHING_SEPARATES if undecided else ""
-    return f"To {aim(first)}: {_measurement(first)}."
+    return f"To {aim(first)}: {measurement(first)}."
 
 
 def _located(regions: Sequence[Region]) -> str:

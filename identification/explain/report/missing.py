@@ -7,7 +7,7 @@ from html import escape
 from ....framework.core.explanation import Missing
 from ....framework.core.html import table, unbroken
 from ..quantities import KINDS, capital, columns_in_words, effect, listed, percent, what_happens
-from ..words import aim, name_of
+from ..words import aim, measurement, name_of
 from .tables import parameter_table
 
 
@@ -28,5 +28,5 @@ def missing_section(missing: Missing) -> str:
         alike = listed((effect(slug) for slug in missing.indistinguishable_from), "or")
         body += f"<p>These data do not separate it from {escape(alike)}.</p>"
     if missing.would_tell:
-        body += f"<p>To {aim(missing)}: {escape(missing.would_tell)}.</p>"
+        body += f"<p>To {aim(missing)}: {escape(measurement(missing))}.</p>"
     return body

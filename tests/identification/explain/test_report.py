@@ -21,7 +21,7 @@ from bevameter.identification.explain.quantities import effect, estimate, number
 from bevameter.identification.explain.report import pictures
 from bevameter.identification.explain.report.page import report_html, write_report
 from bevameter.identification.explain.report.tables import fit_table, located_table, soil_table
-from bevameter.identification.explain.words import headline
+from bevameter.identification.explain.words import headline, measurement
 from explanations import SOUND, cannot_tell, explanation, nothing, several, unknown
 
 VOID = {"meta", "img", "br"}
@@ -113,8 +113,15 @@ def test_every_verdict_has_its_page_with_the_answer_first(answer):
     assert first in text[: text.index(answer.trust)]
     for each in answer.missing:
         assert each.effect in text
-        assert each.would_tell in text
+        assert measurement(each) in text
     assert len(soil_table(answer)[0]) == (4 if answer.missing else 3), "one soil where nothing was added"
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_proposed_drive_names_quantities_instead_of_columns():
+    (found,) = unknown().missing
+    assert "rim_speed_m_s" in found.would_tell
+    assert found.would_tell not in Page(report_html(unknown())).text
 
 
 @pytest.mark.usefixtures("undrawn")
