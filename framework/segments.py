@@ -12,6 +12,7 @@ from ..identification.estimate.identify import Segment, identify_segments
 from .core.errors import InputError
 from .core.evidence import UNKNOWN
 from .core.recording.types import Recording, WheelTable
+from .core.track.grounds import CHANGE_MARGIN_M
 from .core.track.way import DEAD_RECKONING, Track, cells_under_wheels
 from .core.vehicle import Vehicle
 from .fusion import Belief
@@ -27,10 +28,6 @@ LEAST_KNOWN_SHARE = 0.5
 LEAST_CLASS_PROBABILITY = 2.0 / 3.0
 """A stretch whose class is less probable than this has none [-]: a soil filed under a wrong class misleads every
 query of that class."""
-
-CHANGE_MARGIN_M = 0.5
-"""Ground this near to a change of the fused class is not used for soil [m]: the change is known to about a cell, and a
-stretch that holds two soils is of neither."""
 
 AT_A_CHANGE = "at a change of ground"
 

@@ -33,6 +33,9 @@ COLUMNS = {
 }
 """Wheel column of each attribute of `Drive`; accelerations need `time_s` as well."""
 
+GROUND = "ground"
+"""Column of the number of the ground of each row, NaN for none; all rows are on one ground where absent."""
+
 _WINDOWS, _DEGREE = (9, 13, 19, 27, 39, 55), 4
 """Windows [samples] of the polynomials fitted to speeds for their derivative, and the degree of these: a parabola over
 nine samples attenuates accelerations within a second by some per cent, and overestimates masses as much."""
@@ -162,6 +165,7 @@ def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Dr
         angular_acceleration_rad_s2=rate_of_change(rate, time_s, stretch),
         stretch=stretch,
         slip_before=slip_before(slip, passes, place_m, stretch, lane),
+        ground=np.nan_to_num(column(GROUND)).astype(int),
         axis=axis,
     )
 

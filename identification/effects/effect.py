@@ -66,6 +66,8 @@ class Drive:
         Channels; `pass_number` is 1 on fresh ground, `rim_speed_m_s` is r omega.
     place_m
         Place along the track (`track.place_of`): `x_m` where it runs that way.
+    ground
+        Number of the ground: a place of one soil.
     slip_before
         Absolute slip of the previous wheel at the same place [-] (`passes.slip_before`); meaningless on fresh ground.
     acceleration_m_s2, angular_acceleration_rad_s2
@@ -91,6 +93,7 @@ class Drive:
     angular_acceleration_rad_s2: np.ndarray
     stretch: np.ndarray
     slip_before: np.ndarray
+    ground: np.ndarray
     axis: Axis | None = ALONG_X
 
     def __len__(self) -> int:

@@ -147,6 +147,8 @@ def _drawn(effect: Effect, stored: StoredEffect, off: np.ndarray) -> np.ndarray:
 
 
 def _level_drive(load_N: np.ndarray, slip: np.ndarray) -> PresentDrive:
-    missing = np.full(len(load_N), math.nan)
-    unseen = {name: missing for name in COVARIATES if name not in ("load_N", "slip", "stretch")}
-    return PresentDrive(load_N=load_N, slip=slip, stretch=np.arange(len(load_N)), axis=ALONG_X, **unseen)
+    missing, numbers = np.full(len(load_N), math.nan), np.arange(len(load_N))
+    unseen = {name: missing for name in COVARIATES if name not in ("load_N", "slip", "stretch", "ground")}
+    return PresentDrive(
+        load_N=load_N, slip=slip, stretch=numbers, ground=np.zeros_like(numbers), axis=ALONG_X, **unseen
+    )  # fmt: skip

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -102,9 +102,9 @@ class AugmentedSimulator:
     @staticmethod
     def of(
         model: AugmentedWheel, vector: np.ndarray, covariance: np.ndarray | None = None,
-        probabilities: Mapping[str, float] = MappingProxyType({}),
+        probabilities: Mapping[str, float] = MappingProxyType({}), ground: int = 0,
     ) -> AugmentedSimulator:  # fmt: skip
-        """Convert a fit, without effects that describe the runs of its recording (`Effect.by_run`).
+        """Convert a fit on one ground, without effects that describe the runs of its recording (`Effect.by_run`).
 
         Parameters
         ----------
@@ -114,12 +114,18 @@ class AugmentedSimulator:
             Of the vector.
         probabilities
             Of effects, by slug.
+        ground
+            Number of the ground.
 
         Raises
         ------
         InputError
             An effect is not in the catalogue.
         """
+        first = SOIL_COUNT * ground
+        own = np.r_[first : first + SOIL_COUNT, model.soils.stop : model.size]
+        model, vector = replace(model, grounds=1), vector[own]
+        covariance = None if covariance is None else covariance[np.ix_(own, own)]
         stored = np.ones(len(vector), dtype=bool)
         for effect, where in model.slices():
             stored[where] = not effect.by_run

@@ -20,6 +20,7 @@ from .explanation import (
     Candidate,
     ChannelFit,
     Estimate,
+    ExplainedGround,
     Explanation,
     Missing,
     Region,
@@ -97,8 +98,7 @@ def assemble(
         source=source,
         verdict=verdict,
         summary="",
-        soil=soil_of(problem, best, found, posterior),
-        soil_textbook=soil_of(problem, found.textbook, found, None),
+        grounds=_grounds(problem, best, found, posterior),
         trust="",
         located=regions,
         missing=missing,
@@ -209,14 +209,31 @@ def _slice_of(hypothesis: Hypothesis, name: str) -> slice:
     return next(where for effect, where in hypothesis.fitted.model.slices() if effect.name == name)
 
 
-def soil_of(problem: Problem, best: Hypothesis, found: Search, posterior: Posterior | None) -> dict[str, Estimate]:
-    """Soil of a hypothesis; with a `posterior` its variance includes that between probable sets."""
-    values = best.fitted.vector[:SOIL_COUNT]
-    variance = np.diag(best.fitted.covariance(problem))[:SOIL_COUNT].copy()
+def _grounds(
+    problem: Problem, best: Hypothesis, found: Search, posterior: Posterior
+) -> tuple[ExplainedGround, ...]:  # fmt: skip
+    """Grounds with their soils."""
+    rows = np.bincount(problem.samples.drive.ground[problem.seen.any(axis=1)], minlength=problem.grounds)
+    soils, textbook = soils_of(problem, best, posterior), soils_of(problem, found.textbook, None)
+    return tuple(
+        ExplainedGround(each.class_name, each.start_s, each.end_s, int(n), soil, bare)
+        for each, n, soil, bare in zip(problem.samples.grounds, rows, soils, textbook, strict=True)
+    )
+
+
+def soils_of(problem: Problem, best: Hypothesis, posterior: Posterior | None) -> list[dict[str, Estimate]]:
+    """Soils of a hypothesis by ground; with a `posterior` their variance includes that between probable sets."""
+    soils = best.fitted.model.soils
+    values, variance = best.fitted.vector[soils], np.diag(best.fitted.covariance(problem))[soils].copy()
     if posterior is not None:
         for slugs, share in posterior.sets.items():
-            other = posterior.best[slugs - {UNKNOWN}].fitted.vector[:SOIL_COUNT]
-            variance += share * (other - values) ** 2
+            variance += share * (posterior.best[slugs - {UNKNOWN}].fitted.vector[soils] - values) ** 2
+    by_ground = zip(values.reshape(-1, SOIL_COUNT), variance.reshape(-1, SOIL_COUNT), strict=True)
+    return [_soil_of(problem, *each) for each in by_ground]
+
+
+def _soil_of(problem: Problem, values: np.ndarray, variance: np.ndarray) -> dict[str, Estimate]:
+    """Soil from values and variances (5,) in internal coordinates."""
     answer = {}
     for index, name in enumerate(PARAMETERS):
         value = from_internal(name, float(values[index]))

@@ -11,11 +11,12 @@ import numpy as np
 from ..effects.drive import select_rows
 from ..effects.effect import PULL, SINKAGE, TORQUE, Drive
 from ..effects.registry import REGISTRY
+from ..mechanics.augmented import SOIL_COUNT
 from ..mechanics.textbook import CHANNELS
 from .fit import Fitted
 from .likelihood import Problem
 from .search import Hypothesis
-from .steps import scaled_inverse
+from .steps import normal_equations, scaled_inverse
 
 _NAMES = {TORQUE: "wheel torque", SINKAGE: "sinkage", PULL: "drawbar pull"}
 _NEW_SENSOR_NOISE = 0.01
@@ -87,11 +88,19 @@ def _known_soil(problem: Problem, right: Hypothesis, other: Hypothesis) -> list[
     """Cohesion and friction from a shear test of 10 % accuracy, unless they are known."""
     if {"c_Pa", "phi_rad"} <= set(problem.known.values):
         return []
-    a, b = right.fitted, other.fitted
-    scale = np.array([max(0.1 * a.vector[0], 100.0), 0.1 * a.vector[1]])
-    difference = (a.vector[:2] - b.vector[:2]) ** 2
-    variance = scale**2 + np.diag(b.covariance(problem))[:2] + np.diag(a.covariance(problem))[:2]
-    return [(0.5 * float(np.sum(difference / variance)), _SHEAR_TEST)]
+    (a, a_variance), (b, b_variance) = (
+        (each[:, :2] for each in _soils(problem, hypothesis)) for hypothesis in (right, other)
+    )
+    accuracy = np.maximum(0.1 * a, (100.0, 0.0))
+    gains = 0.5 * np.sum((a - b) ** 2 / (accuracy**2 + a_variance + b_variance), axis=1)
+    return [(float(gains.max()), _SHEAR_TEST)]
+
+
+def _soils(problem: Problem, hypothesis: Hypothesis) -> tuple[np.ndarray, np.ndarray]:
+    """Soils of the grounds (g, 5) and their variances (g, 5)."""
+    fitted = hypothesis.fitted
+    variance = np.diag(fitted.covariance(problem))[fitted.model.soils]
+    return fitted.vector[fitted.model.soils].reshape(-1, SOIL_COUNT), variance.reshape(-1, SOIL_COUNT)
 
 
 def _checks(problem: Problem, right: Hypothesis, other: Hypothesis) -> list[tuple[float, str]]:
@@ -189,7 +198,7 @@ def _hypothetical(drive: Drive, imposed: np.ndarray, plan: dict, usual_speed: fl
         pitch_rad=plan.get("pitch", np.zeros(rows)), pass_number=plan.get("number", np.ones(rows)), place_m=place,
         x_m=x_m, y_m=y_m,
         acceleration_m_s2=np.zeros(rows), angular_acceleration_rad_s2=np.zeros(rows), stretch=np.zeros(rows, dtype=int),
-        slip_before=np.full(rows, np.abs(imposed[:, 1]).mean()),
+        slip_before=np.full(rows, np.abs(imposed[:, 1]).mean()), ground=drive.ground[along],
     )  # fmt: skip
 
 
@@ -205,11 +214,14 @@ def _expected(
     good = np.asarray(np.isfinite(difference).all(axis=1) & np.isfinite(columns).all(axis=(1, 2)))
     if good.sum() < 0.5 * len(good):
         return 0.0
-    difference, columns = difference[good].ravel(), columns[good].reshape(-1, columns.shape[-1])
-    # The fit to the present drive is the prior for a new one.
-    information = columns.T @ columns + (scaled_inverse(other.covariance(problem)) if problem is not None else 0.0)
-    gradient = columns.T @ difference
-    return 0.5 * float(difference @ difference - gradient @ scaled_inverse(information) @ gradient)
+    difference = difference[good]
+    gradient, information = normal_equations(
+        difference, columns[good], drive.ground[good], other.model.grounds, np.ones_like(difference)
+    )
+    if problem is not None:
+        # The fit to the present drive is the prior for a new one.
+        information += scaled_inverse(other.covariance(problem))
+    return 0.5 * float(np.sum(difference**2) - gradient @ scaled_inverse(information) @ gradient)
 
 
 def propose_drive(drive: Drive, variable: str) -> str:

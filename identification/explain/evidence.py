@@ -16,10 +16,9 @@ from numpy.polynomial.legendre import legvander
 from scipy.special import erfcx, ndtr
 
 from ..effects.effect import Drive
-from ..mechanics.augmented import SOIL_COUNT
 from .fit import Fitted
 from .likelihood import Problem
-from .steps import Prior, log_determinant, normal_equations, scaled_inverse
+from .steps import Prior, log_determinant, scaled_inverse
 
 AMPLITUDES = (0.3, 1.0, 3.0, 10.0, 30.0)
 """Prior standard deviations of the discrepancy's coefficients, relative to the channel's noise, over which its evidence
@@ -33,11 +32,11 @@ def log_evidence(problem: Problem, fitted: Fitted) -> float:
     """Log evidence of a fit's model [nats], up to a constant that all models of the same samples share."""
     prior = problem.prior(fitted.model)
     information = fitted.information(problem)
-    gradient, _ = normal_equations(fitted.white.innovations, fitted.white.jacobian)
-    gradient = gradient - prior.precision * (fitted.vector - prior.mean)
+    gradient, _ = problem.normal_equations(fitted.white.innovations, fitted.white.jacobian)
+    gradient = gradient + prior.score(fitted.vector)
     answer = fitted.score + log_integral(gradient, information, fitted.vector, prior)
     answer -= sum(math.log(effect.choices) for effect in fitted.model.effects)
-    return answer + _log_prior_scale(prior)
+    return answer + _log_prior_scale(prior, fitted.model.soils.stop)
 
 
 def log_integral(gradient: np.ndarray, information: np.ndarray, vector: np.ndarray, prior: Prior) -> float:
@@ -67,10 +66,12 @@ def _log_mass(mean: np.ndarray, sd: np.ndarray, lower: np.ndarray, upper: np.nda
     return float(np.sum(np.log(ndtr((upper - mean) / sd) - ndtr((lower - mean) / sd))))
 
 
-def _log_prior_scale(prior: Prior) -> float:
-    """Ln of the normalisation of the effects' priors within bounds, less that of unit normal ones."""
-    mean, sd = prior.mean[SOIL_COUNT:], 1.0 / np.sqrt(prior.precision[SOIL_COUNT:])
-    return -float(np.sum(np.log(sd))) - _log_mass(mean, sd, prior.lower[SOIL_COUNT:], prior.upper[SOIL_COUNT:])
+def _log_prior_scale(prior: Prior, start: int) -> float:
+    """Ln of the normalisation of the effects' priors, from parameter `start` on, within bounds, less that of unit
+    normal ones.
+    """
+    mean, sd = prior.mean[start:], 1.0 / np.sqrt(np.diag(prior.precision)[start:])
+    return -float(np.sum(np.log(sd))) - _log_mass(mean, sd, prior.lower[start:], prior.upper[start:])
 
 
 @dataclass(frozen=True)
@@ -98,10 +99,10 @@ def discrepancy(problem: Problem, fitted: Fitted) -> Discrepancy:
     extra = np.einsum("nk,cd->ncdk", basis, np.diag(fitted.noise.sd)).reshape(rows, channels, -1)
     columns = np.concatenate([problem.columns(fitted.response), np.where(problem.seen[..., None], extra, 0.0)], axis=-1)
     white, _ = problem.whitener(fitted.noise, fitted.response).whiten(columns)
-    gradient, information = normal_equations(white[..., 0], white[..., 1:])
+    gradient, information = problem.normal_equations(white[..., 0], white[..., 1:])
     prior = problem.prior(fitted.model)
-    gradient[:size] += prior.precision * (prior.mean - fitted.vector)
-    information[np.arange(size), np.arange(size)] += prior.precision
+    gradient[:size] += prior.score(fitted.vector)
+    information[:size, :size] += prior.precision
     # The model's parameters integrated out.
     covariance, cross = scaled_inverse(information[:size, :size]), information[:size, size:]
     slope = gradient[size:] - cross.T @ covariance @ gradient[:size]
@@ -118,7 +119,7 @@ def discrepancy(problem: Problem, fitted: Fitted) -> Discrepancy:
     evidence = float(np.logaddexp.reduce(logs, axis=None)) - math.log(np.size(logs))
     mean = extra[..., chosen] @ coefficients
     step = covariance @ (gradient[:size] - cross[:, chosen] @ coefficients)
-    response = np.nan_to_num(fitted.response.by_parameter[:, problem.answers]) @ step
+    response = fitted.response.changed_by(step)[:, problem.answers]
     return Discrepancy(evidence, mean, mean + response)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -13,9 +13,12 @@ from threadpoolctl import threadpool_limits
 from ...framework.core.arguments import path_of, refused, whole
 from ...framework.core.recording.types import Recording
 from ...framework.core.soil import SoilKnowledge, as_knowledge
+from ...framework.core.track.grounds import Ground
+from ...framework.core.track.way import track_of
 from ...framework.core.vehicle import Vehicle
 from ..effects.catalogue import SLUGS
 from ..estimate.identify import open_recording
+from ..rows.on_grounds import with_grounds, without_hard_ground
 from ..rows.select import select_wheel_rows
 from ..rows.settling import only_steady
 from ..rows.words import sentence
@@ -39,6 +42,7 @@ def explain(
     simulated: str | Path | None = None,
     seed: int = 0,
     catalogue: Iterable[str] | None = None,
+    grounds: Sequence[Ground] = (),
     progress: Callable[[str], None] | None = None,
 ) -> Explanation:
     """Compare a recording with the simulation and identify the physics or faults that the simulation omits.
@@ -57,6 +61,8 @@ def explain(
         Seed of the bootstrap for the intervals of held-out errors.
     catalogue
         Public names of the effects to consider; all where absent.
+    grounds
+        Grounds that the drive leads over, in order of time; one where absent.
     progress
         Called with a description of each step.
 
@@ -82,7 +88,11 @@ def explain(
         notes = (*notes, *map(sentence, unsteady))
     # Fits run in parallel: threads of BLAS would only compete with them.
     with threadpool_limits(1):
-        samples, own = gather(table, rows.wheel, rows.vehicle), None
+        if grounds:
+            table = with_grounds(table, rows.vehicle, track_of(opened), grounds)
+            table, hard = without_hard_ground(table, rows.wheel, grounds)
+            notes = (*notes, *hard)
+        samples, own = gather(table, rows.wheel, rows.vehicle, grounds or (Ground(),)), None
         if simulated is not None:
             report("fitting the textbook wheel to the other simulator")
             samples, own = as_differences(samples, simulated)

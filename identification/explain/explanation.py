@@ -86,6 +86,20 @@ class Rows:
 
 
 @dataclass(frozen=True)
+class ExplainedGround:
+    """A ground of the drive: its class (``""`` where not known), when the vehicle was on it [s], number of rows, and
+    its soil with and without the missing physics.
+    """
+
+    class_name: str
+    start_s: float
+    end_s: float
+    n: int
+    soil: dict[str, Estimate]
+    soil_textbook: dict[str, Estimate]
+
+
+@dataclass(frozen=True)
 class Explanation:
     """Result of `explain`.
 
@@ -97,10 +111,8 @@ class Explanation:
         ``"none"``: nothing beyond noise. ``"cannot_tell"``: something whose possible causes the data do not separate.
     summary
         The answer in a few sentences.
-    soil
-        Soil with the missing physics in the model, by name, SI.
-    soil_textbook
-        Soil of the textbook wheel, for comparison.
+    grounds
+        Grounds that were driven on.
     trust
         Reliability of prediction and parameters, in words.
     located, missing, candidates
@@ -127,8 +139,7 @@ class Explanation:
     source: str
     verdict: Verdict
     summary: str
-    soil: dict[str, Estimate]
-    soil_textbook: dict[str, Estimate]
+    grounds: tuple[ExplainedGround, ...]
     trust: str
     located: tuple[Region, ...]
     missing: tuple[Missing, ...]
@@ -149,14 +160,28 @@ class Explanation:
     screened: tuple[Screened, ...] = ()
 
     @property
-    def physics(self) -> AugmentedSimulator:
-        """Soil and effects as fitted: to simulate and predict with, to save, to store with a terrain class.
+    def soil(self) -> dict[str, Estimate]:
+        """Soil with the missing physics in the model, by name, SI; empty where several grounds have one each."""
+        return self.grounds[0].soil if len(self.grounds) == 1 else {}
+
+    @property
+    def soil_textbook(self) -> dict[str, Estimate]:
+        """Soil of the textbook wheel, for comparison."""
+        return self.grounds[0].soil_textbook if len(self.grounds) == 1 else {}
+
+    def physics_of(self, ground: int = 0) -> AugmentedSimulator:
+        """Soil of a ground, by number, and effects as fitted: to simulate and predict with, to save, to store.
 
         The textbook wheel's soil alone where nothing was found. Each effect has its probability; where that is low,
         others fit as well. Standard deviations are conditional on the effects; those of `soil` and `missing` include
         the variance between probable sets. A discrepancy is not part of it: it applies to the recording only.
         """
-        return AugmentedSimulator.of(self.simulator, self.vector, self.covariance, self.believed)
+        return AugmentedSimulator.of(self.simulator, self.vector, self.covariance, self.believed, ground)
+
+    @property
+    def physics(self) -> AugmentedSimulator:
+        """Soil and effects on the first ground (`physics_of`)."""
+        return self.physics_of()
 
     def to_json(self) -> dict:
         """Return the documented JSON (schema 1) of `bevameter explain --json`: SI units, None for unknown numbers.
@@ -175,6 +200,14 @@ def to_json(explanation: Explanation) -> dict:
         "n": explanation.n,
         "soil": estimates_json(explanation.soil),
         "soil_textbook": estimates_json(explanation.soil_textbook),
+        "grounds": [
+            {
+                "class": each.class_name or None, "start_s": finite_or_none(each.start_s),
+                "end_s": finite_or_none(each.end_s), "n": each.n, "soil": estimates_json(each.soil),
+                "soil_textbook": estimates_json(each.soil_textbook),
+            }
+            for each in explanation.grounds
+        ],
         "trust": explanation.trust,
         "located": [
             {

@@ -14,7 +14,7 @@ from ..effects.effect import LOAD, SLIP, Effect
 from ..mechanics.augmented import SOIL_COUNT, AugmentedWheel, Entry, Response
 from .likelihood import Problem, White
 from .samples import Samples
-from .steps import Prior, normal_equations, scaled_inverse, solve_step
+from .steps import Prior, scaled_inverse, solve_step
 from .whitening import MAX_SMOOTHNESS, Noise
 
 _LARGEST_STEP = np.array([np.inf, 0.5, 1.0, 1.0, 0.5])
@@ -70,8 +70,8 @@ class Fitted:
 
     def information(self, problem: Problem) -> np.ndarray:
         """Information (p, p) of the log-posterior."""
-        _, information = normal_equations(self.white.innovations, self.white.jacobian)
-        return information + np.diag(problem.prior(self.model).precision)
+        _, information = problem.normal_equations(self.white.innovations, self.white.jacobian)
+        return information + problem.prior(self.model).precision
 
     def covariance(self, problem: Problem) -> np.ndarray:
         """Covariance (p, p) of the parameters."""
@@ -111,7 +111,7 @@ def fit(
     total = float(white.loss.sum()) + prior.loss(vector)
     damping, noise_fits = 1e-3, 0
     for _ in range(steps):
-        step, expected = _step(white, prior, vector, damping, free)
+        step, expected = _step(problem, white, prior, vector, damping, free)
         if expected < _LEAST_EXPECTED_GAIN:
             if not fit_noise or noise_fits == _MOST_NOISE_FITS:
                 break
@@ -142,12 +142,13 @@ def fit(
 
 
 def _step(
-    white: White, prior: Prior, vector: np.ndarray, damping: float, free: np.ndarray | None
+    problem: Problem, white: White, prior: Prior, vector: np.ndarray, damping: float, free: np.ndarray | None
 ) -> tuple[np.ndarray, float]:
     """Damped step (p,), limited to the range of the linearisation, and its expected gain [nats]."""
-    gradient, information = normal_equations(white.innovations, white.jacobian)
+    gradient, information = problem.normal_equations(white.innovations, white.jacobian)
     step, expected = solve_step(gradient, information, prior, vector, damping, free)
-    share = min(1.0, 1.0 / max(float(np.max(np.abs(step[:SOIL_COUNT]) / _LARGEST_STEP)), 1e-12))
+    soils = step[: SOIL_COUNT * problem.grounds].reshape(-1, SOIL_COUNT)
+    share = min(1.0, 1.0 / max(float(np.max(np.abs(soils) / _LARGEST_STEP)), 1e-12))
     return share * step, expected * share * (2.0 - share)
 
 
@@ -160,14 +161,8 @@ def fit_textbook(samples: Samples, known: SoilKnowledge | None = None) -> tuple[
         No soil carries the load of most rows.
     """
     problem = Problem(samples, known, _stated_shares(samples))
-    # The soil first, with uniform ground: variation along the track would explain the residuals of any soil.
-    found = together(lambda soil: _fit_coarsely(problem, soil), first_soils(problem))
-    starts: list[Fitted] = []
-    for start in sorted(found, key=lambda fitted: -fitted.score):
-        if not any(np.allclose(start.vector[1:], other.vector[1:], atol=_DISTINCT) for other in starts):
-            starts.append(start)
-    model = AugmentedWheel(samples.wheel)
-    fits = together(lambda each: fit(problem, model, each.vector, None, Entry(each.theta_1)), starts)
+    model, starts = AugmentedWheel(samples.wheel, grounds=problem.grounds), _first_fits(problem)
+    fits = together(lambda start: fit(problem, model, start[0], None, Entry(start[1])), starts)
     best = max(fits, key=lambda fitted: fitted.score)
     carried = np.isfinite(best.theta_1)
     if carried.mean() < _LEAST_CARRIED:
@@ -183,7 +178,7 @@ def fit_textbook(samples: Samples, known: SoilKnowledge | None = None) -> tuple[
         best = max([best, *smoother], key=lambda fitted: fitted.score)
     problem, best = _fit_noise_shares(problem, best)
     problem.reference = best.response
-    return problem, fit(problem, model, best.vector, best.noise, best.response.entry(np.zeros(SOIL_COUNT)))
+    return problem, fit(problem, model, best.vector, best.noise, best.response.entry(np.zeros(0)))
 
 
 def _fit_noise_shares(problem: Problem, best: Fitted) -> tuple[Problem, Fitted]:
@@ -217,6 +212,32 @@ def _stated_shares(samples: Samples) -> tuple[float, float]:
     return shares[0], shares[1]
 
 
+def _first_fits(problem: Problem) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return soils (5 g,) of all grounds and entry angles (n,) [rad], the best first: each ground is fitted alone.
+
+    The soil first, with uniform ground: variation along the track would explain the residuals of any soil.
+    """
+    samples, grounds = problem.samples, range(problem.grounds)
+    rows = [np.flatnonzero(samples.drive.ground == ground) for ground in grounds]
+    alone = [Problem(samples.on_ground(ground), problem.known, problem.noise_share) for ground in grounds]
+    cases = [(each, soil) for each in alone for soil in first_soils(each)]
+    fits = iter(together(lambda case: _fit_coarsely(*case), cases))
+    distinct: list[list[Fitted]] = []
+    for each in alone:
+        distinct.append([])
+        for start in sorted((next(fits) for _ in first_soils(each)), key=lambda fitted: -fitted.score):
+            if not any(np.allclose(start.vector[1:], other.vector[1:], atol=_DISTINCT) for other in distinct[-1]):
+                distinct[-1].append(start)
+    answer = []
+    for rank in range(max(map(len, distinct))):
+        chosen = [of_ground[min(rank, len(of_ground) - 1)] for of_ground in distinct]
+        theta_1 = np.empty(len(samples))
+        for own, each in zip(rows, chosen, strict=True):
+            theta_1[own] = each.theta_1
+        answer.append((np.concatenate([each.vector for each in chosen]), theta_1))
+    return answer
+
+
 def _fit_coarsely(problem: Problem, soil: np.ndarray) -> Fitted:
     """Fit the textbook wheel on uniform ground, with noise in proportion to each channel's standard deviation."""
     scatter = np.nanstd(problem.samples.measured[:, problem.answers], axis=0)
@@ -245,6 +266,6 @@ def first_soils(problem: Problem) -> list[np.ndarray]:
 
 def with_effect(base: Fitted, effect: Effect, start: np.ndarray) -> tuple[AugmentedWheel, np.ndarray]:
     """Return the model of a fit with one more effect, and its initial parameters (p,)."""
-    soil, others = np.split(base.vector, [SOIL_COUNT])
-    model = AugmentedWheel(base.model.wheel, (*base.model.effects, effect))
-    return model, np.concatenate([effect.initial_soil(soil), others, start])
+    soils, others = np.split(base.vector, [base.model.soils.stop])
+    initial = [effect.initial_soil(soil) for soil in soils.reshape(-1, SOIL_COUNT)]
+    return base.model.with_effects((*base.model.effects, effect)), np.concatenate([*initial, others, start])

@@ -8,11 +8,9 @@ from functools import partial
 import numpy as np
 
 from ...framework.core.concurrency import together
-from ..mechanics.augmented import SOIL_COUNT
 from .evidence import discrepancy
 from .fit import Fitted, fit
 from .likelihood import Problem
-from .steps import normal_equations
 
 _UNTESTED_SHARE = 0.9
 """A block with more than this share of the information about a parameter does not test it [-]."""
@@ -58,9 +56,9 @@ def _predicted(
 ) -> tuple[np.ndarray, float, bool]:  # fmt: skip
     """Residuals (k, m) of rows by a fit to the others, their log-likelihood, and whether parameters were fixed."""
     white = fitted.white
-    _, own = normal_equations(white.innovations[rows], white.jacobian[rows])
+    _, own = problem.normal_equations(white.innovations, white.jacobian, rows)
     untested = np.diag(own) > _UNTESTED_SHARE * np.diag(fitted.information(problem))
-    untested[:SOIL_COUNT] = False
+    untested[fitted.model.soils] = False
     others = problem.without(rows)
     refitted = fit(
         others, fitted.model, fitted.vector, fitted.noise,

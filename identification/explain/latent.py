@@ -16,7 +16,7 @@ This share, `noise_share`, follows from the noise that the vehicle states or fro
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -24,7 +24,7 @@ from numba import njit
 from scipy.ndimage import maximum_filter1d
 from scipy.optimize import minimize
 
-from .whitening import Noise, matern, robust_loss
+from .whitening import TO_ONE_OVER_E, Noise, matern, robust_loss
 
 STATES = 3
 """States of a path: its value and two derivatives."""
@@ -71,12 +71,14 @@ class Latent:
 class Path:
     """The smoothed path of a channel and the white part about it, before the noise share is known.
 
-    measured, mean (n,), transition, process_noise (n, k, k) as in `Latent`, of the path alone; covariance (n, k, k) of
-    the states' errors; white_sd (n,) standard deviation of the white part.
+    measured, mean (n,), transition, process_noise (n, k, k) as in `Latent`, of the path alone; rate (n,), its expected
+    rate of change [1/s]; covariance (n, k, k) of the errors of states; white_sd (n,), the white part's standard
+    deviation.
     """
 
     measured: np.ndarray
     mean: np.ndarray
+    rate: np.ndarray
     transition: np.ndarray
     process_noise: np.ndarray
     covariance: np.ndarray
@@ -84,7 +86,7 @@ class Path:
 
     def select(self, rows: np.ndarray, follows: np.ndarray) -> Path:
         """Return some rows (k,); the chain continues where a row `follows` (k,) the previous one."""
-        chosen = {name: getattr(self, name)[rows] for name in ("measured", "mean", "covariance", "white_sd")}
+        chosen = {name: getattr(self, name)[rows] for name in ("measured", "mean", "rate", "covariance", "white_sd")}
         continues = follows[:, None, None]
         transition = np.where(continues, self.transition[rows], 0.0)
         return Path(
@@ -107,9 +109,7 @@ class Path:
         return Latent(mean, transition, process_noise, own * (1.0 - own) * self.white_sd**2)
 
 
-def path_of(
-    measured: np.ndarray, time_s: np.ndarray, stretch: np.ndarray, relative: np.ndarray, first_sd: float
-) -> Path:
+def path_of(measured: np.ndarray, time_s: np.ndarray, stretch: np.ndarray, regime: np.ndarray, first_sd: float) -> Path:
     """Estimate the path of a channel of a time series.
 
     Parameters
@@ -118,21 +118,34 @@ def path_of(
         The channel, NaN where not observed, and the time [s].
     stretch : (n,)
         Number of the uninterrupted stretch of time of each row; paths of different stretches are independent.
-    relative : (n,)
-        Standard deviation of the white part by row, up to a common factor.
+    regime : (n,)
+        Number of the regime of each row, which has an amplitude, a length and a noise: slow and fast driving differ.
     first_sd
-        Initial guess of that factor [the channel's unit].
+        Initial guess of the standard deviation of the white part [the channel's unit].
     """
-    jumps = np.concatenate([[True], np.diff(stretch) != 0])
-    seen = np.isfinite(measured)
+    begins = np.concatenate([[True], (np.diff(stretch) != 0) | (np.diff(regime) != 0)])
+    step, step_s = _steps(time_s, begins)
+    parts = [np.flatnonzero(regime == each) for each in np.unique(regime)]
+    paths = [_path_in_regime(measured[rows], begins[rows], step[rows], first_sd) for rows in parts]
+    back = np.argsort(np.concatenate(parts))
+    columns = {each.name: [getattr(path, each.name) for path in paths] for each in fields(Path)}
+    together = Path(**{name: np.concatenate(values)[back] for name, values in columns.items()})
+    return replace(together, rate=together.rate / step_s)
+
+
+def _path_in_regime(measured: np.ndarray, jumps: np.ndarray, step: np.ndarray, first_sd: float) -> Path:
+    """Estimate the path of a channel in one regime.
+
+    jumps (n,): where it begins anew; step (n,): time since the row before [median steps].
+    """
+    seen, begins = np.isfinite(measured), jumps
     if not seen.any():
         return exact(np.full(len(measured), math.nan))
     least = _LEAST_NOISE * max(float(np.abs(measured[seen]).max()), 1e-300)
-    relative, step = np.maximum(relative, 1e-6), _steps(time_s, jumps)
     first = max(first_sd, least)
     scatter = max(float(np.std(measured[seen])), 2.0 * first)
     starts = [np.log([first, amplitude, length]) for amplitude in (scatter, 2.0 * first) for length in (4.0, 25.0)]
-    readings = _Readings(np.where(seen, measured, 0.0), seen, jumps, step, relative, least)
+    readings = _Readings(np.where(seen, measured, 0.0), seen, jumps, step, least)
     point = readings.best(starts)
     for _ in range(_MOST_SEARCHES):
         size = np.abs(readings.innovations(point)[0])
@@ -141,7 +154,7 @@ def path_of(
             break
         readings = replace(readings, jumps=readings.jumps | new)
         point = readings.best(starts)
-    return _smooth_between_jumps(readings, point, measured, jumps)
+    return _smooth_between_jumps(readings, point, measured, begins)
 
 
 def _smooth_between_jumps(readings: _Readings, point: np.ndarray, measured: np.ndarray, begins: np.ndarray) -> Path:
@@ -166,13 +179,12 @@ def _smooth_between_jumps(readings: _Readings, point: np.ndarray, measured: np.n
 
 @dataclass(frozen=True)
 class _Readings:
-    """Readings (n,), which were observed, where a path begins, time steps, and the relative white noise."""
+    """Readings (n,), which were observed, where a path begins, time steps, and the least white noise."""
 
     values: np.ndarray
     seen: np.ndarray
     jumps: np.ndarray
     step: np.ndarray
-    relative: np.ndarray
     least: float
 
     @cached_property
@@ -193,7 +205,7 @@ class _Readings:
         gap, which = self._gaps
         noise = Noise(np.ones(1), np.zeros(1), np.full(2, amplitude), max(float(length), _LEAST_LENGTH), STATES - 1)
         transition, process_noise = (np.ascontiguousarray(each[:, :STATES, :STATES]) for each in matern(gap, noise))
-        variance = (self.relative * max(float(sd), self.least)) ** 2
+        variance = np.full(len(self.values), max(float(sd), self.least) ** 2)
         return self.values - self._centre, self.seen, transition, process_noise, which, variance
 
     def innovations(self, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -219,8 +231,11 @@ class _Readings:
     def path(self, point: np.ndarray, measured: np.ndarray) -> Path:
         """Smooth the readings."""
         parts = self._parts(point)
-        mean, covariance, transition, process_noise = _smooth(*parts)
-        return Path(measured, self._centre + mean, transition, process_noise, covariance, np.sqrt(parts[-1]))
+        states, covariance, transition, process_noise = _smooth(*parts)
+        # Derivatives are in decay lengths.
+        rate = states[:, 1] * TO_ONE_OVER_E[STATES - 1] / max(float(np.exp(point[2])), _LEAST_LENGTH)
+        mean = self._centre + states[:, 0]
+        return Path(measured, mean, rate, transition, process_noise, covariance, np.sqrt(parts[-1]))
 
 
 def independent(measured: np.ndarray, sd: np.ndarray) -> Path:
@@ -233,21 +248,23 @@ def independent(measured: np.ndarray, sd: np.ndarray) -> Path:
     mean = centre + share * (np.where(seen, measured, centre) - centre)
     covariance = np.zeros((len(measured), STATES, STATES))
     covariance[:, 0, 0] = np.where(seen, share * noise, truth)
-    return Path(measured, mean, np.zeros_like(covariance), covariance, covariance, sd)
+    return Path(measured, mean, np.zeros(len(mean)), np.zeros_like(covariance), covariance, covariance, sd)
 
 
 def exact(values: np.ndarray) -> Path:
     """Return the path of a channel without error."""
     zero = np.zeros((len(values), STATES, STATES))
-    return Path(values, values, zero, zero, zero, np.zeros(len(values)))
+    return Path(values, values, np.zeros(len(values)), zero, zero, zero, np.zeros(len(values)))
 
 
-def _steps(time_s: np.ndarray, jumps: np.ndarray) -> np.ndarray:
-    """Time since the previous row (n,), in median time steps; 1 where a stretch begins or time does not increase."""
+def _steps(time_s: np.ndarray, jumps: np.ndarray) -> tuple[np.ndarray, float]:
+    """Time since the previous row (n,), in median time steps, 1 where a stretch begins or time does not increase; and
+    the median time step [s].
+    """
     step = np.diff(time_s, prepend=time_s[:1])
     increasing = ~jumps & (step > 0.0)
     median_step = float(np.median(step[increasing])) if increasing.any() else 1.0
-    return np.where(increasing, step / median_step, 1.0)
+    return np.where(increasing, step / median_step, 1.0), median_step
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -301,7 +318,7 @@ def _inverse(matrix):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _smooth(values, seen, transition, process_noise, which, noise):
-    """Smoothed mean (n,) and covariance (n, k, k), and transitions and process noise (n, k, k) of the error's chain.
+    """Smoothed states (n, k), their covariance, and transitions and process noise (n, k, k) of the errors' chain.
 
     Arguments as in `_innovations`.
     """
@@ -332,4 +349,4 @@ def _smooth(values, seen, transition, process_noise, which, noise):
         error_noise[row + 1] = p[row + 1] - error_transition[row + 1] @ smoothed @ error_transition[row + 1].T
         p[row] = smoothed
     error_noise[0] = p[0]
-    return state[:, 0].copy(), p, error_transition, error_noise
+    return state, p, error_transition, error_noise

@@ -7,15 +7,17 @@ ground: the derivatives of the channels by load, slip, stiffness and strength pr
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from ...framework.core.soil import PARAMETERS, PLAUSIBLE, SoilKnowledge
-from ..mechanics.augmented import AugmentedWheel, Entry, Response
+from ..mechanics.augmented import SOIL_COUNT, AugmentedWheel, Entry, Response
 from ..mechanics.soil import slope_of_internal, to_internal
 from .latent import STATES
 from .samples import MOST_SLIP, Samples
@@ -27,6 +29,10 @@ SOIL_PRIOR = {
     "n": (math.log(0.95), 0.5),
 }  # fmt: skip
 """Mean and standard deviation in internal coordinates: wider than the range of Wong (2010), Table 2.3."""
+
+BETWEEN_PLACES = {"c_Pa": 700.0, "phi_rad": 0.06, "k_m": 0.4, "stiffness_Pa": 0.5, "n": 0.15}
+"""Standard deviation of the soils of places of one class in internal coordinates: as the database expects
+(`database.posterior.PRIOR_VARIATION`), for a cohesion of 2 kPa and a friction of 0.6."""
 
 _LN_NOISE_SD, _LN_STATED_SD = 0.5, 0.1
 """Prior standard deviation of ln(noise) about the estimate from neighbouring rows, and about a stated noise."""
@@ -101,7 +107,7 @@ class Problem:
         self.imposed = np.column_stack([self.load.mean, np.clip(self.slip.mean, -1.0, MOST_SLIP)])
         self.seen = np.ascontiguousarray(samples.seen)
         self.measured = samples.measured[:, self.answers]
-        self.order, self.gap = _order_along_track(samples.position, samples.lane)
+        self.order, self.gap = _order_along_track(samples.position, samples.lane, samples.drive.ground)
         self.reference: Response | None = None
         self._whiteners: WeakKeyDictionary[Noise, Whitener] = WeakKeyDictionary()
         self.first_noise = self._first_noise()
@@ -147,11 +153,23 @@ class Problem:
         """Initial noise with nearly uniform ground: variation of the ground may have absorbed an effect."""
         return replace(self.first_noise, ground_sd=np.full(2, UNIFORM_SD))
 
-    def prior(self, model: AugmentedWheel, *, informed: bool = True) -> Prior:
-        """Priors and bounds of a model's parameter vector; `informed` by the prior knowledge of the soil."""
+    @property
+    def grounds(self) -> int:
+        """Number of grounds."""
+        return len(self.samples.grounds)
+
+    def normal_equations(
+        self, innovations: np.ndarray, jacobian: np.ndarray, rows: np.ndarray | slice = slice(None)
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Gradient (p,) and information (p, p) of the log-likelihood of rows (`steps.normal_equations`)."""
+        ground = self.samples.drive.ground[rows]
+        return normal_equations(innovations[rows], jacobian[rows], ground, self.grounds)
+
+    def prior(self, model: AugmentedWheel) -> Prior:
+        """Priors and bounds of a model's parameter vector."""
         mean, sd, lower, upper = [], [], [], []
         for name in PARAMETERS:
-            if informed and name in self.known.values:
+            if name in self.known.values:
                 at = to_internal(name, self.known.values[name])
                 slope = slope_of_internal(name, self.known.values[name])
                 mean.append(at)
@@ -162,15 +180,29 @@ class Problem:
             lower.append(to_internal(name, PLAUSIBLE[name][0]))
             upper.append(to_internal(name, PLAUSIBLE[name][1]))
         lower[0] = 0.0
-        for effect, _ in model.slices():
-            for parameter in effect.parameters:
-                mean.append(parameter.null)
-                sd.append(parameter.scale)
-                lower.append(parameter.low)
-                upper.append(parameter.high)
-        sd = np.array(sd)
-        precision = np.where(np.isfinite(sd), 1.0 / sd**2, 0.0)
-        return Prior(np.array(mean), precision, np.array(lower), np.array(upper))
+        parameters = [parameter for effect, _ in model.slices() for parameter in effect.parameters]
+        scales = np.array([parameter.scale for parameter in parameters])
+        return Prior(
+            np.array([*self.grounds * mean, *(parameter.null for parameter in parameters)]),
+            block_diag(self._precision_of_soils(sd), np.diag(scales**-2.0)),
+            np.array([*self.grounds * lower, *(parameter.low for parameter in parameters)]),
+            np.array([*self.grounds * upper, *(parameter.high for parameter in parameters)]),
+        )
+
+    def _precision_of_soils(self, sd: Sequence[float]) -> np.ndarray:
+        """Prior precision (5 g, 5 g) of the soils of g grounds, from standard deviations (5,) of a class's mean.
+
+        The soils of grounds of one class vary about its mean, which is integrated out.
+        """
+        of_class: dict[str | int, list[int]] = {}
+        for number, ground in enumerate(self.samples.grounds):
+            of_class.setdefault(ground.class_name or number, []).append(number)
+        precision = np.zeros((self.grounds, SOIL_COUNT, self.grounds, SOIL_COUNT))
+        for index, name in enumerate(PARAMETERS):
+            for members in of_class.values():
+                about = _precision_about_mean(len(members), sd[index], BETWEEN_PLACES[name])
+                precision[:, index, :, index][np.ix_(members, members)] = about
+        return precision.reshape(2 * (SOIL_COUNT * self.grounds,))
 
     def linearise(
         self, model: AugmentedWheel, vector: np.ndarray, entry: Entry | None, known: Response | None = None
@@ -263,7 +295,7 @@ class Problem:
         upper = np.concatenate([most, np.full(count, _MAX_AUTOCORRELATION), np.full(2, self._max_ground_sd)])
         free[-1] = bool(np.isfinite(self.gap).any())
         bounds = math.log(shortest), math.log(longest)
-        return Prior(mean, sd**-2.0, np.append(lower, bounds[0]), np.append(upper, bounds[1])), free
+        return Prior(mean, np.diag(sd**-2.0), np.append(lower, bounds[0]), np.append(upper, bounds[1])), free
 
     def noise_loss(self, noise: Noise) -> float:
         """Minus the log-prior of the noise [nats], up to a constant."""
@@ -281,7 +313,7 @@ class Problem:
         loss, step = self._profile_loss(columns, response, noise, vector, own)
         for _ in range(_NOISE_STEPS):
             packed = _packed(noise)
-            left = columns[..., :1] - (columns[..., 1:] @ step)[..., None]
+            left = columns[..., :1] - np.einsum("nmq,nq->nm", columns[..., 1:], response.of_each_row(step))[..., None]
             gradient, information = self._noise_score(left, response, noise, free)
             change, expected = solve_step(gradient, information, prior, packed, damping, free)
             if expected < _LEAST_NOISE_GAIN:
@@ -307,7 +339,7 @@ class Problem:
         """Loss of a noise model [nats] less the gain of one step (p,) of the parameters, and that step."""
         whitened = self.whitener(noise, response)
         white, _ = whitened.whiten(columns)
-        gradient, information = normal_equations(white[..., 0], white[..., 1:])
+        gradient, information = self.normal_equations(white[..., 0], white[..., 1:])
         step, gained = solve_step(gradient, information, prior, vector, 0.0)
         loss = float(robust_loss(white[..., 0]).sum() + whitened.log_sd.sum())
         return loss - gained + self.noise_loss(noise), step
@@ -335,6 +367,15 @@ class Problem:
         return score, (moved * weight) @ moved.T + log_sd_moved @ log_sd_moved.T
 
 
+def _precision_about_mean(count: int, of_mean: float, spread: float) -> np.ndarray:
+    """Precision of `count` variables of standard deviation `spread` about a mean that has one of its own."""
+    if count == 1:
+        return np.full((1, 1), of_mean**-2.0)
+    # The inverse of spread^2 I + of_mean^2 1 1' (Sherman and Morrison).
+    shared = 1.0 / ((spread / of_mean) ** 2 + count)
+    return (np.eye(count) - shared) / spread**2
+
+
 def _log_underestimate(autocorrelation: float) -> float:
     """Underestimate of ln(noise) from second differences of an autocorrelated noise [-]."""
     return 0.5 * math.log(6.0 / (6.0 - 8.0 * autocorrelation + 2.0 * autocorrelation**2))
@@ -353,12 +394,14 @@ def _unpacked(packed: np.ndarray, like: Noise) -> Noise:
     )  # fmt: skip
 
 
-def _order_along_track(position: np.ndarray, lane: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Order (n,) of the rows along the track, and the distance from the previous row (n,)."""
+def _order_along_track(
+    position: np.ndarray, lane: np.ndarray, ground: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Order (n,) of the rows along the track, and the distance (n,) from the previous row on the same ground."""
     count = len(position)
     if not np.isfinite(position).all():
         return np.arange(count), np.full(count, np.inf)
     order = np.lexsort((position, lane))
     gap = np.diff(position[order])
-    gap[np.diff(lane[order]) != 0] = np.inf
+    gap[(np.diff(lane[order]) != 0) | (np.diff(ground[order]) != 0)] = np.inf
     return order, np.concatenate([[np.inf], gap])

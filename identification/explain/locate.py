@@ -16,14 +16,14 @@ import numpy as np
 from scipy.stats import chi2, false_discovery_control
 
 from ..effects.drive import rate_of_change
-from ..mechanics.augmented import SOIL_COUNT, AugmentedWheel, Entry
+from ..mechanics.augmented import Entry
 from ..mechanics.textbook import CHANNELS
 from .explanation import Region
 from .fit import Fitted, fit
 from .likelihood import Problem
 from .steps import scaled_inverse
 from .variables import CONSTANT, LAG, Variable, cycles, public_name, rank, span_of, variables
-from .whitening import Noise, robust_weight
+from .whitening import Noise
 
 FALSE_DISCOVERIES = 0.01
 """False discovery rate [-]."""
@@ -80,11 +80,9 @@ def locate(problem: Problem, best: Fitted) -> tuple[Region, ...]:
         The best model. The textbook wheel is tested with its soil and noise: a separate fit would distribute the misfit
         of one channel over the others, and count misfit as noise.
     """
-    noise = best.noise
-    textbook = fit(
-        problem, AugmentedWheel(problem.samples.wheel), best.vector[:SOIL_COUNT], noise, Entry(best.theta_1), steps=0
-    )
-    precision = scaled_inverse(best.covariance(problem)[:SOIL_COUNT, :SOIL_COUNT])
+    noise, soils = best.noise, best.model.soils
+    textbook = fit(problem, best.model.with_effects(()), best.vector[soils], noise, Entry(best.theta_1), steps=0)
+    precision = scaled_inverse(best.covariance(problem)[soils, soils])
     stretches = _stretches(problem, best)
     whitened = Whitened(problem, textbook, noise, precision, stretches)
     if not whitened.tests:
@@ -164,8 +162,8 @@ class Whitened:
         The samples, and the textbook wheel on the fitted soil.
     noise
         Noise model.
-    precision : (5, 5)
-        Prior precision of the soil, which is refitted with each test.
+    precision : (5 g, 5 g)
+        Prior precision of the soils of g grounds, which are refitted with each test.
     stretches
         Intervals that are tested as well.
     """
@@ -186,11 +184,7 @@ class Whitened:
             extra[:, test.position, own - self._soil] = test.columns
         columns = np.concatenate([problem.columns(textbook.response), extra], axis=-1)
         white, _ = problem.whitener(noise, textbook.response).whiten(columns)
-        innovations = white[..., 0]
-        weight = robust_weight(innovations).ravel()
-        full = white[..., 1:].reshape(len(weight), -1)
-        self._gradient = full.T @ (weight * innovations.ravel())
-        self._information = (full * weight[:, None]).T @ full
+        self._gradient, self._information = problem.normal_equations(white[..., 0], white[..., 1:])
         self._information[: self._soil, : self._soil] += precision
 
     def freedom(self, number: int) -> int:

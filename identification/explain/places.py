@@ -11,7 +11,7 @@ from ...framework.core.concurrency import together
 from ..effects.catalogue.soil_patch import CELLS, SoilPatch, tracks_of
 from .fit import Fitted
 from .likelihood import Problem
-from .steps import normal_equations, scaled_inverse
+from .steps import scaled_inverse
 from .whitening import Noise
 
 _PATCHES_EACH = 2
@@ -85,10 +85,10 @@ def _scores(
     by_cell = np.where(problem.seen[..., None], np.nan_to_num(by_cell.reshape(*problem.seen.shape, -1)), 0.0)
     white, _ = problem.whitener(noise, response).whiten(np.concatenate([problem.columns(response), by_cell], axis=-1))
     innovations, jacobian = white[..., 0], white[..., 1:]
-    gradient, information = normal_equations(innovations, jacobian)
+    gradient, information = problem.normal_equations(innovations, jacobian)
     prior = problem.prior(fitted.model)
-    gradient[:own] += prior.precision * (prior.mean - fitted.vector)
-    information[np.diag_indices(own)] += prior.precision
+    gradient[:own] += prior.score(fitted.vector)
+    information[:own, :own] += prior.precision
     along = information[own:, :own] @ scaled_inverse(information[:own, :own])
     gradient, information = (
         gradient[own:] - along @ gradient[:own],

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from ...framework.core.explanation import UNKNOWN
 from ...framework.core.sound_explanation import SOUND_NAMES
 from ..effects.catalogue import REGISTRY
-from .explanation import Estimate, Region
+from .explanation import Estimate, ExplainedGround, Region
 from .variables import CONSTANT
 
 _DEGREES = 180.0 / math.pi
@@ -200,3 +200,11 @@ def with_interval(value: float, ends: Sequence[float], scale: float = 1.0) -> st
     """Format a value with its 95 % interval: ``2.8 (2.4 to 3.3)``."""
     low, high = ends
     return f"{number(value, scale)} ({number(low, scale)} to {number(high, scale)})"
+
+
+def ground_name(ground: ExplainedGround) -> str:
+    """Name a ground by its class and when it was driven on."""
+    name = ground.class_name or "ground"
+    if math.isfinite(ground.start_s) and math.isfinite(ground.end_s):
+        return f"{name}, {ground.start_s:.0f} to {ground.end_s:.0f} s"
+    return name

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.cluster.hierarchy import fcluster, linkage
+from scipy.ndimage import median_filter
 
 from ...framework.core.errors import InputError
 from ...framework.core.recording.types import WheelTable
+from ...framework.core.track.grounds import Ground
+from ...framework.core.track.positions import runs_of
 from ...framework.core.vehicle import Vehicle, Wheel
-from ..effects.drive import drive_of, order_of, select_rows
+from ..effects.drive import GROUND, drive_of, order_of, select_rows
 from ..effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Drive
 from ..mechanics.textbook import CHANNELS
-from ..rows.gate import LIMITS
+from ..rows.gate import GRAVITY_M_S2, LIMITS
 from ..rows.noise import from_running_median, least_noise, noise_from_neighbours, sensor_noise
 from ..rows.standstill import stands
 from ..rows.trials import AS_TRIALS, is_of_trials, missing_clock, without_time
@@ -55,6 +59,9 @@ often than each of so many values next to it, in a channel of at least so many d
 _MOST_STANDSTILL = 0.1
 """Largest share of rows in which time does not increase [-]."""
 
+_REGIME = 21
+"""Rows over whose median a regime of speed is decided: one that does not last is none."""
+
 _NEXT = 1.5
 """Median time steps within which a row follows the previous one [-]."""
 
@@ -90,6 +97,8 @@ class Samples:
         Remarks on rows left out.
     simulated : (n, 5)
         Channels of another simulator, if any, with its load and slip.
+    grounds
+        Grounds, by number.
     """
 
     wheel: Wheel
@@ -106,6 +115,7 @@ class Samples:
     block_kind: str
     notes: tuple[str, ...] = ()
     simulated: np.ndarray | None = None
+    grounds: tuple[Ground, ...] = (Ground(),)
 
     def __len__(self) -> int:
         return len(self.measured)
@@ -120,13 +130,25 @@ class Samples:
         """How rows are held out, in words."""
         return f"{len(np.unique(self.block))} {self.block_kind}"
 
+    def on_ground(self, number: int) -> Samples:
+        """Return the rows on one ground."""
+        rows = np.flatnonzero(self.drive.ground == number)
+        drive = select_rows(self.drive, rows)
+        follows = self.follows[rows] & (np.diff(rows, prepend=-2) == 1)
+        return replace(
+            self, drive=replace(drive, ground=np.zeros(len(rows), dtype=int)), measured=self.measured[rows],
+            load=self.load.select(rows, follows), slip=self.slip.select(rows, follows), follows=follows,
+            position=self.position[rows], lane=self.lane[rows], block=self.block[rows], grounds=(self.grounds[number],),
+            simulated=None if self.simulated is None else self.simulated[rows],
+        )  # fmt: skip
+
     @property
     def seen(self) -> np.ndarray:
         """(n, m) True where a predicted channel was observed."""
         return np.isfinite(self.measured[:, list(self.answers)])
 
 
-def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
+def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle, grounds: Sequence[Ground] = (Ground(),)) -> Samples:
     """Select the rows that can be compared.
 
     Parameters
@@ -135,6 +157,8 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
         Rows of wheels of one geometry, slip derived.
     wheel, vehicle
         The wheel, and the vehicle, which may state the noise of its sensors.
+    grounds
+        Grounds; which of them each row is on is in the table's column `GROUND`, NaN for none.
 
     Raises
     ------
@@ -177,15 +201,19 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle) -> Samples:
             expected=f"at least {LEAST_ROWS} of one of them",
         )  # fmt: skip
     time_s = table["time_s"] if timed else np.arange(float(len(table)))
-    load, slip = (_path(measured[:, channel], time_s, noise[channel], stretch, timed) for channel in (LOAD, SLIP))
+    regime = _regimes(table, wheel, stretch) if timed else np.zeros(len(table), dtype=int)
+    load, slip = (
+        _path(measured[:, channel], time_s, noise[channel], stretch, regime, timed) for channel in (LOAD, SLIP)
+    )
     table = WheelTable(
         {**table.columns, "load_N": load.mean, "slip": np.clip(slip.mean, -1.0, MOST_SLIP)},
         table.wheel, table.run, table.source,
     )  # fmt: skip
     drive = drive_of(table, wheel, stretch)
     if timed:
-        drive = _smooth_speeds(drive, table)
-    return _select_samples(table, wheel, vehicle, drive, measured, noise, load, slip, usable, timed, notes)
+        drive = _smooth_speeds(drive, table, wheel, regime)
+    samples = _select_samples(table, wheel, vehicle, drive, measured, noise, load, slip, usable, timed, notes)
+    return _with_grounds(samples, grounds)
 
 
 def _check(table: WheelTable) -> None:
@@ -201,7 +229,20 @@ def _check(table: WheelTable) -> None:
         )
 
 
-def _path(values: np.ndarray, time_s: np.ndarray, sd: float, stretch: np.ndarray, timed: bool) -> Path:
+def _regimes(table: WheelTable, wheel: Wheel, stretch: np.ndarray) -> np.ndarray:
+    """Number the regimes (n,): 1 where a stretch was driven too fast for a static balance for some time, else 0."""
+    speed = table.get("travel_speed_m_s")
+    if speed is None:
+        return np.zeros(len(table), dtype=int)
+    fast = (np.abs(np.nan_to_num(speed)) > LIMITS.froude * math.sqrt(GRAVITY_M_S2 * wheel.radius_m)).astype(int)
+    for rows in runs_of(stretch):
+        fast[rows] = median_filter(fast[rows], min(_REGIME, len(rows)), mode="nearest")
+    return fast
+
+
+def _path(
+    values: np.ndarray, time_s: np.ndarray, sd: float, stretch: np.ndarray, regime: np.ndarray, timed: bool
+) -> Path:  # fmt: skip
     """Estimate the latent path of load or slip without gross errors."""
     if not timed:
         return independent(values, np.full(len(values), sd))
@@ -210,18 +251,24 @@ def _path(values: np.ndarray, time_s: np.ndarray, sd: float, stretch: np.ndarray
     # Many outliers mean that the channel changes rapidly, not that it is faulty.
     share = np.bincount(number, outlier) / np.maximum(np.bincount(number, np.isfinite(values)), 1.0)
     values = np.where(outlier & (share[number] <= _MOST_ISOLATED), math.nan, values)
-    return path_of(values, time_s, stretch, np.ones(len(values)), sd)
+    return path_of(values, time_s, stretch, regime, sd)
 
 
-def _smooth_speeds(drive: Drive, table: WheelTable) -> Drive:
-    """Return the drive with smoothed speeds."""
-    changed = {}
-    for name in ("rim_speed_m_s", "travel_speed_m_s"):
+def _smooth_speeds(drive: Drive, table: WheelTable, wheel: Wheel, regime: np.ndarray) -> Drive:
+    """Return the drive with smoothed speeds and their expected rates of change.
+
+    Regressions on expected values are not attenuated (Berkson errors, as in `latent`).
+    """
+    changed, of_rim = {}, 1.0 / wheel.radius_m
+    for name, rate, scale in (
+        ("rim_speed_m_s", "angular_acceleration_rad_s2", of_rim), ("travel_speed_m_s", "acceleration_m_s2", 1.0)
+    ):  # fmt: skip
         values = getattr(drive, name)
         if drive.has(name):
-            noise = noise_from_neighbours(table, values)
-            smooth = path_of(values, drive.time_s, drive.stretch, np.ones(len(values)), noise).mean
-            changed[name] = np.where(np.isfinite(values), smooth, math.nan)
+            noise, seen = noise_from_neighbours(table, values), np.isfinite(values)
+            path = path_of(values, drive.time_s, drive.stretch, regime, noise)
+            changed[name] = np.where(seen, path.mean, math.nan)
+            changed[rate] = np.where(seen, scale * path.rate, math.nan)
     return replace(drive, **changed)
 
 
@@ -241,6 +288,7 @@ def _select_samples(
     if thinned:
         notes.append(f"{int(usable.sum())} rows thinned to {len(rows)}, in pieces of {_PIECE}")
     follows = _next_in_time(drive)[rows] & (np.diff(rows, prepend=-2) == 1)
+    follows[1:] &= np.diff(drive.ground[rows]) == 0
     drive = select_rows(drive, rows)
     others = [table.columns.get(SIMULATED + name, np.full(len(table), math.nan)) for name in CHANNELS]
     simulated = np.column_stack(others)[rows] if any(name.startswith(SIMULATED) for name in table.columns) else None
@@ -253,6 +301,14 @@ def _select_samples(
         position, lane[rows], np.zeros(len(rows), dtype=int), "", tuple(notes), simulated,
     )  # fmt: skip
     return _blocked(samples)
+
+
+def _with_grounds(samples: Samples, grounds: Sequence[Ground]) -> Samples:
+    """Return the samples with those grounds that have rows, numbered anew."""
+    present, number = np.unique(samples.drive.ground, return_inverse=True)
+    return replace(
+        samples, drive=replace(samples.drive, ground=number), grounds=tuple(grounds[each] for each in present)
+    )
 
 
 def _next_in_time(drive: Drive) -> np.ndarray:
@@ -276,6 +332,8 @@ def _usable(table: WheelTable, stretch: np.ndarray) -> tuple[np.ndarray, list[st
     angle = table.get("slip_angle_rad")
     if angle is not None:
         checks.append((~(np.abs(angle) > LIMITS.slip_angle_rad), "driven at an angle to the wheel's plane"))
+    if GROUND in table:
+        checks.append((np.isfinite(table[GROUND]), "at a change of ground"))
     usable, notes = np.ones(len(table), dtype=bool), []
     with np.errstate(invalid="ignore"):
         for good, why in checks:

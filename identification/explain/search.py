@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import astuple, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -16,14 +16,14 @@ import numpy as np
 from ...framework.core.concurrency import together
 from ..effects.catalogue import effects_for
 from ..effects.effect import Effect, Situation
-from ..mechanics.augmented import SOIL_COUNT, AugmentedWheel, Entry
+from ..mechanics.augmented import SOIL_COUNT, Entry
 from .evidence import log_evidence
 from .fit import Fitted, fit, with_effect
 from .hyperparameters import PRIOR_EFFECT, TEMPERATURE
 from .likelihood import UNIFORM_SD, Problem
 from .places import best_patches
 from .samples import ANSWERS
-from .steps import Prior, normal_equations, solve_step
+from .steps import Prior, solve_step
 from .whitening import GROSS, Noise
 
 MOST_EFFECTS = 3
@@ -274,8 +274,8 @@ def _passes_screen(gains: np.ndarray, least: float) -> np.ndarray:
 def _without_effect(problem: Problem, fitted: Fitted, dropped: Effect) -> Fitted:
     """Return a fit without one of its effects, the other parameters unchanged."""
     kept = [(effect, where) for effect, where in fitted.model.slices() if effect is not dropped]
-    vector = np.concatenate([fitted.vector[:SOIL_COUNT], *[fitted.vector[where] for _, where in kept]])
-    model = AugmentedWheel(fitted.model.wheel, tuple(effect for effect, _ in kept))
+    vector = np.concatenate([fitted.vector[fitted.model.soils], *[fitted.vector[where] for _, where in kept]])
+    model = fitted.model.with_effects(tuple(effect for effect, _ in kept))
     return fit(problem, model, vector, fitted.noise, Entry(fitted.theta_1), steps=0)
 
 
@@ -289,12 +289,13 @@ def expected_gain(problem: Problem, base: Fitted, effect: Effect) -> float:
         model, vector = with_effect(base, effect, np.array([each.null for each in effect.parameters]))
         response = problem.linearise(model, vector, base.response.entry(np.zeros(0)), base.response)
         return _gain(
-            problem, base, problem.columns(response)[..., 1 + len(base.vector) :], problem.prior(model), vector
+            problem, base, problem.columns(response)[..., -len(effect.parameters) :], problem.prior(model), vector
         )
     prior, vector = problem.prior(base.model), np.append(base.vector, 0.0)
-    prior = Prior(
-        *(np.append(each, value) for each, value in zip(astuple(prior), (0.0, 0.0, 0.0, np.inf), strict=True))
-    )
+    size = len(prior.mean)
+    precision = np.zeros((size + 1, size + 1))
+    precision[:size, :size] = prior.precision
+    prior = Prior(np.append(prior.mean, 0.0), precision, np.append(prior.lower, 0.0), np.append(prior.upper, np.inf))
     gains = []
     for start in effect.starts():
         model, there = with_effect(base, effect, start)
@@ -309,7 +310,7 @@ def _gain(problem: Problem, base: Fitted, columns: np.ndarray, prior: Prior, vec
     """Gain [nats] of columns (n, m, k) added to a fit, all parameters refitted to first order, with priors (p,)."""
     white, _ = problem.whitener(base.noise, base.response).whiten(columns, base.white.weights)
     jacobian = np.concatenate([base.white.jacobian, white], axis=-1)
-    gradient, information = normal_equations(base.white.innovations, jacobian)
+    gradient, information = problem.normal_equations(base.white.innovations, jacobian)
     return solve_step(gradient, information, prior, np.clip(vector, prior.lower, prior.upper), 0.0)[1]
 
 
@@ -339,7 +340,8 @@ def situation(problem: Problem, fitted: Fitted) -> Situation:
     seen = np.isfinite(measured).any(axis=0)
     typical = np.where(seen, np.sqrt(np.nanmean(np.where(seen, measured, 0.0) ** 2, axis=0)), np.nan)
     typical[[channel for channel in ANSWERS if channel not in samples.answers]] = np.nan
+    soil = np.median(fitted.vector[fitted.model.soils].reshape(-1, SOIL_COUNT), axis=0)
     return Situation(
-        samples.wheel, samples.drive, typical, measured[:, 2], innovations, float(fitted.vector[0]),
-        float(fitted.vector[1]), math.exp(fitted.vector[3]), best_patches(problem, fitted),
+        samples.wheel, samples.drive, typical, measured[:, 2], innovations, float(soil[0]),
+        float(soil[1]), math.exp(soil[3]), best_patches(problem, fitted),
     )  # fmt: skip

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..mechanics.augmented import SOIL_COUNT
 from .whitening import robust_weight
 
 
 @dataclass(frozen=True)
 class Prior:
-    """Mean and precision of a normal prior, and bounds, each (p,)."""
+    """Mean (p,) and precision (p, p) of a normal prior, and bounds (p,)."""
 
     mean: np.ndarray
     precision: np.ndarray
@@ -20,14 +21,42 @@ class Prior:
 
     def loss(self, vector: np.ndarray) -> float:
         """Minus the log-density [nats], up to a constant."""
-        return 0.5 * float(np.sum(self.precision * (vector - self.mean) ** 2))
+        return 0.5 * float((vector - self.mean) @ self.precision @ (vector - self.mean))
+
+    def score(self, vector: np.ndarray) -> np.ndarray:
+        """Gradient (p,) of the log-density."""
+        return self.precision @ (self.mean - vector)
 
 
-def normal_equations(innovations: np.ndarray, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Gradient (p,) and information (p, p) of the log-likelihood, from innovations (..) and derivatives (.., p)."""
-    weight = robust_weight(innovations)
-    flat = jacobian.reshape(-1, jacobian.shape[-1])
-    return flat.T @ (weight * innovations).ravel(), (flat * weight.ravel()[:, None]).T @ flat
+def normal_equations(
+    innovations: np.ndarray, jacobian: np.ndarray, ground: np.ndarray, grounds: int, weight: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Gradient (p,) and information (p, p) of the log-likelihood.
+
+    Parameters
+    ----------
+    innovations : (n, m)
+        White residuals.
+    jacobian : (n, m, q)
+        Their derivatives by the soil of each row's ground and by other parameters.
+    ground : (n,)
+        Number of each row's ground.
+    grounds
+        Number of grounds, whose soils come first among the p parameters.
+    weight : (n, m), optional
+        Weights; less for gross errors where absent.
+    """
+    weight, count = robust_weight(innovations) if weight is None else weight, jacobian.shape[-1]
+    others = SOIL_COUNT * grounds + np.arange(count - SOIL_COUNT)
+    size = SOIL_COUNT * (grounds - 1) + count
+    gradient, information = np.zeros(size), np.zeros((size, size))
+    for each in range(grounds):
+        rows = slice(None) if grounds == 1 else np.flatnonzero(ground == each)
+        flat, weights = jacobian[rows].reshape(-1, count), weight[rows].ravel()
+        own = np.concatenate([SOIL_COUNT * each + np.arange(SOIL_COUNT), others])
+        gradient[own] += flat.T @ (weights * innovations[rows].ravel())
+        information[np.ix_(own, own)] += (flat * weights[:, None]).T @ flat
+    return gradient, information
 
 
 def solve_step(
@@ -45,8 +74,8 @@ def solve_step(
     free : (p,), optional
         Which parameters may change.
     """
-    gradient = gradient - prior.precision * (vector - prior.mean)
-    information = information + np.diag(prior.precision)
+    gradient = gradient + prior.score(vector)
+    information = information + prior.precision
     moves = ~((vector <= prior.lower) & (gradient < 0.0)) & ~((vector >= prior.upper) & (gradient > 0.0))
     if free is not None:
         moves &= free

@@ -19,7 +19,8 @@ from .equilibrium import CORRECTABLE, carry
 from .textbook import USUAL_ENTRY_ANGLE, contact_array, initial_angles
 
 SOIL_COUNT = 5
-"""Leading entries of a parameter vector: c [Pa], tan phi, ln k [m], ln stiffness [Pa], ln n; the effects' follow."""
+"""Parameters of a soil: c [Pa], tan phi, ln k [m], ln stiffness [Pa], ln n. Those of each ground come first in a
+parameter vector; the effects' follow."""
 
 _STEP = 1e-7
 """Relative step of differences of contacts [-]; forces are linear in these, without cancellation."""
@@ -32,9 +33,10 @@ _SAME = 1e-5
 class Response:
     """Channels (n, 5) as `textbook.CHANNELS`, and entry angles (n,) [rad]; NaN where the load is not carried.
 
-    If requested with derivatives by the parameter vector (n, 5, p), by the true load [N] and slip (n, 5, 2), and by the
-    logarithms of the ground's stiffness and strength (n, 5, 2); with derivatives of the entry angle by the parameters
-    (n, p), and `growth` (n,), the exponent of the load as a power of the entry angle.
+    If requested with derivatives by the parameters q of the row's own soil and the effects (n, 5, q), by the true load
+    [N] and slip (n, 5, 2), and by the logarithms of the ground's stiffness and strength (n, 5, 2); with derivatives of
+    the entry angle by the parameters (n, q), the number of each row's ground (n,), and `growth` (n,), the exponent of
+    the load as a power of the entry angle.
     """
 
     channels: np.ndarray
@@ -43,6 +45,7 @@ class Response:
     by_latent: np.ndarray = field(default_factory=lambda: np.empty(0))
     by_ground: np.ndarray = field(default_factory=lambda: np.empty(0))
     theta_1_by_parameter: np.ndarray = field(default_factory=lambda: np.empty(0))
+    ground: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
     growth: np.ndarray = field(default_factory=lambda: np.empty(0))
     rim: Rim | None = None
 
@@ -50,7 +53,18 @@ class Response:
         """Initial entry angles after a step (p,) of the parameters."""
         if not self.theta_1_by_parameter.size or not step.any():
             return Entry(self.theta_1, self.growth if self.growth.size else None, self.rim)
-        return Entry(self.theta_1 + self.theta_1_by_parameter @ step, self.growth)
+        own = self.of_each_row(step)
+        return Entry(self.theta_1 + np.sum(self.theta_1_by_parameter * own, axis=1), self.growth)
+
+    def changed_by(self, step: np.ndarray) -> np.ndarray:
+        """Change of the channels (n, 5) by a step (p,) of the parameters, to first order; 0 where not known."""
+        return np.einsum("ncq,nq->nc", np.nan_to_num(self.by_parameter), self.of_each_row(step))
+
+    def of_each_row(self, step: np.ndarray) -> np.ndarray:
+        """Step (n, q) of the soil of each row's ground and of the effects."""
+        effects = step[len(step) - (self.by_parameter.shape[-1] - SOIL_COUNT) :]
+        soils = step[: len(step) - len(effects)].reshape(-1, SOIL_COUNT)
+        return np.concatenate([soils[self.ground], np.tile(effects, (len(self.ground), 1))], axis=1)
 
 
 @dataclass(frozen=True)
@@ -80,19 +94,29 @@ class Entry:
 
 @dataclass(frozen=True)
 class AugmentedWheel:
-    """A wheel on soil, with effects."""
+    """A wheel on one or several grounds, each with a soil of its own, with effects that act on all."""
 
     wheel: Wheel
     effects: tuple[Effect, ...] = ()
+    grounds: int = 1
+
+    @property
+    def soils(self) -> slice:
+        """Soils of all grounds in the parameter vector."""
+        return slice(0, SOIL_COUNT * self.grounds)
 
     @property
     def size(self) -> int:
         """Length of the parameter vector."""
-        return SOIL_COUNT + sum(len(effect.parameters) for effect in self.effects)
+        return self.soils.stop + sum(len(effect.parameters) for effect in self.effects)
+
+    def with_effects(self, effects: tuple[Effect, ...]) -> AugmentedWheel:
+        """Return the wheel on the same grounds with other effects."""
+        return replace(self, effects=effects)
 
     def slices(self) -> list[tuple[Effect, slice]]:
         """Return each effect and the slice of its parameters in the vector."""
-        answer, start = [], SOIL_COUNT
+        answer, start = [], self.soils.stop
         for effect in self.effects:
             answer.append((effect, slice(start, start + len(effect.parameters))))
             start += len(effect.parameters)
@@ -110,7 +134,7 @@ class AugmentedWheel:
         imposed : (n, 2)
             Load [N] and slip as reported, without noise.
         vector : (p,)
-            Soil and effects; (p, n) where they differ from sample to sample.
+            Soils of the grounds, by `drive.ground`, and effects; (p, n) where they differ from sample to sample.
         theta_1 : (n,), optional
             Initial entry angles [rad].
         """
@@ -135,7 +159,8 @@ class AugmentedWheel:
         entry = entry or Entry(np.full(len(imposed), USUAL_ENTRY_ANGLE))
         contact, rim = self._in_equilibrium(drive, true, vector, entry, sloped=True)
         angle, forces, slopes = contact.theta_1.copy(), rim.forces, rim.slopes
-        bare = contact_array(angle, true[:, 1], _soil(vector), self.wheel)
+        soil = self._soil(drive, vector)
+        bare = contact_array(angle, true[:, 1], [*soil.T], self.wheel)
         base = self._channels(drive, imposed, contact, vector, forces)
         carried = forces[:, 0]
         further = angle * (1.0 + _STEP)
@@ -157,7 +182,7 @@ class AugmentedWheel:
                 return (channels - base) / np.reshape(step, (-1, 1)), np.zeros(len(base))
             true_there = self._true(drive, imposed_there, vector_there)
             array = bare.copy(order="K")
-            array[:, fields.COHESION : fields.EXPONENT + 1] = _soil(vector_there)
+            array[:, fields.COHESION : fields.EXPONENT + 1] = self._soil(drive, vector_there)
             if not np.array_equal(true_there[:, 1], true[:, 1]):
                 array[:, fields.ADVANCE] = self.wheel.radius_m * fields.speed_ratio(true_there[:, 1])[0]
             there = self._changed(Contact(array, self.wheel), drive, vector_there)
@@ -170,7 +195,8 @@ class AugmentedWheel:
         same_contact = np.concatenate(
             [np.zeros(SOIL_COUNT, dtype=bool), *[~effect.moves_wheel for effect in self.effects]]
         )
-        by_parameter, theta_1_by_parameter = np.empty((*base.shape, self.size)), np.empty((len(base), self.size))
+        steps, width = self._steps(drive, vector), len(integrated)
+        by_parameter, theta_1_by_parameter = np.empty((*base.shape, width)), np.empty((len(base), width))
         reused = 0
         if known is not None and np.allclose(corrected, known.channels, rtol=_SAME, atol=0.0, equal_nan=True):
             reused = known.theta_1_by_parameter.shape[-1]
@@ -178,16 +204,14 @@ class AugmentedWheel:
                 known.by_parameter,
                 known.theta_1_by_parameter,
             )
-        for index, step in list(enumerate(self.steps(vector)))[reused:]:
-            stepped = vector.copy()
-            stepped[index] += step
+        for index, (stepped, step) in list(enumerate(steps))[reused:]:
             by_parameter[:, :, index], theta_1_by_parameter[:, index] = derivative(
                 imposed, stepped, step, integrated=integrated[index], same_contact=same_contact[index]
             )  # fmt: skip
-        by_ground = np.stack([by_parameter[..., 3], by_parameter[..., :2] @ vector[:2]], axis=-1)
+        strength = by_parameter[..., 0] * soil[:, 0, None] + by_parameter[..., 1] * soil[:, 1, None]
         answer = Response(
-            corrected, angle + correction, by_parameter, by_ground=by_ground, theta_1_by_parameter=theta_1_by_parameter,
-            growth=angle * growth / carried, rim=rim,
+            corrected, angle + correction, by_parameter, by_ground=np.stack([by_parameter[..., 3], strength], axis=-1),
+            theta_1_by_parameter=theta_1_by_parameter, ground=drive.ground, growth=angle * growth / carried, rim=rim,
         )  # fmt: skip
         if not latent:
             return answer
@@ -220,14 +244,25 @@ class AugmentedWheel:
         contact = self._contact(drive, true, vector, found.contact[:, fields.THETA_1])
         return contact, Rim(true, contact.array, found.forces, found.slopes)
 
-    def steps(self, vector: np.ndarray) -> np.ndarray:
-        """Steps (p,) of the differences, small relative to the scale of each parameter."""
-        steps = [10.0 * _STEP * max(abs(vector[0]), 500.0), *[_STEP] * 4]
+    def _steps(self, drive: Drive, vector: np.ndarray) -> list[tuple[np.ndarray, float | np.ndarray]]:
+        """Vectors with a small step of each parameter, relative to its scale, and the step in each row.
+
+        A step of a soil's parameter is one in all grounds.
+        """
+        answer: list[tuple[np.ndarray, float | np.ndarray]] = []
+        cohesion = 10.0 * _STEP * np.maximum(np.abs(vector[self.soils][::SOIL_COUNT]), 500.0)
+        for index, step in enumerate([cohesion, *[np.full(self.grounds, _STEP)] * 4]):
+            stepped = vector.copy()
+            stepped[self.soils][index::SOIL_COUNT] += step
+            answer.append((stepped, step[drive.ground]))
         for effect, where in self.slices():
-            for parameter, value in zip(effect.parameters, vector[where], strict=True):
+            for index, parameter in enumerate(effect.parameters, where.start):
+                stepped, value = vector.copy(), vector[index]
                 step = parameter.step or _STEP * max(parameter.scale, abs(value - parameter.null))
-                steps.append(-step if value + step > parameter.high else step)
-        return np.array(steps)
+                step = -step if value + step > parameter.high else step
+                stepped[index] += step
+                answer.append((stepped, step))
+        return answer
 
     def _true(self, drive: Drive, imposed: np.ndarray, vector: np.ndarray) -> np.ndarray:
         true = imposed.copy()
@@ -236,7 +271,7 @@ class AugmentedWheel:
         return true
 
     def _contact(self, drive: Drive, true: np.ndarray, vector: np.ndarray, theta_1: np.ndarray) -> Contact:
-        bare = contact_array(theta_1, true[:, 1], _soil(vector), self.wheel)
+        bare = contact_array(theta_1, true[:, 1], [*self._soil(drive, vector).T], self.wheel)
         return self._changed(Contact(bare, self.wheel), drive, vector)
 
     def _changed(self, contact: Contact, drive: Drive, vector: np.ndarray) -> Contact:
@@ -268,7 +303,9 @@ class AugmentedWheel:
             effect.report(channels, drive, vector[where])
         return channels
 
-
-def _soil(vector: np.ndarray) -> list[float | np.ndarray]:
-    """Return c [Pa], tan phi, k [m], stiffness [Pa] and n of a parameter vector (p,), or (p, n)."""
-    return [*vector[:2], *np.exp(vector[2:SOIL_COUNT])]
+    def _soil(self, drive: Drive, vector: np.ndarray) -> np.ndarray:
+        """Return c [Pa], tan phi, k [m], stiffness [Pa] and n of each row, (n, 5), of a vector (p,), or (p, n)."""
+        soils = vector[self.soils]
+        soils = soils.reshape(-1, SOIL_COUNT) if vector.ndim == 1 else soils.T
+        soils = np.column_stack([soils[:, :2], np.exp(soils[:, 2:])])
+        return soils[drive.ground] if vector.ndim == 1 else soils

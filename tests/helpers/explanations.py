@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from bevameter.identification.explain.explanation import (
     Candidate,
     ChannelFit,
     Estimate,
+    ExplainedGround,
     Explanation,
     Missing,
     Region,
@@ -20,6 +22,8 @@ from bevameter.identification.explain.explanation import (
 from bevameter.identification.mechanics.augmented import AugmentedWheel
 
 N1 = {"n1": Estimate(0.2134, 0.0189)}
+SOIL = {"c_Pa": Estimate(512.0, 83.0, "Pa"), "phi_rad": Estimate(np.radians(30.0), np.radians(0.9), "rad")}
+SOIL_TEXTBOOK = {"c_Pa": Estimate(2100.0, 300.0, "Pa"), "phi_rad": Estimate(np.radians(21.0), 0.03, "rad")}
 EQUATION = "n = n0 + n1 |i|"
 ROWS = 400
 
@@ -50,8 +54,7 @@ def explanation(**changes) -> Explanation:
         source="somewhere/wheel.csv",
         verdict="physics",
         summary="Sinkage leaves the simulation above slip 0.3.",
-        soil={"c_Pa": Estimate(512.0, 83.0, "Pa"), "phi_rad": Estimate(np.radians(30.0), np.radians(0.9), "rad")},
-        soil_textbook={"c_Pa": Estimate(2100.0, 300.0, "Pa"), "phi_rad": Estimate(np.radians(21.0), 0.03, "rad")},
+        grounds=(ExplainedGround("", -math.inf, math.inf, ROWS, SOIL, SOIL_TEXTBOOK),),
         trust="Held-out rows are predicted to within noise.",
         located=(
             Region("sinkage_m", "slip", 0.3, 0.55, 0.97, 1e-30, 6.2),
@@ -79,6 +82,12 @@ def explanation(**changes) -> Explanation:
         n=ROWS,
     )
     return replace(answer, **changes)
+
+
+def with_soil(answer: Explanation, **soil: Estimate) -> Explanation:
+    """Return the answer with these values of the soil."""
+    ground = answer.grounds[0]
+    return replace(answer, grounds=(replace(ground, soil={**ground.soil, **soil}),))
 
 
 def nothing() -> Explanation:

@@ -9,6 +9,7 @@ from ..quantities import (
     KINDS,
     effect,
     estimate,
+    ground_name,
     interval,
     number,
     p_value,
@@ -73,9 +74,11 @@ def parameter_table(parameters: dict[str, Estimate]) -> Table:
 
 
 def soil_table(explanation: Explanation) -> Table:
-    """Give the soils fitted without and with what was found; one where nothing was added."""
+    """Give the soils fitted without and with what was found; one where nothing was added, or one for each ground."""
     soils = {"textbook wheel": explanation.soil_textbook, "with what was found": explanation.soil}
-    if explanation.verdict == "none":
+    if len(explanation.grounds) > 1:
+        soils = {ground_name(each): each.soil for each in explanation.grounds}
+    elif explanation.verdict == "none":
         soils = {"value ± standard deviation": explanation.soil or explanation.soil_textbook}
     rows = []
     for name in dict.fromkeys(name for soil in soils.values() for name in soil):

@@ -73,7 +73,7 @@ def test_discrepancy_is_marginalised_exactly(fitted):
     residual, soil, smooth = flat[:, 0], flat[:, 1:6], flat[:, 6:]
     prior = problem.prior(textbook.model)
     # The prior of the soil is one more observation of each of its parameters.
-    known = np.sqrt(prior.precision)
+    known = np.sqrt(np.diag(prior.precision))
     residual = np.concatenate([residual, known * (prior.mean - textbook.vector)])
     soil = np.vstack([soil, np.diag(known)])
     smooth = np.vstack([smooth, np.zeros((5, smooth.shape[1]))])

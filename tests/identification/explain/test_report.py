@@ -22,7 +22,7 @@ from bevameter.identification.explain.report import pictures
 from bevameter.identification.explain.report.page import report_html, write_report
 from bevameter.identification.explain.report.tables import fit_table, located_table, soil_table
 from bevameter.identification.explain.words import headline, measurement
-from explanations import SOUND, cannot_tell, explanation, nothing, several, unknown
+from explanations import SOUND, cannot_tell, explanation, nothing, several, unknown, with_soil
 
 VOID = {"meta", "img", "br"}
 
@@ -215,9 +215,9 @@ def test_unknown_values_are_drawn_and_shown():
         page = report_html(
             replace(
                 base, rows=empty, fits=fits, heldout_nats=Estimate(nan, nan),
-                soil={"c_Pa": Estimate(nan, nan, "Pa")},
                 located=(Region("torque_Nm", "slip", 0.1, 0.2, 1.0, nan, nan),),
                 missing=(replace(base.missing[0], parameters={"n1": Estimate(nan, nan)}),),
+                grounds=with_soil(base, c_Pa=Estimate(nan, nan, "Pa")).grounds,
             )
         )  # fmt: skip
     text = Page(page).text
@@ -290,7 +290,7 @@ def test_the_tables_are_in_the_units_of_their_headers():
 
 
 def test_where_nothing_was_added_the_soil_shown_is_that_of_the_json():
-    answer = replace(nothing(), soil={**nothing().soil, "c_Pa": Estimate(500.0, 90.0, "Pa")})
+    answer = with_soil(nothing(), c_Pa=Estimate(500.0, 90.0, "Pa"))
     row = next(row for row in soil_table(answer)[1] if row[0] == "cohesion c")
     assert row[1] == "0.500 ± 0.090"
     assert answer.to_json()["soil"]["c_Pa"] == {"value": 500.0, "sd": 90.0, "unit": "Pa"}
