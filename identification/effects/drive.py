@@ -166,6 +166,7 @@ def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Dr
         stretch=stretch,
         slip_before=slip_before(slip, passes, place_m, stretch, lane),
         ground=np.nan_to_num(column(GROUND)).astype(int),
+        wheel=_by_appearance(table.wheel, len(table)),
         axis=axis,
     )
 

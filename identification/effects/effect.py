@@ -66,8 +66,8 @@ class Drive:
         Channels; `pass_number` is 1 on fresh ground, `rim_speed_m_s` is r omega.
     place_m
         Place along the track (`track.place_of`): `x_m` where it runs that way.
-    ground
-        Number of the ground: a place of one soil.
+    ground, wheel
+        Number of the ground, a place of one soil, and of the wheel.
     slip_before
         Absolute slip of the previous wheel at the same place [-] (`passes.slip_before`); meaningless on fresh ground.
     acceleration_m_s2, angular_acceleration_rad_s2
@@ -94,6 +94,7 @@ class Drive:
     stretch: np.ndarray
     slip_before: np.ndarray
     ground: np.ndarray
+    wheel: np.ndarray
     axis: Axis | None = ALONG_X
 
     def __len__(self) -> int:
@@ -127,6 +128,20 @@ _LEAST_TAN_PHI = 0.1
 _LEAST_DEPTH = 0.05
 """Lower bound of sinkage in the length of the contact, and its value where it was not measured [radii]."""
 
+
+@dataclass(frozen=True)
+class Group:
+    """Rows of a wheel, or of a class of ground: `numbers` of the drive's `attribute`."""
+
+    name: str
+    attribute: Literal["wheel", "ground"]
+    numbers: tuple[int, ...]
+
+    def rows(self, drive: Drive) -> np.ndarray:
+        """(n,) True for its rows."""
+        return np.isin(getattr(drive, self.attribute), self.numbers)
+
+
 COVARIATES = tuple(name for name in Drive.__dataclass_fields__ if name != "axis")
 """Names of the covariates of a drive."""
 
@@ -151,6 +166,8 @@ class Situation:
         Soil of the textbook wheel's fit.
     places
         Initial parameter vectors of soil patches, by the attribute of the drive along which these lie.
+    wheels, classes
+        Groups of rows of each wheel and of each class of ground.
     """
 
     wheel: Wheel
@@ -162,6 +179,8 @@ class Situation:
     tan_phi: float
     stiffness_Pa: float
     places: Mapping[str, Sequence[np.ndarray]] = field(default_factory=dict)
+    wheels: tuple[Group, ...] = ()
+    classes: tuple[Group, ...] = ()
 
     @property
     def depth_m(self) -> float:
@@ -250,10 +269,17 @@ class Effect:
     """Number of discrete alternatives that were searched (numbers of lugs, for example), with equal prior shares."""
     of_ground: ClassVar[bool] = False
     """Whether it changes the soil itself, by place or pass: such effects are applied first."""
+    belongs_to: Literal["ground", "vehicle"] = "vehicle"
+    """Whether it is physics of the ground, which differs from class to class, or of the vehicle and its instruments,
+    which is the same everywhere but may differ from wheel to wheel."""
+    by_place: ClassVar[bool] = False
+    """Whether it acts at a place or in a run only, which it estimates itself."""
     of_any_wheel: ClassVar[bool] = False
     """Whether it is a property of the ground that acts on any wheel: included in a planner's predictions."""
     by_run: ClassVar[bool] = False
     """Whether its parameters describe the runs of one recording: these are not stored."""
+    where: str = ""
+    """Where it acts, if not everywhere."""
     remark: str = ""
     """Note for the report if the effect is identified."""
 
@@ -263,10 +289,14 @@ class Effect:
         return f"{self.slug}[{self.form}]" if self.form else self.slug
 
     @property
+    def shapes_contact(self) -> bool:
+        """Whether it changes the contact."""
+        return type(self).contact is not Effect.contact
+
+    @property
     def moves_wheel(self) -> np.ndarray:
         """(k,) True for parameters that may change the entry angle; the others change forces and reports only."""
-        kind = type(self)
-        return np.full(len(self.parameters), kind.contact is not Effect.contact or kind.impose is not Effect.impose)
+        return np.full(len(self.parameters), self.shapes_contact or type(self).impose is not Effect.impose)
 
     @classmethod
     def forms(cls, situation: Situation) -> Sequence[Effect]:

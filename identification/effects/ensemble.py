@@ -148,7 +148,8 @@ def _drawn(effect: Effect, stored: StoredEffect, off: np.ndarray) -> np.ndarray:
 
 def _level_drive(load_N: np.ndarray, slip: np.ndarray) -> PresentDrive:
     missing, numbers = np.full(len(load_N), math.nan), np.arange(len(load_N))
-    unseen = {name: missing for name in COVARIATES if name not in ("load_N", "slip", "stretch", "ground")}
+    zeros = np.zeros_like(numbers)
+    unseen = {name: missing for name in COVARIATES if name not in ("load_N", "slip", "stretch", "ground", "wheel")}
     return PresentDrive(
-        load_N=load_N, slip=slip, stretch=numbers, ground=np.zeros_like(numbers), axis=ALONG_X, **unseen
+        load_N=load_N, slip=slip, stretch=numbers, ground=zeros, wheel=zeros, axis=ALONG_X, **unseen
     )  # fmt: skip

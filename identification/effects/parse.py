@@ -118,7 +118,7 @@ def specimen(lugs: int = _USUAL_LUGS, *, scale: float = 1.0) -> Situation:
         x_m=along * scale, y_m=along * scale,
         acceleration_m_s2=np.full(rows, 0.01), angular_acceleration_rad_s2=np.full(rows, 0.07),
         stretch=np.zeros(rows, dtype=int), slip_before=np.full(rows, 0.35),
-        ground=np.zeros(rows, dtype=int),
+        ground=np.zeros(rows, dtype=int), wheel=np.zeros(rows, dtype=int),
     )  # fmt: skip
     return situation_of(wheel, soil, drive)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -27,6 +27,7 @@ from ..mechanics.soil import Soil, from_internal, slope_of_internal
 from ..simulate import simulate
 from .catalogue import SLUGS, effect_class, forms_by_name
 from .effect import Effect
+from .grouped import GroupedEffect
 from .parse import NamedEffect, follows_drive, lugs_of, smallest_form, specimen
 
 SCHEMA = 2
@@ -104,7 +105,8 @@ class AugmentedSimulator:
         model: AugmentedWheel, vector: np.ndarray, covariance: np.ndarray | None = None,
         probabilities: Mapping[str, float] = MappingProxyType({}), ground: int = 0,
     ) -> AugmentedSimulator:  # fmt: skip
-        """Convert a fit on one ground, without effects that describe the runs of its recording (`Effect.by_run`).
+        """Convert a fit on one ground, without effects that describe the runs of its recording (`Effect.by_run`), one
+        wheel or other grounds.
 
         Parameters
         ----------
@@ -123,8 +125,10 @@ class AugmentedSimulator:
             An effect is not in the catalogue.
         """
         first = SOIL_COUNT * ground
-        own = np.r_[first : first + SOIL_COUNT, model.soils.stop : model.size]
-        model, vector = replace(model, grounds=1), vector[own]
+        pairs = [_on_ground(effect, where, ground) for effect, where in model.slices()]
+        kept = [pair for pair in pairs if pair is not None]
+        own = np.concatenate([first + np.arange(SOIL_COUNT), *(where for _, where in kept)])
+        model, vector = AugmentedWheel(model.wheel, tuple(effect for effect, _ in kept)), vector[own]
         covariance = None if covariance is None else covariance[np.ix_(own, own)]
         stored = np.ones(len(vector), dtype=bool)
         for effect, where in model.slices():
@@ -208,6 +212,17 @@ class AugmentedSimulator:
             known,
             _correlation(page.get("correlation"), size, source),
         )  # fmt: skip
+
+
+def _on_ground(effect: Effect, where: slice, ground: int) -> tuple[Effect, np.ndarray] | None:
+    """Return an effect as it acts on a ground, and the places of its parameters in the vector; None if it does not."""
+    places = np.arange(where.start, where.stop)
+    if not isinstance(effect, GroupedEffect):
+        return effect, places
+    parts = zip(effect.groups, np.split(places, len(effect.groups)), strict=True)
+    return next(
+        ((effect.base, own) for each, own in parts if each.attribute == "ground" and ground in each.numbers), None
+    )
 
 
 def _correlation_of(covariance: np.ndarray | None) -> tuple[tuple[float, ...], ...]:

@@ -199,6 +199,7 @@ def _hypothetical(drive: Drive, imposed: np.ndarray, plan: dict, usual_speed: fl
         x_m=x_m, y_m=y_m,
         acceleration_m_s2=np.zeros(rows), angular_acceleration_rad_s2=np.zeros(rows), stretch=np.zeros(rows, dtype=int),
         slip_before=np.full(rows, np.abs(imposed[:, 1]).mean()), ground=drive.ground[along],
+        wheel=drive.wheel[along],
     )  # fmt: skip
 
 

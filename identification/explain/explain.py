@@ -18,7 +18,7 @@ from ...framework.core.track.way import track_of
 from ...framework.core.vehicle import Vehicle
 from ..effects.catalogue import SLUGS
 from ..estimate.identify import open_recording
-from ..rows.on_grounds import with_grounds, without_hard_ground
+from ..rows.on_track import with_grounds, with_places, without_hard_ground
 from ..rows.select import select_wheel_rows
 from ..rows.settling import only_steady
 from ..rows.words import sentence
@@ -89,7 +89,8 @@ def explain(
     # Fits run in parallel: threads of BLAS would only compete with them.
     with threadpool_limits(1):
         if grounds:
-            table = with_grounds(table, rows.vehicle, track_of(opened), grounds)
+            track = track_of(opened)
+            table = with_grounds(with_places(table, rows.vehicle, track), rows.vehicle, track, grounds)
             table, hard = without_hard_ground(table, rows.wheel, grounds)
             notes = (*notes, *hard)
         samples, own = gather(table, rows.wheel, rows.vehicle, grounds or (Ground(),)), None

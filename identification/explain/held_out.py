@@ -39,8 +39,9 @@ class HeldOut:
 def hold_out(problem: Problem, fitted: Fitted, *, discrepant: bool = False) -> HeldOut:
     """Predict each block by a fit to all others, with the noise of the fit to all rows.
 
-    The ground's variation is predicted from neighbouring rows. With `discrepant` a discrepancy is estimated from the
-    other blocks as well.
+    Where there are several grounds, the effects are fitted to the grounds of other classes only, and the soil to the
+    other blocks of the same ground. The ground's variation is predicted from neighbouring rows. With `discrepant` a
+    discrepancy is estimated from the other blocks as well.
     """
     block = problem.samples.block
     parts = [np.flatnonzero(block == each) for each in np.unique(block)]
@@ -55,15 +56,22 @@ def _predicted(
     problem: Problem, fitted: Fitted, discrepant: bool, rows: np.ndarray
 ) -> tuple[np.ndarray, float, bool]:  # fmt: skip
     """Residuals (k, m) of rows by a fit to the others, their log-likelihood, and whether parameters were fixed."""
-    white = fitted.white
-    _, own = problem.normal_equations(white.innovations, white.jacobian, rows)
+    white, same_class = fitted.white, problem.samples.of_class_of(rows)
+    _, own = problem.normal_equations(white.innovations, white.jacobian, same_class)
     untested = np.diag(own) > _UNTESTED_SHARE * np.diag(fitted.information(problem))
     untested[fitted.model.soils] = False
-    others = problem.without(rows)
+    others = problem.without(same_class)
     refitted = fit(
-        others, fitted.model, fitted.vector, fitted.noise,
-        fitted.response.entry(np.zeros(len(fitted.vector))), free=~untested, steps=_MOST_STEPS, fit_noise=False,
+        others, fitted.model, fitted.vector, fitted.noise, fitted.response.entry(np.zeros(0)), free=~untested,
+        steps=_MOST_STEPS, fit_noise=False,
     )  # fmt: skip
+    if problem.grounds > 1:
+        others, soils = problem.without(rows), np.arange(fitted.model.size) < fitted.model.soils.stop
+        start = np.where(soils, fitted.vector, refitted.vector)
+        refitted = fit(
+            others, fitted.model, start, fitted.noise, fitted.response.entry(start - fitted.vector), free=soils,
+            steps=_MOST_STEPS, fit_noise=False,
+        )  # fmt: skip
     residuals = problem.residuals(refitted.response)
     if discrepant:
         residuals -= discrepancy(others, refitted).change

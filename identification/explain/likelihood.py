@@ -194,12 +194,9 @@ class Problem:
 
         The soils of grounds of one class vary about its mean, which is integrated out.
         """
-        of_class: dict[str | int, list[int]] = {}
-        for number, ground in enumerate(self.samples.grounds):
-            of_class.setdefault(ground.class_name or number, []).append(number)
         precision = np.zeros((self.grounds, SOIL_COUNT, self.grounds, SOIL_COUNT))
         for index, name in enumerate(PARAMETERS):
-            for members in of_class.values():
+            for members in self.samples.classes.values():
                 about = _precision_about_mean(len(members), sd[index], BETWEEN_PLACES[name])
                 precision[:, index, :, index][np.ix_(members, members)] = about
         return precision.reshape(2 * (SOIL_COUNT * self.grounds,))

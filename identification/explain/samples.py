@@ -44,7 +44,9 @@ MOST_ROWS = 1500
 _PIECE = 50
 """Rows in a piece."""
 
-_BLOCKS = 12
+_BLOCKS, _PIECES = 12, 3
+"""Blocks that are held out, and pieces of each of the two blocks of a ground where there are several grounds."""
+
 _WIDEST = 0.09
 """Largest range of slip, or of load relative to the largest load, in one level that is held out [-]."""
 
@@ -97,8 +99,8 @@ class Samples:
         Remarks on rows left out.
     simulated : (n, 5)
         Channels of another simulator, if any, with its load and slip.
-    grounds
-        Grounds, by number.
+    grounds, wheels
+        Grounds, and names of wheels, by number.
     """
 
     wheel: Wheel
@@ -116,6 +118,7 @@ class Samples:
     notes: tuple[str, ...] = ()
     simulated: np.ndarray | None = None
     grounds: tuple[Ground, ...] = (Ground(),)
+    wheels: tuple[str, ...] = ("",)
 
     def __len__(self) -> int:
         return len(self.measured)
@@ -141,6 +144,21 @@ class Samples:
             position=self.position[rows], lane=self.lane[rows], block=self.block[rows], grounds=(self.grounds[number],),
             simulated=None if self.simulated is None else self.simulated[rows],
         )  # fmt: skip
+
+    def of_class_of(self, rows: np.ndarray) -> np.ndarray:
+        """Return the rows on grounds of the classes of some rows (k,); these themselves where there is one ground."""
+        if len(self.grounds) == 1:
+            return rows
+        same = [np.isin(self.drive.ground, grounds) for grounds in self.classes.values()]
+        return np.flatnonzero(np.any([own for own in same if own[rows].any()], axis=0))
+
+    @property
+    def classes(self) -> dict[str, list[int]]:
+        """Numbers of the grounds of each class; a ground whose class is not known is one of its own."""
+        answer: dict[str, list[int]] = {}
+        for number, ground in enumerate(self.grounds):
+            answer.setdefault(ground.class_name or f"ground {number + 1}", []).append(number)
+        return answer
 
     @property
     def seen(self) -> np.ndarray:
@@ -213,7 +231,7 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle, grounds: Sequence[
     if timed:
         drive = _smooth_speeds(drive, table, wheel, regime)
     samples = _select_samples(table, wheel, vehicle, drive, measured, noise, load, slip, usable, timed, notes)
-    return _with_grounds(samples, grounds)
+    return _blocked(_with_grounds(samples, grounds))
 
 
 def _check(table: WheelTable) -> None:
@@ -296,11 +314,11 @@ def _select_samples(
         notes.append(f"{lost} rows have no place: ground is taken to vary with time, and passes to share none of it")
     position = drive.place_m if placed else np.where(drive.timed, drive.time_s, math.nan)
     stated = np.array([name in vehicle.noise for name in CHANNELS])
-    samples = Samples(
+    return Samples(
         wheel, drive, measured[rows], noise, stated, load.select(rows, follows), slip.select(rows, follows), follows,
         position, lane[rows], np.zeros(len(rows), dtype=int), "", tuple(notes), simulated,
+        wheels=("",) if table.wheel is None else tuple(dict.fromkeys(table.wheel.tolist())),
     )  # fmt: skip
-    return _blocked(samples)
 
 
 def _with_grounds(samples: Samples, grounds: Sequence[Ground]) -> Samples:
@@ -376,8 +394,21 @@ def _thinned(rows: np.ndarray, passes: int) -> tuple[np.ndarray, bool]:
 
 
 def _blocked(samples: Samples) -> Samples:
-    """Number the blocks to hold out: conditions of trials, else stretches of time within runs and passes."""
+    """Number the blocks to hold out: conditions of trials, else stretches of time within runs and passes, or pieces of
+    each ground in turn.
+    """
     drive, count = samples.drive, len(samples)
+    if len(samples.grounds) > 1:
+        block = np.empty(count, dtype=int)
+        for ground in range(len(samples.grounds)):
+            rows = np.flatnonzero(drive.ground == ground)
+            order = rows[np.argsort(drive.time_s[rows], kind="stable")]
+            piece = np.arange(len(order)) * 2 * _PIECES // len(order)
+            block[order] = 2 * ground + piece % 2
+        return replace(
+            samples, block=block,
+            block_kind="halves of grounds held out in turn, effects from other classes, soil from the other half",
+        )  # fmt: skip
     if drive.timed:
         size = max(count // _BLOCKS, 1)
         block, number = np.empty(count, dtype=int), 0

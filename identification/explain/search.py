@@ -15,7 +15,8 @@ import numpy as np
 
 from ...framework.core.concurrency import together
 from ..effects.catalogue import effects_for
-from ..effects.effect import Effect, Situation
+from ..effects.effect import Effect, Group, Situation
+from ..effects.grouped import in_every_group
 from ..mechanics.augmented import SOIL_COUNT, Entry
 from .evidence import log_evidence
 from .fit import Fitted, fit, with_effect
@@ -81,8 +82,8 @@ class Search:
 
     Parameters
     ----------
-    problem, textbook
-        The samples, and the hypothesis of no effect.
+    problem, situation, textbook
+        The samples, what they can show, and the hypothesis of no effect.
     catalogue
         Forms of effects that these data can show.
     origin
@@ -96,6 +97,7 @@ class Search:
     """
 
     problem: Problem
+    situation: Situation
     textbook: Hypothesis
     catalogue: Sequence[Effect]
     origin: float
@@ -189,8 +191,9 @@ def search(
     progress
         Called with a description of each step.
     """
-    catalogue = effects_for(situation(problem, fitted), tuple(slugs))
-    found = Search(problem, Hypothesis((), fitted, 0.0), catalogue, log_evidence(problem, fitted))
+    shown = situation(problem, fitted)
+    textbook, origin = Hypothesis((), fitted, 0.0), log_evidence(problem, fitted)
+    found = Search(problem, shown, textbook, effects_for(shown, tuple(slugs)), origin)
     progress("fitting every effect alone")
     _fit_alone(found)
     expanded: set[frozenset[str]] = set()
@@ -231,7 +234,7 @@ def _fit_neighbours(found: Search, base: Hypothesis) -> None:
     for effect, bare in zip(base.effects, smaller, strict=True):
         others = [each for each in found.catalogue if each.slug not in base.slugs]
         same = [each for each in found.catalogue if each.slug == effect.slug and each.name != effect.name]
-        derived = effect.extensions()
+        derived = [*effect.extensions(), *in_every_group(effect, found.situation)]
         found.consider(derived)
         forms = _ranked(problem, bare, same)[:FORMS]
         found.fit_added(bare, _best_ranked(problem, bare, others, SWAPPED), again=[*forms, *derived])
@@ -344,4 +347,6 @@ def situation(problem: Problem, fitted: Fitted) -> Situation:
     return Situation(
         samples.wheel, samples.drive, typical, measured[:, 2], innovations, float(soil[0]),
         float(soil[1]), math.exp(soil[3]), best_patches(problem, fitted),
+        tuple(Group(name, "wheel", (number,)) for number, name in enumerate(samples.wheels)),
+        tuple(Group(name, "ground", tuple(numbers)) for name, numbers in samples.classes.items()),
     )  # fmt: skip

@@ -236,7 +236,7 @@ class AugmentedWheel:
         def lay_out(theta_1: np.ndarray) -> np.ndarray:
             return self._contact(drive, true, vector, theta_1).array
 
-        fixed = all(type(effect).contact is Effect.contact for effect in self.effects)
+        fixed = not any(effect.shapes_contact for effect in self.effects)
         found = carry(
             lay_out(initial_angles(entry.theta_1)), true[:, 0], self.wheel.width_m, lay_out=None if fixed else lay_out,
             growth=entry.growth, near=entry.growth is not None, sloped=sloped,

@@ -9,6 +9,7 @@ from pkgutil import iter_modules
 from ....framework.core.errors import InputError
 from ....framework.core.plugins import load_plugins
 from ..effect import Effect, Situation
+from ..grouped import in_one_group
 from ..registry import REGISTRY, check_form
 
 for _module in iter_modules(__path__):
@@ -22,7 +23,7 @@ SLUGS = REGISTRY.keys()
 
 
 def effects_for(situation: Situation, slugs: Iterable[str] = SLUGS) -> list[Effect]:
-    """Give all forms of the effects named that a recording can show.
+    """Give all forms of the effects named that a recording can show, of all rows and of groups of these.
 
     Raises
     ------
@@ -32,7 +33,8 @@ def effects_for(situation: Situation, slugs: Iterable[str] = SLUGS) -> list[Effe
     wanted = set(slugs)
     for slug in sorted(wanted):
         effect_class(slug)
-    return [check_form(form) for slug in SLUGS if slug in wanted for form in REGISTRY[slug].forms(situation)]
+    forms = [check_form(form) for slug in SLUGS if slug in wanted for form in REGISTRY[slug].forms(situation)]
+    return [each for form in forms for each in (form, *in_one_group(form, situation))]
 
 
 def forms_by_name(slug: str, situation: Situation) -> list[Effect]:

@@ -24,6 +24,7 @@ class Bulldozing(Effect):
     what_happens = "soil is pushed up in front of the wheel, which costs pull"
     check = "look for a wave of soil ahead of the wheel; measure the pull with the soil ahead taken away"
     of_any_wheel = True
+    belongs_to = "ground"
     form = "wedge"
     equation = "R_b = s b [cot X + tan(X + phi)] [c z + (cot X + cot^2 X tan phi) gamma z^2 / 2], X = 45 deg - phi / 2"
     source = (

@@ -31,6 +31,7 @@ class ExitAngle(Effect):
     what_happens = "soil rebounds behind the wheel's lowest point and stays in contact with the rim"
     check = "measure the depth of the rut behind the wheel: it is less than the sinkage"
     of_any_wheel = True
+    belongs_to = "ground"
     form = "peak kept"
     equation = "theta_2 = -c2 theta_1, theta_m = theta_1 / 2"
     source = (

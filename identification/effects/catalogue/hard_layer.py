@@ -30,6 +30,7 @@ class HardLayer(Effect):
     what_happens = "a stiffer layer lies beneath the soil"
     check = "dig, or push a penetrometer to below the rut: resistance jumps at the layer"
     of_any_wheel = True
+    belongs_to = "ground"
     nested = False
     equation = "sigma = S (z/b)^n + S_L ((z - d)/b)^n for z > d"
     source = "after M. G. Bekker, Introduction to Terrain-Vehicle Systems (1969), layered media"

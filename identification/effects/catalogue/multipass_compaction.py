@@ -33,6 +33,7 @@ class MultipassCompaction(Effect):
     what_happens = "later passes run on soil that earlier wheels compacted"
     check = "drive twice more in the same rut and compare the sinkage of the passes"
     of_ground = True
+    belongs_to = "ground"
     needs = ("pass_number",)
     source = "after I. C. Holm, J. Terramechanics 6 (1969), and C. Senatore, C. Sandu, J. Terramechanics 48 (2011)"
     by: str

@@ -30,6 +30,7 @@ class RateDependence(Effect):
         "after R. G. Pope, J. Terramechanics 6(4) (1969), and Grahn, J. Terramechanics 28 (1991): powers of the speed"
     )
     needs = ("rim_speed_m_s",)
+    belongs_to = "ground"
 
     def __init__(self, form: str, speed_m_s: float) -> None:
         self.form = form

@@ -25,6 +25,7 @@ class RimAdhesion(Effect):
     what_happens = "soil slips on the rim before it shears within"
     check = "measure cohesion and friction of the soil by a shear test, and those on the rim's material by another"
     of_any_wheel = True
+    belongs_to = "ground"
     nested = False
     source = (
         "M. G. Bekker, Theory of Land Locomotion (1956), external friction; adhesion and friction as in A. R. Reece, "

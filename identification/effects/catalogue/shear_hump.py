@@ -31,6 +31,7 @@ class ShearHump(Effect):
         "shear the soil by an annulus or a plate at constant pressure to several times k: the stress falls after a peak"
     )
     of_any_wheel = True
+    belongs_to = "ground"
     nested = False
     equation = "tau = tau_max K_r {1 + [1 / (K_r (1 - 1/e)) - 1] exp(1 - j/k)} [1 - exp(-j/k)]"
     source = "J. Y. Wong, J. Preston-Thomas, J. Terramechanics 19 (1983), 225-234"

@@ -32,6 +32,7 @@ class SideWallFriction(Effect):
     what_happens = "the buried flanks of the wheel rub on soil"
     check = "drive the same with smooth, greased discs at the sides of the wheel, or with a narrower wheel"
     of_any_wheel = True
+    belongs_to = "ground"
     form = "stress"
     equation = "T += 2 tau_s A r, DP -= 2 tau_s A; A the buried area of a flank ahead of the axle"
     source = "statics of a shear stress on the buried flanks, after L. Ding et al. (2009)"

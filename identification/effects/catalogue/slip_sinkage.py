@@ -35,6 +35,7 @@ class SlipSinkage(Effect):
     what_happens = "a slipping wheel carries soil out from under itself and sinks further"
     check = "drive at constant load with slips from 0 to 0.6 on fresh soil and read the sinkage"
     of_any_wheel = True
+    belongs_to = "ground"
 
     @classmethod
     def forms(cls, situation: Situation) -> Sequence[Effect]:

@@ -56,6 +56,8 @@ class SoilPatch(Effect):
     check = "drive the same stretch again, and sample the soil inside and outside of it"
     nested = False
     of_ground = True
+    belongs_to = "ground"
+    by_place = True
     source = "definition"
     required = ("from", "to")
     change = (

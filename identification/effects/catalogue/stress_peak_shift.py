@@ -29,6 +29,7 @@ class StressPeakShift(Effect):
     what_happens = "the peak of normal stress moves along the rim with slip"
     check = "measure the normal stress around the rim with pressure sensors at two slips"
     of_any_wheel = True
+    belongs_to = "ground"
     equation = "theta_m = (a0 + a1 i) theta_1"
     source = "J.-Y. Wong, A. R. Reece, J. Terramechanics 4(1) (1967), 81-98, driven wheels"
     parameters = (_A0, _A1)

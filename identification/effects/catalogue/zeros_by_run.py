@@ -29,6 +29,7 @@ class ZerosByRun(Effect):
     check = "read the sensors before and after each run with the wheel just touching the ground"
     kind = "instrument"
     by_run = True
+    by_place = True
     equation = "q reported = q + q_0, q_0 constant in each run"
     source = "definition"
 

@@ -1,4 +1,4 @@
-"""Which ground each row of a drive is on, from the track and the wheels' places on the vehicle."""
+"""Where each row of a drive was driven, from the vehicle's track and the wheels' places on it: position and ground."""
 
 from __future__ import annotations
 
@@ -9,10 +9,37 @@ import numpy as np
 
 from ...framework.core.recording.types import WheelTable
 from ...framework.core.track.grounds import CHANGE_MARGIN_M, Ground
-from ...framework.core.track.way import Track
+from ...framework.core.track.way import RECORDED, Track, moved
 from ...framework.core.vehicle import Vehicle, Wheel
 from ..effects.drive import GROUND
 from .gate import LIMITS
+
+
+def with_places(table: WheelTable, vehicle: Vehicle, track: Track | None) -> WheelTable:
+    """Add the positions of the wheels, unless they were recorded.
+
+    Parameters
+    ----------
+    table
+        Rows of wheels of one geometry, with `time_s`.
+    vehicle
+        The vehicle, for the places of its wheels.
+    track
+        Where the reference point was; None, or dead reckoning, gives no positions.
+    """
+    if track is None or track.origin != RECORDED or {"x_m", "y_m"} & set(table.columns):
+        return table
+    forward, left = np.array([wheel.position_m for wheel in _wheels(table, vehicle)]).T
+    x_m, y_m = moved(*track.place_at(table["time_s"]), forward, left)
+    return WheelTable({**table.columns, "x_m": x_m, "y_m": y_m}, table.wheel, table.run, table.source)
+
+
+def _wheels(table: WheelTable, vehicle: Vehicle) -> list[Wheel]:
+    """Return the wheel of each row."""
+    if table.wheel is None:
+        return len(table) * [vehicle.wheel()]
+    by_name = {name: vehicle.wheel(name) for name in np.unique(table.wheel).tolist()}
+    return [by_name[name] for name in table.wheel]
 
 
 def with_grounds(table: WheelTable, vehicle: Vehicle, track: Track | None, grounds: Sequence[Ground]) -> WheelTable:
@@ -33,12 +60,10 @@ def with_grounds(table: WheelTable, vehicle: Vehicle, track: Track | None, groun
         Grounds in order of time.
     """
     time_s = table["time_s"]
-    names = [None] * len(table) if table.wheel is None else table.wheel
     starts, ends = (np.array([getattr(each, name) for each in grounds]) for name in ("start_s", "end_s"))
     where, margin = time_s, 0.0
     if track is not None:
-        forward = {name: vehicle.wheel(name).position_m[0] for name in set(names)}
-        where = _way_at(track, time_s) + np.array([forward[name] for name in names])
+        where = _way_at(track, time_s) + np.array([wheel.position_m[0] for wheel in _wheels(table, vehicle)])
         starts, ends, margin = _way_at(track, starts), _way_at(track, ends), CHANGE_MARGIN_M
     first, last = np.append(-math.inf, starts[1:] + margin), np.append(ends[:-1] - margin, math.inf)
     number = np.full(len(table), math.nan)
