@@ -21,6 +21,7 @@ from .core.recording.types import Recording
 from .core.soil import SoilKnowledge
 from .core.sound_explanation import SoundFindings
 from .core.vehicle import Vehicle
+from .grounds import grounds_of
 
 
 def explain(
@@ -31,6 +32,7 @@ def explain(
     simulated: str | Path | None = None,
     seed: int = 0,
     catalogue: Iterable[str] | None = None,
+    database: str | Path | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Explanation:
     """Say why simulation and recording differ; where the recording has sound, what it holds besides the ground.
@@ -49,6 +51,9 @@ def explain(
         Of all randomness.
     catalogue
         Public names of the effects to consider; all where absent.
+    database
+        Path or URL of a terrain database whose map says which classes of ground the drive led over, where the
+        recording's own labels do not; what the senses saw and heard says it where neither does (`grounds_of`).
     progress
         Called with what is being done, in words.
 
@@ -63,7 +68,13 @@ def explain(
         The recording has no wheel channels or geometry, lacks channels or rows to compare, or a name is unknown.
     """
     seed, opened = whole("seed", seed), open_recording(recording, vehicle)
-    answer = explain_wheel(opened, soil=soil, simulated=simulated, seed=seed, catalogue=catalogue, progress=progress)
+    grounds, known_by = grounds_of(opened, database, progress)
+    answer = explain_wheel(
+        opened, soil=soil, simulated=simulated, seed=seed, catalogue=catalogue, grounds=grounds, progress=progress
+    )
+    if known_by:
+        names = list(dict.fromkeys(each.class_name or "not sure" for each in answer.grounds))
+        answer = replace(answer, notes=(f"classes of ground: {', '.join(names)}, by {known_by}", *answer.notes))
     if opened.sound is None:
         return answer
     if progress is not None:
@@ -81,23 +92,23 @@ def check_store(database: str | Path | None, class_name: str | None) -> None:
     Parameters
     ----------
     database
-        Path or SQLAlchemy URL of the terrain database, which need not exist yet; None together with `class_name`.
+        Path or SQLAlchemy URL of the terrain database, which need not exist yet.
     class_name
-        The class of terrain.
+        The class of terrain; None where the drive says it.
     """
-    if (database is None) != (class_name is None):
-        given, absent = ("--db", "--class") if class_name is None else ("--class", "--db")
-        raise InputError(absent, f"is missing, and {given} is given", expected="both, to store what is found, or none")
-    if database is not None and class_name is not None:
+    if class_name is not None:
         check_class_name(class_name, "--class")
-        if (found := TerrainDatabase.open_if_there(database)) is not None:
-            found.close()
+        if database is None:
+            raise InputError("--db", "is missing, and --class is given", expected="both, to store what is found")
+    if database is not None and (found := TerrainDatabase.open_if_there(database)) is not None:
+        found.close()
 
 
-def store(answer: Explanation, database: str | Path, class_name: str) -> str:
-    """Store soil and effects that were found with a class of terrain, for predictions on it.
+def store(answer: Explanation, database: str | Path, class_name: str | None = None) -> tuple[str, ...]:
+    """Store soil and effects that were found with the classes of terrain, for predictions on these.
 
-    What the class has already as its newest, as where a recording is explained again, is stored once.
+    What a class has already as its newest, as where a recording is explained again, is stored once. Of several grounds
+    of a class, that with most rows gives its soil.
 
     Parameters
     ----------
@@ -106,26 +117,46 @@ def store(answer: Explanation, database: str | Path, class_name: str) -> str:
     database
         Path or SQLAlchemy URL of the terrain database; made where there is none.
     class_name
-        The class of terrain that the recording was driven on, spelt as drives have it.
+        The class of terrain that the recording was driven on, spelt as drives have it; those of its grounds where
+        absent.
 
     Returns
     -------
-    str
-        The database's name.
+    tuple of str
+        Names of the classes.
 
     Raises
     ------
     InputError
-        No effect is asserted; one of the effects is less likely than not; or the database or the class is refused.
+        No effect is asserted; one of the effects is less likely than not; the class is not known, or is one for several
+        grounds; or the database or the class is refused.
     """
     if answer.verdict not in ("physics", "instrument"):
         raise InputError(
             answer.source, f"nothing was found to store: the verdict is {answer.verdict}",
             expected="missing physics or a fault of an instrument that is asserted",
         )  # fmt: skip
+    chosen = _ground_by_class(answer, class_name)
     with TerrainDatabase(database) as opened:
-        opened.add_physics(class_name, answer.physics, source=answer.source)
-        return opened.name
+        for name, ground in chosen.items():
+            opened.add_physics(name, answer.physics_of(ground), source=answer.source)
+    return tuple(chosen)
+
+
+def _ground_by_class(answer: Explanation, class_name: str | None) -> dict[str, int]:
+    """Number of the ground whose soil is stored with each class; raises `InputError` where there is none."""
+    if class_name is not None:
+        if len(answer.grounds) > 1:
+            raise InputError("--class", class_name, expected="none: the drive led over several grounds")
+        return {class_name: 0}
+    chosen: dict[str, int] = {}
+    for number, ground in enumerate(answer.grounds):
+        before = chosen.get(ground.class_name)
+        if ground.class_name and (before is None or ground.n > answer.grounds[before].n):
+            chosen[ground.class_name] = number
+    if not chosen:
+        raise InputError("--class", "is missing", expected="the class of the ground, which the recording does not say")
+    return chosen
 
 
 def _explain_sound(recording: Recording, seed: int) -> SoundFindings:

@@ -100,11 +100,30 @@ def classes_along(belief: Belief, track: Track, vehicle: Vehicle | None, cell_si
     sums = np.zeros((m, k))
     np.add.at(sums, window[seen], belief.quality[row[seen]][:, None] * belief.probabilities[row[seen]])
     known = weight > 0
-    probabilities = np.full((m, k), 1.0 / max(k, 1))
-    probabilities[known] = sums[known] / weight[known][:, None]
+    return class_track(track, times, sums / np.where(known, weight, 1.0)[:, None], known, belief.classes)
+
+
+def class_track(
+    track: Track, times_s: np.ndarray, probabilities: np.ndarray, known: np.ndarray, classes: tuple[str, ...]
+) -> ClassTrack:
+    """Find the most probable sequence of classes along a track.
+
+    Parameters
+    ----------
+    track
+        The way.
+    times_s : (m + 1,)
+        Times between which the pieces of the track lie [s].
+    probabilities : (m, k)
+        Belief over the classes on each piece, of any value where it is not `known` (m,).
+    known, classes
+        As in `ClassTrack`.
+    """
+    start_s, end_s, k = times_s[:-1], times_s[1:], len(classes)
+    believed = np.where(known[:, None], probabilities, 1.0 / max(k, 1))
     length_m = np.interp(end_s, track.time_s, track.way_m) - np.interp(start_s, track.time_s, track.way_m)
-    label = _most_probable_sequence(probabilities, length_m) if k else np.full(m, -1)
-    return ClassTrack(start_s, end_s, length_m, probabilities, known, label, belief.classes)
+    label = _most_probable_sequence(believed, length_m) if k else np.full(len(start_s), -1)
+    return ClassTrack(start_s, end_s, length_m, believed, known, label, classes)
 
 
 def _most_probable_sequence(probabilities: np.ndarray, length_m: np.ndarray) -> np.ndarray:

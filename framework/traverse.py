@@ -100,7 +100,7 @@ def run_traverse(
     if known is not None:
         return _recalled_summary(*known, about, _problems(recording, track), began)
     records = observe(recording, track, models.classifiers, cell_size_m, progress=report)
-    belief = _believe(records, track, recording.vehicle, cell_size_m)
+    belief = believe(records, track, recording.vehicle, cell_size_m)
     along = classes_along(belief, track, recording.vehicle, cell_size_m) if track is not None else None
     soil = learn_soil(recording, track, along, progress=report)
 
@@ -138,7 +138,7 @@ def _cell_size(cell_size_m: float) -> float:
     return edge
 
 
-def _believe(
+def believe(
     records: tuple[SenseRecord, ...], track: Track | None, vehicle: Vehicle | None, cell_size_m: float
 ) -> Belief:
     """Fuse the senses over all cells that they looked at and all that the wheels ran over."""

@@ -29,10 +29,12 @@ def command(
         typer.Option("--seed", min=0, help="Seed of the intervals' resampling and of the sound's surrogates."),
     ] = 0,
     db: Annotated[
-        str | None, typer.Option("--db", help="Terrain database to store soil and effects in; needs --class.")
+        str | None,
+        typer.Option("--db", help="Terrain database: its map gives classes, what is found is stored."),
     ] = None,
     class_name: Annotated[
-        str | None, typer.Option("--class", help="Class of terrain to store them with; needs --db.")
+        str | None,
+        typer.Option("--class", help="Class of terrain to store it with, if nothing gives it."),
     ] = None,
 ) -> None:
     """Say what the simulation of a recorded wheel lacks, how probable that is, and what modelling it gains."""
@@ -44,7 +46,9 @@ def command(
     check_outputs([json, report], [recording, vehicle, soil, simulated])
     check_store(db, class_name)
     with status(f"explaining {recording}") as progress:
-        answer = explain(recording, vehicle=vehicle, soil=soil, simulated=simulated, seed=seed, progress=progress)
+        answer = explain(
+            recording, vehicle=vehicle, soil=soil, simulated=simulated, seed=seed, database=db, progress=progress
+        )
     if json is not None:
         write_json(answer.to_json(), json)
     if report is not None:
@@ -53,5 +57,5 @@ def command(
         with status(f"drawing {report}"):
             write_report(answer, report)
     print_explanation(answer)
-    if db is not None and class_name is not None:
-        print(f"stored with class {class_name} in {store(answer, db, class_name)}")
+    if db is not None and (answer.verdict in ("physics", "instrument") or class_name is not None):
+        print(f"stored in {db} with {', '.join(store(answer, db, class_name))}")

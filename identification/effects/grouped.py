@@ -95,7 +95,7 @@ _KINDS = {"wheel": "wheel", "ground": "class"}
 
 
 def in_one_group(form: Effect, situation: Situation) -> list[Effect]:
-    """Return the forms of an effect that act in one group only: physics of the ground on a class, all else on a wheel."""
+    """Return the forms that act in one group only: physics of the ground on a class, all else on a wheel."""
     return [GroupedEffect(form, (each,)) for each in _groups(form, situation)]
 
 

@@ -199,7 +199,7 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle, grounds: Sequence[
         notes.append(sentence(AS_TRIALS))
     if unclocked := missing_clock(table):
         notes.append(sentence(unclocked))
-    if table.wheel is not None and len(set(table.wheel)) > 1:
+    if table.wheel is not None and len(set(table.wheel)) > 1 and "x_m" not in table:
         notes.append(f"rows of {len(set(table.wheel))} wheels are taken together: as if all ran on the same ground")
     if usable.sum() < LEAST_ROWS:
         raise InputError(

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from ...framework.core.recording.types import WheelTable
 from ...framework.core.track.grounds import CHANGE_MARGIN_M, Ground
@@ -14,9 +15,12 @@ from ...framework.core.vehicle import Vehicle, Wheel
 from ..effects.drive import GROUND
 from .gate import LIMITS
 
+_REVISIT_M = 4.0
+"""Way after which a wheel that comes back to a place runs over it once more [m]."""
+
 
 def with_places(table: WheelTable, vehicle: Vehicle, track: Track | None) -> WheelTable:
-    """Add the positions of the wheels, unless they were recorded.
+    """Add the positions of the wheels, unless they were recorded, and of several wheels the number of the pass.
 
     Parameters
     ----------
@@ -29,9 +33,63 @@ def with_places(table: WheelTable, vehicle: Vehicle, track: Track | None) -> Whe
     """
     if track is None or track.origin != RECORDED or {"x_m", "y_m"} & set(table.columns):
         return table
-    forward, left = np.array([wheel.position_m for wheel in _wheels(table, vehicle)]).T
-    x_m, y_m = moved(*track.place_at(table["time_s"]), forward, left)
-    return WheelTable({**table.columns, "x_m": x_m, "y_m": y_m}, table.wheel, table.run, table.source)
+    wheels, time_s = _wheels(table, vehicle), table["time_s"]
+    forward, left = np.array([wheel.position_m for wheel in wheels]).T
+    x_m, y_m = moved(*track.place_at(time_s), forward, left)
+    added = {"x_m": x_m, "y_m": y_m}
+    if "pass" not in table and len(vehicle.wheels) > 1 and table.wheel is not None:
+        reach_m = 0.5 * wheels[0].width_m
+        place = np.column_stack([x_m, y_m])
+        added["pass"] = passes_at(place, time_s, _way_at(track, time_s) + forward, table.wheel, reach_m)
+    return WheelTable({**table.columns, **added}, table.wheel, table.run, table.source)
+
+
+def passes_at(
+    place: np.ndarray, time_s: np.ndarray, way_m: np.ndarray, wheel: np.ndarray, reach_m: float
+) -> np.ndarray:  # fmt: skip
+    """Count the wheels that have run over each place, (n,): 1 on fresh ground, NaN where the place is not known.
+
+    Parameters
+    ----------
+    place : (n, 2)
+        Positions of wheels in the plane [m].
+    time_s, way_m : (n,)
+        Time [s], and way along the track [m].
+    wheel : (n,)
+        Name of the wheel.
+    reach_m
+        Distance up to which two tracks are one [m].
+    """
+    known = np.flatnonzero(np.isfinite(place).all(axis=1))
+    ran = [_closely(place[rows], time_s[rows], way_m[rows], 0.5 * reach_m) for rows in _by_wheel(wheel, known)]
+    track = np.concatenate(ran)
+    name = np.repeat(np.arange(len(ran)), [len(each) for each in ran])
+    near = KDTree(place[known]).sparse_distance_matrix(KDTree(track[:, :2]), reach_m, output_type="coo_matrix")
+    row, there = known[near.row], near.col
+    again = np.rint((way_m[row] - track[there, 3]) / _REVISIT_M).astype(int)
+    own = np.unique(wheel, return_inverse=True)[1][row] == name[there]
+    before = (track[there, 2] < time_s[row]) & (~own | (again > 0))
+    visits = np.unique(np.column_stack([row, name[there], again])[before], axis=0)
+    answer = np.full(len(place), math.nan)
+    answer[known] = 1.0
+    np.add.at(answer, visits[:, 0], 1.0)
+    return answer
+
+
+def _by_wheel(wheel: np.ndarray, rows: np.ndarray) -> list[np.ndarray]:
+    """Split rows by wheel, in order of the wheels' names."""
+    return [rows[wheel[rows] == name] for name in np.unique(wheel)]
+
+
+def _closely(place: np.ndarray, time_s: np.ndarray, way_m: np.ndarray, step_m: float) -> np.ndarray:
+    """Position, time and way (k, 4) of a wheel at steps of the way: at speed, rows are far apart."""
+    if not len(time_s):
+        return np.empty((0, 4))
+    order = np.argsort(time_s, kind="stable")
+    moving = order[np.diff(way_m[order], prepend=-math.inf) > 0.0]
+    grid = np.arange(way_m[moving[0]], way_m[moving[-1]], step_m)
+    columns = (place[:, 0], place[:, 1], time_s, way_m)
+    return np.column_stack([np.interp(grid, way_m[moving], each[moving]) for each in columns])
 
 
 def _wheels(table: WheelTable, vehicle: Vehicle) -> list[Wheel]:

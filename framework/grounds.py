@@ -1,0 +1,112 @@
+"""Which grounds a drive led over: from labels, from a terrain database, or from what the senses saw and heard."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from ..database.store import TerrainDatabase
+from .core.evidence import UNKNOWN
+from .core.recording.types import Labels, Recording
+from .core.track.grounds import Ground
+from .core.track.way import RECORDED, Track, track_of
+from .default_models import find_models
+from .segments import LEAST_KNOWN_SHARE, ClassTrack, class_track, classes_along
+from .sense_map import observe
+from .senses import senses_of
+from .traverse import CELL_SIZE_M, believe
+
+
+def grounds_of(
+    recording: Recording, database: str | Path | None = None, progress: Callable[[str], None] | None = None
+) -> tuple[tuple[Ground, ...], str]:
+    """Find the grounds of a drive, and what they were found by.
+
+    Labels of the recording come first, then the map of a database that knows the track, then the senses. A stretch
+    whose class is not sure has none.
+
+    Parameters
+    ----------
+    recording
+        The drive.
+    database
+        Path or SQLAlchemy URL of a terrain database, which need not exist.
+    progress
+        Called with a description of each step.
+
+    Returns
+    -------
+    grounds, source
+        In order of time; empty, with an empty source, where nothing says what the ground was.
+    """
+    wheel = recording.wheel
+    if wheel is None or wheel.run is not None or "time_s" not in wheel:
+        return (), ""
+    if recording.labels is not None and recording.labels.classes:
+        return _labelled(recording.labels), "labels of the recording"
+    track = track_of(recording)
+    if track is None or track.origin != RECORDED:
+        return (), ""
+    along = _on_map(recording, track, database)
+    if along is not None:
+        return _stretches(along), f"the map of {database}"
+    names = senses_of(recording)
+    if not names:
+        return (), ""
+    report = progress or (lambda _: None)
+    report("recognising the ground")
+    models = find_models(None, database, senses=names)
+    records = observe(recording, track, models.classifiers, CELL_SIZE_M)
+    belief = believe(records, track, recording.vehicle, CELL_SIZE_M)
+    known = " and ".join(name for name in names if name in models.classifiers)
+    synthetic = ", trained on synthetic ground only" if models.synthetic else ""
+    grounds = _stretches(classes_along(belief, track, recording.vehicle, CELL_SIZE_M))
+    return grounds, f"{known}{synthetic}" if grounds else ""
+
+
+def _labelled(labels: Labels) -> tuple[Ground, ...]:
+    """Grounds of labelled stretches; neighbours of one class are one."""
+    grounds: list[Ground] = []
+    for start_s, end_s, name in sorted(zip(labels.start_s, labels.end_s, labels.classes, strict=True)):
+        before = grounds[-1] if grounds else None
+        if before is not None and before.class_name == name and before.end_s >= start_s:
+            grounds[-1] = Ground(name, before.start_s, max(float(end_s), before.end_s))
+        else:
+            grounds.append(Ground(name, float(start_s), float(end_s)))
+    return tuple(grounds)
+
+
+def _on_map(recording: Recording, track: Track, database: str | Path | None) -> ClassTrack | None:
+    """Follow the map of a database along the track; None where it does not know most of it."""
+    store = None if database is None else TerrainDatabase.open_if_there(database)
+    if store is None:
+        return None
+    with store:
+        if recording.site not in store.sites():
+            return None
+        snapshot = store.snapshot(recording.site)
+    times = track.every(CELL_SIZE_M)
+    x_m, y_m, _ = track.place_at(0.5 * (times[1:] + times[:-1]))
+    answer = snapshot.along(np.column_stack([x_m, y_m]))
+    probability = np.nan_to_num(answer.class_probability)
+    known = np.isfinite(answer.class_probability).all(axis=1) & (probability.sum(axis=1) > 0.0)
+    if not known.size or known.mean() < LEAST_KNOWN_SHARE:
+        return None
+    return class_track(track, times, probability, known, answer.class_names)
+
+
+def _stretches(along: ClassTrack) -> tuple[Ground, ...]:
+    """Grounds between changes of class; one without a class where it is not sure."""
+    if not along.classes or not along.known.any():
+        return ()
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(along.label)) + 1, [len(along.label)]])
+    grounds = []
+    for first, last in pairwise(edges.tolist()):
+        start_s, end_s = float(along.start_s[first]), float(along.end_s[last - 1])
+        belief = along.belief_between(start_s, end_s)
+        name = max(belief, key=belief.__getitem__) if belief else UNKNOWN
+        grounds.append(Ground("" if name == UNKNOWN else name, start_s, end_s))
+    return tuple(grounds)
