@@ -43,7 +43,8 @@ class Estimate:
 class Missing:
     """Something that was left out, with its share of the probability.
 
-    `kind` is ``"physics"``, ``"instrument"`` or ``"unknown"``; `form` says which published form, or which channel.
+    `kind` is ``"physics"``, ``"instrument"`` or ``"unknown"``; `form` says which published form, or which channel;
+    `where` on which wheel or class of ground it acts, if not everywhere; `belongs_to` is ``"ground"`` or ``"vehicle"``.
     """
 
     effect: str
@@ -56,11 +57,14 @@ class Missing:
     indistinguishable_from: tuple[str, ...] = ()
     would_tell: str = ""
     description: str = ""
+    where: str = ""
+    belongs_to: str = ""
 
     def to_json(self) -> dict[str, Any]:
         """Lay it out as an entry of the documented JSON's `missing` (CONTRACTS.md)."""
         return {
             "effect": self.effect, "kind": self.kind, "form": self.form, "probability": self.probability,
+            "where": self.where, "belongs_to": self.belongs_to or None,
             "parameters": estimates_json(self.parameters), "equation": self.equation, "source": self.source,
             "indistinguishable_from": list(self.indistinguishable_from), "would_tell": self.would_tell,
             **({"description": self.description} if self.description else {}),

@@ -155,7 +155,7 @@ def _missing(problem: Problem, found: Search, posterior: Posterior, chosen: Chos
     measurement = propose_measurement(problem, best, *others) if computed else effect.check
     return Missing(
         effect.slug, effect.kind, effect.form, probability, _parameters(problem, found, best, effect), effect.equation,
-        effect.source, tuple(rivals), measurement or effect.check,
+        effect.source, tuple(rivals), measurement or effect.check, where=effect.where, belongs_to=effect.belongs_to,
     )  # fmt: skip
 
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from ...framework.core.errors import InputError
 from ..effects.effect import LOAD, SLIP
-from ..mechanics.augmented import AugmentedWheel
 from ..mechanics.textbook import CHANNELS
 from .fit import fit_textbook
 from .latent import exact
@@ -51,7 +50,7 @@ def as_differences(samples: Samples, source: str | Path) -> tuple[Samples, np.nd
     if not np.any(difference[np.isfinite(difference)]):
         raise InputError(source, "gives just what was recorded", expected="what another simulator gives for the drive")
     problem, fitted = fit_textbook(imitation)
-    model = AugmentedWheel(samples.wheel)
+    model = fitted.model
     there = model.predict(imitation.drive, problem.imposed, fitted.vector, fitted.theta_1).channels[:, answers]
     recorded = Problem(samples)
     here = recorded.linearise(model, fitted.vector, None)

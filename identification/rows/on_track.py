@@ -66,13 +66,15 @@ def passes_at(
     name = np.repeat(np.arange(len(ran)), [len(each) for each in ran])
     near = KDTree(place[known]).sparse_distance_matrix(KDTree(track[:, :2]), reach_m, output_type="coo_matrix")
     row, there = known[near.row], near.col
-    again = np.rint((way_m[row] - track[there, 3]) / _REVISIT_M).astype(int)
+    since_m = way_m[row] - track[there, 3]
     own = np.unique(wheel, return_inverse=True)[1][row] == name[there]
-    before = (track[there, 2] < time_s[row]) & (~own | (again > 0))
-    visits = np.unique(np.column_stack([row, name[there], again])[before], axis=0)
+    before = np.flatnonzero((track[there, 2] < time_s[row]) & (~own | (since_m > _REVISIT_M)))
+    order = before[np.lexsort((since_m[before], name[there][before], row[before]))]
+    new = np.append(True, np.diff(row[order]) != 0)
+    new[1:] |= (np.diff(name[there][order]) != 0) | (np.diff(since_m[order]) > _REVISIT_M)
     answer = np.full(len(place), math.nan)
     answer[known] = 1.0
-    np.add.at(answer, visits[:, 0], 1.0)
+    np.add.at(answer, row[order][new[: len(order)]], 1.0)
     return answer
 
 

@@ -1,0 +1,88 @@
+"""A drive over several grounds, each with a soil of its own."""
+
+import math
+
+import numpy as np
+import pytest
+from bevameter.framework.core.track.grounds import Ground
+from bevameter.identification.explain.explain import explain
+from ground_drive import CLAY, LOAM, SAND, ground_drive
+
+GROUNDS = (Ground("sand", 0.0, 20.0), Ground("loam", 20.0, 40.0), Ground("clay", 40.0, 60.0))
+SOILS = {"sand": SAND, "loam": LOAM, "clay": CLAY}
+FEW = ("slip_sinkage", "torque_offset", "sinkage_offset")
+
+
+@pytest.fixture(scope="module")
+def null():
+    return explain(ground_drive(SOILS), grounds=GROUNDS, catalogue=FEW)
+
+
+def test_nothing_is_found_where_every_ground_has_a_soil_of_its_own(null):
+    assert null.verdict == "none"
+    assert [each.class_name for each in null.grounds] == list(SOILS)
+    assert sum(each.n for each in null.grounds) == null.n
+
+
+def test_the_soil_of_each_ground_is_within_its_interval(null):
+    for ground in null.grounds:
+        true = SOILS[ground.class_name]
+        for name, value in (("c_Pa", true.c_Pa), ("phi_rad", true.phi_rad), ("n", true.n)):
+            estimate = ground.soil[name]
+            assert abs(estimate.value - value) < 3.0 * estimate.sd, (ground.class_name, name)
+
+
+def test_where_there_are_several_soils_none_is_the_soil(null):
+    assert null.soil == {}
+    assert [each["class"] for each in null.to_json()["grounds"]] == list(SOILS)
+    for number, ground in enumerate(null.grounds):
+        stored = null.physics_of(number).soil
+        assert stored["phi_rad"].value == pytest.approx(ground.soil["phi_rad"].value)
+
+
+@pytest.fixture(scope="module")
+def softened():
+    """Sinkage grows with slip on sand only."""
+    drive = ground_drive(SOILS, slip_sinkage={"sand": 0.5})
+    return explain(drive, grounds=GROUNDS, catalogue=FEW)
+
+
+def test_physics_of_one_class_is_named_with_the_class(softened):
+    assert [each.effect for each in softened.missing] == ["slip_sinkage"]
+    assert softened.missing[0].where == "on sand only"
+    assert softened.to_json()["missing"][0]["belongs_to"] == "ground"
+
+
+def test_physics_of_one_class_is_stored_with_that_class_alone(softened):
+    effects = [[effect.slug for effect in softened.physics_of(number).effects] for number in range(3)]
+    assert effects == [["slip_sinkage"], [], []]
+
+
+def test_a_fault_of_one_wheel_is_named_with_the_wheel():
+    drive = ground_drive(
+        {"sand": SAND, "loam": LOAM}, seconds=15.0, places=(0.4, -0.4), zeros={"w1": {"torque_Nm": 5.0}}
+    )
+    grounds = (Ground("sand", 0.0, 15.0), Ground("loam", 15.0, 30.0))
+    found = explain(drive, grounds=grounds, catalogue=("torque_offset", "sinkage_offset"))
+    assert [(each.effect, each.where) for each in found.missing] == [("torque_offset", "on w1 only")]
+    assert found.missing[0].parameters["T_0"].value == pytest.approx(5.0, abs=0.5)
+
+
+def test_rows_near_a_border_and_on_hard_ground_are_left_out_with_a_reason():
+    hard = {"sand": SAND, "asphalt": SAND.__class__(c_Pa=0.0, phi_rad=0.6, k_m=0.01, stiffness_Pa=9e8, n=1.0)}
+    grounds = (Ground("sand", 0.0, 20.0), Ground("asphalt", 20.0, 40.0))
+    found = explain(ground_drive(hard), grounds=grounds, catalogue=("torque_offset",))
+    assert [each.class_name for each in found.grounds] == ["sand"]
+    assert any("asphalt" in note and "too hard" in note for note in found.notes)
+    assert any("at a change of ground" in note for note in found.notes)
+
+
+def test_soils_of_one_class_inform_each_other(null):
+    """Their joint prior varies about the mean of the class: its precision is the inverse of that covariance."""
+    from bevameter.identification.explain.likelihood import BETWEEN_PLACES, SOIL_PRIOR, _precision_about_mean
+
+    spread, of_mean = BETWEEN_PLACES["n"], SOIL_PRIOR["n"][1]
+    covariance = spread**2 * np.eye(3) + of_mean**2
+    np.testing.assert_allclose(_precision_about_mean(3, of_mean, spread), np.linalg.inv(covariance), rtol=1e-9)
+    flat = _precision_about_mean(3, math.inf, spread)
+    np.testing.assert_allclose(flat.sum(axis=1), 0.0, atol=1e-9)
