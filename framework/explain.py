@@ -17,6 +17,7 @@ from ..identification.rows.select import select_wheel_rows
 from .core.arguments import whole
 from .core.class_names import check_class_name
 from .core.errors import InputError
+from .core.recording.tables import is_table
 from .core.recording.types import Recording
 from .core.soil import SoilKnowledge
 from .core.sound_explanation import SoundFindings
@@ -86,7 +87,7 @@ def explain(
     return replace(answer, sound=sound)
 
 
-def check_store(database: str | Path | None, class_name: str | None) -> None:
+def check_store(database: str | Path | None, class_name: str | None, recording: str | Path) -> None:
     """Find out before long work whether its answer can be stored; raises `InputError` where it cannot.
 
     Parameters
@@ -94,12 +95,16 @@ def check_store(database: str | Path | None, class_name: str | None) -> None:
     database
         Path or SQLAlchemy URL of the terrain database, which need not exist yet.
     class_name
-        The class of terrain; None where the drive says it.
+        The class of terrain; None where the recording says it.
+    recording
+        The recording's path.
     """
     if class_name is not None:
         check_class_name(class_name, "--class")
         if database is None:
             raise InputError("--db", "is missing, and --class is given", expected="both, to store what is found")
+    elif database is not None and is_table(Path(recording)) and not Path(recording).is_dir():
+        raise InputError("--class", "is missing", expected="the class of the ground: a wheel file does not say it")
     if database is not None and (found := TerrainDatabase.open_if_there(database)) is not None:
         found.close()
 

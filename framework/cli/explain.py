@@ -44,7 +44,7 @@ def command(
     from .results import print_explanation
 
     check_outputs([json, report], [recording, vehicle, soil, simulated])
-    check_store(db, class_name)
+    check_store(db, class_name, recording)
     with status(f"explaining {recording}") as progress:
         answer = explain(
             recording, vehicle=vehicle, soil=soil, simulated=simulated, seed=seed, database=db, progress=progress

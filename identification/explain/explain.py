@@ -11,6 +11,7 @@ from pathlib import Path
 from threadpoolctl import threadpool_limits
 
 from ...framework.core.arguments import path_of, refused, whole
+from ...framework.core.errors import InputError
 from ...framework.core.recording.types import Recording
 from ...framework.core.soil import SoilKnowledge, as_knowledge
 from ...framework.core.track.grounds import Ground
@@ -24,12 +25,13 @@ from ..rows.settling import only_steady
 from ..rows.words import sentence
 from .answer import assemble, choose
 from .attach import attach
+from .change_points import changed_grounds, seems_changed
 from .explanation import Explanation
 from .fit import fit_textbook
 from .locate import locate
-from .posterior import posterior
-from .samples import gather
-from .search import search
+from .posterior import Posterior, posterior
+from .samples import Samples, gather
+from .search import Search, search
 from .simulated import as_differences
 from .words import summarise, trust
 
@@ -93,16 +95,24 @@ def explain(
             table = with_grounds(with_places(table, rows.vehicle, track), rows.vehicle, track, grounds)
             table, hard = without_hard_ground(table, rows.wheel, grounds)
             notes = (*notes, *hard)
+            if known.values:
+                raise InputError("soil", f"one soil for {len(grounds)} grounds", expected="a recording on one ground")
         samples, own = gather(table, rows.wheel, rows.vehicle, grounds or (Ground(),)), None
         if simulated is not None:
             report("fitting the textbook wheel to the other simulator")
             samples, own = as_differences(samples, simulated)
-        report("fitting the soil")
-        problem, textbook = fit_textbook(samples, known)
-        found = search(problem, textbook, considered, report)
-        report("computing posterior probabilities")
-        probabilities = posterior(found)
-        chosen = choose(problem, found, probabilities)
+        found, probabilities = _analyse(samples, known, considered, report)
+        if not grounds and simulated is None and not known.values and seems_changed(found, probabilities):
+            report("dividing the drive where the soil changes")
+
+            def on(divided: Sequence[Ground]) -> Samples:
+                parted = with_grounds(table, rows.vehicle, None, divided)
+                return gather(parted, rows.wheel, rows.vehicle, divided)
+
+            if divided := changed_grounds(found, probabilities, on):
+                found, probabilities = _analyse(on(divided), known, considered, report)
+                notes = (*notes, _changes(divided))
+        problem, chosen = found.problem, choose(found.problem, found, probabilities)
         report("locating the mismatch")
         regions = locate(problem, chosen.hypothesis.fitted)
         answer = assemble(
@@ -110,6 +120,26 @@ def explain(
             notes=notes, simulated=own,
         )  # fmt: skip
     return replace(answer, summary=summarise(answer), trust=trust(answer), seconds=time.perf_counter() - began)
+
+
+def _analyse(
+    samples: Samples, known: SoilKnowledge, considered: tuple[str, ...], report: Callable[[str], None]
+) -> tuple[Search, Posterior]:
+    """Fit soils, search hypotheses and compute their probabilities."""
+    report("fitting the soil")
+    problem, textbook = fit_textbook(samples, known)
+    found = search(problem, textbook, considered, report)
+    report("computing posterior probabilities")
+    return found, posterior(found)
+
+
+def _changes(grounds: Sequence[Ground]) -> str:
+    times = ", ".join(f"{each.start_s:.0f}" for each in grounds[1:])
+    return (
+        f"nothing says what the ground was; by the wheels' behaviour the soil changes at {times} s: each part has a "
+        "soil of its own. If the ground does not change there, something else does: state its classes in labels.csv "
+        "(start_s, end_s, class)"
+    )
 
 
 def _considered(catalogue: Iterable[str] | None) -> tuple[str, ...]:

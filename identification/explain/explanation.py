@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ...framework.core.errors import InputError
 from ...framework.core.explanation import Estimate as Estimate
 from ...framework.core.explanation import Missing as Missing
 from ...framework.core.explanation import Verdict as Verdict
@@ -180,7 +181,9 @@ class Explanation:
 
     @property
     def physics(self) -> AugmentedSimulator:
-        """Soil and effects on the first ground (`physics_of`)."""
+        """Soil and effects of the only ground; raises `InputError` where there are several (`physics_of`)."""
+        if len(self.grounds) > 1:
+            raise InputError(self.source, f"{len(self.grounds)} grounds", expected="physics_of(number of a ground)")
         return self.physics_of()
 
     def to_json(self) -> dict:

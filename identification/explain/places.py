@@ -38,7 +38,7 @@ def best_patches(problem: Problem, fitted: Fitted) -> dict[str, list[np.ndarray]
 
     def gains_of(case: tuple[str, Noise]) -> tuple[np.ndarray, np.ndarray]:
         name, noise = case
-        return _gains(*_scores(problem, fitted, noise, _inside(getattr(drive, name), edges[name])))
+        return _gains(*cell_scores(problem, fitted, noise, _inside(getattr(drive, name), edges[name])))
 
     found = iter(together(gains_of, product(edges, noises)))
     return {name: _select_distinct([next(found) for _ in noises], edges[name]) for name in edges}
@@ -73,7 +73,7 @@ def _select_distinct(gains: Sequence[tuple[np.ndarray, np.ndarray]], edges: np.n
     return answer
 
 
-def _scores(
+def cell_scores(
     problem: Problem, fitted: Fitted, noise: Noise, inside: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Gradient (2, k) and information (2, k, 2, k) of ln stiffness and ln strength in each cell, the fit profiled out.

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 EXPLAIN = "bevameter.framework.explain.explain"
 KEYS = {
     "schema", "verdict", "summary", "n", "soil", "soil_textbook", "trust", "located", "missing", "candidates", "fit",
-    "notes", "seed", "seconds", "screened",
+    "notes", "seed", "seconds", "screened", "grounds",
 }  # fmt: skip
 
 
@@ -111,7 +111,7 @@ def test_what_was_found_is_stored_with_a_class(answers, tmp_path):
     answers(explanation())
     result = call("wheel.csv", "--db", tmp_path / "terrain.db", "--class", "sand")
     assert result.exit_code == 0, result.output
-    assert "stored with class sand" in result.stdout.splitlines()[-1]
+    assert "terrain.db with sand" in result.stdout.splitlines()[-1]
     with TerrainDatabase(tmp_path / "terrain.db", must_exist=True) as database:
         (kept,) = database.physics("sand")
     assert kept.source == explanation().source

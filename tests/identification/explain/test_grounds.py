@@ -1,6 +1,7 @@
 """A drive over several grounds, each with a soil of its own."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -86,3 +87,25 @@ def test_soils_of_one_class_inform_each_other(null):
     np.testing.assert_allclose(_precision_about_mean(3, of_mean, spread), np.linalg.inv(covariance), rtol=1e-9)
     flat = _precision_about_mean(3, math.inf, spread)
     np.testing.assert_allclose(flat.sum(axis=1), 0.0, atol=1e-9)
+
+
+def unlabelled(grounds, **options):
+    return replace(ground_drive(grounds, **options), labels=None, pose=None)
+
+
+def test_where_nothing_says_what_the_ground_was_its_changes_are_found():
+    found = explain(unlabelled({"sand": SAND, "clay": CLAY}), catalogue=FEW)
+    assert found.verdict == "none"
+    first, second = found.grounds
+    assert first.end_s == pytest.approx(20.0, abs=1.0)
+    assert second.start_s == pytest.approx(20.0, abs=1.0)
+    for ground, soil in ((first, SAND), (second, CLAY)):
+        estimate = ground.soil["phi_rad"]
+        assert abs(estimate.value - soil.phi_rad) < 3.0 * estimate.sd
+    assert any("soil changes at 20 s" in note for note in found.notes)
+
+
+def test_one_soil_is_not_divided_whatever_is_missing():
+    found = explain(unlabelled({"sand": SAND}, seconds=40.0, slip_sinkage={"sand": 0.5}), catalogue=FEW)
+    assert len(found.grounds) == 1
+    assert [each.effect for each in found.missing] == ["slip_sinkage"]
