@@ -93,19 +93,23 @@ def unlabelled(grounds, **options):
     return replace(ground_drive(grounds, **options), labels=None, pose=None)
 
 
-def test_where_nothing_says_what_the_ground_was_its_changes_are_found():
-    found = explain(unlabelled({"sand": SAND, "clay": CLAY}), catalogue=FEW)
-    assert found.verdict == "none"
-    first, second = found.grounds
+@pytest.fixture(scope="module")
+def divided():
+    return explain(unlabelled({"sand": SAND, "clay": CLAY}), catalogue=FEW)
+
+
+def test_where_nothing_says_what_the_ground_was_its_changes_are_found(divided):
+    assert divided.verdict == "none"
+    first, second = divided.grounds
     assert first.end_s == pytest.approx(20.0, abs=1.0)
     assert second.start_s == pytest.approx(20.0, abs=1.0)
     for ground, soil in ((first, SAND), (second, CLAY)):
         estimate = ground.soil["phi_rad"]
         assert abs(estimate.value - soil.phi_rad) < 3.0 * estimate.sd
-    assert any("soil changes at 20 s" in note for note in found.notes)
+    assert any("soil changes at 20 s" in note for note in divided.notes)
 
 
 def test_one_soil_is_not_divided_whatever_is_missing():
-    found = explain(unlabelled({"sand": SAND}, seconds=40.0, slip_sinkage={"sand": 0.5}), catalogue=FEW)
+    found = explain(unlabelled({"sand": SAND}, seconds=25.0, slip_sinkage={"sand": 0.5}), catalogue=FEW)
     assert len(found.grounds) == 1
     assert [each.effect for each in found.missing] == ["slip_sinkage"]
