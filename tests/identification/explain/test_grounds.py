@@ -110,6 +110,6 @@ def test_where_nothing_says_what_the_ground_was_its_changes_are_found(divided):
 
 
 def test_one_soil_is_not_divided_whatever_is_missing():
-    found = explain(unlabelled({"sand": SAND}, seconds=25.0, slip_sinkage={"sand": 0.5}), catalogue=FEW)
+    found = explain(unlabelled({"sand": SAND}, seconds=40.0, slip_sinkage={"sand": 0.5}), catalogue=FEW)
     assert len(found.grounds) == 1
     assert [each.effect for each in found.missing] == ["slip_sinkage"]
