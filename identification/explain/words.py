@@ -142,11 +142,13 @@ def missing_lines(missing: Missing) -> list[str]:
 
 
 def name_of(missing: Missing) -> str:
-    """Name of something missing; for a fault of one channel, with that channel."""
+    """Name of something missing, with the channel at fault and where it acts, if these are stated."""
     if missing.kind == "unknown":
         return "something that the catalogue lacks"
     channel = _channel(missing)
-    return effect(missing.effect) + (f" of the {channel}" if channel else "")
+    of_channel = f" of the {channel}" if channel else ""
+    where = f"{' ' if missing.where.startswith('on ') else ', '}{missing.where}" if missing.where else ""
+    return effect(missing.effect) + of_channel + where
 
 
 def _channel(missing: Missing) -> str:

@@ -18,6 +18,20 @@ NOISE = {"load_N": 5.0, "torque_Nm": 1.0, "sinkage_m": 5e-4, "drawbar_pull_N": 6
 SPEED_M_S = 0.2
 
 
+def simulation(drive: Recording, grounds: Mapping[str, Soil], path: Path) -> Path:
+    """Write what a simulator without missing physics gives for a drive of one wheel as a wheel file."""
+    labels, table = drive.labels, drive.wheel
+    columns = {name: table[name] for name in ("time_s", "load_N", "slip")}
+    columns |= {name: np.empty(len(table)) for name in ("torque_Nm", "sinkage_m", "drawbar_pull_N")}
+    for start_s, end_s, name in zip(labels.start_s, labels.end_s, labels.classes, strict=True):
+        rows = (table["time_s"] >= start_s) & (table["time_s"] < end_s)
+        found = equilibrium(0.25, 0.2, grounds[name], table["load_N"][rows], table["slip"][rows])
+        for channel in ("torque_Nm", "sinkage_m", "drawbar_pull_N"):
+            columns[channel][rows] = getattr(found, channel)
+    np.savetxt(path, np.column_stack(list(columns.values())), "%.9g", ",", header=",".join(columns), comments="")
+    return path
+
+
 def ground_drive(
     grounds: Mapping[str, Soil], *, seed: int = 0, seconds: float = 20.0, places: Sequence[float] = (0.0,),
     slip_sinkage: Mapping[str, float] | None = None, zeros: Mapping[str, Mapping[str, float]] | None = None,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from bevameter.framework.core.track.grounds import Ground
 from bevameter.identification.explain.explain import explain
-from ground_drive import CLAY, LOAM, SAND, ground_drive
+from ground_drive import CLAY, LOAM, SAND, ground_drive, simulation
 
 GROUNDS = (Ground("sand", 0.0, 20.0), Ground("loam", 20.0, 40.0), Ground("clay", 40.0, 60.0))
 SOILS = {"sand": SAND, "loam": LOAM, "clay": CLAY}
@@ -113,3 +113,12 @@ def test_one_soil_is_not_divided_whatever_is_missing():
     found = explain(unlabelled({"sand": SAND}, seconds=40.0, slip_sinkage={"sand": 0.5}), catalogue=FEW)
     assert len(found.grounds) == 1
     assert [each.effect for each in found.missing] == ["slip_sinkage"]
+
+
+@pytest.mark.slow
+def test_another_simulator_is_compared_on_each_ground(tmp_path):
+    drive = ground_drive(SOILS, slip_sinkage={"sand": 0.5})
+    stiffer = {name: replace(soil, stiffness_Pa=1.2 * soil.stiffness_Pa) for name, soil in SOILS.items()}
+    given = simulation(drive, stiffer, tmp_path / "simulated.csv")
+    found = explain(drive, simulated=given, grounds=GROUNDS, catalogue=FEW)
+    assert [(each.effect, each.where) for each in found.missing] == [("slip_sinkage", "on sand only")]
