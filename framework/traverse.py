@@ -22,7 +22,7 @@ from .core.track.way import DEAD_RECKONING, Track, cells_under_wheels, track_of
 from .core.vehicle import Vehicle, as_vehicle
 from .default_models import Models, find_models
 from .fusion import Belief, fuse
-from .segments import classes_along, learn_soil, recall_soil
+from .segments import SoilAlong, classes_along, learn_soil, recall_soil
 from .sense_map import Progress, SenseRecord, observe
 from .senses import senses, senses_of
 from .summary import SenseSummary, TraverseSummary, count_cells, count_contradictions, sense_summary
@@ -113,7 +113,7 @@ def run_traverse(
             added = store.add_drive(drive)
     report("storing", 1.0)
     return TraverseSummary(
-        **about,
+        **_with_mismatch(about, soil),
         known=False,
         cells=count_cells(belief),
         track_m=along.metres() if along else {},
@@ -167,6 +167,22 @@ def _about(recording: Recording, drive: Drive, models: Models, track: Track | No
     }
 
 
+def _with_mismatch(about: dict[str, Any], soil: SoilAlong) -> dict[str, Any]:
+    """Add a warning where the simulation does not agree with the wheels, with the command that says why."""
+    classes = {
+        each.class_name or "ground of no class"
+        for each in soil.learnt
+        if any(finding.code == "wrong_form" for finding in each.findings)
+    }
+    if not classes:
+        return about
+    text = (
+        f"the simulation lacks something on {', '.join(sorted(classes))}: `bevameter explain {about['source']} "
+        f"--db {about['database']}` says what"
+    )
+    return {**about, "warnings": (*about["warnings"], text)}
+
+
 def _recall(database: TerrainDatabase | str | Path, drive: Drive) -> tuple[Drive, Added] | None:
     """Find the drive in the database, if it is there, and see to it that it is the processing in use."""
     if not isinstance(database, TerrainDatabase):
@@ -185,7 +201,7 @@ def _recalled_summary(
     """Sum up a drive from what the database holds of it; how the senses did on the way is not kept there."""
     soil = recall_soil(stored.soils)
     return TraverseSummary(
-        **about,
+        **_with_mismatch(about, soil),
         known=True,
         cells=count_cells(stored.terrain.evidence),
         track_m={},

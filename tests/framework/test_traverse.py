@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,6 +17,7 @@ from bevameter.framework import segments
 from bevameter.framework.cli.printing import write_json
 from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.evidence import ClassEvidence
+from bevameter.framework.core.findings import warning
 from bevameter.framework.core.recording.types import Pose, Recording, WheelTable
 from bevameter.framework.core.soil import Quantity, ShearStrength, SoilEstimate
 from bevameter.framework.core.vehicle import Camera, Vehicle, Wheel
@@ -174,6 +176,19 @@ def test_soil_is_attached_to_the_class_and_cut_where_it_changes(world, tmp_path)
     assert drive.soils[0].normal_stress_Pa == (5e3, 2e4)
     assert drive.soils[0].load_N == pytest.approx(500.0)
     assert drive.soils[3].gate_reason == "too fast"
+
+
+def test_where_the_simulation_lacks_something_a_run_names_the_class_and_the_command(world, tmp_path, monkeypatch):
+    def identify_segments(recording, *, boundaries_s=()):
+        wrong = warning("wrong_form", misfit=2.1, misfit_with_freedom=1.0, c_Pa=900.0, phi_rad=0.5)
+        soils = (replace(estimate(1000.0, 0.55), findings=(wrong,)), estimate(1000.0, 0.55))
+        return (Segment(0.0, 15.0, True, "", 150, soils[0]), Segment(25.0, 39.9, True, "", 150, soils[1]))
+
+    monkeypatch.setattr(segments, "identify_segments", identify_segments)
+    first, again = (run_traverse(recording(), tmp_path / "t.db", models=MODELS) for _ in range(2))
+    assert again.known
+    for summary in (first, again):
+        assert "on sand: `bevameter explain drive --db" in summary.warnings[-1]
 
 
 def test_a_second_run_adds_nothing(world, tmp_path):
