@@ -19,11 +19,12 @@ from ..mechanics.augmented import SOIL_COUNT
 from .evidence import log_evidence
 from .fit import Fitted, fit_textbook
 from .hyperparameters import TEMPERATURE
-from .likelihood import SOIL_PRIOR, Problem
+from .likelihood import Problem
 from .places import cell_scores
 from .posterior import Posterior
 from .samples import Samples
 from .search import Search
+from .soil_prior import SOIL_PRIOR
 from .steps import scaled_inverse
 
 _LN_STIFFNESS_SD = 2.0

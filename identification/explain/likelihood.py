@@ -7,7 +7,6 @@ ground: the derivatives of the channels by load, slip, stiffness and strength pr
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,23 +15,13 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from scipy.linalg import block_diag
 
-from ...framework.core.soil import PARAMETERS, PLAUSIBLE, SoilKnowledge
-from ..mechanics.augmented import SOIL_COUNT, AugmentedWheel, Entry, Response
-from ..mechanics.soil import slope_of_internal, to_internal
+from ...framework.core.soil import SoilKnowledge
+from ..mechanics.augmented import AugmentedWheel, Entry, Response
 from .latent import STATES
 from .samples import MOST_SLIP, Samples
+from .soil_prior import prior_of_soils
 from .steps import Prior, normal_equations, solve_step
 from .whitening import Chain, Filter, Noise, Whitener, matern, robust_loss, robust_weight, whitener
-
-SOIL_PRIOR = {
-    "c_Pa": (0.0, 2e4), "phi_rad": (0.6, 0.4), "k_m": (math.log(0.012), 1.2), "stiffness_Pa": (0.0, math.inf),
-    "n": (math.log(0.95), 0.5),
-}  # fmt: skip
-"""Mean and standard deviation in internal coordinates: wider than the range of Wong (2010), Table 2.3."""
-
-BETWEEN_PLACES = {"c_Pa": 700.0, "phi_rad": 0.06, "k_m": 0.4, "stiffness_Pa": 0.5, "n": 0.15}
-"""Standard deviation of the soils of places of one class in internal coordinates: as the database expects
-(`database.posterior.PRIOR_VARIATION`), for a cohesion of 2 kPa and a friction of 0.6."""
 
 _LN_NOISE_SD, _LN_STATED_SD = 0.5, 0.1
 """Prior standard deviation of ln(noise) about the estimate from neighbouring rows, and about a stated noise."""
@@ -165,41 +154,21 @@ class Problem:
         ground = self.samples.drive.ground[rows]
         return normal_equations(innovations[rows], jacobian[rows], ground, self.grounds)
 
+    @cached_property
+    def _prior_of_soils(self) -> Prior:
+        return prior_of_soils(self.known, list(self.samples.classes.values()))
+
     def prior(self, model: AugmentedWheel) -> Prior:
         """Priors and bounds of a model's parameter vector."""
-        mean, sd, lower, upper = [], [], [], []
-        for name in PARAMETERS:
-            if name in self.known.values:
-                at = to_internal(name, self.known.values[name])
-                slope = slope_of_internal(name, self.known.values[name])
-                mean.append(at)
-                sd.append(max(self.known.sd.get(name, 0.0) / slope, 1e-6 * max(abs(at), 1.0)))
-            else:
-                mean.append(SOIL_PRIOR[name][0])
-                sd.append(SOIL_PRIOR[name][1])
-            lower.append(to_internal(name, PLAUSIBLE[name][0]))
-            upper.append(to_internal(name, PLAUSIBLE[name][1]))
-        lower[0] = 0.0
+        soils = self._prior_of_soils
         parameters = [parameter for effect, _ in model.slices() for parameter in effect.parameters]
         scales = np.array([parameter.scale for parameter in parameters])
         return Prior(
-            np.array([*self.grounds * mean, *(parameter.null for parameter in parameters)]),
-            block_diag(self._precision_of_soils(sd), np.diag(scales**-2.0)),
-            np.array([*self.grounds * lower, *(parameter.low for parameter in parameters)]),
-            np.array([*self.grounds * upper, *(parameter.high for parameter in parameters)]),
+            np.append(soils.mean, [parameter.null for parameter in parameters]),
+            block_diag(soils.precision, np.diag(scales**-2.0)),
+            np.append(soils.lower, [parameter.low for parameter in parameters]),
+            np.append(soils.upper, [parameter.high for parameter in parameters]),
         )
-
-    def _precision_of_soils(self, sd: Sequence[float]) -> np.ndarray:
-        """Prior precision (5 g, 5 g) of the soils of g grounds, from standard deviations (5,) of a class's mean.
-
-        The soils of grounds of one class vary about its mean, which is integrated out.
-        """
-        precision = np.zeros((self.grounds, SOIL_COUNT, self.grounds, SOIL_COUNT))
-        for index, name in enumerate(PARAMETERS):
-            for members in self.samples.classes.values():
-                about = _precision_about_mean(len(members), sd[index], BETWEEN_PLACES[name])
-                precision[:, index, :, index][np.ix_(members, members)] = about
-        return precision.reshape(2 * (SOIL_COUNT * self.grounds,))
 
     def linearise(
         self, model: AugmentedWheel, vector: np.ndarray, entry: Entry | None, known: Response | None = None
@@ -362,15 +331,6 @@ class Problem:
         weight = robust_weight(here)
         score = -(moved @ (weight * here)) - log_sd_moved.sum(axis=1)
         return score, (moved * weight) @ moved.T + log_sd_moved @ log_sd_moved.T
-
-
-def _precision_about_mean(count: int, of_mean: float, spread: float) -> np.ndarray:
-    """Precision of `count` variables of standard deviation `spread` about a mean that has one of its own."""
-    if count == 1:
-        return np.full((1, 1), of_mean**-2.0)
-    # The inverse of spread^2 I + of_mean^2 1 1' (Sherman and Morrison).
-    shared = 1.0 / ((spread / of_mean) ** 2 + count)
-    return (np.eye(count) - shared) / spread**2
 
 
 def _log_underestimate(autocorrelation: float) -> float:

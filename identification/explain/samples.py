@@ -7,25 +7,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.cluster.hierarchy import fcluster, linkage
-from scipy.ndimage import median_filter
 
 from ...framework.core.errors import InputError
 from ...framework.core.recording.types import WheelTable
 from ...framework.core.track.grounds import Ground
-from ...framework.core.track.positions import runs_of
 from ...framework.core.vehicle import Vehicle, Wheel
 from ..effects.drive import GROUND, drive_of, order_of, select_rows
 from ..effects.effect import LOAD, PULL, SINKAGE, SLIP, TORQUE, Drive
 from ..mechanics.textbook import CHANNELS
-from ..rows.gate import GRAVITY_M_S2, LIMITS
-from ..rows.noise import from_running_median, least_noise, noise_from_neighbours, sensor_noise
+from ..rows.gate import LIMITS
+from ..rows.noise import least_noise, sensor_noise
 from ..rows.standstill import stands
 from ..rows.trials import AS_TRIALS, is_of_trials, missing_clock, without_time
 from ..rows.unloaded import carries_nothing
 from ..rows.words import sentence
+from .blocks import blocks_of
 from .lanes import lanes
-from .latent import Path, independent, path_of
+from .latent import Path
+from .paths import path_without_outliers, regimes, smooth_speeds
 
 ANSWERS = (TORQUE, SINKAGE, PULL)
 """Channels that the simulator predicts; load and slip are imposed by the drive."""
@@ -44,25 +43,12 @@ MOST_ROWS = 1500
 _PIECE = 50
 """Rows in a piece."""
 
-_BLOCKS, _PIECES = 12, 3
-"""Blocks that are held out, and pieces of each of the two blocks of a ground where there are several grounds."""
-
-_WIDEST = 0.09
-"""Largest range of slip, or of load relative to the largest load, in one level that is held out [-]."""
-
-_ISOLATED, _MOST_ISOLATED = 7.0, 0.05
-"""Distance from the median of neighbours in time, in standard deviations of the noise, beyond which load or slip is a
-gross error, and the largest share of a stretch that may be [-]."""
-
 _SATURATED, _MORE_OFTEN, _LEVELS_NEAR, _FEWEST_LEVELS = 0.02, 3.0, 5, 20
 """A sensor is saturated if at least this share of the rows has exactly the channel's extreme value, so many times more
 often than each of so many values next to it, in a channel of at least so many different values."""
 
 _MOST_STANDSTILL = 0.1
 """Largest share of rows in which time does not increase [-]."""
-
-_REGIME = 21
-"""Rows over whose median a regime of speed is decided: one that does not last is none."""
 
 _NEXT = 1.5
 """Median time steps within which a row follows the previous one [-]."""
@@ -219,9 +205,10 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle, grounds: Sequence[
             expected=f"at least {LEAST_ROWS} of one of them",
         )  # fmt: skip
     time_s = table["time_s"] if timed else np.arange(float(len(table)))
-    regime = _regimes(table, wheel, stretch) if timed else np.zeros(len(table), dtype=int)
+    regime = regimes(table, wheel, stretch) if timed else np.zeros(len(table), dtype=int)
     load, slip = (
-        _path(measured[:, channel], time_s, noise[channel], stretch, regime, timed) for channel in (LOAD, SLIP)
+        path_without_outliers(measured[:, channel], time_s, noise[channel], stretch, regime, timed)
+        for channel in (LOAD, SLIP)
     )
     table = WheelTable(
         {**table.columns, "load_N": load.mean, "slip": np.clip(slip.mean, -1.0, MOST_SLIP)},
@@ -229,9 +216,11 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle, grounds: Sequence[
     )  # fmt: skip
     drive = drive_of(table, wheel, stretch)
     if timed:
-        drive = _smooth_speeds(drive, table, wheel, regime)
+        drive = smooth_speeds(drive, table, wheel, regime)
     samples = _select_samples(table, wheel, vehicle, drive, measured, noise, load, slip, usable, timed, notes)
-    return _blocked(_with_grounds(samples, grounds))
+    samples = _with_grounds(samples, grounds)
+    block, block_kind = blocks_of(samples.drive, len(samples.grounds))
+    return replace(samples, block=block, block_kind=block_kind)
 
 
 def _check(table: WheelTable) -> None:
@@ -245,49 +234,6 @@ def _check(table: WheelTable) -> None:
         raise InputError(
             table.source, "nothing to compare", expected="values of torque_Nm, sinkage_m or drawbar_pull_N"
         )
-
-
-def _regimes(table: WheelTable, wheel: Wheel, stretch: np.ndarray) -> np.ndarray:
-    """Number the regimes (n,): 1 where a stretch was driven too fast for a static balance for some time, else 0."""
-    speed = table.get("travel_speed_m_s")
-    if speed is None:
-        return np.zeros(len(table), dtype=int)
-    fast = (np.abs(np.nan_to_num(speed)) > LIMITS.froude * math.sqrt(GRAVITY_M_S2 * wheel.radius_m)).astype(int)
-    for rows in runs_of(stretch):
-        fast[rows] = median_filter(fast[rows], min(_REGIME, len(rows)), mode="nearest")
-    return fast
-
-
-def _path(
-    values: np.ndarray, time_s: np.ndarray, sd: float, stretch: np.ndarray, regime: np.ndarray, timed: bool
-) -> Path:  # fmt: skip
-    """Estimate the latent path of load or slip without gross errors."""
-    if not timed:
-        return independent(values, np.full(len(values), sd))
-    outlier = from_running_median(values, stretch) > _ISOLATED * sd
-    number = np.cumsum(np.diff(stretch, prepend=stretch[:1]) != 0)
-    # Many outliers mean that the channel changes rapidly, not that it is faulty.
-    share = np.bincount(number, outlier) / np.maximum(np.bincount(number, np.isfinite(values)), 1.0)
-    values = np.where(outlier & (share[number] <= _MOST_ISOLATED), math.nan, values)
-    return path_of(values, time_s, stretch, regime, sd)
-
-
-def _smooth_speeds(drive: Drive, table: WheelTable, wheel: Wheel, regime: np.ndarray) -> Drive:
-    """Return the drive with smoothed speeds and their expected rates of change.
-
-    Regressions on expected values are not attenuated (Berkson errors, as in `latent`).
-    """
-    changed, of_rim = {}, 1.0 / wheel.radius_m
-    for name, rate, scale in (
-        ("rim_speed_m_s", "angular_acceleration_rad_s2", of_rim), ("travel_speed_m_s", "acceleration_m_s2", 1.0)
-    ):  # fmt: skip
-        values = getattr(drive, name)
-        if drive.has(name):
-            noise, seen = noise_from_neighbours(table, values), np.isfinite(values)
-            path = path_of(values, drive.time_s, drive.stretch, regime, noise)
-            changed[name] = np.where(seen, path.mean, math.nan)
-            changed[rate] = np.where(seen, scale * path.rate, math.nan)
-    return replace(drive, **changed)
 
 
 def _select_samples(
@@ -391,62 +337,3 @@ def _thinned(rows: np.ndarray, passes: int) -> tuple[np.ndarray, bool]:
     starts = np.linspace(0, len(rows) - length, MOST_ROWS // length).astype(int)
     kept = np.unique((starts[:, None] + np.arange(length)).ravel())
     return np.sort(rows[kept]), True
-
-
-def _blocked(samples: Samples) -> Samples:
-    """Number the blocks to hold out: conditions of trials, else stretches of time within runs and passes, or pieces of
-    each ground in turn.
-    """
-    drive, count = samples.drive, len(samples)
-    if len(samples.grounds) > 1:
-        block = np.empty(count, dtype=int)
-        for ground in range(len(samples.grounds)):
-            rows = np.flatnonzero(drive.ground == ground)
-            order = rows[np.argsort(drive.time_s[rows], kind="stable")]
-            piece = np.arange(len(order)) * 2 * _PIECES // len(order)
-            block[order] = 2 * ground + piece % 2
-        return replace(
-            samples, block=block,
-            block_kind="halves of grounds held out in turn, effects from other classes, soil from the other half",
-        )  # fmt: skip
-    if drive.timed:
-        size = max(count // _BLOCKS, 1)
-        block, number = np.empty(count, dtype=int), 0
-        for rows in np.split(np.arange(count), np.flatnonzero(np.diff(drive.stretch)) + 1):
-            parts = max(round(len(rows) / size), 1)
-            for part in np.array_split(rows, parts):
-                block[part] = number
-                number += 1
-        block_kind = "stretches of time"
-        if number > 2 * _BLOCKS:
-            block = block * _BLOCKS // number
-            block_kind = "groups of neighbouring runs"
-        return replace(samples, block=block, block_kind=f"{block_kind} held out in turn")
-    level, block_kind = np.arange(count) * min(_BLOCKS, count) // count, "groups of trials held out in turn"
-    for name, values in (("slips", drive.slip), ("loads", drive.load_N / float(np.max(drive.load_N)))):
-        apart = levels(values)
-        if apart.max() >= 2:
-            level, block_kind = levels(values, widest=_WIDEST), f"{name} held out in turn, all their repeats together"
-            if level.max() > apart.max():
-                block_kind = f"groups of like {name} held out in turn"
-            break
-    if level.max() >= _BLOCKS:
-        level = level * _BLOCKS // (level.max() + 1)
-    return replace(samples, block=level, block_kind=block_kind)
-
-
-def levels(values: np.ndarray, apart: float = 0.03, widest: float = math.inf) -> np.ndarray:
-    """Number the levels of a quantity (n,): sorted values that differ by at most `apart` are one level.
-
-    A chain of such values that is wider than `widest` is divided into levels that are not.
-    """
-    order = np.argsort(values)
-    along = values[order]
-    ends = np.diff(along) > apart
-    for chain in np.split(np.arange(len(values)), np.flatnonzero(ends) + 1):
-        if len(chain) > 1 and np.ptp(along[chain]) > widest:
-            like = fcluster(linkage(along[chain, None], "complete"), widest, "distance")
-            ends[chain[:-1]] |= np.diff(like) != 0
-    answer = np.empty(len(values), dtype=int)
-    answer[order] = np.concatenate([[0], np.cumsum(ends)])
-    return answer

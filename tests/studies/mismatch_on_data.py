@@ -15,10 +15,11 @@ from bevameter import InputError, Vehicle, WheelTable, explain
 from bevameter.framework.core.recording.types import Recording
 from bevameter.framework.core.recording.wheel_file import read_wheel_file
 from bevameter.identification.estimate.identify import open_recording
+from bevameter.identification.explain.blocks import levels
 from bevameter.identification.explain.explanation import Explanation
 from bevameter.identification.explain.fit import fit, fit_textbook
 from bevameter.identification.explain.held_out import hold_out
-from bevameter.identification.explain.samples import gather, levels
+from bevameter.identification.explain.samples import gather
 from bevameter.identification.mechanics.augmented import Entry
 from bevameter.identification.rows.select import select_wheel_rows
 

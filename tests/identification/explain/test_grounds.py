@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from bevameter.framework.core.track.grounds import Ground
 from bevameter.identification.explain.explain import explain
+from bevameter.identification.explain.soil_prior import BETWEEN_PLACES, SOIL_PRIOR, precision_about_mean
 from ground_drive import CLAY, LOAM, SAND, ground_drive, simulation
 
 GROUNDS = (Ground("sand", 0.0, 20.0), Ground("loam", 20.0, 40.0), Ground("clay", 40.0, 60.0))
@@ -78,14 +79,12 @@ def test_rows_near_a_border_and_on_hard_ground_are_left_out_with_a_reason():
     assert any("at a change of ground" in note for note in found.notes)
 
 
-def test_soils_of_one_class_inform_each_other(null):
+def test_soils_of_one_class_inform_each_other():
     """Their joint prior varies about the mean of the class: its precision is the inverse of that covariance."""
-    from bevameter.identification.explain.likelihood import BETWEEN_PLACES, SOIL_PRIOR, _precision_about_mean
-
     spread, of_mean = BETWEEN_PLACES["n"], SOIL_PRIOR["n"][1]
     covariance = spread**2 * np.eye(3) + of_mean**2
-    np.testing.assert_allclose(_precision_about_mean(3, of_mean, spread), np.linalg.inv(covariance), rtol=1e-9)
-    flat = _precision_about_mean(3, math.inf, spread)
+    np.testing.assert_allclose(precision_about_mean(3, of_mean, spread), np.linalg.inv(covariance), rtol=1e-9)
+    flat = precision_about_mean(3, math.inf, spread)
     np.testing.assert_allclose(flat.sum(axis=1), 0.0, atol=1e-9)
 
 

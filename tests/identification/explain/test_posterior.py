@@ -11,7 +11,7 @@ from bevameter.identification.explain.evidence import discrepancy
 from bevameter.identification.explain.fit import fit, with_effect
 from bevameter.identification.explain.held_out import hold_out
 from bevameter.identification.explain.posterior import posterior
-from bevameter.identification.explain.search import Hypothesis, Search
+from bevameter.identification.explain.search import Hypothesis, Search, situation
 from bevameter.identification.mechanics.augmented import Entry
 
 NOTHING = frozenset()
@@ -24,7 +24,7 @@ def found(fitted):
     problem, textbook = fitted
     size = np.sqrt(np.nanmean(problem.samples.measured**2, axis=0))
     effects = SinkageOffset(float(size[2])), TorqueOffset(float(size[1]))
-    found = Search(problem, Hypothesis((), textbook, 0.0), effects, 0.0)
+    found = Search(problem, situation(problem, textbook), Hypothesis((), textbook, 0.0), effects, 0.0)
     for effect, evidence in zip(effects, (20.0, 15.0), strict=True):
         start = with_effect(textbook, effect, np.zeros(1))
         one = fit(problem, *start, textbook.noise, Entry(textbook.theta_1), steps=1, fit_noise=False)
