@@ -14,10 +14,9 @@ from .core.recording.types import Labels, Recording
 from .core.track.grounds import Ground
 from .core.track.way import RECORDED, Track, track_of
 from .default_models import find_models
-from .segments import LEAST_KNOWN_SHARE, ClassTrack, class_track, classes_along
+from .segments import CELL_SIZE_M, LEAST_KNOWN_SHARE, ClassTrack, believe, class_track, classes_along
 from .sense_map import observe
 from .senses import senses_of
-from .traverse import CELL_SIZE_M, believe
 
 
 def grounds_of(

@@ -15,9 +15,13 @@ from .core.recording.types import Recording, WheelTable
 from .core.track.grounds import CHANGE_MARGIN_M
 from .core.track.way import DEAD_RECKONING, Track, cells_under_wheels
 from .core.vehicle import Vehicle
-from .fusion import Belief
-from .sense_map import Progress, kind_of_reason
+from .fusion import Belief, fuse
+from .sense_map import Progress, SenseRecord, kind_of_reason
 from .summary import LearntSoil
+
+CELL_SIZE_M = 0.5
+"""Edge of a ground cell unless stated [m]: about the width of a rut and of what a camera patch
+covers a few metres ahead."""
 
 PATCH_LENGTH_M = 10.0
 """Typical length of ground of one class [m]: what a change of class from cell to cell is weighed against."""
@@ -81,6 +85,17 @@ class ClassTrack:
         if mean.max() < LEAST_CLASS_PROBABILITY:
             return {}
         return {name: float(value) for name, value in zip(self.classes, mean, strict=True)}
+
+
+def believe(
+    records: tuple[SenseRecord, ...], track: Track | None, vehicle: Vehicle | None, cell_size_m: float
+) -> Belief:
+    """Fuse the senses over all cells that they looked at and all that the wheels ran over."""
+    under_wheels = None
+    if track is not None:
+        times = track.every(cell_size_m)
+        under_wheels = cells_under_wheels(track, vehicle, times[:-1], times[1:], cell_size_m)[1]
+    return fuse([record.map for record in records], cells=under_wheels)
 
 
 def classes_along(belief: Belief, track: Track, vehicle: Vehicle | None, cell_size_m: float) -> ClassTrack:

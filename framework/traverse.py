@@ -18,18 +18,14 @@ from ..database.store import Added, TerrainDatabase
 from .core.arguments import number, refused
 from .core.recording.readers import read_recording
 from .core.recording.types import Recording
-from .core.track.way import DEAD_RECKONING, Track, cells_under_wheels, track_of
+from .core.track.way import DEAD_RECKONING, Track, track_of
 from .core.vehicle import Vehicle, as_vehicle
 from .default_models import Models, find_models
-from .fusion import Belief, fuse
-from .segments import SoilAlong, classes_along, learn_soil, recall_soil
+from .fusion import Belief
+from .segments import CELL_SIZE_M, SoilAlong, believe, classes_along, learn_soil, recall_soil
 from .sense_map import Progress, SenseRecord, observe
 from .senses import senses, senses_of
 from .summary import SenseSummary, TraverseSummary, count_cells, count_contradictions, sense_summary
-
-CELL_SIZE_M = 0.5
-"""Edge of a ground cell unless stated [m]: about the width of a rut and of what a camera patch
-covers a few metres ahead."""
 
 METHOD = f"bevameter {version('bevameter')}, traverse 2"
 """Version of what a run makes of a recording; a change of it is another processing of the same drive."""
@@ -136,17 +132,6 @@ def _cell_size(cell_size_m: float) -> float:
     if not 0.0 < edge < math.inf:
         raise refused("cell_size_m", cell_size_m, wanted)
     return edge
-
-
-def believe(
-    records: tuple[SenseRecord, ...], track: Track | None, vehicle: Vehicle | None, cell_size_m: float
-) -> Belief:
-    """Fuse the senses over all cells that they looked at and all that the wheels ran over."""
-    under_wheels = None
-    if track is not None:
-        times = track.every(cell_size_m)
-        under_wheels = cells_under_wheels(track, vehicle, times[:-1], times[1:], cell_size_m)[1]
-    return fuse([record.map for record in records], cells=under_wheels)
 
 
 def _about(recording: Recording, drive: Drive, models: Models, track: Track | None, url: str | Path) -> dict[str, Any]:

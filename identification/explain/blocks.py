@@ -18,8 +18,9 @@ _WIDEST = 0.09
 
 
 def blocks_of(drive: Drive, grounds: int) -> tuple[np.ndarray, str]:
-    """Number the blocks to hold out, (n,), and describe them: conditions of trials, else stretches of time within runs and
-    passes, or pieces of each ground in turn.
+    """Number the blocks to hold out, (n,), and describe them.
+
+    They are conditions of trials, else stretches of time within runs and passes, or pieces of each ground in turn.
 
     Parameters
     ----------
