@@ -220,7 +220,7 @@ _PRESETS: dict[str, Preset] = {
     ),
     "sand-bulldozing": _concealing(
         "exercise-2", "conceals bulldozing on sand: soil piled up ahead costs pull there, and nowhere else",
-        Concealed("bulldozing", {"share": 1.5}, terrain="sand"), grounds=("loam", "sand", "grass"),
+        Concealed("bulldozing", {"share": 1.0}, terrain="sand"), grounds=("loam", "sand", "grass"),
     ),
     "load-gain": _concealing(
         "exercise-3", "conceals a load gain: the wheel's share of the weight is stated 12 % too high",
