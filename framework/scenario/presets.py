@@ -152,13 +152,14 @@ _FOUR_LOADS_N = (620.0, 640.0, 720.0, 700.0)
 
 
 def _concealing(
-    recorded_as: str, about: str, cause: Concealed, *, grounds: tuple[str, ...], four: bool = False
-) -> Preset:
+    recorded_as: str, about: str, cause: Concealed, *, grounds: tuple[str, ...],
+    slow_s: tuple[float, ...] = (34.0, 34.0, 34.0), four: bool = False,
+) -> Preset:  # fmt: skip
     """Two minutes of wheel rows, slow with short fast phases, whose explanation `bevameter explain` is to find."""
     name, wheels = ("four-wheeled rover", _FOUR_WHEELS) if four else ("single-wheel testbed", _ONE_WHEEL)
     return Preset(
         about=about,
-        legs=tuple(Leg(terrain, 32.0, 8.0) for terrain in grounds),
+        legs=tuple(Leg(terrain, slow, 6.0) for terrain, slow in zip(grounds, slow_s, strict=True)),
         vehicle=_vehicle(name, wheels, None, hears=False),
         camera_rate_Hz=None,
         sound_rate_Hz=None,
@@ -221,6 +222,7 @@ _PRESETS: dict[str, Preset] = {
     "sand-bulldozing": _concealing(
         "exercise-2", "conceals bulldozing on sand: soil piled up ahead costs pull there, and nowhere else",
         Concealed("bulldozing", {"share": 1.0}, terrain="sand"), grounds=("loam", "sand", "grass"),
+        slow_s=(24.0, 64.0, 24.0),
     ),
     "load-gain": _concealing(
         "exercise-3", "conceals a load gain: the wheel's share of the weight is stated 12 % too high",
