@@ -151,15 +151,12 @@ _FOUR_LOADS_N = (620.0, 640.0, 720.0, 700.0)
 """Weight on each of the four wheels, a little more on the rear axle [N]."""
 
 
-def _concealing(
-    recorded_as: str, about: str, cause: Concealed, *, grounds: tuple[str, ...],
-    slow_s: tuple[float, ...] = (34.0, 34.0, 34.0), four: bool = False,
-) -> Preset:  # fmt: skip
-    """Two minutes of wheel rows, slow with short fast phases, whose explanation `bevameter explain` is to find."""
+def _concealing(recorded_as: str, about: str, cause: Concealed, *, legs: tuple[Leg, ...], four: bool = False) -> Preset:
+    """About two minutes of wheel rows, slow with short fast phases, whose explanation `bevameter explain` is to find."""
     name, wheels = ("four-wheeled rover", _FOUR_WHEELS) if four else ("single-wheel testbed", _ONE_WHEEL)
     return Preset(
         about=about,
-        legs=tuple(Leg(terrain, slow, 6.0) for terrain, slow in zip(grounds, slow_s, strict=True)),
+        legs=legs,
         vehicle=_vehicle(name, wheels, None, hears=False),
         camera_rate_Hz=None,
         sound_rate_Hz=None,
@@ -217,24 +214,28 @@ _PRESETS: dict[str, Preset] = {
     ),
     "slip-sinkage": _concealing(
         "exercise-1", "conceals slip-sinkage: the sinkage exponent grows with slip, on all ground",
-        Concealed("slip_sinkage", {"n1": 0.3}), grounds=("sand", "loam", "clay"),
+        Concealed("slip_sinkage", {"n1": 0.3}),
+        legs=tuple(Leg(terrain, 34.0, 6.0) for terrain in ("sand", "loam", "clay")),
     ),
     "sand-bulldozing": _concealing(
         "exercise-2", "conceals bulldozing on sand: soil piled up ahead costs pull there, and nowhere else",
-        Concealed("bulldozing", {"share": 1.0}, terrain="sand"), grounds=("loam", "sand", "grass"),
-        slow_s=(24.0, 64.0, 24.0),
+        Concealed("bulldozing", {"share": 1.0}, terrain="sand"),
+        legs=(Leg("loam", 24.0, 8.0), Leg("sand", 64.0, 8.0), Leg("grass", 24.0, 8.0)),
     ),
     "load-gain": _concealing(
         "exercise-3", "conceals a load gain: the wheel's share of the weight is stated 12 % too high",
-        Concealed("load_gain", {"g": 0.12}), grounds=("sand", "grass", "loam"),
+        Concealed("load_gain", {"g": 0.12}),
+        legs=tuple(Leg(terrain, 34.0, 6.0) for terrain in ("sand", "grass", "loam")),
     ),
     "torque-zero": _concealing(
         "exercise-4", "conceals a torque zero: one wheel of four, front_left, reads 9 N m too little",
-        Concealed("torque_offset", {"T_0": -9.0}, wheel="front_left"), grounds=("sand", "loam", "gravel"), four=True,
+        Concealed("torque_offset", {"T_0": -9.0}, wheel="front_left"),
+        legs=tuple(Leg(terrain, 34.0, 6.0) for terrain in ("sand", "loam", "gravel")), four=True,
     ),
     "drivetrain-friction": _concealing(
         "exercise-5", "conceals drive-train friction: gears and bearings of all four wheels lose torque",
-        Concealed("drivetrain_friction", {"T_c": 8.0, "b_v": 1.5}), grounds=("loam", "gravel", "clay"), four=True,
+        Concealed("drivetrain_friction", {"T_c": 8.0, "b_v": 1.5}),
+        legs=tuple(Leg(terrain, 34.0, 6.0) for terrain in ("loam", "gravel", "clay")), four=True,
     ),
 }  # fmt: skip
 
