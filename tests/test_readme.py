@@ -20,6 +20,9 @@ from bevameter.framework.core.recording.topic_map import load_topic_map
 from bevameter.framework.core.recording.types import WHEEL_COLUMNS
 from bevameter.framework.core.soil import Quantity
 from bevameter.framework.core.vehicle import load_vehicle
+from bevameter.framework.scenario.plan import make_plan
+from bevameter.framework.scenario.presets import PRESETS
+from bevameter.framework.scenario.write import truth
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
@@ -131,6 +134,14 @@ def test_the_recording_page_names_every_wheel_column():
     rows = [line.split("|")[1] for line in section.splitlines() if line.startswith("| `")]
     named = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
     assert named == {*WHEEL_COLUMNS, "wheel", "run"}
+
+
+def test_the_page_of_synthetic_drives_names_every_one_and_every_key_of_the_truth():
+    drives, _, keys = text("docs/scenarios.md").partition("## The wheels")
+    assert re.findall(r"^\| `([\w-]+)` \|", drives, re.MULTILINE) == list(PRESETS)
+    first_cells = [line.split("|")[1] for line in keys.splitlines() if line.startswith("| `")]
+    named = {name for cell in first_cells for name in re.findall(r"`(\w+)`", cell)}
+    assert named == set(truth(make_plan(PRESETS["rover4"], 0, 5.0), "rover4")) - {"schema"}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal
 
 from ..core.errors import InputError
 from ..core.vehicle import Camera, Microphone, Vehicle, Wheel
+from .concealed import Concealed
 
 FaultKind = Literal[
     "camera_black", "camera_gap", "camera_truncated", "camera_overexposed", "wind", "engine", "microphone_dropout",
@@ -66,6 +67,12 @@ class Preset:
         Speed of the fast phases [m/s].
     sound_start_s
         When the microphone starts, later than the other sensors [s].
+    loads_N
+        Mean load on each wheel [N].
+    concealed
+        What the textbook wheel lacks, besides what any drive of the vehicle has (`wheels.physics_of`).
+    recorded_as
+        Name in `recording.toml` where the preset's own would give away what the drive conceals.
     """
 
     about: str
@@ -78,7 +85,9 @@ class Preset:
     wheel_rate_Hz: float = 10.0
     fast_speed_m_s: float = 3.2
     sound_start_s: float = 0.35
-    loads_N: tuple[float, ...] = field(default=(700.0,))
+    loads_N: tuple[float, ...] = (700.0,)
+    concealed: tuple[Concealed, ...] = ()
+    recorded_as: str = ""
 
     @property
     def duration_s(self) -> float:
@@ -138,14 +147,35 @@ _FOUR_WHEELS = tuple(
     )
 )
 
+_FOUR_LOADS_N = (620.0, 640.0, 720.0, 700.0)
+"""Weight on each of the four wheels, a little more on the rear axle [N]."""
+
+
+def _concealing(recorded_as: str, about: str, cause: Concealed, *, legs: tuple[Leg, ...], four: bool = False) -> Preset:
+    """About two minutes of wheel rows, slow with short fast phases, whose explanation `bevameter explain` is to find."""
+    name, wheels = ("four-wheeled rover", _FOUR_WHEELS) if four else ("single-wheel testbed", _ONE_WHEEL)
+    return Preset(
+        about=about,
+        legs=legs,
+        vehicle=_vehicle(name, wheels, None, hears=False),
+        camera_rate_Hz=None,
+        sound_rate_Hz=None,
+        fast_speed_m_s=2.2,
+        loads_N=_FOUR_LOADS_N if four else (700.0,),
+        concealed=(cause,),
+        recorded_as=recorded_as,
+    )
+
+
 _PRESETS: dict[str, Preset] = {
     "demo": Preset(
-        about="five minutes over sand, gravel, asphalt, loam, grass and clay, sand and gravel twice, with every fault",
+        about="five minutes on four wheels over sand, gravel, asphalt, loam, grass and clay, with every fault",
         legs=(
             Leg("sand", 32.0, 12.0), Leg("gravel", 32.0, 12.0), Leg("asphalt", 8.0, 12.0), Leg("loam", 32.0, 12.0),
             Leg("grass", 32.0, 12.0), Leg("clay", 32.0, 12.0), Leg("sand", 32.0, 12.0), Leg("gravel", 0.0, 16.0),
         ),
-        vehicle=_vehicle("demo vehicle", _ONE_WHEEL, _camera()),
+        vehicle=_vehicle("demo vehicle", _FOUR_WHEELS, _camera()),
+        loads_N=_FOUR_LOADS_N,
         faults=(
             Fault("camera_overexposed", 60.0, 64.0), Fault("camera_black", 112.0, 117.0),
             Fault("camera_gap", 117.0, 122.0), Fault("camera_truncated", 122.0, 127.0), Fault("wind", 158.0, 176.0),
@@ -155,7 +185,7 @@ _PRESETS: dict[str, Preset] = {
     "short": Preset(
         about="seventy seconds over sand, loam and grass, each fault once: for tests",
         legs=(Leg("sand", 26.0, 6.0), Leg("loam", 26.0, 6.0), Leg("grass", 0.0, 6.0)),
-        vehicle=_vehicle("demo vehicle", _ONE_WHEEL, _camera()),
+        vehicle=_vehicle("one-wheeled vehicle", _ONE_WHEEL, _camera()),
         faults=(
             Fault("camera_overexposed", 8.0, 9.0), Fault("camera_black", 18.0, 20.0), Fault("camera_gap", 20.0, 22.0),
             Fault("camera_truncated", 22.0, 24.0), Fault("wind", 34.0, 39.0), Fault("engine", 42.0, 47.0),
@@ -168,12 +198,12 @@ _PRESETS: dict[str, Preset] = {
         vehicle=_vehicle("four-wheeled rover", _FOUR_WHEELS, _camera((-0.08, 0.01, 0.0, 0.0)), pulls=False),
         drawbar_pull=False,
         fast_speed_m_s=2.2,
-        loads_N=(620.0, 640.0, 720.0, 700.0),
+        loads_N=_FOUR_LOADS_N,
     ),
     "sandpit": Preset(
         about="one class only: eighty seconds of sand in one place, with camera and microphone",
         legs=(Leg("sand", 60.0, 20.0),),
-        vehicle=_vehicle("demo vehicle", _ONE_WHEEL, _camera()),
+        vehicle=_vehicle("one-wheeled vehicle", _ONE_WHEEL, _camera()),
     ),
     "testbed": Preset(
         about="a single wheel over five soils, slowly, without camera or microphone: for identification",
@@ -181,6 +211,31 @@ _PRESETS: dict[str, Preset] = {
         vehicle=_vehicle("single-wheel testbed", _ONE_WHEEL, None, hears=False),
         camera_rate_Hz=None,
         sound_rate_Hz=None,
+    ),
+    "slip-sinkage": _concealing(
+        "exercise-1", "conceals slip-sinkage: the sinkage exponent grows with slip, on all ground",
+        Concealed("slip_sinkage", {"n1": 0.3}),
+        legs=tuple(Leg(terrain, 34.0, 6.0) for terrain in ("sand", "loam", "clay")),
+    ),
+    "sand-bulldozing": _concealing(
+        "exercise-2", "conceals bulldozing on sand: soil piled up ahead costs pull there, and nowhere else",
+        Concealed("bulldozing", {"share": 1.0}, terrain="sand"),
+        legs=(Leg("loam", 24.0, 8.0), Leg("sand", 64.0, 8.0), Leg("grass", 24.0, 8.0)),
+    ),
+    "load-gain": _concealing(
+        "exercise-3", "conceals a load gain: the wheel's share of the weight is stated 12 % too high",
+        Concealed("load_gain", {"g": 0.12}),
+        legs=tuple(Leg(terrain, 34.0, 6.0) for terrain in ("sand", "grass", "loam")),
+    ),
+    "torque-zero": _concealing(
+        "exercise-4", "conceals a torque zero: one wheel of four, front_left, reads 9 N m too little",
+        Concealed("torque_offset", {"T_0": -9.0}, wheel="front_left"),
+        legs=tuple(Leg(terrain, 34.0, 6.0) for terrain in ("sand", "loam", "gravel")), four=True,
+    ),
+    "drivetrain-friction": _concealing(
+        "exercise-5", "conceals drive-train friction: gears and bearings of all four wheels lose torque",
+        Concealed("drivetrain_friction", {"T_c": 8.0, "b_v": 1.5}),
+        legs=tuple(Leg(terrain, 34.0, 6.0) for terrain in ("loam", "gravel", "clay")), four=True,
     ),
 }  # fmt: skip
 

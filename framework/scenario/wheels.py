@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.vehicle import Wheel
-from .mechanics import equilibrium
+from ..core.vehicle import Vehicle, Wheel
+from .concealed import Concealed, strength
+from .mechanics import bulldozing_resistance, equilibrium
 from .plan import STEP_S, Plan
 from .soils import HARD_FRICTION, HARD_ROLLING, HARD_SLIP_RATE
 
@@ -47,7 +48,8 @@ def wheel_rows(plan: Plan) -> WheelRows:
 
     In slow phases every row is a wheel in equilibrium with its soil. At speed the load bounces, the drive's torque
     also turns the wheel faster, and part of the pull moves the wheel itself, so that Eq. 2-4 no longer hold between the
-    recorded channels.
+    recorded channels. What the preset conceals comes on top: physics in both `true` and `recorded`, faults of
+    instruments in `recorded` only.
     """
     time = np.arange(0.0, plan.duration_s, 1.0 / plan.preset.wheel_rate_Hz)
     wheels = plan.preset.vehicle.wheels
@@ -57,6 +59,16 @@ def wheel_rows(plan: Plan) -> WheelRows:
     true = {name: np.concatenate([part[name] for part in parts])[order] for name in parts[0]}
     names = np.repeat([wheel.name for wheel in wheels], len(time))[order]
     return WheelRows(_sensed(plan, true, names), true, names)
+
+
+def physics_of(vehicle: Vehicle) -> tuple[Concealed, ...]:
+    """Give what any drive of the vehicle has that the textbook wheel lacks: inertia, and ruts where axles follow."""
+    inertia = Concealed("inertia", {"J": WHEEL_INERTIA_KG_M2, "m": WHEEL_MASS_KG})
+    if all(_pass(wheel) == 1 for wheel in vehicle.wheels):
+        return (inertia,)
+    # In the catalogue's form ln stiffness grows by A (1 - exp(-(N - 1) / N0)) with the number of passes N.
+    compaction = {"A": math.log(RUT_STIFFENING) / -math.expm1(-1.0), "B": 0.0, "N0": 1.0}
+    return inertia, Concealed("multipass_compaction", compaction)
 
 
 def slope(plan: Plan, way_m: np.ndarray) -> np.ndarray:
@@ -90,7 +102,7 @@ def _one_wheel(
     pitch = slope(plan, way)
     load = _load(plan, time, index, pitch, rng)
     torque, sinkage, pull = _ground_forces(plan, wheel, way + wheel.position_m[0], load, slip, fields)
-    torque = torque + WHEEL_INERTIA_KG_M2 * plan.at(spin, time)
+    torque = torque + WHEEL_INERTIA_KG_M2 * plan.at(spin, time) + _friction(plan, wheel, plan.at(omega, time))
     pull = pull - WHEEL_MASS_KG * plan.at(push, time)
     angle = np.concatenate([[0.0], np.cumsum(0.5 * (omega[1:] + omega[:-1]) * STEP_S)])
     rows = {
@@ -147,20 +159,34 @@ def _ground_forces(
             pull[rows] = grip - HARD_ROLLING * load[rows]
             continue
         firm = stiffness[rows] * (RUT_STIFFENING if _pass(wheel) > 1 else 1.0)
+        place = {"terrain": stretch.terrain, "wheel": wheel.name}
         found = equilibrium(
-            wheel.radius_m, wheel.width_m, stretch.soil, load[rows], slip[rows], cohesion=cohesion[rows], stiffness=firm
-        )
-        torque[rows], sinkage[rows], pull[rows] = found.torque_Nm, found.sinkage_m, found.drawbar_pull_N
+            wheel.radius_m, wheel.width_m, stretch.soil, load[rows], slip[rows], cohesion=cohesion[rows],
+            stiffness=firm, slip_sinkage=strength(plan.preset.concealed, "slip_sinkage", "n1", **place),
+        )  # fmt: skip
+        pushed = strength(plan.preset.concealed, "bulldozing", "share", **place)
+        torque[rows], sinkage[rows] = found.torque_Nm, found.sinkage_m
+        resistance = bulldozing_resistance(wheel.width_m, stretch.soil, found.sinkage_m)
+        pull[rows] = found.drawbar_pull_N - pushed * resistance
     return torque, sinkage, pull
 
 
+def _friction(plan: Plan, wheel: Wheel, omega: np.ndarray) -> np.ndarray:
+    """Torque lost in gears and bearings [N m], T_c + b_v omega: B. Armstrong-Helouvry et al., Automatica 30 (1994)."""
+    coulomb, viscous = (
+        strength(plan.preset.concealed, "drivetrain_friction", name, wheel=wheel.name) for name in ("T_c", "b_v")
+    )
+    return coulomb * np.sign(omega) + viscous * omega
+
+
 def _sensed(plan: Plan, true: dict[str, np.ndarray], names: np.ndarray) -> dict[str, np.ndarray]:
-    """Add the sensors' noise, make slip of the two speeds as they were sensed, and lose what a fault takes away."""
+    """Add faults of instruments and noise, make slip of the two speeds as sensed, and lose what a fault takes away."""
     rng = plan.generator(2)
     noise = plan.preset.vehicle.noise
     sensed = {"time_s": true["time_s"]}
+    reported = _reported(plan, true, names)
     for name in plan.preset.channels:
-        sensed[name] = true[name] + noise.get(name, 0.0) * rng.standard_normal(len(names))
+        sensed[name] = reported[name] + noise.get(name, 0.0) * rng.standard_normal(len(names))
     radius = {wheel.name: wheel.radius_m for wheel in plan.preset.vehicle.wheels}
     rim = sensed["wheel_speed_rad_s"] * np.array([radius[name] for name in names])
     travel = sensed["travel_speed_m_s"]
@@ -171,3 +197,13 @@ def _sensed(plan: Plan, true: dict[str, np.ndarray], names: np.ndarray) -> dict[
     if "pass" in true:
         sensed["pass"] = true["pass"]
     return sensed
+
+
+def _reported(plan: Plan, true: dict[str, np.ndarray], names: np.ndarray) -> dict[str, np.ndarray]:
+    """Give what instruments with wrong gains and zeros make of the true channels."""
+    gain, zero = np.ones(len(names)), np.zeros(len(names))
+    for wheel in plan.preset.vehicle.wheels:
+        rows = names == wheel.name
+        gain[rows] += strength(plan.preset.concealed, "load_gain", "g", wheel=wheel.name)
+        zero[rows] = strength(plan.preset.concealed, "torque_offset", "T_0", wheel=wheel.name)
+    return {**true, "load_N": true["load_N"] * gain, "torque_Nm": true["torque_Nm"] + zero}

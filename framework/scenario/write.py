@@ -25,7 +25,7 @@ from .plan import Plan, make_plan
 from .presets import preset
 from .seeing import frame_times, seen
 from .soils import SOILS
-from .wheels import RUT_STIFFENING, VARIATION, VARIATION_LENGTH_M, WheelRows, wheel_rows
+from .wheels import RUT_STIFFENING, VARIATION, VARIATION_LENGTH_M, WheelRows, physics_of, wheel_rows
 
 Progress = Callable[[str, float], None]
 
@@ -50,8 +50,8 @@ def write_scenario(
     """Write a synthetic traverse.
 
     Besides the files of a recording there are `labels.csv`, the class of ground under the vehicle's reference point,
-    and `truth.json`, the soil of each stretch, its slow phase and all faults; no reader of recordings looks at the
-    latter. Everything is written into a folder next to `out`, which is renamed when it is whole.
+    and `truth.json`, the soil of each stretch, its slow phase, all faults and what the drive conceals; no reader of
+    recordings looks at the latter. Everything is written into a folder next to `out`, which is renamed when whole.
 
     Parameters
     ----------
@@ -193,8 +193,10 @@ def _write_camera(plan: Plan, folder: Path, report: Progress) -> None:
 
 
 def _recording_toml(plan: Plan, name: str, streams: Sequence[str]) -> str:
+    about = "" if plan.preset.recorded_as else f": {plan.preset.about}"
+    name = plan.preset.recorded_as or name
     notes = (
-        f"Synthetic traverse '{name}', seed {plan.seed}, {plan.duration_s:g} s: {plan.preset.about}. "
+        f"Synthetic traverse '{name}', seed {plan.seed}, {plan.duration_s:g} s{about}. "
         "The ground truth is in labels.csv and truth.json."
     )
     table: dict[str, Any] = {
@@ -253,7 +255,7 @@ def _toml_value(value: object) -> str:
 
 
 def truth(plan: Plan, name: str) -> dict[str, Any]:
-    """Give what is true of a drive, fit for JSON: the soil of each stretch, slow phases, faults."""
+    """Give what is true of a drive, fit for JSON: the soil of each stretch, slow phases, faults, what is concealed."""
     return {
         "schema": 1,
         "scenario": name,
@@ -283,5 +285,6 @@ def truth(plan: Plan, name: str) -> dict[str, Any]:
         },
         "variation": {"relative_sd": VARIATION, "length_m": VARIATION_LENGTH_M, "of": ["c_Pa", "stiffness_Pa"]},
         "rut_stiffening": RUT_STIFFENING if len(plan.preset.vehicle.wheels) > 1 else None,
+        "concealed": [cause.truth() for cause in (*plan.preset.concealed, *physics_of(plan.preset.vehicle))],
         "faults": [asdict(fault) for fault in plan.faults],
     }

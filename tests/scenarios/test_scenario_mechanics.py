@@ -7,7 +7,7 @@ from math import cos, exp, sin, tan
 
 import numpy as np
 import pytest
-from bevameter.framework.scenario.mechanics import Soil, equilibrium
+from bevameter.framework.scenario.mechanics import UNIT_WEIGHT_N_M3, Soil, bulldozing_resistance, equilibrium
 from scipy.integrate import quad
 
 SOIL = Soil(c_Pa=1000.0, phi_rad=0.5, k_m=0.015, stiffness_Pa=1.5e5, n=0.8)
@@ -66,3 +66,23 @@ def test_a_load_that_the_soil_does_not_carry_has_no_answer():
     found = equilibrium(RADIUS, WIDTH, SOIL, np.array([100.0, 1e7]), np.array([0.2, 0.2]))
     assert np.isfinite(found.torque_Nm[0])
     assert np.isnan([found.torque_Nm[1], found.drawbar_pull_N[1], found.sinkage_m[1]]).all()
+
+
+def test_slip_sinkage_is_a_sinkage_exponent_that_grows_with_slip():
+    load, slip = np.full(3, 100.0), np.array([-0.2, 0.0, 0.4])
+    found = equilibrium(RADIUS, WIDTH, SOIL, load, slip, slip_sinkage=0.3)
+    for row, away in enumerate(np.abs(slip)):
+        alone = equilibrium(RADIUS, WIDTH, replace(SOIL, n=SOIL.n + 0.3 * away), load[row:], slip[row:])
+        for name in ("torque_Nm", "drawbar_pull_N", "sinkage_m"):
+            assert getattr(found, name)[row] == pytest.approx(getattr(alone, name)[0], rel=1e-9)
+
+
+def test_bulldozing_resistance_is_passive_pressure_integrated_over_the_sinkage():
+    soil = replace(SOIL, c_Pa=800.0, phi_rad=np.radians(30.0))
+
+    def pressure(depth: float) -> float:
+        return 3.0 * UNIT_WEIGHT_N_M3 * depth + 2.0 * 800.0 * np.sqrt(3.0)  # K_p = 3 at 30 deg
+
+    for sinkage in (0.0, 0.02, 0.06):
+        expected = WIDTH * quad(pressure, 0.0, sinkage)[0]
+        assert bulldozing_resistance(WIDTH, soil, np.array([sinkage]))[0] == pytest.approx(expected, rel=1e-9)
