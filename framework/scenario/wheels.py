@@ -53,8 +53,9 @@ def wheel_rows(plan: Plan) -> WheelRows:
     """
     time = np.arange(0.0, plan.duration_s, 1.0 / plan.preset.wheel_rate_Hz)
     wheels = plan.preset.vehicle.wheels
-    fields = [_soil_variation(plan, index) for index in range(2)]
-    parts = [_one_wheel(plan, time, index, fields) for index in range(len(wheels))]
+    sides = list(dict.fromkeys(wheel.position_m[1] for wheel in wheels))
+    fields = {side: [_soil_variation(plan, 2 * sides.index(side) + index) for index in range(2)] for side in sides}
+    parts = [_one_wheel(plan, time, index, fields[wheel.position_m[1]]) for index, wheel in enumerate(wheels)]
     order = np.argsort(np.concatenate([time] * len(wheels)), kind="stable")
     true = {name: np.concatenate([part[name] for part in parts])[order] for name in parts[0]}
     names = np.repeat([wheel.name for wheel in wheels], len(time))[order]

@@ -54,7 +54,8 @@ class ZerosByRun(Effect):
         Where each run has its own slip, zeros by run would explain any dependence on slip.
         """
         drive, runs = situation.drive, np.unique(situation.drive.stretch)
-        if not drive.timed or not 2 <= len(runs) <= _MOST_RUNS:
+        wheels = len(np.unique(drive.wheel))  # a zero of one wheel is a fault of that wheel's sensor
+        if not drive.timed or not 2 * wheels <= len(runs) <= _MOST_RUNS:
             return ()
         if not drive.has("slip") or _within_runs(drive, "slip") < 1.0 - _WITHIN:
             return ()
