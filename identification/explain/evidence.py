@@ -9,7 +9,6 @@ Soc. B 63 (2001), 425-464).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,11 +74,6 @@ def _log_prior_scale(prior: Prior, start: int) -> float:
     return -float(np.sum(np.log(sd))) - _log_mass(mean, sd, prior.lower[start:], prior.upper[start:])
 
 
-FORM_ERRORS = (0.1, 0.3)
-"""Prior standard deviations of the error of an effect's form, relative to what the effect changes, over which its
-evidence is averaged [-]: published forms of an effect differ by 10 to 30 %."""
-
-
 @dataclass(frozen=True)
 class Discrepancy:
     """A smooth function of the drive's covariates, added to the answers.
@@ -101,50 +95,8 @@ def discrepancy(problem: Problem, fitted: Fitted) -> Discrepancy:
     over `structures` and `AMPLITUDES`.
     """
     basis, covariates = discrepancy_basis(problem.samples.drive)
-    channels = len(problem.answers)
-    extra = np.einsum("nk,cd->ncdk", basis, np.diag(fitted.noise.sd)).reshape(len(basis), channels, -1)
-    return _added(problem, fitted, extra, structures(covariates, channels), AMPLITUDES)
-
-
-def form_error(problem: Problem, fitted: Fitted) -> Discrepancy:
-    """Compute the evidence for an error of the forms of a model's effects.
-
-    What an effect changes in each channel is multiplied by one plus a smooth function of slip, load and speed, which is
-    small (`FORM_ERRORS`): its published forms differ, and the catalogue has some of them.
-    """
-    model, drive = fitted.model, problem.samples.drive
-    basis, channels = form_basis(drive), len(problem.answers)
-    parts = []
-    for effect, _ in model.slices():
-        kept = [(each, where) for each, where in model.slices() if each is not effect]
-        vector = np.concatenate([fitted.vector[model.soils], *(fitted.vector[where] for _, where in kept)])
-        without = model.with_effects(tuple(each for each, _ in kept))
-        channels_without = without.predict(drive, problem.imposed, vector, fitted.theta_1).channels
-        change = np.nan_to_num(fitted.response.channels - channels_without)[:, problem.answers]
-        parts.append(np.einsum("nc,nk,cd->ncdk", change, basis, np.eye(channels)).reshape(*change.shape, -1))
-    size = parts[0].shape[-1]
-    groups = [size * number + np.arange(size) for number in range(len(parts))]
-    groups += [np.arange(size * len(parts))] * (len(parts) > 1)
-    return _added(problem, fitted, np.concatenate(parts, axis=-1), groups, FORM_ERRORS)
-
-
-def form_basis(drive: Drive) -> np.ndarray:
-    """Basis functions (n, k) of the error of a form: Legendre polynomials of slip, load and speed."""
-    columns: list[np.ndarray] = [np.ones((len(drive), 1)), legvander(_scaled(drive.slip), 2)[:, 1:]]
-    if drive.load_N.std() > _LEAST_VARIATION * drive.load_N.mean():
-        columns.append(legvander(_scaled(drive.load_N), 1)[:, 1:])
-    if drive.has("rim_speed_m_s"):
-        columns.append(legvander(_scaled(drive.rim_speed_m_s), 1)[:, 1:])
-    return np.column_stack(columns)
-
-
-def _added(
-    problem: Problem, fitted: Fitted, extra: np.ndarray, groups: Sequence[np.ndarray], amplitudes: Sequence[float]
-) -> Discrepancy:
-    """Evidence for functions `extra` (n, m, k) of unit amplitude added to a model, averaged over groups of these, whose
-    coefficients have one of the prior standard deviations `amplitudes`.
-    """
-    size = len(fitted.vector)
+    rows, channels, size = len(basis), len(problem.answers), len(fitted.vector)
+    extra = np.einsum("nk,cd->ncdk", basis, np.diag(fitted.noise.sd)).reshape(rows, channels, -1)
     columns = np.concatenate([problem.columns(fitted.response), np.where(problem.seen[..., None], extra, 0.0)], axis=-1)
     white, _ = problem.whitener(fitted.noise, fitted.response).whiten(columns)
     gradient, information = problem.normal_equations(white[..., 0], white[..., 1:])
@@ -155,9 +107,9 @@ def _added(
     covariance, cross = scaled_inverse(information[:size, :size]), information[:size, size:]
     slope = gradient[size:] - cross.T @ covariance @ gradient[:size]
     curvature = information[size:, size:] - cross.T @ covariance @ cross
-    precision, logs = np.array(amplitudes)[:, None] ** -2.0, []
+    precision, logs = np.array(AMPLITUDES)[:, None] ** -2.0, []
     modes: list[tuple[np.ndarray, np.ndarray]] = []
-    for chosen in groups:
+    for chosen in structures(covariates, channels):
         values, vectors = np.linalg.eigh(curvature[np.ix_(chosen, chosen)])
         values, along = np.maximum(values, 0.0), vectors.T @ slope[chosen]
         logs.append(0.5 * (along**2 / (values + precision) - np.log1p(values / precision)).sum(axis=1))

@@ -12,11 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...framework.core.explanation import UNKNOWN
-from .evidence import Discrepancy, discrepancy, form_error
+from .evidence import Discrepancy, discrepancy
 from .hyperparameters import PRIOR_EFFECT, PRIOR_UNKNOWN, TEMPERATURE
 from .search import Hypothesis, Search
 
-FORMS = True
 _MOST_DISCREPANCIES = 6
 """Number of the most probable sets for which a discrepancy is computed."""
 
@@ -67,12 +66,6 @@ def posterior(
     known = math.log(1.0 - unknown)
     total = {slugs: value + known for slugs, value in weight.items()}
     leading = sorted(weight, key=lambda slugs: -weight[slugs])[:_MOST_DISCREPANCIES]
-    forms = {slugs: form_error(found.problem, best[slugs].fitted) for slugs in leading if slugs and FORMS}
-    for slugs, error in forms.items():
-        # The form is as likely right as it is not.
-        gain = float(np.logaddexp(0.0, error.log_evidence / temperature)) - math.log(2.0)
-        weight[slugs] += gain
-        total[slugs] += gain
     discrepancies = {}
     for slugs in dict.fromkeys([frozenset[str](), *leading]):
         added = discrepancy(found.problem, best[slugs].fitted)
