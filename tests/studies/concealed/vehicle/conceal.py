@@ -13,12 +13,12 @@ from ..effects import Effect, Setting
 from ..effects_ground import SoilPatch
 from ..mechanics import Channels, Ground, simulate
 from ..sensors import Sensors, Variation, draw_sensors, variation_along
-from ..strength import LEAST_R2, LEVELS, Found, find_strength
+from ..strength import LEAST_R2, LEVELS, TOLERANCE, Found, find_strength
 from ..table import Recorded, record
-from ..weighing import still
+from ..weighing import Refit, still
 from .confined import Confined, rows_of
-from .counting import Counted, count
-from .faults import catalogue, draw_effect, needs
+from .counting import FEW_ROWS, Counted, count
+from .faults import belongs_to, catalogue, draw_effect, needs
 from .grounds import Stretches, draw_classes, draw_stretches
 from .journey import Journey, Vehicle, draw_journey, draw_vehicle
 from .truth import truth_of
@@ -41,6 +41,8 @@ class Scene:
     sensors: Sensors
     variations: tuple[Variation, ...]
     counted: Counted
+    few: Counted
+    """The same on few rows."""
 
     def varied(self, rng: np.random.Generator) -> Ground:
         """Draw the soil by row, varying along each ground."""
@@ -133,11 +135,13 @@ def conceal_drive(
             continue
         tried += 1
         confined = [_confine(rng, scene, slug, place) for slug, place in zip(effects, where, strict=True)]
-        found = [_strength(scene.counted, each, LEVELS[level]) for each in confined]
+        found = [_strength(scene, each, LEVELS[level]) for each in confined]
         confined = [replace(each, effect=f.effect) for each, f in zip(confined, found, strict=True)]
         shares = []
         if len(found) == 2:
-            shares = scene.counted.shares(confined) if all(f.reached for f in found) else [0.0, 0.0]
+            if scene.counted.reported(confined) is None:
+                continue
+            shares = scene.few.shares(confined) if all(f.reached for f in found) else [0.0, 0.0]
         reached = all(f.reached for f in found) and all(share > 0.3 for share in shares)
         off = sum(abs(float(np.log(max(f.nats, 1e-3) / LEVELS[level]))) for f in found) + (not reached) * 100.0
         if best is None or off < best[0]:
@@ -178,8 +182,6 @@ def places_of(slug: str) -> tuple[str, ...]:
     kind = catalogue()[slug]
     if kind.kind == "instrument":
         return ("everywhere", "wheel")
-    from .faults import belongs_to
-
     return ("everywhere", "class") if belongs_to(slug) == "ground" and kind is not SoilPatch else ("everywhere",)
 
 
@@ -202,11 +204,12 @@ def draw_scene(rng: np.random.Generator, needed: frozenset[str], wheels: int, no
         length = float(np.exp(rng.uniform(np.log(0.3), np.log(2.0))))
         own = drive.rows(np.flatnonzero(drive.ground == number))
         variations.append(variation_along(own, length, stiffness_sd, strength_sd))
-    counted = count(vehicle.body, journey, stretches, sensors, variations, textbook, theta_1)
-    null = counted.refit((), counted.start)
+    drawn = vehicle.body, journey, stretches, sensors, variations, textbook, theta_1
+    counted, few = count(*drawn), count(*drawn, FEW_ROWS)
+    null = few.refit((), few.start)
     if null is None or np.any(null.r2 < LEAST_R2 + 0.015):
         return None
-    return Scene(vehicle, journey, stretches, sensors, tuple(variations), counted)
+    return Scene(vehicle, journey, stretches, sensors, tuple(variations), counted, few)
 
 
 def _confine(rng: np.random.Generator, scene: Scene, slug: str, place: str) -> Confined:
@@ -233,11 +236,24 @@ def _confine(rng: np.random.Generator, scene: Scene, slug: str, place: str) -> C
     return Confined(draw_effect(slug, rng, setting), where, grounds, wheel)
 
 
-def _strength(counted: Counted, confined: Confined, target: float) -> Found:
-    def weigh(effect: Effect, start: np.ndarray):
-        return counted.nats(effect, confined, start)
+def _strength(scene: Scene, confined: Confined, target: float) -> Found:
+    """Look for the strength on few rows, and correct what is looked for by what all rows count."""
 
-    return find_strength(confined.effect, target, weigh, counted.start)
+    def weigh(effect: Effect, start: np.ndarray) -> Refit | None:
+        return scene.few.refit([replace(confined, effect=effect)], start)
+
+    aim = target
+    for attempt in range(3):
+        found = find_strength(confined.effect, aim, weigh, scene.few.start)
+        fit = scene.counted.refit([replace(confined, effect=found.effect)], scene.counted.start)
+        if fit is None:
+            return replace(found, reached=False, reason=found.reason or "no equilibrium")
+        good = found.reached and abs(fit.nats / target - 1.0) <= TOLERANCE and bool(np.all(fit.r2 >= LEAST_R2))
+        if good or not found.reached or attempt == 2:
+            break
+        aim *= target / fit.nats
+    reason = "" if good else found.reason or "nats or R2 are others on all rows"
+    return Found(found.effect, fit.nats, fit.r2, good, reason)
 
 
 def _assemble(

@@ -2,7 +2,8 @@
 
 Soil and variation of each ground are its own, so that a drive is weighed as so many recordings (`weighing`), and the
 nats that the textbook loses add up. Rows near a border count for nothing: nobody knows to the metre where ground
-changes. Of many rows every q-th is taken, as the mean of q rows would be.
+changes. Of many rows every q-th is taken, as the mean of q rows would be: of so few rows that bumps of the soil could
+stand for what changes quickly, the nats are less than they are.
 """
 
 from __future__ import annotations
@@ -12,12 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..effects import Effect
 from ..mechanics import Body, Channels, Ground, simulate
 from ..sensors import Sensors, Variation
 from ..strength import LEAST_R2
-from ..weighing import Case, Refit, Weights, refit_textbook, still, vector, weights
-from ..weighing import soil_slopes as slopes_of
+from ..weighing import Case, Refit, Weights, refit_textbook, soil_slopes, still, vector, weights
 from .confined import Confined, VehicleDrive, rows_of
 from .grounds import Stretches
 from .journey import Journey
@@ -25,8 +24,8 @@ from .journey import Journey
 BORDER_M = 0.5
 """Rows nearer than that to another ground do not count [m]."""
 
-MOST_ROWS = 900
-"""Rows that are counted, about."""
+MOST_ROWS, FEW_ROWS = 6000, 900
+"""Rows that are counted, about; and rows on which strengths are looked for, before they are counted."""
 
 MOST_SINKAGE = 0.5
 """In radii [-]: a wheel that sinks deeper is not driven on."""
@@ -117,10 +116,6 @@ class Counted:
         lost = np.mean((np.concatenate(list(answers)) - values) ** 2, axis=0) + noise
         return 1.0 - lost / (np.var(values, axis=0) + noise)
 
-    def nats(self, effect: Effect, confined: Confined, start: np.ndarray) -> Refit | None:
-        """Refit to a drive with one effect, confined as another is."""
-        return self.refit([replace(confined, effect=effect)], start)
-
     def shares(self, pair: Sequence[Confined]) -> list[float]:
         """Of two effects: what each still explains once the other one's magnitude is refitted with the soils.
 
@@ -136,7 +131,7 @@ class Counted:
             rows = self.rows[index]
             theta_1 = self.theta_1[rows]
             weight = weights(case, (), rows_of(self.textbook, rows), theta_1)
-            basis, _ = np.linalg.qr(weight.whiten(slopes_of(case, case.drive, vector(case.ground), theta_1)))
+            basis, _ = np.linalg.qr(weight.whiten(soil_slopes(case, case.drive, vector(case.ground), theta_1)))
             for own, seen in zip(marks, alone, strict=True):
                 assert seen is not None
                 observed = seen[index][0]
@@ -151,7 +146,7 @@ class Counted:
 
 def count(
     body: Body, journey: Journey, stretches: Stretches, sensors: Sensors, variations: Sequence[Variation],
-    textbook: Channels, theta_1: np.ndarray,
+    textbook: Channels, theta_1: np.ndarray, most_rows: int = MOST_ROWS,
 ) -> Counted:  # fmt: skip
     """Prepare the counting.
 
@@ -165,9 +160,11 @@ def count(
         Of each ground along its rows.
     textbook, theta_1
         What the textbook's wheel answers, and its entry angles.
+    most_rows
+        Rows that are counted, about.
     """
     drive = journey.drive
-    thinning = max(1, round(len(drive) / MOST_ROWS))
+    thinning = max(1, round(len(drive) / most_rows))
     # Autocorrelated noise does not average out as white noise does.
     longer = np.sqrt((1.0 + sensors.correlation) / (1.0 - sensors.correlation))
     fewer = sensors.louder(thinning**-0.5)

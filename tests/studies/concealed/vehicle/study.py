@@ -19,13 +19,13 @@ ELSEWHERE = 0.5
 def draw(seed: int) -> tuple[tuple[str, ...], tuple[str, ...], str]:
     """Give what drive number `seed` hides, where each effect acts, and the level.
 
-    Nulls, single effects and pairs follow the golden ratio, and slugs are dealt out in shuffled rounds, so that any
-    stretch of seeds holds its share of all of them.
+    Nulls, single effects and pairs follow the golden ratio, and slugs and levels are dealt out in shuffled rounds, so that
+    any stretch of seeds holds its share of all of them.
     """
     rng = np.random.default_rng([9277, seed])
     order = np.random.default_rng([9276, seed // len(DEALT)]).permutation(len(DEALT))
     lot = (seed * 0.6180339887) % 1.0
-    level = str(rng.choice(list(LEVELS)))
+    level = list(LEVELS)[int(np.random.default_rng([9279, seed // 3]).permutation(3)[seed % 3])]
     if lot < NULLS:
         effects: tuple[str, ...] = ()
     elif lot < NULLS + PAIRS:
