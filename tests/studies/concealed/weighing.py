@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from .effects import Effect
-from .mechanics import Body, Channels, Drive, Ground, loaded, simulate
+from .mechanics import Body, Change, Channels, Drive, Ground, loaded, simulate
 from .sensors import Sensors, Variation
 
 COARSE = 8
@@ -86,7 +86,7 @@ def soil(parameters: np.ndarray) -> Ground:
     return Ground(c, float(np.arctan(tan_phi)), k, stiffness, n)
 
 
-def weights(case: Case, changes: Sequence[Effect], truth: Channels, theta_1: np.ndarray) -> Weights:
+def weights(case: Case, changes: Sequence[Change], truth: Channels, theta_1: np.ndarray) -> Weights:
     """Make the weights of a recording at its truth.
 
     The derivatives by load, slip, stiffness and strength are differences of the true model, effects included.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -46,19 +46,13 @@ class Scene:
 
     def varied(self, rng: np.random.Generator) -> Ground:
         """Draw the soil by row, varying along each ground."""
-        drive, soils = self.journey.drive, {}
-        for number, (soil, variation) in enumerate(zip(self.stretches.soils, self.variations, strict=True)):
-            soils[number] = variation.of(soil, variation.draw(rng))
-        rows = [np.flatnonzero(drive.ground == number) for number in soils]
-        place = np.argsort(np.concatenate(rows), kind="stable")
-
-        def by_row(name: str) -> np.ndarray:
-            values = [
-                np.broadcast_to(getattr(soil, name), (len(own), 1)) for soil, own in zip(soils.values(), rows, strict=True)
-            ]
-            return np.concatenate(values)[place]
-
-        return Ground(*(by_row(name) for name in vars(self.stretches.soils[0])))
+        number = self.journey.drive.ground
+        soil = {each.name: np.empty((len(number), 1)) for each in fields(Ground)}
+        for index, (mean, variation) in enumerate(zip(self.stretches.soils, self.variations, strict=True)):
+            own = variation.of(mean, variation.draw(rng))
+            for name, values in soil.items():
+                values[number == index] = getattr(own, name)
+        return Ground(**soil)
 
 
 @dataclass(frozen=True)
@@ -242,18 +236,23 @@ def _strength(scene: Scene, confined: Confined, target: float) -> Found:
     def weigh(effect: Effect, start: np.ndarray) -> Refit | None:
         return scene.few.refit([replace(confined, effect=effect)], start)
 
-    aim = target
-    for attempt in range(3):
-        found = find_strength(confined.effect, aim, weigh, scene.few.start)
+    def counted(found: Found) -> Found:
         fit = scene.counted.refit([replace(confined, effect=found.effect)], scene.counted.start)
         if fit is None:
-            return replace(found, reached=False, reason=found.reason or "no equilibrium")
-        good = found.reached and abs(fit.nats / target - 1.0) <= TOLERANCE and bool(np.all(fit.r2 >= LEAST_R2))
-        if good or not found.reached or attempt == 2:
+            return replace(found, reached=False, reason="no equilibrium")
+        near = abs(fit.nats / target - 1.0) <= TOLERANCE and bool(np.all(fit.r2 >= LEAST_R2))
+        reason = found.reason or ("" if near else "nats or R2 are others on all rows")
+        return Found(found.effect, fit.nats, fit.r2, found.reached and near, reason)
+
+    sketch = find_strength(confined.effect, target, weigh, scene.few.start)
+    found, aim = counted(sketch), target
+    for _ in range(2):
+        if found.reached or not sketch.reached:
             break
-        aim *= target / fit.nats
-    reason = "" if good else found.reason or "nats or R2 are others on all rows"
-    return Found(found.effect, fit.nats, fit.r2, good, reason)
+        aim *= target / max(found.nats, 1e-3)
+        sketch = find_strength(confined.effect, aim, weigh, scene.few.start)
+        found = counted(sketch)
+    return found
 
 
 def _assemble(

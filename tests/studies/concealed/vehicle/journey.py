@@ -196,10 +196,14 @@ def _slopes(rng: np.random.Generator, needs: frozenset[str], way_m: float):
 
 
 def _draw_path(rng: np.random.Generator, way_m: float) -> Path:
-    """Draw a line that bends gently to and fro, its heading within 35 degrees of a direction: it never meets itself."""
+    """Draw an arc of 60 to 100 degrees that bends a little to and fro, and never meets itself.
+
+    It turns so much that the way along it is no distance in any one direction.
+    """
     place = np.arange(-_AHEAD, way_m + _AHEAD + 0.25, 0.25)
-    swing, length, phase, course = rng.uniform([0.2, 100.0, 0.0, -math.pi], [0.6, 250.0, 6.0, math.pi])
-    heading = course + swing * np.sin(2.0 * math.pi * place / length + phase)
+    turn, swing, length, phase, course = rng.uniform([1.05, 0.0, 80.0, 0.0, -math.pi], [1.75, 0.1, 200.0, 6.0, math.pi])
+    turn *= float(rng.choice([-1.0, 1.0]))
+    heading = course + turn * place / way_m + swing * np.sin(2.0 * math.pi * place / length + phase)
     corners = [cumulative_trapezoid(along(heading), place, initial=0.0) for along in (np.cos, np.sin)]
     start = rng.uniform(-100.0, 100.0, 2)
     return Path(np.column_stack(corners) + start, "once", float(rng.choice([0.0, 0.005, 0.02])))

@@ -9,30 +9,40 @@ from ..study import NULLS, PAIRS
 from .conceal import ConcealedDrive, conceal_drive, places_of
 from .faults import GROUND, INSTRUMENTS, VEHICLE, catalogue
 
-DEALT = tuple(kind.slug for kind in (*GROUND, *VEHICLE, *VEHICLE, *INSTRUMENTS))
-"""Effects as they are dealt out: those of ground, vehicle and instruments about as often."""
+OWNERS = tuple(tuple(kind.slug for kind in kinds) for kinds in (GROUND, VEHICLE, INSTRUMENTS))
+"""Effects of ground, vehicle and instruments."""
 
 ELSEWHERE = 0.5
-"""Share of effects that act on one class or one wheel only, of those that can."""
+"""Share of effects of pairs that act on one class or one wheel only, of those that can."""
+
+BLOCK = 1000
+"""Seeds within which single effects are dealt out."""
+
+
+def lot(seed: np.ndarray | int) -> np.ndarray:
+    """Give a number in [0, 1) by the golden ratio, so that any stretch of seeds holds its share of all numbers."""
+    return np.asarray(seed) * 0.6180339887 % 1.0
 
 
 def draw(seed: int) -> tuple[tuple[str, ...], tuple[str, ...], str]:
     """Give what drive number `seed` hides, where each effect acts, and the level.
 
-    Nulls, single effects and pairs follow the golden ratio, and slugs and levels are dealt out in shuffled rounds, so that
-    any stretch of seeds holds its share of all of them.
+    Single effects are those of ground, vehicle and instruments in turn, in shuffled rounds of each, everywhere and
+    elsewhere in turn where they can be, and at each level in turn.
     """
     rng = np.random.default_rng([9277, seed])
-    order = np.random.default_rng([9276, seed // len(DEALT)]).permutation(len(DEALT))
-    lot = (seed * 0.6180339887) % 1.0
-    level = list(LEVELS)[int(np.random.default_rng([9279, seed // 3]).permutation(3)[seed % 3])]
-    if lot < NULLS:
-        effects: tuple[str, ...] = ()
-    elif lot < NULLS + PAIRS:
+    levels = list(LEVELS)
+    if lot(seed) < NULLS:
+        return (), (), levels[int(rng.integers(3))]
+    if lot(seed) < NULLS + PAIRS:
         effects = draw_pair(rng)
-    else:
-        effects = (DEALT[int(order[seed % len(DEALT)])],)
-    return effects, draw_places(rng, effects), level
+        return effects, draw_places(rng, effects), levels[int(rng.integers(3))]
+    block = seed // BLOCK
+    turn, owner = divmod(int(np.sum(lot(np.arange(block * BLOCK, seed)) >= NULLS + PAIRS)), len(OWNERS))
+    slugs = OWNERS[owner]
+    order = np.random.default_rng([9276, block, owner, turn // len(slugs)]).permutation(len(slugs))
+    slug = slugs[int(order[turn % len(slugs)])]
+    return (slug,), (places_of(slug)[-1 if turn % 2 else 0],), levels[(owner + turn) % 3]
 
 
 def draw_pair(rng: np.random.Generator) -> tuple[str, ...]:
