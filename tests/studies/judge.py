@@ -7,7 +7,8 @@
 
 Each stage resumes where it was stopped. `run` takes whatever `bevameter` is on PYTHONPATH. Instead of a named set,
 `--seeds 793600 300` takes that many recordings of the study from that seed on, `--protocol ramps` makes drives of one
-kind of them. README.md in this folder says who may see what.
+kind of them, and `--generator drives` takes whole drives of a vehicle instead. README.md in this folder says who may
+see what.
 """
 
 from __future__ import annotations
@@ -30,8 +31,9 @@ def main(arguments: list[str] | None = None) -> None:
     which.add_argument("--cache", type=Path, required=True, help="folder of recordings and truths")
     one = which.add_mutually_exclusive_group(required=True)
     one.add_argument("--set", choices=recordings.SETS)
-    one.add_argument("--seeds", type=int, nargs=2, metavar=("FIRST", "COUNT"), help="of the study, none of them frozen")
-    which.add_argument("--protocol", help="with --seeds: make all of this kind that can show what is hidden")
+    one.add_argument("--seeds", type=int, nargs=2, metavar=("FIRST", "COUNT"), help="none of them frozen")
+    which.add_argument("--generator", choices=recordings.STUDIES, default="study", help="with --seeds: of which one")
+    which.add_argument("--protocol", help="with --seeds, of the study: all of this kind that can show it")
 
     stage = stages.add_parser("make", parents=[which], help="write the recordings that the cache lacks")
     stage.add_argument("--processes", type=int, default=2)
@@ -67,9 +69,11 @@ def _chosen(given: argparse.Namespace) -> recordings.RecordingSet:
             raise ValueError("--protocol goes with --seeds: a named set draws its own")
         return recordings.SETS[given.set]
     first, count = given.seeds
-    chosen = recordings.RecordingSet("study", range(first, first + count), given.protocol)
+    if given.protocol is not None and given.generator != "study":
+        raise ValueError(f"--protocol goes with the study: {given.generator} have none")
+    chosen = recordings.RecordingSet(given.generator, range(first, first + count), given.protocol)
     if chosen.frozen:
-        raise ValueError(f"--seeds {first} {count} holds frozen ones, which only --set frozen takes")
+        raise ValueError(f"--seeds {first} {count} holds frozen ones, which only a named set takes")
     return chosen
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from concealed import study
 from concealed.effects import catalogue
+from concealed.vehicle import study as vehicle_study
 from judging import answers, recordings
 
 NONE = {"schema": 1, "verdict": "none", "missing": [], "located": [], "fit": {"channels": {}}}
@@ -34,7 +35,11 @@ def test_a_protocol_that_cannot_show_what_is_hidden_gives_way_to_a_bench_test():
 def test_no_set_shares_a_recording_with_a_frozen_one():
     names = [set(each.named()) for each in recordings.SETS.values()]
     assert sum(map(len, names)) == len(set().union(*names))
-    assert {name for name, each in recordings.SETS.items() if each.frozen} == {"frozen", "frozen-generator"}
+    assert {name for name, each in recordings.SETS.items() if each.frozen} == {
+        "frozen",
+        "frozen-generator",
+        "frozen-drives",
+    }
     nulls = [not study.draw(seed)[0] for seed in recordings.FROZEN_SEEDS]
     assert np.mean(nulls) == pytest.approx(0.3, abs=0.02)
 
@@ -81,6 +86,17 @@ def test_the_frozen_generator_writes_its_own_recordings(monkeypatch, tmp_path):
     assert recordings.stored_truths(tmp_path, chosen) == {"frozen_generator-5003": {"seed": 5003, "effects": []}}
 
 
+def test_whole_drives_are_recordings_of_a_generator_of_their_own(monkeypatch, tmp_path):
+    monkeypatch.setattr(vehicle_study, "draw", lambda seed: ((), (), "hidden"))
+    drives = recordings.RecordingSet("drives", range(3, 4))
+    assert not drives.frozen
+    recordings.make_one(tmp_path, drives, "drives-3", 3)
+    truth = recordings.stored_truths(tmp_path, drives)["drives-3"]
+    assert truth["level"] == "null"
+    assert len(truth["grounds"]) >= 2
+    assert (recordings.folder_of(tmp_path, "drives-3") / "labels.csv").is_file()
+
+
 def test_a_recording_that_fails_is_reported_and_the_others_are_made(monkeypatch, tmp_path, capsys):
     def make(*_):
         yield "study-920000", "ValueError: no drive"
@@ -124,7 +140,10 @@ def test_runs_resume_where_they_stopped_and_are_scored(cache, monkeypatch, capsy
     [
         (("score", "--set", "frozen", "answers.jsonl", "--each"), "nobody sees more than aggregates"),
         (("score", "--set", "frozen-generator", "answers.jsonl", "--each"), "nobody sees more than aggregates"),
+        (("score", "--set", "frozen-drives", "answers.jsonl", "--each"), "nobody sees more than aggregates"),
         (("run", "--seeds", "880100", "2", "--out", "a.jsonl"), "holds frozen ones"),
+        (("run", "--seeds", "890100", "2", "--generator", "drives", "--out", "a.jsonl"), "holds frozen ones"),
+        (("make", "--seeds", "1", "2", "--generator", "drives", "--protocol", "ramps"), "goes with the study"),
         (("make", "--set", "training", "--protocol", "ramps"), "a named set draws its own"),
     ],
 )

@@ -212,6 +212,96 @@ def test_a_truth_without_places_and_an_oracle_is_scored():
     assert found["intervals"] == []
 
 
+DRIVE = {
+    "level": "hidden", "reached": True,
+    "grounds": [
+        {"class": "sand", "start_s": 0.0, "end_s": 60.0, "soil": {"c_Pa": 300.0, "phi_rad": 0.5}},
+        {"class": "clay", "start_s": 60.0, "end_s": 120.0, "soil": {"c_Pa": 4000.0, "phi_rad": 0.2}},
+        {"class": "sand", "start_s": 120.0, "end_s": 200.0, "soil": {"c_Pa": 900.0, "phi_rad": 0.6}},
+    ],
+}  # fmt: skip
+
+
+def drive(*effects) -> dict:
+    return {**DRIVE, "level": "hidden" if effects else "null", "effects": list(effects)}
+
+
+def there(effect, where, belongs_to="ground") -> dict:
+    return {**effect, "where": where, "belongs_to": belongs_to}
+
+
+@pytest.mark.parametrize(
+    ("where", "said_where", "right"),
+    [
+        ("everywhere", "", True),
+        ("everywhere", "by class", True),
+        ("everywhere", "on sand only", False),
+        ({"class": "sand"}, "on sand only", True),
+        ({"class": "sand"}, "on clay only", False),
+        ({"class": "sand"}, "", False),
+        ({"class": "sand"}, "by class", False),
+        ({"wheel": "front_left"}, "on front_left only", True),
+        ({"wheel": "front_left"}, "on front_right only", False),
+    ],
+)
+def test_where_a_cause_acts(where, said_where, right):
+    told = said("slip_sinkage") | {"where": said_where, "belongs_to": "ground"}
+    found = score(drive(there(SLIP_SINKAGE, where)), answer("physics", told))
+    kind = where if isinstance(where, str) else next(iter(where))
+    assert found["where_right"] == [(kind, right)]
+    assert found["acts_on"] == kind
+    less = said("slip_sinkage", 0.1) | {"where": "on gravel only"}
+    assert score(drive(there(SLIP_SINKAGE, where)), answer("physics", less, told))["where_right"] == [(kind, right)]
+    assert score(drive(there(SLIP_SINKAGE, where)), answer("none"))["where_right"] == []
+
+
+def test_what_a_cause_belongs_to_is_that_of_the_most_probable_name():
+    hidden = there(OFFSET, {"wheel": "front"}, "vehicle")
+    ground = said("exit_angle", 0.3) | {"belongs_to": "ground"}
+    vehicle = said("inertia", 0.6) | {"belongs_to": "vehicle"}
+    assert score(drive(hidden), answer("cannot_tell", ground, vehicle))["belongs_right"] is True
+    assert score(drive(hidden), answer("physics", ground))["belongs_right"] is False
+    assert score(drive(hidden), answer("none"))["belongs_right"] is None
+    assert score(drive(hidden, there(SLIP_SINKAGE, "everywhere")), answer("physics", ground))["belongs_right"] is None
+
+
+def test_the_soil_of_each_ground_is_that_of_its_place():
+    def ground(name, start, end, c, phi):
+        return {
+            "class": name, "start_s": start, "end_s": end,
+            "soil": {"c_Pa": {"value": c, "sd": 100.0}, "phi_rad": {"value": phi, "sd": 0.01}},
+        }  # fmt: skip
+
+    # The first ground begins, and the last one ends, where the drive does; one ground was not used.
+    grounds = [ground("sand", None, 60.5, 150.0, 0.5), ground("sand", 121.0, None, 950.0, 0.55)]
+    none = {**answer("none"), "grounds": grounds}
+    assert score(drive(), none)["soil_intervals"] == {"c_Pa": [True, True], "phi_rad": [True, False]}
+    wrong = {**answer("physics", said("exit_angle")), "grounds": grounds}
+    hidden = there(SLIP_SINKAGE, "everywhere")
+    assert score(drive(hidden), wrong)["soil_intervals"] == {}
+    right = {**answer("physics", said("slip_sinkage")), "grounds": grounds}
+    assert score(drive(hidden), right)["soil_intervals"]["c_Pa"] == [True, True]
+    assert score(drive(), answer("none"))["soil_intervals"] == {"c_Pa": [], "phi_rad": []}
+    assert score(truth(SLIP_SINKAGE), right)["of_drive"] is False
+    assert score(drive(), None)["soil_intervals"] == {"c_Pa": [], "phi_rad": []}
+
+
+def test_the_table_has_the_measures_of_drives_where_there_are_some():
+    told = said("slip_sinkage") | {"where": "on sand only", "belongs_to": "ground"}
+    scores = [
+        score(drive(there(SLIP_SINKAGE, {"class": "sand"})), answer("physics", told)),
+        score(drive(there(SLIP_SINKAGE, "everywhere")), answer("physics", told)),
+        score(drive(), answer("none")),
+    ]
+    found = summary.measures(scores)
+    assert "1 of 1" in found["named right, on one class"]
+    assert "1 of 1" in found["where it acts told right, on one class, of those named"]
+    assert "0 of 1" in found["where it acts told right, everywhere, of those named"]
+    assert "2 of 2" in found["ground or vehicle right, by the most probable name"]
+    assert found["c_Pa of a ground in its interval, nulls"] == "-"
+    assert "named right, on one class" not in summary.measures([score(truth(), answer("none"))])
+
+
 def test_comparable_parameters_are_those_that_effects_have():
     kinds = catalogue()
     for (slug, form), names in COMPARABLE.items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from .effects import Effect, Setting, catalogue, draw_effect
 from .mechanics import Body, Channels, Ground, simulate
 from .sensors import Sensors, Variation, draw_sensors, draw_variation
 from .soils import draw_body, draw_ground
-from .strength import LEAST_R2, LEVELS, Found, find_strength
+from .strength import LEAST_R2, LEVELS, Found, find_strength, nats_of
 from .table import Recorded, record
 from .truth import oracle_rmse, truth_of
 from .weighing import Case, refit_textbook, refit_with, still, vector, weights
@@ -190,7 +191,7 @@ def _strengths(
     found = []
     for slug, form in zip(effects, forms, strict=True):
         drawn = draw_effect(slug, rng, setting, form)
-        found.append(find_strength(scene.case, drawn, target))
+        found.append(find_strength(drawn, target, partial(nats_of, scene.case), vector(scene.ground)))
     return found
 
 

@@ -160,7 +160,7 @@ def _bench(rng: np.random.Generator, body: Body, loads: np.ndarray, needs: froze
             wave = np.sin(2.0 * math.pi * time / period + rng.uniform(0.0, 6.0))
             speed = speed * (1.0 + rng.uniform(0.25, 0.5) * wave)
         load = _stepped(rng, weights[own], int(size), 0.3 * rate) * (
-            1.0 + 0.01 * _smooth_noise(rng, int(size), 0.5 * rate)
+            1.0 + 0.01 * smooth_noise(rng, int(size), 0.5 * rate)
         )
         rows = {
             "time_s": clock + time, "load_N": load, "slip": slip, "speed": speed,
@@ -197,7 +197,7 @@ def _ramps(rng: np.random.Generator, body: Body, loads: np.ndarray, needs: froze
         slip = low + (high - low) * gaussian_filter1d(np.linspace(0.0, 1.0, size), 3.0, mode="nearest")
         rows = {
             "time_s": clock + np.arange(size) / rate,
-            "load_N": loads[weight] * (1.0 + 0.01 * _smooth_noise(rng, size, 0.5 * rate)),
+            "load_N": loads[weight] * (1.0 + 0.01 * smooth_noise(rng, size, 0.5 * rate)),
             "slip": slip, "speed": typical * speeds[weight] * travel_ratio(slip),
             "pitch_rad": np.full(size, tilts[weight] if tilted else 0.0),
             "passes": np.full(size, float(number + 1)), "lane": np.full(size, weight),
@@ -215,7 +215,7 @@ def _swept(rng: np.random.Generator, low: float, high: float, samples: int) -> n
     return low + (high - low) * gaussian_filter1d(up, 3.0, mode="nearest")
 
 
-def _smooth_noise(rng: np.random.Generator, samples: int, length: float) -> np.ndarray:
+def smooth_noise(rng: np.random.Generator, samples: int, length: float) -> np.ndarray:
     """Unit noise that stays alike over `length` samples."""
     wave = gaussian_filter1d(rng.normal(size=samples), max(length, 0.5), mode="wrap")
     return wave / max(float(wave.std()), 1e-12)
@@ -241,14 +241,14 @@ def _wandering(
     track = rng.uniform(30.0, 80.0) if hurried else rng.uniform(8.0, 30.0)
     low, high = _slip_limits(rng)
     middle, swing = math.sqrt(loads[0] * loads[-1]), 0.5 * math.log(loads[-1] / loads[0])
-    load = middle * np.exp(swing * np.tanh(_smooth_noise(rng, samples, rate * rng.uniform(2.0, 6.0))))
-    reach = 0.5 * (1.0 + np.tanh(1.2 * _smooth_noise(rng, samples, rate * rng.uniform(1.5, 5.0))))
+    load = middle * np.exp(swing * np.tanh(smooth_noise(rng, samples, rate * rng.uniform(2.0, 6.0))))
+    reach = 0.5 * (1.0 + np.tanh(1.2 * smooth_noise(rng, samples, rate * rng.uniform(1.5, 5.0))))
     vary = rng.uniform(0.5, 0.8) if "speeds" in needs else rng.uniform(0.1, 0.4)
-    speed = track / length * np.exp(vary * np.tanh(1.5 * _smooth_noise(rng, samples, rate * rng.uniform(2.0, 5.0))))
+    speed = track / length * np.exp(vary * np.tanh(1.5 * smooth_noise(rng, samples, rate * rng.uniform(2.0, 5.0))))
     if hurried:
-        speed = speed * np.exp(0.3 * np.tanh(_smooth_noise(rng, samples, rate * 0.8)))
+        speed = speed * np.exp(0.3 * np.tanh(smooth_noise(rng, samples, rate * 0.8)))
     hilly = "pitch" in needs or rng.random() < 0.15
-    slope = np.radians(rng.uniform(4.0, 10.0)) * _smooth_noise(rng, samples, rate * rng.uniform(3.0, 8.0))
+    slope = np.radians(rng.uniform(4.0, 10.0)) * smooth_noise(rng, samples, rate * rng.uniform(3.0, 8.0))
     return {
         "time_s": np.arange(samples) / rate, "load_N": load, "slip": low + (high - low) * reach, "speed": speed,
         "pitch_rad": np.clip(slope, -0.35, 0.35) if hilly else np.zeros(samples),

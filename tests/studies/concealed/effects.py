@@ -92,8 +92,12 @@ def catalogue() -> Mapping[str, type[Effect]]:
 
 def draw_effect(slug: str, rng: np.random.Generator, setting: Setting, form: str | None = None) -> Effect:
     """Draw an effect of a slug, of any of its forms or of the one named."""
-    kind = catalogue()[slug]
+    return draw_form(catalogue()[slug], rng, setting, form)
+
+
+def draw_form(kind: type[Effect], rng: np.random.Generator, setting: Setting, form: str | None = None) -> Effect:
+    """Draw an effect of a kind, of any of its forms or of the one named."""
     chosen = form if form is not None else str(rng.choice(kind.forms))
     if chosen not in kind.forms:
-        raise ValueError(f"{slug} has no form {chosen!r}, only {', '.join(kind.forms)}")
+        raise ValueError(f"{kind.slug} has no form {chosen!r}, only {', '.join(kind.forms)}")
     return kind.draw(rng, setting, chosen)

@@ -116,6 +116,15 @@ ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
 class Change:
     """An effect: every place where one can act. The textbook's wheel has none, and each method here changes nothing."""
 
+    def changes(self, *methods: str) -> bool:
+        """Say whether any of these methods, by name, changes something."""
+        return any(getattr(type(self), name) is not getattr(Change, name) for name in methods)
+
+    @property
+    def acts_in_contact(self) -> bool:
+        """Whether the contact is changed, and not only the soil before or the forces after."""
+        return self.changes("geometry", "pressing", "shearing")
+
     def ground(self, ground: Ground, drive: Drive, body: Body) -> Ground:
         """Change the soil by row."""
         return ground
@@ -247,7 +256,7 @@ def equilibrium(
     load = drive.load_N if load_N is None else load_N
     for change in changes:
         ground = change.ground(ground, drive, body)
-    acting = [change for change in changes if _acts_in_contact(change)]
+    acting = [change for change in changes if change.acts_in_contact]
 
     def miss(log_angle: np.ndarray) -> np.ndarray:
         carried = loaded(np.exp(log_angle), slip, ground, body, drive, acting, nodes)[0]
@@ -259,11 +268,6 @@ def equilibrium(
         low, high = np.maximum(low, start - 0.1), np.minimum(high, start + 0.1)
     root = _illinois(miss, low, high, tolerance)
     return np.exp(root), ground
-
-
-def _acts_in_contact(change: Change) -> bool:
-    kind = type(change)
-    return any(getattr(kind, name) is not getattr(Change, name) for name in ("geometry", "pressing", "shearing"))
 
 
 def _illinois(function, low: np.ndarray, high: np.ndarray, tolerance: float) -> np.ndarray:
@@ -314,7 +318,7 @@ def simulate(
     load = drive.load_N if load_N is None else load_N
     drive = replace(drive, slip=slip, load_N=load)
     theta_1, soil = equilibrium(ground, body, drive, changes, nodes=nodes, guess=guess)
-    acting = [change for change in changes if _acts_in_contact(change)]
+    acting = [change for change in changes if change.acts_in_contact]
     _, torque, pull, sinkage = loaded(theta_1, slip, soil, body, drive, acting, nodes)
     channels = Channels(load, slip, torque, sinkage, pull)
     for change in changes:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.signal import lfilter
 
 from .drives import Plan
 from .effects_ground import scaled_ground
@@ -54,9 +55,21 @@ def draw_variation(rng: np.random.Generator, plan: Plan) -> Variation:
     if plan.protocol == "steady":
         return Variation(np.eye(len(drive)), stiffness, strength, 0.0)
     lanes = np.unique(drive.lane)
-    span = sum(float(np.ptp(drive.x_m[drive.lane == lane])) for lane in lanes)
-    length = max(length, 4.0 * span / (0.8 * MOST_BUMPS))
+    length = max(length, _least_length(drive, lanes))
     return Variation(_bumps(drive, lanes, length), stiffness, strength, length)
+
+
+def variation_along(drive: Drive, length_m: float, stiffness_sd: float, strength_sd: float) -> Variation:
+    """Give a variation of stated sizes along the lanes of a drive, and of this length or the least one possible."""
+    lanes = np.unique(drive.lane)
+    length_m = max(length_m, _least_length(drive, lanes))
+    return Variation(_bumps(drive, lanes, length_m), stiffness_sd, strength_sd, length_m)
+
+
+def _least_length(drive: Drive, lanes: np.ndarray) -> float:
+    """Correlation length that `MOST_BUMPS` can describe [m]."""
+    span = sum(float(np.ptp(drive.x_m[drive.lane == lane])) for lane in lanes)
+    return 4.0 * span / (0.8 * MOST_BUMPS)
 
 
 def _bumps(drive: Drive, lanes: np.ndarray, length: float) -> np.ndarray:
@@ -77,10 +90,11 @@ def _bumps(drive: Drive, lanes: np.ndarray, length: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Sensors:
-    """White noise by column (standard deviation, SI), and quanta of the converters; `speed` relative.
+    """Noise by column (standard deviation, SI), and quanta of the converters; `speed` relative.
 
     `gross` is the share of rows with a gross error, `missing` the share of the rows that drop out in stretches,
-    `stated` whether vehicle.toml states the noise.
+    `stated` whether vehicle.toml states the noise. `correlation` is that of the noise of load and answers from one row
+    to the next, 0 for white noise; the noise of the speeds is white.
     """
 
     noise: dict[str, float]
@@ -89,6 +103,16 @@ class Sensors:
     gross: float
     missing: float
     stated: bool
+    correlation: float = 0.0
+
+    def draw(self, rng: np.random.Generator, name: str, count: int) -> np.ndarray:
+        """Draw the noise of load or an answer, (count,)."""
+        noise = self.noise[name] * rng.normal(size=count)
+        if self.correlation == 0.0:
+            return noise
+        fresh = np.sqrt(1.0 - self.correlation**2)
+        start = np.array([(1.0 - fresh) * noise[0]])  # so that the first value is as large as the others
+        return lfilter([fresh], [1.0, -self.correlation], noise, zi=start)[0]
 
     def louder(self, factor: float) -> Sensors:
         """Give the same sensors with more noise."""

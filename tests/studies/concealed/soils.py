@@ -46,14 +46,17 @@ def draw_body(rng: np.random.Generator, lugs: bool) -> Body:
 def draw_ground(rng: np.random.Generator, body: Body) -> tuple[str, Ground]:
     """Draw a soil of one of the kinds, scattered around its typical values, for a wheel of that width."""
     kind = str(rng.choice(list(SOIL_RANGES)))
-    typical = SOIL_RANGES[kind]
+    return kind, scattered(rng, SOIL_RANGES[kind], body)
+
+
+def scattered(rng: np.random.Generator, typical: SoilRange, body: Body) -> Ground:
+    """Draw a soil around typical values for a wheel of that width."""
     c, friction, k, stiffness, n = np.exp(rng.normal(0.0, [0.25, 0.06, 0.2, 0.2, 0.06])).tolist()
     exponent = typical.n * n
-    ground = Ground(
+    return Ground(
         c_Pa=typical.c_Pa * c,
         phi_rad=math.atan(math.tan(math.radians(typical.phi_deg)) * friction),
         k_m=typical.k_m * k * min(1.0, (body.radius_m / 0.15) ** 0.5),  # thinner shear zones under small wheels
         stiffness_Pa=(typical.k_c / body.width_m + typical.k_phi) * body.width_m**exponent * stiffness,
         n=exponent,
     )
-    return kind, ground

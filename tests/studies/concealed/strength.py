@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from .effects import Effect
 from .mechanics import simulate
-from .weighing import Case, Refit, refit_textbook, still, vector, weights
+from .weighing import Case, Refit, refit_textbook, still, weights
 
 LEVELS = {"plain": 1500.0, "hidden": 250.0, "buried": 60.0}
 """Nats that the true model gains over the refitted textbook one."""
@@ -32,7 +32,11 @@ class Found:
     reason: str
 
 
-def find_strength(case: Case, effect: Effect, target: float) -> Found:
+Weigh = Callable[[Effect, np.ndarray], Refit | None]
+"""Refits the textbook, from some parameters, to a recording with this effect; None where there is no equilibrium."""
+
+
+def find_strength(effect: Effect, target: float, weigh: Weigh, start: np.ndarray) -> Found:
     """Look for the magnitude at which the truth gains `target` nats: secant on the logarithms within brackets.
 
     The nats grow about as the square of the magnitude, from which the search starts.
@@ -40,11 +44,11 @@ def find_strength(case: Case, effect: Effect, target: float) -> Found:
     least, most = effect.bounds
     magnitude = float(np.clip(0.25 * most, max(least, 1e-3 * most), most))
     low, high = max(least, 1e-4 * most), most
-    start, trials = vector(case.ground), []
+    trials = []
     best: Found | None = None
     for _ in range(12):
         trial = effect.scaled(magnitude)
-        fit = nats_of(case, trial, start)
+        fit = weigh(trial, start)
         if fit is None:  # no equilibrium: too strong
             high = magnitude
             magnitude = 0.5 * (low + magnitude)

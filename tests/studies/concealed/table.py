@@ -49,7 +49,7 @@ def record(rng: np.random.Generator, plan: Plan, body: Body, sensors: Sensors, r
     drive, count = plan.drive, len(plan.drive)
     columns: dict[str, np.ndarray] = {"time_s": drive.time_s, "pass": drive.passes}
     for name in ("load_N", *ANSWERS):
-        values = getattr(reported, name) + sensors.noise[name] * rng.normal(size=count)
+        values = getattr(reported, name) + sensors.draw(rng, name, count)
         columns[name] = quantise(values, sensors.quanta[name])
     rim = drive.travel_speed / travel_ratio(reported.slip)  # as the stated radius has it, wrong or right
     travel = drive.travel_speed * (1.0 + sensors.speed * rng.normal(size=count))

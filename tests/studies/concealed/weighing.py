@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from .effects import Effect
-from .mechanics import Body, Channels, Drive, Ground, loaded, simulate
+from .mechanics import Body, Change, Channels, Drive, Ground, loaded, simulate
 from .sensors import Sensors, Variation
 
 COARSE = 8
@@ -86,7 +86,7 @@ def soil(parameters: np.ndarray) -> Ground:
     return Ground(c, float(np.arctan(tan_phi)), k, stiffness, n)
 
 
-def weights(case: Case, changes: Sequence[Effect], truth: Channels, theta_1: np.ndarray) -> Weights:
+def weights(case: Case, changes: Sequence[Change], truth: Channels, theta_1: np.ndarray) -> Weights:
     """Make the weights of a recording at its truth.
 
     The derivatives by load, slip, stiffness and strength are differences of the true model, effects included.
@@ -166,7 +166,7 @@ def refit_textbook(case: Case, observed: Channels, weight: Weights, start: np.nd
         return np.concatenate([weight.whiten(predict(parameters) - data), _prior(case, parameters)])
 
     def slopes(parameters: np.ndarray) -> np.ndarray:
-        jacobian = weight.whiten(_implicit(case, inputs, parameters, last["theta_1"]))
+        jacobian = weight.whiten(soil_slopes(case, inputs, parameters, last["theta_1"]))
         step = 1e-5
         prior = [(_prior(case, parameters + step * e) - _prior(case, parameters)) / step for e in np.eye(5)]
         return np.concatenate([jacobian, np.reshape(prior, (5, -1)).T])
@@ -191,7 +191,7 @@ def _prior(case: Case, parameters: np.ndarray) -> np.ndarray:
     return np.array([(values[name] - value) / sd for name, (value, sd) in case.known.items()])
 
 
-def _implicit(case: Case, inputs: Drive, parameters: np.ndarray, theta_1: np.ndarray) -> np.ndarray:
+def soil_slopes(case: Case, inputs: Drive, parameters: np.ndarray, theta_1: np.ndarray) -> np.ndarray:
     """Derivatives of the textbook's answers by the five logarithms at equilibrium, (m, c, 5): implicit function."""
 
     def forces(ground: Ground, angle: np.ndarray) -> np.ndarray:

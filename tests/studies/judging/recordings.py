@@ -26,6 +26,12 @@ FROZEN_GENERATOR_SEEDS = range(5000, 5120)
 TRAINING_SEEDS = range(900000, 900160)
 """Of the study, for whoever works on `explain`; all other seeds of the study but the frozen ones are free, too."""
 
+DRIVE_SEEDS, FROZEN_DRIVE_SEEDS = range(910000, 910060), range(890000, 890120)
+"""Of whole drives over several grounds, for whoever works on `explain`, and frozen."""
+
+STUDIES = {"study": "concealed.study", "drives": "concealed.vehicle.study"}
+"""Modules that make recording number s, by the name of the generator."""
+
 
 @dataclass(frozen=True)
 class RecordingSet:
@@ -34,7 +40,7 @@ class RecordingSet:
     Parameters
     ----------
     generator
-        ``"study"`` or ``"frozen_generator"``.
+        ``"study"``, ``"drives"`` or ``"frozen_generator"``.
     seeds
         One recording each.
     protocol
@@ -48,7 +54,8 @@ class RecordingSet:
     @property
     def frozen(self) -> bool:
         """Whether those who work on `explain` may see aggregates only."""
-        return self.generator == "frozen_generator" or bool({*self.seeds} & {*FROZEN_SEEDS})
+        frozen = {"study": FROZEN_SEEDS, "drives": FROZEN_DRIVE_SEEDS}
+        return self.generator not in frozen or bool({*self.seeds} & {*frozen[self.generator]})
 
     def named(self) -> dict[str, int]:
         """Give the seeds by the recordings' names."""
@@ -60,6 +67,8 @@ SETS = {
     "training": RecordingSet("study", TRAINING_SEEDS),
     "frozen": RecordingSet("study", FROZEN_SEEDS),
     "frozen-generator": RecordingSet("frozen_generator", FROZEN_GENERATOR_SEEDS),
+    "drives": RecordingSet("drives", DRIVE_SEEDS),
+    "frozen-drives": RecordingSet("drives", FROZEN_DRIVE_SEEDS),
 }
 
 
@@ -94,9 +103,10 @@ def make_one(cache: Path, recordings: RecordingSet, name: str, seed: int) -> Non
     shutil.rmtree(folder, ignore_errors=True)  # left by an interrupted run
     with tempfile.TemporaryDirectory(dir=cache) as place:
         truth = Path(place) / "truth"
-        if recordings.generator == "study":
-            study = importlib.import_module("concealed.study")
-            study.make(seed, recordings.protocol).write(folder, truth)
+        if recordings.generator in STUDIES:
+            study = importlib.import_module(STUDIES[recordings.generator])
+            protocol = {} if recordings.protocol is None else {"protocol": recordings.protocol}
+            study.make(seed, **protocol).write(folder, truth)
         else:
             importlib.import_module("frozen_generator.generate").write(seed, folder, truth)
         _only(list(truth.glob("*.json")), truth).replace(path)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-Z95 = 1.959964
-"""Half the width of a 95 % interval in standard deviations."""
+from .grounds import Z95, score_of_drive
 
 CONFIDENT = 0.8
 """From this probability on a wrong name is a confident one [-]."""
@@ -26,9 +25,9 @@ def score(
     Parameters
     ----------
     truth
-        `level`, `effects` and, where they are known, `reached` and `oracle_rmse`. Of each effect `effect` (its slug, or
-        ``"beyond"``), `kind` and, where they are known, `channels` and `variables` that rightly locate it, `places` (of
-        a patch of soil) and `comparable` (true values by the answer's names of parameters).
+        `level`, `effects` and, where they are known, `reached`, `oracle_rmse` and `grounds`. Of each effect `effect`
+        (its slug, or ``"beyond"``), `kind` and, where they are known, `channels` and `variables` that rightly locate
+        it, `places` (of a patch of soil) and `comparable` (true values by the answer's names of parameters).
     answer
         What `explain` gave, or None where it failed: then nothing is right, and nothing is falsely named.
     seconds
@@ -44,7 +43,8 @@ def score(
         `indistinguishable`, `falsely_named`, `false_alarm`, `kind_right`, `first_kind_right`, `located_channel`,
         `located_variable`, `located_interval`, `confident_wrong`, `silent`, `intervals` (whether each comparable
         parameter's 95 % interval holds the truth), `error_ratio` (held-out error after, over the oracle's, by
-        channel), `statements` (probability and whether it is right), `seconds`.
+        channel), `statements` (probability and whether it is right), `seconds`; and those of
+        `grounds.score_of_drive`.
     """
     hidden = [effect["effect"] for effect in truth["effects"]]
     case = "left_out" if left_out else "beyond" if BEYOND in hidden else ("null", "single", "pair")[len(hidden)]
@@ -66,7 +66,7 @@ def score(
     result["intervals"] = _intervals(truth, answer) if catalogued else []
     result["error_ratio"] = _error_ratio(truth, answer) if catalogued else {}
     result["statements"] = [] if left_out else _statements(hidden, answer)
-    return result
+    return result | score_of_drive(truth, answer, case == "null" or bool(result["named"]))
 
 
 _NAMING = ("named", "both_named", "indistinguishable", "falsely_named")

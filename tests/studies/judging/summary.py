@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest, quantile_test
 
+from .grounds import SOIL
 from .scorer import CONFIDENT
 
 Scores = Sequence[Mapping[str, Any]]
@@ -56,6 +57,7 @@ def measures(scores: Scores) -> dict[str, str]:
     ratios = [float(np.mean([*s["error_ratio"].values()])) for s in scores if s["error_ratio"]]
     seconds = [float(s["seconds"]) for s in scores if s["seconds"] is not None]
     statements = [statement for s in scores for statement in s["statements"]]
+    drives = [s for s in scores if s["of_drive"]]
     return {
         "recordings": str(len(scores)),
         **{f"named right, {level}": of("single", "named", lambda s, level=level: _at(s, level)) for level in LEVELS},
@@ -74,6 +76,7 @@ def measures(scores: Scores) -> dict[str, str]:
         "variable located": of("single", "located_variable"),
         "patch located along the track": of("single", "located_interval"),
         "parameter's interval holds the truth": share([held for s in scores for held in s["intervals"]]),
+        **(of_drives(drives) if drives else {}),
         "held-out error over the oracle's, median": quantile(ratios, 0.5),
         "held-out error over the oracle's, 95 % quantile": quantile(ratios, 0.95),
         **calibration(statements),
@@ -82,6 +85,35 @@ def measures(scores: Scores) -> dict[str, str]:
         "seconds, most": f"{max(seconds):.3g}" if seconds else "-",
         "failures": share([s["failed"] for s in scores]),
     }  # fmt: skip
+
+
+def of_drives(scores: Scores) -> dict[str, str]:
+    """Give the measures that only whole drives have."""
+    single = [s for s in scores if s["case"] == "single" and s["reached"]]
+    places = {"everywhere": "everywhere", "class": "on one class", "wheel": "on one wheel"}
+    named = {
+        f"named right, {words}": share([s["named"] for s in single if s["acts_on"] == place])
+        for place, words in places.items()
+    }
+    told = {
+        f"where it acts told right, {words}, of those named": share([
+            right for s in scores if s["reached"] for place, right in s["where_right"] if place == key
+        ])
+        for key, words in places.items()
+    }  # fmt: skip
+    intervals = {
+        f"{name} of a ground in its interval, {words}": share([
+            held for s in scores if s["case"] in cases for held in s["soil_intervals"].get(name, ())
+        ])
+        for name in SOIL
+        for words, cases in (("nulls", ("null",)), ("cause named", ("single", "pair")))
+    }  # fmt: skip
+    belongs = {
+        "ground or vehicle right, by the most probable name": share([
+            s["belongs_right"] for s in scores if s["case"] == "single" and s["belongs_right"] is not None
+        ])
+    }  # fmt: skip
+    return {**named, **told, **belongs, **intervals}
 
 
 def _at(score: Mapping[str, Any], level: str) -> bool:
