@@ -152,7 +152,7 @@ _FOUR_LOADS_N = (620.0, 640.0, 720.0, 700.0)
 
 
 def _concealing(recorded_as: str, about: str, cause: Concealed, *, legs: tuple[Leg, ...], four: bool = False) -> Preset:
-    """About two minutes of wheel rows, slow with short fast phases, whose explanation `bevameter explain` is to find."""
+    """Two minutes of wheel rows, slow with short fast phases, whose cause `bevameter explain` is to find."""
     name, wheels = ("four-wheeled rover", _FOUR_WHEELS) if four else ("single-wheel testbed", _ONE_WHEEL)
     return Preset(
         about=about,
