@@ -145,7 +145,7 @@ def test_a_null_is_the_textbooks_wheel_on_each_ground():
 @pytest.mark.parametrize(
     ("effects", "places", "level", "wheels"),
     [
-        (("drivetrain_friction",), ("everywhere",), "hidden", 1),
+        (("torque_offset",), ("everywhere",), "hidden", 1),
         (("slip_sinkage",), ("class",), "buried", 1),
         (("sinkage_offset",), ("wheel",), "plain", 2),
     ],
