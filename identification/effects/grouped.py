@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -87,7 +87,7 @@ class GroupedEffect(Effect):
             self.base.report(there, drive, own)
             channels[rows] = there[rows]
 
-    def _split(self, values: np.ndarray) -> Iterable[tuple[Group, np.ndarray]]:
+    def _split(self, values: np.ndarray) -> list[tuple[Group, np.ndarray]]:
         return list(zip(self.groups, np.split(values, len(self.groups)), strict=True))
 
 

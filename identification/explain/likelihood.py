@@ -165,7 +165,7 @@ class Problem:
         scales = np.array([parameter.scale for parameter in parameters])
         return Prior(
             np.append(soils.mean, [parameter.null for parameter in parameters]),
-            block_diag(soils.precision, np.diag(scales**-2.0)),
+            np.asarray(block_diag(soils.precision, np.diag(scales**-2.0))),
             np.append(soils.lower, [parameter.low for parameter in parameters]),
             np.append(soils.upper, [parameter.high for parameter in parameters]),
         )

@@ -89,7 +89,7 @@ def _closely(place: np.ndarray, time_s: np.ndarray, way_m: np.ndarray, step_m: f
         return np.empty((0, 4))
     order = np.argsort(time_s, kind="stable")
     moving = order[np.diff(way_m[order], prepend=-math.inf) > 0.0]
-    grid = np.arange(way_m[moving[0]], way_m[moving[-1]], step_m)
+    grid = np.arange(float(way_m[moving[0]]), float(way_m[moving[-1]]), step_m)
     columns = (place[:, 0], place[:, 1], time_s, way_m)
     return np.column_stack([np.interp(grid, way_m[moving], each[moving]) for each in columns])
 
