@@ -1,4 +1,4 @@
-# make demo : the main job on a synthetic traverse, then a few queries and a picture of the map, all in demo/
+# make demo : the main job on a synthetic traverse, a few queries, a picture of the map, what the simulation lacks, all in demo/
 # make test : the tests; make slow : those marked slow, on real recordings (../shared/data)
 # Both make their own virtual environment in .venv and install there; a second call installs only what changed.
 # PYTHON=python3.12 takes another Python, VENV=folder another environment.
@@ -28,6 +28,8 @@ demo: $(VENV)/.installed
 	@$(BIN)/bevameter query near -7 41 --radius 1 --db demo/terrain.db
 	@echo; echo "==> the map: demo/map.png"
 	@$(BIN)/bevameter map --db demo/terrain.db --track demo/recording --out demo/map.png
+	@echo; echo "==> what the simulation lacks, with pictures in demo/why.html: bevameter explain demo/recording --db demo/terrain.db"
+	@$(BIN)/bevameter explain demo/recording --db demo/terrain.db --report demo/why.html
 
 test: $(VENV)/.installed-for-tests
 	@echo "==> tests"
