@@ -204,10 +204,10 @@ def _fit_with_smoothness(problem: Problem, fitted: Fitted, smoothness: int) -> F
 
 
 def _stated_shares(samples: Samples) -> tuple[float, float]:
-    """Shares of the stated sensor noise in the white parts of load and slip; 1 where none is stated."""
+    """Shares of the stated sensor noise in the largest white parts of load and slip; 1 where none is stated."""
     shares = []
     for channel, path in ((LOAD, samples.load), (SLIP, samples.slip)):
-        stated, white = samples.noise[channel] ** 2, float(np.mean(path.white_sd**2))
+        stated, white = samples.noise[channel] ** 2, float(np.max(path.white_sd**2))
         shares.append(min(1.0, max(stated / max(white, 1e-300), 1e-3)) if samples.stated[channel] else 1.0)
     return shares[0], shares[1]
 

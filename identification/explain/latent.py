@@ -96,9 +96,13 @@ class Path:
         )
 
     def latent(self, noise_share: float) -> Latent:
-        """Return the true values if this share of the white part's variance is sensor noise, in (0, 1]."""
-        seen = np.isfinite(self.measured)
-        own = np.where(seen, noise_share, 1.0)
+        """Return the true values if the variance of sensor noise is this share, in (0, 1], of the largest white part's.
+
+        Regimes share a sensor: where the white part is smaller than its noise, all of it is noise.
+        """
+        seen, variance = np.isfinite(self.measured), self.white_sd**2
+        noise = noise_share * float(variance.max(initial=0.0))
+        own = np.where(seen & (variance > noise), noise / np.maximum(variance, 1e-300), 1.0)
         mean = own * self.mean + (1.0 - own) * np.where(seen, self.measured, 0.0)
         # The estimate is shrunk towards each row's own reading, and its error by the same factor.
         before = np.concatenate([own[:1], own[:-1]])
