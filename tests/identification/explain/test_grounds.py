@@ -60,14 +60,19 @@ def test_physics_of_one_class_is_stored_with_that_class_alone(softened):
     assert effects == [["slip_sinkage"], [], []]
 
 
-def test_a_fault_of_one_wheel_is_named_with_the_wheel():
+@pytest.fixture(scope="module")
+def faulty():
+    """The torque sensor of the rear wheel has a wrong zero."""
     drive = ground_drive(
         {"sand": SAND, "loam": LOAM}, seconds=15.0, places=(0.4, -0.4), zeros={"w1": {"torque_Nm": 5.0}}
     )
     grounds = (Ground("sand", 0.0, 15.0), Ground("loam", 15.0, 30.0))
-    found = explain(drive, grounds=grounds, catalogue=("torque_offset", "sinkage_offset"))
-    assert [(each.effect, each.where) for each in found.missing] == [("torque_offset", "on w1 only")]
-    assert found.missing[0].parameters["T_0"].value == pytest.approx(5.0, abs=0.5)
+    return explain(drive, grounds=grounds, catalogue=("torque_offset", "sinkage_offset"))
+
+
+def test_a_fault_of_one_wheel_is_named_with_the_wheel(faulty):
+    assert [(each.effect, each.where) for each in faulty.missing] == [("torque_offset", "on w1 only")]
+    assert faulty.missing[0].parameters["T_0"].value == pytest.approx(5.0, abs=0.5)
 
 
 def test_rows_near_a_border_and_on_hard_ground_are_left_out_with_a_reason():
@@ -108,10 +113,14 @@ def test_where_nothing_says_what_the_ground_was_its_changes_are_found(divided):
     assert any("soil changes at 20 s" in note for note in divided.notes)
 
 
-def test_one_soil_is_not_divided_whatever_is_missing():
-    found = explain(unlabelled({"sand": SAND}, seconds=40.0, slip_sinkage={"sand": 0.5}), catalogue=FEW)
-    assert len(found.grounds) == 1
-    assert [each.effect for each in found.missing] == ["slip_sinkage"]
+@pytest.fixture(scope="module")
+def undivided():
+    return explain(unlabelled({"sand": SAND}, seconds=40.0, slip_sinkage={"sand": 0.5}), catalogue=FEW)
+
+
+def test_one_soil_is_not_divided_whatever_is_missing(undivided):
+    assert len(undivided.grounds) == 1
+    assert [each.effect for each in undivided.missing] == ["slip_sinkage"]
 
 
 @pytest.mark.slow
