@@ -297,7 +297,7 @@ def _usable(table: WheelTable, stretch: np.ndarray) -> tuple[np.ndarray, list[st
     if angle is not None:
         checks.append((~(np.abs(angle) > LIMITS.slip_angle_rad), "driven at an angle to the wheel's plane"))
     if GROUND in table:
-        checks.append((np.isfinite(table[GROUND]), "at a change of ground"))
+        checks.append((np.isfinite(table[GROUND]), "at a change of ground, or where none is stated"))
     usable, notes = np.ones(len(table), dtype=bool), []
     with np.errstate(invalid="ignore"):
         for good, why in checks:

@@ -106,7 +106,7 @@ def with_grounds(table: WheelTable, vehicle: Vehicle, track: Track | None, groun
     """Add the number of the ground that each row is on.
 
     A wheel is ahead of the vehicle's reference point, or behind it. A row near a border is on no ground: where ground
-    changes is known to about a cell.
+    changes is known to about a cell. Nor is one before the first ground or after the last.
 
     Parameters
     ----------
@@ -125,7 +125,10 @@ def with_grounds(table: WheelTable, vehicle: Vehicle, track: Track | None, groun
     if track is not None:
         where = _way_at(track, time_s) + np.array([wheel.position_m[0] for wheel in _wheels(table, vehicle)])
         starts, ends, margin = _way_at(track, starts), _way_at(track, ends), CHANGE_MARGIN_M
-    first, last = np.append(-math.inf, starts[1:] + margin), np.append(ends[:-1] - margin, math.inf)
+    # A wheel behind the reference point begins before the ground that the drive begins on, one ahead ends after it.
+    begins, goes_on = grounds[0].start_s <= np.nanmin(time_s), grounds[-1].end_s >= np.nanmax(time_s)
+    first = np.append(-math.inf if begins else starts[0] + margin, starts[1:] + margin)
+    last = np.append(ends[:-1] - margin, math.inf if goes_on else ends[-1] - margin)
     number = np.full(len(table), math.nan)
     for each in range(len(grounds)):
         number[(where >= first[each]) & (where <= last[each])] = each

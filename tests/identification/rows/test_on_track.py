@@ -66,3 +66,11 @@ def test_without_a_track_borders_are_compared_in_time():
     drive, _, table = placed()
     number = with_grounds(table, drive.vehicle, None, (Ground("a", 0.0, 20.0), Ground("b", 20.0, 40.0)))[GROUND]
     np.testing.assert_array_equal(number == 1.0, table["time_s"] >= 20.0)
+
+
+def test_rows_outside_of_what_is_labelled_are_on_no_ground():
+    drive, track, table = placed()
+    number = with_grounds(table, drive.vehicle, track, (Ground("sand", 5.0, 15.0),))[GROUND]
+    inside = (table["x_m"] >= 5.0 * SPEED_M_S + CHANGE_MARGIN_M) & (table["x_m"] <= 15.0 * SPEED_M_S - CHANGE_MARGIN_M)
+    np.testing.assert_array_equal(number == 0.0, inside)
+    assert np.isnan(number[~inside]).all()
