@@ -164,6 +164,7 @@ def drive_of(table: WheelTable, wheel: Wheel, stretch: np.ndarray, kind: type[Dr
         acceleration_m_s2=rate_of_change(travel, time_s, stretch),
         angular_acceleration_rad_s2=rate_of_change(rate, time_s, stretch),
         stretch=stretch,
+        run=stretch if (np.diff(stretch) == 0).any() else np.unique(_labels(table), return_inverse=True)[1],
         slip_before=slip_before(slip, passes, place_m, stretch, lane),
         ground=np.nan_to_num(column(GROUND)).astype(int),
         wheel=_by_appearance(table.wheel, len(table)),

@@ -74,6 +74,8 @@ class Drive:
         dV/dt and d(omega)/dt, smoothed.
     stretch
         Number of the uninterrupted stretch of time of a sample: of one run, pass and wheel.
+    run
+        Number of the run of a sample: its stretch, or the run of a steady-state trial.
     axis
         Direction in which the track runs in the plane; None where it turns.
     """
@@ -92,6 +94,7 @@ class Drive:
     acceleration_m_s2: np.ndarray
     angular_acceleration_rad_s2: np.ndarray
     stretch: np.ndarray
+    run: np.ndarray
     slip_before: np.ndarray
     ground: np.ndarray
     wheel: np.ndarray
@@ -106,7 +109,7 @@ class Drive:
         return bool(np.isfinite(self.time_s).all() and (np.diff(self.stretch) == 0).any())
 
     @cached_property
-    def runs(self) -> tuple[np.ndarray, ...]:
+    def periods(self) -> tuple[np.ndarray, ...]:
         """Rows of each period without a gap in time, also across passes: over these a sensor's state is continuous."""
         step = np.diff(self.time_s)
         median_step = np.median(step[step > 0.0]) if (step > 0.0).any() else math.inf

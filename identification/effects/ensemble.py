@@ -147,9 +147,8 @@ def _drawn(effect: Effect, stored: StoredEffect, off: np.ndarray) -> np.ndarray:
 
 
 def _level_drive(load_N: np.ndarray, slip: np.ndarray) -> PresentDrive:
-    missing, numbers = np.full(len(load_N), math.nan), np.arange(len(load_N))
-    zeros = np.zeros_like(numbers)
-    unseen = {name: missing for name in COVARIATES if name not in ("load_N", "slip", "stretch", "ground", "wheel")}
-    return PresentDrive(
-        load_N=load_N, slip=slip, stretch=numbers, ground=zeros, wheel=zeros, axis=ALONG_X, **unseen
-    )  # fmt: skip
+    numbers = np.arange(len(load_N))
+    columns = dict.fromkeys(COVARIATES, np.full(len(load_N), math.nan))
+    columns |= {"load_N": load_N, "slip": slip, "stretch": numbers, "run": numbers}
+    columns |= dict.fromkeys(("ground", "wheel"), np.zeros_like(numbers))
+    return PresentDrive(**columns, axis=ALONG_X)

@@ -197,7 +197,8 @@ def _hypothetical(drive: Drive, imposed: np.ndarray, plan: dict, usual_speed: fl
         rim_speed_m_s=rim, wheel_angle_rad=np.linspace(0.0, 8.0 * np.pi, rows),
         pitch_rad=plan.get("pitch", np.zeros(rows)), pass_number=plan.get("number", np.ones(rows)), place_m=place,
         x_m=x_m, y_m=y_m,
-        acceleration_m_s2=np.zeros(rows), angular_acceleration_rad_s2=np.zeros(rows), stretch=np.zeros(rows, dtype=int),
+        acceleration_m_s2=np.zeros(rows), angular_acceleration_rad_s2=np.zeros(rows),
+        stretch=np.zeros(rows, dtype=int), run=np.zeros(rows, dtype=int),
         slip_before=np.full(rows, np.abs(imposed[:, 1]).mean()), ground=drive.ground[along],
         wheel=drive.wheel[along],
     )  # fmt: skip

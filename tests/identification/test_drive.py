@@ -46,3 +46,15 @@ def test_positions_are_not_interpolated_where_most_are_missing(known):
     place = np.where(np.arange(len(TIME_S)) < known, PLACE, np.nan)
     drive = laid_out(x_m=place, travel_speed_m_s=SPEED)
     assert np.isfinite(drive.place_m).sum() == known
+
+
+def test_a_run_is_a_stretch_of_time_or_as_trials_state_it():
+    columns = {"load_N": np.full(4, 80.0), "slip": np.array([0.1, 0.2, 0.1, 0.2])}
+    labels = np.array(["b", "b", "a", "a"])
+    for time, expected in ({}, [0, 0, 1, 1]), ({"time_s": np.array([0.0, 0.1, 0.2, 0.3])}, [0, 0, 1, 1]):
+        table = WheelTable(columns | time, None, labels, "test")
+        order, stretch = order_of(table)
+        run = drive_of(table.select(order), Wheel(radius_m=0.1, width_m=0.1), stretch).run
+        np.testing.assert_array_equal(run, expected)
+    table = WheelTable(columns, None, None, "test")
+    assert not drive_of(table, Wheel(radius_m=0.1, width_m=0.1), order_of(table)[1]).run.any()

@@ -303,7 +303,7 @@ def test_what_warms_was_cold_on_a_drive_that_began_before():
 def test_zeros_of_each_run_are_offered_where_slip_changes_within_runs():
     """With one slip for each run, zeros of the runs would replace any law of slip."""
     run, along = np.repeat(np.arange(4), 50), np.tile(np.linspace(0.0, 1.0, 50), 4)
-    longer = replace(select_rows(DRIVE, np.arange(200) % len(DRIVE)), time_s=0.1 * np.arange(200), stretch=run)
+    longer = replace(select_rows(DRIVE, np.arange(200) % len(DRIVE)), time_s=0.1 * np.arange(200), run=run)
     load = 100.0 + 20.0 * np.sin(9.0 * along)
 
     def offered(slip: np.ndarray, load_N: np.ndarray, drive: Drive = longer) -> Sequence[Effect]:
@@ -316,16 +316,18 @@ def test_zeros_of_each_run_are_offered_where_slip_changes_within_runs():
     assert every.remark == ""
     assert "depend on the load" in offered(0.05 + 0.5 * along, 80.0 + 10.0 * run)[0].remark
     assert not offered(0.1 + 0.1 * run, load)
-    assert not offered(0.05 + 0.5 * along, load, replace(longer, stretch=np.zeros(200, dtype=int)))
-    assert not offered(0.05 + 0.5 * along, load, replace(longer, stretch=np.arange(200) // 10))
+    trials = replace(longer, time_s=np.full(200, np.nan), stretch=np.arange(200))
+    assert len(offered(0.05 + 0.5 * along, load, trials)) == 4
+    assert not offered(0.05 + 0.5 * along, load, replace(longer, run=np.zeros(200, dtype=int)))
+    assert not offered(0.05 + 0.5 * along, load, replace(longer, run=np.arange(200) // 8))
 
 
 def test_zeros_of_a_run_are_none_of_another_drive():
     run = np.repeat([0, 2], 5)
-    drive = replace(select_rows(DRIVE, np.arange(10)), stretch=run, slip=np.tile(np.linspace(0.1, 0.5, 5), 2))
-    zeros = ZerosByRun([SINKAGE], np.ones(5), np.unique(drive.stretch))
+    drive = replace(select_rows(DRIVE, np.arange(10)), run=run, slip=np.tile(np.linspace(0.1, 0.5, 5), 2))
+    zeros = ZerosByRun([SINKAGE], np.ones(5), np.unique(drive.run))
     channels = np.zeros((10, 5))
-    zeros.report(channels, replace(drive, stretch=np.repeat([0, 1, 2, 3, 9], 2)), np.array([0.3, -0.2]))
+    zeros.report(channels, replace(drive, run=np.repeat([0, 1, 2, 3, 9], 2)), np.array([0.3, -0.2]))
     np.testing.assert_allclose(channels[:, SINKAGE], np.repeat([0.3, 0.0, -0.2, 0.0, 0.0], 2))
     assert not channels[:, [each for each in range(5) if each != SINKAGE]].any()
 

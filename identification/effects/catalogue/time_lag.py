@@ -67,11 +67,11 @@ class TimeLag(Effect):
     def impose(self, imposed: np.ndarray, drive: Drive, values: np.ndarray) -> None:
         if self._channel in (LOAD, SLIP):
             column = 0 if self._channel == LOAD else 1
-            imposed[:, column] = delayed(imposed[:, column], drive.time_s, drive.runs, -values[0])
+            imposed[:, column] = delayed(imposed[:, column], drive.time_s, drive.periods, -values[0])
 
     def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
         if self._channel not in (LOAD, SLIP):
-            channels[:, self._channel] = delayed(channels[:, self._channel], drive.time_s, drive.runs, values[0])
+            channels[:, self._channel] = delayed(channels[:, self._channel], drive.time_s, drive.periods, values[0])
 
 
 class LowPass(Effect):
@@ -95,7 +95,7 @@ class LowPass(Effect):
         return [np.array([samples * self._step]) for samples in (1.0, 5.0)]
 
     def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
-        channels[:, self._channel] = filtered(channels[:, self._channel], drive.time_s, drive.runs, float(values[0]))
+        channels[:, self._channel] = filtered(channels[:, self._channel], drive.time_s, drive.periods, float(values[0]))
 
 
 def delayed(values: np.ndarray, time_s: np.ndarray, runs: Sequence[np.ndarray], lag_s: float) -> np.ndarray:

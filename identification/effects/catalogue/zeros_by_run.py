@@ -11,8 +11,8 @@ from ..effect import PULL, SINKAGE, TORQUE, Drive, Effect, Parameter, Situation
 from ..registry import register
 from ..sensors import SYMBOLS
 
-_MOST_RUNS = 12
-"""Runs up to which the effect is considered: each has a zero in every channel, and fits slow down in proportion."""
+_MOST_RUNS = 24
+"""Runs up to which the effect is considered: each has a zero in every channel."""
 
 _HELD, _WITHIN = {"load_N": "load", "rim_speed_m_s": "speed of the rim", "pitch_rad": "slope along the track"}, 0.2
 """What may be constant within each run and differ between runs, and the share of its variance that is then within runs
@@ -53,9 +53,9 @@ class ZerosByRun(Effect):
 
         Where each run has its own slip, zeros by run would explain any dependence on slip.
         """
-        drive, runs = situation.drive, np.unique(situation.drive.stretch)
+        drive, runs = situation.drive, np.unique(situation.drive.run)
         wheels = len(np.unique(drive.wheel))  # a zero of one wheel is a fault of that wheel's sensor
-        if not drive.timed or not 2 * wheels <= len(runs) <= _MOST_RUNS:
+        if not 2 * wheels <= len(runs) <= _MOST_RUNS:
             return ()
         if not drive.has("slip") or _within_runs(drive, "slip") < 1.0 - _WITHIN:
             return ()
@@ -72,9 +72,9 @@ class ZerosByRun(Effect):
         return [cls([each], situation.typical, np.arange(_MOST_RUNS)) for each in _measured(situation)]
 
     def report(self, channels: np.ndarray, drive: Drive, values: np.ndarray) -> None:
-        run = np.minimum(np.searchsorted(self._runs, drive.stretch), len(self._runs) - 1)
+        run = np.minimum(np.searchsorted(self._runs, drive.run), len(self._runs) - 1)
         # The zeros of a run that the recording did not have are not known.
-        known = self._runs[run] == drive.stretch
+        known = self._runs[run] == drive.run
         for channel, zeros in zip(self._channels, values.reshape(len(self._channels), -1), strict=True):
             channels[:, channel] += np.where(known, zeros[run], 0.0)
 
@@ -87,6 +87,6 @@ def _within_runs(drive: Drive, name: str) -> float:
     """Share of a covariate's variance that is within runs [-]."""
     values = getattr(drive, name)
     good = np.isfinite(values)
-    values, run = values[good], np.unique(drive.stretch[good], return_inverse=True)[1]
+    values, run = values[good], np.unique(drive.run[good], return_inverse=True)[1]
     mean = np.bincount(run, values) / np.bincount(run)
     return float(np.var(values - mean[run]) / np.var(values))

@@ -28,7 +28,7 @@ def run(
     left_out
         Effects that the tool's catalogue is to lack, by the recording's name; empty where it has all.
     processes
-    Recordings explained at a time.
+        Recordings explained at a time.
     timeout_s
     Longest time for an answer [s].
 
