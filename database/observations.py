@@ -87,7 +87,7 @@ class TerrainObservations:
 
 @dataclass(frozen=True)
 class SoilEffect:
-    """An effect beyond the textbook that was found on a stretch: its slug and its parameters by name, SI."""
+    """An effect beyond the textbook that acts on a stretch: its slug and its parameters by name, SI."""
 
     slug: str
     parameters: Mapping[str, float] = field(default_factory=dict)
@@ -113,7 +113,7 @@ class SoilObservation:
     load_N
         Mean vertical load on one wheel [N].
     effects
-        Effects beyond the textbook, found on this stretch.
+        Effects beyond the textbook, known before, that were subtracted from what the wheels measured.
     gate_reason
         Why the stretch may not be used; empty where it may.
     """

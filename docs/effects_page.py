@@ -64,7 +64,12 @@ A soil and the effects that were fitted together with it are one object, `Augmen
   acceleration, a pass number, a place or another speed than the one they were found at do nothing. Tyres, drivetrains
   and faults of
   instruments belong to the vehicle that drove there.
-- c, phi and the shear strength of a snapshot stay those of the stretches.
+- `bevameter run` subtracts from the wheel channels what the effects of a class add there, before the soil is
+  identified: of the ground's on any vehicle, of the vehicle's and its instruments' where the vehicle has the name of
+  the one that they were found on (a vehicle without a name is not recognised). Drifts, run-to-run zeros and patches of
+  soil belong to one drive and stay. The intervals of the stretches do not include the error of the effects' parameters;
+  the planner's bounds do. A drive that was processed before the physics was stored is processed again.
+- c, phi and the shear strength of a snapshot are those of the stretches.
 """
 
 

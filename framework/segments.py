@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 import numpy as np
 
-from ..database.observations import SoilObservation
+from ..database.observations import SoilEffect, SoilObservation
 from ..identification.estimate.identify import Segment, identify_segments
 from .core.errors import InputError
 from .core.evidence import UNKNOWN
@@ -189,7 +190,12 @@ class SoilAlong:
 
 
 def learn_soil(
-    recording: Recording, track: Track | None, along: ClassTrack | None, *, progress: Progress | None = None
+    recording: Recording,
+    track: Track | None,
+    along: ClassTrack | None,
+    *,
+    effects: Mapping[str, tuple[SoilEffect, ...]] = MappingProxyType({}),
+    progress: Progress | None = None,
 ) -> SoilAlong:
     """Identify the soil on the slow stretches of a recording, cut where the fused class changes.
 
@@ -201,6 +207,8 @@ def learn_soil(
         Where it was; None where nobody knows.
     along
         The fused class along the track; None where nobody knows.
+    effects
+        What was subtracted from the wheel channels before, by class.
     progress
         Called with the share done.
 
@@ -228,7 +236,8 @@ def learn_soil(
         if segment.used and np.any((early <= middle) & (middle <= late)):
             segment = replace(segment, used=False, reason=AT_A_CHANGE, estimate=None)
         belief = along.belief_between(segment.start_s, segment.end_s) if along is not None else {}
-        observations.append(_observation(segment, belief, recording.wheel, track))
+        removed = effects.get(max(belief, key=belief.__getitem__), ()) if belief else ()
+        observations.append(replace(_observation(segment, belief, recording.wheel, track), effects=removed))
     if progress is not None:
         progress("soil", 1.0)
     return recall_soil(tuple(observations))
@@ -242,7 +251,7 @@ def recall_soil(observations: tuple[SoilObservation, ...]) -> SoilAlong:
     for one in observations:
         if one.estimate is not None:
             used_s += one.end_s - one.start_s
-            learnt.append(LearntSoil.of(one.estimate, one.class_probabilities, one.start_s, one.end_s))
+            learnt.append(LearntSoil.of(one.estimate, one))
         else:
             kind = kind_of_reason(one.gate_reason)
             closed[kind] = closed.get(kind, 0.0) + one.end_s - one.start_s

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..database.observations import SoilObservation
 from ..identification.estimate.words import sentences
 from .core.evidence import ClassEvidence
 from .core.findings import Finding
@@ -95,6 +96,8 @@ class LearntSoil:
         What is to be minded in using the estimate, such as a model that does not fit.
     findings
         The same as data.
+    effects
+        Known effects (slugs) that were subtracted from the wheel channels.
     """
 
     class_name: str | None
@@ -108,16 +111,18 @@ class LearntSoil:
     misfit: float
     problems: tuple[str, ...]
     findings: tuple[Finding, ...]
+    effects: tuple[str, ...] = ()
 
     @staticmethod
-    def of(estimate: SoilEstimate, belief: Mapping[str, float], start_s: float, end_s: float) -> LearntSoil:
-        """Put an estimate and the belief over the stretch's class together."""
+    def of(estimate: SoilEstimate, observed: SoilObservation) -> LearntSoil:
+        """Sum up the observation of a stretch that has an estimate."""
+        belief = observed.class_probabilities
         best = max(belief, key=lambda name: belief[name]) if belief else None
         return LearntSoil(
             class_name=best,
             class_probability=belief[best] if best is not None else 0.0,
-            start_s=start_s,
-            end_s=end_s,
+            start_s=observed.start_s,
+            end_s=observed.end_s,
             n=estimate.n,
             parameters=dict(estimate.parameters),
             separable=dict(estimate.separable),
@@ -125,6 +130,7 @@ class LearntSoil:
             misfit=estimate.misfit,
             problems=sentences(estimate.findings),
             findings=estimate.findings,
+            effects=tuple(effect.slug for effect in observed.effects),
         )
 
 

@@ -22,7 +22,8 @@ from .core.track.way import DEAD_RECKONING, Track, track_of
 from .core.vehicle import Vehicle, as_vehicle
 from .default_models import Models, find_models
 from .fusion import Belief
-from .segments import CELL_SIZE_M, SoilAlong, believe, classes_along, learn_soil, recall_soil
+from .known_physics import KnownPhysics
+from .segments import CELL_SIZE_M, ClassTrack, SoilAlong, believe, classes_along, learn_soil, recall_soil
 from .sense_map import Progress, SenseRecord, observe
 from .senses import senses, senses_of
 from .summary import SenseSummary, TraverseSummary, count_cells, count_contradictions, sense_summary
@@ -44,7 +45,8 @@ def run_traverse(
 
     The camera says what the ground ahead is, the microphone what it is under the wheels; both are fused into one
     belief for each cell of ground. Where the drive was slow and steady enough, the soil is identified from the wheels,
-    and belongs to the class that was seen and heard there. Everything is written in one transaction at the end, so
+    and belongs to the class that was seen and heard there. What the database knows of a class's physics is subtracted
+    from the wheel channels before. Everything is written in one transaction at the end, so
     that an interrupted run leaves the database as it was. A drive that the database holds already, with the same
     vehicle, models and method, is not processed again: the summary then says what was stored.
 
@@ -90,7 +92,8 @@ def run_traverse(
     if not isinstance(models, Models):
         models = find_models(models, url, senses=senses_of(recording), progress=report)
     track = track_of(recording)
-    drive = _to_be_observed(recording, models, cell_size_m, track)
+    physics = _known_physics(database, recording)
+    drive = _to_be_observed(recording, models, cell_size_m, track, physics)
     about = _about(recording, drive, models, track, url)
     known = _recall(database, drive)
     if known is not None:
@@ -98,8 +101,7 @@ def run_traverse(
     records = observe(recording, track, models.classifiers, cell_size_m, progress=report)
     belief = believe(records, track, recording.vehicle, cell_size_m)
     along = classes_along(belief, track, recording.vehicle, cell_size_m) if track is not None else None
-    soil = learn_soil(recording, track, along, progress=report)
-
+    soil = _learn_soil(recording, track, along, physics, report)
     drive = replace(drive, terrain=_terrain(belief, cell_size_m, track), soils=soil.observations)
     report("storing", 0.0)
     if isinstance(database, TerrainDatabase):
@@ -123,6 +125,30 @@ def run_traverse(
         problems=(*_problems(recording, track), *soil.problems),
         seconds=time.monotonic() - began,
     )
+
+
+def _known_physics(database: TerrainDatabase | str | Path, recording: Recording) -> KnownPhysics:
+    """Read what the database knows of the physics of classes; nothing where there is no database yet."""
+    if isinstance(database, TerrainDatabase):
+        return KnownPhysics.of(database, recording)
+    store = TerrainDatabase.open_if_there(database)
+    if store is None:
+        return KnownPhysics({})
+    with store:
+        return KnownPhysics.of(store, recording)
+
+
+def _learn_soil(
+    recording: Recording, track: Track | None, along: ClassTrack | None, physics: KnownPhysics, report: Progress
+) -> SoilAlong:
+    """Identify the soil, what is known of the physics of the classes on the track subtracted before."""
+    effects, problems = {}, ()
+    driven = recording.wheel is not None and "time_s" in recording.wheel and recording.vehicle is not None
+    if driven and track is not None and along is not None and physics.by_class:
+        recording, used, problems = physics.taken_out(recording, track, along)
+        effects = {name: used.effects(name) for name in used.by_class}
+    soil = learn_soil(recording, track, along, effects=effects, progress=report)
+    return replace(soil, problems=(*soil.problems, *problems))
 
 
 def _cell_size(cell_size_m: float) -> float:
@@ -217,7 +243,9 @@ def _terrain(belief: Belief, cell_size_m: float, track: Track | None) -> Terrain
     )
 
 
-def _to_be_observed(recording: Recording, models: Models, cell_size_m: float, track: Track | None) -> Drive:
+def _to_be_observed(
+    recording: Recording, models: Models, cell_size_m: float, track: Track | None, physics: KnownPhysics
+) -> Drive:
     """Give the drive without its observations: all that its identity depends on."""
     vehicle = recording.vehicle
     described = hashlib.sha256((vehicle.model_dump_json() if vehicle else "").encode()).hexdigest()[:16]
@@ -232,7 +260,8 @@ def _to_be_observed(recording: Recording, models: Models, cell_size_m: float, tr
             for one in senses()
             if one.name in models.classifiers
         },
-        method=f"{METHOD}, vehicle {described}, places {track.origin if track else 'none'}",
+        method=f"{METHOD}, vehicle {described}, places {track.origin if track else 'none'}"
+        + (f", physics {physics.digest}" if physics.by_class else ""),
         terrain=TerrainObservations.nothing(cell_size_m),
     )
 

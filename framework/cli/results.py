@@ -268,6 +268,8 @@ def _print_soils(summary: TraverseSummary) -> None:
         ],
         title="\nsoil learnt",
     )  # fmt: skip
+    for name, effects in dict.fromkeys((soil.class_name, soil.effects) for soil in summary.soils if soil.effects):
+        print_line(f"{name}: {', '.join(effects)} known from before and subtracted")
     for soil in summary.soils:
         for problem in soil.problems:
             print_line(f"note, {soil.start_s:.0f} to {soil.end_s:.0f} s: {escape(problem)}")

@@ -94,6 +94,9 @@ class Microphone(FileModel):
     gain_dB: Finite = 0.0
 
 
+_UNNAMED = "vehicle"
+
+
 class Vehicle(FileModel):
     """A vehicle as `vehicle.toml` describes it.
 
@@ -101,7 +104,7 @@ class Vehicle(FileModel):
     absent there has its noise estimated from the data.
     """
 
-    name: str = "vehicle"
+    name: str = _UNNAMED
     wheels: Annotated[tuple[Wheel, ...], Field(min_length=1)]
     noise: dict[str, Positive] = Field(default_factory=dict)
     camera: Camera | None = None
@@ -129,6 +132,11 @@ class Vehicle(FileModel):
         if len(set(names)) != len(names):
             raise ValueError(f"wheels must have different names, got {', '.join(names)}")
         return self
+
+    @property
+    def identity(self) -> str:
+        """Its name, by which it is known again; empty if it has none of its own."""
+        return "" if self.name == _UNNAMED else self.name
 
     def wheel(self, name: str | None = None) -> Wheel:
         """Give the wheel of that name; the only one where `name` is None or there is just one.

@@ -275,6 +275,8 @@ class Effect:
     belongs_to: Literal["ground", "vehicle"] = "vehicle"
     """Whether it is physics of the ground, which differs from class to class, or of the vehicle and its instruments,
     which is the same everywhere but may differ from wheel to wheel."""
+    of_one_drive: ClassVar[bool] = False
+    """Whether it belongs to places, runs or the clock of one drive: it is not expected on a later one."""
     by_place: ClassVar[bool] = False
     """Whether it acts at a place or in a run only, which it estimates itself."""
     of_any_wheel: ClassVar[bool] = False

@@ -117,7 +117,8 @@ def specimen(lugs: int = _USUAL_LUGS, *, scale: float = 1.0) -> Situation:
         pitch_rad=0.1 * along, pass_number=1.0 + np.floor(2.999 * along), place_m=along * scale,
         x_m=along * scale, y_m=along * scale,
         acceleration_m_s2=np.full(rows, 0.01), angular_acceleration_rad_s2=np.full(rows, 0.07),
-        slip_before=np.full(rows, 0.35), **dict.fromkeys(("stretch", "run", "ground", "wheel"), np.zeros(rows, dtype=int)),
+        slip_before=np.full(rows, 0.35),
+        **dict.fromkeys(("stretch", "run", "ground", "wheel"), np.zeros(rows, dtype=int)),
     )  # fmt: skip
     return situation_of(wheel, soil, drive)
 

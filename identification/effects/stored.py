@@ -30,11 +30,14 @@ from .effect import Effect
 from .grouped import GroupedEffect
 from .parse import NamedEffect, follows_drive, lugs_of, smallest_form, specimen
 
-SCHEMA = 2
-"""Version of the document: the second adds correlations and probabilities; both can be read."""
+SCHEMA = 3
+"""Version of the document: the second adds correlations and probabilities, the third the vehicle; all can be read."""
 
 _ROUNDING = 1e-9
 """Tolerance for negative eigenvalues of correlations due to rounding, per row [-]."""
+
+_LONGEST_NAME = 200
+"""Letters of a vehicle's name."""
 
 MOST_EFFECTS = 32
 """Most effects in a document: a longer one is an error."""
@@ -94,16 +97,19 @@ class AugmentedSimulator:
         In the order in which they act, including faults of instruments.
     correlation : (p, p)
         Of the errors of c, tan phi, ln k, ln stiffness, ln n and the effects' parameters, in order; empty if unknown.
+    vehicle
+        Name of the vehicle that drove; empty if unknown.
     """
 
     soil: Mapping[str, Estimated]
     effects: tuple[StoredEffect, ...] = ()
     correlation: tuple[tuple[float, ...], ...] = ()
+    vehicle: str = ""
 
     @staticmethod
     def of(
         model: AugmentedWheel, vector: np.ndarray, covariance: np.ndarray | None = None,
-        probabilities: Mapping[str, float] = MappingProxyType({}), ground: int = 0,
+        probabilities: Mapping[str, float] = MappingProxyType({}), ground: int = 0, vehicle: str = "",
     ) -> AugmentedSimulator:  # fmt: skip
         """Convert a fit on one ground, without effects that describe the runs of its recording (`Effect.by_run`), one
         wheel or other grounds.
@@ -118,6 +124,8 @@ class AugmentedSimulator:
             Of effects, by slug.
         ground
             Number of the ground.
+        vehicle
+            Name of the vehicle.
 
         Raises
         ------
@@ -150,7 +158,7 @@ class AugmentedSimulator:
             probability = probabilities.get(effect.slug, math.nan)
             effects.append(StoredEffect(effect.slug, effect.form, parameters, dict(effect.constants), probability))
         kept = None if covariance is None else covariance[np.ix_(stored, stored)]
-        return AugmentedSimulator(MappingProxyType(soil), tuple(effects), _correlation_of(kept))
+        return AugmentedSimulator(MappingProxyType(soil), tuple(effects), _correlation_of(kept), vehicle)
 
     @property
     def soil_values(self) -> Soil:
@@ -164,12 +172,14 @@ class AugmentedSimulator:
     def to_json(self) -> dict[str, Any]:
         """Return the document that `from_json` reads; unknown numbers are None.
 
-        Without correlations and probabilities it is a document of the first version.
+        Without vehicle it is a document of the second version, without correlations and probabilities of the first.
         """
-        second = bool(self.correlation) or any(math.isfinite(effect.probability) for effect in self.effects)
-        further = {"correlation": [list(row) for row in self.correlation] or None} if second else {}
+        second = bool(self.vehicle or self.correlation) or any(math.isfinite(each.probability) for each in self.effects)
+        further: dict[str, Any] = {"correlation": [list(row) for row in self.correlation] or None} if second else {}
+        if self.vehicle:
+            further["vehicle"] = self.vehicle
         return {
-            "schema": SCHEMA if second else 1,
+            "schema": SCHEMA if self.vehicle else 2 if second else 1,
             "soil": {name: _packed(self.soil[name]) for name in PARAMETERS},
             "effects": [
                 {
@@ -195,9 +205,13 @@ class AugmentedSimulator:
             or out of bounds.
         """
         schema = document.get("schema") if isinstance(document, dict) else None
-        if isinstance(document, dict) and "schema" in document and (isinstance(schema, bool) or schema not in (1, 2)):
-            raise InputError(source, f"schema {shown(schema)}", expected="1 or 2")
-        further = {"correlation"} if schema == SCHEMA else set()
+        if (
+            isinstance(document, dict)
+            and "schema" in document
+            and (isinstance(schema, bool) or schema not in (1, 2, 3))
+        ):
+            raise InputError(source, f"schema {shown(schema)}", expected="1, 2 or 3")
+        further = {1: set(), 2: {"correlation"}}.get(schema or 1, {"correlation", "vehicle"})
         page = _table(document, {"schema", "soil", "effects"} | further, source, "document")
         soil = _table(page["soil"], set(PARAMETERS), source, "soil")
         effects = page["effects"]
@@ -211,6 +225,7 @@ class AugmentedSimulator:
             }),
             known,
             _correlation(page.get("correlation"), size, source),
+            _vehicle(page.get("vehicle", ""), source),
         )  # fmt: skip
 
 
@@ -256,8 +271,14 @@ def _correlation(document: Any, size: int, source: str) -> tuple[tuple[float, ..
     return tuple(map(tuple, answer.tolist()))
 
 
+def _vehicle(name: Any, source: str) -> str:
+    if not isinstance(name, str) or len(name) > _LONGEST_NAME:
+        raise InputError(source, shown(name), expected=f"a name of at most {_LONGEST_NAME} letters", place="vehicle")
+    return name
+
+
 def _effect(document: Any, schema: object, source: str, place: str) -> StoredEffect:
-    further = {"probability"} if schema == SCHEMA else set()
+    further = {"probability"} if schema in (2, SCHEMA) else set()
     page = _table(document, {"slug", "form", "parameters", "constants"} | further, source, place)
     slug, form = page["slug"], page["form"]
     if not isinstance(form, str):

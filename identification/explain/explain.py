@@ -119,7 +119,10 @@ def explain(
             problem, found, probabilities, chosen, regions, source=str(opened.source), seed=seed, began=began,
             notes=notes, simulated=own,
         )  # fmt: skip
-    return replace(answer, summary=summarise(answer), trust=trust(answer), seconds=time.perf_counter() - began)
+    return replace(
+        answer, summary=summarise(answer), trust=trust(answer), vehicle=rows.vehicle.identity,
+        seconds=time.perf_counter() - began,
+    )  # fmt: skip
 
 
 def _analyse(

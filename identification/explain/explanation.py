@@ -135,6 +135,8 @@ class Explanation:
         Probability of each of the simulator's effects, by slug.
     seconds
         Time taken.
+    vehicle
+        Name of the vehicle; empty if it has none.
     """
 
     source: str
@@ -159,6 +161,7 @@ class Explanation:
     covariance: np.ndarray | None = None
     believed: dict[str, float] = field(default_factory=dict)
     screened: tuple[Screened, ...] = ()
+    vehicle: str = ""
 
     @property
     def soil(self) -> dict[str, Estimate]:
@@ -177,7 +180,7 @@ class Explanation:
         others fit as well. Standard deviations are conditional on the effects; those of `soil` and `missing` include
         the variance between probable sets. A discrepancy is not part of it: it applies to the recording only.
         """
-        return AugmentedSimulator.of(self.simulator, self.vector, self.covariance, self.believed, ground)
+        return AugmentedSimulator.of(self.simulator, self.vector, self.covariance, self.believed, ground, self.vehicle)
 
     @property
     def physics(self) -> AugmentedSimulator:

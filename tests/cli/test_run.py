@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bevameter import SoilEstimate
+from bevameter.database.observations import SoilEffect, SoilObservation
 from bevameter.framework.cli.main import app
 from bevameter.framework.cli.results import print_summary
 from bevameter.framework.core.findings import warning
@@ -92,13 +93,17 @@ def test_a_model_that_does_not_fit_is_printed_and_written(capsys):
         {"c_Pa": Quantity(1e3, 1e2, 8e2, 12e2)}, np.array([1e3, 0.5]), np.eye(2), {}, (), {"c_Pa": False}, "", "ml",
         ("load_N",), 50, 4.2, (finding,),
     )  # fmt: skip
-    soils = (LearntSoil.of(estimate, {"sand": 1.0}, 3.0, 9.0),)
+    effects = (SoilEffect("slip_sinkage", {"n1": 0.3}),)
+    observed = SoilObservation(3.0, 9.0, 1.0, 2.0, {"sand": 1.0}, estimate, (5e3, 3e4), 80.0, effects)
+    soils = (LearntSoil.of(estimate, observed),)
     summary = TraverseSummary(
         "drive", "drive", "0", "", "", "t.db", False, 9.0, 1.0, "", 0.5, False, {}, {}, 0, (), soils, {}, 6.0, 1, 0,
         (), (), 1.0,
     )  # fmt: skip
     print_summary(summary)
-    assert "note, 3 to 9 s: the textbook's form does not hold" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "note, 3 to 9 s: the textbook's form does not hold" in printed
+    assert "sand: slip_sinkage known from before and subtracted" in printed
     (soil,) = summary.as_dict()["soils"]
     assert (soil["misfit"], soil["problems"]) == (4.2, sentences(estimate.findings))
     assert soil["findings"][0]["code"] == "wrong_form"

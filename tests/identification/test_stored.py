@@ -32,7 +32,7 @@ def fitted(*effects: Effect, sd: float = 0.0) -> AugmentedSimulator:
     model = AugmentedWheel(SITUATION.wheel, effects)
     values = [p.low + 0.3 * (p.high - p.low) for effect in effects for p in effect.parameters]
     vector = np.concatenate([soil_vector(SOIL), values])
-    return AugmentedSimulator.of(model, vector, np.eye(len(vector)) * sd**2)
+    return AugmentedSimulator.of(model, vector, np.eye(len(vector)) * sd**2, vehicle="rover")
 
 
 def physics(slug: str, sd: float = math.nan, **parameters: float) -> AugmentedSimulator:
@@ -51,6 +51,7 @@ def test_every_form_survives_json(effect):
     text = json.dumps(simulator.to_json(), allow_nan=False)
     again = AugmentedSimulator.from_json(json.loads(text))
     assert again.to_json() == simulator.to_json()
+    assert again.vehicle == "rover"
     assert again.effects[0].constants == dict(effect.constants)
     assert again.soil["c_Pa"].value == pytest.approx(500.0)
     assert again.soil["k_m"].sd == pytest.approx(0.012 * 0.01)  # of ln k, taken back to k
@@ -119,7 +120,7 @@ def broken() -> dict:
 
     effect = ("effects", 0)
     return {
-        "schema": (at("schema", value=3), "schema 3"),
+        "schema": (at("schema", value=4), "schema 4"),
         "schema true": (at("schema", value=True), "schema True"),
         "extra key": (at("code", value="import os"), "code"),
         "no soil": (at("soil", value=None), "an object with"),
@@ -145,6 +146,8 @@ def broken() -> dict:
         "not symmetric": (at("correlation", 0, 1, value=0.5), "symmetric"),
         "negative eigenvalue": (at("correlation", value=crossed()), "negative eigenvalues"),
         "no correlation": (at("correlation", 0, 1, value=math.nan), "correlation"),
+        "no vehicle": (at("vehicle", value=3), "vehicle"),
+        "long vehicle": (at("vehicle", value="x" * 201), "200 letters"),
         "too long a number": (at("schema", value=10**6000), "too large"),
     }
 

@@ -42,6 +42,7 @@ class ChannelDrift(Effect):
     what_happens = "a channel drifts with time"
     check = "read the channel with the wheel lifted and at rest before, during and after the drive"
     kind = "instrument"
+    of_one_drive = True
     needs = ("time_s",)
     source = "A.-M. Legendre (1785): polynomials orthogonal over the drive"
 

@@ -58,6 +58,7 @@ class SoilPatch(Effect):
     of_ground = True
     belongs_to = "ground"
     by_place = True
+    of_one_drive = True
     source = "definition"
     required = ("from", "to")
     change = (

@@ -30,6 +30,7 @@ class ZerosByRun(Effect):
     kind = "instrument"
     by_run = True
     by_place = True
+    of_one_drive = True
     equation = "q reported = q + q_0, q_0 constant in each run"
     source = "definition"
 
