@@ -4,6 +4,7 @@ import csv
 from pathlib import Path
 
 import numpy as np
+import pytest
 from bevameter import explain
 from bevameter.framework.scenario import mechanics
 from concealed.conceal import conceal
@@ -25,8 +26,12 @@ def write_simulation(path: Path, made) -> None:
         writer.writerows(np.column_stack(list(given.values())).tolist())
 
 
-def test_a_zero_of_the_recording_is_named_against_another_simulator(tmp_path):
-    made = conceal(5, ("torque_offset",), "plain", "field", samples=80)
+@pytest.fixture
+def made():
+    return conceal(5, ("torque_offset",), "plain", "field", samples=80)
+
+
+def test_a_zero_of_the_recording_is_named_against_another_simulator(tmp_path, made):
     made.write(tmp_path / "drive")
     write_simulation(tmp_path / "simulated.csv", made)
     considered = ("torque_offset", "slip_sinkage")
