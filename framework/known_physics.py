@@ -14,6 +14,7 @@ from ..database.store import TerrainDatabase
 from ..identification.effects.known import lasting, without_effects
 from ..identification.effects.stored import AugmentedSimulator
 from ..identification.rows.on_track import with_places
+from ..identification.rows.weight import with_loads
 from ..identification.simulate import ANSWERS
 from .core.errors import InputError
 from .core.recording.types import Recording, WheelTable
@@ -72,7 +73,7 @@ class KnownPhysics:
         wheel, vehicle, used, problems = recording.wheel, recording.vehicle, {}, []
         assert wheel is not None
         assert vehicle is not None
-        placed, label = with_places(wheel, vehicle, track), _classes_of(wheel, along)
+        placed, label = with_places(with_loads(wheel, vehicle)[0], vehicle, track), _classes_of(wheel, along)
         columns = dict(wheel.columns)
         for name in sorted({*self.by_class} & {*label}):
             try:

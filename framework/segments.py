@@ -10,6 +10,7 @@ import numpy as np
 
 from ..database.observations import SoilEffect, SoilObservation
 from ..identification.estimate.identify import Segment, identify_segments
+from ..identification.rows.weight import with_loads
 from .core.errors import InputError
 from .core.evidence import UNKNOWN
 from .core.recording.types import Recording, WheelTable
@@ -230,6 +231,7 @@ def learn_soil(
         segments = identify_segments(recording, boundaries_s=np.sort(np.concatenate([early, late])))
     except InputError as error:
         return SoilAlong(problems=(f"no soil was identified: {error}",))
+    wheel = with_loads(recording.wheel, recording.vehicle)[0]
     observations = []
     for segment in segments:
         middle = 0.5 * (segment.start_s + segment.end_s)
@@ -237,7 +239,7 @@ def learn_soil(
             segment = replace(segment, used=False, reason=AT_A_CHANGE, estimate=None)
         belief = along.belief_between(segment.start_s, segment.end_s) if along is not None else {}
         removed = effects.get(max(belief, key=belief.__getitem__), ()) if belief else ()
-        observations.append(replace(_observation(segment, belief, recording.wheel, track), effects=removed))
+        observations.append(replace(_observation(segment, belief, wheel, track), effects=removed))
     if progress is not None:
         progress("soil", 1.0)
     return recall_soil(tuple(observations))

@@ -21,6 +21,7 @@ from .mechanics.augmented import AugmentedWheel
 from .mechanics.soil import Soil, soil_vector
 from .mechanics.textbook import equilibrium
 from .rows.signs import check_signs
+from .rows.weight import with_loads
 
 ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
 """Channels that a simulation adds."""
@@ -41,7 +42,8 @@ def simulate(
     soil
         The soil, all five parameters of it, or its TOML file.
     drive
-        Wheel rows with `load_N` and `slip` (or both speeds), as their instruments report them, or their file.
+        Wheel rows with `load_N` (or a vehicle that states its weight) and `slip` (or both speeds), as their instruments
+        report them, or their file.
     effects
         What is added to the paper's Eq. 1-9, each ``"slug:parameter=value,..."``: see docs/effects.md. They act in the
         order given.
@@ -66,6 +68,7 @@ def simulate(
         soil = Soil.from_knowledge(as_knowledge(soil), "soil" if isinstance(soil, SoilKnowledge) else str(soil))
     wanted = "a WheelTable, or the path of a wheel file"
     table = drive if isinstance(drive, WheelTable) else read_wheel_file(path_of("drive", drive, wanted))
+    table, vehicle, _ = with_loads(table, vehicle)
     answers = {name: np.full(len(table), np.nan) for name in ANSWERS}
     slips = np.full(len(table), np.nan)
     names = [None] if table.wheel is None else list(np.unique(table.wheel))
@@ -81,7 +84,11 @@ def simulate(
         part = derive(table.select(rows), wheel)
         for column in ("load_N", "slip"):
             if column not in part:
-                raise InputError(table.source, f"no column {column}", expected="load_N, and slip or both speeds")
+                raise InputError(
+                    table.source,
+                    f"no column {column}",
+                    expected="load_N or the vehicle's mass_kg, and slip or both speeds",
+                )
         check_signs(part, wheel)
         slips[rows] = part["slip"]
         parts.append((wheel, rows, part))

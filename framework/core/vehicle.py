@@ -52,6 +52,8 @@ class Wheel(FileModel):
         tuple[Finite, Finite], Field(validation_alias=AliasChoices("position_m", "position"))
     ] = (0.0, 0.0)  # fmt: skip
     """Place in the vehicle frame: x forward, y left [m]; `position` in a file is the same."""
+    load_N: Positive | None = None
+    """Load that it carries on level ground [N], where it is not sensed."""
 
     @field_validator("grouser_height_m")
     @classmethod
@@ -101,12 +103,16 @@ class Vehicle(FileModel):
     """A vehicle as `vehicle.toml` describes it.
 
     `noise` gives standard deviations of the wheel channels by column name (``load_N = 5.0``); a channel that is
-    absent there has its noise estimated from the data.
+    absent there has its noise estimated from the data. `mass_kg`, and `centre_of_mass_m` in the vehicle frame (x
+    forward, y left, z above the ground), give the load on the wheels where it is not sensed; without the latter the
+    mass lies midway between the wheels, on the ground.
     """
 
     name: str = _UNNAMED
     wheels: Annotated[tuple[Wheel, ...], Field(min_length=1)]
     noise: dict[str, Positive] = Field(default_factory=dict)
+    mass_kg: Positive | None = None
+    centre_of_mass_m: tuple[Finite, Finite, NonNegative] | None = None
     camera: Camera | None = None
     microphone: Microphone | None = None
 
@@ -131,6 +137,14 @@ class Vehicle(FileModel):
         names = [wheel.name for wheel in self.wheels]
         if len(set(names)) != len(names):
             raise ValueError(f"wheels must have different names, got {', '.join(names)}")
+        return self
+
+    @model_validator(mode="after")
+    def _one_weight(self) -> Vehicle:
+        if self.centre_of_mass_m is not None and self.mass_kg is None:
+            raise ValueError("centre_of_mass_m without mass_kg")
+        if self.mass_kg is not None and any(wheel.load_N is not None for wheel in self.wheels):
+            raise ValueError("both mass_kg and the load_N of a wheel are given")
         return self
 
     @property

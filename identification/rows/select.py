@@ -23,6 +23,7 @@ from .signs import check_pull, check_signs, check_torque
 from .standstill import with_standstill
 from .trials import slow_clock
 from .units import check_load, check_sizes, load_in_kilograms, pull_in_another_unit, speeds_in_another_unit
+from .weight import with_loads
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,7 @@ def _of_vehicle(recording: Recording, every_row: bool) -> SelectedRows:
             recording.source, f"{others.values['used']} of {others.values['n']} rows are of the vehicle's wheel",
             expected="rows of the vehicle's wheel only, to compare with another file",
         )  # fmt: skip
+    table, vehicle, weighed = with_loads(table, vehicle)
     table, duplicates, unsteady = with_standstill(table), None, list[Finding]()
     if not every_row:
         table, duplicates = without_duplicates(table)
@@ -102,14 +104,14 @@ def _of_vehicle(recording: Recording, every_row: bool) -> SelectedRows:
         groups.setdefault((wheel.radius_m, wheel.width_m), []).append(name)
     gathered = [_gather(table, vehicle, members) for members in groups.values()]
     for name, remedy in (
-        ("load_N", "load_N: the wheel's share of the weight, if it is not sensed"),
+        ("load_N", "load_N; or mass_kg, or load_N of each wheel, in vehicle.toml, where it is not sensed"),
         ("slip", "slip, or both wheel_speed_rad_s and travel_speed_m_s"),
     ):
         if not any(name in rows.table for rows in gathered):
             raise InputError(table.source, f"no column {name}", expected=remedy)
     best = max((_checked(rows) for rows in gathered), key=lambda rows: rows.used)
     radii = note("one_radius", geometries=len(gathered), radius_m=best.wheel.radius_m) if len(gathered) > 1 else None
-    return replace(best, findings=(*_found(others, duplicates, *unsteady, radii), *best.findings))
+    return replace(best, findings=(*_found(others, weighed, duplicates, *unsteady, radii), *best.findings))
 
 
 def _found(*findings: Finding | None) -> Iterable[Finding]:

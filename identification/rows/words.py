@@ -77,6 +77,16 @@ def _without_time(values: Values) -> str:
     return f"{values['n']} rows of {runs} have no time_s: each row is taken as a steady trial"
 
 
+def _load_computed(values: Values) -> str:
+    moved = {"pitch_rad": "slope", "travel_speed_m_s": "acceleration"}
+    by = " and ".join(moved[name] for name in values["transfer"])
+    return (
+        f"load_N was not sensed: it is computed from the vehicle's weight{f', moved by {by}' if by else ''}, "
+        f"{values['load_N']:.3g} N on average with a standard deviation of {values['sd_N']:.2g} N; by what the share "
+        "of the weight is wrong c and tan phi are wrong, too"
+    )
+
+
 SENTENCES: dict[str, Sentence] = {
     "angle_disagrees": _angle,
     "duplicate_rows": _duplicates,
@@ -84,6 +94,7 @@ SENTENCES: dict[str, Sentence] = {
     "not modelled; give grouser_count",
     "grouser_height_missing": "the vehicle states {count} lugs without their height: only their ripple with the angle "
     "of the wheel is modelled; give grouser_height_m",
+    "load_computed": _load_computed,
     "load_unit": _load_unit,
     "one_radius": "wheels of {geometries} geometries: only those of radius {radius_m:g} m were used",
     "other_geometries": "rows of {wheels} wheels: only the {used} of the {wheel} were used, for their soils may "
