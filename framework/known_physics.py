@@ -11,7 +11,7 @@ import numpy as np
 
 from ..database.observations import SoilEffect
 from ..database.store import TerrainDatabase
-from ..identification.effects.known import lasting, without_effects
+from ..identification.effects.known import for_later_drives, without_effects
 from ..identification.effects.stored import AugmentedSimulator
 from ..identification.rows.on_track import with_places
 from ..identification.rows.weight import with_loads
@@ -36,7 +36,7 @@ class KnownPhysics:
         if recording.wheel is None or recording.vehicle is None:
             return KnownPhysics({})
         newest = {each.class_name: each.physics for each in database.physics() if each.site in ("", recording.site)}
-        acting = {name: lasting(physics, recording.vehicle.identity) for name, physics in newest.items()}
+        acting = {name: for_later_drives(physics, recording.vehicle.identity) for name, physics in newest.items()}
         return KnownPhysics({name: physics for name, physics in acting.items() if physics.effects})
 
     @property

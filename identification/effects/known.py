@@ -13,7 +13,7 @@ from .catalogue import effect_class
 from .stored import AugmentedSimulator
 
 
-def lasting(physics: AugmentedSimulator, vehicle: str) -> AugmentedSimulator:
+def for_later_drives(physics: AugmentedSimulator, vehicle: str) -> AugmentedSimulator:
     """Return the soil and those effects that act again when a vehicle, by name, drives on the class.
 
     Effects of a place or of a recording's clock do not, nor do those of another vehicle or its instruments.
@@ -33,7 +33,7 @@ def without_effects(physics: AugmentedSimulator, vehicle: Vehicle, table: WheelT
     Parameters
     ----------
     physics
-        Soil and effects (`lasting`).
+        Soil and effects (`for_later_drives`).
     vehicle
         The vehicle that drove.
     table

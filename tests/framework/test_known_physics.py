@@ -20,7 +20,7 @@ from bevameter.framework.known_physics import KnownPhysics
 from bevameter.framework.scenario.write import write_scenario
 from bevameter.framework.segments import class_track, learn_soil
 from bevameter.framework.traverse import run_traverse
-from bevameter.identification.effects.known import lasting
+from bevameter.identification.effects.known import for_later_drives
 from bevameter.identification.effects.stored import AugmentedSimulator, Estimated, StoredEffect
 from bevameter.identification.simulate import simulate
 
@@ -86,9 +86,9 @@ def test_what_needs_a_column_that_was_not_recorded_is_left_and_said():
 def test_faults_are_those_of_the_vehicle_that_had_them(tmp_path):
     patch = StoredEffect("drift", "torque_Nm", {"d1": Estimated(0.5, 0.1)}, {"t_first": 0.0, "t_last": 9.0})
     of_rover = physics(SLIP_SINKAGE, TORQUE_ZERO, patch, vehicle="rover")
-    assert [each.slug for each in lasting(of_rover, "rover").effects] == ["slip_sinkage", "torque_offset"]
+    assert [each.slug for each in for_later_drives(of_rover, "rover").effects] == ["slip_sinkage", "torque_offset"]
     for other in ("another", ""):
-        assert [each.slug for each in lasting(of_rover, other).effects] == ["slip_sinkage"]
+        assert [each.slug for each in for_later_drives(of_rover, other).effects] == ["slip_sinkage"]
     with TerrainDatabase(tmp_path / "t.db") as database:
         database.add_physics("sand", of_rover, source="d", time=datetime(2026, 1, 1, tzinfo=UTC))
         database.add_physics("clay", physics(TORQUE_ZERO), source="d", time=datetime(2026, 1, 1, tzinfo=UTC))
