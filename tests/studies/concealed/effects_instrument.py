@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from scipy.signal import lfilter
@@ -25,103 +25,101 @@ class Fault(Effect):
 
 
 @dataclass(frozen=True)
-class TorqueOffset(Fault):
-    """The torque sensor's zero is wrong."""
+class WrongZero(Fault):
+    """The zero of a sensor is wrong."""
 
-    slug = "torque_offset"
-    channels = ("torque_Nm",)
+    channel: ClassVar[str]
+    unit: ClassVar[str]
+    most: ClassVar[float] = 0.4
+    """Largest offset, relative to the channel's usual size [-]."""
     variables = ("load_N", "slip", "constant", "sinkage_m")
-    span: float = 1.0
+    usual: float = 1.0
 
     @classmethod
     def draw(cls, rng: np.random.Generator, setting: Setting, form: str) -> Self:
-        """Draw the sign; the unit is the torque's range."""
-        return cls(form, 0.0, float(rng.choice([-1.0, 1.0])), setting.span("torque_Nm"))
+        """Draw the sign."""
+        return cls(form, 0.0, float(rng.choice([-1.0, 1.0])), cls.size(setting))
+
+    @classmethod
+    def size(cls, setting: Setting) -> float:
+        """Usual size of the channel: its mean."""
+        return float(np.abs(getattr(setting.textbook, cls.channel)).mean())
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Up to 0.6 of the torque's range."""
-        return 0.0, 0.6
+        """Relative to the channel's usual size."""
+        return 0.0, self.most
 
     def parameters(self) -> dict[str, float]:
-        """Give the offset [N m]."""
-        return {"offset_Nm": self.sign * self.magnitude * self.span}
+        """Give the offset."""
+        return {f"offset_{self.unit}": self.sign * self.magnitude * self.usual}
 
     def reported(self, channels: Channels, drive: Drive) -> Channels:
-        return replace(channels, torque_Nm=channels.torque_Nm + self.parameters()["offset_Nm"])
+        """Add the offset."""
+        off = self.sign * self.magnitude * self.usual
+        return replace(channels, **{self.channel: getattr(channels, self.channel) + off})
 
 
 @dataclass(frozen=True)
-class TorqueGain(Fault):
+class WrongGain(Fault):
+    """The constant of a sensor is wrong."""
+
+    channel: ClassVar[str]
+    variables = ("load_N", "slip", "sinkage_m")
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Logarithm of the gain: from half to twice."""
+        return 0.0, 0.7
+
+    def parameters(self) -> dict[str, float]:
+        """Give the gain [-]."""
+        return {"gain": float(np.exp(self.sign * self.magnitude))}
+
+    def reported(self, channels: Channels, drive: Drive) -> Channels:
+        """Multiply by the gain."""
+        return replace(channels, **{self.channel: getattr(channels, self.channel) * self.parameters()["gain"]})
+
+
+class TorqueOffset(WrongZero):
+    """The torque sensor's zero is wrong."""
+
+    slug = "torque_offset"
+    channel, unit, most = "torque_Nm", "Nm", 0.6
+    channels = ("torque_Nm",)
+
+    @classmethod
+    def size(cls, setting: Setting) -> float:
+        """Range of the torque."""
+        return setting.span("torque_Nm")
+
+
+class SinkageOffset(WrongZero):
+    """The sinkage sensor's zero is wrong."""
+
+    slug = "sinkage_offset"
+    channel, unit, most = "sinkage_m", "m", 0.6
+    channels = ("sinkage_m",)
+
+
+class TorqueGain(WrongGain):
     """The torque sensor's, or the motor's, constant is wrong."""
 
     slug = "torque_gain"
+    channel = "torque_Nm"
     channels = ("torque_Nm",)
-    variables = ("load_N", "slip", "sinkage_m")
-
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """Logarithm of the gain: from half to twice."""
-        return 0.0, 0.7
-
-    def parameters(self) -> dict[str, float]:
-        """Give the gain [-]."""
-        return {"gain": float(np.exp(self.sign * self.magnitude))}
-
-    def reported(self, channels: Channels, drive: Drive) -> Channels:
-        return replace(channels, torque_Nm=channels.torque_Nm * self.parameters()["gain"])
 
 
-@dataclass(frozen=True)
-class LoadGain(Fault):
+class LoadGain(WrongGain):
     """The load cell's constant, or the share of the weight that the wheel carries, is wrong."""
 
     slug = "load_gain"
+    channel = "load_N"
     channels = ("load_N", "torque_Nm", "sinkage_m", "drawbar_pull_N")
-    variables = ("load_N", "slip", "sinkage_m")
-
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """Logarithm of the gain: from half to twice."""
-        return 0.0, 0.7
-
-    def parameters(self) -> dict[str, float]:
-        """Give the gain [-]."""
-        return {"gain": float(np.exp(self.sign * self.magnitude))}
-
-    def reported(self, channels: Channels, drive: Drive) -> Channels:
-        return replace(channels, load_N=channels.load_N * self.parameters()["gain"])
 
     def inputs(self, load_N: np.ndarray, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Undo the gain."""
         return load_N / self.parameters()["gain"], slip
-
-
-@dataclass(frozen=True)
-class SinkageOffset(Fault):
-    """The sinkage sensor's zero is wrong."""
-
-    slug = "sinkage_offset"
-    channels = ("sinkage_m",)
-    variables = ("load_N", "slip", "constant", "sinkage_m")
-    span: float = 1.0
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator, setting: Setting, form: str) -> Self:
-        """Draw the sign; the unit is the mean sinkage."""
-        return cls(form, 0.0, float(rng.choice([-1.0, 1.0])), float(setting.textbook.sinkage_m.mean()))
-
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """Up to 0.6 of the mean sinkage."""
-        return 0.0, 0.6
-
-    def parameters(self) -> dict[str, float]:
-        """Give the offset [m]."""
-        return {"offset_m": self.sign * self.magnitude * self.span}
-
-    def reported(self, channels: Channels, drive: Drive) -> Channels:
-        return replace(channels, sinkage_m=channels.sinkage_m + self.parameters()["offset_m"])
 
 
 @dataclass(frozen=True)

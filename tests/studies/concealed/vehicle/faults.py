@@ -4,45 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar, Self
+from typing import Self
 
 import numpy as np
 
 from .. import effects, effects_contact, effects_gear, effects_ground, effects_instrument
 from ..drives import needs_of
 from ..effects import Effect, Setting
-from ..effects_instrument import Fault
+from ..effects_instrument import Fault, WrongGain, WrongZero
 from ..mechanics import Channels, Drive
-
-
-@dataclass(frozen=True)
-class WrongZero(Fault):
-    """The zero of a sensor is wrong."""
-
-    channel: ClassVar[str]
-    unit: ClassVar[str]
-    variables = ("load_N", "slip", "constant", "sinkage_m")
-    typical: float = 1.0
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator, setting: Setting, form: str) -> Self:
-        """Draw the sign; the unit is the channel's mean size."""
-        typical = float(np.abs(getattr(setting.textbook, cls.channel)).mean())
-        return cls(form, 0.0, float(rng.choice([-1.0, 1.0])), typical)
-
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """Up to 0.4 of the channel's mean size."""
-        return 0.0, 0.4
-
-    def parameters(self) -> dict[str, float]:
-        """Give the offset."""
-        return {f"offset_{self.unit}": self.sign * self.magnitude * self.typical}
-
-    def reported(self, channels: Channels, drive: Drive) -> Channels:
-        """Add the offset."""
-        off = self.sign * self.magnitude * self.typical
-        return replace(channels, **{self.channel: getattr(channels, self.channel) + off})
 
 
 class LoadOffset(WrongZero):
@@ -62,26 +32,12 @@ class PullOffset(WrongZero):
     channels = ("drawbar_pull_N",)
 
 
-@dataclass(frozen=True)
-class SinkageGain(Fault):
+class SinkageGain(WrongGain):
     """The constant of the sinkage sensor is wrong."""
 
     slug = "sinkage_gain"
+    channel = "sinkage_m"
     channels = ("sinkage_m",)
-    variables = ("load_N", "slip", "sinkage_m")
-
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """Logarithm of the gain: from half to twice."""
-        return 0.0, 0.7
-
-    def parameters(self) -> dict[str, float]:
-        """Give the gain [-]."""
-        return {"gain": float(np.exp(self.sign * self.magnitude))}
-
-    def reported(self, channels: Channels, drive: Drive) -> Channels:
-        """Multiply by the gain."""
-        return replace(channels, sinkage_m=channels.sinkage_m * self.parameters()["gain"])
 
 
 @dataclass(frozen=True)
