@@ -128,7 +128,7 @@ def store(answer: Explanation, database: str | Path, class_name: str | None = No
     Returns
     -------
     tuple of str
-        Names of the classes.
+        Names of the classes with which something was stored: faults of one wheel, and what single runs had, are not.
 
     Raises
     ------
@@ -141,11 +141,18 @@ def store(answer: Explanation, database: str | Path, class_name: str | None = No
             answer.source, f"nothing was found to store: the verdict is {answer.verdict}",
             expected="missing physics or a fault of an instrument that is asserted",
         )  # fmt: skip
-    chosen = _ground_by_class(answer, class_name)
-    with TerrainDatabase(database) as opened:
-        for name, ground in chosen.items():
-            opened.add_physics(name, answer.physics_of(ground), source=answer.source)
-    return tuple(chosen)
+    physics = {name: answer.physics_of(ground) for name, ground in _ground_by_class(answer, class_name).items()}
+    stored = {name: each for name, each in physics.items() if each.effects}
+    if class_name is not None and not stored:
+        raise InputError(
+            answer.source, "what was found acts on one wheel or in single runs",
+            expected="an effect of the whole vehicle or of the class",
+        )  # fmt: skip
+    if stored:
+        with TerrainDatabase(database) as opened:
+            for name, each in stored.items():
+                opened.add_physics(name, each, source=answer.source)
+    return tuple(stored)
 
 
 def _ground_by_class(answer: Explanation, class_name: str | None) -> dict[str, int]:

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from ..database.store import TerrainDatabase
+from .core.errors import InputError
 from .core.evidence import UNKNOWN
 from .core.recording.types import Labels, Recording
 from .core.track.grounds import Ground
 from .core.track.way import RECORDED, Track, track_of
 from .default_models import find_models
-from .segments import CELL_SIZE_M, LEAST_KNOWN_SHARE, ClassTrack, believe, class_track, classes_along
+from .segments import CELL_SIZE_M, LEAST_KNOWN_SHARE, ClassTrack, believe, class_track, classes_along, stretches
 from .sense_map import observe
 from .senses import senses_of
 
@@ -45,13 +45,16 @@ def grounds_of(
     if wheel is None or wheel.run is not None or "time_s" not in wheel:
         return (), ""
     if recording.labels is not None and recording.labels.classes:
-        return _labelled(recording.labels), "labels of the recording"
-    track = track_of(recording)
+        return _labelled(recording.labels, recording.source), "labels of the recording"
+    try:
+        track = track_of(recording)
+    except InputError:
+        return (), ""  # `explain` notes what is wrong with the places
     if track is None or track.origin != RECORDED:
         return (), ""
     along = _on_map(recording, track, database)
     if along is not None:
-        return _stretches(along), f"the map of {database}"
+        return stretches(along), f"the map of {database}"
     names = senses_of(recording)
     if not names:
         return (), ""
@@ -62,15 +65,20 @@ def grounds_of(
     belief = believe(records, track, recording.vehicle, CELL_SIZE_M)
     known = " and ".join(name for name in names if name in models.classifiers)
     synthetic = ", trained on synthetic ground only" if models.synthetic else ""
-    grounds = _stretches(classes_along(belief, track, recording.vehicle, CELL_SIZE_M))
+    grounds = stretches(classes_along(belief, track, recording.vehicle, CELL_SIZE_M))
     return grounds, f"{known}{synthetic}" if grounds else ""
 
 
-def _labelled(labels: Labels) -> tuple[Ground, ...]:
-    """Grounds of labelled stretches; neighbours of one class are one."""
+def _labelled(labels: Labels, source: Path) -> tuple[Ground, ...]:
+    """Grounds of labelled stretches, none of a class ``unknown``; neighbours of one class are one."""
     grounds: list[Ground] = []
-    for start_s, end_s, name in sorted(zip(labels.start_s, labels.end_s, labels.classes, strict=True)):
-        before = grounds[-1] if grounds else None
+    for start_s, end_s, label in sorted(zip(labels.start_s, labels.end_s, labels.classes, strict=True)):
+        name, before = "" if label == UNKNOWN else label, grounds[-1] if grounds else None
+        if before is not None and before.end_s > start_s and before.class_name != name:
+            raise InputError(
+                source, f"{before.class_name} until {before.end_s:g} s, {name} from {start_s:g} s", place="labels",
+                expected="stretches that do not overlap",
+            )  # fmt: skip
         if before is not None and before.class_name == name and before.end_s >= start_s:
             grounds[-1] = Ground(name, before.start_s, max(float(end_s), before.end_s))
         else:
@@ -95,17 +103,3 @@ def _on_map(recording: Recording, track: Track, database: str | Path | None) -> 
     if not known.size or known.mean() < LEAST_KNOWN_SHARE:
         return None
     return class_track(track, times, probability, known, answer.class_names)
-
-
-def _stretches(along: ClassTrack) -> tuple[Ground, ...]:
-    """Grounds between changes of class; one without a class where it is not sure."""
-    if not along.classes or not along.known.any():
-        return ()
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(along.label)) + 1, [len(along.label)]])
-    grounds = []
-    for first, last in pairwise(edges.tolist()):
-        start_s, end_s = float(along.start_s[first]), float(along.end_s[last - 1])
-        belief = along.belief_between(start_s, end_s)
-        name = max(belief, key=belief.__getitem__) if belief else UNKNOWN
-        grounds.append(Ground("" if name == UNKNOWN else name, start_s, end_s))
-    return tuple(grounds)

@@ -19,7 +19,7 @@ from ..identification.simulate import ANSWERS
 from .core.errors import InputError
 from .core.recording.types import Recording, WheelTable
 from .core.track.way import Track
-from .segments import ClassTrack
+from .segments import ClassTrack, stretches
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,8 @@ class KnownPhysics:
         """
         if recording.wheel is None or recording.vehicle is None:
             return KnownPhysics({})
-        newest = {each.class_name: each.physics for each in database.physics() if each.site in ("", recording.site)}
+        stored = sorted(database.physics(), key=lambda each: each.site != "")  # the site's own counts more
+        newest = {each.class_name: each.physics for each in stored if each.site in ("", recording.site)}
         acting = {name: for_later_drives(physics, recording.vehicle.identity) for name, physics in newest.items()}
         return KnownPhysics({name: physics for name, physics in acting.items() if physics.effects})
 
@@ -75,7 +76,7 @@ class KnownPhysics:
         assert vehicle is not None
         placed, label = with_places(with_loads(wheel, vehicle)[0], vehicle, track), _classes_of(wheel, along)
         columns = dict(wheel.columns)
-        for name in sorted({*self.by_class} & {*label}):
+        for name in sorted({*self.by_class} & {*label.tolist()}):
             try:
                 bare = without_effects(self.by_class[name], vehicle, placed)
             except InputError as error:
@@ -87,8 +88,8 @@ class KnownPhysics:
 
 
 def _classes_of(wheel: WheelTable, along: ClassTrack) -> np.ndarray:
-    """Name of the class of each row (n,); empty where it is not known."""
-    piece = np.clip(np.searchsorted(along.start_s, wheel["time_s"], side="right") - 1, 0, len(along.start_s) - 1)
-    inside = (wheel["time_s"] >= along.start_s[piece]) & (wheel["time_s"] <= along.end_s[piece])
-    names = np.array([*along.classes, ""], dtype=object)
-    return names[np.where(inside & along.known[piece], along.label[piece], -1)]
+    """Name of the class of each row (n,), that of its stretch; empty where it is not sure."""
+    names = np.full(len(wheel), "", dtype=object)
+    for each in stretches(along):
+        names[(wheel["time_s"] >= each.start_s) & (wheel["time_s"] <= each.end_s)] = each.class_name
+    return names

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from types import MappingProxyType
 
 import numpy as np
@@ -14,7 +15,7 @@ from ..identification.rows.weight import with_loads
 from .core.errors import InputError
 from .core.evidence import UNKNOWN
 from .core.recording.types import Recording, WheelTable
-from .core.track.grounds import CHANGE_MARGIN_M
+from .core.track.grounds import CHANGE_MARGIN_M, Ground
 from .core.track.way import DEAD_RECKONING, Track, cells_under_wheels
 from .core.vehicle import Vehicle
 from .fusion import Belief, fuse
@@ -165,6 +166,20 @@ def _most_probable_sequence(probabilities: np.ndarray, length_m: np.ndarray) -> 
     return label
 
 
+def stretches(along: ClassTrack) -> tuple[Ground, ...]:
+    """Return the grounds between changes of class; one without a class where it is not sure."""
+    if not along.classes or not along.known.any():
+        return ()
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(along.label)) + 1, [len(along.label)]])
+    grounds = []
+    for first, last in pairwise(edges.tolist()):
+        start_s, end_s = float(along.start_s[first]), float(along.end_s[last - 1])
+        belief = along.belief_between(start_s, end_s)
+        name = max(belief, key=belief.__getitem__) if belief else UNKNOWN
+        grounds.append(Ground("" if name == UNKNOWN else name, start_s, end_s))
+    return tuple(grounds)
+
+
 @dataclass(frozen=True)
 class SoilAlong:
     """What the wheels measured.
@@ -232,14 +247,15 @@ def learn_soil(
     except InputError as error:
         return SoilAlong(problems=(f"no soil was identified: {error}",))
     wheel = with_loads(recording.wheel, recording.vehicle)[0]
+    known = stretches(along) if along is not None else ()
     observations = []
     for segment in segments:
         middle = 0.5 * (segment.start_s + segment.end_s)
         if segment.used and np.any((early <= middle) & (middle <= late)):
             segment = replace(segment, used=False, reason=AT_A_CHANGE, estimate=None)
         belief = along.belief_between(segment.start_s, segment.end_s) if along is not None else {}
-        removed = effects.get(max(belief, key=belief.__getitem__), ()) if belief else ()
-        observations.append(replace(_observation(segment, belief, wheel, track), effects=removed))
+        under = next((each.class_name for each in known if each.start_s <= middle <= each.end_s), "")
+        observations.append(replace(_observation(segment, belief, wheel, track), effects=effects.get(under, ())))
     if progress is not None:
         progress("soil", 1.0)
     return recall_soil(tuple(observations))

@@ -58,4 +58,7 @@ def command(
             write_report(answer, report)
     print_explanation(answer)
     if db is not None and (answer.verdict in ("physics", "instrument") or class_name is not None):
-        print(f"stored in {db} with {', '.join(store(answer, db, class_name))}")
+        names = store(answer, db, class_name)
+        print(
+            f"stored in {db} with {', '.join(names)}" if names else "not stored: it acts on one wheel or in single runs"
+        )

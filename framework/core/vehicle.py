@@ -145,7 +145,26 @@ class Vehicle(FileModel):
             raise ValueError("centre_of_mass_m without mass_kg")
         if self.mass_kg is not None and any(wheel.load_N is not None for wheel in self.wheels):
             raise ValueError("both mass_kg and the load_N of a wheel are given")
+        if self.mass_kg is not None and len(self.wheels) == 1:
+            raise ValueError("mass_kg with one wheel, expected load_N of the wheel, or the places of all in [[wheels]]")
+        if (shares := self.shares_of_weight()) is not None and (shares <= 0.0).any():
+            lifted = self.wheels[int(np.argmin(shares))].name
+            raise ValueError(
+                f"centre_of_mass_m lifts wheel {lifted} off level ground, expected metres between the wheels"
+            )
         return self
+
+    def shares_of_weight(self, forward_m: np.ndarray | float = 0.0) -> np.ndarray | None:
+        """Share of the weight on each wheel [-], (k, ...), the centre of mass moved forward [m]; None without a mass.
+
+        Of all loads that balance the weight these are the smallest: a plane over the wheels' places.
+        """
+        if self.mass_kg is None:
+            return None
+        place = np.array([wheel.position_m for wheel in self.wheels])
+        x_m, y_m = place.mean(axis=0) if self.centre_of_mass_m is None else self.centre_of_mass_m[:2]
+        moment = np.broadcast_arrays(1.0, x_m + np.asarray(forward_m), y_m)
+        return np.tensordot(np.linalg.pinv(np.vstack([np.ones(len(place)), place.T])), np.stack(moment), axes=1)
 
     @property
     def identity(self) -> str:

@@ -26,7 +26,8 @@ class GroupedEffect(Effect):
         # What a form states of itself may be an attribute of its class or of the instance.
         for name in (
             "slug", "title", "what_happens", "check", "equation", "source", "kind", "needs", "changes", "constants",
-            "prior_probability", "nested", "choices", "of_ground", "of_any_wheel", "by_run", "remark", "belongs_to",
+            "prior_probability", "nested", "choices", "of_ground", "of_any_wheel", "of_one_drive", "by_run", "remark",
+            "belongs_to",
         ):  # fmt: skip
             setattr(self, name, getattr(base, name))
         where = f"on {self.groups[0].name} only" if len(groups) == 1 else f"by {_KINDS[self.groups[0].attribute]}"

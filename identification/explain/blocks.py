@@ -17,7 +17,7 @@ _WIDEST = 0.09
 """Largest range of slip, or of load relative to the largest load, in one level that is held out [-]."""
 
 
-def blocks_of(drive: Drive, grounds: int) -> tuple[np.ndarray, str]:
+def blocks_of(drive: Drive, grounds: int, classes: int) -> tuple[np.ndarray, str]:
     """Number the blocks to hold out, (n,), and describe them.
 
     They are conditions of trials, else stretches of time within runs and passes, or pieces of each ground in turn.
@@ -26,8 +26,8 @@ def blocks_of(drive: Drive, grounds: int) -> tuple[np.ndarray, str]:
     ----------
     drive
         Covariates of n rows, in order of time within each stretch.
-    grounds
-        Number of grounds.
+    grounds, classes
+        Number of grounds, and of their classes.
     """
     count = len(drive)
     block = np.empty(count, dtype=int)
@@ -37,7 +37,8 @@ def blocks_of(drive: Drive, grounds: int) -> tuple[np.ndarray, str]:
             order = rows[np.argsort(drive.time_s[rows], kind="stable")]
             piece = np.arange(len(order)) * 2 * _PIECES // len(order)
             block[order] = 2 * ground + piece % 2
-        return block, "halves of grounds held out in turn, effects from other classes, soil from the other half"
+        by_class = ", effects from other classes, soil from the other half" if classes > 1 else ""
+        return block, f"halves of grounds held out in turn{by_class}"
     if drive.timed:
         size, number = max(count // _BLOCKS, 1), 0
         for rows in runs_of(drive.stretch):

@@ -18,7 +18,6 @@ from ...framework.core.track.grounds import Ground
 from ..mechanics.augmented import SOIL_COUNT
 from .evidence import log_evidence
 from .fit import Fitted, fit_textbook
-from .hyperparameters import TEMPERATURE
 from .likelihood import Problem
 from .places import cell_scores
 from .posterior import Posterior
@@ -110,9 +109,9 @@ def _total_evidence(found: Search, posterior: Posterior) -> float:
     """Log evidence of all hypotheses, weighted by their priors, and of the soil [nats]."""
     weights = []
     for slugs, best in posterior.best.items():
-        weights.append(found.log_posterior(best))
+        weights.append(best.log_evidence + found.log_prior(best))
         if slugs in posterior.discrepancies:
-            weights.append(weights[-1] + posterior.discrepancies[slugs].log_evidence / TEMPERATURE)
+            weights.append(weights[-1] + posterior.discrepancies[slugs].log_evidence)
     return found.origin + float(np.logaddexp.reduce(weights)) + _log_prior_of_soils(found.problem)
 
 

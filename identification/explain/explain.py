@@ -15,7 +15,7 @@ from ...framework.core.errors import InputError
 from ...framework.core.recording.types import Recording
 from ...framework.core.soil import SoilKnowledge, as_knowledge
 from ...framework.core.track.grounds import Ground
-from ...framework.core.track.way import track_of
+from ...framework.core.track.way import Track, track_of
 from ...framework.core.vehicle import Vehicle
 from ..effects.catalogue import SLUGS
 from ..estimate.identify import open_recording
@@ -90,13 +90,13 @@ def explain(
         notes = (*notes, *map(sentence, unsteady))
     # Fits run in parallel: threads of BLAS would only compete with them.
     with threadpool_limits(1):
+        if len(grounds) > 1 and known.values:
+            raise InputError("soil", f"one soil for {len(grounds)} grounds", expected="a recording on one ground")
         if grounds:
-            track = track_of(opened)
+            track, untracked = _track(opened)
             table = with_grounds(with_places(table, rows.vehicle, track), rows.vehicle, track, grounds)
             table, hard = without_hard_ground(table, rows.wheel, grounds)
-            notes = (*notes, *hard)
-            if known.values:
-                raise InputError("soil", f"one soil for {len(grounds)} grounds", expected="a recording on one ground")
+            notes = (*notes, *untracked, *hard)
         samples, own = gather(table, rows.wheel, rows.vehicle, grounds or (Ground(),)), None
         if simulated is not None:
             report("fitting the textbook wheel to the other simulator")
@@ -134,6 +134,14 @@ def _analyse(
     found = search(problem, textbook, considered, report)
     report("computing posterior probabilities")
     return found, posterior(found)
+
+
+def _track(recording: Recording) -> tuple[Track | None, tuple[str, ...]]:
+    """Return the track, or why there is none: grounds are then told apart by time."""
+    try:
+        return track_of(recording), ()
+    except InputError as error:
+        return None, (f"no track: {error}",)
 
 
 def _changes(grounds: Sequence[Ground]) -> str:

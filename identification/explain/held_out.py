@@ -39,9 +39,10 @@ class HeldOut:
 def hold_out(problem: Problem, fitted: Fitted, *, discrepant: bool = False) -> HeldOut:
     """Predict each block by a fit to all others, with the noise of the fit to all rows.
 
-    Where there are several grounds, the effects are fitted to the grounds of other classes only, and the soil to the
-    other blocks of the same ground. The ground's variation is predicted from neighbouring rows. With `discrepant` a
-    discrepancy is estimated from the other blocks as well.
+    Where there are several classes of ground, the effects are fitted to the grounds of other classes only, but for
+    those that act on one class; these and the soil are fitted to the other blocks of the same ground. The ground's
+    variation is predicted from neighbouring rows. With `discrepant` a discrepancy is estimated from the other blocks
+    as well.
     """
     block = problem.samples.block
     parts = [np.flatnonzero(block == each) for each in np.unique(block)]
@@ -56,20 +57,19 @@ def _predicted(
     problem: Problem, fitted: Fitted, discrepant: bool, rows: np.ndarray
 ) -> tuple[np.ndarray, float, bool]:  # fmt: skip
     """Residuals (k, m) of rows by a fit to the others, their log-likelihood, and whether parameters were fixed."""
-    white, same_class = fitted.white, problem.samples.of_class_of(rows)
-    _, own = problem.normal_equations(white.innovations, white.jacobian, same_class)
-    untested = np.diag(own) > _UNTESTED_SHARE * np.diag(fitted.information(problem))
-    untested[fitted.model.soils] = False
+    same_class = problem.samples.of_class_of(rows)
+    local, untested = (_determined_by(problem, fitted, each) for each in (same_class, rows))
     others = problem.without(same_class)
     refitted = fit(
-        others, fitted.model, fitted.vector, fitted.noise, fitted.response.entry(np.zeros(0)), free=~untested,
+        others, fitted.model, fitted.vector, fitted.noise, fitted.response.entry(np.zeros(0)), free=~local,
         steps=_MOST_STEPS, fit_noise=False,
     )  # fmt: skip
-    if problem.grounds > 1:
-        others, soils = problem.without(rows), np.arange(fitted.model.size) < fitted.model.soils.stop
-        start = np.where(soils, fitted.vector, refitted.vector)
+    if len(same_class) > len(rows):
+        others, near = problem.without(rows), local & ~untested
+        near[fitted.model.soils] = True
+        start = np.where(near, fitted.vector, refitted.vector)
         refitted = fit(
-            others, fitted.model, start, fitted.noise, fitted.response.entry(start - fitted.vector), free=soils,
+            others, fitted.model, start, fitted.noise, fitted.response.entry(start - fitted.vector), free=near,
             steps=_MOST_STEPS, fit_noise=False,
         )  # fmt: skip
     residuals = problem.residuals(refitted.response)
@@ -78,3 +78,11 @@ def _predicted(
     unexplained = np.where(np.isfinite(residuals), residuals, problem.measured)
     nats = -float(problem.loss(unexplained, fitted.noise, fitted.response)[rows].sum())
     return residuals[rows], nats, bool(untested.any())
+
+
+def _determined_by(problem: Problem, fitted: Fitted, rows: np.ndarray) -> np.ndarray:
+    """(p,) True for parameters of effects that hardly any other rows inform."""
+    _, own = problem.normal_equations(fitted.white.innovations, fitted.white.jacobian, rows)
+    answer = np.diag(own) > _UNTESTED_SHARE * np.diag(fitted.information(problem))
+    answer[fitted.model.soils] = False
+    return answer

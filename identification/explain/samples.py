@@ -40,8 +40,8 @@ LEAST_ROWS = 5
 MOST_ROWS = 1500
 """A recording with more rows is thinned to about this number, in pieces of neighbouring rows."""
 
-_PIECE = 50
-"""Rows in a piece."""
+_PIECE, _LEAST_OF_PART = 50, 50
+"""Rows in a piece, and least rows that a wheel on one ground keeps."""
 
 _SATURATED, _MORE_OFTEN, _LEVELS_NEAR, _FEWEST_LEVELS = 0.02, 3.0, 5, 20
 """A sensor is saturated if at least this share of the rows has exactly the channel's extreme value, so many times more
@@ -132,8 +132,8 @@ class Samples:
         )  # fmt: skip
 
     def of_class_of(self, rows: np.ndarray) -> np.ndarray:
-        """Return the rows on grounds of the classes of some rows (k,); these themselves where there is one ground."""
-        if len(self.grounds) == 1:
+        """Return the rows on grounds of the classes of some rows (k,); these themselves where there is one class."""
+        if len(self.classes) == 1:
             return rows
         same = [np.isin(self.drive.ground, grounds) for grounds in self.classes.values()]
         return np.flatnonzero(np.any([own for own in same if own[rows].any()], axis=0))
@@ -197,7 +197,10 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle, grounds: Sequence[
     if timed:
         measured, saturated = _without_saturated(measured, noise)
         notes += saturated
-    usable &= np.isfinite(measured[:, ANSWERS]).any(axis=1)
+    answered = np.isfinite(measured[:, ANSWERS]).any(axis=1)
+    if lost := int((usable & ~answered).sum()):
+        notes.append(f"{lost} rows without torque, sinkage and drawbar pull are left out")
+    usable &= answered
     most = int(np.isfinite(measured[usable][:, ANSWERS]).sum(axis=0).max())
     if most < LEAST_ROWS:
         raise InputError(
@@ -219,7 +222,7 @@ def gather(table: WheelTable, wheel: Wheel, vehicle: Vehicle, grounds: Sequence[
         drive = smooth_speeds(drive, table, wheel, regime)
     samples = _select_samples(table, wheel, vehicle, drive, measured, noise, load, slip, usable, timed, notes)
     samples = _with_grounds(samples, grounds)
-    block, block_kind = blocks_of(samples.drive, len(samples.grounds))
+    block, block_kind = blocks_of(samples.drive, len(samples.grounds), len(samples.classes))
     return replace(samples, block=block, block_kind=block_kind)
 
 
@@ -248,7 +251,10 @@ def _select_samples(
     passes = len(np.unique(number[np.isfinite(number)])) if placed else 1
     if passes > 1:
         rows = rows[np.lexsort((drive.place_m[rows], lane[rows]))]
-    rows, thinned = _thinned(rows, max(passes, 1))
+    parts = np.column_stack([drive.ground, lane if passes > 1 else drive.wheel])[rows]
+    part = np.unique(parts, axis=0, return_inverse=True)[1].ravel()
+    kept = _thinned(rows, part, max(passes, 1))
+    thinned, rows = len(kept) < len(rows), kept
     if thinned:
         notes.append(f"{int(usable.sum())} rows thinned to {len(rows)}, in pieces of {_PIECE}")
     follows = _next_in_time(drive)[rows] & (np.diff(rows, prepend=-2) == 1)
@@ -329,11 +335,27 @@ def _without_saturated(measured: np.ndarray, noise: np.ndarray) -> tuple[np.ndar
     return measured, notes
 
 
-def _thinned(rows: np.ndarray, passes: int) -> tuple[np.ndarray, bool]:
-    """Select rows (k,) in pieces; if `rows` (n,) are in order of place, of all passes over the same places."""
+def _thinned(rows: np.ndarray, part: np.ndarray, passes: int) -> np.ndarray:
+    """Select rows (k,) in pieces.
+
+    Parameters
+    ----------
+    rows : (n,)
+        In order of time, or, of several passes, of place, all passes over the same places.
+    part : (n,)
+        Number of the part that a row is of, such as a wheel on one ground: each keeps rows, in proportion to its own.
+    passes
+        Number of passes.
+    """
     if len(rows) <= MOST_ROWS:
-        return np.sort(rows), False
-    length = _PIECE * min(passes, 3)
-    starts = np.linspace(0, len(rows) - length, MOST_ROWS // length).astype(int)
-    kept = np.unique((starts[:, None] + np.arange(length)).ravel())
-    return np.sort(rows[kept]), True
+        return np.sort(rows)
+    sizes = np.bincount(part)
+    least = min(_LEAST_OF_PART, MOST_ROWS // len(sizes))
+    budgets = np.minimum(sizes, np.maximum(least, (MOST_ROWS * sizes) // len(rows)))
+    kept = []
+    for number, budget in enumerate(budgets.tolist()):
+        own = rows[part == number]
+        length = min(_PIECE * min(passes, 3), budget)
+        starts = np.linspace(0, len(own) - length, budget // length).astype(int)
+        kept.append(own[np.unique((starts[:, None] + np.arange(length)).ravel())])
+    return np.sort(np.concatenate(kept))

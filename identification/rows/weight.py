@@ -30,8 +30,7 @@ def loads(table: WheelTable, vehicle: Vehicle) -> np.ndarray | None:
         Rows, with `pitch_rad`, `travel_speed_m_s` and `time_s` where they were recorded. A slope or an acceleration
         that is not known is taken as none.
     vehicle
-        Its mass, places of wheels and centre of mass; or the load that each wheel carries on level ground. Wheels that
-        it describes by a single one share the mass equally.
+        Its mass, places of wheels and centre of mass; or the load that each wheel carries on level ground.
     """
     names, row = (np.array([""]), np.zeros(len(table), dtype=int))
     if table.wheel is not None:
@@ -41,24 +40,19 @@ def loads(table: WheelTable, vehicle: Vehicle) -> np.ndarray | None:
         stated = np.array([math.nan if wheel.load_N is None else wheel.load_N for wheel in wheels])
         return None if np.isnan(stated).any() else stated[row]
     pitch, along = np.nan_to_num(table.columns.get("pitch_rad", np.zeros(len(table)))), _acceleration(table)
-    down = vehicle.mass_kg * GRAVITY * np.cos(pitch)
-    if len(vehicle.wheels) == 1:
-        return down / len(names)
-    place = np.array([wheel.position_m for wheel in vehicle.wheels])
-    x_m, y_m, height_m = vehicle.centre_of_mass_m or (*place.mean(axis=0), 0.0)
-    back = vehicle.mass_kg * (GRAVITY * np.sin(pitch) + along) * height_m
-    # Of all loads that balance the weight the smallest, which are a plane over the wheels' places.
-    shares = np.linalg.pinv(np.vstack([np.ones(len(place)), place.T]))
-    shares = shares[[vehicle.wheels.index(wheel) for wheel in wheels]][row]
-    answer = shares[:, 0] * down + shares[:, 1] * (x_m * down - back) + shares[:, 2] * y_m * down
-    return np.where(answer > 0.0, answer, math.nan)
+    height_m = 0.0 if vehicle.centre_of_mass_m is None else vehicle.centre_of_mass_m[2]
+    # Slope and acceleration act as if the centre of mass were further back.
+    shares = vehicle.shares_of_weight(-height_m * (np.tan(pitch) + along / (GRAVITY * np.cos(pitch))))
+    assert shares is not None
+    of_row = shares[np.array([vehicle.wheels.index(wheel) for wheel in wheels])[row], np.arange(len(table))]
+    return np.where(of_row > 0.0, vehicle.mass_kg * GRAVITY * np.cos(pitch) * of_row, math.nan)
 
 
 def with_loads(table: WheelTable, vehicle: Vehicle) -> tuple[WheelTable, Vehicle, Finding | None]:
     """Return the rows with their loads, the vehicle with the loads' noise, and a note; all as they are where loads were
     sensed or the weight is not stated.
     """
-    load = None if "load_N" in table else loads(table, vehicle)
+    load = None if table.observed("load_N").size else loads(table, vehicle)
     if load is None:
         return table, vehicle, None
     noise = vehicle.noise.get("load_N", _USUAL_SHARE * float(np.nanmean(load)))

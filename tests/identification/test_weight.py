@@ -60,11 +60,6 @@ def test_a_wheel_that_would_lift_off_has_no_load():
     assert (answer[2:] > 0.0).all()
 
 
-def test_wheels_described_by_one_share_the_mass():
-    one = Vehicle.model_validate({"wheel": {"radius_m": 0.15, "width_m": 0.12}, "mass_kg": MASS_KG})
-    np.testing.assert_allclose(loads(rows(slip=np.zeros(4)), one), MASS_KG * G / 4)
-
-
 def test_selected_rows_have_the_computed_load_its_noise_and_a_note():
     count, rng = 60, np.random.default_rng(3)
     columns = {
@@ -73,11 +68,12 @@ def test_selected_rows_have_the_computed_load_its_noise_and_a_note():
     }  # fmt: skip
     table = WheelTable(columns, None, None, Path("wheel.csv"))
     wheel = {"radius_m": 0.15, "width_m": 0.12}
-    for stated in ({"wheel": wheel, "mass_kg": MASS_KG / 4}, {"wheel": {**wheel, "load_N": MASS_KG * G / 4}}):
-        vehicle = Vehicle.model_validate(stated)
-        selected = select_wheel_rows(Recording("d", Path("d"), vehicle, None, "", "0" * 64, table))
-        np.testing.assert_allclose(selected.table["load_N"], MASS_KG * G / 4)
-        assert selected.vehicle.noise["load_N"] == pytest.approx(0.05 * MASS_KG * G / 4)
+    vehicle = Vehicle.model_validate({"wheel": {**wheel, "load_N": 147.0}})
+    unseen = WheelTable({**columns, "load_N": np.full(count, np.nan)}, None, None, Path("wheel.csv"))
+    for each in (table, unseen):
+        selected = select_wheel_rows(Recording("d", Path("d"), vehicle, None, "", "0" * 64, each))
+        np.testing.assert_allclose(selected.table["load_N"], 147.0)
+        assert selected.vehicle.noise["load_N"] == pytest.approx(0.05 * 147.0)
         assert "load_computed" in [finding.code for finding in selected.findings]
     sensed = WheelTable({**columns, "load_N": 150.0 + rng.normal(0.0, 1.0, count)}, None, None, Path("wheel.csv"))
     selected = select_wheel_rows(Recording("d", Path("d"), vehicle, None, "", "0" * 64, sensed))
@@ -94,6 +90,7 @@ def test_selected_rows_have_the_computed_load_its_noise_and_a_note():
         ({"centre_of_mass_m": (0.0, 0.0, 0.3)}, "without mass_kg"),
         ({"mass_kg": 0.0}, "mass_kg"),
         ({"mass_kg": 60.0, "centre_of_mass_m": (0.0, 0.0, -0.3)}, "centre_of_mass_m"),
+        ({"mass_kg": 60.0, "centre_of_mass_m": (5.0, 0.0, 35.0)}, "off level ground"),
     ],
 )
 def test_a_weight_that_is_none_is_refused(stated, said):
@@ -105,12 +102,14 @@ def test_mass_and_loads_of_wheels_are_not_both_taken():
     wheels = [{"radius_m": 0.15, "width_m": 0.12, "load_N": 100.0}]
     with pytest.raises(ValueError, match="both mass_kg"):
         Vehicle.model_validate({"wheels": wheels, "mass_kg": 60.0})
+    with pytest.raises(ValueError, match="with one wheel"):
+        Vehicle.model_validate({"wheel": {"radius_m": 0.15, "width_m": 0.12}, "mass_kg": 60.0})
 
 
 def test_a_drive_without_loads_is_simulated_by_the_vehicle_s_weight():
     table = WheelTable({"slip": np.array([0.1, 0.3])}, None, None, Path("drive.csv"))
     wheel, soil = {"radius_m": 0.15, "width_m": 0.12}, Soil(500.0, 0.5, 0.012, 2e5, 0.9)
-    computed = simulate(Vehicle.model_validate({"wheel": wheel, "mass_kg": 10.0}), soil, table)
+    computed = simulate(Vehicle.model_validate({"wheel": {**wheel, "load_N": 10.0 * G}}), soil, table)
     loaded = WheelTable({**table.columns, "load_N": np.full(2, 10.0 * G)}, None, None, Path("drive.csv"))
     sensed = simulate(Vehicle.model_validate({"wheel": wheel}), soil, loaded)
     np.testing.assert_array_equal(computed["torque_Nm"], sensed["torque_Nm"])

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +36,9 @@ _SPEED_WINDOW_S = 0.5
 
 _HEADING_STEP_M = 0.1
 """A path's direction is that between points so far apart [m], so that their noise is small."""
+
+_LEAST_STEP_M = 0.1
+"""Way is covered where the vehicle has moved so far [m]: the noise of poses is less, and would add up."""
 
 _MAX_STEPS = 400
 """Most points in which the way of one sound window is followed."""
@@ -78,10 +83,17 @@ class Track:
         """Length of the way [m]."""
         return float(self.way_m[-1])
 
-    @property
+    @cached_property
     def way_m(self) -> np.ndarray:
-        """Way covered since the start, (n,) [m]."""
-        return np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(self.x_m), np.diff(self.y_m)))])
+        """Way covered since the start, (n,) [m]: between points `_LEAST_STEP_M` apart."""
+        kept, x_m, y_m = [0], self.x_m.tolist(), self.y_m.tolist()
+        for row in range(1, len(x_m)):
+            if math.hypot(x_m[row] - x_m[kept[-1]], y_m[row] - y_m[kept[-1]]) >= _LEAST_STEP_M:
+                kept.append(row)
+        if kept[-1] != len(x_m) - 1:
+            kept.append(len(x_m) - 1)
+        steps = np.hypot(np.diff(self.x_m[kept]), np.diff(self.y_m[kept]))
+        return np.interp(self.time_s, self.time_s[kept], np.append(0.0, np.cumsum(steps)))
 
     def place_at(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Give x [m], y [m] and heading [rad] at times of any shape [s]; NaN in a hole and well outside."""

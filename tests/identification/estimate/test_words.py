@@ -19,6 +19,7 @@ VALUES = {
     "grouser_count_missing": {"height_m": 0.012},
     "grouser_height_missing": {"count": 24},
     "ground_variation": {"misfit": 2.2},
+    "load_computed": {"load_N": 147.0, "sd_N": 7.0, "transfer": ["pitch_rad"]},
     "load_unit": {"channel": "torque_Nm", "ratio": 4.0, "ratio_if_kg": 0.41},
     "negative_cohesion": {"c_Pa": -120.0},
     "one_radius": {"geometries": 2, "radius_m": 0.15},
