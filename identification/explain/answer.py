@@ -346,9 +346,9 @@ def _notes(problem: Problem, fitted: Fitted, chosen: Chosen, gross: int) -> list
     notes = [f"{gross} values are gross errors: the errors of held-out rows leave them out"] if gross else []
     stiffness, strength = fitted.noise.ground_sd
     if max(stiffness, strength) >= 0.02:
-        placed = np.isfinite(problem.samples.position).all()
-        unit = "m" if placed and np.array_equal(problem.samples.position, problem.samples.drive.place_m) else "s"
-        where = f"along the track, over {fitted.noise.length:.2g} {unit}" if placed else "from trial to trial"
+        drive = problem.samples.drive
+        unit = "m" if np.array_equal(problem.samples.position, drive.place_m) else "s"
+        where = f"along the track, over {fitted.noise.length:.2g} {unit}" if drive.timed else "from trial to trial"
         notes.append(
             f"ground varies {where}: stiffness by {100.0 * stiffness:.1f} %, strength by {100.0 * strength:.1f} % "
             "(standard deviation)"

@@ -12,7 +12,7 @@ from ...framework.core.errors import InputError
 from ...framework.core.soil import SoilKnowledge
 from ..effects.effect import LOAD, SLIP, Effect
 from ..mechanics.augmented import SOIL_COUNT, AugmentedWheel, Entry, Response
-from .likelihood import Problem, White
+from .likelihood import LN_STATED_SD, Problem, White
 from .samples import Samples
 from .steps import Prior, scaled_inverse, solve_step
 from .whitening import MAX_SMOOTHNESS, Noise
@@ -36,8 +36,8 @@ _DISTINCT = 0.02
 """Soils that differ by less in tan phi, ln k, ln stiffness and ln n are one initial value [-]."""
 
 _SHARE_STEP, _LEAST_SHARE, _LEAST_SHARE_GAIN = 0.3, 0.01, 3.0
-"""Factor between the shares of sensor noise that are compared where the vehicle does not state it [-], the least share
-[-], and the least gain of a smaller one [nats]: an incorrect model inflates the noise."""
+"""Factor between the shares of sensor noise that are compared [-], the least share [-], and the least gain of another
+[nats]: an incorrect model inflates the noise."""
 
 
 @dataclass(frozen=True)
@@ -182,15 +182,25 @@ def fit_textbook(samples: Samples, known: SoilKnowledge | None = None) -> tuple[
 
 
 def _fit_noise_shares(problem: Problem, best: Fitted) -> tuple[Problem, Fitted]:
-    """Fit smaller shares of sensor noise in the white parts of slip and load, where the vehicle does not state it."""
+    """Fit the shares of sensor noise in the white parts of slip and load.
+
+    Smaller ones than the whole where the vehicle does not state the noise; larger ones than stated where it does, with
+    the prior of a stated noise: much of what is stated was copied from a data sheet.
+    """
     samples = problem.samples
-    for index, channel in ((1, SLIP), (0, LOAD)):
-        while samples.drive.timed and not samples.stated[channel] and problem.noise_share[index] > _LEAST_SHARE:
-            shares = list(problem.noise_share)
-            shares[index] *= _SHARE_STEP
+    for index, channel in ((1, SLIP), (0, LOAD)) if samples.drive.timed else ():
+        stated, first = samples.stated[channel], problem.noise_share[index]
+        while True:
+            shares, before = list(problem.noise_share), problem.noise_share[index]
+            shares[index] = min(before / _SHARE_STEP, 1.0) if stated else max(before * _SHARE_STEP, _LEAST_SHARE)
+            if shares[index] == before:
+                break
             tried = Problem(samples, problem.known, (shares[0], shares[1]))
             fitted = fit(tried, best.model, best.vector, best.noise, Entry(best.theta_1))
-            if fitted.score < best.score + _LEAST_SHARE_GAIN:
+            # The standard deviation goes as the root of the share.
+            farther = math.log(shares[index] / first) ** 2 - math.log(before / first) ** 2
+            cost = 0.5 * farther / (2.0 * LN_STATED_SD) ** 2 if stated else 0.0
+            if fitted.score < best.score + _LEAST_SHARE_GAIN + cost:
                 break
             problem, best = tried, fitted
     return problem, best

@@ -75,8 +75,9 @@ class Samples:
     follows : (n,)
         True where a row is the next one in time after the previous row.
     position, lane : (n,)
-        Coordinate along which soil varies: place [m], else time [s], NaN for steady-state trials, whose soils are
-        independent; and number of the track, along which soil is the same in every pass.
+        Coordinate along which soil varies: place [m], else time [s], number of the row for steady-state trials of
+        several runs, NaN for others, whose soils are independent; and number of the track, along which soil is the same
+        in every pass, or of the run.
     block : (n,)
         Number of the block that a row is held out with.
     block_kind
@@ -265,10 +266,15 @@ def _select_samples(
     if timed and 0 < lost < usable.sum():
         notes.append(f"{lost} rows have no place: ground is taken to vary with time, and passes to share none of it")
     position = drive.place_m if placed else np.where(drive.timed, drive.time_s, math.nan)
+    if not drive.timed and len(np.unique(drive.run)) > 1:
+        # Ground is prepared anew for each run; trials of one may share it.
+        position, lane = np.arange(float(len(rows))), drive.run
+    else:
+        lane = lane[rows]
     stated = np.array([name in vehicle.noise for name in CHANNELS])
     return Samples(
         wheel, drive, measured[rows], noise, stated, load.select(rows, follows), slip.select(rows, follows), follows,
-        position, lane[rows], np.zeros(len(rows), dtype=int), "", tuple(notes), simulated,
+        position, lane, np.zeros(len(rows), dtype=int), "", tuple(notes), simulated,
         wheels=("",) if table.wheel is None else tuple(dict.fromkeys(table.wheel.tolist())),
     )  # fmt: skip
 
