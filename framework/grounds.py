@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..database.store import TerrainDatabase
+from .core.class_names import check_class_names
 from .core.errors import InputError
 from .core.evidence import UNKNOWN
 from .core.recording.types import Labels, Recording
@@ -22,10 +23,10 @@ from .senses import senses_of
 def grounds_of(
     recording: Recording, database: str | Path | None = None, progress: Callable[[str], None] | None = None
 ) -> tuple[tuple[Ground, ...], str]:
-    """Find the grounds of a drive, and what they were found by.
+    """Find the grounds of a drive, and say what showed them.
 
-    Labels of the recording come first, then the map of a database that knows the track, then the senses. A stretch
-    whose class is not sure has none.
+    Labels of the recording come first, then the map of a database that knows the track, then the senses, of which those
+    that know synthetic ground only count at synthetic sites only. A stretch whose class is not sure has none.
 
     Parameters
     ----------
@@ -61,16 +62,18 @@ def grounds_of(
     report = progress or (lambda _: None)
     report("recognising the ground")
     models = find_models(None, database, senses=names)
-    records = observe(recording, track, models.classifiers, CELL_SIZE_M)
+    classifiers = models.classifiers
+    if "synthetic" not in recording.site.lower():
+        classifiers = {name: each for name, each in classifiers.items() if name not in models.synthetic}
+    records = observe(recording, track, classifiers, CELL_SIZE_M)
     belief = believe(records, track, recording.vehicle, CELL_SIZE_M)
-    known = " and ".join(name for name in names if name in models.classifiers)
-    synthetic = ", trained on synthetic ground only" if models.synthetic else ""
     grounds = stretches(classes_along(belief, track, recording.vehicle, CELL_SIZE_M))
-    return grounds, f"{known}{synthetic}" if grounds else ""
+    return grounds, " and ".join(name for name in names if name in classifiers) if grounds else ""
 
 
 def _labelled(labels: Labels, source: Path) -> tuple[Ground, ...]:
     """Grounds of labelled stretches, none of a class ``unknown``; neighbours of one class are one."""
+    check_class_names((name for name in labels.classes if name != UNKNOWN), source, "labels")
     grounds: list[Ground] = []
     for start_s, end_s, label in sorted(zip(labels.start_s, labels.end_s, labels.classes, strict=True)):
         name, before = "" if label == UNKNOWN else label, grounds[-1] if grounds else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import shlex
 import time
 from dataclasses import replace
 from importlib.metadata import version
@@ -188,8 +189,8 @@ def _with_mismatch(about: dict[str, Any], soil: SoilAlong) -> dict[str, Any]:
     if not classes:
         return about
     text = (
-        f"the simulation lacks something on {', '.join(sorted(classes))}: `bevameter explain {about['source']} "
-        f"--db {about['database']}` says what"
+        f"the simulation lacks something on {', '.join(sorted(classes))}: "
+        f"`bevameter explain {shlex.quote(about['source'])} --db {shlex.quote(about['database'])}` says what"
     )
     return {**about, "warnings": (*about["warnings"], text)}
 

@@ -30,11 +30,11 @@ def command(
     ] = 0,
     db: Annotated[
         str | None,
-        typer.Option("--db", help="Terrain database: its map gives classes, what is found is stored."),
+        typer.Option("--db", help="Terrain database: read for classes of ground, and what is found is stored in it."),
     ] = None,
     class_name: Annotated[
         str | None,
-        typer.Option("--class", help="Class of terrain to store it with, if nothing gives it."),
+        typer.Option("--class", help="Class of the ground, if neither recording nor database gives it."),
     ] = None,
 ) -> None:
     """Say what the simulation of a recorded wheel lacks, how probable that is, and what modelling it gains."""

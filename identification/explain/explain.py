@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
+from itertools import pairwise
 from pathlib import Path
 
 from threadpoolctl import threadpool_limits
@@ -111,7 +112,7 @@ def explain(
 
             if divided := changed_grounds(found, probabilities, on):
                 found, probabilities = _analyse(on(divided), known, considered, report)
-                notes = (*notes, _changes(divided))
+                notes = (*notes, _division(divided))
         problem, chosen = found.problem, choose(found.problem, found, probabilities)
         report("locating the mismatch")
         regions = locate(problem, chosen.hypothesis.fitted)
@@ -144,8 +145,8 @@ def _track(recording: Recording) -> tuple[Track | None, tuple[str, ...]]:
         return None, (f"no track: {error}",)
 
 
-def _changes(grounds: Sequence[Ground]) -> str:
-    times = ", ".join(f"{each.start_s:.0f}" for each in grounds[1:])
+def _division(grounds: Sequence[Ground]) -> str:
+    times = ", ".join(f"{0.5 * (before.end_s + after.start_s):.0f}" for before, after in pairwise(grounds))
     return (
         f"nothing says what the ground was; by the wheels' behaviour the soil changes at {times} s: each part has a "
         "soil of its own. If the ground does not change there, something else does: state its classes in labels.csv "

@@ -110,3 +110,15 @@ def test_physics_of_several_grounds_is_that_of_one_of_them():
     with pytest.raises(InputError, match="2 grounds"):
         _ = answer.physics
     assert answer.physics_of(1).soil["c_Pa"].value == pytest.approx(612.0)
+
+
+def test_labels_that_contradict_each_other_are_refused():
+    times = np.array([0.0, 10.0]), np.array([20.0, 30.0])
+    with pytest.raises(InputError, match="overlap"):
+        grounds_of(replace(DRIVE, labels=Labels(*times, ("sand", "loam"))))
+    with pytest.raises(InputError, match="one spelling"):
+        grounds_of(replace(DRIVE, labels=Labels(times[0], np.array([10.0, 30.0]), ("sand", "Sand"))))
+    (first, second), _ = grounds_of(
+        replace(DRIVE, labels=Labels(times[0], np.array([10.0, 30.0]), ("sand", "unknown")))
+    )
+    assert (first.class_name, second.class_name) == ("sand", "")
