@@ -31,16 +31,24 @@ def with_places(table: WheelTable, vehicle: Vehicle, track: Track | None) -> Whe
     track
         Where the reference point was; None, or dead reckoning, gives no positions.
     """
-    if track is None or track.origin != RECORDED or {"x_m", "y_m"} & set(table.columns):
+    recorded = {"x_m", "y_m"} & set(table.columns)
+    if track is None or track.origin != RECORDED or len(recorded) == 1:
         return table
     wheels, time_s = _wheels(table, vehicle), table["time_s"]
     forward, left = np.array([wheel.position_m for wheel in wheels]).T
-    x_m, y_m = moved(*track.place_at(time_s), forward, left)
+    x_m, y_m = (table["x_m"], table["y_m"]) if recorded else moved(*track.place_at(time_s), forward, left)
     added = {"x_m": x_m, "y_m": y_m}
     if "pass" not in table and len(vehicle.wheels) > 1 and table.wheel is not None:
-        reach_m = 0.5 * wheels[0].width_m
-        place = np.column_stack([x_m, y_m])
-        added["pass"] = passes_at(place, time_s, _way_at(track, time_s) + forward, table.wheel, reach_m)
+        # Wheels without rows, such as those of another size, make ruts, too.
+        others = [wheel for wheel in vehicle.wheels if wheel.name not in set(table.wheel.tolist())]
+        ways = [(x_m, y_m, time_s, _way_at(track, time_s) + forward, table.wheel)]
+        for each in others:
+            there = moved(*track.place_at(track.time_s), *each.position_m)
+            names = np.full(len(track.time_s), each.name, dtype=object)
+            ways.append((*there, track.time_s, track.way_m + each.position_m[0], names))
+        x_all, y_all, *rest = (np.concatenate(columns) for columns in zip(*ways, strict=True))
+        passes = passes_at(np.column_stack([x_all, y_all]), *rest, 0.5 * wheels[0].width_m)
+        added["pass"] = passes[: len(table)]
     return WheelTable({**table.columns, **added}, table.wheel, table.run, table.source)
 
 

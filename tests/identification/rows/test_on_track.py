@@ -1,6 +1,7 @@
 """Positions, passes and grounds of the wheels of a vehicle."""
 
 import numpy as np
+from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.core.track.grounds import CHANGE_MARGIN_M, Ground
 from bevameter.framework.core.track.way import track_of
 from bevameter.identification.effects.drive import GROUND
@@ -31,6 +32,18 @@ def test_the_rear_wheel_runs_in_the_rut_of_the_front_one_from_where_that_began()
     in_rut = table["x_m"][rear] > AHEAD_M + 0.1
     assert (table["pass"][rear][in_rut] == 2.0).all()
     assert (table["pass"][rear][table["x_m"][rear] < AHEAD_M - 0.1] == 1.0).all()
+
+
+def test_a_wheel_without_rows_makes_a_rut_too():
+    drive, track, table = placed()
+    rear = with_places(drive.wheel.select(drive.wheel.wheel == "w1"), drive.vehicle, track)
+    np.testing.assert_array_equal(rear["pass"], table["pass"][table.wheel == "w1"])
+
+
+def test_passes_follow_from_places_that_were_recorded():
+    drive, track, table = placed()
+    recorded = WheelTable({**drive.wheel.columns, "x_m": table["x_m"], "y_m": table["y_m"]}, table.wheel, None, "test")
+    np.testing.assert_array_equal(with_places(recorded, drive.vehicle, track)["pass"], table["pass"])
 
 
 def test_a_wheel_that_comes_back_runs_over_its_track_once_more():
