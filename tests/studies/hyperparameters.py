@@ -31,7 +31,7 @@ from judging.answers import answer_of
 
 TEMPERATURES, EFFECTS, UNKNOWNS = (
     (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0),
-    (0.005, 0.01, 0.02, 0.04),
+    (0.005, 0.01, 0.02, 0.04, 0.08),
     (0.025, 0.05, 0.1, 0.2),
 )
 """What is tried."""
