@@ -31,8 +31,13 @@ _TOO_SMALL = 100.0
 22 times it at most."""
 
 
+_MOST_EQUAL, _BY_CHANCE = 0.1, 1e-3
+"""Largest share of equal neighbours in a channel whose steps are fine [-], and the probability below which a run of one
+value is no chance [-]."""
+
+
 def without_stuck(table: WheelTable) -> tuple[WheelTable, list[Finding]]:
-    """Leave out answers of the ground that never change: ``stuck_channel`` for each.
+    """Leave out answers of the ground that never change, and rows in which one hangs.
 
     A load may be the wheel's share of the weight, and a slip may be held.
 
@@ -46,13 +51,35 @@ def without_stuck(table: WheelTable) -> tuple[WheelTable, list[Finding]]:
     WheelTable
         The same rows, NaN where a channel was left out.
     list of Finding
-        What was left out.
+        What was left out: ``stuck_channel``, or ``stuck_rows`` with their number, for each.
     """
-    seen = {name: table.observed(name) for name in ANSWERS}
-    stuck = [name for name, values in seen.items() if len(values) >= _FEWEST and np.ptp(values) == 0.0]
-    columns = {**table.columns, **{name: np.full(len(table), math.nan) for name in stuck}}
-    kept = WheelTable(columns, table.wheel, table.run, table.source)
-    return kept, [note("stuck_channel", channel=name) for name in stuck]
+    columns, findings = dict(table.columns), list[Finding]()
+    for name in ANSWERS:
+        values = table.observed(name)
+        if len(values) >= _FEWEST and np.ptp(values) == 0.0:
+            columns[name] = np.full(len(table), math.nan)
+            findings.append(note("stuck_channel", channel=name))
+        elif len(values) and "time_s" in table and (held := _held(table[name])).any():
+            columns[name] = np.where(held, math.nan, table[name])
+            findings.append(note("stuck_rows", channel=name, n=int(held.sum())))
+    return WheelTable(columns, table.wheel, table.run, table.source), findings
+
+
+def _held(values: np.ndarray) -> np.ndarray:
+    """(n,) True where a channel (n,) repeats a value for longer than chance allows, as a sensor that hangs does.
+
+    Chance is how often other neighbours are equal; a channel whose steps are coarse says nothing, nor do its largest
+    and least value, at which a sensor saturates.
+    """
+    same = np.append(False, values[1:] == values[:-1])
+    if same.mean() > _MOST_EQUAL:
+        return np.zeros(len(values), dtype=bool)
+    number = np.cumsum(~same) - 1
+    length = np.bincount(number)
+    short = length < _FEWEST
+    chance = max(float((length[short] - 1).sum()), 1.0) / len(values)
+    unlikely = ~short & (math.log(len(values)) + (length - 1) * math.log(chance) < math.log(_BY_CHANCE))
+    return unlikely[number] & (values > np.nanmin(values)) & (values < np.nanmax(values))
 
 
 def check_stated_noise(table: WheelTable, vehicle: Vehicle, ignore: Collection[str] = ()) -> list[Finding]:

@@ -114,6 +114,8 @@ SENTENCES: dict[str, Sentence] = {
     "by ({shown:.2g}): check it; without it the noise is estimated from the data",
     "steady_trials": "slip or load jump from each row to the next: each row is taken as a steady trial",
     "stop_rows": _stops,
+    "stuck_rows": "{channel} repeats one value in {n} rows, longer than chance allows: they are left out of it, as its "
+    "sensor may hang",
     "stuck_channel": "{channel} never changes: it is left out, as its sensor may be stuck or absent",
     "time_unit": "rows lie {step_s:.3g} s apart (median), yet slip and load go on from row to row: check that time_s "
     "is in seconds",

@@ -123,6 +123,12 @@ def gross(rng: np.random.Generator, values: np.ndarray, sd: float) -> np.ndarray
     return values + wrong * rng.choice([-1.0, 1.0], len(values)) * rng.uniform(8.0, 30.0, len(values)) * sd
 
 
+def hanging(rng: np.random.Generator, values: np.ndarray, sd: float) -> np.ndarray:
+    """A reading is repeated for two seconds."""
+    first = int(rng.integers(len(values) - 20))
+    return np.concatenate([values[:first], np.full(20, values[first]), values[first + 20 :]])
+
+
 def autocorrelated(rng: np.random.Generator, count: int) -> np.ndarray:
     rho = rng.uniform(0.4, 0.9)
     return lfilter([np.sqrt(1.0 - rho**2)], [1.0, -rho], rng.normal(size=count))
@@ -142,6 +148,7 @@ DRIVES: dict[str, Change] = {
         scene, after=lambda rng, values, sd: np.round(values / (2.0 * sd)) * 2.0 * sd
     ),
     "gross errors": lambda scene, rng: replace(scene, after=gross),
+    "a sensor hangs": lambda scene, rng: replace(scene, after=hanging),
     "load and slip are rough": rough,
     "ground changes in steps": steps,
     "ground has a trend": trend,

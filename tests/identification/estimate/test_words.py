@@ -36,6 +36,7 @@ VALUES = {
     "stated_noise": {"channel": "load_N", "stated": 1e-9, "shown": 0.1},
     "stop_rows": {"n": 90, "runs": 1},
     "stored": {"text": "as it was stored"},
+    "stuck_rows": {"channel": "torque_Nm", "n": 20},
     "stuck_channel": {"channel": "torque_Nm"},
     "thinned": {"rows": 1500},
     "time_unit": {"step_s": 100.0},

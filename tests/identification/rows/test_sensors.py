@@ -99,3 +99,15 @@ def test_of_two_wheels_only_the_one_whose_sensor_is_stuck_loses_it(rng):
 def test_lugs_without_a_height_or_a_count_are_named(lugs, expected, rng):
     vehicle = Vehicle(wheels=(Wheel(radius_m=0.15, width_m=0.12, **lugs),), noise=VEHICLE.noise)
     assert codes(select_wheel_rows(recording(drive(rng), vehicle)).findings) == expected
+
+
+def test_rows_in_which_a_sensor_hangs_are_left_out_of_it(rng):
+    table = drive(rng)
+    torque, sinkage = table["torque_Nm"].copy(), table["sinkage_m"]
+    torque[40:60] = torque[40]
+    rounded = with_columns(table, torque_Nm=torque, sinkage_m=np.round(sinkage / 0.002) * 0.002)
+    selected = select_wheel_rows(recording(rounded))
+    (hung,) = [each for each in selected.findings if each.code == "stuck_rows"]
+    assert hung.values == {"channel": "torque_Nm", "n": 20}
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(selected.table["torque_Nm"])), np.arange(40, 60))
+    assert np.isfinite(selected.table["sinkage_m"]).all(), "a coarse step repeats values by chance"
