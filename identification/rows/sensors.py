@@ -37,9 +37,9 @@ value is no chance [-]."""
 
 
 def without_stuck(table: WheelTable) -> tuple[WheelTable, list[Finding]]:
-    """Leave out answers of the ground that never change, and rows in which one hangs.
+    """Leave out answers of the ground that never change, and rows in which a channel hangs.
 
-    A load may be the wheel's share of the weight, and a slip may be held.
+    A load that never changes may be the wheel's share of the weight, and a slip may be held.
 
     Parameters
     ----------
@@ -54,9 +54,9 @@ def without_stuck(table: WheelTable) -> tuple[WheelTable, list[Finding]]:
         What was left out: ``stuck_channel``, or ``stuck_rows`` with their number, for each.
     """
     columns, findings = dict(table.columns), list[Finding]()
-    for name in ANSWERS:
+    for name in CHANNELS:
         values = table.observed(name)
-        if len(values) >= _FEWEST and np.ptp(values) == 0.0:
+        if name in ANSWERS and len(values) >= _FEWEST and np.ptp(values) == 0.0:
             columns[name] = np.full(len(table), math.nan)
             findings.append(note("stuck_channel", channel=name))
         elif len(values) and "time_s" in table and (held := _held(table[name])).any():
