@@ -12,7 +12,7 @@ from ...framework.core.errors import InputError
 from ...framework.core.soil import SoilKnowledge
 from ..effects.effect import LOAD, SLIP, Effect
 from ..mechanics.augmented import SOIL_COUNT, AugmentedWheel, Entry, Response
-from .likelihood import LN_STATED_SD, Problem, White
+from .likelihood import Problem, White
 from .samples import Samples
 from .steps import Prior, scaled_inverse, solve_step
 from .whitening import MAX_SMOOTHNESS, Noise
@@ -38,6 +38,10 @@ _DISTINCT = 0.02
 _SHARE_STEP, _LEAST_SHARE, _LEAST_SHARE_GAIN = 0.3, 0.01, 3.0
 """Factor between the shares of sensor noise that are compared [-], the least share [-], and the least gain of another
 [nats]: an incorrect model inflates the noise."""
+
+_LN_STATED_SD = 0.3
+"""Standard deviation of ln of the noise of load or slip about what is stated: engineering judgement, as much of what is
+stated was copied from a data sheet."""
 
 
 @dataclass(frozen=True)
@@ -176,9 +180,22 @@ def fit_textbook(samples: Samples, known: SoilKnowledge | None = None) -> tuple[
             lambda smoothness: _fit_with_smoothness(problem, best, smoothness), range(1, MAX_SMOOTHNESS + 1)
         )
         best = max([best, *smoother], key=lambda fitted: fitted.score)
+    problem, best = _fit_with_own_passes(problem, best)
     problem, best = _fit_noise_shares(problem, best)
     problem.reference = best.response
     return problem, fit(problem, model, best.vector, best.noise, best.response.entry(np.zeros(0)))
+
+
+def _fit_with_own_passes(problem: Problem, best: Fitted) -> tuple[Problem, Fitted]:
+    """Fit ground that varies anew in each pass over a track, and return it if it explains the drive better."""
+    samples = problem.samples
+    parts = np.column_stack([samples.lane, np.nan_to_num(samples.drive.pass_number)])
+    own = np.unique(parts, axis=0, return_inverse=True)[1].ravel()
+    if len(np.unique(own)) == len(np.unique(samples.lane)) or not np.isfinite(problem.gap).any():
+        return problem, best
+    apart = Problem(replace(samples, lane=own), problem.known, problem.noise_share)
+    fitted = fit(apart, best.model, best.vector, best.noise, Entry(best.theta_1))
+    return (apart, fitted) if fitted.score > best.score else (problem, best)
 
 
 def _fit_noise_shares(problem: Problem, best: Fitted) -> tuple[Problem, Fitted]:
@@ -190,19 +207,19 @@ def _fit_noise_shares(problem: Problem, best: Fitted) -> tuple[Problem, Fitted]:
     samples = problem.samples
     for index, channel in ((1, SLIP), (0, LOAD)) if samples.drive.timed else ():
         stated, first = samples.stated[channel], problem.noise_share[index]
-        while True:
-            shares, before = list(problem.noise_share), problem.noise_share[index]
-            shares[index] = min(before / _SHARE_STEP, 1.0) if stated else max(before * _SHARE_STEP, _LEAST_SHARE)
-            if shares[index] == before:
-                break
+        share, cost_before = first, 0.0
+        while (share := min(share / _SHARE_STEP, 1.0) if stated else share * _SHARE_STEP) != problem.noise_share[index]:
+            shares = list(problem.noise_share)
+            shares[index] = share
             tried = Problem(samples, problem.known, (shares[0], shares[1]))
             fitted = fit(tried, best.model, best.vector, best.noise, Entry(best.theta_1))
             # The standard deviation goes as the root of the share.
-            farther = math.log(shares[index] / first) ** 2 - math.log(before / first) ** 2
-            cost = 0.5 * farther / (2.0 * LN_STATED_SD) ** 2 if stated else 0.0
-            if fitted.score < best.score + _LEAST_SHARE_GAIN + cost:
+            cost = 0.5 * (0.5 * math.log(share / first) / _LN_STATED_SD) ** 2 if stated else 0.0
+            better = fitted.score - cost >= best.score - cost_before + _LEAST_SHARE_GAIN
+            if better:
+                problem, best, cost_before = tried, fitted, cost
+            if share == 1.0 if stated else not better or share < _LEAST_SHARE:
                 break
-            problem, best = tried, fitted
     return problem, best
 
 

@@ -23,7 +23,7 @@ from .soil_prior import prior_of_soils
 from .steps import Prior, normal_equations, solve_step
 from .whitening import Chain, Filter, Noise, Whitener, matern, robust_loss, robust_weight, whitener
 
-_LN_NOISE_SD, LN_STATED_SD = 0.5, 0.1
+_LN_NOISE_SD, _LN_STATED_SD = 0.5, 0.1
 """Prior standard deviation of ln(noise) about the estimate from neighbouring rows, and about a stated noise."""
 
 _AUTOCORRELATION_SD, _MAX_AUTOCORRELATION = 0.25, 0.97
@@ -249,7 +249,7 @@ class Problem:
         shortest, longest = self._length_bounds
         mean = np.concatenate([np.log(self.first_noise.sd), np.zeros(count + 2), [math.log(self.first_noise.length)]])
         sd = np.concatenate([
-            np.where(stated, LN_STATED_SD, _LN_NOISE_SD), np.full(count, _AUTOCORRELATION_SD),
+            np.where(stated, _LN_STATED_SD, _LN_NOISE_SD), np.full(count, _AUTOCORRELATION_SD),
             np.full(2, _GROUND_SD_SCALE), [_LN_LENGTH_SD],
         ])  # fmt: skip
         lower = np.concatenate([mean[:count] + _LEAST_LN_NOISE, np.zeros(count), np.full(2, _LEAST_GROUND_SD)])

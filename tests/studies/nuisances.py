@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -56,6 +56,14 @@ class Scene:
         What the vehicle states of the noise, relative to the true one [-]; None for nothing.
     after
         What happens to a channel's readings (n,).
+    rate_Hz
+        Of the rows.
+    noise_share
+        Usual noise, relative to the mean of a channel [-].
+    speed
+        Travel speed (n,) [m/s]; drawn where absent.
+    others
+        Further columns, each (n,).
     """
 
     load_N: np.ndarray
@@ -67,6 +75,10 @@ class Scene:
     color: Callable[[np.random.Generator, int], np.ndarray] = lambda rng, n: rng.normal(size=n)
     stated: float | None = None
     after: Callable[[np.random.Generator, np.ndarray, float], np.ndarray] = lambda rng, values, sd: values
+    rate_Hz: float = 10.0
+    noise_share: float = 0.015
+    speed: np.ndarray | None = None
+    others: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 def smooth(rng: np.random.Generator, count: int, width: float) -> np.ndarray:
@@ -117,6 +129,49 @@ def trend(scene: Scene, rng: np.random.Generator) -> Scene:
     return replace(scene, stiffness=np.exp(0.15 * along), strength=np.exp(0.1 * along))
 
 
+def dwelling(scene: Scene, rng: np.random.Generator) -> Scene:
+    """Load and slip are held for five seconds each, then changed at once."""
+    part = np.arange(len(scene.slip)) // 50
+    load_N = scene.load_N.mean() * rng.uniform(0.7, 1.3, part[-1] + 1)[part]
+    return replace(scene, load_N=load_N, slip=rng.uniform(-0.1, 0.7, part[-1] + 1)[part])
+
+
+def placed(scene: Scene, rng: np.random.Generator) -> Scene:
+    """The ground varies with place, and the speed changes by a factor of ten."""
+    speed = 0.25 * np.exp(0.8 * smooth(rng, len(scene.slip), 25.0))
+    place = np.cumsum(speed) / scene.rate_Hz
+    grid = np.arange(0.0, place[-1] + 0.05, 0.05)
+    ground = [np.interp(place, grid, np.exp(0.04 * smooth(rng, len(grid), 10.0))) for _ in range(2)]
+    return replace(scene, stiffness=ground[0], strength=ground[1], speed=speed, others={"x_m": place})
+
+
+def passes(scene: Scene, rng: np.random.Generator, *, same: bool) -> Scene:
+    """Three passes over one track, the ground the same in each or not."""
+    count = len(scene.slip) // 3
+    ground = [np.exp(0.04 * smooth(rng, 3 * count, 12.0)) for _ in range(2)]
+    if same:
+        ground = [np.tile(each[:count], 3) for each in ground]
+    others = {"x_m": np.tile(0.025 * np.arange(count), 3), "pass": np.repeat([1.0, 2.0, 3.0], count)}
+    cut = replace(scene, load_N=scene.load_N[: 3 * count], slip=scene.slip[: 3 * count], speed=np.full(3 * count, 0.25))
+    return replace(cut, stiffness=ground[0], strength=ground[1], others=others)
+
+
+def hurrying(scene: Scene, rng: np.random.Generator) -> Scene:
+    """Speeds up to 2 m/s, with accelerations of 1 m/s^2, that do nothing."""
+    return replace(scene, speed=np.clip(1.0 + 0.5 * smooth(rng, len(scene.slip), 6.0), 0.05, 2.5))
+
+
+def braking(scene: Scene, rng: np.random.Generator) -> Scene:
+    """Slip from -0.5 to 0.8."""
+    return replace(scene, slip=np.clip(0.15 + 0.3 * smooth(rng, len(scene.slip), 20.0), -0.5, 0.8))
+
+
+def varied(scene: Scene, rng: np.random.Generator) -> Scene:
+    """The ground varies by a tenth."""
+    ground = [np.exp(0.1 * smooth(rng, len(scene.slip), rng.uniform(5.0, 30.0))) for _ in range(2)]
+    return replace(scene, stiffness=ground[0], strength=ground[1])
+
+
 def gross(rng: np.random.Generator, values: np.ndarray, sd: float) -> np.ndarray:
     """Two readings in a hundred are wrong."""
     wrong = rng.random(len(values)) < 0.02
@@ -152,6 +207,16 @@ DRIVES: dict[str, Change] = {
     "load and slip are rough": rough,
     "ground changes in steps": steps,
     "ground has a trend": trend,
+    "held, then changed at once": dwelling,
+    "ground by place, speed varies": placed,
+    "passes over the same ground": partial(passes, same=True),
+    "passes over other ground": partial(passes, same=False),
+    "fast and accelerating": hurrying,
+    "braked and driven": braking,
+    "ground varies by a tenth": varied,
+    "slope": lambda scene, rng: replace(scene, others={"pitch_rad": 0.1 * smooth(rng, len(scene.slip), 40.0)}),
+    "hardly any noise": lambda scene, rng: replace(scene, noise_share=0.002),
+    "fifty hertz": lambda scene, rng: replace(slow_drive(rng, float(scene.load_N.mean()), 1500), rate_Hz=50.0),
     "sixty rows": lambda scene, rng: slow_drive(rng, float(scene.load_N.mean()), 60),
 }
 TRIALS: dict[str, Change] = {"trials": lambda scene, rng: scene, "trials, ground by run": prepared}
@@ -167,15 +232,19 @@ def recording(kind: str, seed: int) -> Recording:
         radius_m, width_m, soil, scene.load_N, scene.slip, cohesion=scene.strength, stiffness=scene.stiffness
     )
     true = {"load_N": scene.load_N, "slip": scene.slip, **{name: getattr(state, name) for name in ANSWERS}}
-    usual = {name: 0.015 * float(np.mean(np.abs(values))) for name, values in true.items()}
+    usual = {name: scene.noise_share * float(np.mean(np.abs(values))) for name, values in true.items()}
     columns = {}
     for name, values in true.items():
         sd = np.full(len(values), usual[name]) if name in ("load_N", "slip") else scene.noise(usual[name], values)
         columns[name] = scene.after(rng, values + sd * scene.color(rng, len(values)), usual[name])
     if scene.run is None:
-        speed = np.clip(0.25 + 0.08 * smooth(rng, len(scene.slip), 25.0), 0.05, None)
+        speed = (
+            np.clip(0.25 + 0.08 * smooth(rng, len(scene.slip), 25.0), 0.05, None)
+            if scene.speed is None
+            else scene.speed
+        )
         omega = speed / (radius_m * (1.0 - np.clip(scene.slip, -0.1, 0.9)))
-        columns = {"time_s": 0.1 * np.arange(len(speed)), **columns}
+        columns = {"time_s": np.arange(len(speed)) / scene.rate_Hz, **columns, **scene.others}
         columns |= {"travel_speed_m_s": speed, "wheel_speed_rad_s": omega}
     noise = {} if scene.stated is None else {name: scene.stated * sd for name, sd in usual.items()}
     vehicle = Vehicle.model_validate({"wheel": {"radius_m": radius_m, "width_m": width_m}, "noise": noise})
