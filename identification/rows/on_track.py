@@ -46,8 +46,8 @@ def with_places(table: WheelTable, vehicle: Vehicle, track: Track | None) -> Whe
             there = moved(*track.place_at(track.time_s), *each.position_m)
             names = np.full(len(track.time_s), each.name, dtype=object)
             ways.append((*there, track.time_s, track.way_m + each.position_m[0], names))
-        x_all, y_all, *rest = (np.concatenate(columns) for columns in zip(*ways, strict=True))
-        passes = passes_at(np.column_stack([x_all, y_all]), *rest, 0.5 * wheels[0].width_m)
+        x, y, when_s, way_m, names = (np.concatenate(columns) for columns in zip(*ways, strict=True))
+        passes = passes_at(np.column_stack([x, y]), when_s, way_m, names, 0.5 * wheels[0].width_m)
         added["pass"] = passes[: len(table)]
     return WheelTable({**table.columns, **added}, table.wheel, table.run, table.source)
 
