@@ -11,8 +11,8 @@ import numpy as np
 
 from ..database.observations import SoilEffect
 from ..database.store import TerrainDatabase
-from ..identification.effects.known import for_later_drives, without_effects
 from ..identification.effects.stored import AugmentedSimulator
+from ..identification.later_drives import for_later_drives, without_effects
 from ..identification.rows.on_track import with_places
 from ..identification.rows.weight import with_loads
 from ..identification.simulate import ANSWERS

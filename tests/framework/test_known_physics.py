@@ -20,8 +20,8 @@ from bevameter.framework.known_physics import KnownPhysics
 from bevameter.framework.scenario.write import write_scenario
 from bevameter.framework.segments import class_track, learn_soil
 from bevameter.framework.traverse import run_traverse
-from bevameter.identification.effects.known import for_later_drives
 from bevameter.identification.effects.stored import AugmentedSimulator, Estimated, StoredEffect
+from bevameter.identification.later_drives import for_later_drives
 from bevameter.identification.simulate import simulate
 
 SOIL = {"c_Pa": 900.0, "phi_rad": 0.5, "k_m": 0.015, "stiffness_Pa": 3e5, "n": 1.0}

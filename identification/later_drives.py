@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...framework.core.recording.types import WheelTable
-from ...framework.core.vehicle import Vehicle
-from ..simulate import ANSWERS, simulate
-from .catalogue import effect_class
-from .stored import AugmentedSimulator
+from ..framework.core.recording.types import WheelTable
+from ..framework.core.vehicle import Vehicle
+from .effects.catalogue import effect_class
+from .effects.stored import AugmentedSimulator
+from .simulate import ANSWERS, simulate
 
 
 def for_later_drives(physics: AugmentedSimulator, vehicle: str) -> AugmentedSimulator:
