@@ -8,7 +8,6 @@ Statist. 6 (1978)).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -21,7 +20,6 @@ from .fit import Fitted, fit_textbook
 from .likelihood import Problem
 from .places import cell_scores
 from .posterior import Posterior
-from .samples import Samples
 from .search import Search
 from .soil_prior import SOIL_PRIOR
 from .steps import scaled_inverse
@@ -43,9 +41,7 @@ _LEAST_ROWS, _MOST_CHANGES = 30, 12
 """Least rows of a ground, and most changes."""
 
 
-def changed_grounds(
-    found: Search, posterior: Posterior, samples_on: Callable[[Sequence[Ground]], Samples]
-) -> tuple[Ground, ...]:
+def changed_grounds(found: Search, posterior: Posterior) -> tuple[Ground, ...]:
     """Divide a drive into grounds where the soil changes, each without the cell at a change.
 
     Empty if it does not change, or if several soils explain the drive worse than the effects that were found on one.
@@ -54,15 +50,13 @@ def changed_grounds(
     ----------
     found, posterior
         Hypotheses on one ground, and their probabilities.
-    samples_on
-        Returns the samples on several grounds.
     """
     times = _changes(found.problem, found.textbook.fitted)
     if not times:
         return ()
     time_s = found.problem.samples.drive.time_s
     borders = [float(time_s.min()), *times, float(time_s.max())]
-    problem, textbook = fit_textbook(samples_on([Ground("", *span) for span in pairwise(borders)]))
+    problem, textbook = fit_textbook(found.problem.samples.divided_at(times))
     several = log_evidence(problem, textbook) + _log_prior_of_soils(problem)
     if several < _total_evidence(found, posterior) + CONVINCING:
         return ()

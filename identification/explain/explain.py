@@ -105,13 +105,10 @@ def explain(
         found, probabilities = _analyse(samples, known, considered, report)
         if not grounds and simulated is None and not known.values and seems_changed(found, probabilities):
             report("dividing the drive where the soil changes")
-
-            def on(divided: Sequence[Ground]) -> Samples:
+            if divided := changed_grounds(found, probabilities):
                 parted = with_grounds(table, rows.vehicle, None, divided)
-                return gather(parted, rows.wheel, rows.vehicle, divided)
-
-            if divided := changed_grounds(found, probabilities, on):
-                found, probabilities = _analyse(on(divided), known, considered, report)
+                samples = gather(parted, rows.wheel, rows.vehicle, divided)
+                found, probabilities = _analyse(samples, known, considered, report)
                 notes = (*notes, _division(divided))
         problem, chosen = found.problem, choose(found.problem, found, probabilities)
         report("locating the mismatch")
