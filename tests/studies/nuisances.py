@@ -123,6 +123,15 @@ def prepared(scene: Scene, rng: np.random.Generator) -> Scene:
     return replace(scene, stiffness=stiffness, strength=strength)
 
 
+def some(scene: Scene, rng: np.random.Generator) -> Scene:
+    """Twenty of the trials."""
+    rows = np.sort(rng.choice(len(scene.slip), 20, replace=False))
+    load_N, slip, stiffness, strength, run = (
+        each[rows] for each in (scene.load_N, scene.slip, scene.stiffness, scene.strength, np.asarray(scene.run))
+    )
+    return replace(scene, load_N=load_N, slip=slip, stiffness=stiffness, strength=strength, run=run)
+
+
 def trend(scene: Scene, rng: np.random.Generator) -> Scene:
     """The ground stiffens along the drive."""
     along = np.linspace(-0.5, 0.5, len(scene.slip))
@@ -191,18 +200,22 @@ def autocorrelated(rng: np.random.Generator, count: int) -> np.ndarray:
 
 Change = Callable[[Scene, np.random.Generator], Scene]
 
-DRIVES: dict[str, Change] = {
-    "as assumed": lambda scene, rng: scene,
+NOISES: dict[str, Change] = {
     "noise grows with the reading": lambda scene, rng: replace(
         scene, noise=lambda usual, true: 0.3 * usual + 0.03 * np.abs(true)
     ),
-    "noise is autocorrelated": lambda scene, rng: replace(scene, color=autocorrelated),
     "noise is stated half as large": lambda scene, rng: replace(scene, stated=0.5),
     "noise is stated twice as large": lambda scene, rng: replace(scene, stated=2.0),
     "readings are rounded": lambda scene, rng: replace(
         scene, after=lambda rng, values, sd: np.round(values / (2.0 * sd)) * 2.0 * sd
     ),
     "gross errors": lambda scene, rng: replace(scene, after=gross),
+    "hardly any noise": lambda scene, rng: replace(scene, noise_share=0.002),
+}
+DRIVES: dict[str, Change] = {
+    "as assumed": lambda scene, rng: scene,
+    **NOISES,
+    "noise is autocorrelated": lambda scene, rng: replace(scene, color=autocorrelated),
     "a sensor hangs": lambda scene, rng: replace(scene, after=hanging),
     "load and slip are rough": rough,
     "ground changes in steps": steps,
@@ -215,11 +228,17 @@ DRIVES: dict[str, Change] = {
     "braked and driven": braking,
     "ground varies by a tenth": varied,
     "slope": lambda scene, rng: replace(scene, others={"pitch_rad": 0.1 * smooth(rng, len(scene.slip), 40.0)}),
-    "hardly any noise": lambda scene, rng: replace(scene, noise_share=0.002),
     "fifty hertz": lambda scene, rng: replace(slow_drive(rng, float(scene.load_N.mean()), 1500), rate_Hz=50.0),
     "sixty rows": lambda scene, rng: slow_drive(rng, float(scene.load_N.mean()), 60),
 }
-TRIALS: dict[str, Change] = {"trials": lambda scene, rng: scene, "trials, ground by run": prepared}
+TRIALS: dict[str, Change] = {
+    "trials": lambda scene, rng: scene,
+    **{f"trials, {name}": change for name, change in NOISES.items()},
+    "trials, ground by run": prepared,
+    "twenty trials": some,
+    "twenty trials, noise is stated half as large": lambda scene, rng: replace(some(scene, rng), stated=0.5),
+    "twenty trials, noise is stated twice as large": lambda scene, rng: replace(some(scene, rng), stated=2.0),
+}
 
 
 def recording(kind: str, seed: int) -> Recording:
@@ -265,12 +284,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=4, help="recordings of each kind")
     parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--only", default="", help="kinds whose name holds this")
     given = parser.parse_args()
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     with ProcessPoolExecutor(given.processes) as pool:
-        for kind in (*DRIVES, *TRIALS):
+        for kind in (each for each in (*DRIVES, *TRIALS) if given.only in each):
             wrong = [text for text in pool.map(partial(named, kind), range(given.count)) if text]
-            print(f"{kind:32} {len(wrong)} of {given.count}  {'; '.join(wrong)}", flush=True)
+            print(f"{kind:46} {len(wrong)} of {given.count}  {'; '.join(wrong)}", flush=True)
 
 
 if __name__ == "__main__":
