@@ -93,11 +93,12 @@ def explain(
     with threadpool_limits(1):
         if len(grounds) > 1 and known.values:
             raise InputError("soil", f"one soil for {len(grounds)} grounds", expected="a recording on one ground")
+        track, untracked = _track(opened) if "time_s" in table else (None, ())
+        table, notes = with_places(table, rows.vehicle, track), (*notes, *untracked)
         if grounds:
-            track, untracked = _track(opened)
-            table = with_grounds(with_places(table, rows.vehicle, track), rows.vehicle, track, grounds)
+            table = with_grounds(table, rows.vehicle, track, grounds)
             table, hard = without_hard_ground(table, rows.wheel, grounds)
-            notes = (*notes, *untracked, *hard)
+            notes = (*notes, *hard)
         samples, own = gather(table, rows.wheel, rows.vehicle, grounds or (Ground(),)), None
         if simulated is not None:
             report("fitting the textbook wheel to the other simulator")
@@ -106,7 +107,7 @@ def explain(
         if not grounds and simulated is None and not known.values and seems_changed(found, probabilities):
             report("dividing the drive where the soil changes")
             if divided := changed_grounds(found, probabilities):
-                parted = with_grounds(table, rows.vehicle, None, divided)
+                parted = with_grounds(table, rows.vehicle, track, divided)
                 samples = gather(parted, rows.wheel, rows.vehicle, divided)
                 found, probabilities = _analyse(samples, known, considered, report)
                 notes = (*notes, _division(divided))

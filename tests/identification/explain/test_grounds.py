@@ -113,6 +113,14 @@ def test_where_nothing_says_what_the_ground_was_its_changes_are_found(divided):
     assert any("soil changes at 20 s" in note for note in divided.notes)
 
 
+def test_passes_follow_from_the_track_where_nothing_says_what_the_ground_was():
+    drive = replace(ground_drive({"sand": SAND}, seconds=15.0, places=(0.4, -0.4)), labels=None)
+    found = explain(drive, catalogue=("torque_offset",))
+    number = found.rows.variables["pass"]
+    assert sorted(np.unique(number)) == [1.0, 2.0]
+    assert 0.3 < np.mean(number == 2.0) < 0.5, "the rear wheel begins behind the front one's first place"
+
+
 @pytest.fixture(scope="module")
 def undivided():
     return explain(unlabelled({"sand": SAND}, seconds=40.0, slip_sinkage={"sand": 0.5}), catalogue=FEW)
