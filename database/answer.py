@@ -2,162 +2,161 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 import numpy as np
 
-from ..framework.core.evidence import UNKNOWN
 from ..framework.core.vehicle import Vehicle
-from .mixture import MixtureTable
-from .posterior import ClassSoil
+from .ground_table import GroundTable
 
 if TYPE_CHECKING:
     from .mobility import DrawbarPull, Mobility
     from .snapshot import Snapshot
 
-
-FAR_FROM_DRIVEN = 2.0
-"""Beyond so many times the greatest normal stress driven, or as much below the least, strength is extrapolated [-]: the
-bound holds the error of the line through c and tan phi there, and not that soils' strength bends away from it."""
+_Value = TypeVar("_Value")
 
 
-@dataclass(frozen=True)
-class StrengthTable:
-    """Every class's soil at one normal stress and one confidence, ready for mixing.
+class _Lazy(Generic[_Value]):
+    """A property that is computed once; `functools.cached_property` takes a lock before Python 3.12."""
 
-    Parameters
-    ----------
-    normal_stress
-        [Pa].
-    confidence
-        [-].
-    has_soil : (k,) bool
-        Has soil of this class been measured?
-    mean : (k, 2)
-        (c [Pa], tan phi [-]); zero where there is no soil, which then has no weight.
-    second_moment : (k, 4)
-        Covariance of a new place plus the mean's outer product, flattened.
-    mixture
-        Distribution of the shear strength by class, only of those with soil; None where no class has.
-    extrapolated : (k,) bool
-        Is the normal stress far from those driven on this class (`FAR_FROM_DRIVEN`)?
-    """
+    def __init__(self, compute: Callable[[Any], _Value]) -> None:
+        self._compute, self._name, self.__doc__ = compute, compute.__name__, compute.__doc__
 
-    normal_stress: float
-    confidence: float
-    has_soil: np.ndarray
-    mean: np.ndarray
-    second_moment: np.ndarray
-    mixture: MixtureTable | None
-    extrapolated: np.ndarray
-
-    @staticmethod
-    def of(
-        class_names: Sequence[str], soils: Mapping[str, ClassSoil], normal_stress: float, confidence: float
-    ) -> StrengthTable:
-        """Tabulate."""
-        has_soil = np.array([name in soils for name in class_names], dtype=bool)
-        mean, second = np.zeros((len(class_names), 2)), np.zeros((len(class_names), 4))
-        gradient = np.array([1.0, normal_stress])
-        predicted = []
-        for index in np.flatnonzero(has_soil).tolist():
-            strength = soils[class_names[index]].strength
-            mean[index] = strength.mean
-            second[index] = (strength.predictive_covariance + np.outer(strength.mean, strength.mean)).ravel()
-            predicted.append(strength.predict(gradient))
-        mixture = None
-        if predicted:
-            location, scale, freedom = np.array(predicted).T
-            mixture = MixtureTable.of_student(location, scale, freedom, 1.0 - confidence)
-        far = np.array([name in soils and _far(normal_stress, soils[name]) for name in class_names], dtype=bool)
-        return StrengthTable(normal_stress, confidence, has_soil, mean, second, mixture, far)
+    @overload
+    def __get__(self, instance: None, owner: type) -> _Lazy[_Value]: ...
+    @overload
+    def __get__(self, instance: object, owner: type) -> _Value: ...
+    def __get__(self, instance: object | None, owner: type) -> _Lazy[_Value] | _Value:
+        if instance is None:
+            return self
+        value = self._compute(instance)
+        if isinstance(value, np.ndarray):
+            value.setflags(write=False)
+        instance.__dict__[self._name] = value
+        return value
 
 
-def _far(normal_stress: float, soil: ClassSoil) -> bool:
-    """Say whether a normal stress [Pa] is far from those driven; where these are not known, nobody can say so."""
-    least, greatest = soil.normal_stress_Pa
-    return normal_stress > FAR_FROM_DRIVEN * greatest or normal_stress * FAR_FROM_DRIVEN < least
-
-
-@dataclass(frozen=True)
 class GroundAnswer:
     """What is known of n places, read-only. Numbers are NaN where nothing is known, with the reason.
 
+    Each column is computed when it is first read.
+
     Parameters
     ----------
-    x, y : (n,)
-        The places [m]; centres of cells where a region was requested.
-    known : (n,) bool
-        Is the soil known? Classes whose soil was not measured must weigh less than 1 - confidence.
-    reason : (n,) str
-        Why not; empty where known.
-    class_names
-        The k classes.
-    class_probability : (n, k)
-        Belief over classes [-]; NaN where the ground was not seen or not recognised.
-    cohesion, friction_angle : (n,)
-        Expected c [Pa], and phi [rad] of the expected tan phi.
-    covariance : (n, 2, 2)
-        Covariance of (c, tan phi) of this place: which class it is, what place of its class, how well that is known.
-    shear_strength, shear_strength_lower : (n,)
-        Expected c + sigma tan phi, and its lower bound at the confidence [Pa]. The bound is that of the mixture of
-        classes, each a Student t (few stretches bound little); classes without soil count as no strength.
-    age : (n,)
-        Time since the newest look [s]; NaN where unknown.
-    observation_count : (n,) int
-        Number of drives that recognised the place.
-    normal_stress, confidence
-        As requested [Pa], [-].
+    snapshot, table
+        What was asked, and its cells at the normal stress and confidence requested.
+    rows : (n,)
+        Rows of the table.
+    places : (n, 2)
+        x, y [m].
+    moment
+        That ages refer to, POSIX seconds.
     """
 
-    x: np.ndarray
-    y: np.ndarray
-    known: np.ndarray
-    reason: np.ndarray
-    class_names: tuple[str, ...]
-    class_probability: np.ndarray
-    cohesion: np.ndarray
-    friction_angle: np.ndarray
-    covariance: np.ndarray
-    shear_strength: np.ndarray
-    shear_strength_lower: np.ndarray
-    age: np.ndarray
-    observation_count: np.ndarray
-    normal_stress: float
-    confidence: float
-    snapshot: Snapshot
-
-    def __post_init__(self) -> None:
-        for entry in fields(self):
-            value = getattr(self, entry.name)
-            if isinstance(value, np.ndarray):
-                value.setflags(write=False)
+    def __init__(
+        self, snapshot: Snapshot, table: GroundTable, rows: np.ndarray, places: np.ndarray, moment: float
+    ) -> None:
+        self.snapshot, self._table, self._rows, self._places, self._moment = snapshot, table, rows, places, moment
 
     def __len__(self) -> int:
-        return len(self.x)
+        return len(self._rows)
 
     @property
-    def soil_weight(self) -> np.ndarray:
-        """Class probabilities among the classes with soil, (n, k), summing to one; zero where unknown."""
-        table = self.snapshot._table(self.normal_stress, self.confidence)
-        return _soil_weight(self.class_probability, self.known, table)[0]
+    def normal_stress(self) -> float:
+        """As requested [Pa]."""
+        return self._table.normal_stress
 
     @property
+    def confidence(self) -> float:
+        """As requested [-]."""
+        return self._table.confidence
+
+    @property
+    def class_names(self) -> tuple[str, ...]:
+        """The k classes."""
+        return self._table.class_names
+
+    @_Lazy
+    def x(self) -> np.ndarray:
+        """(n,): the places' x [m]; centres of cells where a region was requested."""
+        return np.ascontiguousarray(self._places[:, 0])
+
+    @_Lazy
+    def y(self) -> np.ndarray:
+        """(n,): their y [m]."""
+        return np.ascontiguousarray(self._places[:, 1])
+
+    @_Lazy
+    def known(self) -> np.ndarray:
+        """(n,) bool: is the soil known? Classes whose soil was not measured must weigh less than 1 - confidence."""
+        return self._table.known[self._rows]
+
+    @_Lazy
+    def reason(self) -> np.ndarray:
+        """(n,) str: why the soil is not known; empty where it is."""
+        return self._table.reason[self._rows]
+
+    @_Lazy
+    def class_index(self) -> np.ndarray:
+        """(n,) int: number in `class_names` of the most probable class, -1 where not seen or not recognised."""
+        return self._table.class_index[self._rows]
+
+    @_Lazy
+    def class_probability(self) -> np.ndarray:
+        """(n, k): belief over classes [-]; NaN where the ground was not seen or not recognised."""
+        return self._of_cells(self._table.cells.probability, np.nan)
+
+    @_Lazy
+    def cohesion(self) -> np.ndarray:
+        """(n,): expected c [Pa]."""
+        return self._table.cohesion[self._rows]
+
+    @_Lazy
+    def friction_angle(self) -> np.ndarray:
+        """(n,): phi of the expected tan phi [rad]."""
+        return self._table.friction_angle[self._rows]
+
+    @_Lazy
+    def covariance(self) -> np.ndarray:
+        """(n, 2, 2): covariance of (c, tan phi) of this place: which class it is, what place of its class, how well
+        that is known.
+        """
+        return self._table.covariance[self._rows]
+
+    @_Lazy
+    def shear_strength(self) -> np.ndarray:
+        """(n,): expected c + sigma tan phi [Pa]."""
+        return self._table.shear_strength[self._rows]
+
+    @_Lazy
+    def shear_strength_lower(self) -> np.ndarray:
+        """(n,): lower bound of the shear strength at the confidence [Pa].
+
+        That of the mixture of classes, each a Student t (few stretches bound little); classes without soil count as no
+        strength.
+        """
+        return self._table.shear_strength_lower[self._rows]
+
+    @_Lazy
+    def age(self) -> np.ndarray:
+        """(n,): time since the newest look [s]; NaN where unknown."""
+        return self._moment - self._of_cells(self._table.cells.seen_s, np.nan)
+
+    @_Lazy
+    def observation_count(self) -> np.ndarray:
+        """(n,) int: number of drives that recognised the place."""
+        return self._of_cells(self._table.cells.looks, 0)
+
+    @_Lazy
     def extrapolated(self) -> np.ndarray:
         """(n,) bool: is the normal stress far from those driven on a class that may well be here?"""
-        table = self.snapshot._table(self.normal_stress, self.confidence)
-        return np.any(self.soil_weight[:, table.extrapolated] > 1.0 - self.confidence, axis=1)
+        return self._table.extrapolated[self._rows]
 
     def labels(self) -> list[str]:
         """Give the most probable class of each place, or ``"unknown"``."""
-        if not self.class_names:
-            return [UNKNOWN] * len(self)
-        seen = np.all(np.isfinite(self.class_probability), axis=1)
-        best = np.argmax(np.where(seen[:, None], self.class_probability, 0.0), axis=1)
-        return [self.class_names[index] if known else UNKNOWN for index, known in zip(best, seen, strict=True)]
+        return self._table.label[self._rows].tolist()
 
     def drawbar_pull(
         self, vehicle: Vehicle | str | Path, slip: float, *, load_N: float | Sequence[float] | None = None
@@ -173,64 +172,9 @@ class GroundAnswer:
 
         return mobility(self, vehicle, load_N)
 
-    @staticmethod
-    def of(
-        snapshot: Snapshot,
-        table: StrengthTable,
-        places: tuple[np.ndarray, np.ndarray],
-        probability: np.ndarray,
-        why: tuple[np.ndarray, tuple[str, ...]],
-        age: np.ndarray,
-        looks: np.ndarray,
-    ) -> GroundAnswer:
-        """Mix the classes' soils at n places by their class probabilities (n, k).
-
-        `why` holds for each place an index into texts: the empty first one where the class is known.
-        """
-        code, texts = why
-        recognised = code == 0
-        names = snapshot.class_names
-        filled = np.where(recognised[:, None], probability, 0.0)
-        missing = filled * ~table.has_soil
-        known = recognised & (missing.sum(axis=1) <= 1.0 - table.confidence + 1e-12) & bool(table.has_soil.any())
-        if names:
-            code = np.where(recognised & ~known, len(texts) + np.argmax(missing, axis=1), code)
-        reasons = np.array([*texts, *(f"no soil data for class {name}" for name in names)], dtype=object)
-        weight, measured = _soil_weight(probability, known, table)
-        mean = weight @ table.mean
-        covariance = weight @ table.second_moment - (mean[:, :, None] * mean[:, None, :]).reshape(-1, 4)
-        strength = mean[:, 0] + table.normal_stress * mean[:, 1]
-        lower = np.full(len(known), np.nan)
-        if table.mixture is not None:
-            # The mass without soil counts as no strength at all: it takes its share of the 1 - confidence.
-            level = 1.0 - table.confidence - (1.0 - measured)
-            bound = table.mixture.lower_bound((weight * measured[:, None])[:, table.has_soil], level)
-            lower = np.maximum(bound, 0.0)
-        unknown = ~known
-        mean[unknown] = covariance[unknown] = strength[unknown] = lower[unknown] = np.nan
-        return GroundAnswer(
-            x=np.array(places[0]),  # a copy: the caller's path stays the caller's
-            y=np.array(places[1]),
-            known=known,
-            reason=reasons[code],
-            class_names=names,
-            class_probability=probability,
-            cohesion=mean[:, 0],
-            friction_angle=np.arctan(mean[:, 1]),
-            covariance=covariance.reshape(-1, 2, 2),
-            shear_strength=strength,
-            shear_strength_lower=lower,
-            age=age,
-            observation_count=looks,
-            normal_stress=table.normal_stress,
-            confidence=table.confidence,
-            snapshot=snapshot,
-        )
-
-
-def _soil_weight(probability: np.ndarray, known: np.ndarray, table: StrengthTable) -> tuple[np.ndarray, np.ndarray]:
-    """Probabilities among the classes with soil, (n, k), and the mass of those classes, (n,): 0 and 1 where unknown."""
-    share = np.where(known[:, None] & table.has_soil, probability, 0.0)
-    measured = share.sum(axis=1)
-    measured = np.where(known, np.minimum(measured, 1.0), 1.0)
-    return share / measured[:, None], measured
+    def _of_cells(self, column: np.ndarray, missing: float) -> np.ndarray:
+        """Gather a column of the cells (m, ...): (n, ...), `missing` where there is no cell."""
+        answer = np.full((len(self._rows), *column.shape[1:]), missing, dtype=column.dtype)
+        there = self._rows >= 0
+        answer[there] = column[self._rows[there]]
+        return answer

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from datetime import UTC, datetime
+from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -15,9 +16,11 @@ from numpy.typing import ArrayLike
 
 from ..framework.core.arguments import number, numbers, refused, shown
 from ..framework.core.errors import InputError
-from ..framework.core.pooling import LARGEST_CELL_INDEX, cell_keys, cells_from_keys, rows_of_keys
-from .answer import GroundAnswer, StrengthTable
-from .belief import NO_PLACE, NOT_SEEN, Cells, combine, grid_size
+from ..framework.core.pooling import LARGEST_CELL_INDEX, cell_keys, cells_from_keys
+from .answer import GroundAnswer
+from .belief import Cells, combine, grid_size
+from .cell_index import CellIndex
+from .ground_table import GroundTable
 from .observations import Drive
 from .posterior import ClassSoil, class_soils
 
@@ -27,7 +30,8 @@ if TYPE_CHECKING:
 DEFAULT_NORMAL_STRESS = 20e3
 """Normal stress [Pa] at which strength is given where nobody says: about what a light rover's wheel exerts."""
 
-_REMEMBERED = 256
+_TABLES, _REMEMBERED = 8, 256
+"""Most tables of all cells, and most other results, that are kept."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +66,7 @@ class Snapshot:
     soils: Mapping[str, ClassSoil]
     drives: int
     physics: Mapping[str, AugmentedSimulator] = field(default_factory=lambda: MappingProxyType({}))
+    _tables: dict[tuple[float, float], GroundTable] = field(default_factory=dict, repr=False, compare=False)
     _memory: dict[tuple, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @staticmethod
@@ -117,10 +122,12 @@ class Snapshot:
         InputError
             A path that is not (n, 2), a stress that is negative or not finite, a confidence out of range.
         """
-        places = numbers("path", path, "(n, 2): x, y [m]")
-        if places.ndim != 2 or places.shape[1] != 2:
-            raise InputError("path", f"shape {places.shape}", expected="(n, 2): x, y [m]")
-        return self._answer(places[:, 0], places[:, 1], self._find(places), normal_stress, confidence, now)
+        if type(path) is not np.ndarray or path.dtype != np.float64:
+            path = numbers("path", path, "(n, 2): x, y [m]")
+        if path.ndim != 2 or path.shape[1] != 2:
+            raise InputError("path", f"shape {path.shape}", expected="(n, 2): x, y [m]")
+        places = np.array(path)  # a copy: the caller's path stays the caller's
+        return self._answer(places, self._index.rows(places), normal_stress, confidence, now)
 
     def at(
         self,
@@ -132,6 +139,9 @@ class Snapshot:
         now: float | datetime | None = None,
     ) -> GroundAnswer:
         """Say what the ground can bear at one place, or at many (arrays of equal size) [m]; else as `along`."""
+        if isinstance(x, float) and isinstance(y, float):
+            places = np.array([[x, y]])
+            return self._answer(places, self._index.rows(places), normal_stress, confidence, now)
         xs, ys = (np.ravel(numbers(name, each, "numbers [m]")) for name, each in (("x", x), ("y", y)))
         if 1 != len(xs) != len(ys) != 1:
             raise InputError("x and y", f"{len(xs)} and {len(ys)} places", expected="as many of each [m]")
@@ -151,7 +161,7 @@ class Snapshot:
     ) -> GroundAnswer:
         """Give all cells that somebody has seen whose centres lie between the corners [m]; else as `along`."""
         rows, x, y = self._within(x0, y0, x1, y1)
-        return self._answer(x, y, rows, normal_stress, confidence, now)
+        return self._answer(np.column_stack([x, y]), rows, normal_stress, confidence, now)
 
     def near(
         self,
@@ -169,7 +179,8 @@ class Snapshot:
             raise InputError("radius", f"{radius!r}", expected="a finite length, not negative [m]")
         rows, cell_x, cell_y = self._within(x - radius, y - radius, x + radius, y + radius)
         inside = np.hypot(cell_x - x, cell_y - y) <= radius
-        return self._answer(cell_x[inside], cell_y[inside], rows[inside], normal_stress, confidence, now)
+        centres = np.column_stack([cell_x, cell_y])[inside]
+        return self._answer(centres, rows[inside], normal_stress, confidence, now)
 
     def class_answer(
         self, name: str, *, normal_stress: float = DEFAULT_NORMAL_STRESS, confidence: float = 0.95
@@ -184,20 +195,10 @@ class Snapshot:
         if name not in self.class_names:
             raise InputError("class", shown(name), expected="one of " + (", ".join(self.class_names) or "none yet"))
         probability = np.array([[float(other == name) for other in self.class_names]])
-        nowhere = np.full(1, np.nan)
-        table = self._table(normal_stress, confidence)
-        why = np.zeros(1, dtype=int), ("",)
-        return GroundAnswer.of(self, table, (nowhere, nowhere), probability, why, nowhere, np.zeros(1, dtype=int))
-
-    def _find(self, places: np.ndarray) -> np.ndarray:
-        """Rows of `cells` in which places (n, 2) lie: -1 where nobody has seen the ground, -2 for no place at all."""
-        cell = np.floor(places / self.cell_size_m)
-        on_grid = np.all(np.abs(cell) <= LARGEST_CELL_INDEX, axis=1)  # False for NaN
-        whole = np.where(on_grid[:, None], cell, 0.0).astype(np.int64)
-        row = rows_of_keys(self.cells.key, cell_keys(whole))
-        row[~on_grid] = -1
-        row[~np.all(np.isfinite(places), axis=1)] = -2
-        return row
+        nothing = np.zeros(1, dtype=int)
+        sure = Cells(nothing, probability, np.full(1, np.nan), nothing, nothing, ("",))
+        table = GroundTable(sure, self.class_names, self.soils, *_asked(normal_stress, confidence))
+        return GroundAnswer(self, table, np.zeros(1, dtype=int), np.full((1, 2), np.nan), math.nan)
 
     def _within(self, x0: float, y0: float, x1: float, y1: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Rows and centres [m] of the seen cells between two corners."""
@@ -215,37 +216,30 @@ class Snapshot:
 
     def _answer(
         self,
-        x: np.ndarray,
-        y: np.ndarray,
-        row: np.ndarray,
+        places: np.ndarray,
+        rows: np.ndarray,
         normal_stress: float,
         confidence: float,
         now: float | datetime | None,
     ) -> GroundAnswer:
-        table = self._table(normal_stress, confidence)
-        moment = _posix(now)
-        seen = row >= 0
-        picked = np.where(seen, row, 0)
-        if len(self.cells.key):
-            probability = np.where(seen[:, None], self.cells.probability[picked], np.nan)
-            age = np.where(seen, moment - self.cells.seen_s[picked], np.nan)
-            looks = np.where(seen, self.cells.looks[picked], 0)
-            code = np.where(seen, self.cells.reason[picked], 0)
-        else:
-            probability = np.full((len(row), len(self.class_names)), np.nan)
-            age, looks, code = np.full(len(row), np.nan), np.zeros(len(row), dtype=int), np.zeros(len(row), dtype=int)
-        reasons = (*self.cells.reasons, NOT_SEEN, NO_PLACE)
-        code = np.where(seen, code, len(reasons) + np.where(row == -1, -2, -1))
-        return GroundAnswer.of(self, table, (x, y), probability, (code, reasons), age, looks)
+        moment = time.time() if now is None else _posix(now)
+        return GroundAnswer(self, self._table(normal_stress, confidence), rows, places, moment)
 
-    def _table(self, normal_stress: float, confidence: float) -> StrengthTable:
-        stress = number("normal stress", normal_stress, "a number [Pa]")
-        level = number("confidence", confidence, "a number")
-        if not (math.isfinite(stress) and stress >= 0):
-            raise InputError("normal stress", f"{normal_stress!r}", expected="a finite number, not negative [Pa]")
-        if not 0.5 <= level < 1.0:
-            raise InputError("confidence", f"{confidence!r}", expected="at least 0.5 and less than 1")
-        return self.remembered((stress, level), lambda: StrengthTable.of(self.class_names, self.soils, stress, level))
+    @cached_property
+    def _index(self) -> CellIndex:
+        return CellIndex.of(self.cells.key, self.cell_size_m)
+
+    def _table(self, normal_stress: float, confidence: float) -> GroundTable:
+        if not (type(normal_stress) is type(confidence) is float):
+            normal_stress, confidence = _asked(normal_stress, confidence)
+        found = self._tables.get((normal_stress, confidence))
+        if found is None:
+            stress, level = _asked(normal_stress, confidence)
+            found = GroundTable(self.cells, self.class_names, self.soils, stress, level)
+            if len(self._tables) >= _TABLES:
+                self._tables.clear()
+            self._tables[stress, level] = found
+        return found
 
     def remembered(self, key: tuple, compute: Callable[[], Any]) -> Any:
         """Give what was computed for a key before; the answer never changes, only the time it takes."""
@@ -258,9 +252,18 @@ class Snapshot:
         return found
 
 
-def _posix(now: float | datetime | None) -> float:
-    if now is None:
-        return time.time()
+def _asked(normal_stress: float, confidence: float) -> tuple[float, float]:
+    """Check a normal stress [Pa] and a confidence [-]; raises `InputError`."""
+    stress = number("normal stress", normal_stress, "a number [Pa]")
+    level = number("confidence", confidence, "a number")
+    if not (math.isfinite(stress) and stress >= 0):
+        raise InputError("normal stress", f"{normal_stress!r}", expected="a finite number, not negative [Pa]")
+    if not 0.5 <= level < 1.0:
+        raise InputError("confidence", f"{confidence!r}", expected="at least 0.5 and less than 1")
+    return stress, level
+
+
+def _posix(now: float | datetime) -> float:
     if isinstance(now, datetime):
         return (now if now.tzinfo is not None else now.replace(tzinfo=UTC)).timestamp()
     moment = number("now", now, "POSIX seconds, or a datetime")

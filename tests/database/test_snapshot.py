@@ -5,12 +5,19 @@ from datetime import timedelta
 import numpy as np
 import pytest
 from bevameter import InputError, TerrainDatabase
+from bevameter.database.cell_index import NOWHERE as NO_ROW
+from bevameter.database.cell_index import UNSEEN, CellIndex
 from bevameter.database.mixture import MixtureTable
 from bevameter.database.snapshot import Snapshot
+from bevameter.framework.core.pooling import cell_keys, cells_from_keys
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import stdtrit
 
+COLUMNS = (
+    "x", "y", "known", "reason", "class_index", "class_probability", "cohesion", "friction_angle", "covariance",
+    "shear_strength", "shear_strength_lower", "age", "observation_count", "extrapolated",
+)  # fmt: skip
 SAND, CLAY, DARK, ASPHALT, NOWHERE = (0.1, 0.1), (0.6, 0.1), (1.2, 0.1), (-1.3, -0.8), (50.0, 50.0)
 
 
@@ -106,9 +113,8 @@ def test_answers_are_read_only(view):
         view.soils["sand"] = view.soils["clay"]
     before = view.along([SAND, CLAY], now=0.0)
     answer = view.along([SAND, CLAY], now=0.0)
-    own = [value for value in vars(answer).values() if isinstance(value, np.ndarray)]
-    assert len(own) == 12
-    assert not any(array.flags.writeable for array in own)
+    for name in COLUMNS:
+        assert not getattr(answer, name).flags.writeable, name
     with pytest.raises(ValueError, match="read-only"):
         answer.class_probability[:] = 0.0
     path = np.array([SAND, CLAY])
@@ -128,6 +134,86 @@ def test_answers_need_no_database_any_more(tmp_path, drive_with_soil, make):
         assert database.snapshot().at(*SAND).cohesion[0] > 2 * frozen.at(*SAND).cohesion[0]
     path.unlink()
     np.testing.assert_array_equal(frozen.along([SAND, CLAY, DARK], now=0.0).shear_strength_lower, before)
+
+
+def slowly(view: Snapshot, place: np.ndarray, stress: float, confidence: float) -> dict[str, object]:
+    """What is known of one place, from its cell and the classes' soils, one after the other."""
+    nothing = dict.fromkeys(("cohesion", "friction_angle", "shear_strength", "shear_strength_lower"), math.nan)
+    nothing |= {"known": False, "extrapolated": False, "observation_count": 0, "label": "unknown"}
+    if not np.isfinite(place).all():
+        return {**nothing, "reason": "the place is not a finite number"}
+    cell_x, cell_y = (math.floor(each / view.cell_size_m) for each in place)
+    key = cell_x * 2**32 + cell_y
+    if key not in view.cells.key.tolist():
+        return {**nothing, "reason": "nobody has seen this ground"}
+    row = view.cells.key.tolist().index(key)
+    why = view.cells.reasons[view.cells.reason[row]]
+    nothing["observation_count"] = int(view.cells.looks[row])
+    if why:
+        return {**nothing, "reason": why}
+    belief = dict(zip(view.class_names, view.cells.probability[row], strict=True))
+    nothing["label"] = max(belief, key=belief.__getitem__)
+    lacking = {name: share for name, share in belief.items() if name not in view.soils}
+    if sum(lacking.values()) > 1.0 - confidence:
+        return {**nothing, "reason": f"no soil data for class {max(lacking, key=lacking.__getitem__)}"}
+    measured = sum(belief[name] for name in view.soils)
+    weight = {name: belief[name] / measured for name in view.soils}
+    mean = sum(weight[name] * soil.strength.mean for name, soil in view.soils.items())
+    second = sum(
+        weight[name] * (soil.strength.predictive_covariance + np.outer(soil.strength.mean, soil.strength.mean))
+        for name, soil in view.soils.items()
+    )
+    students = np.array([soil.strength.predict(np.array([1.0, stress])) for soil in view.soils.values()]).T
+    table = MixtureTable.of_student(*students, 1.0 - confidence)
+    share = np.array([[belief[name] for name in view.soils]])
+    driven = [soil.normal_stress_Pa for soil in view.soils.values()]
+    far = [stress > 2.0 * high or stress < 0.5 * low for low, high in driven]
+    return {
+        "known": True, "reason": "", "label": nothing["label"], "observation_count": nothing["observation_count"],
+        "cohesion": mean[0], "friction_angle": math.atan(mean[1]), "covariance": second - np.outer(mean, mean),
+        "shear_strength": mean[0] + stress * mean[1],
+        "shear_strength_lower": max(float(table.lower_bound(share, np.array([measured - confidence]))[0]), 0.0),
+        "extrapolated": any(w > 1.0 - confidence for w, beyond in zip(weight.values(), far, strict=True) if beyond),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(("stress", "confidence"), [(20e3, 0.95), (2e3, 0.8), (90e3, 0.99)])
+def test_what_is_tabulated_is_what_each_place_gives_by_itself(make, rng, stress, confidence):
+    classes = ("asphalt", "clay", "gravel", "sand")
+    cells = [(int(x), int(y)) for x in range(-9, 9) for y in range(-7, 8)]
+    belief = rng.dirichlet((0.05, 0.4, 0.4, 0.4), len(cells))
+    dark = rng.random(len(cells)) < 0.1
+    terrain = make.seen(
+        cells, belief.tolist(), classes=classes, unknown=dark.tolist(), reasons=[("dark",)] * len(cells)
+    )
+    soils = [
+        make.soil({name: 1.0}, 400.0 * index + 30.0 * place, 0.3 + 0.1 * index)
+        for index, name in enumerate(classes[1:]) for place in range(index + 1)
+    ]  # fmt: skip
+    view = Snapshot.derive("quarry", [make.drive(terrain=terrain, soils=tuple(soils))])
+    places = np.concatenate([rng.uniform(-5.5, 5.5, (300, 2)), [[math.nan, 0.0], [1e300, 0.0], [0.0, math.inf]]])
+    answer = view.along(places, normal_stress=stress, confidence=confidence)
+    labels = answer.labels()
+    assert labels == [(*view.class_names, "unknown")[index] for index in answer.class_index]
+    assert 50 < np.count_nonzero(answer.known) < 290
+    for at, place in enumerate(places):
+        for name, expected in slowly(view, place, stress, confidence).items():
+            found = labels[at] if name == "label" else getattr(answer, name)[at]
+            if isinstance(expected, str):
+                assert found == expected
+            else:
+                np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12, err_msg=name)
+
+
+def test_every_cell_is_found_where_keys_are_as_far_apart_as_can_be(rng):
+    cells = np.unique(rng.integers(-(2**31) + 1, 2**31 - 1, (5000, 2)), axis=0)
+    cells = np.concatenate([cells, [[-(2**31) + 1, 2**31 - 1], [0, 0], [-1, -1]]])
+    key = np.sort(cell_keys(cells))
+    index = CellIndex.of(key, 0.25)
+    centres = (cells_from_keys(key) + 0.5) * 0.25
+    np.testing.assert_array_equal(index.rows(centres), np.arange(len(key)))
+    assert index.rows(np.array([[1e300, 0.0], [0.3, 0.0], [math.nan, 0.0]])).tolist() == [UNSEEN, UNSEEN, NO_ROW]
+    assert CellIndex.of(np.zeros(0, dtype=np.int64), 0.25).rows(np.zeros((1, 2))).tolist() == [UNSEEN]
 
 
 def test_at_is_along(view):
@@ -176,7 +262,6 @@ def test_uncertainty_of_the_class_widens_the_covariance(make, drive_with_soil):
     assert answer.covariance[0, 0, 0] > 1250.0**2 > answer.covariance[1, 0, 0]
     # Three quarters of the way down the weaker class still holds nearly half of the mass.
     assert answer.shear_strength_lower[0] < answer.shear_strength_lower[1]
-    np.testing.assert_allclose(answer.soil_weight.sum(axis=1), 1.0)
 
 
 def test_age(view, make, drive_with_soil):
