@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from scipy.special import stdtr, stdtrit
 
 _LEVELS = np.concatenate([np.geomspace(1e-7, 0.5, 96), 1.0 - np.geomspace(0.5, 1e-7, 96)[1:]])
@@ -39,8 +40,10 @@ class MixtureTable:
         nodes = np.unique(ordered[np.isfinite(ordered)])
         if not len(nodes):
             nodes = np.zeros(1)
-        below = np.stack([np.searchsorted(column, nodes, side="right") for column in ordered.T], axis=1)
-        return MixtureTable(nodes, below / len(ordered))
+        below = np.zeros((len(nodes), samples.shape[1]))
+        for each, column in enumerate(ordered.T):
+            below[:, each] = np.searchsorted(column, nodes, side="right") / len(ordered)
+        return MixtureTable(nodes, below)
 
     def lower_bound(self, weight: np.ndarray, level: np.ndarray) -> np.ndarray:
         """Find the value that each mixture stays below with probability `level`.
@@ -57,17 +60,34 @@ class MixtureTable:
         (n,)
             -inf where already the lowest node is reached with more than `level`.
         """
-        least = np.einsum("nk,k->n", weight, self.distribution[0])
-        low = np.zeros(len(weight), dtype=np.int64)
-        high = np.full(len(weight), len(self.nodes) - 1)
-        for _ in range(len(self.nodes).bit_length()):
+        return _lower_bounds(self.nodes, self.distribution, np.ascontiguousarray(weight), level)
+
+
+@njit(cache=True, nogil=True)
+def _lower_bounds(nodes, distribution, weight, level):
+    answer = np.empty(len(weight))
+    for at in range(len(weight)):
+        low, high = 0, len(nodes) - 1
+        before, after = _below(distribution[low], weight[at]), _below(distribution[high], weight[at])
+        if before > level[at]:
+            answer[at] = -np.inf
+            continue
+        while high - low > 1:
             middle = (low + high) >> 1
-            below = np.einsum("nk,nk->n", weight, self.distribution[middle]) <= level
-            low = np.where(below, middle, low)
-            high = np.where(below, high, middle)
-        before = np.einsum("nk,nk->n", weight, self.distribution[low])
-        after = np.einsum("nk,nk->n", weight, self.distribution[high])
-        with np.errstate(invalid="ignore", divide="ignore"):
-            share = np.clip((level - before) / (after - before), 0.0, 1.0)
-        found = self.nodes[low] + np.where(after > before, share, 0.0) * (self.nodes[high] - self.nodes[low])
-        return np.where(least > level, -np.inf, found)
+            below = _below(distribution[middle], weight[at])
+            if below <= level[at]:
+                low, before = middle, below
+            else:
+                high, after = middle, below
+        share = min(max((level[at] - before) / (after - before), 0.0), 1.0) if after > before else 0.0
+        answer[at] = nodes[low] + share * (nodes[high] - nodes[low])
+    return answer
+
+
+@njit(cache=True, nogil=True)
+def _below(distribution, weight):
+    """Probability that a mixture does not exceed a node."""
+    total = 0.0
+    for each in range(len(weight)):
+        total += weight[each] * distribution[each]
+    return total

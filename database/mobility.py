@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 DRAWS = 256
 """Draws from each class's soil; the quasi-random error of a 5 % bound is then about 1 % of the spread."""
 
-SLIPS = np.linspace(0.05, 0.8, 16)
+SLIPS = tuple(np.linspace(0.05, 0.8, 16).tolist())
 """Slips among which `mobility` seeks the best [-]."""
 
 _SOIL_NUMBERS = 9
@@ -132,18 +132,13 @@ def drawbar_pull(
         raise refused("slip", given, wanted)
     vehicle = as_vehicle(vehicle)
     loads = _loads(answer, vehicle, load_N)
-    pulls, usable = _class_pulls(answer, vehicle, loads, np.array([slip]))
-    weight, known, reason = _weights(answer, usable)
-    mean = lower = np.full(len(answer), np.nan)
-    if pulls:
-        draws = np.stack([pull[:, 0] for pull in pulls.values()], axis=1)
-        carried = np.isfinite(draws)
-        shares = weight * carried.mean(axis=0)
-        total = shares.sum(axis=1)
-        expected = np.where(carried, draws, 0.0).sum(axis=0) / np.maximum(carried.sum(axis=0), 1)
-        mean = np.divide(shares @ expected, total, out=np.full(len(answer), np.nan), where=total > 0)
-        lower = np.where(known, _bound(answer, draws, weight), np.nan)
-    return DrawbarPull(known, reason, mean, lower, loads, float(slip))
+    pulls = _pulls(answer, vehicle, loads, (slip,))
+    weight, known, reason = _weights(answer, pulls)
+    lower = np.where(known, pulls.bounds[0].lower_bound(weight, weight.sum(axis=1) - answer.confidence), np.nan)
+    shares = weight * pulls.carried
+    total = shares.sum(axis=1)
+    mean = np.divide(shares @ pulls.mean, total, out=np.full(len(answer), np.nan), where=total > 0)
+    return DrawbarPull(known, reason, mean, lower, loads, slip)
 
 
 def mobility(
@@ -152,19 +147,14 @@ def mobility(
     """Predict whether the vehicle moves, and how much pull it has to spare at its best slip; as `drawbar_pull`."""
     vehicle = as_vehicle(vehicle)
     loads = _loads(answer, vehicle, load_N)
-    pulls, usable = _class_pulls(answer, vehicle, loads, SLIPS)
-    weight, known, reason = _weights(answer, usable)
-    go = best = slip = np.full(len(answer), np.nan)
-    if pulls:
-        moving = np.array([np.mean(np.max(pull, axis=1) > 0.0) for pull in pulls.values()])
-        go = np.where(known, weight @ moving, np.nan)
-        columns = range(len(SLIPS))
-        bounds = np.stack(
-            [_bound(answer, np.stack([pull[:, at] for pull in pulls.values()], 1), weight) for at in columns], axis=1
-        )
-        row = np.argmax(bounds, axis=1)
-        best = np.where(known, bounds[np.arange(len(answer)), row], np.nan)
-        slip = np.where(known, SLIPS[row], np.nan)
+    pulls = _pulls(answer, vehicle, loads, SLIPS)
+    weight, known, reason = _weights(answer, pulls)
+    level = weight.sum(axis=1) - answer.confidence
+    bounds = np.stack([table.lower_bound(weight, level) for table in pulls.bounds], axis=1)
+    row = np.argmax(bounds, axis=1)
+    best = np.where(known, bounds[np.arange(len(answer)), row], np.nan)
+    slip = np.where(known, np.array(SLIPS)[row], np.nan)
+    go = np.where(known, weight @ pulls.moving, np.nan)
     slope = np.arcsin(np.clip(best / sum(loads), -1.0, 1.0))
     return Mobility(known, reason, go, best, slip, slope, loads)
 
@@ -184,26 +174,59 @@ def _loads(answer: GroundAnswer, vehicle: Vehicle, load_N: float | Sequence[floa
     return tuple(loads.tolist())
 
 
-def _class_pulls(
-    answer: GroundAnswer, vehicle: Vehicle, loads: tuple[float, ...], slips: np.ndarray
-) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Draws of the vehicle's drawbar pull [N] by class, each (DRAWS, slips), -inf where it is not carried.
+@dataclass(frozen=True)
+class _Pulls:
+    """Drawbar pull of a vehicle on the u classes for which it can be predicted, at several slips.
 
-    Also which of the snapshot's classes have them, (k,). Remembered by the snapshot: planners ask the same again.
+    Parameters
+    ----------
+    usable : (k,) bool
+        Which of a snapshot's classes these are.
+    reasons : (k,) str
+        Why the others are not.
+    bounds
+        Distribution of the pull over the classes [N], by slip; the mass that is not carried is below all of it.
+    mean, carried : (u,)
+        Mean [N] and share of the draws that are carried [-], at the first slip.
+    moving : (u,)
+        Share of the draws whose pull is positive at some slip [-].
     """
+
+    usable: np.ndarray
+    reasons: np.ndarray
+    bounds: tuple[MixtureTable, ...]
+    mean: np.ndarray
+    carried: np.ndarray
+    moving: np.ndarray
+
+
+def _pulls(answer: GroundAnswer, vehicle: Vehicle, loads: tuple[float, ...], slips: tuple[float, ...]) -> _Pulls:
+    """Predict by class; remembered by the snapshot, as planners ask the same again."""
     snapshot = answer.snapshot
-    usable = np.array(
-        [
-            name in snapshot.soils and (name in snapshot.physics or set(_OTHERS) <= set(snapshot.soils[name].others))
-            for name in snapshot.class_names
-        ],
-        dtype=bool,
-    )
-    pulls = {}
-    for name in np.array(snapshot.class_names, dtype=object)[usable]:
-        key = (name, tuple(_shape(wheel) for wheel in vehicle.wheels), loads, tuple(slips.tolist()))
-        pulls[name] = snapshot.remembered(key, lambda name=name: _pull(snapshot, name, vehicle, loads, slips))
-    return pulls, usable
+    key = (tuple(map(_shape, vehicle.wheels)), loads, slips)
+    return snapshot.remembered(key, lambda: _predict(snapshot, vehicle, loads, np.array(slips)))
+
+
+def _predict(snapshot: Snapshot, vehicle: Vehicle, loads: tuple[float, ...], slips: np.ndarray) -> _Pulls:
+    reasons = np.array([_why_not(snapshot, name) for name in snapshot.class_names], dtype=object)
+    usable = reasons == ""
+    names = [name for name, use in zip(snapshot.class_names, usable, strict=True) if use]
+    draws = np.array([_pull(snapshot, name, vehicle, loads, slips) for name in names]).reshape(-1, DRAWS, len(slips))
+    first, carried = draws[:, :, 0], np.isfinite(draws[:, :, 0])
+    return _Pulls(
+        usable, reasons, tuple(MixtureTable.of_samples(each) for each in draws.transpose(2, 1, 0)),
+        np.where(carried, first, 0.0).sum(axis=1) / np.maximum(carried.sum(axis=1), 1), carried.mean(axis=1),
+        np.mean(draws.max(axis=2) > 0.0, axis=1),
+    )  # fmt: skip
+
+
+def _why_not(snapshot: Snapshot, name: str) -> str:
+    """Say why nothing can be predicted on a class; empty where it can."""
+    soil = snapshot.soils.get(name)
+    if soil is None:
+        return f"no soil data for class {name}"
+    missing = [text for key, text in _OTHERS.items() if key not in soil.others and name not in snapshot.physics]
+    return f"no {missing[0]} known of class {name}" if missing else ""
 
 
 def _shape(wheel: Wheel) -> tuple[float, float, float]:
@@ -259,24 +282,16 @@ def _student(effects: RandomEffects, normal: np.ndarray, tail: np.ndarray, gradi
     return effects.mean + stretch[:, None] * (ndtri(np.clip(normal, 1e-9, 1.0 - 1e-9)) @ factor.T)
 
 
-def _weights(answer: GroundAnswer, usable: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Probabilities of the usable classes, (n, usable); where that is enough to predict; and why not."""
+def _weights(answer: GroundAnswer, pulls: _Pulls) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Probabilities of the usable classes, (n, u); where that is enough to predict; and why not."""
     shares = np.where(answer.known[:, None], answer.class_probability, 0.0)
-    lacking = np.where(usable, 0.0, shares)
-    known = answer.known & (lacking.sum(axis=1) <= 1.0 - answer.confidence + 1e-12) & bool(np.any(usable))
-    reason = answer.reason.copy()
-    for row in np.flatnonzero(answer.known & ~known):
-        name = answer.class_names[int(np.argmax(lacking[row]))]
-        soil = answer.snapshot.soils.get(name)
-        missing = [text for key, text in _OTHERS.items() if soil is None or key not in soil.others]
-        reason[row] = f"no {missing[0]} known of class {name}" if soil is not None else f"no soil data for class {name}"
-    return np.where(known[:, None], shares[:, usable], 0.0), known, reason
-
-
-def _bound(answer: GroundAnswer, draws: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Lower bound at the answer's confidence; the mass of classes not known counts as not carrying at all."""
-    level = weight.sum(axis=1) - answer.confidence
-    return MixtureTable.of_samples(draws).lower_bound(weight, level)
+    lacking = np.where(pulls.usable, 0.0, shares)
+    known = answer.known & (lacking.sum(axis=1) <= 1.0 - answer.confidence + 1e-12) & bool(pulls.usable.any())
+    reason, unpredicted = answer.reason, answer.known & ~known
+    if unpredicted.any():
+        reason = reason.copy()
+        reason[unpredicted] = pulls.reasons[np.argmax(lacking[unpredicted], axis=1)]
+    return np.where(known[:, None], shares[:, pulls.usable], 0.0), known, reason
 
 
 def _about_physics(soil: ClassSoil, physics: AugmentedSimulator) -> ClassSoil:
