@@ -54,7 +54,7 @@ class _Looks:
     quality: np.ndarray
     unknown: np.ndarray
     seen_s: np.ndarray
-    reasons: tuple[str, ...]
+    reasons: tuple[tuple[str, ...], ...]
 
 
 def grid_size(drives: Sequence[Drive]) -> float:
@@ -93,7 +93,7 @@ def combine(drives: Sequence[Drive], classes: tuple[str, ...], cell_size_m: floa
 
 def _gather(drives: Sequence[Drive], classes: tuple[str, ...], cell_size_m: float) -> _Looks:
     parts: list[tuple[np.ndarray, ...]] = []
-    reasons: list[str] = []
+    reasons: list[tuple[str, ...]] = []
     for number, drive in enumerate(drives):
         terrain, evidence = drive.terrain, drive.terrain.evidence
         rows = np.flatnonzero(np.asarray(terrain.sense) == "fused")
@@ -114,7 +114,7 @@ def _gather(drives: Sequence[Drive], classes: tuple[str, ...], cell_size_m: floa
                 start + terrain.time_s[rows],
             )
         )
-        reasons.extend("; ".join(evidence.reasons[row]) for row in rows)
+        reasons.extend(map(evidence.reasons.__getitem__, rows.tolist()))
     if not parts:
         none = np.zeros(0)
         return _Looks(
@@ -139,7 +139,7 @@ def _why_unknown(looks: _Looks, cell: np.ndarray, counts: np.ndarray) -> tuple[n
     reason = np.zeros(len(counts), dtype=np.int64)
     texts = {"": 0}
     for row in np.flatnonzero(counts[cell] == 0):  # the last look at a cell wins
-        said = looks.reasons[row]
+        said = "; ".join(looks.reasons[row])
         text = f"{NOT_RECOGNISED}: {said}" if said else NOT_RECOGNISED
         reason[cell[row]] = texts.setdefault(text, len(texts))
     return reason, tuple(texts)

@@ -6,6 +6,7 @@ Ground is observed on a grid of square cells in the site's own frame: cell (i, j
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import uuid
@@ -211,6 +212,12 @@ class Drive:
         ]
         return uuid.uuid5(_NAMESPACE, json.dumps(key, ensure_ascii=True, separators=(",", ":")))
 
-    def row_id(self, kind: str, index: int) -> uuid.UUID:
-        """The identity of one observation: UUID 5 of the drive, the kind and the index within the drive."""
-        return uuid.uuid5(self.id, f"{kind}/{index}")
+    def row_ids(self, kind: str, count: int) -> list[uuid.UUID]:
+        """The identities of its observations: UUID 5 of the drive, the kind and the index within the drive."""
+        drive = hashlib.sha1(self.id.bytes, usedforsecurity=False)
+        answer = []
+        for index in range(count):
+            each = drive.copy()  # as `uuid.uuid5`, without hashing the drive again
+            each.update(f"{kind}/{index}".encode())
+            answer.append(uuid.UUID(bytes=each.digest()[:16], version=5))
+        return answer

@@ -36,40 +36,29 @@ def drive_row(drive: Drive) -> dict[str, Any]:
     }
 
 
-def terrain_rows(drive: Drive) -> Iterator[dict[str, Any]]:
-    """The `terrain_observation` rows, in order."""
-    terrain, drive_id = drive.terrain, drive.id
-    evidence = terrain.evidence
-    packed = np.ascontiguousarray(evidence.probabilities, dtype=_PROBABILITY)
-    columns = zip(
-        terrain.time_s.tolist(),
-        terrain.cell_x.tolist(),
-        terrain.cell_y.tolist(),
-        np.asarray(terrain.sense, dtype=str).tolist(),
-        evidence.quality.tolist(),
-        evidence.unknown.tolist(),
-        evidence.reasons,
-        strict=True,
-    )
-    for index, (time_s, cell_x, cell_y, sense, quality, unknown, reasons) in enumerate(columns):
-        yield {
-            "id": drive.row_id("terrain", index),
-            "drive_id": drive_id,
-            "time_s": time_s,
-            "cell_x": cell_x,
-            "cell_y": cell_y,
-            "sense": sense,
-            "quality": quality,
-            "unknown": unknown,
-            "probabilities": packed[index].tobytes(),
-            "reasons": "\n".join(" ".join(reason.split()) for reason in reasons),
-        }
+def terrain_columns(drive: Drive) -> dict[str, list[Any]]:
+    """The columns of the `terrain_observation` rows, in order."""
+    terrain, evidence = drive.terrain, drive.terrain.evidence
+    packed = np.ascontiguousarray(evidence.probabilities, dtype=_PROBABILITY).tobytes()
+    size = _PROBABILITY.itemsize * len(evidence.classes)
+    return {
+        "id": drive.row_ids("terrain", len(terrain)),
+        "drive_id": [drive.id] * len(terrain),
+        "time_s": terrain.time_s.tolist(),
+        "cell_x": terrain.cell_x.tolist(),
+        "cell_y": terrain.cell_y.tolist(),
+        "sense": np.asarray(terrain.sense, dtype=str).tolist(),
+        "quality": evidence.quality.tolist(),
+        "unknown": evidence.unknown.tolist(),
+        "probabilities": [packed[size * row : size * (row + 1)] for row in range(len(terrain))],
+        "reasons": ["\n".join(" ".join(reason.split()) for reason in reasons) for reasons in evidence.reasons],
+    }
 
 
 def soil_rows(drive: Drive) -> Iterator[dict[str, Any]]:
     """The `soil_observation` rows, in order."""
-    for index, soil in enumerate(drive.soils):
-        yield {"id": drive.row_id("soil", index), "drive_id": drive.id, **_soil_columns(soil)}
+    for identity, soil in zip(drive.row_ids("soil", len(drive.soils)), drive.soils, strict=True):
+        yield {"id": identity, "drive_id": drive.id, **_soil_columns(soil)}
 
 
 def _soil_columns(soil: SoilObservation) -> dict[str, Any]:
@@ -151,8 +140,8 @@ def _findings(packed: Mapping[str, Any]) -> tuple[Finding, ...]:
     return tuple(Finding(each["code"], each["severity"], dict(each["values"])) for each in packed["findings"])
 
 
-def drive_of(row: Any, looks: Sequence[Any], stretches: Sequence[Any]) -> Drive:
-    """Read a `drive` row, with its rows of `terrain_observation` and `soil_observation`.
+def drive_of(row: Any, looks: Sequence[tuple], stretches: Sequence[Any]) -> Drive:
+    """Read a `drive` row, with its rows of `terrain_observation` (`TERRAIN_COLUMNS`) and `soil_observation`.
 
     Raises
     ------
@@ -213,25 +202,26 @@ def _soil_observation(row: Any) -> SoilObservation:
     )
 
 
-def terrain_observations(rows: Sequence[Any], classes: Sequence[str], cell_size_m: float) -> TerrainObservations:
-    """Read the `terrain_observation` rows of one drive, in whatever order they come."""
-    m, k = len(rows), len(classes)
-    packed = np.frombuffer(b"".join(row.probabilities for row in rows), dtype=_PROBABILITY)
+TERRAIN_COLUMNS = ("time_s", "cell_x", "cell_y", "sense", "quality", "unknown", "probabilities", "reasons")
+"""What is read of a `terrain_observation` row."""
+
+
+def terrain_observations(rows: Sequence[tuple], classes: Sequence[str], cell_size_m: float) -> TerrainObservations:
+    """Read the `terrain_observation` rows of one drive (`TERRAIN_COLUMNS`), and put them in order of time."""
+    columns = zip(*rows, strict=True) if rows else [()] * len(TERRAIN_COLUMNS)
+    time_s, cell_x, cell_y, sense, quality, unknown, packed, reasons = columns
+    said = {text: tuple(text.split("\n")) if text else () for text in set(reasons)}
     evidence = ClassEvidence(
         tuple(classes),
-        packed.reshape(m, k).astype(float),
-        np.array([row.quality for row in rows], dtype=float),
-        np.array([row.unknown for row in rows], dtype=bool),
-        tuple(tuple(row.reasons.split("\n")) if row.reasons else () for row in rows),
+        np.frombuffer(b"".join(packed), dtype=_PROBABILITY).reshape(len(rows), len(classes)).astype(float),
+        np.array(quality, dtype=float),
+        np.array(unknown, dtype=bool),
+        tuple(map(said.__getitem__, reasons)),
     )
-    return TerrainObservations(
-        cell_size_m,
-        np.array([row.cell_x for row in rows], dtype=np.int64),
-        np.array([row.cell_y for row in rows], dtype=np.int64),
-        np.array([row.time_s for row in rows], dtype=float),
-        np.array([row.sense for row in rows], dtype=str),
-        evidence,
-    )
+    x, y, time = np.array(cell_x, dtype=np.int64), np.array(cell_y, dtype=np.int64), np.array(time_s, dtype=float)
+    who = np.array(sense, dtype=str)
+    order = np.lexsort((who, y, x, time))
+    return TerrainObservations(cell_size_m, x[order], y[order], time[order], who[order], evidence.select(order))
 
 
 def _float(value: float | None) -> float:

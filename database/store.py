@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -30,7 +30,7 @@ from .physics import (
     read_physics,
     sound_physics,
 )
-from .rows import drive_of, drive_row, soil_rows, terrain_rows
+from .rows import TERRAIN_COLUMNS, drive_of, drive_row, soil_rows, terrain_columns
 from .schema import holds_database, open_engine, shown, unreachable
 from .snapshot import Snapshot
 from .tables import Base, DriveRow, ImportRow, SoilRow, TerrainRow, insertion, table_of
@@ -119,7 +119,6 @@ class TerrainDatabase:
             raise refused("drive", drive, "a Drive")
         of_soils = (name for soil in drive.soils for name in soil.class_probabilities)
         check_class_names([*drive.terrain.evidence.classes, *of_soils], f"drive {drive.name!r}", "classes")
-        rows = [(TerrainRow, terrain_rows(drive)), (SoilRow, soil_rows(drive))]
         total = len(drive.terrain) + len(drive.soils)
         moment = {"id": uuid.uuid4(), "drive_id": drive.id, "imported_at": datetime.now(UTC)}
         with self._written() as connection:
@@ -128,8 +127,8 @@ class TerrainDatabase:
                     _insert(connection, ImportRow, [moment])
                 return Added(0, total)
             _insert(connection, ImportRow, [moment])
-            for table, content in rows:
-                _insert(connection, table, content)
+            _insert_columns(connection, TerrainRow, terrain_columns(drive))
+            _insert(connection, SoilRow, soil_rows(drive))
         return Added(total, 0)
 
     def add_physics(
@@ -288,7 +287,7 @@ class TerrainDatabase:
         try:
             with opened() as connection:
                 yield connection
-        except DBAPIError as error:
+        except (DBAPIError, self._engine.dialect.loaded_dbapi.Error) as error:
             raise unreachable(self._engine.url, error) from error
 
     def _written(self) -> AbstractContextManager[Connection]:
@@ -322,6 +321,24 @@ def _insert(connection: Connection, row_type: type[Base], rows: Iterable[dict[st
         connection.execute(insertion(connection, row_type), chunk)
 
 
+def _insert_columns(connection: Connection, row_type: type[Base], columns: Mapping[str, list[Any]]) -> None:
+    """Insert rows whose identity is not there yet, past SQLAlchemy, which takes as long as the database."""
+    dialect, table = connection.dialect, table_of(row_type)
+    statement = insertion(connection, row_type).compile(dialect=dialect, column_keys=list(columns))
+    names = statement.positiontup or list(columns)
+    values = []
+    for name in names:
+        column, process = columns[name], table.c[name].type.dialect_impl(dialect).bind_processor(dialect)
+        if process is not None and column:
+            same = column.count(column[0]) == len(column)
+            column = [process(column[0])] * len(column) if same else list(map(process, column))
+        values.append(column)
+    rows = zip(*values, strict=True)
+    while chunk := list(islice(rows, _CHUNK)):
+        given = chunk if dialect.positional else [dict(zip(names, row, strict=True)) for row in chunk]
+        connection.exec_driver_sql(str(statement), given)
+
+
 def _rows_of(connection: Connection, row_type: type[Base], drive_id: uuid.UUID) -> Iterator[dict[str, Any]]:
     table = table_of(row_type)
     result = connection.execution_options(yield_per=_CHUNK).execute(select(table).where(table.c.drive_id == drive_id))
@@ -351,9 +368,12 @@ def _drive_rows(connection: Connection, site: str | None, newest: bool) -> list[
 def _read_drive(connection: Connection, row: Any, senses: tuple[str, ...] | None) -> Drive:
     """Read one drive back; `senses` limits the terrain observations to those of some senses."""
     terrain, soil = table_of(TerrainRow), table_of(SoilRow)
-    wanted = [column for column in terrain.c if column.name not in ("id", "drive_id")]  # identities take the most time
-    looks = select(*wanted).where(terrain.c.drive_id == row.id).order_by(terrain.c.time_s, terrain.c.id)
+    wanted = (terrain.c[name] for name in TERRAIN_COLUMNS)
+    looks = select(*wanted).where(terrain.c.drive_id == row.id)
     if senses is not None:
         looks = looks.where(terrain.c.sense.in_(senses))
     stretches = select(soil).where(soil.c.drive_id == row.id).order_by(soil.c.start_s, soil.c.id)
-    return drive_of(row, connection.execute(looks).all(), connection.execute(stretches).all())
+    # As the driver gives them: making rows of them takes as long as reading them.
+    seen = connection.execute(looks).cursor
+    assert seen is not None
+    return drive_of(row, seen.fetchall(), connection.execute(stretches).all())

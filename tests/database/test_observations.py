@@ -1,4 +1,5 @@
 import dataclasses
+import uuid
 from dataclasses import replace
 from datetime import datetime, timedelta, timezone
 
@@ -12,8 +13,8 @@ from bevameter.framework.core.findings import note, warning
 def test_the_same_processing_is_the_same_drive(make):
     drive = make.drive()
     assert drive.id == make.drive().id
-    assert drive.row_id("terrain", 0) == make.drive().row_id("terrain", 0)
-    assert len({drive.row_id(kind, index) for kind in ("terrain", "soil") for index in range(3)}) == 6
+    assert drive.row_ids("terrain", 2) == [uuid.uuid5(drive.id, f"terrain/{index}") for index in range(2)]
+    assert len({*drive.row_ids("terrain", 3), *drive.row_ids("soil", 3)}) == 6
 
 
 @pytest.mark.parametrize(

@@ -118,15 +118,20 @@ _CHILD = textwrap.dedent("""
     cells = np.arange(m)
     terrain = TerrainObservations(0.5, cells, cells, cells.astype(float), np.full(m, "fused"), evidence)
     if fate == "dies":
-        original = store.terrain_rows
+        original = store.terrain_columns
 
-        def terrain_rows(drive):
-            for index, row in enumerate(original(drive)):
-                if index == 11000:
-                    os._exit(9)
-                yield row
+        class Dying:
+            def __init__(self, column):
+                self.column = column
+            def __iter__(self):
+                yield from self.column[:11000]
+                os._exit(9)
 
-        store.terrain_rows = terrain_rows
+        def terrain_columns(drive):
+            columns = original(drive)
+            return {**columns, "reasons": Dying(columns["reasons"])}
+
+        store.terrain_columns = terrain_columns
     new = 0
     for digest in digests:
         with TerrainDatabase(path) as database:
