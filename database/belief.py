@@ -85,7 +85,7 @@ def combine(drives: Sequence[Drive], classes: tuple[str, ...], cell_size_m: floa
     np.maximum.at(best, pair_row, looks.quality[open_])
     pair_cell = pair // max(len(drives), 1)
     probability = pooled(sums_by(pair_cell, _best_whole(pair_cell, best)[:, None] * mean, number))
-    counts = np.bincount(pair_cell, minlength=number)
+    counts = np.bincount(pair_cell, minlength=number).astype(np.int32)
     reason, reasons = _why_unknown(looks, cell, counts)
     probability[counts == 0] = np.nan
     return Cells(keys, probability, np.where(np.isinf(seen_s), np.nan, seen_s), counts, reason, reasons)
@@ -136,7 +136,7 @@ def _best_whole(cell: np.ndarray, quality: np.ndarray) -> np.ndarray:
 
 def _why_unknown(looks: _Looks, cell: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
     """For cells that no look recognised, why: the reasons of the last look at them."""
-    reason = np.zeros(len(counts), dtype=np.int64)
+    reason = np.zeros(len(counts), dtype=np.int32)
     texts = {"": 0}
     for row in np.flatnonzero(counts[cell] == 0):  # the last look at a cell wins
         said = "; ".join(looks.reasons[row])

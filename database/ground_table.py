@@ -43,7 +43,6 @@ class GroundTable:
         self.cells, self.class_names, self.soils = cells, tuple(class_names), soils
         self.normal_stress, self.confidence = normal_stress, confidence
         self.has_soil = np.array([name in soils for name in class_names], dtype=bool)
-        self._recognised = cells.reason == 0
 
     @cached_property
     def known(self) -> np.ndarray:
@@ -76,7 +75,7 @@ class GroundTable:
         """(m + 2,) str: the most probable class, or ``"unknown"``."""
         return np.array([*self.class_names, UNKNOWN], dtype=object)[self.class_index]
 
-    @cached_property
+    @property
     def mean(self) -> np.ndarray:
         """(m + 2, 2): expected c [Pa] and tan phi [-]."""
         mean = np.array([self.soils[name].strength.mean for name in self._with_soil]).reshape(-1, 2)
@@ -128,6 +127,10 @@ class GroundTable:
         """(m + 2,) bool: is the normal stress far from those driven on a class that may well be there?"""
         far = np.array([self._far(self.soils[name]) for name in self._with_soil], dtype=bool)
         return _padded(np.any(self._weight[0][:, far] > 1.0 - self.confidence, axis=1), False)
+
+    @property
+    def _recognised(self) -> np.ndarray:
+        return self.cells.reason == 0
 
     @property
     def _with_soil(self) -> list[str]:

@@ -205,6 +205,20 @@ def test_what_is_tabulated_is_what_each_place_gives_by_itself(make, rng, stress,
                 np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12, err_msg=name)
 
 
+def test_a_cell_takes_less_than_a_hundred_bytes(make, rng):
+    classes, cells = ("asphalt", "clay", "grass", "gravel", "sand"), [(x, y) for x in range(64) for y in range(64)]
+    terrain = make.seen(cells, rng.dirichlet(np.ones(5), len(cells)).tolist(), classes=classes)
+    soils = tuple(make.soil({name: 1.0}) for name in classes)
+    view = Snapshot.derive("quarry", [make.drive(terrain=terrain, soils=soils)])
+    answer = view.along([SAND])
+    assert answer.known.all()
+    assert answer.class_index.all()
+    assert answer.shear_strength_lower[0] < answer.shear_strength[0]
+    kept = [view.cells, view._index, *(vars(table) for table in view._tables.values())]
+    size = sum({id(array): array.nbytes for thing in kept for array in arrays(thing)}.values())
+    assert 50 < size / len(cells) < 100
+
+
 def test_every_cell_is_found_where_keys_are_as_far_apart_as_can_be(rng):
     cells = np.unique(rng.integers(-(2**31) + 1, 2**31 - 1, (5000, 2)), axis=0)
     cells = np.concatenate([cells, [[-(2**31) + 1, 2**31 - 1], [0, 0], [-1, -1]]])
