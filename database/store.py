@@ -3,21 +3,29 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from itertools import islice
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from sqlalchemy import Connection, func, select
+from sqlalchemy import Connection, select
 from sqlalchemy.exc import DBAPIError
 
 from ..framework.core.arguments import refused
 from ..framework.core.class_names import check_class_names, check_spelling
 from ..framework.core.errors import InputError
+from .drive_rows import (
+    drive_in_use,
+    drive_rows,
+    insert_columns,
+    insert_drive,
+    insert_rows,
+    merge_drive,
+    read_drive,
+)
 from .observations import Drive
 from .physics import (
     ClassPhysics,
@@ -30,18 +38,13 @@ from .physics import (
     read_physics,
     sound_physics,
 )
-from .rows import TERRAIN_COLUMNS, drive_of, drive_row, soil_rows, terrain_columns
+from .rows import drive_row, soil_rows, terrain_columns
 from .schema import holds_database, open_engine, shown, unreachable
 from .snapshot import Snapshot
-from .tables import Base, DriveRow, ImportRow, SoilRow, TerrainRow, insertion, table_of
+from .tables import DriveRow, ImportRow, SoilRow, TerrainRow, table_of
 
 if TYPE_CHECKING:
     from ..identification.effects.stored import AugmentedSimulator
-
-_CHUNK = 5000
-"""Rows that are written at a time."""
-
-_OBSERVATIONS = (TerrainRow, SoilRow)
 
 
 @dataclass(frozen=True)
@@ -121,14 +124,14 @@ class TerrainDatabase:
         check_class_names([*drive.terrain.evidence.classes, *of_soils], f"drive {drive.name!r}", "classes")
         total = len(drive.terrain) + len(drive.soils)
         moment = {"id": uuid.uuid4(), "drive_id": drive.id, "imported_at": datetime.now(UTC)}
-        with self._written() as connection:
-            if not _is_new(connection, drive_row(drive)):
-                if _in_use(connection, drive.recording_digest) != drive.id:
-                    _insert(connection, ImportRow, [moment])
+        with self.writing() as connection:
+            if not insert_drive(connection, drive_row(drive)):
+                if drive_in_use(connection, drive.recording_digest) != drive.id:
+                    insert_rows(connection, ImportRow, [moment])
                 return Added(0, total)
-            _insert(connection, ImportRow, [moment])
-            _insert_columns(connection, TerrainRow, terrain_columns(drive))
-            _insert(connection, SoilRow, soil_rows(drive))
+            insert_rows(connection, ImportRow, [moment])
+            insert_columns(connection, TerrainRow, terrain_columns(drive))
+            insert_rows(connection, SoilRow, soil_rows(drive))
         return Added(total, 0)
 
     def add_physics(
@@ -168,7 +171,7 @@ class TerrainDatabase:
             database cannot be written.
         """
         found = ClassPhysics(class_name, physics, source, time if time is not None else datetime.now(UTC), site)
-        with self._read() as connection:
+        with self.reading() as connection:
             check_spelling(class_name, (driven_classes(connection), physics_classes(connection)), "class_name")
             newest = newest_row(connection, class_name, site)
         found = replace(found, physics=sound_physics(physics, f"physics of {class_name}"))
@@ -176,7 +179,7 @@ class TerrainDatabase:
             again = replace(found, source=newest.source, observed_at=newest.observed_at)
             if again.id == newest.id:
                 return Added(0, 1)
-        with self._written() as connection:
+        with self.writing() as connection:
             new = add_rows(connection, [physics_row(found)])
         return Added(new, 1 - new)
 
@@ -188,14 +191,22 @@ class TerrainDatabase:
         InputError
             The database cannot be read, or holds what is no physics.
         """
-        with self._read() as connection:
+        with self.reading() as connection:
             found = read_physics(connection, self.name)
         return [each for each in found if class_name in (None, each.class_name)]
 
-    def merge(self, other: TerrainDatabase) -> Added:
-        """Add every observation of another database, physics of classes included: set union.
+    def merge(self, other: TerrainDatabase, *, progress: Callable[[str, float], None] | None = None) -> Added:
+        """Add every observation of another database, physics of classes included: set union by identity.
 
-        One transaction a drive, and one for the physics.
+        One transaction a drive, and one for the physics: a merge that was interrupted has brought whole drives, and the
+        same merge again brings the rest. Of a drive that is here already, observations that are lacking are added.
+
+        Parameters
+        ----------
+        other
+            Where the observations come from; it is not changed.
+        progress
+            Called with ``"merging"`` and the share of the drives that is done; what it raises ends the merge.
 
         Raises
         ------
@@ -205,34 +216,34 @@ class TerrainDatabase:
         """
         if not isinstance(other, TerrainDatabase):
             raise refused("other", other, "a TerrainDatabase")
+        report = progress or (lambda stage, share: None)
         new = known = 0
-        with other._read() as source, self._read() as own:
+        with other.reading() as source, self.reading() as own:
             driven = driven_classes(own) | driven_classes(source)
             found = found_by_others(source, other.name, driven, physics_classes(own))
-        with other._read() as source:
-            for drive in source.execute(select(table_of(DriveRow)).order_by(DriveRow.id)).all():
-                with self._written() as connection:
-                    is_new = _is_new(connection, drive._asdict())
-                    _insert(connection, ImportRow, _rows_of(source, ImportRow, drive.id))
-                    for table in _OBSERVATIONS if is_new else ():
-                        _insert(connection, table, _rows_of(source, table, drive.id))
-                size = sum(_count(source, table, drive.id) for table in _OBSERVATIONS)
-                new, known = (new + size, known) if is_new else (new, known + size)
-            with self._written() as connection:
+        with other.reading() as source:
+            drives = source.execute(select(table_of(DriveRow)).order_by(DriveRow.id)).all()
+            for number, drive in enumerate(drives):
+                report("merging", number / len(drives))
+                with self.writing() as connection:
+                    added, there = merge_drive(source, connection, drive)
+                new, known = new + added, known + there
+            with self.writing() as connection:
                 added = add_rows(connection, found)
+            report("merging", 1.0)
         return Added(new + added, known + len(found) - added)
 
     def drive(self, identity: uuid.UUID) -> Drive | None:
         """Read one drive back, whole, by its `Drive.id`; None where it is not there."""
         table = table_of(DriveRow)
-        with self._read() as connection:
+        with self.reading() as connection:
             row = connection.execute(select(table).where(table.c.id == identity)).one_or_none()
-            return None if row is None else _read_drive(connection, row, senses=None)
+            return None if row is None else read_drive(connection, row, senses=None)
 
     def sites(self) -> list[str]:
         """Names of the sites that drives were made at, sorted."""
-        with self._read() as connection:
-            return sorted({row.site for row in _drive_rows(connection, None, newest=True)})
+        with self.reading() as connection:
+            return sorted({row.site for row in drive_rows(connection, None, newest=True)})
 
     def drives(self, site: str | None = None, *, newest: bool = False) -> list[Drive]:
         """Read the drives back, whole, in the order of their last import.
@@ -244,8 +255,8 @@ class TerrainDatabase:
         newest
             Of a recording that was processed several times, only the newest processing: what derived results use.
         """
-        with self._read() as connection:
-            return [_read_drive(connection, row, senses=None) for row in _drive_rows(connection, site, newest)]
+        with self.reading() as connection:
+            return [read_drive(connection, row, senses=None) for row in drive_rows(connection, site, newest)]
 
     def snapshot(self, site: str | None = None) -> Snapshot:
         """Derive what is known of a site from its observations and freeze it in memory.
@@ -266,13 +277,13 @@ class TerrainDatabase:
         if site is not None and site not in known:
             raise InputError(self.name, f"no site {site!r}", expected="one of " + (", ".join(known) or "none yet"))
         site = site if site is not None else (known[0] if known else "")
-        with self._read() as connection:
-            rows = _drive_rows(connection, site, newest=True)
+        with self.reading() as connection:
+            rows = drive_rows(connection, site, newest=True)
             physics = {found.class_name: found.physics for found in read_physics(connection, self.name, site)}
-            return Snapshot.derive(site, [_read_drive(connection, row, senses=("fused",)) for row in rows], physics)
+            return Snapshot.derive(site, [read_drive(connection, row, senses=("fused",)) for row in rows], physics)
 
     @contextmanager
-    def _read(self) -> Iterator[Connection]:
+    def reading(self) -> Iterator[Connection]:
         """Open a connection whose faults come out as one line."""
         with self._reached(self._engine.connect) as connection:
             try:
@@ -290,90 +301,6 @@ class TerrainDatabase:
         except (DBAPIError, self._engine.dialect.loaded_dbapi.Error) as error:
             raise unreachable(self._engine.url, error) from error
 
-    def _written(self) -> AbstractContextManager[Connection]:
+    def writing(self) -> AbstractContextManager[Connection]:
         """Open a transaction: everything or nothing of it is stored, whatever ends it."""
         return self._reached(self._engine.begin)
-
-
-def _is_new(connection: Connection, row: dict[str, Any]) -> bool:
-    """Insert a drive row; False where it is there already. Another process that is adding the same drive is awaited."""
-    statement = insertion(connection, DriveRow).returning(table_of(DriveRow).c.id)
-    return connection.execute(statement, row).first() is not None
-
-
-def _in_use(connection: Connection, recording_digest: str) -> uuid.UUID | None:
-    """Give the drive that derived results use for a recording: its processing that was imported last."""
-    drive, imported = table_of(DriveRow), table_of(ImportRow)
-    query = (
-        select(drive.c.id)
-        .join(imported, imported.c.drive_id == drive.c.id)
-        .where(drive.c.recording_digest == recording_digest)
-        .order_by(imported.c.imported_at.desc(), drive.c.id.desc())
-        .limit(1)
-    )
-    return connection.execute(query).scalar_one_or_none()
-
-
-def _insert(connection: Connection, row_type: type[Base], rows: Iterable[dict[str, Any]]) -> None:
-    """Insert rows whose identity is not there yet."""
-    remaining = iter(rows)
-    while chunk := list(islice(remaining, _CHUNK)):
-        connection.execute(insertion(connection, row_type), chunk)
-
-
-def _insert_columns(connection: Connection, row_type: type[Base], columns: Mapping[str, list[Any]]) -> None:
-    """Insert rows whose identity is not there yet, past SQLAlchemy, which takes as long as the database."""
-    dialect, table = connection.dialect, table_of(row_type)
-    statement = insertion(connection, row_type).compile(dialect=dialect, column_keys=list(columns))
-    names = statement.positiontup or list(columns)
-    values = []
-    for name in names:
-        column, process = columns[name], table.c[name].type.dialect_impl(dialect).bind_processor(dialect)
-        if process is not None and column:
-            same = column.count(column[0]) == len(column)
-            column = [process(column[0])] * len(column) if same else list(map(process, column))
-        values.append(column)
-    rows = zip(*values, strict=True)
-    while chunk := list(islice(rows, _CHUNK)):
-        given = chunk if dialect.positional else [dict(zip(names, row, strict=True)) for row in chunk]
-        connection.exec_driver_sql(str(statement), given)
-
-
-def _rows_of(connection: Connection, row_type: type[Base], drive_id: uuid.UUID) -> Iterator[dict[str, Any]]:
-    table = table_of(row_type)
-    result = connection.execution_options(yield_per=_CHUNK).execute(select(table).where(table.c.drive_id == drive_id))
-    return (row._asdict() for row in result)
-
-
-def _count(connection: Connection, row_type: type[Base], drive_id: uuid.UUID) -> int:
-    table = table_of(row_type)
-    return connection.execute(select(func.count()).where(table.c.drive_id == drive_id)).scalar_one()
-
-
-def _drive_rows(connection: Connection, site: str | None, newest: bool) -> list[Any]:
-    """Drive rows in the order of their last import; with `newest` only the last one of each recording."""
-    drive, imported = table_of(DriveRow), table_of(ImportRow)
-    last = (
-        select(imported.c.drive_id, func.max(imported.c.imported_at).label("last_import"))
-        .group_by(imported.c.drive_id)
-        .subquery()
-    )
-    query = select(drive).join(last, last.c.drive_id == drive.c.id).order_by(last.c.last_import, drive.c.id)
-    rows = list(connection.execute(query))
-    if newest:  # before the site is looked at: a recording may have been processed again under its right site
-        rows = list({row.recording_digest: row for row in rows}.values())
-    return [row for row in rows if site is None or row.site == site]
-
-
-def _read_drive(connection: Connection, row: Any, senses: tuple[str, ...] | None) -> Drive:
-    """Read one drive back; `senses` limits the terrain observations to those of some senses."""
-    terrain, soil = table_of(TerrainRow), table_of(SoilRow)
-    wanted = (terrain.c[name] for name in TERRAIN_COLUMNS)
-    looks = select(*wanted).where(terrain.c.drive_id == row.id)
-    if senses is not None:
-        looks = looks.where(terrain.c.sense.in_(senses))
-    stretches = select(soil).where(soil.c.drive_id == row.id).order_by(soil.c.start_s, soil.c.id)
-    # As the driver gives them: making rows of them takes as long as reading them.
-    seen = connection.execute(looks).cursor
-    assert seen is not None
-    return drive_of(row, seen.fetchall(), connection.execute(stretches).all())

@@ -1,9 +1,13 @@
 import dataclasses
 import math
+import os
 import shutil
+import signal
+import sqlite3
 import subprocess
 import sys
 import textwrap
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -246,3 +250,67 @@ def test_merging_says_what_was_new_and_does_not_touch_the_other(tmp_path, make):
         assert one.merge(one) == Added(0, 5)
         assert content(tmp_path / "b.db") == before
         assert two.merge(one) == Added(0, 5)
+
+
+def test_merging_says_how_far_it_is(tmp_path, make):
+    said = []
+    with TerrainDatabase(tmp_path / "a.db") as one, TerrainDatabase(tmp_path / "b.db") as two:
+        for digest in "abcd":
+            two.add_drive(make.drive(digest))
+        one.merge(two, progress=lambda *report: said.append(report))
+    assert said == [("merging", share) for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
+
+
+def test_merging_adds_what_a_drive_has_lost(tmp_path, drive_with_soil):
+    with TerrainDatabase(tmp_path / "a.db") as one, TerrainDatabase(tmp_path / "b.db") as two:
+        for database in (one, two):
+            database.add_drive(drive_with_soil)
+        whole = content(tmp_path / "b.db")
+        for name, rows in (("a.db", "cell_x > 0"), ("b.db", "cell_x <= 0")):  # as many, but others
+            with closing(sqlite3.connect(tmp_path / name)) as connection, connection:
+                connection.execute(f"DELETE FROM terrain_observation WHERE {rows}")
+                connection.execute("DELETE FROM soil_observation WHERE start_s = 30.0")
+        assert one.merge(two) == Added(2, 6)
+        assert content(tmp_path / "a.db")["terrain_observation"] == whole["terrain_observation"]
+
+
+_MERGING = textwrap.dedent("""
+    import sys, time
+    from bevameter import TerrainDatabase
+    from bevameter.database import drive_rows
+
+    original = drive_rows.insert_rows
+
+    def insert_rows(connection, row_type, rows):
+        original(connection, row_type, rows)
+        if row_type.__tablename__ == "soil_observation":
+            insert_rows.drives += 1
+            if insert_rows.drives == 3:
+                print("in the third drive", flush=True)
+                time.sleep(60)
+
+    insert_rows.drives = 0
+    drive_rows.insert_rows = insert_rows
+    with TerrainDatabase(sys.argv[1]) as target, TerrainDatabase(sys.argv[2], must_exist=True) as source:
+        target.merge(source)
+""")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX has SIGKILL")
+def test_a_merge_that_is_killed_has_brought_whole_drives_and_goes_on(tmp_path, make):
+    soils = tuple(make.soil({"sand": 1.0}, at_s=10.0 * index) for index in range(3))
+    with TerrainDatabase(tmp_path / "a.db") as one, TerrainDatabase(tmp_path / "b.db") as two:
+        one.add_drive(make.drive("own"))
+        for digest in "abcde":
+            two.add_drive(make.drive(digest, soils=soils))
+    command = [sys.executable, "-c", _MERGING, str(tmp_path / "a.db"), str(tmp_path / "b.db")]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "in the third drive\n"
+    process.send_signal(signal.SIGKILL)
+    process.communicate(timeout=60)
+    with TerrainDatabase(tmp_path / "a.db") as one, TerrainDatabase(tmp_path / "b.db") as two:
+        assert [len(drive.soils) for drive in one.drives()] == [0, 3, 3]
+        assert one.merge(two) == Added(3 * 5, 2 * 5)
+        assert {drive.id for drive in two.drives()} < {drive.id for drive in one.drives()}
+        assert [len(drive.terrain) for drive in one.drives()] == [2] * 6
