@@ -86,9 +86,12 @@ def _rows_of(connection: Connection, row_type: type[Base], drive_id: uuid.UUID) 
     return (row._asdict() for row in connection.execute(query, execution_options={"yield_per": CHUNK}))
 
 
-def _identities(connection: Connection, row_type: type[Base], drive_id: uuid.UUID) -> set[uuid.UUID]:
+def _identities(connection: Connection, row_type: type[Base], drive_id: uuid.UUID) -> set[str]:
+    """Identities of a drive's rows, in hexadecimal digits."""
     table = table_of(row_type)
-    return set(connection.execute(select(table.c.id).where(table.c.drive_id == drive_id)).scalars())
+    cursor = connection.execute(select(table.c.id).where(table.c.drive_id == drive_id)).cursor
+    assert cursor is not None  # SQLAlchemy would take longer to make UUIDs of text than all else takes
+    return {row[0] if isinstance(row[0], str) else row[0].hex for row in cursor.fetchall()}
 
 
 def drive_rows(connection: Connection, site: str | None, newest: bool) -> list[Any]:

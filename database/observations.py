@@ -61,7 +61,7 @@ class TerrainObservations:
                 raise ValueError(f"{name} must have shape ({m},), got {np.shape(getattr(self, name))}")
         if len(set(self.evidence.classes)) != len(self.evidence.classes):
             raise ValueError("class names are not distinct")
-        strange = set(np.unique(np.asarray(self.sense, dtype=str))) - set(SENSES)
+        strange = set(np.unique(np.asarray(self.sense, dtype=str)).tolist()) - set(SENSES)
         if strange:
             raise ValueError(f"sense {sorted(strange)[0]!r} is none of {', '.join(SENSES)}")
         for name in ("cell_x", "cell_y"):
@@ -208,7 +208,7 @@ class Drive:
             None if started is None else started.isoformat(),
             sorted(self.models.items()),
             self.method,
-            self.terrain.cell_size_m,
+            float(self.terrain.cell_size_m),
         ]
         return uuid.uuid5(_NAMESPACE, json.dumps(key, ensure_ascii=True, separators=(",", ":")))
 

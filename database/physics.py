@@ -81,9 +81,14 @@ class ClassPhysics:
     @cached_property
     def id(self) -> uuid.UUID:
         """Identity: UUID 5 of everything that it holds."""
-        key = [self.class_name, self.site, self.source, self.observed_at.astimezone(UTC).isoformat(),
-               self.physics.to_json()]  # fmt: skip
-        return uuid.uuid5(_NAMESPACE, json.dumps(key, ensure_ascii=True, sort_keys=True, separators=(",", ":")))
+        return identity_of(self, self.physics.to_json())
+
+
+def identity_of(found: Any, document: Any) -> uuid.UUID:
+    """Identity of physics, or of its row, whose numbers are those of a JSON document."""
+    time = found.observed_at.astimezone(UTC).isoformat()
+    key = [found.class_name, found.site, found.source, time, document]
+    return uuid.uuid5(_NAMESPACE, json.dumps(key, ensure_ascii=True, sort_keys=True, separators=(",", ":")))
 
 
 def check_likely(physics: AugmentedSimulator, source: str) -> None:
@@ -145,21 +150,15 @@ def read_physics(connection: Connection, database: str, site: str | None = None)
     query = select(table).order_by(table.c.observed_at, table.c.id)
     if site is not None:
         query = query.where(table.c.site.in_(("", site)))
-    rows = connection.execute(query).all()
-    if not rows:
-        return []
+    return [physics_of(row, database) for row in connection.execute(query)]
+
+
+def physics_of(row: Any, database: str) -> ClassPhysics:
+    """Read a `class_physics` row; raises `InputError` where it is no physics."""
     from ..identification.effects.stored import AugmentedSimulator
 
-    return [
-        ClassPhysics(
-            row.class_name,
-            AugmentedSimulator.from_json(row.physics, f"{database}, physics of {row.class_name}"),
-            row.source,
-            row.observed_at,
-            row.site,
-        )
-        for row in rows
-    ]
+    physics = AugmentedSimulator.from_json(row.physics, f"{database}, physics of {row.class_name}")
+    return ClassPhysics(row.class_name, physics, row.source, row.observed_at, row.site)
 
 
 def newest_row(connection: Connection, class_name: str, site: str) -> Any | None:

@@ -210,6 +210,8 @@ def terrain_observations(rows: Sequence[tuple], classes: Sequence[str], cell_siz
     """Read the `terrain_observation` rows of one drive (`TERRAIN_COLUMNS`), and put them in order of time."""
     columns = zip(*rows, strict=True) if rows else [()] * len(TERRAIN_COLUMNS)
     time_s, cell_x, cell_y, sense, quality, unknown, packed, reasons = columns
+    if set(map(len, packed)) - {_PROBABILITY.itemsize * len(classes)}:
+        raise ValueError(f"probabilities of another number of classes than {len(classes)}")
     said = {text: tuple(text.split("\n")) if text else () for text in set(reasons)}
     evidence = ClassEvidence(
         tuple(classes),

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import sqlite3
-from contextlib import closing
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -28,9 +29,16 @@ APPLICATION_ID = 0x42657661
 BUSY_TIMEOUT_S = 60.0
 """How long a writer waits for another process that writes to the same SQLite file [s]."""
 
+READ_IF_CUT_OFF = "PRAGMA writable_schema = ON"
+"""Lets SQLite read what is there of a file that lacks its last pages, instead of nothing."""
+
 EXPECTED = "a terrain database of Bevameter"
 _OUR_TABLES = frozenset(Base.metadata.tables)
 _MIGRATIONS = Path(__file__).parent / "migrations"
+
+
+class DamagedFile(InputError):
+    """A terrain database in an SQLite file of which not even the list of tables can be read."""
 
 
 def parse_url(url_or_path: str | Path) -> URL:
@@ -107,14 +115,14 @@ def open_engine(url_or_path: str | Path, *, must_exist: bool) -> Engine:
     return engine
 
 
-def _engine(url: URL) -> Engine:
-    """Give the engine of a URL; it connects to nothing yet."""
+def _engine(url: URL, prepare: Callable[[sqlite3.Connection, object], None] | None = None) -> Engine:
+    """Give the engine of a URL, whose connections to SQLite are prepared so; it connects to nothing yet."""
     try:
         engine = create_engine(url, **_options(url))
     except (ImportError, NoSuchModuleError) as error:
         raise InputError(shown(url), f"its driver is not installed: {error}", expected="psycopg") from None
     if url.get_backend_name() == "sqlite":
-        event.listen(engine, "connect", _prepare_sqlite)
+        event.listen(engine, "connect", prepare or _prepare_sqlite)
     return engine
 
 
@@ -139,6 +147,53 @@ def holds_database(url_or_path: str | Path) -> bool:
         engine.dispose()
 
 
+@contextmanager
+def opened_as_it_is(url_or_path: str | Path) -> Iterator[Connection]:
+    """Connect to a terrain database of any version and state, to read it only: nothing is made, migrated or repaired.
+
+    An SQLite file and the log beside it stay as they are, byte by byte.
+
+    Raises
+    ------
+    InputError
+        No such database, not one of ours, or it cannot be reached.
+    """
+    url = parse_url(url_or_path)
+    if url.get_backend_name() == "sqlite":
+        _check_file(Path(str(url.database)), must_exist=True)
+    engine = _engine(_for_reading(url), _prepare_to_read)
+    try:
+        with engine.connect() as connection:
+            if url.get_backend_name() != "sqlite" and not inspect(connection).has_table(VERSION_TABLE):
+                raise InputError(shown(url), "holds no terrain database", expected=EXPECTED)
+            yield connection
+    except (SQLAlchemyError, engine.dialect.loaded_dbapi.Error) as error:
+        raise unreachable(url, error) from error
+    finally:
+        engine.dispose()
+
+
+def _for_reading(url: URL) -> URL:
+    if url.get_backend_name() != "sqlite":
+        return url
+    return url.set(database=uri_for_reading(Path(str(url.database)))).update_query_dict({"uri": "true"})
+
+
+def uri_for_reading(path: Path) -> str:
+    """Give the URI by which SQLite reads a file and leaves it, and a log beside it, as they are.
+
+    Only a connection that may not write leaves the log of another process; where there is none, it would leave one.
+    """
+    file = path.resolve()
+    log = file.with_name(file.name + "-wal")
+    return f"{file.as_uri()}?mode={'ro' if log.exists() and log.stat().st_size else 'rw'}"
+
+
+def revision_of(connection: Connection) -> str | None:
+    """Read the schema's revision; None where none is stated."""
+    return connection.execute(text(f"SELECT version_num FROM {VERSION_TABLE}")).scalar()  # noqa: S608
+
+
 def unreachable(url: URL, error: BaseException) -> InputError:
     """Say in one line why the database does not answer."""
     cause = str(error.orig if isinstance(error, DBAPIError) else error)
@@ -157,6 +212,12 @@ def _prepare_sqlite(connection: sqlite3.Connection, _record: object) -> None:
     connection.execute("PRAGMA foreign_keys = ON")
     connection.execute("PRAGMA synchronous = NORMAL")
     connection.execute("PRAGMA cache_size = -65536")  # 64 MiB: identities arrive in random order
+
+
+def _prepare_to_read(connection: sqlite3.Connection, _record: object) -> None:
+    connection.execute(READ_IF_CUT_OFF)
+    connection.execute("PRAGMA query_only = ON")
+    connection.execute("PRAGMA cache_size = -65536")
 
 
 def _check_file(path: Path, must_exist: bool) -> bool:
@@ -180,11 +241,14 @@ def _holds_tables(path: Path, must_exist: bool) -> bool:
         return False
     try:
         with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=BUSY_TIMEOUT_S)) as look:
+            look.execute(READ_IF_CUT_OFF)
             (mark,) = look.execute("PRAGMA application_id").fetchone()
             names = {row[0] for row in look.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
     except sqlite3.OperationalError as error:
         raise InputError(path, str(error), expected=EXPECTED) from error
-    except sqlite3.DatabaseError:
+    except sqlite3.DatabaseError as error:
+        if _is_marked(path):
+            raise DamagedFile(path, f"its list of tables cannot be read: {error}", expected=EXPECTED) from None
         raise InputError(path, "is not a database", expected=EXPECTED) from None
     strange = sorted(names - _OUR_TABLES - {VERSION_TABLE})
     if mark not in (0, APPLICATION_ID) or (names and VERSION_TABLE not in names):
@@ -195,6 +259,13 @@ def _holds_tables(path: Path, must_exist: bool) -> bool:
     return bool(names)
 
 
+def _is_marked(path: Path) -> bool:
+    """Say whether the header of a file is that of an SQLite database of ours (sqlite.org/fileformat.html, 1.3)."""
+    with path.open("rb") as file:
+        header = file.read(72)
+    return header.startswith(b"SQLite format 3\0") and header[68:] == APPLICATION_ID.to_bytes(4, "big")
+
+
 def _bring_up_to_date(engine: Engine, must_exist: bool) -> None:
     source = shown(engine.url)
     with engine.connect() as connection:
@@ -203,13 +274,16 @@ def _bring_up_to_date(engine: Engine, must_exist: bool) -> None:
         return
     if version is None and must_exist:
         raise InputError(source, "holds no terrain database", expected=EXPECTED)
-    if version is not None and version not in REVISIONS:
-        raise InputError(
-            source,
-            f"its schema {version!r} is of a newer version of Bevameter",
-            expected=f"schema {REVISIONS[-1]} or older",
-        )
+    if version is not None:
+        check_known(version, source)
     migrate(engine)
+
+
+def check_known(version: str, source: str) -> None:
+    """Refuse a schema that this version does not know; raises `InputError`."""
+    if version not in REVISIONS:
+        raise InputError(source, f"its schema {version!r} is of a newer version of Bevameter",
+                         expected=f"schema {REVISIONS[-1]} or older")  # fmt: skip
 
 
 def _version(connection: Connection, source: str) -> str | None:
@@ -220,13 +294,18 @@ def _version(connection: Connection, source: str) -> str | None:
         if ours:
             raise InputError(source, f"has a table {ours[0]} of another program", expected=EXPECTED)
         return None
-    version = connection.execute(text(f"SELECT version_num FROM {VERSION_TABLE}")).scalar()  # noqa: S608
+    version = revision_of(connection)
     if version in REVISIONS:
-        later = REVISIONS[REVISIONS.index(version) + 1 :]
-        missing = _OUR_TABLES.difference(names, *(_ADDED_TABLES[revision] for revision in later))
+        missing = tables_of(version) - names
         if missing:
             raise InputError(source, f"lacks the table {min(missing)}", expected=EXPECTED)
     return version
+
+
+def tables_of(revision: str) -> frozenset[str]:
+    """Names of the tables that a revision has."""
+    later = REVISIONS[REVISIONS.index(revision) + 1 :]
+    return _OUR_TABLES.difference(*(_ADDED_TABLES[each] for each in later))
 
 
 def migrate(engine: Engine) -> None:

@@ -74,5 +74,13 @@ def check_spelling(name: str, known: Iterable[Collection[str]], source: str | Pa
         raise InputError(source, f"a class named {name!r}", expected="no spaces at its ends", place=place)
 
 
+def spelt_alike(names: Iterable[str]) -> list[list[str]]:
+    """Names that differ in case, spaces or the encoding of accents only, sorted, in groups of two and more."""
+    groups: dict[str, list[str]] = {}
+    for name in sorted(set(names)):
+        groups.setdefault(_key(name), []).append(name)
+    return [group for group in groups.values() if len(group) > 1]
+
+
 def _key(name: str) -> str:
     return "".join(unicodedata.normalize("NFKC", name).split()).casefold()
