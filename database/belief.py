@@ -99,14 +99,12 @@ def _gather(drives: Sequence[Drive], classes: tuple[str, ...], cell_size_m: floa
         rows = np.flatnonzero(np.asarray(terrain.sense) == "fused")
         if not len(rows):
             continue
-        # The cell's centre decides, should this drive's grid be finer than the common one.
-        x_m, y_m = ((cell[rows] + 0.5) * terrain.cell_size_m for cell in (terrain.cell_x, terrain.cell_y))
         probability = np.zeros((len(rows), len(classes)))
         probability[:, [classes.index(name) for name in evidence.classes]] = evidence.probabilities[rows]
         start = math.nan if drive.started is None else drive.started.timestamp()
         parts.append(
             (
-                cell_keys(cells_of(x_m, y_m, cell_size_m)),
+                cell_keys(cells_on_grid(terrain.cell_x[rows], terrain.cell_y[rows], terrain.cell_size_m, cell_size_m)),
                 np.full(len(rows), number),
                 centred_logs(probability),
                 evidence.quality[rows],
@@ -122,6 +120,11 @@ def _gather(drives: Sequence[Drive], classes: tuple[str, ...], cell_size_m: floa
         )
     key, drive, logs, quality, unknown, seen_s = map(np.concatenate, zip(*parts, strict=True))
     return _Looks(key, drive, logs, quality, unknown, seen_s, tuple(reasons))
+
+
+def cells_on_grid(cell_x: np.ndarray, cell_y: np.ndarray, cell_size_m: float, common_m: float) -> np.ndarray:
+    """Cells (n, 2) of a coarser grid in which the centres of cells (n,) of a drive's own grid lie; sizes in [m]."""
+    return cells_of((cell_x + 0.5) * cell_size_m, (cell_y + 0.5) * cell_size_m, common_m)
 
 
 def _best_whole(cell: np.ndarray, quality: np.ndarray) -> np.ndarray:

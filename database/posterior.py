@@ -185,15 +185,21 @@ def class_soils(soils: Sequence[SoilObservation]) -> dict[str, ClassSoil]:
     """
     by_class: dict[str, list[tuple[SoilObservation, float]]] = {}
     for soil in soils:
-        if soil.gate_reason or soil.estimate is None or not soil.class_probabilities:
-            continue
-        finite = np.all(np.isfinite(soil.estimate.mean_c_tan_phi))
-        if not (finite and np.all(np.isfinite(soil.estimate.covariance_c_tan_phi))):
-            continue
-        name, probability = max(soil.class_probabilities.items(), key=lambda entry: (entry[1], entry[0]))
-        if probability >= LEAST_CLASS_PROBABILITY:
-            by_class.setdefault(name, []).append((soil, probability))
+        name = measured_class(soil)
+        if name is not None:
+            by_class.setdefault(name, []).append((soil, soil.class_probabilities[name]))
     return {name: _class_soil(name, stretches) for name, stretches in sorted(by_class.items())}
+
+
+def measured_class(soil: SoilObservation) -> str | None:
+    """Give the class whose soil a stretch measured; None where it counts for none (`class_soils`)."""
+    if soil.gate_reason or soil.estimate is None or not soil.class_probabilities:
+        return None
+    finite = np.all(np.isfinite(soil.estimate.mean_c_tan_phi))
+    if not (finite and np.all(np.isfinite(soil.estimate.covariance_c_tan_phi))):
+        return None
+    name, probability = max(soil.class_probabilities.items(), key=lambda entry: (entry[1], entry[0]))
+    return name if probability >= LEAST_CLASS_PROBABILITY else None
 
 
 def _class_soil(name: str, stretches: list[tuple[SoilObservation, float]]) -> ClassSoil:
