@@ -5,7 +5,6 @@ What they print is in `results`. Nothing heavy is imported here: `rich` comes wi
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 import sys
@@ -77,11 +76,11 @@ def print_csv(rows: Sequence[dict[str, Any]], columns: Sequence[str] | None = No
 
     Columns are those given, and else those of the rows in the order in which they first appear.
     """
+    from ..core.files import write_csv
+
     if columns is None:
         columns = list(dict.fromkeys(name for row in rows for name in row))
-    writer = csv.DictWriter(sys.stdout, columns, restval="", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
+    write_csv(rows, columns, sys.stdout)
 
 
 def print_json(page: Any) -> None:

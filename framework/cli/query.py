@@ -30,13 +30,13 @@ Confidence = Annotated[float, typer.Option("--confidence", help="Of the lower bo
 Stress = Annotated[str, typer.Option("--normal-stress", help='Where shear strength is wanted, such as "20 kPa".')]
 Format = Annotated[str, typer.Option("--format", help=" | ".join(FORMATS))]
 
-_DB = "sqlite:///terrain.db"
-_STRESS = "20 kPa"
+DB = "sqlite:///terrain.db"
+STRESS = "20 kPa"
 
 
 @app.command("classes", help="What is known of every class.")
 def classes(
-    db: Db = _DB, site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = _STRESS,
+    db: Db = DB, site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = STRESS,
     format: Format = "table",
 ) -> None:  # fmt: skip
     """Print one row a class."""
@@ -46,7 +46,7 @@ def classes(
 @app.command("class", help="What is known of one class.")
 def one_class(
     name: Annotated[str, typer.Argument(metavar="NAME", help="The class.")],
-    db: Db = _DB, site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = _STRESS,
+    db: Db = DB, site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = STRESS,
     format: Format = "table",
 ) -> None:  # fmt: skip
     """Print the row of one class."""
@@ -57,7 +57,7 @@ def one_class(
 def at(
     x: Annotated[str, typer.Argument(metavar="X", help="East [m].")],
     y: Annotated[str, typer.Argument(metavar="Y", help="North [m].")],
-    db: Db = _DB, site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = _STRESS,
+    db: Db = DB, site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = STRESS,
     format: Format = "table",
 ) -> None:  # fmt: skip
     """Print the row of one place."""
@@ -68,7 +68,7 @@ def at(
 @app.command("along", help="What the ground along a path can bear.")
 def along(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="CSV with columns x_m, y_m.")],
-    db: Db = _DB, site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = _STRESS,
+    db: Db = DB, site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = STRESS,
     format: Format = "table",
 ) -> None:  # fmt: skip
     """Print one row a place of the path."""
@@ -83,7 +83,7 @@ def near(
     x: Annotated[str, typer.Argument(metavar="X", help="East [m].")],
     y: Annotated[str, typer.Argument(metavar="Y", help="North [m].")],
     radius: Annotated[str, typer.Option("--radius", help="Radius around it [m].")],
-    db: Db = _DB, site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = _STRESS,
+    db: Db = DB, site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = STRESS,
     format: Format = "table",
 ) -> None:  # fmt: skip
     """Print one row a cell."""
@@ -106,7 +106,7 @@ def _print_places(
     db: str, site: str | None, confidence: float, normal_stress: str, form: str,
 ) -> None:  # fmt: skip
     check_format(form)
-    stress = _pascals(normal_stress)
+    stress = pascals(normal_stress)
     view = _open(db, site)
     answer = ask(view, {"normal_stress": stress, "confidence": confidence})
 
@@ -128,7 +128,7 @@ def _print_classes(
     query: str, name: str | None, db: str, site: str | None, confidence: float, normal_stress: str, form: str
 ) -> None:
     check_format(form, [known for known in FORMATS if known != "geojson"])
-    stress = _pascals(normal_stress)
+    stress = pascals(normal_stress)
     view = _open(db, site)
 
     from ...database.exports import class_rows, flat
@@ -167,7 +167,7 @@ def _number(name: str, text: str) -> float:
     return value
 
 
-def _pascals(text: str) -> float:
+def pascals(text: str) -> float:
     """Read a pressure; a bare number is in pascals."""
     try:
         value = magnitude(text, "Pa")

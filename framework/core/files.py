@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import csv
 import os
 import stat
 import sys
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import Any, TextIO
 
 from .arguments import path_of
 from .errors import InputError, reading
@@ -90,6 +92,13 @@ def write_text(text: str, path: Path) -> None:
     """Write a text file whole or not at all."""
     with whole(path) as part:
         part.write_text(text, encoding="utf-8", newline="\n")
+
+
+def write_csv(rows: Iterable[dict[str, Any]], columns: Sequence[str], file: TextIO) -> None:
+    """Write rows as CSV under a header, cells empty where a row has no value."""
+    writer = csv.DictWriter(file, columns, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
 
 
 def inside(folder: Path, name: str, source: Path, place: str) -> Path:

@@ -15,9 +15,12 @@ from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from bevameter import InputError, TerrainDatabase
 from bevameter.database import schema
+from bevameter.database.check import check
+from bevameter.database.info import info
+from bevameter.database.maintenance import Migrated, migrate, prune
 from bevameter.database.store import Added
 from bevameter.database.tables import Base
-from sqlalchemy import create_engine
+from sqlalchemy import create_engine, text
 
 
 def foreign(path: Path, statements: str) -> None:
@@ -247,3 +250,39 @@ def test_the_same_on_postgresql(server, tmp_path, drive_with_soil, make):
         )
         assert there.along(place).reason.tolist() == here.along(place).reason.tolist()
         assert [drive.id for drive in database.drives()] == [drive_with_soil.id, make.drive("d2").id]
+
+
+def test_care_of_a_database_on_postgresql(server, drive_with_soil, make):
+    with TerrainDatabase(server) as database:
+        database.add_drive(make.drive("d1", model="m0"))
+        database.add_drive(drive_with_soil)
+        database.add_drive(drive_with_soil)
+        before = database.snapshot().along([[0.1, 0.1]]).shear_strength_lower.tolist()
+        (superseded,) = prune(database).drives
+        assert superseded.observations == 2
+        assert database.drive(superseded.id) is None
+        assert database.snapshot().along([[0.1, 0.1]]).shear_strength_lower.tolist() == before
+        drives = len(database.drives())
+    assert check(server).faults == ()
+    assert check(server).rows["drive"] == drives
+    found = info(server)
+    assert (found.schema, found.sites[0].drives) == (schema.REVISIONS[-1], drives)
+    assert found.sites[0].bounds_m is not None
+    assert found.size_bytes > 10_000
+    assert migrate(server) == Migrated(schema.REVISIONS[-1], schema.REVISIONS[-1], None)
+    identity = drive_with_soil.id.hex
+    engine = create_engine(schema.parse_url(server))
+    with engine.begin() as connection:
+        rows = connection.execute(text("UPDATE terrain_observation SET quality = 7 WHERE cell_x = 2 RETURNING id"))
+        (spoilt,) = [row.id.hex for row in rows]
+        connection.execute(
+            text("DELETE FROM terrain_observation WHERE cell_x = 0 AND drive_id = :id"), {"id": identity}
+        )
+        connection.execute(text("UPDATE soil_observation SET effects = '3' WHERE start_s = 30 AND \"c_Pa\" > 2000"))
+    engine.dispose()
+    faults = {fault.id: (fault.table, fault.problem) for fault in check(server).faults}
+    assert faults.pop(spoilt) == ("terrain_observation", "quality must lie in [0, 1]")
+    assert faults.pop(identity) == ("drive", "1 of its rows of terrain_observation are lost")
+    ((table, problem),) = faults.values()
+    assert table == "soil_observation"
+    assert "effects: " in problem

@@ -1,0 +1,153 @@
+"""`bevameter db`: look after a terrain database."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .printing import FORMATS, check_format, print_csv, print_json, progress_bars
+from .query import STRESS, Confidence, Site, Stress, pascals
+
+_FORMATS = [known for known in FORMATS if known != "geojson"]
+_FAULT_COLUMNS = ("table", "id", "problem")
+
+UNSOUND = 1
+"""Exit status of `check` where something is wrong."""
+
+app = typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=None)
+
+Db = Annotated[str, typer.Argument(metavar="DB", help="Path or SQLAlchemy URL of the terrain database.")]
+Format = Annotated[str, typer.Option("--format", help=" | ".join(_FORMATS))]
+
+
+@app.command("info", help="What a database holds: sites, drives, classes.")
+def info(db: Db, format: Format = "table") -> None:
+    """Print one row a site."""
+    check_format(format, _FORMATS)
+    from ...database.info import info as describe
+    from .results_database import print_info, print_sites_as_csv
+
+    found = describe(db)
+    if format == "json":
+        print_json({"schema": 1, **found.as_dict()})
+    elif format == "csv":
+        print_sites_as_csv(found)
+    else:
+        print_info(found)
+
+
+@app.command("check", help="Whether every row is sound; exit status 1 if not.")
+def check(db: Db, format: Format = "table") -> None:
+    """Print one line a fault."""
+    check_format(format, _FORMATS)
+    from ...database.check import check as find_faults
+    from .results_database import print_check
+
+    with progress_bars() as progress:
+        report = find_faults(db, progress=progress)
+    faults = [fault.as_dict() for fault in report.faults]
+    if format == "json":
+        print_json({"schema": 1, "sound": report.sound, "rows": dict(report.rows), "faults": faults})
+    elif format == "csv":
+        print_csv(faults, _FAULT_COLUMNS)
+    else:
+        print_check(faults, report.rows)
+    if not report.sound:
+        raise typer.Exit(UNSOUND)
+
+
+@app.command("merge", help="Add all that other databases hold.")
+def merge(
+    db: Annotated[str, typer.Argument(metavar="DB", help="Path or SQLAlchemy URL; made where there is none.")],
+    others: Annotated[list[str], typer.Argument(metavar="OTHER...", help="Paths or URLs; these are not changed.")],
+) -> None:
+    """Merge, one transaction a drive, and print what was new."""
+    from ...database.store import TerrainDatabase
+
+    for other in others:  # all of them, before anything is written
+        TerrainDatabase(other, must_exist=True).close()
+    with TerrainDatabase(db) as target:
+        for other in others:
+            with TerrainDatabase(other, must_exist=True) as source, progress_bars() as progress:
+                added = target.merge(source, progress=progress)
+                print(f"{source.name}: {added.new} observations added, {added.known} known already")
+
+
+@app.command("export", help="Write all cells of a site as .parquet, .csv or .geojson.")
+def export(
+    db: Db,
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="What to write: .parquet, .csv or .geojson.")],
+    site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = STRESS,
+) -> None:  # fmt: skip
+    """Write the file and print its number of cells."""
+    from ...database.cell_files import write_cells, writer
+    from ...database.store import TerrainDatabase
+    from ..core.files import check_outputs
+
+    writer(file)
+    stress = pascals(normal_stress)
+    with TerrainDatabase(db, must_exist=True) as database:
+        check_outputs([file], [Path(database.name)])
+        view = database.snapshot(site)
+    count = write_cells(view, file, normal_stress=stress, confidence=confidence)
+    print(f"{count} cells of site {view.site} written to {file}")
+
+
+@app.command("prune", help="Remove what newer processings have replaced.")
+def prune(
+    db: Db,
+    yes: Annotated[bool, typer.Option("--yes", help="Remove; else only say what would be removed.")] = False,
+    format: Format = "table",
+) -> None:
+    """Print one row a drive and one a physics, and remove them where that is said."""
+    check_format(format, _FORMATS)
+    from ...database.maintenance import prune as remove
+    from ...database.maintenance import superseded
+    from ...database.store import TerrainDatabase
+    from .results_database import PRUNED_COLUMNS, print_pruned
+
+    with TerrainDatabase(db, must_exist=True) as database:
+        rows = (remove(database) if yes else superseded(database)).rows()
+    if format == "json":
+        print_json({"schema": 1, "removed": yes, "rows": rows})
+    elif format == "csv":
+        print_csv(rows, PRUNED_COLUMNS)
+    else:
+        print_pruned(rows, removed=yes)
+
+
+@app.command("rebuild", help="Write the sound rows of a damaged file into a new one.")
+def rebuild(
+    db: Annotated[str, typer.Argument(metavar="DB", help="The damaged SQLite file; it is not changed.")],
+    new: Annotated[Path, typer.Argument(metavar="NEW", help="The file to write.")],
+    format: Format = "table",
+) -> None:
+    """Print one line a fault, and what the new file holds."""
+    check_format(format, _FORMATS)
+    from ...database.rebuild import rebuild as write_sound_rows
+    from .results_database import print_rebuilt
+
+    with progress_bars() as progress:
+        rebuilt = write_sound_rows(db, new, progress=progress)
+    faults = [fault.as_dict() for fault in rebuilt.faults]
+    if format == "json":
+        print_json({"schema": 1, "rows": dict(rebuilt.rows), "faults": faults})
+    elif format == "csv":
+        print_csv(faults, _FAULT_COLUMNS)
+    else:
+        print_rebuilt(faults, rebuilt.rows, new)
+
+
+@app.command("migrate", help="Bring the schema to the newest.")
+def migrate(db: Db) -> None:
+    """Print from which schema to which, and where the copy is."""
+    from ...database.maintenance import migrate as bring_up_to_date
+
+    done = bring_up_to_date(db)
+    if done.before == done.after:
+        print(f"schema {done.after}, the newest: nothing to do")
+    else:
+        copy = "" if done.copy is None else f"; as it was before: {done.copy}"
+        print(f"migrated from schema {done.before} to {done.after}{copy}")
