@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..framework.core.vehicle import Vehicle
 from .ground_table import GroundTable
@@ -14,6 +15,8 @@ from .ground_table import GroundTable
 if TYPE_CHECKING:
     from .mobility import DrawbarPull, Mobility
     from .snapshot import Snapshot
+    from .speed import SpeedLimit
+    from .traction import Traction
 
 _Value = TypeVar("_Value")
 
@@ -171,6 +174,40 @@ class GroundAnswer:
         from .mobility import mobility
 
         return mobility(self, vehicle, load_N)
+
+    def traction(
+        self,
+        vehicle: Vehicle | str | Path,
+        *,
+        pitch: ArrayLike = 0.0,
+        roll: ArrayLike = 0.0,
+        load_N: float | Sequence[float] | None = None,
+    ) -> Traction:
+        """Predict what the ground can bear of acceleration, braking and side force; see `traction.traction`."""
+        from .traction import traction
+
+        return traction(self, vehicle, pitch=pitch, roll=roll, load_N=load_N)
+
+    def speed_limit(
+        self,
+        vehicle: Vehicle | str | Path,
+        *,
+        sight_m: float,
+        most_m_s: float,
+        unknown_m_s: float = 0.0,
+        reaction_s: float = 0.0,
+        curvature: ArrayLike | None = None,
+        pitch: ArrayLike = 0.0,
+        roll: ArrayLike = 0.0,
+        load_N: float | Sequence[float] | None = None,
+    ) -> SpeedLimit:
+        """Find the greatest speed at each place of a path; see `speed.speed_limit`."""
+        from .speed import speed_limit
+
+        return speed_limit(
+            self, vehicle, sight_m=sight_m, most_m_s=most_m_s, unknown_m_s=unknown_m_s, reaction_s=reaction_s,
+            curvature=curvature, pitch=pitch, roll=roll, load_N=load_N,
+        )  # fmt: skip
 
     def _of_cells(self, column: np.ndarray, missing: float) -> np.ndarray:
         """Gather a column of the cells (m, ...): (n, ...), `missing` where there is no cell."""

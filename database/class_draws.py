@@ -43,22 +43,38 @@ def pulls(snapshot: Snapshot, name: str, vehicle: Vehicle, loads: tuple[float, .
     return _sum_over_wheels(snapshot, name, vehicle, loads, slips, lambda wheel, load, soils, done: done[..., PULL])
 
 
-def side_forces(
+def braking_forces(
     snapshot: Snapshot, name: str, vehicle: Vehicle, loads: tuple[float, ...], slips: np.ndarray
 ) -> np.ndarray:
-    """Side force that the contact patches of all wheels together can bear on a class, (DRAWS, slips) [N].
+    """Force that slows the vehicle where its wheels turn slower than they roll by such slips, as `pulls`.
 
-    Bekker's greatest thrust, c A + W tan phi (J. Y. Wong, "Theory of Ground Vehicles", 4th ed. (2008), Eq. 2.13), in
-    any direction, with the patch from below the axle to where the wheel enters the ground. What the wheel's side pushes
-    away, which adds to it, is left out. -inf where the wheel is not carried.
+    No more than the contact patches bear (`side_forces`): the textbook's stresses were measured on driven wheels, and
+    on braked ones they give more than the ground's shear strength.
     """
 
     def force(wheel: Wheel, load: float, soils: np.ndarray, done: np.ndarray) -> np.ndarray:
-        cosine = np.clip(1.0 - done[..., SINKAGE] / wheel.radius_m, -1.0, 1.0)
-        length = wheel.radius_m * np.sqrt(1.0 - cosine**2)
-        return soils[:, [0]] * wheel.width_m * length + load * np.tan(soils[:, [1]])
+        return np.minimum(-done[..., PULL], _greatest_thrust(wheel, load, soils, done))
 
-    return _sum_over_wheels(snapshot, name, vehicle, loads, slips, force)
+    return _sum_over_wheels(snapshot, name, vehicle, loads, -slips, force)
+
+
+def side_forces(
+    snapshot: Snapshot, name: str, vehicle: Vehicle, loads: tuple[float, ...], slips: np.ndarray
+) -> np.ndarray:
+    """Side force that the contact patches of all wheels together bear on a class, (DRAWS, slips) [N].
+
+    What the wheel's side pushes away, which adds to it, is left out. -inf where the wheel is not carried.
+    """
+    return _sum_over_wheels(snapshot, name, vehicle, loads, slips, _greatest_thrust)
+
+
+def _greatest_thrust(wheel: Wheel, load: float, soils: np.ndarray, done: np.ndarray) -> np.ndarray:
+    """Bekker's greatest thrust c A + W tan phi (J. Y. Wong, "Theory of Ground Vehicles", 4th ed. (2008), Sec. 2.4), in
+    any direction (DRAWS, slips) [N]; the patch A reaches from below the axle to where the wheel enters the ground.
+    """
+    cosine = np.clip(1.0 - done[..., SINKAGE] / wheel.radius_m, -1.0, 1.0)
+    area = wheel.width_m * wheel.radius_m * np.sqrt(1.0 - cosine**2)
+    return soils[:, [0]] * area + load * np.tan(soils[:, [1]])
 
 
 def _sum_over_wheels(
