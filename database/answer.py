@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..framework.core.pooling import pooled
 from ..framework.core.vehicle import Vehicle
+from .belief import Cells
 from .ground_table import GroundTable
 
 if TYPE_CHECKING:
@@ -56,12 +58,16 @@ class GroundAnswer:
         x, y [m].
     moment
         That ages refer to, POSIX seconds.
+    fresh
+        The same answer had nothing aged: no bound is above its one; None where nothing is.
     """
 
     def __init__(
-        self, snapshot: Snapshot, table: GroundTable, rows: np.ndarray, places: np.ndarray, moment: float
-    ) -> None:
-        self.snapshot, self._table, self._rows, self._places, self._moment = snapshot, table, rows, places, moment
+        self, snapshot: Snapshot, table: GroundTable, rows: np.ndarray, places: np.ndarray, moment: float,
+        fresh: GroundAnswer | None = None,
+    ) -> None:  # fmt: skip
+        self.snapshot, self.fresh = snapshot, fresh
+        self._table, self._rows, self._places, self._moment = table, rows, places, moment
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -140,7 +146,8 @@ class GroundAnswer:
         That of the mixture of classes, each a Student t (few stretches bound little); classes without soil count as no
         strength.
         """
-        return self._table.shear_strength_lower[self._rows]
+        lower = self._table.shear_strength_lower[self._rows]
+        return lower if self.fresh is None else np.minimum(lower, self.fresh.shear_strength_lower)
 
     @_Lazy
     def age(self) -> np.ndarray:
@@ -160,6 +167,23 @@ class GroundAnswer:
     def labels(self) -> list[str]:
         """Give the most probable class of each place, or ``"unknown"``."""
         return self._table.label[self._rows].tolist()
+
+    def aged(self, half_life: float) -> GroundAnswer:
+        """Return the answer with evidence of each cell that halves in so many seconds; see `Snapshot.along`."""
+        cells, table = self._table.cells, self._table
+        there = self._rows >= 0
+        own = self._rows[there]
+        age = np.maximum(self._moment - cells.seen_s[own], 0.0)
+        count = np.where(np.isnan(age), 0.0, 0.5 ** (age / half_life))
+        logs = np.log(np.maximum(cells.probability[own], np.finfo(float).tiny))
+        aged = Cells(
+            cells.key[own], pooled(count[:, None] * logs), cells.seen_s[own], cells.looks[own], cells.reason[own],
+            cells.reasons,
+        )  # fmt: skip
+        rows = self._rows.copy()
+        rows[there] = np.arange(len(own))
+        weaker = GroundTable(aged, table.class_names, table.soils, table.normal_stress, table.confidence)
+        return GroundAnswer(self.snapshot, weaker, rows, self._places, self._moment, self)
 
     def drawbar_pull(
         self, vehicle: Vehicle | str | Path, slip: float, *, load_N: float | Sequence[float] | None = None

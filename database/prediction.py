@@ -97,6 +97,8 @@ def predict(
     weight, known, reason = _weights(answer, found)
     level = weight.sum(axis=1) - answer.confidence  # the mass of classes not known counts as not carrying at all
     lower = np.stack([table.lower_bound(weight, level) for table in found.bounds], axis=1)
+    if answer.fresh is not None:
+        lower = np.fmin(lower, predict(answer.fresh, vehicle, loads, slips, draws).lower)
     return AtPlaces(found, known, reason, weight, np.where(known[:, None], lower, np.nan))
 
 

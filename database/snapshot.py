@@ -98,6 +98,7 @@ class Snapshot:
         normal_stress: float = DEFAULT_NORMAL_STRESS,
         confidence: float = 0.95,
         now: float | datetime | None = None,
+        half_life: float | None = None,
     ) -> GroundAnswer:
         """Say what the ground along a path can bear.
 
@@ -111,6 +112,9 @@ class Snapshot:
             With which the strength exceeds its lower bound, in [0.5, 1).
         now
             Moment that ages refer to: POSIX seconds, or a datetime (UTC where it has no zone); the present if absent.
+        half_life
+            Time after which what was seen of a cell counts half [s]: its log-probabilities shrink towards equal ones,
+            and no lower bound rises by that. Looks of unknown age count nothing. All count whole if absent.
 
         Returns
         -------
@@ -127,7 +131,7 @@ class Snapshot:
         if path.ndim != 2 or path.shape[1] != 2:
             raise InputError("path", f"shape {path.shape}", expected="(n, 2): x, y [m]")
         places = np.array(path)  # a copy: the caller's path stays the caller's
-        return self._answer(places, self._index.rows(places), normal_stress, confidence, now)
+        return self._answer(places, self._index.rows(places), normal_stress, confidence, now, half_life)
 
     def at(
         self,
@@ -137,16 +141,17 @@ class Snapshot:
         normal_stress: float = DEFAULT_NORMAL_STRESS,
         confidence: float = 0.95,
         now: float | datetime | None = None,
+        half_life: float | None = None,
     ) -> GroundAnswer:
         """Say what the ground can bear at one place, or at many (arrays of equal size) [m]; else as `along`."""
         if isinstance(x, float) and isinstance(y, float):
             places = np.array([[x, y]])
-            return self._answer(places, self._index.rows(places), normal_stress, confidence, now)
+            return self._answer(places, self._index.rows(places), normal_stress, confidence, now, half_life)
         xs, ys = (np.ravel(numbers(name, each, "numbers [m]")) for name, each in (("x", x), ("y", y)))
         if 1 != len(xs) != len(ys) != 1:
             raise InputError("x and y", f"{len(xs)} and {len(ys)} places", expected="as many of each [m]")
         places = np.stack(np.broadcast_arrays(xs, ys), axis=1)
-        return self.along(places, normal_stress=normal_stress, confidence=confidence, now=now)
+        return self.along(places, normal_stress=normal_stress, confidence=confidence, now=now, half_life=half_life)
 
     def box(
         self,
@@ -158,10 +163,11 @@ class Snapshot:
         normal_stress: float = DEFAULT_NORMAL_STRESS,
         confidence: float = 0.95,
         now: float | datetime | None = None,
+        half_life: float | None = None,
     ) -> GroundAnswer:
         """Give all cells that somebody has seen whose centres lie between the corners [m]; else as `along`."""
         rows, x, y = self._within(x0, y0, x1, y1)
-        return self._answer(np.column_stack([x, y]), rows, normal_stress, confidence, now)
+        return self._answer(np.column_stack([x, y]), rows, normal_stress, confidence, now, half_life)
 
     def near(
         self,
@@ -172,6 +178,7 @@ class Snapshot:
         normal_stress: float = DEFAULT_NORMAL_STRESS,
         confidence: float = 0.95,
         now: float | datetime | None = None,
+        half_life: float | None = None,
     ) -> GroundAnswer:
         """Give all cells that somebody has seen whose centres lie within a radius [m]; else as `along`."""
         x, y, radius = (number(*each, "a number [m]") for each in (("x", x), ("y", y), ("radius", radius)))
@@ -180,7 +187,7 @@ class Snapshot:
         rows, cell_x, cell_y = self._within(x - radius, y - radius, x + radius, y + radius)
         inside = np.hypot(cell_x - x, cell_y - y) <= radius
         centres = np.column_stack([cell_x, cell_y])[inside]
-        return self._answer(centres, rows[inside], normal_stress, confidence, now)
+        return self._answer(centres, rows[inside], normal_stress, confidence, now, half_life)
 
     def class_answer(
         self, name: str, *, normal_stress: float = DEFAULT_NORMAL_STRESS, confidence: float = 0.95
@@ -221,9 +228,11 @@ class Snapshot:
         normal_stress: float,
         confidence: float,
         now: float | datetime | None,
+        half_life: float | None,
     ) -> GroundAnswer:
         moment = time.time() if now is None else _posix(now)
-        return GroundAnswer(self, self._table(normal_stress, confidence), rows, places, moment)
+        answer = GroundAnswer(self, self._table(normal_stress, confidence), rows, places, moment)
+        return answer if half_life is None else answer.aged(_positive(half_life))
 
     @cached_property
     def _index(self) -> CellIndex:
@@ -261,6 +270,13 @@ def _asked(normal_stress: float, confidence: float) -> tuple[float, float]:
     if not 0.5 <= level < 1.0:
         raise InputError("confidence", f"{confidence!r}", expected="at least 0.5 and less than 1")
     return stress, level
+
+
+def _positive(half_life: float) -> float:
+    value = number("half_life", half_life, "a positive number [s]")
+    if not value > 0.0:  # nor is NaN
+        raise refused("half_life", half_life, "a positive number [s]")
+    return value
 
 
 def _posix(now: float | datetime) -> float:
