@@ -220,6 +220,24 @@ def test_a_cell_takes_less_than_a_hundred_bytes(make, rng):
     assert 50 < size / len(cells) < 100
 
 
+def test_places_far_from_the_origin_lose_no_precision(make, drive_with_soil):
+    """As coordinates of a UTM zone are."""
+    cells, belief = [(0, 0), (1, 0), (0, 1), (3, 2)], [[0.9, 0.1], [0.1, 0.9], [0.5, 0.5], [0.2, 0.8]]
+    far = [(x + 1_000_000, y + 10_000_000) for x, y in cells]
+    here, there = (
+        Snapshot.derive("q", [dataclasses.replace(drive_with_soil, terrain=make.seen(each, belief))])
+        for each in (cells, far)
+    )
+    places = np.array([(0.001, 0.499), (0.999, 0.001), (0.4, 0.501), (1.75, 1.25), (0.5, 0.5)])
+    shifted = places + [500_000.0, 5_000_000.0]
+    for name in COLUMNS[2:]:
+        found = getattr(there.along(shifted, now=2e9), name)
+        np.testing.assert_array_equal(found, getattr(here.along(places, now=2e9), name), err_msg=name)
+    np.testing.assert_array_equal(there.along(shifted).x, shifted[:, 0])
+    assert len(there.box(500_000.0, 5_000_000.0, 500_001.0, 5_000_001.0)) == 3
+    assert len(there.near(500_000.25, 5_000_000.25, 0.51)) == 3
+
+
 def test_every_cell_is_found_where_keys_are_as_far_apart_as_can_be(rng):
     cells = np.unique(rng.integers(-(2**31) + 1, 2**31 - 1, (5000, 2)), axis=0)
     cells = np.concatenate([cells, [[-(2**31) + 1, 2**31 - 1], [0, 0], [-1, -1]]])
