@@ -229,7 +229,7 @@ def test_places_far_from_the_origin_lose_no_precision(make, drive_with_soil):
         for each in (cells, far)
     )
     places = np.array([(0.001, 0.499), (0.999, 0.001), (0.4, 0.501), (1.75, 1.25), (0.5, 0.5)])
-    shifted = places + [500_000.0, 5_000_000.0]
+    shifted = places + np.array([500_000.0, 5_000_000.0])
     for name in COLUMNS[2:]:
         found = getattr(there.along(shifted, now=2e9), name)
         np.testing.assert_array_equal(found, getattr(here.along(places, now=2e9), name), err_msg=name)
