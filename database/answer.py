@@ -83,6 +83,11 @@ class GroundAnswer:
         return self._table.confidence
 
     @property
+    def moment(self) -> float:
+        """That ages refer to, POSIX seconds."""
+        return self._moment
+
+    @property
     def class_names(self) -> tuple[str, ...]:
         """The k classes."""
         return self._table.class_names

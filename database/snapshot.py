@@ -20,6 +20,7 @@ from ..framework.core.pooling import LARGEST_CELL_INDEX, cell_keys, cells_from_k
 from .answer import GroundAnswer
 from .belief import Cells, combine, grid_size
 from .cell_index import CellIndex
+from .grid import LAYERS, Grid, rasterise
 from .ground_table import GroundTable
 from .observations import Drive
 from .posterior import ClassSoil, class_soils
@@ -188,6 +189,42 @@ class Snapshot:
         inside = np.hypot(cell_x - x, cell_y - y) <= radius
         centres = np.column_stack([cell_x, cell_y])[inside]
         return self._answer(centres, rows[inside], normal_stress, confidence, now, half_life)
+
+    def grid(
+        self,
+        bounds: Sequence[float],
+        resolution: float,
+        layers: Sequence[str] = LAYERS,
+        *,
+        normal_stress: float = DEFAULT_NORMAL_STRESS,
+        confidence: float = 0.95,
+        now: float | datetime | None = None,
+    ) -> Grid:
+        """Sample a region as a regular raster; else as `along`.
+
+        A cell of the raster is what the snapshot says of its centre. Where the resolution is coarser than
+        `cell_size_m`, ground between the centres is not looked at: take `cell_size_m` or less to miss nothing.
+
+        Parameters
+        ----------
+        bounds
+            Corners x0, y0, x1, y1 [m] with x0 < x1 and y0 < y1; the last row and column may reach beyond.
+        resolution
+            Edge of a cell [m].
+        layers
+            Names among `grid.LAYERS`; all where absent.
+
+        Returns
+        -------
+        Grid
+            Row 0 in the south, column 0 in the west.
+
+        Raises
+        ------
+        InputError
+            Also where bounds, resolution or layers are none, or the grid has more than `grid.MOST_CELLS` cells.
+        """
+        return rasterise(self, bounds, resolution, layers, normal_stress=normal_stress, confidence=confidence, now=now)
 
     def class_answer(
         self, name: str, *, normal_stress: float = DEFAULT_NORMAL_STRESS, confidence: float = 0.95

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import typer
 from bevameter import ClassEvidence, SoilEstimate, TerrainDatabase
+from bevameter.database.grid import LAYERS
 from bevameter.database.observations import Drive, SoilObservation, TerrainObservations
 from bevameter.framework.cli.main import app
 from bevameter.framework.core.recording.formats.folder import About
@@ -118,6 +119,20 @@ def test_the_planners_example_runs(terrain, monkeypatch, capsys):
     printed = capsys.readouterr().out
     assert "sand" in printed
     assert "grass" in printed
+
+
+def test_the_raster_of_the_exports_page_is_made(terrain, monkeypatch):
+    example = blocks("docs/exports.md", "python")[0]
+    (terrain / "raster.py").write_text(example, encoding="utf-8")
+    monkeypatch.chdir(terrain)
+    strength = runpy.run_path("raster.py")["strength"]
+    assert strength.shape == (60, 40)
+    assert np.isfinite(strength).sum() == 40
+
+
+def test_the_exports_page_names_every_layer():
+    rows = [line.split("|")[1] for line in text("docs/exports.md").splitlines() if line.startswith("| `")]
+    assert set(LAYERS) <= {name for row in rows for name in re.findall(r"`(\w+)`", row)}
 
 
 def test_the_examples_of_the_recording_page_are_read(tmp_path):
