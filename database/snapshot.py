@@ -92,6 +92,15 @@ class Snapshot:
         total = sum(soil.weight for soil in known)
         return sum(soil.weight * soil.load_N for soil in known) / total if total else math.nan
 
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """Corners x0, y0, x1, y1 of the ground that somebody has seen [m]; raises `InputError` where nobody has."""
+        if not len(self.cells.key):
+            raise InputError("site", shown(self.site), expected="ground that somebody has seen")
+        cells = cells_from_keys(self.cells.key)
+        (x0, y0), (x1, y1) = cells.min(axis=0) * self.cell_size_m, (cells.max(axis=0) + 1) * self.cell_size_m
+        return float(x0), float(y0), float(x1), float(y1)
+
     def along(
         self,
         path: ArrayLike,

@@ -121,13 +121,14 @@ def test_the_planners_example_runs(terrain, monkeypatch, capsys):
     assert "grass" in printed
 
 
-def test_the_raster_of_the_exports_page_is_made(terrain, monkeypatch):
-    example = blocks("docs/exports.md", "python")[0]
-    (terrain / "raster.py").write_text(example, encoding="utf-8")
+def test_the_examples_of_the_exports_page_run(terrain, monkeypatch):
+    """One after the other, as one script."""
+    (terrain / "exports.py").write_text("\n".join(blocks("docs/exports.md", "python")), encoding="utf-8")
     monkeypatch.chdir(terrain)
-    strength = runpy.run_path("raster.py")["strength"]
+    strength = runpy.run_path("exports.py")["strength"]
     assert strength.shape == (60, 40)
     assert np.isfinite(strength).sum() == 40
+    assert {"costs.yaml", "costs.pgm", "speed.yaml", "classes.yaml"} <= {path.name for path in terrain.iterdir()}
 
 
 def test_the_exports_page_names_every_layer():
