@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ..framework.core.arguments import number, refused
+from ..framework.core.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -53,3 +56,11 @@ class Origin:
         """Turn places in the site's frame (..., 2) [m] into metres east and north of the origin."""
         turn = math.radians(self.heading_deg)
         return places @ np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
+
+
+def geographic_library(name: str) -> Any:
+    """Import a library of the extra `geo`; raises `InputError` where it is not installed."""
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise InputError(name, "is not installed", expected='pip install "bevameter[geo]"') from error
