@@ -41,7 +41,7 @@ SETTINGS = {
     "layers": ("layers", "names of layers"),
     "required_strength_Pa": ("required strength", "the shear strength that the vehicle needs [Pa]"),
     "origin": ("origin", "latitude and longitude of the site's x = y = 0 [deg]"),
-    "wheel_width_m": ("wheel width", "the width of the wheel that will sink [m]"),
+    "wheel_width_m": ("wheel width", "the width of the wheels that measured the soil [m]"),
     "elastic_stiffness_Pa_m": ("elastic stiffness", "how stiff the soil is when it is unloaded [Pa/m]"),
     "damping_Pa_s_m": ("damping", "the soil's damping [Pa s/m]"),
 }
@@ -72,7 +72,7 @@ class Request:
     origin
         Where on Earth the site's frame lies.
     wheel_width_m
-        Width of the wheel that soil parameters are for [m].
+        Width of the wheels that measured the soil [m].
     elastic_stiffness_Pa_m, damping_Pa_s_m
         Of the soil under a wheel, which wheels do not measure [Pa/m], [Pa s/m].
     """
