@@ -67,7 +67,7 @@ def test_every_command_line_on_a_page_parses():
     queries = {f"bevameter query {name}" for name in ("classes", "class", "at", "along", "near")}
     others = {
         f"bevameter {name}"
-        for name in ("scenario", "run", "map", "identify", "explain", "simulate", "train", "classify")
+        for name in ("scenario", "run", "map", "export", "identify", "explain", "simulate", "train", "classify")
     }
     assert queries | others <= ran, "every command has an example"
 

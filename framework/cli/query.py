@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..core.errors import InputError
-from ..core.quantities import magnitude
+from .options import finite, open_snapshot, pascals
 from .printing import FORMATS, check_format, print_csv, print_json
 
 if TYPE_CHECKING:
@@ -61,7 +60,7 @@ def at(
     format: Format = "table",
 ) -> None:  # fmt: skip
     """Print the row of one place."""
-    place = _number("X", x), _number("Y", y)
+    place = finite("X", x), finite("Y", y)
     _print_places("at", lambda view, options: view.at(*place, **options), db, site, confidence, normal_stress, format)
 
 
@@ -87,17 +86,10 @@ def near(
     format: Format = "table",
 ) -> None:  # fmt: skip
     """Print one row a cell."""
-    circle = _number("X", x), _number("Y", y), _number("--radius", radius)
+    circle = finite("X", x), finite("Y", y), finite("--radius", radius)
     _print_places(
         "near", lambda view, options: view.near(*circle, **options), db, site, confidence, normal_stress, format
     )
-
-
-def _open(db: str, site: str | None) -> Snapshot:
-    from ...database.store import TerrainDatabase
-
-    with TerrainDatabase(db, must_exist=True) as database:
-        return database.snapshot(site)
 
 
 def _print_places(
@@ -106,8 +98,8 @@ def _print_places(
     db: str, site: str | None, confidence: float, normal_stress: str, form: str,
 ) -> None:  # fmt: skip
     check_format(form)
-    stress = _pascals(normal_stress)
-    view = _open(db, site)
+    stress = pascals("--normal-stress", normal_stress)
+    view = open_snapshot(db, site)
     answer = ask(view, {"normal_stress": stress, "confidence": confidence})
 
     from ...database.exports import answer_rows, csv_columns, flat, geojson
@@ -128,8 +120,8 @@ def _print_classes(
     query: str, name: str | None, db: str, site: str | None, confidence: float, normal_stress: str, form: str
 ) -> None:
     check_format(form, [known for known in FORMATS if known != "geojson"])
-    stress = _pascals(normal_stress)
-    view = _open(db, site)
+    stress = pascals("--normal-stress", normal_stress)
+    view = open_snapshot(db, site)
 
     from ...database.exports import class_rows, flat
     from .results import print_classes
@@ -155,27 +147,6 @@ def _page(query: str, view: Snapshot, stress: float, confidence: float) -> dict[
         "normal_stress_Pa": stress,
         "confidence": confidence,
     }
-
-
-def _number(name: str, text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise InputError(name, f"{text!r}", expected="a finite number [m]")
-    return value
-
-
-def _pascals(text: str) -> float:
-    """Read a pressure; a bare number is in pascals."""
-    try:
-        value = magnitude(text, "Pa")
-    except ValueError as error:
-        raise InputError("--normal-stress", f"{text!r}", expected='a pressure such as "20 kPa"') from error
-    if not (math.isfinite(value) and value >= 0):
-        raise InputError("--normal-stress", f"{text!r}", expected="a finite pressure, not negative")
-    return value
 
 
 def _read_path(file: Path) -> np.ndarray:
