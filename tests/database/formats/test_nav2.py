@@ -76,7 +76,10 @@ def test_speed_limits_are_whole_percent_and_never_none(grid, tmp_path):
             lambda grid, path: write_speed_mask(grid, np.ones(grid.shape), path, unknown_percent=0),
             "unknown_percent: 0 .expected a number, 1 to 100",
         ),
-        (lambda grid, path: write_costmap(grid, np.zeros(grid.shape), path.with_suffix(".pgm")), "path: .*expected the path of a .yaml file"),
+        (
+            lambda grid, path: write_costmap(grid, np.zeros(grid.shape), path.with_suffix(".pgm")),
+            "path: .*expected the path of a .yaml file",
+        ),
         (lambda grid, path: strength_costs(np.ones((1, 1)), 0.0), "required strength: 0.0 .expected a finite"),
         (lambda grid, path: strength_costs(np.ones((1, 1)), math.nan), "required strength: nan"),
         (lambda grid, path: write_costmap(grid, np.zeros(grid.shape), path / "none" / "a.yaml"), "no folder"),
