@@ -7,13 +7,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from ..framework.core.pooling import pooled
 from ..framework.core.vehicle import Vehicle
+from .belief import Cells
 from .ground_table import GroundTable
 
 if TYPE_CHECKING:
     from .mobility import DrawbarPull, Mobility
     from .snapshot import Snapshot
+    from .speed import SpeedLimit
+    from .traction import Traction
 
 _Value = TypeVar("_Value")
 
@@ -53,12 +58,16 @@ class GroundAnswer:
         x, y [m].
     moment
         That ages refer to, POSIX seconds.
+    fresh
+        The same answer had nothing aged: no bound is above its one; None where nothing is.
     """
 
     def __init__(
-        self, snapshot: Snapshot, table: GroundTable, rows: np.ndarray, places: np.ndarray, moment: float
-    ) -> None:
-        self.snapshot, self._table, self._rows, self._places, self._moment = snapshot, table, rows, places, moment
+        self, snapshot: Snapshot, table: GroundTable, rows: np.ndarray, places: np.ndarray, moment: float,
+        fresh: GroundAnswer | None = None,
+    ) -> None:  # fmt: skip
+        self.snapshot, self.fresh = snapshot, fresh
+        self._table, self._rows, self._places, self._moment = table, rows, places, moment
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -72,6 +81,11 @@ class GroundAnswer:
     def confidence(self) -> float:
         """As requested [-]."""
         return self._table.confidence
+
+    @property
+    def moment(self) -> float:
+        """That ages refer to, POSIX seconds."""
+        return self._moment
 
     @property
     def class_names(self) -> tuple[str, ...]:
@@ -137,7 +151,8 @@ class GroundAnswer:
         That of the mixture of classes, each a Student t (few stretches bound little); classes without soil count as no
         strength.
         """
-        return self._table.shear_strength_lower[self._rows]
+        lower = self._table.shear_strength_lower[self._rows]
+        return lower if self.fresh is None else np.minimum(lower, self.fresh.shear_strength_lower)
 
     @_Lazy
     def age(self) -> np.ndarray:
@@ -158,6 +173,23 @@ class GroundAnswer:
         """Give the most probable class of each place, or ``"unknown"``."""
         return self._table.label[self._rows].tolist()
 
+    def aged(self, half_life: float) -> GroundAnswer:
+        """Return the answer with evidence of each cell that halves in so many seconds; see `Snapshot.along`."""
+        cells, table = self._table.cells, self._table
+        there = self._rows >= 0
+        own = self._rows[there]
+        age = np.maximum(self._moment - cells.seen_s[own], 0.0)
+        count = np.where(np.isnan(age), 0.0, 0.5 ** (age / half_life))
+        logs = np.log(np.maximum(cells.probability[own], np.finfo(float).tiny))
+        aged = Cells(
+            cells.key[own], pooled(count[:, None] * logs), cells.seen_s[own], cells.looks[own], cells.reason[own],
+            cells.reasons,
+        )  # fmt: skip
+        rows = self._rows.copy()
+        rows[there] = np.arange(len(own))
+        weaker = GroundTable(aged, table.class_names, table.soils, table.normal_stress, table.confidence)
+        return GroundAnswer(self.snapshot, weaker, rows, self._places, self._moment, self)
+
     def drawbar_pull(
         self, vehicle: Vehicle | str | Path, slip: float, *, load_N: float | Sequence[float] | None = None
     ) -> DrawbarPull:
@@ -171,6 +203,40 @@ class GroundAnswer:
         from .mobility import mobility
 
         return mobility(self, vehicle, load_N)
+
+    def traction(
+        self,
+        vehicle: Vehicle | str | Path,
+        *,
+        pitch: ArrayLike = 0.0,
+        roll: ArrayLike = 0.0,
+        load_N: float | Sequence[float] | None = None,
+    ) -> Traction:
+        """Predict what the ground can bear of acceleration, braking and side force; see `traction.traction`."""
+        from .traction import traction
+
+        return traction(self, vehicle, pitch=pitch, roll=roll, load_N=load_N)
+
+    def speed_limit(
+        self,
+        vehicle: Vehicle | str | Path,
+        *,
+        sight_m: float,
+        most_m_s: float,
+        unknown_m_s: float = 0.0,
+        reaction_s: float = 0.0,
+        curvature: ArrayLike | None = None,
+        pitch: ArrayLike = 0.0,
+        roll: ArrayLike = 0.0,
+        load_N: float | Sequence[float] | None = None,
+    ) -> SpeedLimit:
+        """Find the greatest speed at each place of a path; see `speed.speed_limit`."""
+        from .speed import speed_limit
+
+        return speed_limit(
+            self, vehicle, sight_m=sight_m, most_m_s=most_m_s, unknown_m_s=unknown_m_s, reaction_s=reaction_s,
+            curvature=curvature, pitch=pitch, roll=roll, load_N=load_N,
+        )  # fmt: skip
 
     def _of_cells(self, column: np.ndarray, missing: float) -> np.ndarray:
         """Gather a column of the cells (m, ...): (n, ...), `missing` where there is no cell."""

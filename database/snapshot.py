@@ -20,6 +20,7 @@ from ..framework.core.pooling import LARGEST_CELL_INDEX, cell_keys, cells_from_k
 from .answer import GroundAnswer
 from .belief import Cells, combine, grid_size
 from .cell_index import CellIndex
+from .grid import LAYERS, Grid, rasterise
 from .ground_table import GroundTable
 from .observations import Drive
 from .posterior import ClassSoil, class_soils
@@ -91,6 +92,15 @@ class Snapshot:
         total = sum(soil.weight for soil in known)
         return sum(soil.weight * soil.load_N for soil in known) / total if total else math.nan
 
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """Corners x0, y0, x1, y1 of the ground that somebody has seen [m]; raises `InputError` where nobody has."""
+        if not len(self.cells.key):
+            raise InputError("site", shown(self.site), expected="ground that somebody has seen")
+        cells = cells_from_keys(self.cells.key)
+        (x0, y0), (x1, y1) = cells.min(axis=0) * self.cell_size_m, (cells.max(axis=0) + 1) * self.cell_size_m
+        return float(x0), float(y0), float(x1), float(y1)
+
     def along(
         self,
         path: ArrayLike,
@@ -98,6 +108,7 @@ class Snapshot:
         normal_stress: float = DEFAULT_NORMAL_STRESS,
         confidence: float = 0.95,
         now: float | datetime | None = None,
+        half_life: float | None = None,
     ) -> GroundAnswer:
         """Say what the ground along a path can bear.
 
@@ -111,6 +122,9 @@ class Snapshot:
             With which the strength exceeds its lower bound, in [0.5, 1).
         now
             Moment that ages refer to: POSIX seconds, or a datetime (UTC where it has no zone); the present if absent.
+        half_life
+            Time after which what was seen of a cell counts half [s]: its log-probabilities shrink towards equal ones,
+            and no lower bound rises by that. Looks of unknown age count nothing. All count whole if absent.
 
         Returns
         -------
@@ -127,7 +141,7 @@ class Snapshot:
         if path.ndim != 2 or path.shape[1] != 2:
             raise InputError("path", f"shape {path.shape}", expected="(n, 2): x, y [m]")
         places = np.array(path)  # a copy: the caller's path stays the caller's
-        return self._answer(places, self._index.rows(places), normal_stress, confidence, now)
+        return self._answer(places, self._index.rows(places), normal_stress, confidence, now, half_life)
 
     def at(
         self,
@@ -137,16 +151,17 @@ class Snapshot:
         normal_stress: float = DEFAULT_NORMAL_STRESS,
         confidence: float = 0.95,
         now: float | datetime | None = None,
+        half_life: float | None = None,
     ) -> GroundAnswer:
         """Say what the ground can bear at one place, or at many (arrays of equal size) [m]; else as `along`."""
         if isinstance(x, float) and isinstance(y, float):
             places = np.array([[x, y]])
-            return self._answer(places, self._index.rows(places), normal_stress, confidence, now)
+            return self._answer(places, self._index.rows(places), normal_stress, confidence, now, half_life)
         xs, ys = (np.ravel(numbers(name, each, "numbers [m]")) for name, each in (("x", x), ("y", y)))
         if 1 != len(xs) != len(ys) != 1:
             raise InputError("x and y", f"{len(xs)} and {len(ys)} places", expected="as many of each [m]")
         places = np.stack(np.broadcast_arrays(xs, ys), axis=1)
-        return self.along(places, normal_stress=normal_stress, confidence=confidence, now=now)
+        return self.along(places, normal_stress=normal_stress, confidence=confidence, now=now, half_life=half_life)
 
     def box(
         self,
@@ -158,10 +173,11 @@ class Snapshot:
         normal_stress: float = DEFAULT_NORMAL_STRESS,
         confidence: float = 0.95,
         now: float | datetime | None = None,
+        half_life: float | None = None,
     ) -> GroundAnswer:
         """Give all cells that somebody has seen whose centres lie between the corners [m]; else as `along`."""
         rows, x, y = self._within(x0, y0, x1, y1)
-        return self._answer(np.column_stack([x, y]), rows, normal_stress, confidence, now)
+        return self._answer(np.column_stack([x, y]), rows, normal_stress, confidence, now, half_life)
 
     def near(
         self,
@@ -172,6 +188,7 @@ class Snapshot:
         normal_stress: float = DEFAULT_NORMAL_STRESS,
         confidence: float = 0.95,
         now: float | datetime | None = None,
+        half_life: float | None = None,
     ) -> GroundAnswer:
         """Give all cells that somebody has seen whose centres lie within a radius [m]; else as `along`."""
         x, y, radius = (number(*each, "a number [m]") for each in (("x", x), ("y", y), ("radius", radius)))
@@ -180,7 +197,43 @@ class Snapshot:
         rows, cell_x, cell_y = self._within(x - radius, y - radius, x + radius, y + radius)
         inside = np.hypot(cell_x - x, cell_y - y) <= radius
         centres = np.column_stack([cell_x, cell_y])[inside]
-        return self._answer(centres, rows[inside], normal_stress, confidence, now)
+        return self._answer(centres, rows[inside], normal_stress, confidence, now, half_life)
+
+    def grid(
+        self,
+        bounds: Sequence[float],
+        resolution: float,
+        layers: Sequence[str] = LAYERS,
+        *,
+        normal_stress: float = DEFAULT_NORMAL_STRESS,
+        confidence: float = 0.95,
+        now: float | datetime | None = None,
+    ) -> Grid:
+        """Sample a region as a regular raster; else as `along`.
+
+        A cell of the raster is what the snapshot says of its centre. Where the resolution is coarser than
+        `cell_size_m`, ground between the centres is not looked at: take `cell_size_m` or less to miss nothing.
+
+        Parameters
+        ----------
+        bounds
+            Corners x0, y0, x1, y1 [m] with x0 < x1 and y0 < y1; the last row and column may reach beyond.
+        resolution
+            Edge of a cell [m].
+        layers
+            Names among `grid.LAYERS`; all where absent.
+
+        Returns
+        -------
+        Grid
+            Row 0 in the south, column 0 in the west.
+
+        Raises
+        ------
+        InputError
+            Also where bounds, resolution or layers are none, or the grid has more than `grid.MOST_CELLS` cells.
+        """
+        return rasterise(self, bounds, resolution, layers, normal_stress=normal_stress, confidence=confidence, now=now)
 
     def class_answer(
         self, name: str, *, normal_stress: float = DEFAULT_NORMAL_STRESS, confidence: float = 0.95
@@ -221,9 +274,11 @@ class Snapshot:
         normal_stress: float,
         confidence: float,
         now: float | datetime | None,
+        half_life: float | None,
     ) -> GroundAnswer:
         moment = time.time() if now is None else _posix(now)
-        return GroundAnswer(self, self._table(normal_stress, confidence), rows, places, moment)
+        answer = GroundAnswer(self, self._table(normal_stress, confidence), rows, places, moment)
+        return answer if half_life is None else answer.aged(_positive(half_life))
 
     @cached_property
     def _index(self) -> CellIndex:
@@ -261,6 +316,13 @@ def _asked(normal_stress: float, confidence: float) -> tuple[float, float]:
     if not 0.5 <= level < 1.0:
         raise InputError("confidence", f"{confidence!r}", expected="at least 0.5 and less than 1")
     return stress, level
+
+
+def _positive(half_life: float) -> float:
+    value = number("half_life", half_life, "a positive number [s]")
+    if not value > 0.0:  # nor is NaN
+        raise refused("half_life", half_life, "a positive number [s]")
+    return value
 
 
 def _posix(now: float | datetime) -> float:

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import typer
 from bevameter import ClassEvidence, SoilEstimate, TerrainDatabase
+from bevameter.database.grid import LAYERS
 from bevameter.database.observations import Drive, SoilObservation, TerrainObservations
 from bevameter.framework.cli.main import app
 from bevameter.framework.core.recording.formats.folder import About
@@ -66,7 +67,7 @@ def test_every_command_line_on_a_page_parses():
     queries = {f"bevameter query {name}" for name in ("classes", "class", "at", "along", "near")}
     others = {
         f"bevameter {name}"
-        for name in ("scenario", "run", "map", "identify", "explain", "simulate", "train", "classify")
+        for name in ("scenario", "run", "map", "export", "identify", "explain", "simulate", "train", "classify")
     }
     care = {f"bevameter db {name}" for name in ("info", "check", "merge", "export", "prune", "rebuild", "migrate")}
     assert queries | others | care <= ran, "every command has an example"
@@ -119,6 +120,21 @@ def test_the_planners_example_runs(terrain, monkeypatch, capsys):
     printed = capsys.readouterr().out
     assert "sand" in printed
     assert "grass" in printed
+
+
+def test_the_examples_of_the_exports_page_run(terrain, monkeypatch):
+    """One after the other, as one script."""
+    (terrain / "exports.py").write_text("\n".join(blocks("docs/exports.md", "python")), encoding="utf-8")
+    monkeypatch.chdir(terrain)
+    strength = runpy.run_path("exports.py")["strength"]
+    assert strength.shape == (60, 40)
+    assert np.isfinite(strength).sum() == 40
+    assert {"costs.yaml", "costs.pgm", "speed.yaml", "classes.yaml"} <= {path.name for path in terrain.iterdir()}
+
+
+def test_the_exports_page_names_every_layer():
+    rows = [line.split("|")[1] for line in text("docs/exports.md").splitlines() if line.startswith("| `")]
+    assert set(LAYERS) <= {name for row in rows for name in re.findall(r"`(\w+)`", row)}
 
 
 def test_the_examples_of_the_recording_page_are_read(tmp_path):

@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
+from .options import open_snapshot, pascals
 from .printing import FORMATS, check_format, print_csv, print_json, progress_bars
-from .query import STRESS, Confidence, Site, Stress, pascals
+from .query import STRESS, Confidence, Site, Stress
 
 _FORMATS = [known for known in FORMATS if known != "geojson"]
 _FAULT_COLUMNS = ("table", "id", "problem")
@@ -83,14 +84,12 @@ def export(
 ) -> None:  # fmt: skip
     """Write the file and print its number of cells."""
     from ...database.cell_files import write_cells, writer
-    from ...database.store import TerrainDatabase
     from ..core.files import check_outputs
 
     writer(file)
-    stress = pascals(normal_stress)
-    with TerrainDatabase(db, must_exist=True) as database:
-        check_outputs([file], [Path(database.name)])
-        view = database.snapshot(site)
+    stress = pascals("--normal-stress", normal_stress)
+    check_outputs([file], [Path(db)])
+    view = open_snapshot(db, site)
     count = write_cells(view, file, normal_stress=stress, confidence=confidence)
     print(f"{count} cells of site {view.site} written to {file}")
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..core.errors import InputError
-from ..core.quantities import magnitude
+from .options import finite, open_snapshot, pascals
 from .printing import FORMATS, check_format, print_csv, print_json
 
 if TYPE_CHECKING:
@@ -30,13 +29,13 @@ Confidence = Annotated[float, typer.Option("--confidence", help="Of the lower bo
 Stress = Annotated[str, typer.Option("--normal-stress", help='Where shear strength is wanted, such as "20 kPa".')]
 Format = Annotated[str, typer.Option("--format", help=" | ".join(FORMATS))]
 
-DB = "sqlite:///terrain.db"
+_DB = "sqlite:///terrain.db"
 STRESS = "20 kPa"
 
 
 @app.command("classes", help="What is known of every class.")
 def classes(
-    db: Db = DB, site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = STRESS,
+    db: Db = _DB, site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = STRESS,
     format: Format = "table",
 ) -> None:  # fmt: skip
     """Print one row a class."""
@@ -46,7 +45,7 @@ def classes(
 @app.command("class", help="What is known of one class.")
 def one_class(
     name: Annotated[str, typer.Argument(metavar="NAME", help="The class.")],
-    db: Db = DB, site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = STRESS,
+    db: Db = _DB, site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = STRESS,
     format: Format = "table",
 ) -> None:  # fmt: skip
     """Print the row of one class."""
@@ -57,18 +56,18 @@ def one_class(
 def at(
     x: Annotated[str, typer.Argument(metavar="X", help="East [m].")],
     y: Annotated[str, typer.Argument(metavar="Y", help="North [m].")],
-    db: Db = DB, site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = STRESS,
+    db: Db = _DB, site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = STRESS,
     format: Format = "table",
 ) -> None:  # fmt: skip
     """Print the row of one place."""
-    place = _number("X", x), _number("Y", y)
+    place = finite("X", x), finite("Y", y)
     _print_places("at", lambda view, options: view.at(*place, **options), db, site, confidence, normal_stress, format)
 
 
 @app.command("along", help="What the ground along a path can bear.")
 def along(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="CSV with columns x_m, y_m.")],
-    db: Db = DB, site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = STRESS,
+    db: Db = _DB, site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = STRESS,
     format: Format = "table",
 ) -> None:  # fmt: skip
     """Print one row a place of the path."""
@@ -83,21 +82,14 @@ def near(
     x: Annotated[str, typer.Argument(metavar="X", help="East [m].")],
     y: Annotated[str, typer.Argument(metavar="Y", help="North [m].")],
     radius: Annotated[str, typer.Option("--radius", help="Radius around it [m].")],
-    db: Db = DB, site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = STRESS,
+    db: Db = _DB, site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = STRESS,
     format: Format = "table",
 ) -> None:  # fmt: skip
     """Print one row a cell."""
-    circle = _number("X", x), _number("Y", y), _number("--radius", radius)
+    circle = finite("X", x), finite("Y", y), finite("--radius", radius)
     _print_places(
         "near", lambda view, options: view.near(*circle, **options), db, site, confidence, normal_stress, format
     )
-
-
-def _open(db: str, site: str | None) -> Snapshot:
-    from ...database.store import TerrainDatabase
-
-    with TerrainDatabase(db, must_exist=True) as database:
-        return database.snapshot(site)
 
 
 def _print_places(
@@ -106,8 +98,8 @@ def _print_places(
     db: str, site: str | None, confidence: float, normal_stress: str, form: str,
 ) -> None:  # fmt: skip
     check_format(form)
-    stress = pascals(normal_stress)
-    view = _open(db, site)
+    stress = pascals("--normal-stress", normal_stress)
+    view = open_snapshot(db, site)
     answer = ask(view, {"normal_stress": stress, "confidence": confidence})
 
     from ...database.exports import answer_rows, csv_columns, flat, geojson
@@ -128,8 +120,8 @@ def _print_classes(
     query: str, name: str | None, db: str, site: str | None, confidence: float, normal_stress: str, form: str
 ) -> None:
     check_format(form, [known for known in FORMATS if known != "geojson"])
-    stress = pascals(normal_stress)
-    view = _open(db, site)
+    stress = pascals("--normal-stress", normal_stress)
+    view = open_snapshot(db, site)
 
     from ...database.exports import class_rows, flat
     from .results import print_classes
@@ -155,27 +147,6 @@ def _page(query: str, view: Snapshot, stress: float, confidence: float) -> dict[
         "normal_stress_Pa": stress,
         "confidence": confidence,
     }
-
-
-def _number(name: str, text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise InputError(name, f"{text!r}", expected="a finite number [m]")
-    return value
-
-
-def pascals(text: str) -> float:
-    """Read a pressure; a bare number is in pascals."""
-    try:
-        value = magnitude(text, "Pa")
-    except ValueError as error:
-        raise InputError("--normal-stress", f"{text!r}", expected='a pressure such as "20 kPa"') from error
-    if not (math.isfinite(value) and value >= 0):
-        raise InputError("--normal-stress", f"{text!r}", expected="a finite pressure, not negative")
-    return value
 
 
 def _read_path(file: Path) -> np.ndarray:

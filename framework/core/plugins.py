@@ -1,4 +1,4 @@
-"""Plug-ins: modules of other distributions that register effects, senses or readers when they are imported."""
+"""Plug-ins: modules of other distributions that register what they hold, such as effects or readers, when imported."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ from ..mechanics.augmented import SOIL_COUNT, AugmentedWheel
 from ..mechanics.soil import Soil, slope_of_internal
 from .catalogue import effect_class, forms_by_name
 from .drive import PresentDrive
-from .effect import COVARIATES, PULL, Effect
+from .effect import COVARIATES, Effect
 from .parse import lugs_of, pinned, situation_of, smallest_form, specimen
 from .stored import AugmentedSimulator, StoredEffect
 
@@ -70,7 +70,7 @@ def soils_off(soils: np.ndarray, errors: np.ndarray) -> np.ndarray:
     return np.clip(answer, low, high)
 
 
-def drawbar_pull(
+def channels(
     wheel: Wheel,
     soils: np.ndarray,
     load_N: float,
@@ -78,7 +78,7 @@ def drawbar_pull(
     physics: AugmentedSimulator | None = None,
     errors: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Drawbar pull of one wheel on many soils at many slips.
+    """What one wheel does on many soils at many slips.
 
     Parameters
     ----------
@@ -98,8 +98,8 @@ def drawbar_pull(
 
     Returns
     -------
-    (s, k)
-        Drawbar pull [N]; NaN where the load is not carried.
+    (s, k, 5)
+        Channels as `textbook.CHANNELS`, SI; NaN where the load is not carried.
     """
     drive = _level_drive(np.full(len(soils) * len(slips), load_N), np.tile(slips, len(soils)))
     vectors, effects = [soils[:, 0], np.tan(soils[:, 1]), *np.log(soils[:, 2:].T)], []
@@ -115,8 +115,8 @@ def drawbar_pull(
                 vectors += list(_drawn(effect, stored, off))
     model = AugmentedWheel(wheel, tuple(effects))
     vector = np.repeat(np.array(vectors), len(slips), axis=1)
-    channels = model.predict(drive, np.column_stack([drive.load_N, drive.slip]), vector).channels
-    return channels[:, PULL].reshape(len(soils), len(slips))
+    answer = model.predict(drive, np.column_stack([drive.load_N, drive.slip]), vector).channels
+    return answer.reshape(len(soils), len(slips), -1)
 
 
 def _usual_scales(stored: StoredEffect) -> dict[str, float]:

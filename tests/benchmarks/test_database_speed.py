@@ -136,6 +136,13 @@ def test_box(benchmark, view):
     assert len(benchmark(lambda: view.box(40.0, 40.0, 50.0, 50.0))) == 1600
 
 
+def test_grid(benchmark, view):
+    """One layer of the whole site."""
+    side = CELL_SIZE_M * SIDE
+    grid = benchmark(lambda: view.grid((0, 0, side, side), CELL_SIZE_M, ["shear_strength_lower"]))
+    assert np.isfinite(grid.layers["shear_strength_lower"]).all()
+
+
 @pytest.mark.parametrize(
     "ask",
     [lambda answer: answer.drawbar_pull(ROVER, 0.2), lambda answer: answer.mobility(ROVER)],

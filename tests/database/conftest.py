@@ -95,6 +95,7 @@ class Make:
     soil = staticmethod(soil)
     seen = staticmethod(seen)
     drive = staticmethod(drive)
+    quantity = staticmethod(quantity)
 
 
 @pytest.fixture(scope="session")

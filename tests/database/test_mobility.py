@@ -4,7 +4,8 @@ import math
 import numpy as np
 import pytest
 from bevameter import InputError, Vehicle, Wheel
-from bevameter.database.mobility import DRAWS, SLIPS, soil_draws
+from bevameter.database.class_draws import DRAWS, soil_draws
+from bevameter.database.mobility import SLIPS
 from bevameter.database.snapshot import Snapshot
 from bevameter.framework.core.soil import PARAMETERS, PLAUSIBLE
 from bevameter.identification.mechanics.soil import Soil

@@ -4,7 +4,7 @@ from datetime import timedelta
 
 import numpy as np
 import pytest
-from bevameter import InputError, TerrainDatabase
+from bevameter import InputError, TerrainDatabase, Vehicle, Wheel
 from bevameter.database.cell_index import NOWHERE as NO_ROW
 from bevameter.database.cell_index import UNSEEN, CellIndex
 from bevameter.database.mixture import MixtureTable
@@ -18,6 +18,7 @@ COLUMNS = (
     "x", "y", "known", "reason", "class_index", "class_probability", "cohesion", "friction_angle", "covariance",
     "shear_strength", "shear_strength_lower", "age", "observation_count", "extrapolated",
 )  # fmt: skip
+WHEEL = Wheel(radius_m=0.15, width_m=0.12)
 SAND, CLAY, DARK, ASPHALT, NOWHERE = (0.1, 0.1), (0.6, 0.1), (1.2, 0.1), (-1.3, -0.8), (50.0, 50.0)
 
 
@@ -219,6 +220,24 @@ def test_a_cell_takes_less_than_a_hundred_bytes(make, rng):
     assert 50 < size / len(cells) < 100
 
 
+def test_places_far_from_the_origin_lose_no_precision(make, drive_with_soil):
+    """As coordinates of a UTM zone are."""
+    cells, belief = [(0, 0), (1, 0), (0, 1), (3, 2)], [[0.9, 0.1], [0.1, 0.9], [0.5, 0.5], [0.2, 0.8]]
+    far = [(x + 1_000_000, y + 10_000_000) for x, y in cells]
+    here, there = (
+        Snapshot.derive("q", [dataclasses.replace(drive_with_soil, terrain=make.seen(each, belief))])
+        for each in (cells, far)
+    )
+    places = np.array([(0.001, 0.499), (0.999, 0.001), (0.4, 0.501), (1.75, 1.25), (0.5, 0.5)])
+    shifted = places + np.array([500_000.0, 5_000_000.0])
+    for name in COLUMNS[2:]:
+        found = getattr(there.along(shifted, now=2e9), name)
+        np.testing.assert_array_equal(found, getattr(here.along(places, now=2e9), name), err_msg=name)
+    np.testing.assert_array_equal(there.along(shifted).x, shifted[:, 0])
+    assert len(there.box(500_000.0, 5_000_000.0, 500_001.0, 5_000_001.0)) == 3
+    assert len(there.near(500_000.25, 5_000_000.25, 0.51)) == 3
+
+
 def test_every_cell_is_found_where_keys_are_as_far_apart_as_can_be(rng):
     cells = np.unique(rng.integers(-(2**31) + 1, 2**31 - 1, (5000, 2)), axis=0)
     cells = np.concatenate([cells, [[-(2**31) + 1, 2**31 - 1], [0, 0], [-1, -1]]])
@@ -276,6 +295,35 @@ def test_uncertainty_of_the_class_widens_the_covariance(make, drive_with_soil):
     assert answer.covariance[0, 0, 0] > 1250.0**2 > answer.covariance[1, 0, 0]
     # Three quarters of the way down the weaker class still holds nearly half of the mass.
     assert answer.shear_strength_lower[0] < answer.shear_strength_lower[1]
+
+
+def test_evidence_that_ages_loses_weight_and_no_bound_rises_by_it(make, drive_with_soil):
+    terrain = make.seen([(0, 0), (1, 0), (2, 0)], [[0.002, 0.998], [0.998, 0.002], [0.7, 0.3]])
+    drive = dataclasses.replace(drive_with_soil, terrain=terrain)
+    view = Snapshot.derive("q", [drive])
+    start, path, day = drive.start_time.timestamp(), [SAND, CLAY, (1.2, 0.1), (1.7, 0.1)], 86400.0
+    fresh = view.along(path, now=start)
+    answers = [view.along(path, now=start + days * day, half_life=day) for days in (0, 1, 3, 400)]
+    for before, after in zip([fresh, *answers], answers, strict=False):
+        assert np.all((after.shear_strength_lower <= before.shear_strength_lower + 1.0)[:3])
+        assert np.all(after.class_probability.max(axis=1)[:3] <= before.class_probability.max(axis=1)[:3] + 1e-4)
+    np.testing.assert_allclose(answers[0].shear_strength_lower, fresh.shear_strength_lower, rtol=1e-3)
+    odds = answers[1].class_probability[1]
+    assert odds[0] / odds[1] == pytest.approx(math.sqrt(0.998 / 0.002), rel=1e-3), "after a half-life half of the nats"
+    np.testing.assert_allclose(answers[3].class_probability[:3], 0.5)
+    assert answers[3].reason[3] == "nobody has seen this ground"
+    assert np.all(answers[1].age[:2] == pytest.approx(day, abs=2.0))
+    timeless = Snapshot.derive("q", [dataclasses.replace(drive, start_time=None)])
+    np.testing.assert_allclose(timeless.along(path, half_life=day).class_probability[:3], 0.5)
+    for wrong in (0.0, -1.0, math.nan, "a day"):
+        with pytest.raises(InputError, match="half_life"):
+            view.along(path, half_life=wrong)
+    pulls = [
+        view.along(path, now=start + days * day, half_life=day).drawbar_pull(Vehicle(wheels=(WHEEL,)), 0.3).lower
+        for days in (0, 2, 50)
+    ]
+    assert np.all(pulls[0][:3] >= pulls[1][:3])
+    assert np.all(pulls[1][:3] >= pulls[2][:3] - 1e-9)
 
 
 def test_age(view, make, drive_with_soil):

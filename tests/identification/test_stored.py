@@ -14,7 +14,7 @@ from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.core.soil import PARAMETERS
 from bevameter.identification.effects.catalogue import SLUGS, forms_by_name
 from bevameter.identification.effects.effect import PULL, TORQUE, Effect
-from bevameter.identification.effects.ensemble import drawbar_pull, error_count, errors_of_fit, soils_off
+from bevameter.identification.effects.ensemble import channels, error_count, errors_of_fit, soils_off
 from bevameter.identification.effects.parse import specimen
 from bevameter.identification.effects.stored import AugmentedSimulator, Estimated, StoredEffect
 from bevameter.identification.mechanics.augmented import AugmentedWheel
@@ -182,7 +182,7 @@ def test_many_soils_without_effects_of_the_ground_are_the_textbooks():
     for name in (physics("torque_gain", g=0.3), physics("drivetrain_friction", form="coulomb", T_c=0.5),
                  physics("slope_gravity", s=1.0), physics("rate_dependence", form="stiffness", m=0.3)):  # fmt: skip
         assert error_count(name) == 5
-        pulls = drawbar_pull(SITUATION.wheel, soils, 90.0, SLIPS, name, np.empty((len(soils), 5)))
+        pulls = channels(SITUATION.wheel, soils, 90.0, SLIPS, name, np.empty((len(soils), 5)))[..., PULL]
         for row, soil in zip(pulls, soils, strict=True):
             state = equilibrium(SITUATION.wheel, Soil(*soil.tolist()), np.full(3, 90.0), SLIPS)
             np.testing.assert_allclose(row, state.drawbar_pull_N, atol=1e-3)
@@ -192,7 +192,7 @@ def test_each_soil_and_draw_goes_through_the_effect_of_the_ground():
     soils = draws()
     ground = physics("slip_sinkage", sd=0.1, form="exponent", n1=0.5)
     errors = np.column_stack([np.zeros((len(soils), 5)), np.linspace(-0.2, 0.2, len(soils))])
-    pulls = drawbar_pull(SITUATION.wheel, soils, 90.0, SLIPS, ground, errors)
+    pulls = channels(SITUATION.wheel, soils, 90.0, SLIPS, ground, errors)[..., PULL]
     (effect, *_) = forms_by_name("slip_sinkage", SITUATION)
     drive = SITUATION.drive
     rows = type(drive)(**{**{name: values[:3] for name, values in vars(drive).items()},
@@ -246,8 +246,8 @@ def test_lugs_are_those_of_the_wheel_that_is_simulated():
     soils = draws(4)
     ground = physics("grousers", form="radius", s=0.8)
     errors = np.zeros((4, 6))
-    smooth = drawbar_pull(Wheel(radius_m=0.15, width_m=0.12), soils, 90.0, SLIPS, ground, errors)
-    lugged = drawbar_pull(SITUATION.wheel, soils, 90.0, SLIPS, ground, errors)
+    smooth = channels(Wheel(radius_m=0.15, width_m=0.12), soils, 90.0, SLIPS, ground, errors)[..., PULL]
+    lugged = channels(SITUATION.wheel, soils, 90.0, SLIPS, ground, errors)[..., PULL]
     assert (lugged > smooth).all()
 
 

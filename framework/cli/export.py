@@ -1,0 +1,89 @@
+"""`bevameter export`: what the terrain database knows, for other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .options import finite, open_snapshot, pascals, quantity
+
+
+def command(
+    db: Annotated[str, typer.Argument(metavar="SITE-DB", help="Terrain database: a path or an SQLAlchemy URL.")],
+    out: Annotated[
+        Path,
+        typer.Argument(metavar="OUT", help="The file: .yaml, .mcap, .tif, .gpkg, .json; no ending for a ROS 2 bag."),
+    ],
+    form: Annotated[
+        str | None,
+        typer.Option("--as", help="nav2 | gridmap | geotiff | gpkg | scm; by the file's ending where absent."),
+    ] = None,
+    layer: Annotated[
+        list[str] | None, typer.Option("--layer", help="A layer, all where absent; may be repeated.")
+    ] = None,
+    bounds: Annotated[
+        tuple[str, str, str, str] | None,
+        typer.Option("--bounds", metavar="X0 Y0 X1 Y1", help="Corners [m]; all ground that was seen where absent."),
+    ] = None,
+    resolution: Annotated[
+        str | None, typer.Option("--resolution", help="Edge of a cell [m]; that of the database where absent.")
+    ] = None,
+    site: Annotated[str | None, typer.Option("--site", help="Which site, where the database holds several.")] = None,
+    normal_stress: Annotated[
+        str, typer.Option("--normal-stress", help='Where shear strength is wanted, such as "20 kPa".')
+    ] = "20 kPa",
+    confidence: Annotated[
+        float, typer.Option("--confidence", help="Of the lower bounds, at least 0.5, less than 1.")
+    ] = 0.95,
+    required_strength: Annotated[
+        str | None, typer.Option("--required-strength", help='nav2: shear strength needed, such as "8 kPa".')
+    ] = None,
+    origin: Annotated[
+        tuple[str, str] | None,
+        typer.Option("--origin", metavar="LAT LON", help="geotiff, gpkg: where x = y = 0 lies, WGS 84 [deg]."),
+    ] = None,
+    heading: Annotated[
+        str | None, typer.Option("--heading", help="With --origin: direction of y, clockwise from north [deg].")
+    ] = None,
+    wheel_width: Annotated[
+        str | None, typer.Option("--wheel-width", help="scm: width of the wheels that measured the soil [m].")
+    ] = None,
+    elastic_stiffness: Annotated[
+        str | None, typer.Option("--elastic-stiffness", help='scm: of unloading, such as "4e7 Pa/m".')
+    ] = None,
+    damping: Annotated[str | None, typer.Option("--damping", help='scm: of the soil, such as "3e4 Pa*s/m".')] = None,
+) -> None:
+    """Write a raster of the ground, or the soils of its classes, in the format of the file's ending."""
+    from ...database.exporters import Request, export
+    from ...database.georeference import Origin
+    from ..core.errors import InputError
+    from ..core.files import check_outputs
+
+    check_outputs([out], [Path(db)])
+    if heading is not None and origin is None:
+        raise InputError("--heading", "stated without --origin", expected="both")
+    place = None
+    if origin is not None:
+        latitude, longitude = (finite("--origin", text, "deg") for text in origin)
+        place = Origin(latitude, longitude, finite("--heading", heading or "0", "deg"))
+
+    def read(name: str, text: str | None, unit: str, example: str) -> float | None:
+        return None if text is None else quantity(name, text, unit, example)
+
+    request = Request(
+        open_snapshot(db, site),
+        bounds=None if bounds is None else [finite("--bounds", text) for text in bounds],
+        resolution=read("--resolution", resolution, "m", 'a length such as "0.25 m"'),
+        layers=layer,
+        normal_stress=pascals("--normal-stress", normal_stress),
+        confidence=confidence,
+        required_strength_Pa=read("--required-strength", required_strength, "Pa", 'a pressure such as "8 kPa"'),
+        origin=place,
+        wheel_width_m=read("--wheel-width", wheel_width, "m", 'a length such as "0.12 m"'),
+        elastic_stiffness_Pa_m=read("--elastic-stiffness", elastic_stiffness, "Pa/m", 'such as "4e7 Pa/m"'),
+        damping_Pa_s_m=read("--damping", damping, "Pa*s/m", 'such as "3e4 Pa*s/m"'),
+    )
+    written = export(request, out, form)
+    print(f"written to {' and '.join(map(str, written))}")

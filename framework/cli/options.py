@@ -1,0 +1,53 @@
+"""What commands on the terrain database share: numbers and quantities as people write them, and the snapshot."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from ..core.errors import InputError
+from ..core.quantities import magnitude
+
+if TYPE_CHECKING:
+    from ...database.snapshot import Snapshot
+
+
+def finite(name: str, text: str, unit: str = "m") -> float:
+    """Read a number without a unit; raises `InputError`."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(name, f"{text!r}", expected=f"a finite number [{unit}]")
+    return value
+
+
+def quantity(name: str, text: str, unit: str, example: str) -> float:
+    """Read a quantity that is not negative; a bare number is in `unit`. Raises `InputError`, which gives the example.
+
+    Examples
+    --------
+    >>> quantity("--normal-stress", "20 kPa", "Pa", 'a pressure such as "20 kPa"')
+    20000.0
+    """
+    try:
+        value = magnitude(text, unit)
+    except ValueError as error:
+        raise InputError(name, f"{text!r}", expected=example) from error
+    if not (math.isfinite(value) and value >= 0):
+        raise InputError(name, f"{text!r}", expected=f"{example}, finite and not negative")
+    return value
+
+
+def pascals(name: str, text: str) -> float:
+    """Read a pressure."""
+    return quantity(name, text, "Pa", 'a pressure such as "20 kPa"')
+
+
+def open_snapshot(db: str, site: str | None) -> Snapshot:
+    """Give what a database that exists knows of a site."""
+    from ...database.store import TerrainDatabase
+
+    with TerrainDatabase(db, must_exist=True) as database:
+        return database.snapshot(site)
