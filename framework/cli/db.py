@@ -7,9 +7,8 @@ from typing import Annotated
 
 import typer
 
-from .options import open_snapshot, pascals
+from . import export
 from .printing import FORMATS, check_format, print_csv, print_json, progress_bars
-from .query import STRESS, Confidence, Site, Stress
 
 _FORMATS = [known for known in FORMATS if known != "geojson"]
 _FAULT_COLUMNS = ("table", "id", "problem")
@@ -76,22 +75,7 @@ def merge(
                 print(f"{source.name}: {added.new} observations added, {added.known} known already")
 
 
-@app.command("export", help="Write all cells of a site as .parquet, .csv or .geojson.")
-def export(
-    db: Db,
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="What to write: .parquet, .csv or .geojson.")],
-    site: Site = None, confidence: Confidence = 0.95, normal_stress: Stress = STRESS,
-) -> None:  # fmt: skip
-    """Write the file and print its number of cells."""
-    from ...database.cell_files import write_cells, writer
-    from ..core.files import check_outputs
-
-    writer(file)
-    stress = pascals("--normal-stress", normal_stress)
-    check_outputs([file], [Path(db)])
-    view = open_snapshot(db, site)
-    count = write_cells(view, file, normal_stress=stress, confidence=confidence)
-    print(f"{count} cells of site {view.site} written to {file}")
+app.command("export", help="Write what is known of a site for other programs.")(export.command)
 
 
 @app.command("prune", help="Remove what newer processings have replaced.")

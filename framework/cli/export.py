@@ -1,4 +1,4 @@
-"""`bevameter export`: what the terrain database knows, for other programs."""
+"""`bevameter db export`: what the terrain database knows, for other programs."""
 
 from __future__ import annotations
 
@@ -11,14 +11,20 @@ from .options import finite, open_snapshot, pascals, quantity
 
 
 def command(
-    db: Annotated[str, typer.Argument(metavar="SITE-DB", help="Terrain database: a path or an SQLAlchemy URL.")],
+    db: Annotated[str, typer.Argument(metavar="DB", help="Terrain database: a path or an SQLAlchemy URL.")],
     out: Annotated[
         Path,
-        typer.Argument(metavar="OUT", help="The file: .yaml, .mcap, .tif, .gpkg, .json; no ending for a ROS 2 bag."),
+        typer.Argument(
+            metavar="OUT",
+            help="The file: .parquet, .csv, .geojson, .yaml, .mcap, .tif, .gpkg, .json; no ending for a ROS 2 bag.",
+        ),
     ],
     form: Annotated[
         str | None,
-        typer.Option("--as", help="nav2 | gridmap | geotiff | gpkg | scm; by the file's ending where absent."),
+        typer.Option(
+            "--as",
+            help="parquet | csv | geojson | nav2 | gridmap | geotiff | gpkg | scm; by the file's ending where absent.",
+        ),
     ] = None,
     layer: Annotated[
         list[str] | None, typer.Option("--layer", help="A layer, all where absent; may be repeated.")

@@ -18,7 +18,7 @@ from typer.core import TyperGroup
 
 from ... import __version__
 from ..core.errors import BevameterError
-from . import classify, db, draw_map, explain, export, identify, query, run, scenario, simulate, train
+from . import classify, db, draw_map, explain, identify, query, run, scenario, simulate, train
 
 BAD_INPUT = 2
 """Exit status for bad input or usage."""
@@ -117,7 +117,6 @@ app.command("run", help="Process a recording into a terrain database.")(run.comm
 app.add_typer(query.app, name="query", help="Query the terrain database.")
 app.add_typer(db.app, name="db", help="Look after the terrain database.")
 app.command("map", help="Draw what the terrain database knows.")(draw_map.command)
-app.command("export", help="Write what the terrain database knows for other programs.")(export.command)
 app.command("identify", help="Soil parameters from the wheel channels of a recording.")(identify.command)
 app.command("explain", help="What the simulation of a recorded wheel lacks.")(explain.command)
 app.command("simulate", help="Simulate the wheel on a soil.")(simulate.command)

@@ -124,17 +124,18 @@ def test_merge(db):
 
 
 def test_export(db):
-    assert said("export", "t.db", "c.parquet") == "2 cells of site quarry written to c.parquet\n"
+    assert said("export", "t.db", "c.parquet") == "written to c.parquet\n"
     assert parquet.read_table("c.parquet")["class"].to_pylist() == ["sand", "grass"]
     said("export", "t.db", "c.csv", "--normal-stress", "5 kPa", "--confidence", "0.9")
     assert [row["known"] for row in rows(Path("c.csv").read_text())] == ["False", "False"]
     said("export", "t.db", "c.geojson")
     assert len(json.loads(Path("c.geojson").read_text())["features"]) == 2
+    assert "bounds: means nothing to csv" in said("export", "t.db", "d.csv", "--bounds", "0", "0", "1", "1", status=2)
     with TerrainDatabase("t.db") as database:
         database.add_drive(drive("d3", site="beach"))
     assert "several sites" in said("export", "t.db", "d.csv", status=2)
-    assert "site beach" in said("export", "t.db", "d.csv", "--site", "beach")
-    assert "ends in '.txt'" in said("export", "t.db", "c.txt", status=2)
+    assert "written to d.csv" in said("export", "t.db", "d.csv", "--site", "beach")
+    assert "a file of kind '.txt'" in said("export", "t.db", "c.txt", "--site", "beach", status=2)
     Path("t.csv").write_bytes(db.read_bytes())
     assert "would be written over" in said("export", "t.csv", "t.csv", status=2)
 

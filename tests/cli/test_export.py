@@ -14,13 +14,13 @@ from small_site import some_drive
 
 @pytest.fixture
 def export(tmp_path, monkeypatch, capsys):
-    """Run `bevameter export ...` on a small database; give exit status, stdout, stderr."""
+    """Run `bevameter db export ...` on a small database; give exit status, stdout, stderr."""
     monkeypatch.chdir(tmp_path)
     with TerrainDatabase("terrain.db") as database:
         database.add_drive(some_drive())
 
     def run(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["bevameter", "export", *arguments])
+        monkeypatch.setattr(sys, "argv", ["bevameter", "db", "export", *arguments])
         with pytest.raises(SystemExit) as leaving:
             main()
         said = capsys.readouterr()

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..framework.core.arguments import path_of
-from ..framework.core.errors import InputError
-from ..framework.core.files import whole, write_csv, write_text
-from ..framework.core.pooling import cells_from_keys
-from .exports import SCHEMA, answer_rows, csv_columns, flat, geojson
-from .snapshot import DEFAULT_NORMAL_STRESS, Snapshot
+from ...framework.core.arguments import path_of
+from ...framework.core.errors import InputError
+from ...framework.core.files import whole, write_csv, write_text
+from ...framework.core.pooling import cells_from_keys
+from ..exporters import Exporter, Request, register
+from ..exports import SCHEMA, answer_rows, csv_columns, flat, geojson
+from ..snapshot import DEFAULT_NORMAL_STRESS, Snapshot
 
 _TEXTS = ("unknown", "class", "note")
 
@@ -44,7 +45,9 @@ def write_cells(
         Another ending, a stress or a confidence out of range, or the file cannot be written.
     """
     target = path_of("file", file, "the path of a file")
-    write = writer(target)
+    write = _WRITERS.get(target.suffix.lower())
+    if write is None:
+        raise InputError(target, f"ends in {target.suffix!r}", expected=" or ".join(_WRITERS))
     moment = time.time() if now is None else now
     centres = (cells_from_keys(snapshot.cells.key) + 0.5) * snapshot.cell_size_m
     answer = snapshot.along(centres, normal_stress=normal_stress, confidence=confidence, now=moment)
@@ -57,12 +60,41 @@ def write_cells(
     return len(rows)
 
 
-def writer(file: Path) -> Callable[[Sequence[dict[str, Any]], Snapshot, dict[str, Any], Path], None]:
-    """Give what writes a format; raises `InputError` where a file's ending is of none."""
-    found = _WRITERS.get(file.suffix.lower())
-    if found is None:
-        raise InputError(file, f"ends in {file.suffix!r}", expected=" or ".join(_WRITERS))
-    return found
+class _Cells(Exporter):
+    """All cells that somebody has seen, a row each."""
+
+    settings = ()
+
+    def write(self, request: Request, out: Path) -> None:
+        """Write `write_cells`."""
+        write_cells(request.view, out, normal_stress=request.normal_stress, confidence=request.confidence)
+
+
+@register
+class Parquet(_Cells):
+    """For data frames."""
+
+    name = "parquet"
+    endings = (".parquet",)
+    holds = "all cells of the site, a row each, as Parquet"
+
+
+@register
+class Csv(_Cells):
+    """For spreadsheets."""
+
+    name = "csv"
+    endings = (".csv",)
+    holds = "all cells of the site, a row each, as CSV"
+
+
+@register
+class GeoJson(_Cells):
+    """Squares in the site's own frame."""
+
+    name = "geojson"
+    endings = (".geojson",)
+    holds = "all cells of the site as GeoJSON, in the site's own frame"
 
 
 def _write_parquet(rows: Sequence[dict[str, Any]], view: Snapshot, about: dict[str, Any], file: Path) -> None:

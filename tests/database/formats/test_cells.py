@@ -8,8 +8,8 @@ import math
 
 import pytest
 from bevameter import InputError, TerrainDatabase
-from bevameter.database.cell_files import write_cells
 from bevameter.database.exports import answer_rows, csv_columns, flat
+from bevameter.database.formats.cells import write_cells
 from bevameter.database.snapshot import Snapshot
 from pyarrow import parquet
 
