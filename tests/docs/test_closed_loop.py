@@ -82,17 +82,19 @@ def test_who_knows_the_truth_arrives_and_stops_in_time_and_who_knows_nothing_is_
             assert cells_along(route.path)[[0, -1]].tolist() in pairs.tolist()
             np.testing.assert_allclose(route.bend, curvature(route.path))
         rides[planner.name] = [ride(site, planner, route, rng) for route in routes]
-    found = score("truth", [rides["truth"]], [rides["truth"]])
+    found = score("truth", [rides["truth"]], [rides["truth"]], [np.arange(5)])
     assert found.outcomes[ARRIVED].value == 1.0
     assert found.longer.value == found.unseen.value == 0.0
     assert found.longer.count == 100
     assert {share.value for share in found.bounds} == {1.0}
+    assert found.fresh.value == 1.0
+    assert 0 < found.fresh.count < found.bounds[0].count
     assert found.time_ratio == (1.0, 1.0, 1.0, 25)
-    blind = score("one soil", [rides["one soil"]], [rides["truth"]])
+    blind = score("one soil", [rides["one soil"]], [rides["truth"]], [np.arange(5)])
     assert blind.outcomes[IMMOBILISED].value > 0.1
     assert blind.longer.value > 0.1
     assert min(share.value for share in blind.bounds) < 0.9
-    assert len(table([found, blind]).splitlines()) == 4
+    assert table([found, blind]).count("\n| one soil |") == 2
 
 
 def test_intervals_are_wilsons():
@@ -135,7 +137,9 @@ def test_the_script_draws_its_picture(tmp_path):
     spec = importlib.util.spec_from_file_location("closed_loop", SCRIPT)
     script = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(script)
-    scores = {one.name: one for one in script.main(tmp_path / "out.png", routes=4, sites=1, stretches=3)}
+    found, text = script.main(tmp_path / "out.png", routes=4, sites=1, stretches=3)
+    scores = {one.name: one for one in found}
+    assert text.count("\n\n") == 2
     assert (tmp_path / "out.png").stat().st_size > 10_000
     assert scores[script.TRUTH].outcomes[ARRIVED].value == 1.0
     assert set(script.COLOURS) == set(CLASSES)

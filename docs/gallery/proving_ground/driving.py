@@ -35,6 +35,22 @@ class Stop:
 
 
 @dataclass(frozen=True)
+class Held:
+    """Does what was taken for granted hold on p patches, each on one cell: neighbouring cells are much the same.
+
+    Parameters
+    ----------
+    patch : (p,) int
+        Their numbers.
+    bounds : (p, 3) bool
+        Of acceleration, braking and side force.
+    """
+
+    patch: np.ndarray
+    bounds: np.ndarray
+
+
+@dataclass(frozen=True)
 class Ride:
     """How a route went.
 
@@ -48,15 +64,15 @@ class Ride:
         Of the route; NaN where there is none.
     stops
         Emergency stops, each as if it were the only one.
-    held : (p, 3) bool
-        By patch crossed, on the middle one of its cells: do the bounds of acceleration, braking and side force hold?
+    held
+        On the patches crossed, what was taken for granted.
     """
 
     outcome: str
     time_s: float = math.nan
     length_m: float = math.nan
     stops: tuple[Stop, ...] = ()
-    held: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), dtype=bool))
+    held: Held = field(default_factory=lambda: Held(np.zeros(0, dtype=int), np.zeros((0, 3), dtype=bool)))
 
 
 def ride(site: Site, planner: Planner, route: Route | None, rng: np.random.Generator) -> Ride:
@@ -134,12 +150,14 @@ def stopping_m(speed: np.ndarray, braking: np.ndarray, side: np.ndarray, bend: n
     return math.inf
 
 
-def held_by_patch(site: Site, planner: Planner, rows: np.ndarray) -> np.ndarray:
-    """See whether the bounds hold on the middle one of the cells (n,) on each patch, (p, 3); unknown ones left out."""
+def held_by_patch(site: Site, planner: Planner, rows: np.ndarray) -> Held:
+    """See what holds on each patch of cells (n,): on the middle one of those that are known."""
     rows = rows[planner.ground.known[rows]]
     patch = site.patch.ravel()[rows]
-    middle = [np.flatnonzero(patch == each) for each in np.unique(patch)]
-    picked = rows[[each[len(each) // 2] for each in middle]] if middle else rows[:0]
+    numbers = np.unique(patch)
+    cells = [np.flatnonzero(patch == each) for each in numbers]
+    picked = rows[np.array([each[len(each) // 2] for each in cells], dtype=int)]
     bounds = (planner.ground.acceleration_lower, planner.ground.braking_lower, planner.ground.side_lower)
     truth = (site.acceleration, site.braking, site.side)
-    return np.stack([true.ravel()[picked] >= bound[picked] for true, bound in zip(truth, bounds, strict=True)], axis=1)
+    held = [true.ravel()[picked] >= bound[picked] for true, bound in zip(truth, bounds, strict=True)]
+    return Held(numbers, np.stack(held, axis=1))

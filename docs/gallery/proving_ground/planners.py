@@ -62,12 +62,12 @@ class Route:
     speed: np.ndarray
 
 
-def by_database(name: str, snapshot: Snapshot) -> Planner:
+def by_database(name: str, snapshot: Snapshot, confidence: float = CONFIDENCE) -> Planner:
     """Plan with lower bounds from the terrain database."""
-    answer = snapshot.along(centres(), confidence=CONFIDENCE)
+    answer = snapshot.along(centres(), confidence=confidence)
 
     def speeds(path: np.ndarray) -> SpeedLimit:
-        return snapshot.along(path, confidence=CONFIDENCE).speed_limit(VEHICLE, **SETTINGS)
+        return snapshot.along(path, confidence=confidence).speed_limit(VEHICLE, **SETTINGS)
 
     return Planner(name, answer.traction(VEHICLE), speeds)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import binomtest
 
-from .driving import ARRIVED, IMMOBILISED, NO_ROUTE, OFF, ROUNDING, Ride
+from .driving import ARRIVED, IMMOBILISED, NO_ROUTE, OFF, ROUNDING, Held, Ride
 from .planners import SIGHT_M
 
 RESAMPLES = 2000
@@ -53,6 +53,8 @@ class Score:
     bounds
         Shares of the patches crossed on which acceleration, braking and side force are at least what was taken for
         granted.
+    fresh
+        Share of the patches crossed on which nobody crept on which all three are.
     worst_site
         The least of `bounds` on any one site.
     """
@@ -63,25 +65,52 @@ class Score:
     longer: Share
     unseen: Share
     bounds: tuple[Share, ...]
+    fresh: Share
     worst_site: float
 
 
-def score(name: str, rides: Sequence[Sequence[Ride]], truth: Sequence[Sequence[Ride]], seed: int = 0) -> Score:
-    """Sum up the rides of a planner by site, beside those of the one that knows the truth."""
+def score(
+    name: str, rides: Sequence[Sequence[Ride]], truth: Sequence[Sequence[Ride]], visited: Sequence[np.ndarray],
+    seed: int = 0,
+) -> Score:  # fmt: skip
+    """Sum up the rides of a planner by site, beside those of the one that knows the truth.
+
+    Parameters
+    ----------
+    name
+        The planner.
+    rides, truth
+        By site and pair.
+    visited
+        By site, the numbers of the patches on which the rover crept.
+    seed
+        Of the bootstrap.
+    """
     every = [one for site in rides for one in site]
     outcome = np.array([one.outcome for one in every])
     stops = [stop for one in every for stop in one.stops]
     promised, achieved = np.array([(stop.promised, stop.achieved) for stop in stops]).reshape(-1, 2).T
-    held = [np.concatenate([one.held for one in site]) for site in rides]
+    held = [_joined([one.held for one in site]) for site in rides]
     return Score(
         name,
         {each: Share.of(outcome == each) for each in (ARRIVED, IMMOBILISED, OFF, NO_ROUTE)},
         _time_ratio(rides, truth, np.random.default_rng(seed)),
         Share.of((achieved > (1.0 + ROUNDING) * promised)[np.isfinite(promised)]),
         Share.of(achieved > (1.0 + ROUNDING) * SIGHT_M),
-        tuple(Share.of(column) for column in np.concatenate(held).T),
-        min((float(each.mean(axis=0).min()) for each in held if len(each)), default=np.nan),
+        tuple(Share.of(column) for column in np.concatenate([each.bounds for each in held]).T),
+        fresh_share(held, visited),
+        min((float(each.bounds.mean(axis=0).min()) for each in held if len(each.bounds)), default=np.nan),
     )
+
+
+def fresh_share(held: Sequence[Held], visited: Sequence[np.ndarray]) -> Share:
+    """Give the share of the patches on which nobody crept, of all sites, on which all three bounds hold."""
+    fresh = [each.bounds[~np.isin(each.patch, there)] for each, there in zip(held, visited, strict=True)]
+    return Share.of(np.concatenate(fresh).all(axis=1))
+
+
+def _joined(parts: Sequence[Held]) -> Held:
+    return Held(np.concatenate([each.patch for each in parts]), np.concatenate([each.bounds for each in parts]))
 
 
 def _time_ratio(
@@ -103,20 +132,39 @@ def _time_ratio(
 
 
 def table(scores: Sequence[Score]) -> str:
-    """Lay the scores out as Markdown: shares in per cent, with 95 % intervals."""
-    heads = (
-        "planner", "arrived", "immobilised", "left the path", "no route", "time / truth's",
-        "stops longer than promised", "than seen", "acceleration held", "braking held", "side force held",
-        "worst site", "routes, stops, patches",
-    )  # fmt: skip
-    lines = ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
+    """Lay the scores out as two Markdown tables: shares in per cent, with 95 % intervals."""
+    routes = [("planner", "routes", ARRIVED, IMMOBILISED, OFF, NO_ROUTE, "time over the truth's, routes")]
+    bounds = [
+        (
+            "planner", "stops", "longer than promised", "longer than seen", "patches", "acceleration held",
+            "braking held", "side force held", "all three where nobody crept", "least on a site",
+        )
+    ]  # fmt: skip
     for one in scores:
         ratio, low, high, count = one.time_ratio
-        cells = (
-            one.name, *map(str, one.outcomes.values()),
-            f"{ratio:.2f} ({low:.2f} to {high:.2f}), {count}" if count else "none", str(one.longer), str(one.unseen),
-            *map(str, one.bounds), f"{100 * one.worst_site:.1f}",
-            f"{one.outcomes[ARRIVED].count}, {one.longer.count}, {one.bounds[0].count}",
+        time = f"{ratio:.2f} ({low:.2f} to {high:.2f}), {count}" if count else "none"
+        total = one.outcomes[ARRIVED].count
+        routes.append((one.name, str(total), *map(str, one.outcomes.values()), time))
+        bounds.append(
+            (
+                one.name, str(one.unseen.count), str(one.longer), str(one.unseen), str(one.bounds[0].count),
+                *map(str, one.bounds), str(one.fresh), f"{100.0 * one.worst_site:.1f}",
+            )
         )  # fmt: skip
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+    return "\n\n".join("\n".join(_lines(rows)) for rows in (routes, bounds))
+
+
+def calibration_table(found: Sequence[tuple[float, Sequence[Held]]], visited: Sequence[np.ndarray]) -> str:
+    """Lay out as Markdown how many bounds hold, by the confidence asked: one cell of each patch of all sites."""
+    rows = [("confidence [%]", "patches", "acceleration held", "braking held", "side force held",
+             "all three where nobody crept")]  # fmt: skip
+    for confidence, held in found:
+        bounds = _joined(held).bounds
+        shares = (*(Share.of(column) for column in bounds.T), fresh_share(held, visited))
+        rows.append((f"{100.0 * confidence:g}", str(len(bounds)), *map(str, shares)))
+    return "\n".join(_lines(rows))
+
+
+def _lines(rows: Sequence[tuple[str, ...]]) -> list[str]:
+    lines = ["| " + " | ".join(row) + " |" for row in rows]
+    return [lines[0], "|---" * len(rows[0]) + "|", *lines[1:]]
