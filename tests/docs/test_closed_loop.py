@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import importlib.util
 import math
-from pathlib import Path
 
+import closed_loop as script
 import numpy as np
 import pytest
 from bevameter.framework.core.vehicle import Wheel
@@ -27,8 +26,6 @@ from proving_ground.planners import (
 from proving_ground.score import Share, score, table
 from proving_ground.site import CELLS, CLASSES, VEHICLE, make_site, vehicle_forces
 from scipy.constants import g
-
-SCRIPT = Path(__file__).resolve().parents[2] / "docs" / "gallery" / "closed_loop.py"
 
 
 @pytest.fixture(scope="module")
@@ -134,9 +131,6 @@ def test_bounds_of_what_was_learnt_hold(site, tmp_path):
 
 @pytest.mark.slow
 def test_the_script_draws_its_picture(tmp_path):
-    spec = importlib.util.spec_from_file_location("closed_loop", SCRIPT)
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
     found, text = script.main(tmp_path / "out.png", routes=4, sites=1, stretches=3)
     scores = {one.name: one for one in found}
     assert text.count("\n\n") == 2
