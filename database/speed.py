@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from ..framework.core.arguments import number, numbers, refused
 from ..framework.core.errors import InputError
 from ..framework.core.vehicle import Vehicle
-from .traction import traction
+from .traction import Traction, traction
 
 if TYPE_CHECKING:
     from .answer import GroundAnswer
@@ -54,9 +54,9 @@ def speed_limit(
     """Find the greatest speed at each place of a path.
 
     Side force and braking share what the ground bears (friction ellipse; J. Y. Wong, "Theory of Ground Vehicles", 4th
-    ed. (2008), Sec. 1.4), by the lower bounds of both. From each place the vehicle can stop within the distance seen,
-    after its reaction time, and slow down to the limits that follow. Ground on which it may not move on has the limit
-    0.
+    ed. (2008), Sec. 1.4), by the lower bounds of both. From each place the vehicle can stop on its path within the
+    distance seen, after its reaction time, and slow down to the limits that follow. Ground on which it may not move on
+    has the limit 0.
 
     Parameters
     ----------
@@ -88,8 +88,28 @@ def speed_limit(
     ground = traction(answer, vehicle, pitch=pitch, roll=roll, load_N=load_N)
     bend = _curvature(answer) if curvature is None else _given(curvature, len(answer))
     step_m = np.hypot(np.diff(answer.x), np.diff(answer.y))
-    limit = np.full(len(answer), most)
-    reason = np.full(len(answer), VEHICLE, dtype=object)
+    return limits(ground, bend, step_m, sight_m=sight, most_m_s=most, unknown_m_s=unknown, reaction_s=reaction)
+
+
+def limits(
+    ground: Traction, bend: np.ndarray, step_m: np.ndarray, *, sight_m: float, most_m_s: float, unknown_m_s: float,
+    reaction_s: float,
+) -> SpeedLimit:  # fmt: skip
+    """Find the greatest speeds of `speed_limit` on n places of such traction, wherever that is known from.
+
+    Parameters
+    ----------
+    ground
+        Of the n places.
+    bend : (n,)
+        Curvature, not negative [1/m].
+    step_m : (n - 1,)
+        Way between neighbours [m].
+    sight_m, most_m_s, unknown_m_s, reaction_s
+        As `speed_limit`.
+    """
+    limit = np.full(len(bend), most_m_s)
+    reason = np.full(len(bend), VEHICLE, dtype=object)
 
     def bind(speeds: np.ndarray | float, why: np.ndarray | str, where: np.ndarray | bool = True) -> None:
         lower = where & (speeds < (1.0 - _ROUNDING) * limit)
@@ -100,9 +120,9 @@ def speed_limit(
         ground.braking_lower, ground.side_lower))  # fmt: skip
     with np.errstate(divide="ignore", invalid="ignore"):
         bind(np.nan_to_num(np.sqrt(side / bend), nan=math.inf), CURVE, ground.known)
-    bind(_stopping(braking, ground.known, step_m, sight, reaction), SIGHT, ground.known)
+    bind(_stopping(braking, side, ground.known, bend, step_m, sight_m, reaction_s), SIGHT, ground.known)
     bind(0.0, STUCK, ground.known & ~(ground.acceleration_lower > 0.0))
-    bind(unknown, ground.reason, ~ground.known)
+    bind(unknown_m_s, ground.reason, ~ground.known)
     bind(_slowing(limit, braking, side, bend, step_m), AHEAD)
     return SpeedLimit(limit, reason)
 
@@ -134,26 +154,33 @@ def _curvature(answer: GroundAnswer) -> np.ndarray:
     return bend
 
 
-def _stopping(
-    braking: np.ndarray, known: np.ndarray, step_m: np.ndarray, sight_m: float, reaction_s: float
-) -> np.ndarray:
-    """Speed (n,) from which the vehicle stops within the distance seen, on the weakest known ground of it."""
-    weakest = _least_ahead(np.where(known, braking, math.inf), step_m, sight_m)
-    weakest = np.minimum(weakest, np.where(known, braking, math.inf))
-    with np.errstate(invalid="ignore"):
-        found = np.sqrt((weakest * reaction_s) ** 2 + 2.0 * weakest * sight_m) - weakest * reaction_s
-    return np.where(np.isfinite(weakest), found, math.inf)
-
-
 @njit(cache=True)
-def _least_ahead(values, step_m, reach_m):
-    answer = values.copy()
-    for at in range(len(values)):
-        way, ahead = 0.0, at
-        while ahead < len(step_m) and way + step_m[ahead] <= reach_m:
-            way += step_m[ahead]
-            ahead += 1
-            answer[at] = min(answer[at], values[ahead])
+def _stopping(braking, side, known, bend, step_m, sight_m, reaction_s):
+    """Speeds (n,) from which the vehicle stops on its path within the distance seen, by what each place of it bears.
+
+    Infinite where it sees unknown ground, where nothing is promised of braking: it slows down before that in any case.
+    """
+    answer = np.full(len(braking), math.inf)
+    for at in range(len(braking)):
+        last, way, sure = at, 0.0, known[at]
+        while sure and last < len(step_m) and way + step_m[last] <= sight_m:
+            way += step_m[last]
+            last += 1
+            sure = known[last]
+        if not sure:
+            continue
+        # v^2 at which braking has to begin, from the end of sight back to where the reaction ends.
+        rest = sight_m - way
+        square = _before(0.0, 2.0 * braking[last] * rest, side[last], bend[last])
+        slope = -square / rest if rest > 0.0 else 0.0
+        while last > at and math.sqrt(square) * reaction_s < way:
+            last -= 1
+            way -= step_m[last]
+            then, square = square, _slower(square, last, braking, side, bend, step_m)
+            slope = (then - square) / step_m[last] if step_m[last] > 0.0 else 0.0
+        # v^2 = square + slope (v t - way) within this step.
+        late, way = slope * reaction_s, max(way, 0.0)
+        answer[at] = 0.5 * (late + math.sqrt(late**2 + 4.0 * (square - slope * way)))
     return answer
 
 
@@ -162,17 +189,26 @@ def _slowing(limit, braking, side, bend, step_m):
     """Speeds (n,) from which braking still reaches the limit of every place that follows."""
     answer = limit.copy()
     for at in range(len(limit) - 2, -1, -1):
-        # v^2 - then^2 = 2 a step with a by the friction ellipse at v: a quadratic equation for v^2.
-        then, gained = answer[at + 1] ** 2, 2.0 * min(braking[at], braking[at + 1]) * step_m[at]
-        held, most_bent = min(side[at], side[at + 1]), max(bend[at], bend[at + 1])
-        if most_bent == 0.0:
-            square = then + gained
-        elif most_bent * then >= held:
-            square = then
-        else:
-            used = most_bent / held
-            root = math.sqrt(1.0 + used**2 * (gained**2 - then**2))
-            square = (then + gained * root) / (1.0 + (gained * used) ** 2)
-        slower = math.sqrt(square)
-        answer[at] = min(answer[at], slower)
+        answer[at] = min(answer[at], math.sqrt(_slower(answer[at + 1] ** 2, at, braking, side, bend, step_m)))
     return answer
+
+
+@njit(cache=True)
+def _slower(then, at, braking, side, bend, step_m):
+    """v^2 at a place from which braking leads to v^2 `then` at the next; the weaker of both places counts."""
+    gained = 2.0 * min(braking[at], braking[at + 1]) * step_m[at]
+    return _before(then, gained, min(side[at], side[at + 1]), max(bend[at], bend[at + 1]))
+
+
+@njit(cache=True)
+def _before(then, gained, held, bend):
+    """v^2 from which braking leads to v^2 `then`, where it takes `gained` off on the straight.
+
+    By the friction ellipse v^2 falls by gained sqrt(1 - u^2 v^4), u = bend / held: u v^2 is a sine of the way.
+    """
+    if bend == 0.0:
+        return then + gained
+    if bend * then >= held:
+        return then
+    used = bend / held
+    return math.sin(min(math.asin(used * then) + used * gained, 0.5 * math.pi)) / used

@@ -137,6 +137,17 @@ def test_the_exports_page_names_every_layer():
     assert set(LAYERS) <= {name for row in rows for name in re.findall(r"`(\w+)`", row)}
 
 
+def test_the_example_of_the_planning_page_runs(terrain, monkeypatch, capsys):
+    (example,) = blocks("docs/planning.md", "python")
+    (terrain / "example.py").write_text(example, encoding="utf-8")
+    monkeypatch.chdir(terrain)
+    runpy.run_path("example.py")
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 29
+    assert "m/s by " in lines[0]
+    assert "0.3 m/s by no soil data for class grass" in lines[-1]
+
+
 def test_the_examples_of_the_recording_page_are_read(tmp_path):
     about, vehicle, topics = blocks("docs/recording.md", "toml")
     About.model_validate(tomllib.loads(about))
