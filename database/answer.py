@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..framework.core.arguments import number, refused
 from ..framework.core.pooling import pooled
 from ..framework.core.vehicle import Vehicle
 from .belief import Cells
@@ -174,12 +175,18 @@ class GroundAnswer:
         return self._table.label[self._rows].tolist()
 
     def aged(self, half_life: float) -> GroundAnswer:
-        """Return the answer with evidence of each cell that halves in so many seconds; see `Snapshot.along`."""
+        """Return the answer with evidence of each cell that halves in so many seconds; see `Snapshot.along`.
+
+        Ground whose soil is not known stays so: ageing must not thin out the class whose soil is lacking.
+        """
+        if not number("half_life", half_life, "a positive number [s]") > 0.0:  # nor is NaN
+            raise refused("half_life", half_life, "a positive number [s]")
         cells, table = self._table.cells, self._table
         there = self._rows >= 0
         own = self._rows[there]
         age = np.maximum(self._moment - cells.seen_s[own], 0.0)
         count = np.where(np.isnan(age), 0.0, 0.5 ** (age / half_life))
+        count[~table.known[own]] = 1.0
         logs = np.log(np.maximum(cells.probability[own], np.finfo(float).tiny))
         aged = Cells(
             cells.key[own], pooled(count[:, None] * logs), cells.seen_s[own], cells.looks[own], cells.reason[own],

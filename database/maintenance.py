@@ -137,7 +137,9 @@ def _remove_drive(database: TerrainDatabase, drive_id: uuid.UUID) -> bool:
     """Remove a drive and all that belongs to it; False where it is in use again."""
     drive = table_of(DriveRow)
     with database.writing() as connection:
-        # Nothing is changed by it, but from here on no other process can bring the drive back into use.
+        # From here on no other process can bring the drive back into use: the first holds on PostgreSQL, the second,
+        # which changes nothing, on SQLite.
+        connection.execute(select(drive.c.id).where(drive.c.id == drive_id).with_for_update())
         connection.execute(update(drive).where(drive.c.id == drive_id).values(name=drive.c.name))
         if drive_id not in {row.id for row in _replaced(connection)}:
             return False

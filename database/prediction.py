@@ -12,7 +12,7 @@ from scipy.constants import g as GRAVITY
 from ..framework.core.arguments import numbers, refused
 from ..framework.core.errors import InputError
 from ..framework.core.vehicle import Vehicle
-from .class_draws import shape
+from .class_draws import DRAWS, shape
 from .mixture import MixtureTable
 
 if TYPE_CHECKING:
@@ -90,15 +90,28 @@ class AtPlaces:
 def predict(
     answer: GroundAnswer, vehicle: Vehicle, loads: tuple[float, ...], slips: tuple[float, ...], draws: Draws
 ) -> AtPlaces:
-    """Predict a quantity at the places of an answer; by class it is remembered: planners ask the same again."""
+    """Predict a quantity at the places of an answer; by class it is remembered: planners ask the same again.
+
+    Raises
+    ------
+    InputError
+        More confidence than so many draws can bear.
+    """
     snapshot = answer.snapshot
+    if answer.confidence > 1.0 - 1.0 / DRAWS:
+        raise InputError(
+            "confidence", f"{answer.confidence!r}", expected=f"at most {1.0 - 1.0 / DRAWS:.4g} for what wheels do"
+        )
     key = (draws, tuple(map(shape, vehicle.wheels)), loads, slips)
     found = snapshot.remembered(key, lambda: _by_class(snapshot, vehicle, loads, np.array(slips), draws))
     weight, known, reason = _weights(answer, found)
     level = weight.sum(axis=1) - answer.confidence  # the mass of classes not known counts as not carrying at all
     lower = np.stack([table.lower_bound(weight, level) for table in found.bounds], axis=1)
     if answer.fresh is not None:
-        lower = np.fmin(lower, predict(answer.fresh, vehicle, loads, slips, draws).lower)
+        fresh = predict(answer.fresh, vehicle, loads, slips, draws)
+        reason = np.where(fresh.known, reason, fresh.reason)
+        known, lower = known & fresh.known, np.minimum(lower, fresh.lower)
+        weight = np.where(known[:, None], weight, 0.0)
     return AtPlaces(found, known, reason, weight, np.where(known[:, None], lower, np.nan))
 
 

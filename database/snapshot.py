@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 DEFAULT_NORMAL_STRESS = 20e3
 """Normal stress [Pa] at which strength is given where nobody says: about what a light rover's wheel exerts."""
 
+_GREATEST_STRESS = 1e9
+"""No wheel presses harder [Pa]."""
+
 _TABLES, _REMEMBERED = 8, 256
 """Most tables of all cells, and most other results, that are kept."""
 
@@ -278,7 +281,7 @@ class Snapshot:
     ) -> GroundAnswer:
         moment = time.time() if now is None else _posix(now)
         answer = GroundAnswer(self, self._table(normal_stress, confidence), rows, places, moment)
-        return answer if half_life is None else answer.aged(_positive(half_life))
+        return answer if half_life is None else answer.aged(half_life)
 
     @cached_property
     def _index(self) -> CellIndex:
@@ -311,18 +314,11 @@ def _asked(normal_stress: float, confidence: float) -> tuple[float, float]:
     """Check a normal stress [Pa] and a confidence [-]; raises `InputError`."""
     stress = number("normal stress", normal_stress, "a number [Pa]")
     level = number("confidence", confidence, "a number")
-    if not (math.isfinite(stress) and stress >= 0):
-        raise InputError("normal stress", f"{normal_stress!r}", expected="a finite number, not negative [Pa]")
+    if not 0.0 <= stress <= _GREATEST_STRESS:
+        raise InputError("normal stress", f"{normal_stress!r}", expected=f"0 to {_GREATEST_STRESS:g} [Pa]")
     if not 0.5 <= level < 1.0:
         raise InputError("confidence", f"{confidence!r}", expected="at least 0.5 and less than 1")
     return stress, level
-
-
-def _positive(half_life: float) -> float:
-    value = number("half_life", half_life, "a positive number [s]")
-    if not value > 0.0:  # nor is NaN
-        raise refused("half_life", half_life, "a positive number [s]")
-    return value
 
 
 def _posix(now: float | datetime) -> float:

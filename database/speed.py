@@ -85,9 +85,12 @@ def speed_limit(
             ("sight_m", sight_m), ("most_m_s", most_m_s), ("unknown_m_s", unknown_m_s), ("reaction_s", reaction_s)
         )
     )  # fmt: skip
+    if not math.isfinite(reaction):
+        raise refused("reaction_s", reaction_s, "a finite time [s]")
     ground = traction(answer, vehicle, pitch=pitch, roll=roll, load_N=load_N)
     bend = _curvature(answer) if curvature is None else _given(curvature, len(answer))
-    step_m = np.hypot(np.diff(answer.x), np.diff(answer.y))
+    # Nothing is promised of braking on the way to and from a place that is no number.
+    step_m = np.nan_to_num(np.hypot(np.diff(answer.x), np.diff(answer.y)))
     return limits(ground, bend, step_m, sight_m=sight, most_m_s=most, unknown_m_s=unknown, reaction_s=reaction)
 
 
@@ -119,7 +122,7 @@ def limits(
     braking, side = (np.where(ground.known, np.maximum(each, 0.0), 0.0) for each in (
         ground.braking_lower, ground.side_lower))  # fmt: skip
     with np.errstate(divide="ignore", invalid="ignore"):
-        bind(np.nan_to_num(np.sqrt(side / bend), nan=math.inf), CURVE, ground.known)
+        bind(np.nan_to_num(np.sqrt(side / bend), nan=math.inf, posinf=math.inf), CURVE, ground.known)
     bind(_stopping(braking, side, ground.known, bend, step_m, sight_m, reaction_s), SIGHT, ground.known)
     bind(0.0, STUCK, ground.known & ~(ground.acceleration_lower > 0.0))
     bind(unknown_m_s, ground.reason, ~ground.known)
@@ -142,16 +145,22 @@ def _given(curvature: ArrayLike, count: int) -> np.ndarray:
 
 
 def _curvature(answer: GroundAnswer) -> np.ndarray:
-    """Curvature of the circle through each place and its neighbours (n,) [1/m]; at the ends that of the next place."""
-    x, y = answer.x, answer.y
+    """Curvature of the circle through each place and its neighbours (n,) [1/m]; at the ends that of the next place.
+
+    A place that is repeated counts once. Where the path turns back it is infinite.
+    """
+    moved = (np.diff(answer.x, prepend=math.nan) != 0.0) | (np.diff(answer.y, prepend=math.nan) != 0.0)
+    x, y = answer.x[moved], answer.y[moved]
     bend = np.zeros(len(x))
     if len(x) > 2:
         first, second = (np.array([np.diff(each)[at] for each in (x, y)]) for at in (slice(None, -1), slice(1, None)))
-        sides = np.hypot(*first) * np.hypot(*second) * np.hypot(x[2:] - x[:-2], y[2:] - y[:-2])
-        area = np.abs(first[0] * second[1] - first[1] * second[0])
-        bend[1:-1] = np.divide(2.0 * area, sides, out=np.zeros(len(x) - 2), where=sides > 0.0)
+        chord = np.hypot(x[2:] - x[:-2], y[2:] - y[:-2])
+        cross, along = np.abs(first[0] * second[1] - first[1] * second[0]), (first * second).sum(axis=0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            bend[1:-1] = 2.0 * cross / (np.hypot(*first) * np.hypot(*second) * chord)
+        bend[1:-1][(along < 0.0) & (cross <= -_ROUNDING * along)] = math.inf
         bend[0], bend[-1] = bend[1], bend[-2]
-    return bend
+    return np.where(np.isnan(bend), 0.0, bend)[np.cumsum(moved) - 1]
 
 
 @njit(cache=True)
@@ -208,7 +217,7 @@ def _before(then, gained, held, bend):
     """
     if bend == 0.0:
         return then + gained
-    if bend * then >= held:
+    if bend == math.inf or bend * then >= held:
         return then
     used = bend / held
     return math.sin(min(math.asin(used * then) + used * gained, 0.5 * math.pi)) / used

@@ -111,7 +111,10 @@ def _at_load(
     """Mean and lower bound (n,) of a force [N] where so much of the load is `left` (n,) [-], at the slip with the
     greatest bound.
     """
-    full, least = predict(answer, vehicle, loads, slips, draws), _LOAD_STEP * math.floor(left.min() / _LOAD_STEP)
+    full, least = (
+        predict(answer, vehicle, loads, slips, draws),
+        _LOAD_STEP * math.floor(left.min(initial=1.0) / _LOAD_STEP),
+    )
     row, lower = full.best()
     if not (left < 1.0).any():
         return full.mean(row), lower
@@ -119,7 +122,11 @@ def _at_load(
     light_row, light_lower = light.best()
     share = (1.0 - left) / (1.0 - least)
     pairs = ((full.mean(row), light.mean(light_row)), (lower, light_lower))
-    mean, bound = (np.where(share > 0.0, (1.0 - share) * level + share * steep, level) for level, steep in pairs)
+    with np.errstate(invalid="ignore"):  # of -inf at an end
+        mean, bound = (
+            np.where(share <= 0.0, level, np.where(share >= 1.0, steep, (1.0 - share) * level + share * steep))
+            for level, steep in pairs
+        )
     return mean, bound
 
 

@@ -157,6 +157,48 @@ def test_it_slows_down_for_unknown_ground_and_for_ground_that_may_not_carry_it_o
         assert set(found.reason[: before[0]]) == {VEHICLE}
 
 
+def test_paths_as_they_come(view):
+    """Places repeated where two segments meet, a place that is no number, a path that turns back, no path at all."""
+    corner = np.array([(5.0, 1.0), (6.0, 1.0), (7.0, 1.0), (7.0, 1.9), (7.0, 1.95)])
+    repeated = corner[[0, 1, 2, 2, 3, 4]]
+    limits = [view.along(path).speed_limit(ROVER, sight_m=50.0, most_m_s=8.0).limit_m_s for path in (corner, repeated)]
+    np.testing.assert_allclose(limits[1], limits[0][[0, 1, 2, 2, 3, 4]])
+    assert limits[0][2] < 4.0
+    path = lane(SAND, np.linspace(0.0, 10.0, 11))
+    path[5] = math.nan
+    found = view.along(path).speed_limit(ROVER, sight_m=50.0, most_m_s=8.0)
+    assert found.limit_m_s[[4, 5]].tolist() == [0.0, 0.0]
+    assert found.reason[[4, 5]].tolist() == [AHEAD, "the place is not a finite number"]
+    there_and_back = lane(SAND, np.concatenate([np.arange(1.0, 11.0), np.arange(9.0, 1.0, -1.0)]))
+    found = view.along(there_and_back).speed_limit(ROVER, sight_m=50.0, most_m_s=8.0)
+    assert (found.limit_m_s[9], found.reason[9]) == (0.0, CURVE)
+    assert found.limit_m_s[[0, 17]].min() > 1.0
+    nowhere = view.along(np.zeros((0, 2)))
+    assert len(nowhere.speed_limit(ROVER, sight_m=5.0, most_m_s=8.0).limit_m_s) == 0
+    endless = view.along(lane(SAND, np.arange(9.0))).speed_limit(ROVER, sight_m=math.inf, most_m_s=math.inf)
+    assert np.isinf(endless.limit_m_s).all()
+
+
+def test_a_load_that_level_ground_does_not_carry(view):
+    answer = view.along([(1.0, 1.0)])
+    least = math.acos(0.9)
+    found = answer.traction(ROVER, pitch=least, load_N=40_000.0)
+    assert found.acceleration_lower.tolist() == [-math.inf]
+
+
+def test_age_makes_no_ground_known(make):
+    """Spread over all classes, that whose soil is lacking weighs less."""
+    names = tuple(f"class {letter}" for letter in "abcd")
+    terrain = make.seen([(0, 0)], [[0.9, 0.05, 0.03, 0.02]], classes=names)
+    soils = tuple(make.soil({name: 1.0}) for name in names[1:])
+    view = Snapshot.derive("quarry", [make.drive(terrain=terrain, soils=soils)])
+    old = view.at(0.1, 0.1, confidence=0.6, half_life=86400.0, now=4e9)
+    assert (old.known.tolist(), old.reason.tolist()) == ([False], ["no soil data for class class a"])
+    assert np.isnan(old.shear_strength[0])
+    assert np.isnan(old.drawbar_pull(ROVER, 0.2).lower[0])
+    assert old.speed_limit(ROVER, sight_m=5.0, most_m_s=3.0).limit_m_s.tolist() == [0.0]
+
+
 def test_braking_in_a_curve_is_what_side_force_leaves(view):
     """The friction ellipse: from a limit ahead back along a curve, speeds rise more slowly than on the straight."""
     path = np.concatenate([lane(CLAY, np.linspace(0.0, 20.0, 81)), lane(MUD, np.linspace(20.25, 22.0, 8))])
@@ -176,12 +218,18 @@ def test_braking_in_a_curve_is_what_side_force_leaves(view):
     assert share[np.flatnonzero(curved.reason == AHEAD)[0] : 80].min() > 0.999
 
 
+def test_more_confidence_than_the_draws_can_bear(view):
+    with pytest.raises(InputError, match=r"confidence: 0\.999 .expected at most 0\.9961 for what wheels do"):
+        view.along([(1.0, 1.0)], confidence=0.999).traction(ROVER)
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
         ({"sight_m": -1.0}, "sight_m: -1.0 .expected a number, not negative"),
         ({"most_m_s": math.nan}, "most_m_s: nan"),
         ({"unknown_m_s": "slow"}, "unknown_m_s: 'slow'"),
+        ({"reaction_s": math.inf}, "reaction_s: inf .expected a finite time"),
         ({"curvature": [0.0]}, "curvature: 1 numbers"),
         ({"pitch": 2.0}, "pitch: 2 .expected a slope within"),
         ({"roll": [0.1, 0.1]}, "roll: 2 numbers"),
