@@ -118,6 +118,7 @@ def rasterise(
     normal_stress: float,
     confidence: float,
     now: float | datetime | None,
+    half_life: float | None,
 ) -> Grid:
     """Sample a snapshot at the centres of a raster's cells; `Snapshot.grid` is its door."""
     x0, y0, x1, y1 = _corners(bounds)
@@ -128,7 +129,9 @@ def rasterise(
     shape = _shape(x1 - x0, y1 - y0, edge)
     places = np.empty((*shape, 2))
     places[:, :, 0], places[:, :, 1] = _centres(x0, shape[1], edge), _centres(y0, shape[0], edge)[:, None]
-    answer = view.along(places.reshape(-1, 2), normal_stress=normal_stress, confidence=confidence, now=now)
+    answer = view.along(
+        places.reshape(-1, 2), normal_stress=normal_stress, confidence=confidence, now=now, half_life=half_life
+    )
     found = {name: _LAYERS[name](answer).reshape(shape) for name in names}
     for layer in found.values():
         layer.setflags(write=False)

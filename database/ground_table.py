@@ -156,7 +156,7 @@ class GroundTable:
         return answer
 
     def _far(self, soil: ClassSoil) -> bool:
-        """Say whether the normal stress is far from those driven; where these are not known, nobody can say so."""
+        """Whether the normal stress is beyond those driven by `FAR_FROM_DRIVEN`; False where these are not known."""
         least, greatest = soil.normal_stress_Pa
         return self.normal_stress > FAR_FROM_DRIVEN * greatest or self.normal_stress * FAR_FROM_DRIVEN < least
 

@@ -24,6 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -167,7 +168,7 @@ class ClassSoil:
 
     name: str
     strength: RandomEffects
-    others: dict[str, RandomEffects]
+    others: Mapping[str, RandomEffects]
     stretches: int
     weight: float
     normal_stress_Pa: tuple[float, float]
@@ -222,7 +223,7 @@ def _class_soil(name: str, stretches: list[tuple[SoilObservation, float]]) -> Cl
     return ClassSoil(
         name,
         random_effects(means, noise, weight, prior),
-        other_parameters([estimate.parameters for estimate in estimates], weight),
+        MappingProxyType(other_parameters([estimate.parameters for estimate in estimates], weight)),
         len(stretches),
         float(np.sum(weight)),
         (_nan_extreme(np.min, stresses[:, 0]), _nan_extreme(np.max, stresses[:, 1])),

@@ -30,7 +30,7 @@ BUSY_TIMEOUT_S = 60.0
 """How long a writer waits for another process that writes to the same SQLite file [s]."""
 
 READ_IF_CUT_OFF = "PRAGMA writable_schema = ON"
-"""Lets SQLite read what is there of a file that lacks its last pages, instead of nothing."""
+"""Makes SQLite read the tables of a truncated file up to its end; it refuses such a file otherwise."""
 
 EXPECTED = "a terrain database of Bevameter"
 _OUR_TABLES = frozenset(Base.metadata.tables)

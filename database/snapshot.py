@@ -34,7 +34,7 @@ DEFAULT_NORMAL_STRESS = 20e3
 _GREATEST_STRESS = 1e9
 """No wheel presses harder [Pa]."""
 
-_TABLES, _REMEMBERED = 8, 256
+_TABLES, _REMEMBERED = 8, 64
 """Most tables of all cells, and most other results, that are kept."""
 
 
@@ -211,6 +211,7 @@ class Snapshot:
         normal_stress: float = DEFAULT_NORMAL_STRESS,
         confidence: float = 0.95,
         now: float | datetime | None = None,
+        half_life: float | None = None,
     ) -> Grid:
         """Sample a region as a regular raster; else as `along`.
 
@@ -236,7 +237,10 @@ class Snapshot:
         InputError
             Also where bounds, resolution or layers are none, or the grid has more than `grid.MOST_CELLS` cells.
         """
-        return rasterise(self, bounds, resolution, layers, normal_stress=normal_stress, confidence=confidence, now=now)
+        return rasterise(
+            self, bounds, resolution, layers, normal_stress=normal_stress, confidence=confidence, now=now,
+            half_life=half_life,
+        )  # fmt: skip
 
     def class_answer(
         self, name: str, *, normal_stress: float = DEFAULT_NORMAL_STRESS, confidence: float = 0.95
@@ -304,8 +308,8 @@ class Snapshot:
         found = self._memory.get(key)
         if found is None:
             found = compute()
-            if len(self._memory) >= _REMEMBERED:
-                self._memory.clear()
+            for oldest in list(self._memory)[: 1 - _REMEMBERED]:
+                self._memory.pop(oldest, None)
             self._memory[key] = found
         return found
 

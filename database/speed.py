@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from .answer import GroundAnswer
 
 VEHICLE, CURVE, SIGHT, AHEAD, STUCK = (
-    "the vehicle's own limit", "side force in the curve", "stopping within the distance seen",
-    "slowing for what comes", "the ground may not carry the vehicle on",
+    "the vehicle's own limit", "side force in the curve", "stopping within the sight distance",
+    "braking for a lower limit ahead", "the vehicle may be immobilised",
 )  # fmt: skip
 """What binds a speed limit; on unknown ground it is why the ground is unknown."""
 
@@ -88,7 +88,7 @@ def speed_limit(
     if not math.isfinite(reaction):
         raise refused("reaction_s", reaction_s, "a finite time [s]")
     ground = traction(answer, vehicle, pitch=pitch, roll=roll, load_N=load_N)
-    bend = _curvature(answer) if curvature is None else _given(curvature, len(answer))
+    bend = curvature_of(np.column_stack([answer.x, answer.y])) if curvature is None else _given(curvature, len(answer))
     # Nothing is promised of braking on the way to and from a place that is no number.
     step_m = np.nan_to_num(np.hypot(np.diff(answer.x), np.diff(answer.y)))
     return limits(ground, bend, step_m, sight_m=sight, most_m_s=most, unknown_m_s=unknown, reaction_s=reaction)
@@ -144,20 +144,20 @@ def _given(curvature: ArrayLike, count: int) -> np.ndarray:
     return np.abs(bend)
 
 
-def _curvature(answer: GroundAnswer) -> np.ndarray:
-    """Curvature of the circle through each place and its neighbours (n,) [1/m]; at the ends that of the next place.
+def curvature_of(path: np.ndarray) -> np.ndarray:
+    """Curvature of the circle through each place of a path (n, 2) [m] and its neighbours, (n,) [1/m].
 
-    A place that is repeated counts once. Where the path turns back it is infinite.
+    At the ends it is that of the next place. A place that is repeated counts once. Infinite where the path turns back.
     """
-    moved = (np.diff(answer.x, prepend=math.nan) != 0.0) | (np.diff(answer.y, prepend=math.nan) != 0.0)
-    x, y = answer.x[moved], answer.y[moved]
-    bend = np.zeros(len(x))
-    if len(x) > 2:
-        first, second = (np.array([np.diff(each)[at] for each in (x, y)]) for at in (slice(None, -1), slice(1, None)))
-        chord = np.hypot(x[2:] - x[:-2], y[2:] - y[:-2])
-        cross, along = np.abs(first[0] * second[1] - first[1] * second[0]), (first * second).sum(axis=0)
+    moved = (np.diff(path, axis=0, prepend=math.nan) != 0.0).any(axis=1)
+    step = np.diff(path[moved], axis=0)
+    bend = np.zeros(moved.sum())
+    if len(step) > 1:
+        first, second = step[:-1], step[1:]
+        cross = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
+        along = (first * second).sum(axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
-            bend[1:-1] = 2.0 * cross / (np.hypot(*first) * np.hypot(*second) * chord)
+            bend[1:-1] = 2.0 * cross / (np.hypot(*first.T) * np.hypot(*second.T) * np.hypot(*(first + second).T))
         bend[1:-1][(along < 0.0) & (cross <= -_ROUNDING * along)] = math.inf
         bend[0], bend[-1] = bend[1], bend[-2]
     return np.where(np.isnan(bend), 0.0, bend)[np.cumsum(moved) - 1]

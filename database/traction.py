@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,7 +17,7 @@ from ..framework.core.errors import InputError
 from ..framework.core.vehicle import Vehicle, as_vehicle
 from .class_draws import braking_forces, pulls, side_forces
 from .mobility import SLIPS
-from .prediction import Draws, loads_of, predict
+from .prediction import AtPlaces, Draws, loads_of, predict
 
 if TYPE_CHECKING:
     from .answer import GroundAnswer
@@ -92,40 +92,45 @@ def traction(
     loads = loads_of(answer, vehicle, load_N)
     up, across = (_slope(name, each, len(answer)) for name, each in (("pitch", pitch), ("roll", roll)))
     left = np.cos(up) * np.cos(across)
-    per_mass, found = GRAVITY / sum(loads), predict(answer, vehicle, loads, SLIPS, pulls)
+    per_mass = GRAVITY / sum(loads)
 
-    def accelerations(slips: tuple[float, ...], draws: Draws, against: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        mean, lower = _at_load(answer, vehicle, loads, left, slips, draws)
-        return per_mass * mean - GRAVITY * against, per_mass * lower - GRAVITY * against
+    def at(share: float, slips: tuple[float, ...], draws: Draws) -> AtPlaces:
+        return predict(answer, vehicle, tuple(share * load for load in loads), slips, draws)
 
-    forward = accelerations(SLIPS, pulls, np.sin(up))
-    back = accelerations(SLIPS, braking_forces, -np.sin(up))
-    aside = accelerations(_SIDE_SLIP, side_forces, np.abs(np.sin(across)))
-    return Traction(found.known, found.reason, *forward, *back, *aside, load_N=loads)
+    def accelerations(
+        level: AtPlaces, lighter: Callable[[float], AtPlaces], against: np.ndarray
+    ) -> Iterator[np.ndarray]:
+        for force in _at_load(level, lighter, left):
+            yield per_mass * force - GRAVITY * against
+
+    forward = at(1.0, SLIPS, pulls)
+    braking, side = at(1.0, SLIPS, braking_forces), at(1.0, _SIDE_SLIP, side_forces)
+    columns = (
+        *accelerations(forward, lambda share: at(share, SLIPS, pulls), np.sin(up)),
+        *accelerations(braking, lambda share: at(share, SLIPS, braking_forces), -np.sin(up)),
+        *accelerations(side, lambda share: at(share, _SIDE_SLIP, side_forces), np.abs(np.sin(across))),
+    )
+    return Traction(forward.known, forward.reason, *columns, load_N=loads)
 
 
-def _at_load(
-    answer: GroundAnswer, vehicle: Vehicle, loads: tuple[float, ...], left: np.ndarray, slips: tuple[float, ...],
-    draws: Draws,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+def _at_load(level: AtPlaces, lighter: Callable[[float], AtPlaces], left: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean and lower bound (n,) of a force [N] where so much of the load is `left` (n,) [-], at the slip with the
     greatest bound.
+
+    `level` is the prediction at the whole load; `lighter` gives that at a share of it.
     """
-    full, least = (
-        predict(answer, vehicle, loads, slips, draws),
-        _LOAD_STEP * math.floor(left.min(initial=1.0) / _LOAD_STEP),
-    )
-    row, lower = full.best()
+    row, lower = level.best()
     if not (left < 1.0).any():
-        return full.mean(row), lower
-    light = predict(answer, vehicle, tuple(least * load for load in loads), slips, draws)
+        return level.mean(row), lower
+    least = _LOAD_STEP * math.floor(left.min() / _LOAD_STEP)
+    light = lighter(least)
     light_row, light_lower = light.best()
     share = (1.0 - left) / (1.0 - least)
-    pairs = ((full.mean(row), light.mean(light_row)), (lower, light_lower))
+    pairs = ((level.mean(row), light.mean(light_row)), (lower, light_lower))
     with np.errstate(invalid="ignore"):  # of -inf at an end
         mean, bound = (
-            np.where(share <= 0.0, level, np.where(share >= 1.0, steep, (1.0 - share) * level + share * steep))
-            for level, steep in pairs
+            np.where(share <= 0.0, whole, np.where(share >= 1.0, part, (1.0 - share) * whole + share * part))
+            for whole, part in pairs
         )
     return mean, bound
 

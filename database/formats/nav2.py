@@ -1,4 +1,4 @@
-"""Costmaps and speed masks for Nav2, as its map server reads them: a PGM image and a YAML file beside it.
+"""Costmaps and speed masks for Nav2, as its map server reads them: a PGM image, and a YAML file that names it.
 
 The image has mode ``raw``: a pixel of 0 to 100 is the value of nav_msgs/OccupancyGrid itself, any other is unknown
 (nav2_map_server, map_io.cpp; docs.nav2.org, "Map Server / Saver"). Of the map server's modes it is the only one in
@@ -36,7 +36,7 @@ class Nav2Costmap(Exporter):
 
     name = "nav2"
     endings = (".yaml",)
-    holds = "a costmap of Nav2's map server, with a .pgm beside it"
+    holds = "a costmap of Nav2's map server: a YAML file and its .pgm image"
     settings = ("bounds", "resolution", "required_strength_Pa")
 
     def files(self, out: Path) -> tuple[Path, ...]:
@@ -94,7 +94,7 @@ def write_costmap(grid: Grid, costs: np.ndarray, path: str | Path) -> None:
     costs : (h, w)
         0 (free) to 100 (obstacle), rounded up to whole numbers; NaN where unknown. 99 is an inscribed obstacle to Nav2.
     path
-        The YAML file; the image is written beside it with the ending .pgm.
+        The YAML file; the image goes into the same folder, with the ending .pgm.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def write_speed_mask(grid: Grid, percent: np.ndarray, path: str | Path, *, unkno
         Speed limit in percent of the greatest speed, 1 to 100, rounded down to whole numbers; NaN where unknown. The
         filter takes 0 for no limit: where the vehicle must not go is for a costmap to say.
     path
-        The YAML file; the image is written beside it with the ending .pgm.
+        The YAML file; the image goes into the same folder, with the ending .pgm.
     unknown_percent
         Speed limit on unknown ground, 1 to 100: the filter takes no unknown cells, on which the limit of the cell
         before would stay.

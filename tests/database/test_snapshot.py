@@ -112,6 +112,8 @@ def test_answers_are_read_only(view):
         view.site = "elsewhere"  # type: ignore[misc]
     with pytest.raises(TypeError):
         view.soils["sand"] = view.soils["clay"]
+    with pytest.raises(TypeError):
+        view.soils["sand"].others["n"] = view.soils["clay"].others["n"]
     before = view.along([SAND, CLAY], now=0.0)
     answer = view.along([SAND, CLAY], now=0.0)
     for name in COLUMNS:

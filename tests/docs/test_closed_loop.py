@@ -7,6 +7,7 @@ import math
 import closed_loop as script
 import numpy as np
 import pytest
+from bevameter.database.speed import curvature_of
 from bevameter.framework.core.vehicle import Wheel
 from bevameter.identification.mechanics import soil as estimator
 from bevameter.identification.mechanics.textbook import equilibrium
@@ -19,7 +20,6 @@ from proving_ground.planners import (
     by_one_soil,
     by_truth,
     cells_along,
-    curvature,
     draw_pairs,
     plan,
 )
@@ -77,7 +77,7 @@ def test_who_knows_the_truth_arrives_and_stops_in_time_and_who_knows_nothing_is_
         for route in routes:
             assert route is not None
             assert cells_along(route.path)[[0, -1]].tolist() in pairs.tolist()
-            np.testing.assert_allclose(route.bend, curvature(route.path))
+            np.testing.assert_allclose(route.bend, curvature_of(route.path))
         rides[planner.name] = [ride(site, planner, route, rng) for route in routes]
     found = score("truth", [rides["truth"]], [rides["truth"]], [np.arange(5)])
     assert found.outcomes[ARRIVED].value == 1.0

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from bevameter.database.snapshot import Snapshot
-from bevameter.database.speed import SpeedLimit, limits
+from bevameter.database.speed import SpeedLimit, curvature_of, limits
 from bevameter.database.traction import Traction
 from bevameter.framework.scenario.mechanics import Soil
 from scipy.ndimage import gaussian_filter1d, uniform_filter
@@ -107,7 +107,7 @@ def _certain(name: str, forces: np.ndarray, known: np.ndarray | None = None) -> 
     def speeds(path: np.ndarray) -> SpeedLimit:
         rows = cells_along(path)
         picked = Traction(known[rows], ground.reason[rows], *(each[rows] for each in columns), load_N=())
-        return limits(picked, curvature(path), _steps(path), **SETTINGS)
+        return limits(picked, curvature_of(path), _steps(path), **SETTINGS)
 
     return Planner(name, ground, speeds)
 
@@ -170,7 +170,7 @@ def _rounded(planner: Planner, way: np.ndarray) -> Route:
         with np.errstate(divide="ignore"):
             time = float(np.sum(STEP_M / np.maximum(0.5 * (limit[1:] + limit[:-1]), 0.0)))
         if best is None or (limit[1:].min() > 0.0 and time < least):
-            best, least = Route(path, curvature(path), limit), time
+            best, least = Route(path, curvature_of(path), limit), time
     assert best is not None
     return best
 
@@ -184,14 +184,6 @@ def _resampled(path: np.ndarray) -> np.ndarray:
 
 def _steps(path: np.ndarray) -> np.ndarray:
     return np.hypot(*np.diff(path, axis=0).T)
-
-
-def curvature(path: np.ndarray) -> np.ndarray:
-    """Curvature of the circle through each place and its neighbours, (n,) [1/m]; at the ends that of the next."""
-    one, two = np.diff(path, axis=0)[:-1], np.diff(path, axis=0)[1:]
-    cross = np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])
-    sides = np.hypot(*one.T) * np.hypot(*two.T) * np.hypot(*(one + two).T)
-    return np.pad(2.0 * cross / np.maximum(sides, 1e-12), 1, mode="edge")
 
 
 def cells_along(path: np.ndarray) -> np.ndarray:
