@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import functools
 import math
+import os
+import shutil
+import subprocess
+import tempfile
+import uuid
 from datetime import UTC, datetime
+from pathlib import Path
 
 import numpy as np
 import pytest
 from bevameter import ClassEvidence, SoilEstimate
 from bevameter.database.observations import Drive, SoilObservation, TerrainObservations
 from bevameter.framework.core.soil import Quantity, ShearStrength
+from sqlalchemy import create_engine, make_url, text
 
 START = datetime(2026, 11, 1, 12, 0, tzinfo=UTC)
 
@@ -119,3 +127,49 @@ def drive_with_soil(make) -> Drive:
         for index in range(4)
     )
     return make.drive(terrain=terrain, soils=soils)
+
+
+@pytest.fixture(scope="session")
+def postgres():
+    """URL of a PostgreSQL server's database `postgres`: the one that BEVAMETER_TEST_POSTGRES names, or a throw-away one
+    where it is installed.
+    """
+    pytest.importorskip("psycopg")
+    given = os.environ.get("BEVAMETER_TEST_POSTGRES")
+    if given:
+        yield given
+        return
+    if shutil.which("initdb") is None or shutil.which("pg_ctl") is None or os.name == "nt":
+        pytest.skip("no PostgreSQL server here")
+    with tempfile.TemporaryDirectory() as folder:
+        run = functools.partial(subprocess.run, cwd=folder, capture_output=True)
+        if os.geteuid() == 0:  # which PostgreSQL refuses to run as
+            try:
+                shutil.chown(folder, "postgres")
+            except LookupError:
+                pytest.skip("PostgreSQL does not run as root, and there is no user postgres")
+            run = functools.partial(run, user="postgres")
+        data = Path(folder) / "data"
+        made = run(["initdb", "-D", data, "-A", "trust", "-U", "me", "-E", "UTF8"])
+        assert made.returncode == 0, made.stderr.decode(errors="replace")
+        options = f"-k {folder} -c listen_addresses='' -c fsync=off"
+        started = run(["pg_ctl", "-D", data, "-w", "-l", Path(folder) / "log", "-o", options, "start"])
+        assert started.returncode == 0, started.stderr.decode(errors="replace")
+        try:
+            yield f"postgresql://me@/postgres?host={folder}"
+        finally:
+            run(["pg_ctl", "-D", data, "-m", "immediate", "stop"])
+
+
+@pytest.fixture
+def server(postgres):
+    """URL of a new, empty database on a PostgreSQL server."""
+    url = make_url(postgres).set(drivername="postgresql+psycopg")
+    name = f"test_{uuid.uuid4().hex}"
+    engine = create_engine(url, isolation_level="AUTOCOMMIT")
+    with engine.connect() as connection:
+        connection.execute(text(f"CREATE DATABASE {name}"))
+    yield url.set(drivername="postgresql", database=name).render_as_string(hide_password=False)
+    with engine.connect() as connection:
+        connection.execute(text(f"DROP DATABASE {name} WITH (FORCE)"))
+    engine.dispose()

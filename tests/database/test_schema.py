@@ -1,9 +1,6 @@
 import os
-import shutil
 import socket
 import sqlite3
-import subprocess
-import tempfile
 from contextlib import closing
 from pathlib import Path
 
@@ -206,31 +203,6 @@ def test_a_server_that_does_not_answer_is_one_line_without_its_password():
         TerrainDatabase(f"postgresql://me:s3cret@127.0.0.1:{port}/terrain")
     assert "\n" not in str(caught.value)
     assert "s3cret" not in str(caught.value)
-
-
-@pytest.fixture(scope="module")
-def server():
-    """A PostgreSQL server: the one that BEVAMETER_TEST_POSTGRES names, or a throw-away one where it is installed."""
-    pytest.importorskip("psycopg")
-    given = os.environ.get("BEVAMETER_TEST_POSTGRES")
-    if given:
-        yield given
-        return
-    if shutil.which("initdb") is None or shutil.which("pg_ctl") is None or os.name == "nt":
-        pytest.skip("no PostgreSQL server here")
-    with tempfile.TemporaryDirectory() as folder:
-        data = Path(folder) / "data"
-        made = subprocess.run(["initdb", "-D", data, "-A", "trust", "-U", "me", "-E", "UTF8"], capture_output=True)
-        if made.returncode:
-            pytest.skip("initdb does not work here: " + made.stderr.decode(errors="replace")[:100])
-        options = f"-k {folder} -c listen_addresses='' -c fsync=off"
-        start = ["pg_ctl", "-D", data, "-w", "-l", Path(folder) / "log", "-o", options, "start"]
-        if subprocess.run(start, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL).returncode:
-            pytest.skip("the PostgreSQL server does not start here")
-        try:
-            yield f"postgresql://me@/postgres?host={folder}"
-        finally:
-            subprocess.run(["pg_ctl", "-D", data, "-m", "immediate", "stop"], stdout=subprocess.DEVNULL)
 
 
 def test_the_same_on_postgresql(server, tmp_path, drive_with_soil, make):
