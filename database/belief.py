@@ -128,12 +128,13 @@ def cells_on_grid(cell_x: np.ndarray, cell_y: np.ndarray, cell_size_m: float, co
 
 
 def _best_whole(cell: np.ndarray, quality: np.ndarray) -> np.ndarray:
-    """Weight of each drive's look at a cell: 1 for the cell's best one, its quality for every other."""
-    order = np.lexsort((-quality, cell))
-    first = np.ones(len(cell), dtype=bool)
-    first[1:] = cell[order][1:] != cell[order][:-1]
+    """Weight of each drive's look at a cell (sorted): 1 for the cell's best one, its quality for every other."""
+    new = np.diff(cell, prepend=-1) > 0
+    run = np.cumsum(new) - 1
+    greatest = np.maximum.reduceat(quality, np.flatnonzero(new)) if len(cell) else quality
+    best = np.flatnonzero(quality == greatest[run])
     weight = quality.copy()
-    weight[order[first]] = 1.0
+    weight[best[np.diff(run[best], prepend=-1) > 0]] = 1.0  # of equally good looks the first
     return weight
 
 

@@ -16,6 +16,9 @@ from .tables import Base, DriveRow, ImportRow, SoilRow, TerrainRow, insertion, t
 CHUNK = 5000
 """Rows that are read or written at a time."""
 
+_CACHED = 2000
+"""Rows of which the processor's cache holds all values."""
+
 OBSERVATIONS = (TerrainRow, SoilRow)
 """What a drive brings."""
 
@@ -120,4 +123,4 @@ def read_drive(connection: Connection, row: Any, senses: tuple[str, ...] | None)
     # As the driver gives them: making rows of them takes as long as reading them.
     seen = connection.execute(looks).cursor
     assert seen is not None
-    return drive_of(row, seen.fetchall(), connection.execute(stretches).all())
+    return drive_of(row, iter(lambda: seen.fetchmany(_CACHED), []), connection.execute(stretches).all())
