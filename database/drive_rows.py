@@ -100,15 +100,16 @@ def _identities(connection: Connection, row_type: type[Base], drive_id: uuid.UUI
 def drive_rows(connection: Connection, site: str | None, newest: bool) -> list[Any]:
     """Drive rows in the order of their last import; with `newest` only the last one of each recording."""
     drive, imported = table_of(DriveRow), table_of(ImportRow)
-    last = (
+    latest = (
         select(imported.c.drive_id, func.max(imported.c.imported_at).label("last_import"))
         .group_by(imported.c.drive_id)
         .subquery()
     )
-    query = select(drive).join(last, last.c.drive_id == drive.c.id).order_by(last.c.last_import, drive.c.id)
+    query = select(drive).join(latest, latest.c.drive_id == drive.c.id).order_by(latest.c.last_import, drive.c.id)
     rows = list(connection.execute(query))
     if newest:  # before the site is looked at: a recording may have been processed again under its right site
-        rows = list({row.recording_digest: row for row in rows}.values())
+        last = {row.recording_digest: row.id for row in rows}
+        rows = [row for row in rows if last[row.recording_digest] == row.id]
     return [row for row in rows if site is None or row.site == site]
 
 

@@ -18,7 +18,7 @@ from ..framework.core.arguments import number, numbers, refused, shown
 from ..framework.core.errors import InputError
 from ..framework.core.pooling import LARGEST_CELL_INDEX, cell_keys, cells_from_keys
 from .answer import GroundAnswer
-from .belief import Cells, combine, grid_size
+from .belief import Cells, classes_of, combine, grid_size, keys_of, put_in
 from .cell_index import CellIndex
 from .grid import LAYERS, Grid, rasterise
 from .ground_table import GroundTable
@@ -76,17 +76,43 @@ class Snapshot:
     @staticmethod
     def derive(site: str, drives: Sequence[Drive], physics: Mapping[str, AugmentedSimulator] | None = None) -> Snapshot:
         """Derive a snapshot from a site's drives and its classes' physics; `TerrainDatabase.snapshot` does this."""
-        names = {name for drive in drives for name in drive.terrain.evidence.classes}
         soils = class_soils([soil for drive in drives for soil in drive.soils])
-        classes = tuple(sorted(names | set(soils)))
-        size = grid_size(drives)
-        cells = combine(drives, classes, size)
+        classes, size = classes_of(drives, soils), grid_size(drives)
+        return Snapshot.of(site, size, classes, combine(drives, classes, size), soils, len(drives), physics or {})
+
+    @staticmethod
+    def of(
+        site: str,
+        cell_size_m: float,
+        class_names: tuple[str, ...],
+        cells: Cells,
+        soils: Mapping[str, ClassSoil],
+        drives: int,
+        physics: Mapping[str, AugmentedSimulator],
+    ) -> Snapshot:
+        """Freeze what was derived."""
         _freeze(cells)
-        for soil in soils.values():
-            _freeze(soil)
-        return Snapshot(
-            site, size, classes, cells, MappingProxyType(soils), len(drives), MappingProxyType(dict(physics or {}))
-        )
+        _freeze(soils)
+        own = MappingProxyType(dict(soils)), drives, MappingProxyType(dict(physics))
+        return Snapshot(site, cell_size_m, class_names, cells, *own)
+
+    def with_drives(
+        self, drives: Sequence[Drive], changed: Sequence[Drive], physics: Mapping[str, AugmentedSimulator]
+    ) -> Snapshot:
+        """Derive the snapshot of a site's drives from this one, which knew all of them but `changed` ones.
+
+        The same as `derive`, to the last digit; only what `changed` drives (new ones and those that are gone) touch is
+        computed. Drives that are neither are in the order that they had.
+        """
+        soils = dict(self.soils)
+        if any(drive.soils for drive in changed):
+            soils = class_soils([soil for drive in drives for soil in drive.soils])
+        classes, size = classes_of(drives, soils), grid_size(drives)
+        if (classes, size) != (self.class_names, self.cell_size_m):
+            return Snapshot.derive(self.site, drives, physics)
+        touched = keys_of(changed, size)
+        cells = put_in(combine(drives, classes, size, touched), self.cells, touched)
+        return Snapshot.of(self.site, size, classes, cells, soils, len(drives), physics)
 
     @property
     def typical_load_N(self) -> float:

@@ -38,6 +38,7 @@ from .physics import (
     read_physics,
     sound_physics,
 )
+from .reader import SiteReader
 from .rows import drive_row, soil_rows, terrain_columns
 from .schema import holds_database, open_engine, shown, unreachable
 from .snapshot import Snapshot
@@ -271,16 +272,11 @@ class TerrainDatabase:
         InputError
             The database holds no such site, or several and none was named.
         """
-        known = self.sites()
-        if site is None and len(known) > 1:
-            raise InputError(self.name, "several sites, each with its own frame", expected="one of " + ", ".join(known))
-        if site is not None and site not in known:
-            raise InputError(self.name, f"no site {site!r}", expected="one of " + (", ".join(known) or "none yet"))
-        site = site if site is not None else (known[0] if known else "")
-        with self.reading() as connection:
-            rows = drive_rows(connection, site, newest=True)
-            physics = {found.class_name: found.physics for found in read_physics(connection, self.name, site)}
-            return Snapshot.derive(site, [read_drive(connection, row, senses=("fused",)) for row in rows], physics)
+        return self.reader(site).snapshot()
+
+    def reader(self, site: str | None = None) -> SiteReader:
+        """Give a reader of a site, whose snapshots after the first read only what is new; else as `snapshot`."""
+        return SiteReader(self, site)
 
     @contextmanager
     def reading(self) -> Iterator[Connection]:
