@@ -219,12 +219,15 @@ class Snapshot:
         now: float | datetime | None = None,
         half_life: float | None = None,
     ) -> GroundAnswer:
-        """Give all cells that somebody has seen whose centres lie within a radius [m]; else as `along`."""
+        """Give all cells that somebody has seen and that reach into a circle of a radius [m]; else as `along`."""
         x, y, radius = (number(*each, "a number [m]") for each in (("x", x), ("y", y), ("radius", radius)))
         if not (math.isfinite(radius) and radius >= 0):
             raise InputError("radius", f"{radius!r}", expected="a finite length, not negative [m]")
-        rows, cell_x, cell_y = self._within(x - radius, y - radius, x + radius, y + radius)
-        inside = np.hypot(cell_x - x, cell_y - y) <= radius
+        half = 0.5 * self.cell_size_m
+        far = radius + half
+        rows, cell_x, cell_y = self._within(x - far, y - far, x + far, y + far)
+        off_x, off_y = (np.maximum(np.abs(each) - half, 0.0) for each in (cell_x - x, cell_y - y))
+        inside = np.hypot(off_x, off_y) <= radius
         centres = np.column_stack([cell_x, cell_y])[inside]
         return self._answer(centres, rows[inside], normal_stress, confidence, now, half_life)
 
