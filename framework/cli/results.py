@@ -18,6 +18,7 @@ from .printing import console, print_line, print_table
 if TYPE_CHECKING:
     from ...identification.estimate.identify import Identification, Segment
     from ...identification.explain.explanation import Explanation
+    from ..batch import Outcome
     from ..core.findings import Finding
     from ..core.soil import Quantity, SoilEstimate
     from ..summary import LearntSoil, SenseSummary, TraverseSummary
@@ -217,6 +218,39 @@ def print_summary(summary: TraverseSummary) -> None:
     else:
         text = f"nothing added to {database}: nothing was observed"
     print_line(f"\n[bold]{text}[/bold] in {summary.seconds:.1f} s")
+
+
+def print_outcomes(outcomes: Sequence[Outcome]) -> None:
+    """Print what a run over several recordings found: a row each, then what to mind and what of them was not usable."""
+    from ..batch import FailedRecording
+
+    print_table(
+        ["recording", "m", "s", "ground (m of track)", "soils", "observations", "took s"],
+        [
+            [each.source, "", "", "", "", "failed", ""] if isinstance(each, FailedRecording) else _outcome_row(each)
+            for each in outcomes
+        ],
+    )
+    summaries = [each for each in outcomes if not isinstance(each, FailedRecording)]
+    for warning in dict.fromkeys(warning for summary in summaries for warning in summary.warnings):
+        print_line(f"[yellow]mind:[/yellow] {escape(warning)}")
+    for summary in summaries:
+        for problem in summary.problems:
+            print_line(f"[yellow]not usable:[/yellow] {escape(f'{summary.source}: {problem}')}")
+    new, known = (sum(getattr(each, name) for each in summaries) for name in ("observations_new", "observations_known"))
+    database = f" to {summaries[0].database}" if summaries else ""
+    print_line(f"\n[bold]{new} observations added{escape(database)}[/bold], {known} were there already")
+
+
+def _outcome_row(summary: TraverseSummary) -> list[str]:
+    ground = sorted(summary.track_m.items(), key=lambda entry: -entry[1])
+    soils = Counter(soil.class_name or "unknown" for soil in summary.soils)
+    return [
+        summary.source, f"{summary.distance_m:.1f}", f"{summary.duration_s:.0f}",
+        ", ".join(f"{name} {metres:.0f}" for name, metres in ground if metres >= 0.5),
+        ", ".join(f"{name} {count}" for name, count in soils.items()),
+        "known" if summary.known else f"{summary.observations_new} new", f"{summary.seconds:.1f}",
+    ]  # fmt: skip
 
 
 def _print_ground(summary: TraverseSummary) -> None:
