@@ -248,7 +248,8 @@ def _by_workers(
                 except CancelledError:
                     result = _failed(given[number], WorkerLost("the connection to the cluster was lost"))
                 except Exception as error:  # of the cluster: what the function raises comes as a result
-                    result = _failed(given[number], WorkerLost(f"{type(error).__name__}: {error!s:.300}"))
+                    died = "its worker on the cluster died, " * (type(error).__name__ == "KilledWorker")
+                    result = _failed(given[number], WorkerLost(f"{died}{type(error).__name__}: {error!s:.200}"))
                 yield number, result
 
 
