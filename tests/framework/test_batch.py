@@ -191,6 +191,7 @@ def test_a_process_that_dies_costs_its_recording_alone(folder, readers, tmp_path
     assert len(rows(tmp_path / "t.db")["drive"]) == 2
 
 
+@pytest.mark.end_to_end
 def test_a_worker_of_a_cluster_that_dies_is_a_line_and_the_cluster_goes_on(folder, cluster, by_cluster, tmp_path):
     with cluster.get_client() as client:
         # One by one: this cluster takes for dead what waited at the same worker, too.
@@ -212,13 +213,16 @@ def test_ctrl_c_keeps_what_was_stored_and_leaves_no_process(folder, readers, tmp
         [sys.executable, "-c", code, "run", *given, "--workers", "2", "--db", str(database)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
     )  # fmt: skip
-    until = time.monotonic() + 100.0
-    while not (begun.exists() and begun.read_text() and names(database)):
-        assert process.poll() is None
-        assert time.monotonic() < until
-        time.sleep(0.1)
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all processes
-    out, error = process.communicate(timeout=60)
+    try:
+        until = time.monotonic() + 100.0
+        while not (begun.exists() and begun.read_text() and names(database)):
+            assert process.poll() is None
+            assert time.monotonic() < until
+            time.sleep(0.1)
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all processes
+        out, error = process.communicate(timeout=60)
+    finally:
+        process.kill()
     assert process.returncode in (130, -signal.SIGINT)
     assert out == ""
     assert error.splitlines() == [
