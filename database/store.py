@@ -241,6 +241,11 @@ class TerrainDatabase:
             row = connection.execute(select(table).where(table.c.id == identity)).one_or_none()
             return None if row is None else read_drive(connection, row, senses=None)
 
+    def drive_ids(self) -> frozenset[uuid.UUID]:
+        """Identities (`Drive.id`) of all drives, whichever processing of a recording they are."""
+        with self.reading() as connection:
+            return frozenset(connection.execute(select(table_of(DriveRow).c.id)).scalars())
+
     def sites(self) -> list[str]:
         """Names of the sites that drives were made at, sorted."""
         with self.reading() as connection:

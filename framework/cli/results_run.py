@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,7 @@ from .printing import print_table
 from .results import interval_text
 
 if TYPE_CHECKING:
+    from ..batch import Outcome
     from ..summary import LearntSoil, SenseSummary, TraverseSummary
 
 _REASONS_PRINTED = 4
@@ -40,6 +42,39 @@ def print_summary(summary: TraverseSummary) -> None:
     print(f"{_stored(summary)} in {summary.seconds:.1f} s")
     if not any(_misses(soil) for soil in summary.soils):  # else a warning says what is to be done
         print(f"next: bevameter query classes --db {shlex.quote(summary.database)}")
+
+
+def print_outcomes(outcomes: Sequence[Outcome]) -> None:
+    """Print what a run over several recordings found: a row each, then what to mind and what of them was not usable."""
+    from ..batch import FailedRecording
+
+    print_table(
+        ["recording", "m", "s", "ground (m of track)", "soils", "observations", "took s"],
+        [
+            [each.source, "", "", "", "", "failed", ""] if isinstance(each, FailedRecording) else _outcome_row(each)
+            for each in outcomes
+        ],
+    )
+    summaries = [each for each in outcomes if not isinstance(each, FailedRecording)]
+    for summary in summaries:
+        for problem in summary.problems:
+            print(f"not usable: {summary.source}: {problem}")
+    for warning in dict.fromkeys(warning for summary in summaries for warning in summary.warnings):
+        print(f"warning: {warning}")
+    new, known = (sum(getattr(each, name) for each in summaries) for name in ("observations_new", "observations_known"))
+    database = f" to {summaries[0].database}" if summaries else ""
+    print(f"{new} observations added{database}, {known} were there already")
+
+
+def _outcome_row(summary: TraverseSummary) -> list[str]:
+    ground = sorted(summary.track_m.items(), key=lambda entry: -entry[1])
+    soils = Counter(soil.class_name or "unknown" for soil in summary.soils)
+    return [
+        summary.source, f"{summary.distance_m:.1f}", f"{summary.duration_s:.0f}",
+        ", ".join(f"{name} {metres:.0f}" for name, metres in ground if metres >= 0.5),
+        ", ".join(f"{name} {count}" for name, count in soils.items()),
+        "known" if summary.known else f"{summary.observations_new} new", f"{summary.seconds:.1f}",
+    ]  # fmt: skip
 
 
 def _print_ground(summary: TraverseSummary) -> None:

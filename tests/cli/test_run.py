@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from bevameter import SoilEstimate
@@ -85,6 +87,27 @@ def test_wheels_alone_make_a_summary_that_says_what_is_missing(tmp_path, folder)
     assert "no camera in the recording" in result.output
     assert "no sound in the recording" in result.output
     assert "no places" in result.output
+
+
+def test_several_recordings_make_a_table_and_one_that_fails_is_a_line(tmp_path, folder):
+    page = tmp_path / "o.json"
+    given = [str(folder), str(tmp_path / "nowhere"), str(folder)]
+    result = CliRunner().invoke(app, ["run", *given, "--db", str(tmp_path / "t.db"), "--json", str(page)])
+    assert result.exit_code == 2, result.output
+    failure, count = result.stderr.splitlines()
+    assert failure.startswith(f"bevameter: {tmp_path / 'nowhere'}: no such file")
+    assert count == "bevameter: 1 of 3 recordings failed"
+    header, *rows = result.stdout.splitlines()[:4]
+    assert header.split()[0] == "recording"
+    assert [row.split()[0] for row in rows] == given
+    assert "failed" in rows[1]
+    assert "known" in rows[2]
+    assert result.stdout.count("no places and no travel speed") == 1  # of both recordings
+    written = json.loads(page.read_text())
+    assert written["schema"] == 1
+    first, failed, again = written["recordings"]
+    assert (first["schema"], first["known"], again["known"]) == (1, False, True)
+    assert failed == {"source": given[1], "error": failure.removeprefix("bevameter: ")}
 
 
 def test_a_model_that_does_not_fit_is_printed_and_written(capsys):

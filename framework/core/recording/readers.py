@@ -18,14 +18,13 @@ from __future__ import annotations
 
 import pkgutil
 from abc import ABC, abstractmethod
-from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import ClassVar
 
 from ..arguments import path_of
 from ..errors import InputError, reading
-from ..plugins import load_plugins
+from ..plugins import load_plugins, once
 from ..vehicle import Vehicle, as_vehicle, load_vehicle
 from .types import Recording
 
@@ -77,7 +76,7 @@ def register(reader: type[Reader]) -> type[Reader]:
     return reader
 
 
-@cache
+@once
 def load_readers() -> None:
     """Import the modules of this package's formats, and of others that entry points name."""
     from . import formats
