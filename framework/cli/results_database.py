@@ -34,6 +34,8 @@ def print_info(found: DatabaseInfo) -> None:
         ],
         empty="no drives",
     )  # fmt: skip
+    if found.unfinished_drives:
+        print(f"drives that are not complete, and that nothing uses: {found.unfinished_drives}")
     print_table(
         ["physics of class", "site", "stored", "newest (UTC)"],
         [[each.class_name, each.site or "any", str(each.stored), _time(each.newest)] for each in found.physics],
