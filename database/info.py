@@ -21,6 +21,7 @@ from .observations import SENSES
 from .posterior import measured_class
 from .rows import soil_observation
 from .schema import REVISIONS, check_known, opened_as_it_is, parse_url, revision_of, shown, tables_of
+from .spatial import has_spatial_index
 from .stored_rows import UNREADABLE
 from .tables import DriveRow, PhysicsRow, SoilRow, TerrainRow, table_of
 
@@ -101,6 +102,8 @@ class DatabaseInfo:
         By site; by class and site.
     unfinished_drives
         Drives that a merge has brought a part of: they count nowhere else, and nothing uses them.
+    spatial_index
+        Is there one? On PostgreSQL servers with PostGIS.
     """
 
     database: str
@@ -109,6 +112,7 @@ class DatabaseInfo:
     sites: tuple[SiteInfo, ...]
     physics: tuple[PhysicsInfo, ...]
     unfinished_drives: int
+    spatial_index: bool
 
     @property
     def newest_schema(self) -> str:
@@ -119,7 +123,8 @@ class DatabaseInfo:
         """Everything in types of JSON."""
         lists = {name: [each.as_dict() for each in getattr(self, name)] for name in ("sites", "physics")}
         return {"database": self.database, "schema_version": self.schema, "newest_schema_version": self.newest_schema,
-                "size_bytes": self.size_bytes, "unfinished_drives": self.unfinished_drives, **lists}  # fmt: skip
+                "size_bytes": self.size_bytes, "unfinished_drives": self.unfinished_drives,
+                "spatial_index": self.spatial_index, **lists}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -154,7 +159,10 @@ def info(url_or_path: str | Path) -> DatabaseInfo:
             physics = _physics(connection) if PhysicsRow.__tablename__ in tables_of(revision) else ()
         except UNREADABLE as error:
             raise InputError(name, f"holds what cannot be read: {error}", expected="what was stored") from error
-        return DatabaseInfo(name, revision, _size(connection), tuple(sites), physics, _unfinished(connection))
+        return DatabaseInfo(
+            name, revision, _size(connection), tuple(sites), physics, _unfinished(connection),
+            has_spatial_index(connection),
+        )  # fmt: skip
 
 
 def _unfinished(connection: Connection) -> int:

@@ -9,12 +9,13 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import URL, Connection, Engine, create_engine, event, inspect, make_url, text
+from sqlalchemy import URL, Connection, Engine, create_engine, event, func, inspect, make_url, select, text
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, SQLAlchemyError
 from sqlalchemy.pool import NullPool
 
 from ..framework.core.errors import InputError, reading
 from .fingerprints import SQLITE_FUNCTION, last_digits
+from .spatial import add_spatial_index
 from .tables import Base
 
 REVISIONS = ("0001", "0002")
@@ -352,4 +353,17 @@ def migrate(engine: Engine) -> None:
             connection.exec_driver_sql(f"PRAGMA application_id = {APPLICATION_ID}")
         config.attributes["connection"] = connection
         command.upgrade(config, "head")
+        add_spatial_index(connection)
         connection.commit()
+
+
+def index_places(engine: Engine) -> None:
+    """Add a spatial index where PostGIS has come since the database was made; a second process meanwhile waits."""
+    if engine.dialect.name != "postgresql":
+        return
+    try:
+        with engine.begin() as connection:
+            connection.execute(select(func.pg_advisory_xact_lock(APPLICATION_ID)))
+            add_spatial_index(connection)
+    except SQLAlchemyError as error:
+        raise unreachable(engine.url, error) from error

@@ -19,6 +19,7 @@ from ..framework.core.errors import InputError
 from ..framework.core.pooling import LARGEST_CELL_INDEX, cell_keys, cells_from_keys
 from .answer import GroundAnswer
 from .belief import Cells, combine, grid_size
+from .bounds import Corners
 from .cell_index import CellIndex
 from .grid import LAYERS, Grid, rasterise
 from .ground_table import GroundTable
@@ -61,6 +62,8 @@ class Snapshot:
     physics
         By class, what the textbook wheel lacks on it, with the soil that goes with that: predictions of the wheel use
         it (`mobility`); a class without is the textbook's.
+    bounds
+        Corners x0, y0, x1, y1 [m] of the cells that it was limited to; None where it covers all ground of the site.
     """
 
     site: str
@@ -70,23 +73,31 @@ class Snapshot:
     soils: Mapping[str, ClassSoil]
     drives: int
     physics: Mapping[str, AugmentedSimulator] = field(default_factory=lambda: MappingProxyType({}))
+    bounds: Corners | None = None
     _tables: dict[tuple[float, float], GroundTable] = field(default_factory=dict, repr=False, compare=False)
     _memory: dict[tuple, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @staticmethod
-    def derive(site: str, drives: Sequence[Drive], physics: Mapping[str, AugmentedSimulator] | None = None) -> Snapshot:
-        """Derive a snapshot from a site's drives and its classes' physics; `TerrainDatabase.snapshot` does this."""
+    def derive(
+        site: str, drives: Sequence[Drive], physics: Mapping[str, AugmentedSimulator] | None = None, *,
+        cell_size_m: float | None = None, bounds: Corners | None = None,
+    ) -> Snapshot:  # fmt: skip
+        """Derive a snapshot from a site's drives and its classes' physics; `TerrainDatabase.snapshot` does this.
+
+        With `bounds` the drives hold only looks at cells within them, and `cell_size_m` is that of the whole site.
+        """
         names = {name for drive in drives for name in drive.terrain.evidence.classes}
         soils = class_soils([soil for drive in drives for soil in drive.soils])
         classes = tuple(sorted(names | set(soils)))
-        size = grid_size(drives)
+        size = grid_size(drives) if cell_size_m is None else cell_size_m
         cells = combine(drives, classes, size)
         _freeze(cells)
         for soil in soils.values():
             _freeze(soil)
         return Snapshot(
-            site, size, classes, cells, MappingProxyType(soils), len(drives), MappingProxyType(dict(physics or {}))
-        )
+            site, size, classes, cells, MappingProxyType(soils), len(drives), MappingProxyType(dict(physics or {})),
+            bounds,
+        )  # fmt: skip
 
     @property
     def typical_load_N(self) -> float:

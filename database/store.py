@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -17,6 +17,7 @@ from sqlalchemy.exc import DBAPIError
 from ..framework.core.arguments import refused
 from ..framework.core.class_names import check_class_names, check_spelling
 from ..framework.core.errors import InputError
+from .bounds import common_cell_size, corners_of, drives_within, whole_cells
 from .drive_rows import (
     drive_in_use,
     drive_rows,
@@ -267,19 +268,24 @@ class TerrainDatabase:
         with self.reading() as connection:
             return [read_drive(connection, row, senses=None) for row in drive_rows(connection, site, newest)]
 
-    def snapshot(self, site: str | None = None) -> Snapshot:
+    def snapshot(self, site: str | None = None, *, bounds: Sequence[float] | None = None) -> Snapshot:
         """Derive what is known of a site from its observations and freeze it in memory.
 
         Parameters
         ----------
         site
             Name of the site; may be left out where the database holds one.
+        bounds
+            Corners x0, y0, x1, y1 [m] with x0 <= x1 and y0 <= y1: only cells that they cut are read, of a spatial index
+            where there is one. Answers there are those of the whole snapshot, soils included; elsewhere nothing is
+            known, and the reason says that it is outside. The whole site if absent.
 
         Raises
         ------
         InputError
-            The database holds no such site, or several and none was named.
+            The database holds no such site, or several and none was named; or the bounds are none.
         """
+        corners = None if bounds is None else corners_of(bounds, extended=False)
         known = self.sites()
         if site is None and len(known) > 1:
             raise InputError(self.name, "several sites, each with its own frame", expected="one of " + ", ".join(known))
@@ -289,7 +295,12 @@ class TerrainDatabase:
         with self.reading() as connection:
             rows = drive_rows(connection, site, newest=True)
             physics = {found.class_name: found.physics for found in read_physics(connection, self.name, site)}
-            return Snapshot.derive(site, [read_drive(connection, row, senses=("fused",)) for row in rows], physics)
+            if corners is None:
+                return Snapshot.derive(site, [read_drive(connection, row, senses=("fused",)) for row in rows], physics)
+            size = common_cell_size(connection, rows)
+            corners = whole_cells(corners, size)
+            drives = drives_within(connection, site, rows, corners, size)
+            return Snapshot.derive(site, drives, physics, cell_size_m=size, bounds=corners)
 
     @contextmanager
     def reading(self) -> Iterator[Connection]:

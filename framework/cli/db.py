@@ -160,8 +160,10 @@ def migrate(db: Db) -> None:
     from ...database.maintenance import migrate as bring_up_to_date
 
     done = bring_up_to_date(db)
-    if done.before == done.after:
+    if done.spatial_index_added:
+        print("spatial index added")
+    if done.before == done.after and not done.spatial_index_added:
         print(f"schema {done.after}, the newest: nothing to do")
-    else:
+    elif done.before != done.after:
         copy = "" if done.copy is None else f"; as it was before: {done.copy}"
         print(f"migrated from schema {done.before} to {done.after}{copy}")
