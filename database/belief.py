@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..framework.core.pooling import cell_keys, cells_of, centred_logs, pooled, sums_by
-from .observations import Drive
+from ..framework.core.pooling import cell_keys, cells_of, centred_logs, pooled, rows_of_keys, sums_by
+from .observations import Drive, TerrainObservations
 
 NO_PLACE = "the place is not a finite number"
 NOT_SEEN = "nobody has seen this ground"
@@ -64,15 +64,28 @@ def grid_size(drives: Sequence[Drive]) -> float:
     return max(sizes, default=1.0)
 
 
-def combine(drives: Sequence[Drive], classes: tuple[str, ...], cell_size_m: float) -> Cells:
-    """Combine the fused looks of several drives into one belief per cell.
+def keys_of(drives: Sequence[Drive], cell_size_m: float) -> np.ndarray:
+    """Keys of the cells that drives looked at, sorted, each once."""
+    seen = [_keys(drive.terrain, _fused(drive.terrain), cell_size_m) for drive in drives]
+    return np.unique(np.concatenate(seen)) if seen else np.zeros(0, dtype=np.int64)
+
+
+def classes_of(drives: Sequence[Drive], soils: Iterable[str]) -> tuple[str, ...]:
+    """Names of the classes that drives or soils know, sorted."""
+    return tuple(sorted({name for drive in drives for name in drive.terrain.evidence.classes}.union(soils)))
+
+
+def combine(
+    drives: Sequence[Drive], classes: tuple[str, ...], cell_size_m: float, among: np.ndarray | None = None
+) -> Cells:
+    """Combine the fused looks of several drives into one belief per cell; only of cells `among` keys where given.
 
     Looks of one drive share its light, its sound and its place's peculiarities, so they are pooled (geometric mean,
     weighted by quality) and count once. Different drives count as independent: their probabilities multiply, the
     best look of a cell whole and every further one tempered by its quality, as looks by similar models share
     their faults. Classes are equally probable beforehand.
     """
-    looks = _gather(drives, classes, cell_size_m)
+    looks = _gather(drives, classes, cell_size_m, among)
     keys, cell = np.unique(looks.key, return_inverse=True)
     number = len(keys)
     seen_s = np.full(number, -np.inf)
@@ -92,12 +105,45 @@ def combine(drives: Sequence[Drive], classes: tuple[str, ...], cell_size_m: floa
     return Cells(keys, probability, np.where(np.isinf(seen_s), np.nan, seen_s), counts, reason, reasons)
 
 
-def _gather(drives: Sequence[Drive], classes: tuple[str, ...], cell_size_m: float) -> _Looks:
+def put_in(new: Cells, cells: Cells, among: np.ndarray) -> Cells:
+    """Give cells in which those with keys `among` are as in `new`, and gone where `new` has none of them."""
+    kept = rows_of_keys(among, cells.key) < 0
+    key = np.concatenate([cells.key[kept], new.key])
+    order = np.argsort(key, kind="stable")  # of two sorted runs: linear in time
+
+    def both(old: np.ndarray, other: np.ndarray) -> np.ndarray:
+        return np.concatenate([old[kept], other])[order]
+
+    texts = {text: number for number, text in enumerate(dict.fromkeys((*cells.reasons, *new.reasons)))}
+    old_number, new_number = (
+        np.array([texts[text] for text in part.reasons], dtype=np.int32)[part.reason] for part in (cells, new)
+    )
+    return Cells(
+        key[order], both(cells.probability, new.probability), both(cells.seen_s, new.seen_s),
+        both(cells.looks, new.looks), both(old_number, new_number), tuple(texts),
+    )  # fmt: skip
+
+
+def _fused(terrain: TerrainObservations) -> np.ndarray:
+    return np.flatnonzero(np.asarray(terrain.sense) == "fused")
+
+
+def _keys(terrain: TerrainObservations, rows: np.ndarray, cell_size_m: float) -> np.ndarray:
+    return cell_keys(cells_on_grid(terrain.cell_x[rows], terrain.cell_y[rows], terrain.cell_size_m, cell_size_m))
+
+
+def _gather(
+    drives: Sequence[Drive], classes: tuple[str, ...], cell_size_m: float, among: np.ndarray | None = None
+) -> _Looks:
     parts: list[tuple[np.ndarray, ...]] = []
     reasons: list[tuple[str, ...]] = []
     for number, drive in enumerate(drives):
         terrain, evidence = drive.terrain, drive.terrain.evidence
-        rows = np.flatnonzero(np.asarray(terrain.sense) == "fused")
+        rows = _fused(terrain)
+        key = _keys(terrain, rows, cell_size_m)
+        if among is not None:
+            wanted = rows_of_keys(among, key) >= 0
+            rows, key = rows[wanted], key[wanted]
         if not len(rows):
             continue
         probability = np.zeros((len(rows), len(classes)))
@@ -105,7 +151,7 @@ def _gather(drives: Sequence[Drive], classes: tuple[str, ...], cell_size_m: floa
         start = math.nan if drive.started is None else drive.started.timestamp()
         parts.append(
             (
-                cell_keys(cells_on_grid(terrain.cell_x[rows], terrain.cell_y[rows], terrain.cell_size_m, cell_size_m)),
+                key,
                 np.full(len(rows), number),
                 centred_logs(probability),
                 evidence.quality[rows],
@@ -129,12 +175,13 @@ def cells_on_grid(cell_x: np.ndarray, cell_y: np.ndarray, cell_size_m: float, co
 
 
 def _best_whole(cell: np.ndarray, quality: np.ndarray) -> np.ndarray:
-    """Weight of each drive's look at a cell: 1 for the cell's best one, its quality for every other."""
-    order = np.lexsort((-quality, cell))
-    first = np.ones(len(cell), dtype=bool)
-    first[1:] = cell[order][1:] != cell[order][:-1]
+    """Weight of each drive's look at a cell (sorted): 1 for the cell's best one, its quality for every other."""
+    new = np.diff(cell, prepend=-1) > 0
+    run = np.cumsum(new) - 1
+    greatest = np.maximum.reduceat(quality, np.flatnonzero(new)) if len(cell) else quality
+    best = np.flatnonzero(quality == greatest[run])
     weight = quality.copy()
-    weight[order[first]] = 1.0
+    weight[best[np.diff(run[best], prepend=-1) > 0]] = 1.0  # of equally good looks the first
     return weight
 
 

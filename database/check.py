@@ -343,4 +343,4 @@ def _check_read(rows: Sequence[tuple], drive: Drive) -> None:
     flags = set(columns[TERRAIN_COLUMNS.index("unknown")]) - {0, 1}
     if flags:
         raise ValueError(f"unknown: {flags.pop()}, expected true or false")
-    terrain_observations([row[1:] for row in rows], drive.terrain.evidence.classes, drive.terrain.cell_size_m)
+    terrain_observations([[row[1:] for row in rows]], drive.terrain.evidence.classes, drive.terrain.cell_size_m)

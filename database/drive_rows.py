@@ -21,6 +21,9 @@ CHUNK = 5000
 _WORTH_COPYING = 100
 """So many rows are worth the further round trips of a COPY."""
 
+_CACHED = 2000
+"""Rows of which the processor's cache holds all values."""
+
 OBSERVATIONS = (TerrainRow, SoilRow)
 """What a drive brings."""
 
@@ -118,15 +121,16 @@ def _copy_rows(connection: Connection, table: Table, names: Sequence[str], rows:
 def drive_rows(connection: Connection, site: str | None, newest: bool) -> list[Any]:
     """Drive rows in the order of their last import; with `newest` only the last one of each recording."""
     drive, imported = table_of(DriveRow), table_of(ImportRow)
-    last = (
+    latest = (
         select(imported.c.drive_id, func.max(imported.c.imported_at).label("last_import"))
         .group_by(imported.c.drive_id)
         .subquery()
     )
-    query = select(drive).join(last, last.c.drive_id == drive.c.id).order_by(last.c.last_import, drive.c.id)
+    query = select(drive).join(latest, latest.c.drive_id == drive.c.id).order_by(latest.c.last_import, drive.c.id)
     rows = list(connection.execute(query))
     if newest:  # before the site is looked at: a recording may have been processed again under its right site
-        rows = list({row.recording_digest: row for row in rows}.values())
+        last = {row.recording_digest: row.id for row in rows}
+        rows = [row for row in rows if last[row.recording_digest] == row.id]
     return [row for row in rows if site is None or row.site == site]
 
 
@@ -141,4 +145,4 @@ def read_drive(connection: Connection, row: Any, senses: tuple[str, ...] | None)
     # As the driver gives them: making rows of them takes as long as reading them.
     seen = connection.execute(looks).cursor
     assert seen is not None
-    return drive_of(row, seen.fetchall(), connection.execute(stretches).all())
+    return drive_of(row, iter(lambda: seen.fetchmany(_CACHED), []), connection.execute(stretches).all())

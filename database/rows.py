@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -143,8 +145,9 @@ def _findings(packed: Mapping[str, Any]) -> tuple[Finding, ...]:
     return tuple(Finding(each["code"], each["severity"], dict(each["values"])) for each in packed["findings"])
 
 
-def drive_of(row: Any, looks: Sequence[tuple], stretches: Sequence[Any]) -> Drive:
-    """Read a `drive` row, with its rows of `terrain_observation` (`TERRAIN_COLUMNS`) and `soil_observation`.
+def drive_of(row: Any, looks: Iterable[Sequence[tuple]], stretches: Sequence[Any]) -> Drive:
+    """Read a `drive` row, with its rows of `terrain_observation` (`TERRAIN_COLUMNS`, some at a time) and of
+    `soil_observation`.
 
     Raises
     ------
@@ -209,24 +212,39 @@ TERRAIN_COLUMNS = ("time_s", "cell_x", "cell_y", "sense", "quality", "unknown", 
 """What is read of a `terrain_observation` row."""
 
 
-def terrain_observations(rows: Sequence[tuple], classes: Sequence[str], cell_size_m: float) -> TerrainObservations:
-    """Read the `terrain_observation` rows of one drive (`TERRAIN_COLUMNS`), and put them in order of time."""
-    columns = zip(*rows, strict=True) if rows else [()] * len(TERRAIN_COLUMNS)
-    time_s, cell_x, cell_y, sense, quality, unknown, packed, reasons = columns
-    if set(map(len, packed)) - {_PROBABILITY.itemsize * len(classes)}:
-        raise ValueError(f"probabilities of another number of classes than {len(classes)}")
+def terrain_observations(
+    chunks: Iterable[Sequence[tuple]], classes: Sequence[str], cell_size_m: float
+) -> TerrainObservations:
+    """Read the `terrain_observation` rows of one drive (`TERRAIN_COLUMNS`), some at a time, and put them in order of
+    time.
+    """
+    parts = [_columns(chunk, len(classes)) for chunk in chunks if chunk]
+    if not parts:
+        return replace(TerrainObservations.nothing(cell_size_m), evidence=ClassEvidence.nothing(classes, ()))
+    *numeric, reasons = zip(*parts, strict=True)
+    time_s, x, y, sense, quality, unknown, probabilities = map(np.concatenate, numeric)
+    said = tuple(chain.from_iterable(reasons))
+    order = np.lexsort((np.unique(sense, return_inverse=True)[1], y, x, time_s))
+    evidence = ClassEvidence(tuple(classes), probabilities, quality, unknown, said).select(order)
+    return TerrainObservations(cell_size_m, x[order], y[order], time_s[order], sense[order], evidence)
+
+
+def _columns(rows: Sequence[tuple], classes: int) -> tuple:
+    """Turn rows into columns: numbers as arrays, reasons as a list of tuples."""
+    time_s, x, y, sense, quality, unknown, packed, reasons = zip(*rows, strict=True)
+    if set(map(len, packed)) != {_PROBABILITY.itemsize * classes}:
+        raise ValueError(f"probabilities of another number of classes than {classes}")
     said = {text: tuple(text.split("\n")) if text else () for text in set(reasons)}
-    evidence = ClassEvidence(
-        tuple(classes),
-        np.frombuffer(b"".join(packed), dtype=_PROBABILITY).reshape(len(rows), len(classes)).astype(float),
+    return (
+        np.array(time_s, dtype=float),
+        np.array(x, dtype=np.int64),
+        np.array(y, dtype=np.int64),
+        np.array(sense, dtype=str),
         np.array(quality, dtype=float),
         np.array(unknown, dtype=bool),
-        tuple(map(said.__getitem__, reasons)),
+        np.frombuffer(b"".join(packed), dtype=_PROBABILITY).reshape(len(rows), classes).astype(float),
+        list(map(said.__getitem__, reasons)),
     )
-    x, y, time = np.array(cell_x, dtype=np.int64), np.array(cell_y, dtype=np.int64), np.array(time_s, dtype=float)
-    who = np.array(sense, dtype=str)
-    order = np.lexsort((who, y, x, time))
-    return TerrainObservations(cell_size_m, x[order], y[order], time[order], who[order], evidence.select(order))
 
 
 def _float(value: float | None) -> float:

@@ -18,7 +18,7 @@ from ..framework.core.arguments import number, numbers, refused, shown
 from ..framework.core.errors import InputError
 from ..framework.core.pooling import LARGEST_CELL_INDEX, cell_keys, cells_from_keys
 from .answer import GroundAnswer
-from .belief import Cells, combine, grid_size
+from .belief import Cells, classes_of, combine, grid_size, keys_of, put_in
 from .bounds import Corners
 from .cell_index import CellIndex
 from .grid import LAYERS, Grid, rasterise
@@ -86,18 +86,45 @@ class Snapshot:
 
         With `bounds` the drives hold only looks at cells within them, and `cell_size_m` is that of the whole site.
         """
-        names = {name for drive in drives for name in drive.terrain.evidence.classes}
         soils = class_soils([soil for drive in drives for soil in drive.soils])
-        classes = tuple(sorted(names | set(soils)))
-        size = grid_size(drives) if cell_size_m is None else cell_size_m
+        classes, size = classes_of(drives, soils), grid_size(drives) if cell_size_m is None else cell_size_m
         cells = combine(drives, classes, size)
+        return Snapshot.of(site, size, classes, cells, soils, len(drives), physics or {}, bounds)
+
+    @staticmethod
+    def of(
+        site: str,
+        cell_size_m: float,
+        class_names: tuple[str, ...],
+        cells: Cells,
+        soils: Mapping[str, ClassSoil],
+        drives: int,
+        physics: Mapping[str, AugmentedSimulator],
+        bounds: Corners | None = None,
+    ) -> Snapshot:
+        """Freeze what was derived."""
         _freeze(cells)
-        for soil in soils.values():
-            _freeze(soil)
-        return Snapshot(
-            site, size, classes, cells, MappingProxyType(soils), len(drives), MappingProxyType(dict(physics or {})),
-            bounds,
-        )  # fmt: skip
+        _freeze(soils)
+        own = MappingProxyType(dict(soils)), drives, MappingProxyType(dict(physics))
+        return Snapshot(site, cell_size_m, class_names, cells, *own, bounds)
+
+    def with_drives(
+        self, drives: Sequence[Drive], changed: Sequence[Drive], physics: Mapping[str, AugmentedSimulator]
+    ) -> Snapshot:
+        """Derive the snapshot of a site's drives from this one, which knew all of them but `changed` ones.
+
+        The same as `derive`, to the last digit; only what `changed` drives (new ones and those that are gone) touch is
+        computed. Drives that are neither are in the order that they had.
+        """
+        soils = dict(self.soils)
+        if any(drive.soils for drive in changed):
+            soils = class_soils([soil for drive in drives for soil in drive.soils])
+        classes, size = classes_of(drives, soils), grid_size(drives)
+        if (classes, size) != (self.class_names, self.cell_size_m):
+            return Snapshot.derive(self.site, drives, physics)
+        touched = keys_of(changed, size)
+        cells = put_in(combine(drives, classes, size, touched), self.cells, touched)
+        return Snapshot.of(self.site, size, classes, cells, soils, len(drives), physics)
 
     @property
     def typical_load_N(self) -> float:
@@ -204,12 +231,15 @@ class Snapshot:
         now: float | datetime | None = None,
         half_life: float | None = None,
     ) -> GroundAnswer:
-        """Give all cells that somebody has seen whose centres lie within a radius [m]; else as `along`."""
+        """Give all cells that somebody has seen and that reach into a circle of a radius [m]; else as `along`."""
         x, y, radius = (number(*each, "a number [m]") for each in (("x", x), ("y", y), ("radius", radius)))
         if not (math.isfinite(radius) and radius >= 0):
             raise InputError("radius", f"{radius!r}", expected="a finite length, not negative [m]")
-        rows, cell_x, cell_y = self._within(x - radius, y - radius, x + radius, y + radius)
-        inside = np.hypot(cell_x - x, cell_y - y) <= radius
+        half = 0.5 * self.cell_size_m
+        far = radius + half
+        rows, cell_x, cell_y = self._within(x - far, y - far, x + far, y + far)
+        off_x, off_y = (np.maximum(np.abs(each) - half, 0.0) for each in (cell_x - x, cell_y - y))
+        inside = np.hypot(off_x, off_y) <= radius
         centres = np.column_stack([cell_x, cell_y])[inside]
         return self._answer(centres, rows[inside], normal_stress, confidence, now, half_life)
 

@@ -17,7 +17,7 @@ from sqlalchemy.exc import DBAPIError
 from ..framework.core.arguments import refused
 from ..framework.core.class_names import check_class_names, check_spelling
 from ..framework.core.errors import InputError
-from .bounds import common_cell_size, corners_of, drives_within, whole_cells
+from .bounds import corners_of, whole_cells
 from .drive_rows import (
     drive_in_use,
     drive_rows,
@@ -28,6 +28,7 @@ from .drive_rows import (
     is_complete,
     read_drive,
 )
+from .excerpt import common_cell_size, drives_within
 from .merge import merge
 from .observations import Drive
 from .physics import (
@@ -40,6 +41,7 @@ from .physics import (
     read_physics,
     sound_physics,
 )
+from .reader import SiteReader, rows_in_use
 from .rows import drive_row, soil_rows, terrain_columns
 from .schema import holds_database, open_engine, shown, unreachable
 from .snapshot import Snapshot
@@ -251,9 +253,8 @@ class TerrainDatabase:
 
     def check_site(self, site: str) -> None:
         """Refuse the name of a site that no drive was made at, with those that there are; raises `InputError`."""
-        known = self.sites()
-        if site not in known:
-            raise InputError(self.name, f"no site {site!r}", expected="one of " + (", ".join(known) or "none yet"))
+        with self.reading() as connection:
+            rows_in_use(connection, self.name, site)
 
     def drives(self, site: str | None = None, *, newest: bool = False) -> list[Drive]:
         """Read the drives back, whole, in the order of their last import.
@@ -285,22 +286,20 @@ class TerrainDatabase:
         InputError
             The database holds no such site, or several and none was named; or the bounds are none.
         """
-        corners = None if bounds is None else corners_of(bounds, extended=False)
-        known = self.sites()
-        if site is None and len(known) > 1:
-            raise InputError(self.name, "several sites, each with its own frame", expected="one of " + ", ".join(known))
-        if site is not None:
-            self.check_site(site)
-        site = site if site is not None else (known[0] if known else "")
+        if bounds is None:
+            return self.reader(site).snapshot()
+        corners = corners_of(bounds, extended=False)
         with self.reading() as connection:
-            rows = drive_rows(connection, site, newest=True)
-            physics = {found.class_name: found.physics for found in read_physics(connection, self.name, site)}
-            if corners is None:
-                return Snapshot.derive(site, [read_drive(connection, row, senses=("fused",)) for row in rows], physics)
+            site, rows = rows_in_use(connection, self.name, site)
             size = common_cell_size(connection, rows)
             corners = whole_cells(corners, size)
             drives = drives_within(connection, site, rows, corners, size)
-            return Snapshot.derive(site, drives, physics, cell_size_m=size, bounds=corners)
+            physics = {found.class_name: found.physics for found in read_physics(connection, self.name, site)}
+        return Snapshot.derive(site, drives, physics, cell_size_m=size, bounds=corners)
+
+    def reader(self, site: str | None = None) -> SiteReader:
+        """Give a reader of a site, whose snapshots after the first read only what is new; else as `snapshot`."""
+        return SiteReader(self, site)
 
     @contextmanager
     def reading(self) -> Iterator[Connection]:

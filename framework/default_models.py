@@ -29,8 +29,8 @@ CACHE_VARIABLE = "BEVAMETER_CACHE"
 """Environment variable that names another folder for the cache."""
 
 SYNTHETIC_WARNING = (
-    "trained on synthetic ground only: {senses}. On real ground such a model's classes mean nothing. "
-    "Train one with `bevameter train` and give it with --models"
+    "models of {senses} know synthetic ground only: on real ground their classes mean nothing; "
+    "make your own with `bevameter train`, and give them with --models"
 )
 
 _SEED = 20021

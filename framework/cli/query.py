@@ -90,7 +90,7 @@ def near(
 ) -> None:  # fmt: skip
     """Print one row a cell."""
     east, north, reach = finite("X", x), finite("Y", y), finite("--radius", radius)
-    far = abs(reach)
+    far = abs(reach) + 1e-9  # cells that touch the circle belong to it
     _print_places(
         "near", lambda view, options: view.near(east, north, reach, **options),
         (east - far, north - far, east + far, north + far), db, site, confidence, normal_stress, format,

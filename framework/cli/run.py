@@ -34,7 +34,7 @@ def command(
     from ..core.files import check_outputs
     from ..core.recording.readers import read_recording
     from .printing import progress_bars, write_json
-    from .results import print_summary
+    from .results_run import print_summary
 
     check_outputs([json], [recording, vehicle, topics])
     with progress_bars() as progress:

@@ -161,6 +161,21 @@ def test_snapshot(benchmark, file):
         assert len(benchmark.pedantic(database.snapshot, rounds=3).cells.key) == SIDE**2
 
 
+def test_reader(benchmark, tmp_path):
+    """Of 160,000 cells, after a drive over 10,000 of them."""
+    numbers = count()
+    with TerrainDatabase(tmp_path / "terrain.db") as database:
+        database.add_drive(drive("d"))
+        reader = database.reader()
+        reader.snapshot()
+
+        def new() -> None:
+            database.add_drive(drive(f"d{next(numbers)}", slice(10_000)))
+
+        benchmark.pedantic(reader.snapshot, setup=new, rounds=5)
+        assert reader.snapshot().drives == 6
+
+
 def test_write(benchmark, tmp_path):
     """10,000 looks, as one drive."""
     numbers = count()

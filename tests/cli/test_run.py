@@ -7,7 +7,7 @@ import pytest
 from bevameter import SoilEstimate
 from bevameter.database.observations import SoilEffect, SoilObservation
 from bevameter.framework.cli.main import app
-from bevameter.framework.cli.results import print_summary
+from bevameter.framework.cli.results_run import print_summary
 from bevameter.framework.core.findings import warning
 from bevameter.framework.core.soil import Quantity
 from bevameter.framework.summary import LearntSoil, TraverseSummary
@@ -102,7 +102,7 @@ def test_a_model_that_does_not_fit_is_printed_and_written(capsys):
     )  # fmt: skip
     print_summary(summary)
     printed = capsys.readouterr().out
-    assert "note, 3 to 9 s: the textbook's form does not hold" in printed
+    assert "sand, 3 to 9 s: the textbook's form does not hold" in printed
     assert "sand: slip_sinkage known from before and subtracted" in printed
     (soil,) = summary.as_dict()["soils"]
     assert (soil["misfit"], soil["problems"]) == (4.2, sentences(estimate.findings))
