@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sqlite3
 from collections.abc import Callable, Iterator
@@ -137,6 +138,8 @@ def _engine(url: URL, prepare: Callable[[sqlite3.Connection, object], None] | No
     if url.get_backend_name() == "sqlite":
         event.listen(engine, "connect", prepare or _prepare_sqlite)
     else:
+        # The driver writes a line of its own when a link is lost in the midst of a COPY; the error says it.
+        logging.getLogger("psycopg").addHandler(logging.NullHandler())
         event.listen(engine, "connect", _prepare_postgresql)
     return engine
 
