@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ..core.errors import InputError
@@ -45,9 +46,9 @@ def pascals(name: str, text: str) -> float:
     return quantity(name, text, "Pa", 'a pressure such as "20 kPa"')
 
 
-def open_snapshot(db: str, site: str | None) -> Snapshot:
-    """Give what a database that exists knows of a site."""
+def open_snapshot(db: str, site: str | None, bounds: Sequence[float] | None = None) -> Snapshot:
+    """Give what a database that exists knows of a site, or of the ground there between corners x0, y0, x1, y1 [m]."""
     from ...database.store import TerrainDatabase
 
     with TerrainDatabase(db, must_exist=True) as database:
-        return database.snapshot(site)
+        return database.snapshot(site, bounds=bounds)
