@@ -247,9 +247,10 @@ class TerrainDatabase:
             return None if row is None else read_drive(connection, row, senses=None)
 
     def drive_ids(self) -> frozenset[uuid.UUID]:
-        """Identities (`Drive.id`) of all drives, whichever processing of a recording they are."""
+        """Identities (`Drive.id`) of all drives that are there, whole, whichever processing of a recording they are."""
+        table = table_of(DriveRow)
         with self.reading() as connection:
-            return frozenset(connection.execute(select(table_of(DriveRow).c.id)).scalars())
+            return frozenset(connection.execute(select(table.c.id).where(imported(table))).scalars())
 
     def sites(self) -> list[str]:
         """Names of the sites that drives were made at, sorted."""
