@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from .options import TOPICS
+
 
 def command(
     recording: Annotated[
@@ -16,10 +18,7 @@ def command(
     vehicle: Annotated[
         Path | None, typer.Option("--vehicle", help="vehicle.toml, instead of the recording's own.")
     ] = None,
-    topics: Annotated[
-        Path | None,
-        typer.Option("--topics", help="TOML map from a bag's topics to streams, where names do not identify them."),
-    ] = None,
+    topics: Annotated[Path | None, typer.Option("--topics", "--columns", help=TOPICS)] = None,
     models: Annotated[
         Path | None,
         typer.Option(
