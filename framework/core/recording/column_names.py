@@ -90,7 +90,8 @@ QUANTITIES = (
         "travel speed, travel velocity, travelling speed, traveling speed, forward speed, forward velocity, "
         "carriage speed, "
         "carriage velocity, translational velocity, translational speed, translation speed, linear velocity, "
-        "linear speed, ground speed, vehicle speed, vehicle velocity, velocity, speed, longitudinal velocity, "
+        "linear speed, ground speed, vehicle speed, vehicle velocity, velocity, vel, speed, "
+        "longitudinal velocity, linear x, "
         "longitudinal speed, Fahrgeschwindigkeit, Geschwindigkeit, Vorschubgeschwindigkeit, vitesse, "
         "vitesse d'avancement, vitesse longitudinale, velocidad",
         "V v vx Vx",
@@ -146,6 +147,9 @@ _ADDED = {"measured", "mean", "average", "avg", "averaged", "filtered", "actual"
 _UNIT_BY_NAME = {"rpm": "rpm", "wheelrpm": "rpm", "seconds": "s"}
 _NEED_UNIT = {"drehzahl", "raddrehzahl", "vitessederotation", "rotationalspeed", "rotationspeed", "rotaryspeed", "n"}
 """Of these nobody can say whether they are turns or radians."""
+
+_WHEEL_FIELDS = {"load", "torque", "sinkage", "slip"}
+"""Fields of topics that need no more than their name."""
 
 _SCATTER = {"sd", "std", "stdev", "stddev", "sigma"}
 _HUMP = re.compile(r"(?<=[a-zäöü])(?=[A-ZÄÖÜ])")
@@ -208,9 +212,9 @@ def _symbols() -> dict[str, list[Quantity]]:
     return found
 
 
-def names_of_channels() -> dict[str, str]:
-    """Give the channel of each name that leaves no doubt, the name folded by `key`."""
-    return {name: quantities[0].channel for name, quantities in _names().items()}
+def names_of_channels() -> dict[str, tuple[str, str]]:
+    """Give each name that leaves no doubt, and its channel, by the name folded by `key`."""
+    return {key(name): (name, each.channel) for each in QUANTITIES for name in each.names.split(", ")}
 
 
 @cache
@@ -236,7 +240,8 @@ def written(name: str) -> Written:
     others += [part for part in re.split(r"\s*[,=;]\s*|\s+[-–]\s+", bare) if part and part != bare]
     if bare.startswith("/"):  # a topic and its field, as PlotJuggler names them
         path = [part for part in bare.split("/") if part]
-        others += [" ".join(path[-2:]), path[-1]] if path else []
+        # Its last part alone, such as x or velocity, may be of anything.
+        others += [" ".join(path[-2:])] + [path[-1]] * ("_" in path[-1] or path[-1] in _WHEEL_FIELDS) if path else []
     words = tuple(word for word in re.split(r"[\s_\-.:,;=/#]+", _HUMP.sub(" ", bare)) if word)
     return Written(words, tuple(others), unit)
 

@@ -65,6 +65,8 @@ class Numbers:
         Columns of text, each (n,) of str.
     percent
         Columns whose cells end in a per cent sign, which was left out.
+    dated
+        Columns of dates or times of day, now seconds since the first row.
     bad
         Cells of wanted columns that are no numbers.
     notes
@@ -74,6 +76,7 @@ class Numbers:
     numbers: dict[str, np.ndarray] = field(default_factory=dict)
     text: dict[str, np.ndarray] = field(default_factory=dict)
     percent: set[str] = field(default_factory=set)
+    dated: set[str] = field(default_factory=set)
     bad: list[BadCell] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
@@ -118,7 +121,9 @@ def read_numbers(
     for name, values in plain.items():
         if values is None and name in clocks:
             values = _clock(cells[name])
-            found.notes += [] if values is None else [f"times of {name} are taken as seconds since the first row"]
+            if values is not None:
+                found.dated.add(name)
+                found.notes.append(f"dates or times of day in {name} taken as seconds since the first row")
         if values is not None:
             found.numbers[name] = values
         elif name not in wanted:

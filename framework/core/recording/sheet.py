@@ -21,6 +21,9 @@ TEXT_ENDINGS = (".csv", ".tsv", ".txt", ".dat", ".lvm", ".asc")
 ENDINGS = (*TEXT_ENDINGS, *(ending + ".gz" for ending in TEXT_ENDINGS), ".parquet", ".xlsx", ".xlsm")
 """Endings of files that can hold a wheel table."""
 
+_LONGEST = 200
+"""Longest name of a column [characters]."""
+
 _BEGINNING = 2**18
 """So much of a text is looked at for its header [bytes]."""
 
@@ -70,7 +73,7 @@ class Sheet:
         clocks: frozenset[str],
         decimal: str | None,
         faults: list[InputError],
-    ) -> tuple[Table, frozenset[str]]:
+    ) -> tuple[Table, frozenset[str], frozenset[str]]:
         """Read the cells.
 
         Parameters
@@ -82,8 +85,8 @@ class Sheet:
 
         Returns
         -------
-        table, percent
-            The table, and names of the columns whose cells end in a per cent sign.
+        table, percent, dated
+            The table, and names of the columns whose cells end in a per cent sign, and of those with dates.
 
         Raises
         ------
@@ -92,7 +95,7 @@ class Sheet:
         """
         if self.source.name.lower().endswith(".parquet"):
             table = from_parquet(self.source, numbers, text)
-            return _with_rows(table), frozenset()
+            return _with_rows(table), frozenset(), frozenset()
         body, rows, left_out = self._body()
         first = self.first
 
@@ -115,9 +118,8 @@ class Sheet:
             if np.isfinite(values).any() or any(words):
                 self.notes.append(f"{name} has no name, left out")
         rows = None if rows is None else rows[: len(cells)]
-        return _with_rows(Table(found.numbers, found.text, self.source, self.first, problems, rows)), frozenset(
-            found.percent
-        )
+        table = _with_rows(Table(found.numbers, found.text, self.source, self.first, problems, rows))
+        return table, frozenset(found.percent), frozenset(found.dated)
 
     def _body(self) -> tuple[bytes, np.ndarray | None, list[str]]:
         """Give the rows without what is none, their numbers in the file where rows were left out, and what was."""
@@ -247,11 +249,14 @@ def _named(
     unnamed: list[str] = []
     for place, name in enumerate(names_in_header):
         if not name:
-            if 0 < place < len(names_in_header) - 1:
+            if place and any(names_in_header[place:]):
                 problem = f"column {place + 1} has no name"
                 raise InputError(path, problem, expected="a name", place=f"row {header}")
             name = f"column {place + 1}"
             unnamed.append(name)
+        if len(name) > _LONGEST:
+            problem = f"a name of {len(name)} characters, {name[:20]!r} ..."
+            raise InputError(path, problem, expected=f"at most {_LONGEST}", place=f"row {header}, column {place + 1}")
         if name in names_in_header[:place]:
             twice.append(name)
             name = f"{name} ({list(names_in_header[: place + 1]).count(name)})"

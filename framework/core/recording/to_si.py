@@ -30,7 +30,11 @@ is in degrees, and 1e11 s are three thousand years."""
 
 
 def to_si(
-    table: Table, found: Mapping[str, Column], percent: frozenset[str], faults: list[InputError]
+    table: Table,
+    found: Mapping[str, Column],
+    percent: frozenset[str],
+    dated: frozenset[str],
+    faults: list[InputError],
 ) -> tuple[dict[str, np.ndarray], list[str]]:
     """Convert columns to channels.
 
@@ -42,6 +46,8 @@ def to_si(
         Which channel is which column.
     percent
         Columns whose cells had per cent signs.
+    dated
+        Columns of dates or times, which are in seconds now.
     faults
         Values that may mean two things are added to it.
 
@@ -53,6 +59,7 @@ def to_si(
     channels: dict[str, np.ndarray] = {}
     read: list[str] = []
     assumed: list[str] = []
+    bare: list[str] = []
     for channel, column in found.items():
         if channel in TEXT_COLUMNS:
             read += [] if column.source == "own" else [f"{channel} = {column.name}"]
@@ -68,8 +75,9 @@ def to_si(
         else:
             channels[channel] = column.to_si(values, column.name in percent)
             read.append(_said(column, column.name in percent))
-            if column.unit is None and column.name not in percent:
-                _assume(table, column, channels[channel], assumed, faults)
+            if column.unit is None and column.name not in percent | dated:
+                bare += _assumed(table, column, channels[channel], faults)
+    assumed += [f"SI units where none is given: {', '.join(bare)}"] if bare else []
     _turn(channels, found, assumed)
     name = table.source.name
     said = [f"{name}: columns read as {'; '.join(read)}"] if read else []
@@ -109,8 +117,8 @@ def _said(column: Column, percent: bool) -> str:
     return text + (f" + {column.offset:g}" if column.offset else "")
 
 
-def _assume(table: Table, column: Column, values: np.ndarray, assumed: list[str], faults: list[InputError]) -> None:
-    """Say that a column without a unit is taken to be in SI, or refuse it where it cannot be."""
+def _assumed(table: Table, column: Column, values: np.ndarray, faults: list[InputError]) -> list[str]:
+    """Say in which unit a column without one is taken to be, or refuse it where it cannot be."""
     most, unit = _PLAUSIBLE.get(column.channel, (np.inf, ""))
     seen = np.abs(values[np.isfinite(values)])
     middle = float(np.median(seen)) if len(seen) else 0.0
@@ -118,15 +126,15 @@ def _assume(table: Table, column: Column, values: np.ndarray, assumed: list[str]
         expected = f"its unit in the name, such as {column.name} [{_OTHER[column.channel]}], or unit in a column map"
         problem = f"no unit, and {middle:.6g} {unit} (median) cannot be"
         faults.append(InputError(table.source, problem, expected=expected, place=f"column {column.name}"))
-    else:
-        assumed.append(f"{column.name} is in {_SI.get(column.channel, 'SI units')}, for no unit is given")
+        return []
+    return [f"{column.name} [{_SI.get(column.channel, '-')}]"]
 
 
 _OTHER = {"sinkage_m": "mm", "pitch_rad": "deg", "slip_angle_rad": "deg", "time_s": "ns"}
 _SI = {
     "time_s": "s", "load_N": "N", "torque_Nm": "N m", "sinkage_m": "m", "drawbar_pull_N": "N",
     "wheel_speed_rad_s": "rad/s", "travel_speed_m_s": "m/s", "wheel_angle_rad": "rad", "pitch_rad": "rad",
-    "slip_angle_rad": "rad", "x_m": "m", "y_m": "m", "pass": "passes, the first one 1", "slip": "1",
+    "slip_angle_rad": "rad", "x_m": "m", "y_m": "m", "pass": "-", "slip": "-",
 }  # fmt: skip
 
 

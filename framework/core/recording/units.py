@@ -74,6 +74,7 @@ def _plain(unit: str) -> str:
     text = unicodedata.normalize("NFKC", unit).replace("−", "-").replace("μ", "u").replace("⁄", "/")
     text = re.sub(r"[\s·⋅∙×*.^_²]", "", text)
     text = text.replace("°", "deg").replace("degdeg", "deg").replace("graddeg", "deg")
+    text = re.sub(r"(?i)(?<=[a-z])-(?=[a-z])", "", text)  # ft-lb
     return re.sub(r"(?i)(?<=[a-z])per(?=[a-z])(?!cent)", "/", text) if "/" not in text else text
 
 

@@ -28,6 +28,9 @@ _UNITLESS = frozenset({"time_s", "slip", "pass"})
 _NEAR = 0.83
 """Likeness by difflib from which on a name is another, misspelt [-]."""
 
+_MOST_COMPARED = 200
+"""Columns whose names are compared with those of channels, letter by letter [-]."""
+
 _DIMENSIONS = {quantity.channel: quantity.dimension for quantity in QUANTITIES}
 _PERCENT = 0.01
 
@@ -132,7 +135,7 @@ def assign(
         if read is not None and (read.unit is not None or not in_si):
             taken.setdefault(read.channel, []).append(read)
             places.setdefault(read.channel, []).append(name)
-        elif (right := misspelt(name)) is not None:
+        elif len(names) <= _MOST_COMPARED and (right := misspelt(name)) is not None:
             faults.append(InputError(source, "no column of a wheel file", expected=right, place=f"column {name}"))
     for channel, readings in taken.items():
         if channel not in found:
@@ -142,7 +145,8 @@ def assign(
     if not in_si and "slip" in found and any(column.source == "name" for column in found.values()):
         found["slip"] = replace(found["slip"], source="name" if found["slip"].source == "own" else found["slip"].source)
     faults.extend(_near(names, {column.name for column in found.values()}, found, source))
-    return found
+    place = {name: number for number, name in enumerate(names)}
+    return dict(sorted(found.items(), key=lambda entry: place[entry[1].name]))
 
 
 def _mapped(
@@ -205,8 +209,8 @@ def _chosen(
 def _near(names: Sequence[str], used: set[str], found: Mapping[str, Column], source: Path) -> list[InputError]:
     """Find names that are a channel's with a slip of the pen, where nothing else gives that channel."""
     faults = []
-    known = {name: channel for name, channel in names_of_channels().items() if len(name) > 4}
-    for name in names:
+    known = {folded: each for folded, each in names_of_channels().items() if len(folded) > 3}
+    for name in names[:_MOST_COMPARED]:
         if name in used or name in ALSO_READ or misspelt(name) is not None or meaning(name) is not None:
             continue
         parted = written(name)
@@ -214,7 +218,7 @@ def _near(names: Sequence[str], used: set[str], found: Mapping[str, Column], sou
         if len(spelt) < 4 or (parted.unit is None and not found):
             continue
         close = difflib.get_close_matches(spelt, known, n=1, cutoff=_NEAR)
-        channel = known[close[0]] if close else None
+        right, channel = known[close[0]] if close else ("", None)
         fits = parted.unit is None or (channel and units.factor(parted.unit, _DIMENSIONS[channel]) is not None)
         own = all(column.source == "own" for column in found.values())
         if channel and channel not in found and fits and not (own and parted.unit is None):
@@ -222,7 +226,7 @@ def _near(names: Sequence[str], used: set[str], found: Mapping[str, Column], sou
                 InputError(
                     source,
                     "no name of a channel",
-                    expected=f"{channel}: did you mean {close[0]}?",
+                    expected=f"{channel}: did you mean {right}?",
                     place=f"column {name}",
                 )
             )

@@ -35,6 +35,9 @@ _ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
 _MOST_NAMED = 6
 """Columns that a note names; the others are counted."""
 
+_MOST_LISTED = 30
+"""Columns that an error names."""
+
 _NUMBER = re.compile(r"[-+]?\.?\d").match
 
 
@@ -96,10 +99,10 @@ def read_wheel(path: str | Path, columns: str | Path | ColumnMap | None = None) 
             faults.append(InputError(path, f"column {name} stands twice", expected="each column once", place=place))
     text = frozenset(column.name for column in found.values() if column.channel in TEXT_COLUMNS)
     clock = frozenset(column.name for column in found.values() if column.channel == "time_s")
-    table, percent = sheet.read(
+    table, percent, dated = sheet.read(
         numbers=frozenset(by_name) - text, text=text, clocks=clock, decimal=mapped.decimal, faults=faults
     )
-    channels, converted = to_si(table, found, percent, faults)
+    channels, converted = to_si(table, found, percent, dated, faults)
     others = {name: values for name, values in table.numbers.items() if name not in by_name}
     wheel, run = (_names(table, found.get(name), faults) for name in ("wheel", "run"))
     if "time_s" not in found and "run" not in found:
@@ -135,7 +138,8 @@ def _in_order(names: Sequence[str], by_name: Mapping[str, Column]) -> list[str]:
 
 
 def _no_clock(path: Path, names: Sequence[str]) -> InputError:
-    problem = "neither column time_s nor column run; there are " + ", ".join(names)
+    more = f" and {len(names) - _MOST_LISTED} more" if len(names) > _MOST_LISTED else ""
+    problem = f"neither column time_s nor column run; there are {', '.join(names[:_MOST_LISTED])}{more}"
     return InputError(path, problem, expected="time_s, or run in a file of steady-state trials")
 
 

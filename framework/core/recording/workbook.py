@@ -18,6 +18,9 @@ from .tables import MAX_TABLE_BYTES
 _MOST_PARTS = 4096
 """Parts of a workbook's archive: sheets, styles, pictures [-]."""
 
+_FIRST_ROWS = 100
+"""Rows that say how wide a table is [-]."""
+
 _MOST_COLUMNS = 512
 """Columns that are looked at: what lies further right is no column of a wheel table [-]."""
 
@@ -67,7 +70,7 @@ def workbook_text(path: Path, is_known: Callable[[str], bool], sheet: str | None
         raise InputError(path, f"no sheet {sheet!r}", expected=f"one of {', '.join(titles)}")
     if not texts:
         raise InputError(path, "no sheet with a cell that is not empty", expected="a header and rows")
-    tables = {title: text for title, text in texts.items() if _score(text, is_known)} or texts
+    tables = {title: text for title, text in texts.items() if _score(text, is_known) > 1} or texts
     if len(tables) > 1:
         expected = "sheet = '...' in a column map says which"
         raise InputError(path, f"{len(tables)} sheets could be the table: {', '.join(tables)}", expected=expected)
@@ -101,15 +104,13 @@ def _as_text(path: Path, sheet: Any) -> bytes:
 
 
 def _rows(sheet: Any) -> Iterator[list[str]]:
-    """Yield the rows as text, all as long as the longest so far that is not empty."""
+    """Yield the rows as text, each as wide as the widest of the first: a cell far off would ask for millions of others."""
     sheet.reset_dimensions()  # what the file says of its size may be wrong
-    width = 0
-    for cells in sheet.iter_rows(max_col=_MOST_COLUMNS):
-        row = [_text(cell) for cell in cells]
-        while row and not row[-1]:
-            row.pop()
-        width = max(width, len(row))
-        yield row + [""] * (width - len(row))
+    width = 1
+    for cells in sheet.iter_rows(max_row=_FIRST_ROWS, max_col=_MOST_COLUMNS):
+        width = max([width, *(place for place, cell in enumerate(cells, 1) if cell.value is not None)])
+    for cells in sheet.iter_rows(max_col=width):
+        yield [_text(cell) for cell in cells] or [""]
 
 
 def _text(cell: Any) -> str:
