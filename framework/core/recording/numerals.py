@@ -5,7 +5,7 @@ What a mark means is decided once for a file, by those of its cells in which it 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -203,13 +203,10 @@ def _clock(cells: pa.ChunkedArray) -> np.ndarray | None:
         return None
     try:
         if all(text[:1].isdigit() and text.split(":")[0].isdigit() for text in texts):
-            moments: Iterable[float] = pd.to_timedelta(
-                pd.Series([text.replace(",", ".") for text in (t if t.count(":") > 1 else f"00:{t}" for t in texts)])
-            ).dt.total_seconds()
+            whole = (text if text.count(":") > 1 else f"00:{text}" for text in texts)
+            moments = pd.to_timedelta(pd.Series([text.replace(",", ".") for text in whole]))
         else:
-            parsed = pd.to_datetime(pd.Series(texts), format="ISO8601", utc=True)
-            moments = (parsed - parsed.iloc[0]).dt.total_seconds()
+            moments = pd.to_datetime(pd.Series(texts), format="ISO8601", utc=True)
+        return np.asarray((moments - moments.iloc[0]).dt.total_seconds(), dtype=float)
     except (ValueError, OverflowError):
         return None
-    values = np.asarray(moments, dtype=float)
-    return values - values[0]

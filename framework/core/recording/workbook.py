@@ -104,7 +104,7 @@ def _as_text(path: Path, sheet: Any) -> bytes:
 
 
 def _rows(sheet: Any) -> Iterator[list[str]]:
-    """Yield the rows as text, each as wide as the widest of the first: a cell far off would ask for millions of others."""
+    """Yield the rows as text, as wide as the first: a cell far off would ask for millions of others."""
     sheet.reset_dimensions()  # what the file says of its size may be wrong
     width = 1
     for cells in sheet.iter_rows(max_row=_FIRST_ROWS, max_col=_MOST_COLUMNS):
