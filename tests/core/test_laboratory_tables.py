@@ -1,13 +1,17 @@
 """Tables as laboratories and programs write them: what is read of them, what is said of it, and what is refused."""
 
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
 from bevameter import read_recording
 from bevameter.framework.core.errors import InputError, InputErrors
+from bevameter.framework.core.recording.column_map import load_column_map
 from bevameter.framework.core.recording.column_names import meaning
 from bevameter.framework.core.recording.wheel_file import read_wheel, read_wheel_file
+
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
@@ -97,7 +101,7 @@ def test_the_table_of_a_laboratory_and_what_is_said_of_it(write):
     assert assumed.endswith("each row is a steady-state trial, for there is neither time nor run")
     assert problems == ()
     assert read_recording(write(ISSUE)).notes == (read, assumed)
-    with pytest.warns(UserWarning) as warned:
+    with pytest.warns(UserWarning, match="lab.csv: ") as warned:
         read_wheel_file(write(ISSUE))
     assert [str(each.message) for each in warned] == [read, assumed]
 
@@ -209,6 +213,16 @@ slip = { column = "s", unit = "%" }
     ):
         with pytest.raises(InputError, match=says):
             read_wheel(table, write(f"[columns]\n{wrong}\n", "map.toml"))
+
+
+def test_the_column_map_of_the_documentation_is_read(write):
+    page = (ROOT / "docs" / "recording.md").read_text(encoding="utf-8")
+    section = page.split("## Laboratory tables")[1].split("\n## ")[0]
+    example = section[section.index("    decimal = ") :]
+    lines = [line[4:] for line in example.splitlines() if line.startswith("    ")]
+    mapped = load_column_map(write("\n".join(lines), "map.toml"))
+    assert set(mapped.columns) == {"load_N", "torque_Nm", "slip"}
+    assert (mapped.decimal, mapped.sheet) == (",", "Versuch 3")
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ import warnings
 import zipfile
 from collections.abc import Callable, Iterator
 from datetime import date, time
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +44,7 @@ def workbook_text(path: Path, is_known: Callable[[str], bool], sheet: str | None
         openpyxl is not installed; the file is damaged, or unpacks to too much; no sheet has a header, or several have.
     """
     try:
-        import openpyxl
+        openpyxl = import_module("openpyxl")
     except ImportError as error:
         expected = "pip install 'bevameter[excel]', or the table saved as CSV"
         raise InputError(path, "openpyxl, which reads Excel workbooks, is not installed", expected=expected) from error
