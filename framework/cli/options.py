@@ -12,6 +12,12 @@ from ..core.quantities import magnitude
 if TYPE_CHECKING:
     from ...database.snapshot import Snapshot
 
+COLUMNS = "TOML map from a wheel table's columns to channels, where names and units do not identify them."
+TOPICS = (
+    "TOML map from a bag's topics to streams, or from a wheel table's columns to channels, where names do not identify "
+    "them."
+)
+
 
 def finite(name: str, text: str, unit: str = "m") -> float:
     """Read a number without a unit; raises `InputError`."""

@@ -35,6 +35,8 @@ def print_summary(summary: TraverseSummary) -> None:
         seconds = {reason: f"{length:.0f} s" for reason, length in summary.closed_s.items() if length >= 0.5}
         left_out = f"; not used: {_most(seconds)}" if seconds else ""
         print(f"wheels: {summary.used_s:.0f} s used for soil{left_out}")
+    for note in summary.notes:
+        print(f"note: {note}")
     for problem in summary.problems:
         print(f"not usable: {problem}")
     for warning in summary.warnings:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..core.errors import BevameterError, InputError
+from .options import TOPICS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,10 +31,7 @@ def command(
     vehicle: Annotated[
         Path | None, typer.Option("--vehicle", help="vehicle.toml, instead of the recordings' own.")
     ] = None,
-    topics: Annotated[
-        Path | None,
-        typer.Option("--topics", help="TOML map from a bag's topics to streams, where names do not identify them."),
-    ] = None,
+    topics: Annotated[Path | None, typer.Option("--topics", "--columns", help=TOPICS)] = None,
     models: Annotated[
         Path | None,
         typer.Option(

@@ -61,8 +61,8 @@ def test_models_that_are_not_there(tmp_path, folder):
 
 
 def test_a_topic_map_for_what_is_no_bag(tmp_path, folder):
-    (tmp_path / "t.toml").write_text("")
-    assert "no bag" in bad(tmp_path, folder, "--topics", tmp_path / "t.toml")
+    (tmp_path / "t.toml").write_text('[wheel]\ntopic = "/wheel"\n')
+    assert "a topic map, which a bag needs" in bad(tmp_path, folder, "--topics", tmp_path / "t.toml")
 
 
 def test_a_database_of_another_program_is_left_alone(tmp_path, folder):
