@@ -42,6 +42,7 @@ from .reader import SiteReader
 from .rows import drive_row, soil_rows, terrain_columns
 from .schema import holds_database, open_engine, shown, unreachable
 from .snapshot import Snapshot
+from .storable import check_storable
 from .tables import DriveRow, ImportRow, SoilRow, TerrainRow, table_of
 
 if TYPE_CHECKING:
@@ -116,11 +117,12 @@ class TerrainDatabase:
         Raises
         ------
         InputError
-            A class of the drive is `unknown`, or two of them differ in case or spaces only; the database cannot be
-            written.
+            A class of the drive is `unknown`, or two of them differ in case or spaces only; a text or number of it is
+            none that every database takes, or an estimate that of no soil; the database cannot be written.
         """
         if not isinstance(drive, Drive):
             raise refused("drive", drive, "a Drive")
+        check_storable(drive)
         of_soils = (name for soil in drive.soils for name in soil.class_probabilities)
         check_class_names([*drive.terrain.evidence.classes, *of_soils], f"drive {drive.name!r}", "classes")
         total = len(drive.terrain) + len(drive.soils)
