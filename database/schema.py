@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import os
 import sqlite3
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import URL, Connection, Engine, create_engine, event, inspect, make_url, text
+from sqlalchemy import URL, Connection, Dialect, Engine, create_engine, event, inspect, make_url, text
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, SQLAlchemyError
-from sqlalchemy.pool import NullPool
+from sqlalchemy.pool import ConnectionPoolEntry, NullPool
 
+from ..framework.core.arguments import shown as shown_value
 from ..framework.core.errors import InputError, reading
 from .tables import Base
 
@@ -31,6 +32,9 @@ BUSY_TIMEOUT_S = 60.0
 
 READ_IF_CUT_OFF = "PRAGMA writable_schema = ON"
 """Makes SQLite read the tables of a truncated file up to its end; it refuses such a file otherwise."""
+
+_WITHOUT_LOCKS = "file that is read without locks, and its state"
+"""Where a connection keeps it."""
 
 EXPECTED = "a terrain database of Bevameter"
 _OUR_TABLES = frozenset(Base.metadata.tables)
@@ -52,6 +56,10 @@ def parse_url(url_or_path: str | Path) -> URL:
     if not isinstance(url_or_path, str | os.PathLike | URL):
         raise InputError("database", f"{url_or_path!r:.80}", expected="a path or an SQLAlchemy URL")
     given = str(url_or_path)
+    if "\0" in given:
+        raise InputError(
+            "database", shown_value(given), expected="a path or an SQLAlchemy URL, without zero characters"
+        )
     if "://" not in given:
         if not given.strip():
             raise InputError("database", "an empty path", expected="a path or an SQLAlchemy URL")
@@ -115,14 +123,15 @@ def open_engine(url_or_path: str | Path, *, must_exist: bool) -> Engine:
     return engine
 
 
-def _engine(url: URL, prepare: Callable[[sqlite3.Connection, object], None] | None = None) -> Engine:
-    """Give the engine of a URL, whose connections to SQLite are prepared so; it connects to nothing yet."""
+def _engine(url: URL, *, only_reads: bool = False) -> Engine:
+    """Give the engine of a URL; it connects to nothing yet."""
     try:
         engine = create_engine(url, **_options(url))
     except (ImportError, NoSuchModuleError) as error:
         raise InputError(shown(url), f"its driver is not installed: {error}", expected="psycopg") from None
     if url.get_backend_name() == "sqlite":
-        event.listen(engine, "connect", prepare or _prepare_sqlite)
+        event.listen(engine, "do_connect", _read_only if only_reads else _read_only_where_no_log_can_be)
+        event.listen(engine, "connect", _prepare_to_read if only_reads else _prepare_sqlite)
     return engine
 
 
@@ -161,22 +170,47 @@ def opened_as_it_is(url_or_path: str | Path) -> Iterator[Connection]:
     url = parse_url(url_or_path)
     if url.get_backend_name() == "sqlite":
         _check_file(Path(str(url.database)), must_exist=True)
-    engine = _engine(_for_reading(url), _prepare_to_read)
+    engine = _engine(url, only_reads=True)
     try:
         with engine.connect() as connection:
             if url.get_backend_name() != "sqlite" and not inspect(connection).has_table(VERSION_TABLE):
                 raise InputError(shown(url), "holds no terrain database", expected=EXPECTED)
             yield connection
+            check_unchanged(connection)
     except (SQLAlchemyError, engine.dialect.loaded_dbapi.Error) as error:
         raise unreachable(url, error) from error
     finally:
         engine.dispose()
 
 
-def _for_reading(url: URL) -> URL:
-    if url.get_backend_name() != "sqlite":
-        return url
-    return url.set(database=uri_for_reading(Path(str(url.database)))).update_query_dict({"uri": "true"})
+def _read_only(_dialect: Dialect, record: ConnectionPoolEntry, arguments: list[Any], options: dict[str, Any]) -> None:
+    """Let a connection only read the file that it is to open."""
+    file = Path(arguments[0])
+    if _has_no_log(file.resolve()):
+        record.info[_WITHOUT_LOCKS] = file, _state(file)
+    arguments[0] = uri_for_reading(file)
+    options["uri"] = True
+
+
+def _read_only_where_no_log_can_be(
+    dialect: Dialect, record: ConnectionPoolEntry, arguments: list[Any], options: dict[str, Any]
+) -> None:
+    if _has_no_log(Path(arguments[0]).resolve()):
+        _read_only(dialect, record, arguments, options)
+
+
+def check_unchanged(connection: Connection) -> None:
+    """Refuse what was read of a file without locks if it was changed meanwhile; raises `InputError`."""
+    file, before = connection.info.get(_WITHOUT_LOCKS, (None, None))
+    if file is not None and _state(file) != before:
+        raise InputError(file, "was changed while it was read from a folder that may not be written to",
+                         expected="the same again, or a folder that may be written to, where readers use locks"
+                         )  # fmt: skip
+
+
+def _state(file: Path) -> tuple[int, int]:
+    status = file.stat()
+    return status.st_mtime_ns, status.st_size
 
 
 def uri_for_reading(path: Path) -> str:
@@ -186,7 +220,17 @@ def uri_for_reading(path: Path) -> str:
     """
     file = path.resolve()
     log = file.with_name(file.name + "-wal")
+    if _has_no_log(file):
+        return f"{file.as_uri()}?mode=ro&immutable=1"
     return f"{file.as_uri()}?mode={'ro' if log.exists() and log.stat().st_size else 'rw'}"
+
+
+def _has_no_log(file: Path) -> bool:
+    """Say whether a file lies where no log can be made and has none, as on a medium that can only be read.
+
+    SQLite reads such a file only where it is told that nobody changes it (sqlite.org/wal.html, "Read-Only Databases").
+    """
+    return file.exists() and not os.access(file.parent, os.W_OK) and not file.with_name(file.name + "-wal").exists()
 
 
 def revision_of(connection: Connection) -> str | None:
@@ -240,7 +284,8 @@ def _holds_tables(path: Path, must_exist: bool) -> bool:
             raise InputError(path, "is empty", expected=EXPECTED)
         return False
     try:
-        with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=BUSY_TIMEOUT_S)) as look:
+        address = uri_for_reading(path) if _has_no_log(path.resolve()) else f"{path.resolve().as_uri()}?mode=ro"
+        with closing(sqlite3.connect(address, uri=True, timeout=BUSY_TIMEOUT_S)) as look:
             look.execute(READ_IF_CUT_OFF)
             (mark,) = look.execute("PRAGMA application_id").fetchone()
             names = {row[0] for row in look.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}

@@ -40,7 +40,7 @@ from .physics import (
 )
 from .reader import SiteReader
 from .rows import drive_row, soil_rows, terrain_columns
-from .schema import holds_database, open_engine, shown, unreachable
+from .schema import check_unchanged, holds_database, open_engine, shown, unreachable
 from .snapshot import Snapshot
 from .storable import check_storable
 from .tables import DriveRow, ImportRow, SoilRow, TerrainRow, table_of
@@ -290,6 +290,7 @@ class TerrainDatabase:
                 # The driver decodes numbers, times and JSON as it goes.
                 what = f"holds what cannot be read: {error}".splitlines()[0][:200]
                 raise InputError(self.name, what, expected="what was stored by bevameter") from error
+            check_unchanged(connection)
 
     @contextmanager
     def _reached(self, opened: Callable[[], AbstractContextManager[Connection]]) -> Iterator[Connection]:
