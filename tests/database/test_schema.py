@@ -258,3 +258,10 @@ def test_care_of_a_database_on_postgresql(server, drive_with_soil, make):
     ((table, problem),) = faults.values()
     assert table == "soil_observation"
     assert "effects: " in problem
+
+
+def test_what_is_acknowledged_is_on_the_disk(tmp_path):
+    """Also where another process has the file open, which keeps what is added in the log."""
+    with TerrainDatabase(tmp_path / "t.db") as database, database.writing() as connection:
+        assert connection.exec_driver_sql("PRAGMA synchronous").scalar() == 2
+        assert connection.exec_driver_sql("PRAGMA journal_mode").scalar() == "wal"
