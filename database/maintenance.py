@@ -104,9 +104,9 @@ def prune(database: TerrainDatabase) -> Superseded:
         table = table_of(PhysicsRow)
         for each in found.physics:
             connection.execute(delete(table).where(table.c.id == each.id))
-    with database.reading() as connection:
+    with database.writing() as connection:
         if connection.dialect.name == "sqlite":
-            connection.execution_options(isolation_level="AUTOCOMMIT").exec_driver_sql("VACUUM")
+            connection.exec_driver_sql("VACUUM")
     return Superseded(tuple(drives), found.physics)
 
 

@@ -173,6 +173,7 @@ def opened_as_it_is(url_or_path: str | Path) -> Iterator[Connection]:
     engine = _engine(url, only_reads=True)
     try:
         with engine.connect() as connection:
+            begin_reading(connection)
             if url.get_backend_name() != "sqlite" and not inspect(connection).has_table(VERSION_TABLE):
                 raise InputError(shown(url), "holds no terrain database", expected=EXPECTED)
             yield connection
@@ -197,6 +198,14 @@ def _read_only_where_no_log_can_be(
 ) -> None:
     if _has_no_log(Path(arguments[0]).resolve()):
         _read_only(dialect, record, arguments, options)
+
+
+def begin_reading(connection: Connection) -> None:
+    """Begin a transaction whose statements all see one state of the database; by default each sees its own."""
+    if connection.dialect.name == "sqlite":
+        connection.exec_driver_sql("BEGIN")
+    else:
+        connection.execution_options(isolation_level="REPEATABLE READ")
 
 
 def check_unchanged(connection: Connection) -> None:

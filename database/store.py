@@ -40,7 +40,7 @@ from .physics import (
 )
 from .reader import SiteReader
 from .rows import drive_row, soil_rows, terrain_columns
-from .schema import check_unchanged, holds_database, open_engine, shown, unreachable
+from .schema import begin_reading, check_unchanged, holds_database, open_engine, shown, unreachable
 from .snapshot import Snapshot
 from .storable import check_storable
 from .tables import DriveRow, ImportRow, SoilRow, TerrainRow, table_of
@@ -282,9 +282,13 @@ class TerrainDatabase:
 
     @contextmanager
     def reading(self) -> Iterator[Connection]:
-        """Open a connection whose faults come out as one line."""
+        """Open a connection that sees the database as it is at its first statement, whatever others write meanwhile.
+
+        Faults come out as one line.
+        """
         with self._reached(self._engine.connect) as connection:
             try:
+                begin_reading(connection)
                 yield connection
             except (ValueError, RecursionError) as error:
                 # The driver decodes numbers, times and JSON as it goes.
