@@ -25,6 +25,7 @@ from .schema import (
     parse_url,
     revision_of,
     shown,
+    uri_for_reading,
 )
 from .store import TerrainDatabase
 from .tables import DriveRow, ImportRow, PhysicsRow, table_of
@@ -188,11 +189,14 @@ def _copied(path: Path, revision: str) -> Path:
         f"{path.stem}.schema-{revision}{number}{path.suffix}" for number in ("", *(f"-{i}" for i in range(2, 1000)))
     )
     copy = next(path.with_name(name) for name in names if not path.with_name(name).exists())
-    with (
-        whole(copy) as part,
-        closing(sqlite3.connect(path, timeout=BUSY_TIMEOUT_S)) as source,
-        closing(sqlite3.connect(part)) as target,
-    ):
-        source.backup(target)
-        target.execute("PRAGMA journal_mode = DELETE")
+    try:
+        with (
+            whole(copy) as part,
+            closing(sqlite3.connect(uri_for_reading(path), uri=True, timeout=BUSY_TIMEOUT_S)) as source,
+            closing(sqlite3.connect(part)) as target,
+        ):
+            source.backup(target)
+            target.execute("PRAGMA journal_mode = DELETE")
+    except sqlite3.Error as error:
+        raise InputError(copy, f"cannot be written: {error}", expected="room for a copy of the database") from error
     return copy

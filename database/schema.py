@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
@@ -35,6 +36,9 @@ READ_IF_CUT_OFF = "PRAGMA writable_schema = ON"
 
 _WITHOUT_LOCKS = "file that is read without locks, and its state"
 """Where a connection keeps it."""
+
+_LEAST_LOG_BYTES = 64 * 1024
+"""Room that SQLite needs for a log and its index, however little is written."""
 
 EXPECTED = "a terrain database of Bevameter"
 _OUR_TABLES = frozenset(Base.metadata.tables)
@@ -208,12 +212,21 @@ def begin_reading(connection: Connection) -> None:
         connection.execution_options(isolation_level="REPEATABLE READ")
 
 
+def check_writable(connection: Connection) -> None:
+    """Refuse to write where no log can be made; raises `InputError`."""
+    file, _ = connection.info.get(_WITHOUT_LOCKS, (None, None))
+    if file is not None:
+        full = os.access(file.resolve().parent, os.W_OK)
+        raise InputError(file, "the disk is full" if full else "its folder may not be written to",
+                         expected="a database that may be written")  # fmt: skip
+
+
 def check_unchanged(connection: Connection) -> None:
     """Refuse what was read of a file without locks if it was changed meanwhile; raises `InputError`."""
     file, before = connection.info.get(_WITHOUT_LOCKS, (None, None))
     if file is not None and _state(file) != before:
-        raise InputError(file, "was changed while it was read from a folder that may not be written to",
-                         expected="the same again, or a folder that may be written to, where readers use locks"
+        raise InputError(file, "was changed while it was read without locks, which need a log",
+                         expected="the same again, or a folder with room that may be written to"
                          )  # fmt: skip
 
 
@@ -235,11 +248,14 @@ def uri_for_reading(path: Path) -> str:
 
 
 def _has_no_log(file: Path) -> bool:
-    """Say whether a file lies where no log can be made and has none, as on a medium that can only be read.
+    """Say whether a file has no log and none can be made: its folder may not be written to, or the disk is full.
 
     SQLite reads such a file only where it is told that nobody changes it (sqlite.org/wal.html, "Read-Only Databases").
     """
-    return file.exists() and not os.access(file.parent, os.W_OK) and not file.with_name(file.name + "-wal").exists()
+    log = file.with_name(file.name + "-wal")
+    if not file.exists() or (log.exists() and log.stat().st_size):
+        return False
+    return not os.access(file.parent, os.W_OK) or shutil.disk_usage(file.parent).free < _LEAST_LOG_BYTES
 
 
 def revision_of(connection: Connection) -> str | None:
@@ -376,6 +392,7 @@ def migrate(engine: Engine) -> None:
     sqlite = engine.dialect.name == "sqlite"
     if sqlite:
         with engine.connect() as connection:
+            check_writable(connection)
             connection.exec_driver_sql("PRAGMA journal_mode = WAL")
     with engine.connect() as connection:
         connection.exec_driver_sql("BEGIN IMMEDIATE" if sqlite else f"SELECT pg_advisory_xact_lock({APPLICATION_ID})")

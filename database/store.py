@@ -40,7 +40,7 @@ from .physics import (
 )
 from .reader import SiteReader
 from .rows import drive_row, soil_rows, terrain_columns
-from .schema import begin_reading, check_unchanged, holds_database, open_engine, shown, unreachable
+from .schema import begin_reading, check_unchanged, check_writable, holds_database, open_engine, shown, unreachable
 from .snapshot import Snapshot
 from .storable import check_storable
 from .tables import DriveRow, ImportRow, SoilRow, TerrainRow, table_of
@@ -304,6 +304,9 @@ class TerrainDatabase:
         except (DBAPIError, self._engine.dialect.loaded_dbapi.Error) as error:
             raise unreachable(self._engine.url, error) from error
 
-    def writing(self) -> AbstractContextManager[Connection]:
+    @contextmanager
+    def writing(self) -> Iterator[Connection]:
         """Open a transaction: everything or nothing of it is stored, whatever ends it."""
-        return self._reached(self._engine.begin)
+        with self._reached(self._engine.begin) as connection:
+            check_writable(connection)
+            yield connection
