@@ -309,8 +309,8 @@ def _holds_tables(path: Path, must_exist: bool) -> bool:
             raise InputError(path, "is empty", expected=EXPECTED)
         return False
     try:
-        address = uri_for_reading(path) if _has_no_log(path.resolve()) else f"{path.resolve().as_uri()}?mode=ro"
-        with closing(sqlite3.connect(address, uri=True, timeout=BUSY_TIMEOUT_S)) as look:
+        with closing(sqlite3.connect(uri_for_reading(path), uri=True, timeout=BUSY_TIMEOUT_S)) as look:
+            look.execute("PRAGMA query_only = ON")
             look.execute(READ_IF_CUT_OFF)
             (mark,) = look.execute("PRAGMA application_id").fetchone()
             names = {row[0] for row in look.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}

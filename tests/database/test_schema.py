@@ -69,6 +69,7 @@ def test_opening_for_reading_makes_nothing(tmp_path):
     ("content", "said"),
     [
         ("CREATE TABLE people (name TEXT)", "another program.*people"),
+        ("PRAGMA journal_mode = WAL; CREATE TABLE people (name TEXT)", "another program.*people"),
         ("CREATE TABLE drive (name TEXT)", "another program"),
         ("PRAGMA application_id = 77; CREATE TABLE t (x)", "another program"),
         ("PRAGMA application_id = 77; CREATE TABLE t (x); DROP TABLE t", "another program"),
