@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -54,11 +55,13 @@ def test_strange_names(tmp_path, monkeypatch, make, name):
     assert rebuild(path, copy).faults == ()
     for command in (["info", path], ["check", path], ["merge", "union.db", path], ["export", path, "x.csv"]):
         output = io.TextIOWrapper(io.BytesIO(), encoding="utf-8")
-        with monkeypatch.context() as patch, pytest.raises(SystemExit, match="^0$"):
+        with monkeypatch.context() as patch:
             patch.setattr(sys, "argv", ["bevameter", "db", *map(str, command)])
             patch.setattr(sys, "stdout", output)
-            main()
-        output.flush()
+            with pytest.raises(SystemExit) as ended:
+                main()
+            output.flush()
+        assert ended.value.code == 0
     assert said("rebuild", path, copy)[0] == 2  # it is there already
     assert sorted(each.name for each in tmp_path.iterdir()) == sorted(
         [name, copy.name, "other.db", "union.db", "x.csv"]
@@ -72,35 +75,40 @@ def test_a_path_with_a_zero_character():
                 work(path)
 
 
+def refusal(work: Callable[[], object]) -> str:
+    """What is said where work is refused; nothing where it is done."""
+    try:
+        work()
+    except InputError as error:
+        return str(error)
+    return ""
+
+
 def test_a_file_that_is_cut_off_anywhere(tmp_path, drive_with_soil):
     path, cut, new = (tmp_path / name for name in ("whole.db", "cut.db", "new.db"))
+
+    def answers() -> list[float]:
+        with TerrainDatabase(cut if cut.exists() else path, must_exist=True) as database:
+            return database.snapshot().along([[0.1, 0.1], [0.6, 0.1]]).shear_strength_lower.tolist()
+
     with TerrainDatabase(path) as database:
         database.add_drive(drive_with_soil)
-        whole = database.snapshot().along([[0.1, 0.1], [0.6, 0.1]]).shear_strength_lower.tolist()
-    content = path.read_bytes()
-    met = set()
+    whole, content, rebuilt = answers(), path.read_bytes(), 0
     for length in [1, 15, 16, 99, 100, 511, 513, 4095, 4097, *range(4096, len(content), 4096), len(content) - 1]:
         cut.write_bytes(content[:length])
-        try:
-            with TerrainDatabase(cut, must_exist=True) as database:
-                assert database.snapshot().along([[0.1, 0.1], [0.6, 0.1]]).shear_strength_lower.tolist() == whole
-            met.add("whole")
-        except InputError as error:
-            assert str(cut) in str(error)
-            assert "\n" not in str(error)
-            met.add("refused")
-        try:
-            assert not check(cut).sound
-            met.add("unsound")
-            rebuild(cut, new)
+        lines = [refusal(answers), refusal(lambda: check(cut)), refusal(lambda: rebuild(cut, new))]
+        assert lines[0] or answers() == whole
+        assert lines[1] or not check(cut).sound
+        for line in filter(None, lines):
+            assert "cut.db" in line
+            assert "\n" not in line
+        if not lines[2]:
             assert not [fault for fault in check(new).faults if fault.damaged]
-            met.add("rebuilt")
             new.unlink()
-        except InputError as error:
-            assert "\n" not in str(error)
+            rebuilt += 1
         assert cut.read_bytes() == content[:length]
         assert {each.name for each in tmp_path.iterdir()} == {"whole.db", "cut.db"}
-    assert met >= {"refused", "unsound", "rebuilt"}
+    assert rebuilt > 5
     cut.write_bytes(content[:5000])
     for command in (["info"], ["merge"], ["prune"], ["migrate"], ["export"]):
         status, line = said(*command, cut, *{"merge": [path], "export": ["x.csv"]}.get(command[0], []))
