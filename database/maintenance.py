@@ -14,6 +14,7 @@ from sqlalchemy import Connection, delete, func, select, update
 
 from ..framework.core.errors import InputError
 from ..framework.core.files import whole
+from .connections import uri_for_reading
 from .drive_rows import OBSERVATIONS, drive_rows
 from .schema import (
     BUSY_TIMEOUT_S,
@@ -25,7 +26,6 @@ from .schema import (
     parse_url,
     revision_of,
     shown,
-    uri_for_reading,
 )
 from .store import TerrainDatabase
 from .tables import DriveRow, ImportRow, PhysicsRow, table_of

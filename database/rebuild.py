@@ -18,6 +18,7 @@ from ..framework.core.arguments import path_of
 from ..framework.core.errors import InputError
 from ..framework.core.files import whole
 from .check import Fault, check
+from .connections import uri_for_reading
 from .drive_rows import CHUNK, OBSERVATIONS, insert_rows
 from .schema import (
     BUSY_TIMEOUT_S,
@@ -27,7 +28,6 @@ from .schema import (
     parse_url,
     revision_of,
     shown,
-    uri_for_reading,
 )
 from .store import TerrainDatabase
 from .stored_rows import keep_damaged_text, text_of

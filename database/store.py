@@ -17,6 +17,7 @@ from sqlalchemy.exc import DBAPIError
 from ..framework.core.arguments import refused
 from ..framework.core.class_names import check_class_names, check_spelling
 from ..framework.core.errors import InputError
+from .connections import begin_reading, check_unchanged, check_writable
 from .drive_rows import (
     drive_in_use,
     drive_rows,
@@ -40,7 +41,7 @@ from .physics import (
 )
 from .reader import SiteReader
 from .rows import drive_row, soil_rows, terrain_columns
-from .schema import begin_reading, check_unchanged, check_writable, holds_database, open_engine, shown, unreachable
+from .schema import holds_database, open_engine, shown, unreachable
 from .snapshot import Snapshot
 from .storable import check_storable
 from .tables import DriveRow, ImportRow, SoilRow, TerrainRow, table_of

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from bevameter import InputError, TerrainDatabase
-from bevameter.database import schema
+from bevameter.database import connections, schema
 from forked import answer
 from refusals import everything
 from still_database import read, write
@@ -78,7 +78,7 @@ def test_a_file_that_changes_while_it_is_read_without_locks_is_not_believed(tmp_
     path = tmp_path / "t.db"
     with TerrainDatabase(path) as database:
         database.add_drive(make.drive("d1"))
-    monkeypatch.setattr(schema.os, "access", lambda path, mode: False)
+    monkeypatch.setattr(connections.os, "access", lambda path, mode: False)
     with TerrainDatabase(path, must_exist=True) as database:
         assert len(database.drives()) == 1
         with pytest.raises(InputError, match="was changed while it was read"), database.reading():
