@@ -31,6 +31,7 @@ def read_only(_dialect: Dialect, record: ConnectionPoolEntry, arguments: list[An
 def read_only_where_no_log_can_be(
     dialect: Dialect, record: ConnectionPoolEntry, arguments: list[Any], options: dict[str, Any]
 ) -> None:
+    """Let a connection read and write the file that it is to open; only read it where no log can be made."""
     if _has_no_log(Path(arguments[0]).resolve()):
         read_only(dialect, record, arguments, options)
 
