@@ -14,6 +14,7 @@ from sqlalchemy import Connection, delete, func, select, update
 
 from ..framework.core.errors import InputError
 from ..framework.core.files import whole
+from .connections import uri_for_reading
 from .drive_rows import OBSERVATIONS, drive_rows
 from .schema import (
     BUSY_TIMEOUT_S,
@@ -106,9 +107,9 @@ def prune(database: TerrainDatabase) -> Superseded:
         table = table_of(PhysicsRow)
         for each in found.physics:
             connection.execute(delete(table).where(table.c.id == each.id))
-    with database.reading() as connection:
+    with database.writing() as connection:
         if connection.dialect.name == "sqlite":
-            connection.execution_options(isolation_level="AUTOCOMMIT").exec_driver_sql("VACUUM")
+            connection.exec_driver_sql("VACUUM")
     return Superseded(tuple(drives), found.physics)
 
 
@@ -200,11 +201,14 @@ def _copied(path: Path, revision: str) -> Path:
         f"{path.stem}.schema-{revision}{number}{path.suffix}" for number in ("", *(f"-{i}" for i in range(2, 1000)))
     )
     copy = next(path.with_name(name) for name in names if not path.with_name(name).exists())
-    with (
-        whole(copy) as part,
-        closing(sqlite3.connect(path, timeout=BUSY_TIMEOUT_S)) as source,
-        closing(sqlite3.connect(part)) as target,
-    ):
-        source.backup(target)
-        target.execute("PRAGMA journal_mode = DELETE")
+    try:
+        with (
+            whole(copy) as part,
+            closing(sqlite3.connect(uri_for_reading(path), uri=True, timeout=BUSY_TIMEOUT_S)) as source,
+            closing(sqlite3.connect(part)) as target,
+        ):
+            source.backup(target)
+            target.execute("PRAGMA journal_mode = DELETE")
+    except sqlite3.Error as error:
+        raise InputError(copy, f"cannot be written: {error}", expected="room for a copy of the database") from error
     return copy

@@ -181,7 +181,9 @@ def _portions(
 ) -> Generator[_Portion]:
     """Read a drive's observations that differ, in the order of their identities; nothing if it is there no more."""
     with source.reading() as connection:
-        _hold_still(connection)
+        if connection.dialect.name == "postgresql":
+            # All rows will be fetched: else they would be read by the index of identities, past those of other drives.
+            connection.execute(select(func.set_config("cursor_tuple_fraction", "1", True)))
         drive, imports = _rows(connection, DriveRow.id, drive_id), _rows(connection, ImportRow.drive_id, drive_id)
         if not drive or not imports:
             return
@@ -194,16 +196,6 @@ def _portions(
                     yield _Portion(drive[0], gathered, [])
                     gathered, size = [], 0
         yield _Portion(drive[0], gathered, imports)
-
-
-def _hold_still(connection: Connection) -> None:
-    """See the database as it is now until the transaction ends: what is read belongs to the imports that are read."""
-    if connection.dialect.name == "sqlite":
-        connection.exec_driver_sql("BEGIN")
-        return
-    connection.execution_options(isolation_level="REPEATABLE READ")
-    # All rows will be fetched: without this they would be read by the index of identities, past those of other drives.
-    connection.execute(select(func.set_config("cursor_tuple_fraction", "1", True)))
 
 
 def _rows(connection: Connection, column: Any, drive_id: uuid.UUID) -> list[dict[str, Any]]:

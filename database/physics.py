@@ -19,6 +19,7 @@ from sqlalchemy.dialects import postgresql
 from ..framework.core.arguments import refused
 from ..framework.core.class_names import check_spelling
 from ..framework.core.errors import InputError
+from .storable import is_text
 from .tables import DriveRow, PhysicsRow, SoilRow, insertion, table_of
 
 if TYPE_CHECKING:
@@ -67,7 +68,11 @@ class ClassPhysics:
         for name, least, most in (("class_name", 1, _LONGEST_NAME), ("source", 0, _LONGEST_SOURCE),
                                   ("site", 0, _LONGEST_NAME)):  # fmt: skip
             value = getattr(self, name)
-            if not isinstance(value, str) or not least <= len(value.strip()) <= len(value) <= most or not _text(value):
+            if (
+                not isinstance(value, str)
+                or not least <= len(value.strip()) <= len(value) <= most
+                or not is_text(value)
+            ):
                 raise InputError(name, ascii(value)[:80], expected=f"text of {least} to {most} letters")
         if not isinstance(self.physics, AugmentedSimulator):
             raise refused("physics", self.physics, "an AugmentedSimulator, as `physics` of what explain answers")
@@ -114,11 +119,6 @@ def sound_physics(physics: AugmentedSimulator, source: str) -> AugmentedSimulato
     sound = AugmentedSimulator.from_json(document, source)
     check_likely(sound, source)
     return sound
-
-
-def _text(value: str) -> bool:
-    """Say whether every database takes it: it is of characters, none of which is zero."""
-    return "\0" not in value and not any("\ud800" <= letter <= "\udfff" for letter in value)
 
 
 def physics_row(found: ClassPhysics) -> dict[str, Any]:

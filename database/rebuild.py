@@ -5,7 +5,7 @@ from __future__ import annotations
 import sqlite3
 import uuid
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import closing, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -31,6 +31,7 @@ from ..framework.core.arguments import path_of
 from ..framework.core.errors import InputError
 from ..framework.core.files import whole
 from .check import Fault, check
+from .connections import uri_for_reading
 from .drive_rows import CHUNK, OBSERVATIONS, imported, insert_rows
 from .rows import drive_of
 from .schema import (
@@ -41,7 +42,6 @@ from .schema import (
     parse_url,
     revision_of,
     shown,
-    uri_for_reading,
 )
 from .store import TerrainDatabase
 from .stored_rows import keep_damaged_text, text_of
@@ -57,6 +57,8 @@ _OF_ROWS = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_CONSTRAINT, sqlite3.SQLITE_MI
 
 _OF_DISKS = (sqlite3.SQLITE_IOERR_READ, sqlite3.SQLITE_IOERR_SHORT_READ)
 """Those that say that the disk does not give them."""
+
+_ROOM = "room for a copy"
 
 _Unread = tuple[int, int, str]
 """First and last number of rows, and why they cannot be read."""
@@ -105,7 +107,7 @@ def rebuild(
     there = _tables_there(url_or_path, source)
     if target.exists():
         raise InputError(target, "is there already", expected="the name of a new file")
-    with whole(target) as part:
+    with _whole_database(target) as part:
         TerrainDatabase(part).close()
         faults = _copy(source, part, [each for each in _TABLES if each.__tablename__ in there], report)
         with TerrainDatabase(part) as database:
@@ -113,6 +115,26 @@ def rebuild(
             faults += _give_imports(database)
         last = check(part)
     return Rebuilt(last.rows, (*faults, *last.faults))
+
+
+@contextmanager
+def _whole_database(target: Path) -> Iterator[Path]:
+    """Give a place for a database, which takes the place of `target` once it is whole, or leaves nothing behind."""
+    with whole(target) as part:
+        log, index = (part.with_name(part.name + ending) for ending in ("-wal", "-shm"))
+        try:
+            yield part
+            if log.exists():  # SQLite closes a file whose log it found no room for, and says nothing
+                raise InputError(target, "cannot be written: the disk is full", expected=_ROOM)
+        except sqlite3.Error as error:
+            raise InputError(target, f"cannot be written: {error}", expected=_ROOM) from error
+        except InputError as error:
+            if error.source != str(part):
+                raise
+            raise InputError(target, f"cannot be written: {error.problem}", expected=_ROOM) from error
+        finally:
+            for each in (log, index):
+                each.unlink(missing_ok=True)
 
 
 def _tables_there(url_or_path: str | Path, source: Path) -> set[str]:
@@ -164,7 +186,7 @@ def _copy_range(connection: sqlite3.Connection, statement: str, first: int, last
     except sqlite3.Error as error:
         code = getattr(error, "sqlite_errorcode", 0)
         if code not in _OF_DISKS and code & 0xFF not in _OF_ROWS:
-            raise InputError("the new file", f"cannot be written: {error}", expected="room for a copy") from error
+            raise InputError("the new file", f"cannot be written: {error}", expected=_ROOM) from error
         if first == last:
             yield first, last, str(error)
             return

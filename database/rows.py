@@ -113,8 +113,17 @@ def pack_estimate(estimate: SoilEstimate) -> dict[str, Any]:
         "channels": list(estimate.channels),
         "n": int(estimate.n),
         "misfit": _json_number(estimate.misfit),
-        "findings": [finding.to_json() for finding in estimate.findings],
+        "findings": [_finding_columns(finding) for finding in estimate.findings],
     }
+
+
+def _finding_columns(finding: Finding) -> dict[str, Any]:
+    """A finding for JSON: a number that is not finite is one that is not known."""
+    packed = finding.to_json()
+    packed["values"] = {
+        name: finite_or_none(value) if isinstance(value, float) else value for name, value in packed["values"].items()
+    }
+    return packed
 
 
 def unpack_estimate(packed: Mapping[str, Any]) -> SoilEstimate:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import sqlite3
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,16 @@ from sqlalchemy import URL, Connection, Engine, create_engine, event, func, insp
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, SQLAlchemyError
 from sqlalchemy.pool import NullPool
 
+from ..framework.core.arguments import shown as shown_value
 from ..framework.core.errors import InputError, reading
+from .connections import (
+    begin_reading,
+    check_unchanged,
+    check_writable,
+    read_only,
+    read_only_where_no_log_can_be,
+    uri_for_reading,
+)
 from .fingerprints import SQLITE_FUNCTION, last_digits
 from .spatial import add_spatial_index
 from .tables import Base
@@ -66,6 +75,10 @@ def parse_url(url_or_path: str | Path) -> URL:
     if not isinstance(url_or_path, str | os.PathLike | URL):
         raise InputError("database", f"{url_or_path!r:.80}", expected="a path or an SQLAlchemy URL")
     given = str(url_or_path)
+    if "\0" in given:
+        raise InputError(
+            "database", shown_value(given), expected="a path or an SQLAlchemy URL, without zero characters"
+        )
     if "://" not in given:
         if not given.strip():
             raise InputError("database", "an empty path", expected="a path or an SQLAlchemy URL")
@@ -129,14 +142,15 @@ def open_engine(url_or_path: str | Path, *, must_exist: bool) -> Engine:
     return engine
 
 
-def _engine(url: URL, prepare: Callable[[sqlite3.Connection, object], None] | None = None) -> Engine:
-    """Give the engine of a URL, whose connections to SQLite are prepared so; it connects to nothing yet."""
+def _engine(url: URL, *, only_reads: bool = False) -> Engine:
+    """Give the engine of a URL; it connects to nothing yet."""
     try:
         engine = create_engine(url, **_options(url))
     except (ImportError, NoSuchModuleError) as error:
         raise InputError(shown(url), f"its driver is not installed: {error}", expected="psycopg") from None
     if url.get_backend_name() == "sqlite":
-        event.listen(engine, "connect", prepare or _prepare_sqlite)
+        event.listen(engine, "do_connect", read_only if only_reads else read_only_where_no_log_can_be)
+        event.listen(engine, "connect", _prepare_to_read if only_reads else _prepare_sqlite)
     else:
         # The driver writes a line of its own when a link is lost in the midst of a COPY; the error says it.
         logging.getLogger("psycopg").addHandler(logging.NullHandler())
@@ -179,32 +193,18 @@ def opened_as_it_is(url_or_path: str | Path) -> Iterator[Connection]:
     url = parse_url(url_or_path)
     if url.get_backend_name() == "sqlite":
         _check_file(Path(str(url.database)), must_exist=True)
-    engine = _engine(_for_reading(url), _prepare_to_read)
+    engine = _engine(url, only_reads=True)
     try:
         with engine.connect() as connection:
+            begin_reading(connection)
             if url.get_backend_name() != "sqlite" and not inspect(connection).has_table(VERSION_TABLE):
                 raise InputError(shown(url), "holds no terrain database", expected=EXPECTED)
             yield connection
+            check_unchanged(connection)
     except (SQLAlchemyError, engine.dialect.loaded_dbapi.Error) as error:
         raise unreachable(url, error) from error
     finally:
         engine.dispose()
-
-
-def _for_reading(url: URL) -> URL:
-    if url.get_backend_name() != "sqlite":
-        return url
-    return url.set(database=uri_for_reading(Path(str(url.database)))).update_query_dict({"uri": "true"})
-
-
-def uri_for_reading(path: Path) -> str:
-    """Give the URI by which SQLite reads a file and leaves it, and a log beside it, as they are.
-
-    Only a connection that may not write leaves the log of another process; where there is none, it would leave one.
-    """
-    file = path.resolve()
-    log = file.with_name(file.name + "-wal")
-    return f"{file.as_uri()}?mode={'ro' if log.exists() and log.stat().st_size else 'rw'}"
 
 
 def revision_of(connection: Connection) -> str | None:
@@ -236,7 +236,7 @@ def _prepare_postgresql(connection: Any, _record: object) -> None:
 
 def _prepare_sqlite(connection: sqlite3.Connection, _record: object) -> None:
     connection.execute("PRAGMA foreign_keys = ON")
-    connection.execute("PRAGMA synchronous = NORMAL")
+    connection.execute("PRAGMA synchronous = FULL")  # a drive that was acknowledged outlives a power cut
     connection.execute("PRAGMA cache_size = -65536")  # 64 MiB: identities arrive in random order
     connection.create_function(SQLITE_FUNCTION, 1, last_digits, deterministic=True)
 
@@ -267,7 +267,8 @@ def _holds_tables(path: Path, must_exist: bool) -> bool:
             raise InputError(path, "is empty", expected=EXPECTED)
         return False
     try:
-        with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=BUSY_TIMEOUT_S)) as look:
+        with closing(sqlite3.connect(uri_for_reading(path), uri=True, timeout=BUSY_TIMEOUT_S)) as look:
+            look.execute("PRAGMA query_only = ON")
             look.execute(READ_IF_CUT_OFF)
             (mark,) = look.execute("PRAGMA application_id").fetchone()
             names = {row[0] for row in look.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
@@ -349,6 +350,7 @@ def migrate(engine: Engine) -> None:
     sqlite = engine.dialect.name == "sqlite"
     if sqlite:
         with engine.connect() as connection:
+            check_writable(connection)
             connection.exec_driver_sql("PRAGMA journal_mode = WAL")
     with engine.connect() as connection:
         connection.exec_driver_sql("BEGIN IMMEDIATE" if sqlite else f"SELECT pg_advisory_xact_lock({APPLICATION_ID})")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copyreg
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -125,6 +126,14 @@ class Snapshot:
         touched = keys_of(changed, size)
         cells = put_in(combine(drives, classes, size, touched), self.cells, touched)
         return Snapshot.of(self.site, size, classes, cells, soils, len(drives), physics)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What other processes are given: all that is known, and nothing that is computed from it."""
+        return {name: value for name, value in self.__dict__.items() if not name.startswith("_")}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        self.__dict__.update(state, _tables={}, _memory={})
+        _freeze(self)  # arrays arrive writable
 
     @property
     def typical_load_N(self) -> float:
@@ -373,6 +382,14 @@ def _posix(now: float | datetime) -> float:
     if not math.isfinite(moment):
         raise refused("now", now, "POSIX seconds, or a datetime")
     return moment
+
+
+def _frozen_mapping(content: dict) -> MappingProxyType:
+    return MappingProxyType(content)
+
+
+# Python does not pickle read-only mappings by itself. A snapshot is full of them, and planners hand it to workers.
+copyreg.pickle(MappingProxyType, lambda mapping: (_frozen_mapping, (dict(mapping),)))
 
 
 def _freeze(thing: object) -> None:

@@ -18,6 +18,7 @@ from ..framework.core.arguments import refused
 from ..framework.core.class_names import check_class_names, check_spelling
 from ..framework.core.errors import InputError
 from .bounds import corners_of, whole_cells
+from .connections import begin_reading, check_unchanged, check_writable
 from .drive_rows import (
     drive_in_use,
     drive_rows,
@@ -45,6 +46,7 @@ from .reader import SiteReader, rows_in_use
 from .rows import drive_row, soil_rows, terrain_columns
 from .schema import holds_database, open_engine, shown, unreachable
 from .snapshot import Snapshot
+from .storable import check_storable
 from .tables import DriveRow, ImportRow, SoilRow, TerrainRow, table_of
 
 if TYPE_CHECKING:
@@ -119,11 +121,12 @@ class TerrainDatabase:
         Raises
         ------
         InputError
-            A class of the drive is `unknown`, or two of them differ in case or spaces only; the database cannot be
-            written.
+            A class of the drive is `unknown`, or two of them differ in case or spaces only; a text or number of it is
+            none that every database takes, or an estimate that of no soil; the database cannot be written.
         """
         if not isinstance(drive, Drive):
             raise refused("drive", drive, "a Drive")
+        check_storable(drive)
         of_soils = (name for soil in drive.soils for name in soil.class_probabilities)
         check_class_names([*drive.terrain.evidence.classes, *of_soils], f"drive {drive.name!r}", "classes")
         total = len(drive.terrain) + len(drive.soils)
@@ -309,14 +312,19 @@ class TerrainDatabase:
 
     @contextmanager
     def reading(self) -> Iterator[Connection]:
-        """Open a connection whose faults come out as one line."""
+        """Open a connection that sees the database as it is at its first statement, whatever others write meanwhile.
+
+        Faults come out as one line.
+        """
         with self._reached(self._engine.connect) as connection:
             try:
+                begin_reading(connection)
                 yield connection
             except (ValueError, RecursionError) as error:
                 # The driver decodes numbers, times and JSON as it goes.
                 what = f"holds what cannot be read: {error}".splitlines()[0][:200]
                 raise InputError(self.name, what, expected="what was stored by bevameter") from error
+            check_unchanged(connection)
 
     @contextmanager
     def _reached(self, opened: Callable[[], AbstractContextManager[Connection]]) -> Iterator[Connection]:
@@ -326,10 +334,16 @@ class TerrainDatabase:
         except (DBAPIError, self._engine.dialect.loaded_dbapi.Error) as error:
             raise unreachable(self._engine.url, error) from error
 
-    def writing(self) -> AbstractContextManager[Connection]:
+    @contextmanager
+    def writing(self) -> Iterator[Connection]:
         """Open a transaction: everything or nothing of it is stored, whatever ends it."""
-        return self._reached(self._engine.begin)
+        with self._reached(self._engine.begin) as connection:
+            check_writable(connection)
+            yield connection
 
-    def committing(self) -> AbstractContextManager[Connection]:
+    @contextmanager
+    def committing(self) -> Iterator[Connection]:
         """Open a connection of which all is stored that was done before a `commit`."""
-        return self._reached(self._engine.connect)
+        with self._reached(self._engine.connect) as connection:
+            check_writable(connection)
+            yield connection

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 
@@ -39,7 +40,11 @@ class InputError(BevameterError):
         self.expected = expected
         where = self.source if place is None else f"{self.source}, {place}"
         tail = "" if expected is None else f" (expected {expected})"
-        super().__init__(f"{where}: {self.problem}{tail}")
+        super().__init__(" ".join(f"{where}: {self.problem}{tail}".splitlines()))  # names of files may hold a new line
+
+    def __reduce__(self) -> tuple:
+        """Let it come out of a worker process, which pickles what it raises."""
+        return partial(type(self), expected=self.expected, place=self.place), (self.source, self.problem)
 
 
 class InputErrors(InputError):
