@@ -19,7 +19,7 @@ from ...files import inside, load_toml
 from ...models import FileModel, Finite, checked
 from ...track.way import pose_from_wheel
 from ...vehicle import Vehicle, load_vehicle
-from ..camera import read_camera
+from ..camera import BitDepth, read_camera
 from ..digest import StreamDigest
 from ..poses_and_labels import read_labels, read_pose
 from ..readers import Reader, register
@@ -49,6 +49,7 @@ class _File(FileModel):
 
 class _Camera(FileModel):
     folder: str | None = None
+    bit_depth: BitDepth | None = None
 
 
 class _Sound(_File):
@@ -137,7 +138,8 @@ class FolderReader(Reader):
             pose, notes = pose_from_wheel(wheel, vehicle)
             problems += notes
         if "camera" in found:
-            camera, notes = read_camera(found["camera"])
+            seen_by = None if vehicle is None else vehicle.camera
+            camera, notes = read_camera(found["camera"], seen_by, about.camera.bit_depth if about.camera else None)
             problems += notes
             digest.add_columns("camera", {"time_s": camera.time_s})
             for file in camera.files:
