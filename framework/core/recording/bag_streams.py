@@ -67,7 +67,7 @@ class SoundLayout:
     start_s : (n,)
         Start of each message on the recording's clock [s].
     frames : (n,)
-        Samples of each channel in each message; 0 where it could not be decoded.
+        Samples of each channel in each message, not all 0; 0 where it could not be decoded.
     sample_rate
         [Hz].
     """
@@ -89,9 +89,11 @@ class SoundLayout:
         start_s, places
             Time of the first sample on the recording's clock [s], and the place of each message's first one, (n,).
         """
-        before = np.concatenate([[0], np.cumsum(self.frames)[:-1]])
-        late = np.round((self.start_s - self.start_s[0]) * self.sample_rate).astype(np.int64) - before
-        step_s = max(float(np.median(np.diff(self.start_s))) if len(late) > 1 else 0.0, 1e-3)
+        full = np.flatnonzero(self.frames)
+        start_s, frames = self.start_s[full], self.frames[full]
+        before = np.concatenate([[0], np.cumsum(frames)[:-1]])
+        late = np.round((start_s - start_s[0]) * self.sample_rate).astype(np.int64) - before
+        step_s = max(float(np.median(np.diff(start_s))) if len(late) > 1 else 0.0, 1e-3)
         ahead = min(max(int(CATCH_UP_S / step_s), 1), len(late))
         least = minimum_filter1d(late[::-1], ahead, mode="nearest", origin=(ahead - 1) // 2)[::-1]
         held, shifts = int(least[0]), np.zeros(len(late), dtype=np.int64)
@@ -99,7 +101,16 @@ class SoundLayout:
             if abs(lag - held) > MAX_JITTER_S * self.sample_rate:
                 held = lag
             shifts[number] = held - least[0]
-        return float(self.start_s[0] + least[0] / self.sample_rate), np.maximum(before + shifts, 0)
+        places = np.zeros(len(self.frames), dtype=np.int64)
+        places[full] = np.maximum(before + shifts, 0)
+        return float(start_s[0] + least[0] / self.sample_rate), places
+
+    @property
+    def surplus_s(self) -> float:
+        """By how much the samples last longer than the messages' times [s]."""
+        full = np.flatnonzero(self.frames)
+        recorded_s = self.start_s[full[-1]] - self.start_s[full[0]]
+        return float(self.frames[full[:-1]].sum() / self.sample_rate - recorded_s)
 
 
 class BagSound:
@@ -119,11 +130,11 @@ class BagSound:
         self._bag, self._reader, self._layout = bag, reader, layout
         self._topic = reader.source.topic
         self._start_s, self._places = layout.placed()
-        ends = self._places + layout.frames
-        self._total = int(ends.max())
-        covered = np.maximum.accumulate(np.concatenate([[0], ends[:-1]]))
-        self._missing = int(np.maximum(self._places - covered, 0)[layout.frames > 0].sum())
-        self._surplus = int(layout.frames.sum()) + self._missing - self._total
+        full = layout.frames > 0
+        places = self._places[full]
+        ends = np.maximum.accumulate(places + layout.frames[full])
+        self._total = int(ends[-1])
+        self._missing = int(np.maximum(places[1:] - ends[:-1], 0).sum())
 
     @property
     def sample_rate(self) -> int:
@@ -144,11 +155,6 @@ class BagSound:
     def gap_s(self) -> float:
         """Time within it that has no sample [s]."""
         return self._missing / self.sample_rate
-
-    @property
-    def surplus(self) -> float:
-        """Share of the samples for which there was no time [-]: many are a sign of a wrong sample rate."""
-        return self._surplus / max(int(self._layout.frames.sum()), 1)
 
     def blocks(self, block_s: float, hop_s: float) -> Iterator[SoundBlock]:
         """Yield blocks of `block_s` seconds whose starts are `hop_s` apart [s]; the last, shorter rest is left out."""

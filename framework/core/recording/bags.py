@@ -32,7 +32,7 @@ from .wheel_file import derive_all
 
 _EARLIEST_NS = 946_684_800 * 10**9  # the year 2000: a clock below it counts from the computer's start
 _LONGEST_SOUND_S = 7 * 86400.0  # a damaged time would make for silence without end
-_MAX_SURPLUS = 0.05  # no microphone's clock is so fast: the stated sample rate or number of channels is wrong
+_MAX_SURPLUS = 0.05  # share of the time; no clock is so fast: the sample rate or number of channels is wrong
 
 
 @dataclass
@@ -85,11 +85,11 @@ def read_bag(path: Path, *, vehicle: Vehicle | None = None, topics: Path | None 
     names = {name: message.topic for name, message in first.items()}
     given = None if topics is None else load_topic_map(topics)
     known = recognise(names, samples, path) if given is None else complete(given, names, samples, path)
-    said: list[str] = []
-    heard = _sound_reader(bag, known.topics.sound, None if given is None else given.sound, first, samples, said)
+    notes: list[str] = []
+    heard = _sound_reader(bag, known.topics.sound, None if given is None else given.sound, first, samples, notes)
     digest = StreamDigest()
     gathered = _gather(bag, known.topics, heard, digest, path)
-    problems = [*bag.problems, *known.assumed, *said, *_undecoded(gathered)]
+    problems = [*bag.problems, *known.assumed, *notes, *_undecoded(gathered)]
     every = [time for times in gathered.times.values() for time in times]
     if not every:
         raise InputError(path, "no message of the streams can be read", expected="a bag with messages")
@@ -256,10 +256,10 @@ def _sound(
     if stream.duration_s > _LONGEST_SOUND_S:
         problems.append(f"{topic}: its messages' times span {stream.duration_s:.0f} s, sound is left out")
         return None
-    if stream.surplus > _MAX_SURPLUS:
+    if layout.surplus_s > _MAX_SURPLUS * stream.duration_s + 1.0:
         problems.append(
-            f"{topic}: sound is left out: {100 * stream.surplus:.0f} % of its samples are more than fit its messages' "
-            f"times at {heard.sample_rate} Hz and {heard.channels} channels; a topic map's [sound] can correct them"
+            f"{topic}: sound is left out: at {heard.sample_rate} Hz and {heard.channels} channels it lasts "
+            f"{layout.surplus_s:.1f} s longer than its messages' times; a topic map's [sound] can correct them"
         )
         return None
     if stream.gap_s > 0:

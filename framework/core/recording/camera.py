@@ -130,7 +130,7 @@ def _png_picture(data: bytes, source: str | Path) -> tuple[int, int, bool, bytes
         `deep` where samples have 16 bits; `data` without the chunks that a picture does not need.
     """
     place, size, deep = 8, None, False
-    kept = [data[:8]]
+    kept: list[bytes | memoryview] = [data[:8]]
     view = memoryview(data)
     while place + 12 <= len(data):
         length, kind = struct.unpack_from(">I4s", data, place)
@@ -142,8 +142,8 @@ def _png_picture(data: bytes, source: str | Path) -> tuple[int, int, bool, bytes
         if (kind == b"IHDR") != (size is None) or (size is None and length != 13):
             raise InputError(source, f"damaged PNG: chunk {kind!r} in the header's place", expected="a whole PNG image")
         if size is None:
-            *size, bits = struct.unpack_from(">IIB", data, place + 8)
-            deep = bits == 16
+            width, height, bits = struct.unpack_from(">IIB", data, place + 8)
+            size, deep = (width, height), bits == 16
         if kind in _NEEDED_CHUNKS:
             kept.append(view[place:end])
         if kind == b"IEND":

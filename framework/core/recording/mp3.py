@@ -63,46 +63,59 @@ class Mp3Splitter:
     """Splits a stream into whole frames.
 
     A first header counts where another one stands at the end of its frame, so that it is none by chance; so does the
-    first one after damage. The frame that encoders write first, which holds no sound but says how much there is of it,
-    is left out.
+    first one after damage, and that of a frame which goes from one piece of data to the next, as what lay between may
+    be missing. The frame that encoders write first, which holds no sound but says how much there is of it, is left out.
     """
 
     def __init__(self) -> None:
         self._held = bytearray()
-        self._synchronous = False
+        self._follows = False
         self.header: Mp3Header | None = None
+        self.broken = False
+        """Is something missing before the frames given last?"""
 
     def lose(self) -> None:
-        """Take it that bytes are missing before the next ones."""
+        """Take it that data are missing before the next ones."""
         self._held.clear()
-        self._synchronous = False
+        self._follows = False
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Give the frames that are whole with these data."""
+        """Give the frames that are whole with these data, as far as nothing is missing between them."""
+        old = len(self._held)
         self._held += data
+        self.broken = not self._follows
         frames: list[bytes] = []
         place = 0
         while place + _HEADER <= len(self._held):
             header = header_at(self._held, place)
             if header is None or (self.header is not None and header.kind != self.header.kind):
-                self._synchronous = False
-                place = self._held.find(b"\xff", place + 1)
-                place = len(self._held) if place < 0 else place
+                if frames:
+                    break  # what comes after the damage is for the next call
+                place = self._skip(place)
                 continue
             end = place + header.size
-            if len(self._held) < end + (0 if self._synchronous else _HEADER):
+            sure = self._follows and place >= old
+            if len(self._held) < end + (0 if sure else _HEADER):
                 break
-            following = header if self._synchronous else header_at(self._held, end)
+            following = header if sure else header_at(self._held, end)
             if following is None or following.kind != header.kind:
-                place += 1
+                if frames:
+                    break
+                place = self._skip(place)
                 continue
-            self.header, self._synchronous = header, True
+            self.header, self._follows = header, True
             frame = bytes(self._held[place:end])
             if not any(mark in frame[:64] for mark in (b"Xing", b"Info", b"VBRI")):
                 frames.append(frame)
             place = end
         del self._held[:place]
         return frames
+
+    def _skip(self, place: int) -> int:
+        """Go on to what may be the next header."""
+        self._follows, self.broken = False, True
+        found = self._held.find(b"\xff", place + 1)
+        return len(self._held) if found < 0 else found
 
 
 def decode_frames(frames: Sequence[bytes], before: Sequence[bytes], header: Mp3Header) -> np.ndarray:
@@ -189,4 +202,4 @@ def mp3_share(chunks: Sequence[bytes]) -> float:
     """Say which share of some chunks' bytes are frames of MP3 [-]: hardly any of other data are, by chance."""
     splitter = Mp3Splitter()
     whole = sum(len(frame) for chunk in chunks for frame in splitter.feed(chunk))
-    return (whole + len(splitter._held)) / max(sum(map(len, chunks)), 1) if whole else 0.0
+    return whole / max(sum(map(len, chunks)), 1)

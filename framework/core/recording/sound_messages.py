@@ -33,6 +33,7 @@ MAX_EXCESS = 0.5
 
 _FILE_STARTS = (b"fLaC", b"OggS", b"RIFF", b"FORM")
 _READ_FRAMES = 2**16
+_FAINT, _LOUD = 1e-7, 4.0  # magnitudes of samples that are no integers: more than 24 bits, and some overshoot
 
 
 @dataclass(frozen=True)
@@ -165,8 +166,8 @@ class PcmReader(SoundReader):
     def _of_bytes(self, time_ns: int, data: bytes) -> np.ndarray:
         """Make numbers of bytes, with those that the message before left; what is less than a frame is kept.
 
-        After bytes that are missing, nobody knows where a sample begins if messages do not end with one: of the
-        places that could be, samples are quietest by far from the right one, as elsewhere low bytes come first.
+        After bytes that are missing, nobody knows where a sample begins if messages do not end with one. From the
+        wrong place integers are as loud as can be, as their low bytes come first, and others of any magnitude.
         """
         width = int(self._pcm.kind[-1])
         block = width * self.channels
@@ -176,7 +177,7 @@ class PcmReader(SoundReader):
         data = self._rest + data
         self._ragged |= len(data) % block != 0
         if late and self._ragged:
-            data = data[min(range(width), key=lambda skip: _power(numbers(data[skip:], self._pcm.kind), self._pcm)) :]
+            data = data[min(range(width), key=lambda skip: _oddness(numbers(data[skip:], self._pcm.kind), self._pcm)) :]
         whole = len(data) // block * block
         self._rest = data[whole:]
         self._due_ns = time_ns + whole / block / (self.sample_rate or 1) * 1e9
@@ -195,11 +196,14 @@ def numbers(data: bytes, kind: str) -> np.ndarray:
     return padded.view("<i4").ravel() >> 8
 
 
-def _power(values: np.ndarray, pcm: Pcm) -> float:
-    """Mean square of samples, infinite where they are no numbers; 0 of none."""
-    with np.errstate(all="ignore"):
-        power = float(np.square(values.astype(np.float64) - pcm.zero).mean()) if len(values) else 0.0
-    return power if np.isfinite(power) else np.inf
+def _oddness(values: np.ndarray, pcm: Pcm) -> float:
+    """Say how little numbers look like samples: of integers by their loudness, of others by their magnitudes."""
+    if not len(values):
+        return 0.0
+    if values.dtype.kind != "f":
+        return float(np.square(values.astype(np.float64) - pcm.zero).mean())
+    size = np.abs(values)
+    return float(1.0 - ((size == 0) | ((size > _FAINT) & (size < _LOUD))).mean())
 
 
 class Mp3Reader(SoundReader):
@@ -208,25 +212,18 @@ class Mp3Reader(SoundReader):
     def __init__(self, source: SoundSource):
         super().__init__(source)
         self._splitter = Mp3Splitter()
-        self._last_ns: int | None = None
-        self._usual_ns = 0
 
     def count(self, time_ns: int, content: Any) -> None:
         """Count by the frames' headers."""
         self.frames.append(0)
-        found = self._frames(time_ns, content)
+        found = self._frames(content)
         if (header := self._splitter.header) is not None:
             self.sample_rate, self.channels = header.sample_rate, header.channels
             self.frames[-1] = len(found) * header.samples
 
-    def _frames(self, time_ns: int, content: Any) -> list[bytes]:
-        step_ns = 0 if self._last_ns is None else time_ns - self._last_ns
-        if content is None or (self._usual_ns and step_ns > 2 * self._usual_ns + MAX_JITTER_S * 1e9):
-            self._splitter.lose()
-        else:
-            self._usual_ns = step_ns
-        self._last_ns = time_ns
+    def _frames(self, content: Any) -> list[bytes]:
         if content is None:
+            self._splitter.lose()
             return []
         return self._splitter.feed(bytes_of(content, self.source.field).tobytes())
 
@@ -245,17 +242,18 @@ class Mp3Reader(SoundReader):
         before: list[bytes] = []
         held: list[bytes] = []
         start = end = 0
-        for place, (time_ns, content) in zip(places.tolist(), messages, strict=False):
+        for place, (_, content) in zip(places.tolist(), messages, strict=False):
             try:
-                found = again._frames(time_ns, content)
+                found = again._frames(content)
             except DecodeError:
                 found = []
             if not found or header is None:
                 continue
-            if held and (place != end or (end - start) * header.channels > _STRETCH_SAMPLES):
+            broken = place != end or again._splitter.broken
+            if held and (broken or (end - start) * header.channels > _STRETCH_SAMPLES):
                 yield start, decode_frames(held, before, header)
-                before = (before + held)[-WARM_UP:] if place == end else []
-                held = []
+                before, held = (before + held)[-WARM_UP:], []
+            before = [] if broken else before
             if not held:
                 start = place
             held += found

@@ -139,6 +139,6 @@ def _sniffed(source: SoundSource, bag: BagFile) -> Coding:
             chunks.append(bytes_of(content, source.field).tobytes())
         if len(chunks) >= _SNIFFED_MESSAGES or sum(map(len, chunks)) >= _SNIFFED_BYTES:
             break
-    if chunks and begins_file(chunks[0]):
+    if begins_file(b"".join(chunks)[:8]):
         return "file"
     return "mp3" if mp3_share(chunks) > _MP3_SHARE else "pcm"
