@@ -7,13 +7,12 @@ import binascii
 import re
 from typing import Any
 
-import cv2
 import numpy as np
 
 from ..errors import InputError
 from .bag_messages import DecodeError, field, fields_of, number
 from .camera import decode_image
-from .pixels import PixelError, bgr_of, is_depth
+from .pixels import ENCODINGS, PixelError, bgr_of, is_depth
 
 _DEPTH_NAMES = re.compile(r"depth|disparity", re.IGNORECASE)
 _BAYER = re.compile(r"bayer_(rggb|bggr|gbrg|grbg)\d+")
@@ -83,12 +82,6 @@ def _of_compressed(content: Any, raw: np.ndarray, source: str, bit_depth: int | 
     return image
 
 
-def is_colourless(image: np.ndarray) -> bool:
-    """Say whether an image (h, w, 3) has no colour at all, as of a monochrome camera."""
-    thinned = image[::4, ::4]
-    return bool((thinned == cv2.cvtColor(thinned[:, :, 1], cv2.COLOR_GRAY2BGR)).all())
-
-
 def no_picture(topic: str, sample: Any) -> str:
     """Say why a topic's first message, decoded, is no image of the ground; empty where it may be one."""
     fields = fields_of(sample)
@@ -96,4 +89,6 @@ def no_picture(topic: str, sample: Any) -> str:
         stated = str(field(sample, name)) if name in fields else ""
         if is_depth(stated) or (stated in ("16UC1", "mono16") and _DEPTH_NAMES.search(topic)):
             return f"{stated} is of distances, no image of the ground"
+    if {"encoding", "step"} <= set(fields) and (encoding := str(field(sample, "encoding"))) not in ENCODINGS:
+        return f"encoding {encoding!r} is not read; {', '.join(ENCODINGS)} are"
     return ""

@@ -140,7 +140,7 @@ def decode_frames(frames: Sequence[bytes], before: Sequence[bytes], header: Mp3H
     stream = [early[0], *_founded([*early[1:], *frames])]
     samples = np.zeros((wanted, header.channels), np.float32)
     try:
-        with sf.SoundFile(io.BytesIO(b"".join([_count_frame(stream), *stream]))) as file:
+        with sf.SoundFile(io.BytesIO(counted(stream))) as file:
             if (file.samplerate, file.channels) == (header.sample_rate, header.channels):
                 file.read(len(early) * header.samples - _DECODER_DELAY, dtype="float32")
                 found = file.read(wanted, dtype="float32", always_2d=True)
@@ -182,8 +182,8 @@ def _founded(frames: Sequence[bytes]) -> list[bytes]:
     return answer
 
 
-def _count_frame(frames: Sequence[bytes]) -> bytes:
-    """Make the frame that says how many follow: else libsndfile goes by the first one's bit rate.
+def counted(frames: Sequence[bytes]) -> bytes:
+    """Put before frames one that says how many they are: else libsndfile goes by the first one's bit rate.
 
     It is silent, and has ``Info`` behind its side information, then flags and the number, as the encoder LAME writes
     it.
@@ -195,7 +195,7 @@ def _count_frame(frames: Sequence[bytes]) -> bytes:
     assert header is not None
     _, end, _ = _side_information(bytes(start) + bytes(_HEADER))
     text = b"Info" + struct.pack(">II", 1, len(frames))
-    return (bytes(start) + bytes(end - _HEADER) + text).ljust(header.size, b"\0")
+    return b"".join([(bytes(start) + bytes(end - _HEADER) + text).ljust(header.size, b"\0"), *frames])
 
 
 def mp3_share(chunks: Sequence[bytes]) -> float:

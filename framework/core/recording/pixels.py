@@ -109,15 +109,15 @@ def bgr_of(
     PixelError
         The encoding is not known, the data are too few, or the size is 0 or beyond `MAX_IMAGE_PIXELS`.
     """
-    if encoding not in _LAYOUTS and encoding.lower() not in _PLANES:
+    if encoding not in _LAYOUTS and encoding not in _PLANES:
         what = "is no image in colours or grey" if is_depth(encoding) else "is not read"
         raise PixelError(f"encoding {encoding!r} {what}; {', '.join(ENCODINGS)} are")
     said = f"{len(raw)} bytes for {width} x {height} pixels of {encoding} in rows of {step}"
     if width <= 0 or height <= 0 or width * height > MAX_IMAGE_PIXELS:
         raise PixelError(said)
     try:
-        if encoding.lower() in _PLANES:
-            return _of_planes(raw, encoding.lower(), width, height, step, said)
+        if encoding in _PLANES:
+            return _of_planes(raw, encoding, width, height, step, said)
         layout = _LAYOUTS[encoding]
         return _of_pixels(_rows(raw, width * layout.samples * layout.bytes, height, step, said),
                           layout, encoding, big_endian, bit_depth)  # fmt: skip

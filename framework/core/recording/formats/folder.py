@@ -36,7 +36,7 @@ _TABLE_KINDS = (".csv", ".csv.gz", ".parquet")
 _STREAMS = {
     "wheel": tuple("wheel" + kind for kind in _TABLE_KINDS),
     "camera": ("camera",),
-    "sound": ("sound.wav", "sound.flac"),
+    "sound": ("sound.wav", "sound.flac", "sound.ogg", "sound.mp3"),
     "pose": tuple("pose" + kind for kind in _TABLE_KINDS),
     "labels": ("labels.csv",),
     "vibration": tuple("vibration" + kind for kind in _TABLE_KINDS),
@@ -145,10 +145,16 @@ class FolderReader(Reader):
             for file in camera.files:
                 digest.add_file("camera", file)
         if "sound" in found:
-            sound = SoundFileStream(found["sound"], about.sound.start_s if about.sound else 0.0)
-            problems += sound.problems
-            digest.add_numbers("sound", [sound.start_s])
-            digest.add_file("sound", sound.path)
+            try:
+                sound = SoundFileStream(found["sound"], about.sound.start_s if about.sound else 0.0)
+            except InputError as error:
+                if set(found) <= {"sound", "labels"}:
+                    raise
+                problems.append(f"sound is left out: {error}")
+            else:
+                problems += sound.problems
+                digest.add_numbers("sound", [sound.start_s])
+                digest.add_file("sound", sound.path)
         if "vibration" in found:
             named = about.vibration.wheel_file if about.vibration else None
             drives = named and inside(path, named, path / "recording.toml", "key vibration.wheel_file")
