@@ -131,6 +131,8 @@ def _rows(raw: np.ndarray, used: int, height: int, step: int, said: str) -> np.n
     last = (height - 1) * step + used
     if step < used or len(raw) < last:
         raise PixelError(said)
+    if step == used:
+        return raw[:last].reshape(height, used)
     return np.lib.stride_tricks.as_strided(raw[:last], (height, used), (step, 1), writeable=False)
 
 
