@@ -20,12 +20,14 @@ from .schema import (
     EXPECTED,
     REVISIONS,
     check_known,
+    index_places,
     open_engine,
     opened_as_it_is,
     parse_url,
     revision_of,
     shown,
 )
+from .spatial import has_spatial_index
 from .store import TerrainDatabase
 from .tables import DriveRow, ImportRow, PhysicsRow, table_of
 
@@ -151,15 +153,20 @@ def _remove_drive(database: TerrainDatabase, drive_id: uuid.UUID) -> bool:
 
 @dataclass(frozen=True)
 class Migrated:
-    """Schema before and after, and the copy of the SQLite file as it was before; None where there was nothing to do."""
+    """Schema before and after, the copy of the SQLite file as it was before, None where there was nothing to do, and
+    whether a spatial index was added.
+    """
 
     before: str
     after: str
     copy: Path | None
+    spatial_index_added: bool = False
 
 
 def migrate(url_or_path: str | Path) -> Migrated:
     """Bring a database to the newest schema, in one transaction; an SQLite file is copied beside itself before.
+
+    On a PostgreSQL server that has got PostGIS since, it adds the spatial index (`spatial`) that is lacking.
 
     Interrupted, it leaves the database as it was, and the same again begins anew. The copy is named by the schema that
     it has, ``terrain.schema-0001.db``; where there is such a file already, by a number, too.
@@ -171,15 +178,20 @@ def migrate(url_or_path: str | Path) -> Migrated:
     """
     url = parse_url(url_or_path)
     with opened_as_it_is(url_or_path) as connection:
-        before = revision_of(connection)
+        before, indexed = revision_of(connection), has_spatial_index(connection)
     if before is None:
         raise InputError(shown(url), "states no version of its schema", expected=EXPECTED)
     check_known(before, shown(url))
     copy = None
     if before != REVISIONS[-1] and url.get_backend_name() == "sqlite":
         copy = _copied(Path(str(url.database)), before)
-    open_engine(url_or_path, must_exist=True).dispose()
-    return Migrated(before, REVISIONS[-1], copy)
+    engine = open_engine(url_or_path, must_exist=True)
+    try:
+        index_places(engine)
+    finally:
+        engine.dispose()
+    with opened_as_it_is(url_or_path) as connection:
+        return Migrated(before, REVISIONS[-1], copy, has_spatial_index(connection) and not indexed)
 
 
 def _copied(path: Path, revision: str) -> Path:

@@ -9,8 +9,21 @@ from contextlib import closing, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
-from sqlalchemy import ColumnElement, LargeBinary, Text, cast, delete, inspect, literal, or_, select, type_coerce
+from sqlalchemy import (
+    ColumnElement,
+    Connection,
+    LargeBinary,
+    Text,
+    cast,
+    delete,
+    inspect,
+    literal,
+    or_,
+    select,
+    type_coerce,
+)
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.types import NullType
 
@@ -18,7 +31,8 @@ from ..framework.core.arguments import path_of
 from ..framework.core.errors import InputError
 from ..framework.core.files import whole
 from .check import Fault, check
-from .drive_rows import CHUNK, OBSERVATIONS, insert_rows
+from .drive_rows import CHUNK, OBSERVATIONS, imported, insert_rows
+from .rows import drive_of
 from .schema import (
     BUSY_TIMEOUT_S,
     READ_IF_CUT_OFF,
@@ -66,7 +80,8 @@ def rebuild(
 
     Rows are looked for in the tables' own pages, past the indices, in ranges of row numbers that are halved where a
     page cannot be read. Then those are left out that `check` names, and observations whose drive is lost. A drive whose
-    imports are lost is kept: a processing of the same recording whose time of import is known counts as newer.
+    imports are lost is kept: a processing of the same recording whose time of import is known counts as newer. One that
+    lacks observations as well stays incomplete: a merge may have brought no more of it.
 
     Parameters
     ----------
@@ -220,12 +235,24 @@ def _is(column: ColumnElement, identity: str) -> ColumnElement[bool]:
 
 
 def _give_imports(database: TerrainDatabase) -> list[Fault]:
-    """Give drives whose imports are lost one, long ago."""
-    drive, imported = table_of(DriveRow), table_of(ImportRow)
+    """Give drives whose imports are lost one, long ago; not those that a merge has brought a part of, and no import."""
+    drive = table_of(DriveRow)
     with database.writing() as connection:
-        query = select(drive.c.id).where(~select(imported.c.id).where(imported.c.drive_id == drive.c.id).exists())
-        lost = connection.execute(query).scalars().all()
-        rows = ({"id": uuid.uuid5(each, "import"), "drive_id": each, "imported_at": _LONG_AGO} for each in lost)
+        lost = connection.execute(select(drive).where(~imported(drive))).all()
+        whole = [row.id for row in lost if _has_all_rows(connection, row)]
+        rows = ({"id": uuid.uuid5(each, "import"), "drive_id": each, "imported_at": _LONG_AGO} for each in whole)
         insert_rows(connection, ImportRow, rows)
     problem = "its imports are lost: it counts as older than others of its recording"
-    return [Fault(drive.name, each.hex, problem, damaged=False) for each in lost]
+    return [Fault(drive.name, each.hex, problem, damaged=False) for each in whole]
+
+
+def _has_all_rows(connection: Connection, row: Any) -> bool:
+    """Say whether the observations of a drive are the first ones: rows come in the order of their identities, so that a
+    part of them has gaps.
+    """
+    for row_type, kind in zip(OBSERVATIONS, ("terrain", "soil"), strict=True):
+        table = table_of(row_type)
+        there = set(connection.execute(select(table.c.id).where(table.c.drive_id == row.id)).scalars())
+        if there != set(drive_of(row, (), ()).row_ids(kind, len(there))):
+            return False
+    return True

@@ -17,7 +17,7 @@ from ..identification.rows.select import select_wheel_rows
 from .core.arguments import whole
 from .core.class_names import check_class_name
 from .core.errors import InputError
-from .core.recording.tables import is_table
+from .core.recording.sheet import ENDINGS
 from .core.recording.types import Recording
 from .core.soil import SoilKnowledge
 from .core.sound_explanation import SoundFindings
@@ -103,7 +103,7 @@ def check_store(database: str | Path | None, class_name: str | None, recording: 
         check_class_name(class_name, "--class")
         if database is None:
             raise InputError("--db", "is missing, and --class is given", expected="both, to store what is found")
-    elif database is not None and is_table(Path(recording)) and not Path(recording).is_dir():
+    elif database is not None and str(recording).lower().endswith(ENDINGS) and not Path(recording).is_dir():
         raise InputError("--class", "is missing", expected="the class of the ground: a wheel file does not say it")
     if database is not None and (found := TerrainDatabase.open_if_there(database)) is not None:
         found.close()

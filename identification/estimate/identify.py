@@ -107,7 +107,7 @@ def identify(
     recording, known = open_recording(recording, vehicle), as_knowledge(soil)
     parts = by_geometry(recording)
     result = _several_wheels(parts, known, method) if len(parts) > 1 else _one_wheel(parts[0], known, method)
-    read = (note("recording", text=problem) for problem in recording.problems)
+    read = (note("recording", text=problem) for problem in (*recording.notes, *recording.problems))
     return replace(result, findings=(*read, *result.findings))
 
 

@@ -204,7 +204,8 @@ class VibrationRun:
 class Recording:
     """One drive, whatever it was read from.
 
-    `problems` says in words what could not be read; what is readable is used. `digest` is the SHA-256 of what was
+    `problems` says in words what could not be read; what is readable is used. `notes` says what was converted or
+    assumed in reading it: units, signs, the meaning of columns. `digest` is the SHA-256 of what was
     read, hexadecimal: two readings of the same drive have the same digest, and so add nothing to a database twice.
     """
 
@@ -221,3 +222,4 @@ class Recording:
     sound: SoundStream | None = None
     problems: tuple[str, ...] = ()
     vibration: VibrationRun | None = None
+    notes: tuple[str, ...] = ()
