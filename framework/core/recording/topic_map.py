@@ -24,17 +24,19 @@ from ..errors import InputError
 from ..files import load_toml
 from ..models import FileModel, Finite, Positive, Whole, checked
 from .bag_files import Topic
+from .bag_images import no_picture
+from .camera import BitDepth
 from .types import WHEEL_COLUMNS
 
-SoundFormat = Literal["pcm8", "pcm16", "pcm32", "float32"]
+SoundFormat = Literal["pcm8", "pcm16", "pcm24", "pcm32", "float32", "mp3"]
 
 _NUMBERS = {"Float64", "Float32", "Float64Stamped", "Float32Stamped", "Int32", "Int64", "UInt8", "UInt16", "UInt32"}
 _POSES = {"Odometry": "pose.pose", "PoseStamped": "pose", "PoseWithCovarianceStamped": "pose.pose"}
 _SPEEDS = {"Odometry": "twist.twist.linear.x", "TwistStamped": "twist.linear.x", "Twist": "linear.x"}
-_IMAGES = {"Image", "CompressedImage"}
+_IMAGES = ["CompressedImage", "Image", "RawImage", "FFMPEGPacket", "CompressedVideo"]
 _SOUNDS: dict[str, tuple[str, SoundFormat]] = {
     "AudioData": ("data", "pcm16"), "AudioDataStamped": ("audio.data", "pcm16"),
-    "AudioStamped": ("audio.data", "pcm16"),
+    "AudioStamped": ("audio.data", "pcm16"), "Audio": ("data", "pcm16"), "RawAudio": ("data", "pcm16"),
     "UInt8MultiArray": ("data", "pcm16"), "Int16MultiArray": ("data", "pcm16"), "Int32MultiArray": ("data", "pcm32"),
     "Float32MultiArray": ("data", "float32"),
 }  # fmt: skip
@@ -75,9 +77,10 @@ class PoseTopic(FileModel):
 
 
 class CameraTopic(FileModel):
-    """A topic with images."""
+    """A topic with images or video, and how many bits samples make use of that come as 16."""
 
     topic: str
+    bit_depth: BitDepth | None = None
 
 
 class SoundTopic(FileModel):
@@ -174,7 +177,7 @@ def recognise(topics: Mapping[str, Topic], samples: Mapping[str, Any], path: Pat
         wheel += _wheel_by_name(topic) or _wheel_by_type(topic, samples, None, assumed, guess=True)
     wheel = _one_travel_speed(wheel, topics, assumed)
     pose = _one([t for t in topics.values() if short_type(t) in _POSES], "pose", assumed, list(_POSES))
-    camera = _one([t for t in topics.values() if short_type(t) in _IMAGES], "camera", assumed, ["CompressedImage"])
+    camera = _one(_pictures(topics, samples, assumed), "camera", assumed, _IMAGES)
     heard = [t for t in topics.values() if _is_sound(t)]
     sound = _one(heard, "sound", assumed, [])
     answer = TopicMap(
@@ -210,7 +213,19 @@ def listing(topics: Mapping[str, Topic]) -> str:
 def _is_sound(topic: Topic) -> bool:
     kind = short_type(topic)
     by_name = any(word in topic.name.casefold() for word in ("audio", "sound", "mic"))
-    return kind in _SOUNDS and (kind.startswith("Audio") or by_name)
+    return kind in _SOUNDS and ("Audio" in kind or by_name)
+
+
+def _pictures(topics: Mapping[str, Topic], samples: Mapping[str, Any], assumed: list[str]) -> list[Topic]:
+    """Give the topics of images, without those of distances, which are named."""
+    found: list[Topic] = []
+    for topic in topics.values():
+        if short_type(topic) in _IMAGES:
+            if reason := no_picture(topic.name, samples.get(topic.name)):
+                assumed.append(f"{topic.name}: {reason}: left out")
+            else:
+                found.append(topic)
+    return found
 
 
 def _one(found: list[Topic], stream: str, assumed: list[str], order: list[str]) -> Topic | None:
