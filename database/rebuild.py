@@ -108,7 +108,7 @@ def rebuild(
     if target.exists():
         raise InputError(target, "is there already", expected="the name of a new file")
     with _whole_database(target) as part:
-        TerrainDatabase(part).close()
+        TerrainDatabase(part).make()
         faults = _copy(source, part, [each for each in _TABLES if each.__tablename__ in there], report)
         with TerrainDatabase(part) as database:
             faults += _leave_out(database, report)

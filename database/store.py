@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from sqlalchemy import Connection, select
+from sqlalchemy import Connection, Engine, select
 from sqlalchemy.exc import DBAPIError
 
 from ..framework.core.arguments import refused
@@ -44,7 +44,7 @@ from .physics import (
 )
 from .reader import SiteReader, rows_in_use
 from .rows import drive_row, soil_rows, terrain_columns
-from .schema import holds_database, open_engine, shown, unreachable
+from .schema import holds_database, open_engine, parse_url, shown, unreachable
 from .snapshot import Snapshot
 from .storable import check_storable
 from .tables import DriveRow, ImportRow, SoilRow, TerrainRow, table_of
@@ -70,9 +70,10 @@ class TerrainDatabase:
     Parameters
     ----------
     url_or_path
-        A path, or an SQLAlchemy URL such as ``sqlite:///terrain.db`` or ``postgresql://user@host/terrain``.
+        A path, or an SQLAlchemy URL such as ``sqlite:///terrain.db`` or ``postgresql://user@host/terrain``. Where there
+        is no database yet, the first writing makes one, and until then reading is refused.
     must_exist
-        Open what is there, never make a new database: what reading needs.
+        Refuse at once where there is no database; none is made.
 
     Raises
     ------
@@ -82,7 +83,9 @@ class TerrainDatabase:
     """
 
     def __init__(self, url_or_path: str | Path = "sqlite:///terrain.db", *, must_exist: bool = False):
-        self._engine = open_engine(url_or_path, must_exist=must_exist)
+        self._given, self._url = url_or_path, parse_url(url_or_path)
+        there = must_exist or holds_database(url_or_path)
+        self._engine = open_engine(url_or_path, must_exist=True) if there else None
 
     @classmethod
     def open_if_there(cls, url_or_path: str | Path) -> TerrainDatabase | None:
@@ -98,11 +101,26 @@ class TerrainDatabase:
     @property
     def name(self) -> str:
         """The file's path, or the URL without its password."""
-        return shown(self._engine.url)
+        return shown(self._url)
+
+    @property
+    def there(self) -> bool:
+        """Whether the database has been made."""
+        return self._engine is not None or holds_database(self._given)
+
+    def make(self) -> None:
+        """Make the database, empty, where there is none yet; raises `InputError` where that cannot be."""
+        self._opened(make=True)
+
+    def _opened(self, *, make: bool) -> Engine:
+        if self._engine is None:
+            self._engine = open_engine(self._given, must_exist=not make)
+        return self._engine
 
     def close(self) -> None:
         """Let go of all connections; the object can still be used, and then opens new ones."""
-        self._engine.dispose()
+        if self._engine is not None:
+            self._engine.dispose()
 
     def __enter__(self) -> TerrainDatabase:
         return self
@@ -178,6 +196,7 @@ class TerrainDatabase:
             database cannot be written.
         """
         found = ClassPhysics(class_name, physics, source, time if time is not None else datetime.now(UTC), site)
+        self.make()
         with self.reading() as connection:
             check_spelling(class_name, (driven_classes(connection), physics_classes(connection)), "class_name")
             newest = newest_row(connection, class_name, site)
@@ -240,6 +259,7 @@ class TerrainDatabase:
             for site in sites:
                 other.check_site(site)
         report = progress or (lambda stage, share: None)
+        self.make()
         return Added(*merge(other, self, None if sites is None else sorted(set(sites)), report))
 
     def drive(self, identity: uuid.UUID) -> Drive | None:
@@ -316,7 +336,7 @@ class TerrainDatabase:
 
         Faults come out as one line.
         """
-        with self._reached(self._engine.connect) as connection:
+        with self._reached(self._opened(make=False).connect) as connection:
             try:
                 begin_reading(connection)
                 yield connection
@@ -331,19 +351,19 @@ class TerrainDatabase:
         try:
             with opened() as connection:
                 yield connection
-        except (DBAPIError, self._engine.dialect.loaded_dbapi.Error) as error:
-            raise unreachable(self._engine.url, error) from error
+        except (DBAPIError, self._opened(make=False).dialect.loaded_dbapi.Error) as error:
+            raise unreachable(self._url, error) from error
 
     @contextmanager
     def writing(self) -> Iterator[Connection]:
         """Open a transaction: everything or nothing of it is stored, whatever ends it."""
-        with self._reached(self._engine.begin) as connection:
+        with self._reached(self._opened(make=True).begin) as connection:
             check_writable(connection)
             yield connection
 
     @contextmanager
     def committing(self) -> Iterator[Connection]:
         """Open a connection of which all is stored that was done before a `commit`."""
-        with self._reached(self._engine.connect) as connection:
+        with self._reached(self._opened(make=True).connect) as connection:
             check_writable(connection)
             yield connection

@@ -141,7 +141,8 @@ class Conditions:
         cell_size_m = _cell_size(cell_size_m)
         driven = None if vehicle is None else as_vehicle(vehicle)
         mapped = None if topics is None else path_of("topics", topics, "the path of a topic map")
-        opened = nullcontext(database) if isinstance(database, TerrainDatabase) else _if_there(database)
+        own = isinstance(database, TerrainDatabase)
+        opened = nullcontext(database if database.there else None) if own else _if_there(database)
         with opened as store:
             known, physics = (frozenset(), ()) if store is None else (store.drive_ids(), tuple(store.physics()))
         return Conditions(shown(parse_url(url_of(database))), known, physics, cell_size_m, driven, mapped)

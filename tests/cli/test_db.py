@@ -86,7 +86,7 @@ def test_info(db):
 
 
 def test_info_of_an_empty_database(tmp_path):
-    TerrainDatabase(tmp_path / "e.db").close()
+    TerrainDatabase(tmp_path / "e.db").make()
     assert "no drives" in said("info", tmp_path / "e.db")
     header = said("info", tmp_path / "e.db", "--format", "csv").strip()
     assert header.startswith("site,drives,superseded,")

@@ -105,7 +105,7 @@ def into(target, *arguments, **options):
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 @pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["explain", "--help"], ["query", "classes"]])
 def test_a_full_disk_is_one_line_and_exit_2(arguments, unbuffered, tmp_path):
-    TerrainDatabase(f"sqlite:///{tmp_path}/terrain.db").close()
+    TerrainDatabase(f"sqlite:///{tmp_path}/terrain.db").make()
     with open("/dev/full", "w") as full:
         done = into(full, *arguments, cwd=tmp_path, env=os.environ | {"PYTHONUNBUFFERED": unbuffered})
     assert (done.returncode, done.stderr) == (2, "bevameter: the output cannot be written: No space left on device\n")
@@ -114,7 +114,7 @@ def test_a_full_disk_is_one_line_and_exit_2(arguments, unbuffered, tmp_path):
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 @pytest.mark.parametrize("arguments", [["--help"], ["explain", "--help"], ["query", "classes"]])
 def test_a_closed_pipe_is_no_error_and_exit_141(arguments, unbuffered, tmp_path):
-    TerrainDatabase(f"sqlite:///{tmp_path}/terrain.db").close()
+    TerrainDatabase(f"sqlite:///{tmp_path}/terrain.db").make()
     reader, writer = os.pipe()
     os.close(reader)
     try:

@@ -20,7 +20,7 @@ FOUND = datetime(2026, 11, 2, 9, 0, tzinfo=UTC)
 
 
 def test_an_empty_database(tmp_path):
-    TerrainDatabase(tmp_path / "t.db").close()
+    TerrainDatabase(tmp_path / "t.db").make()
     found = info(tmp_path / "t.db")
     assert (found.schema, found.sites, found.physics) == (found.newest_schema, (), ())
     assert found.size_bytes == (tmp_path / "t.db").stat().st_size

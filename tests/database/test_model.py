@@ -42,8 +42,9 @@ class Model:
         return sorted(self.drives, key=lambda each: (max(self.imports[each]), each))
 
     def newest(self) -> list[Drive]:
-        last = {self.drives[each].recording_digest: self.drives[each] for each in self.in_order()}
-        return list(last.values())
+        ordered = [self.drives[each] for each in self.in_order()]
+        last = {drive.recording_digest: drive.id for drive in ordered}
+        return [drive for drive in ordered if last[drive.recording_digest] == drive.id]
 
     def add(self, drive: Drive, moment: int) -> int:
         if drive.id not in self.drives:
@@ -183,7 +184,7 @@ SUITES = pytest.mark.parametrize("extent", [FEW, pytest.param(MANY, marks=pytest
 @SUITES
 def test_two_files(extent, tmp_path, make):
     places = (str(tmp_path / "a.db"), str(tmp_path / "b.db"))
-    TerrainDatabase(tmp_path / "empty").close()
+    TerrainDatabase(tmp_path / "empty").make()
 
     def clear() -> None:
         for place in places:
@@ -194,8 +195,8 @@ def test_two_files(extent, tmp_path, make):
 
 @SUITES
 def test_a_file_and_a_server(extent, tmp_path, server, make):
-    TerrainDatabase(tmp_path / "empty").close()
-    TerrainDatabase(server).close()
+    TerrainDatabase(tmp_path / "empty").make()
+    TerrainDatabase(server).make()
     engine = create_engine(parse_url(server))
 
     def clear() -> None:

@@ -112,6 +112,9 @@ def test_physics_and_sites_that_come_later(tmp_path, make, drive_with_soil):
     soil = dict(drive_with_soil.soils[-1].estimate.parameters)
     with TerrainDatabase(tmp_path / "terrain.db") as database:
         following = database.reader()
+        with pytest.raises(InputError, match="no such file"):
+            following.snapshot()
+        database.make()
         assert following.snapshot().drives == 0
         with pytest.raises(InputError, match="no site 'quarry'"):
             database.reader("quarry").snapshot()

@@ -33,7 +33,7 @@ def test_the_revisions_are_those_in_the_folder():
 
 
 def test_migrations_make_the_tables_that_the_code_expects(tmp_path):
-    TerrainDatabase(tmp_path / "terrain.db").close()
+    TerrainDatabase(tmp_path / "terrain.db").make()
     engine = create_engine(f"sqlite:///{tmp_path / 'terrain.db'}")
     with engine.connect() as connection:
         context = MigrationContext.configure(connection, opts={"version_table": schema.VERSION_TABLE})
@@ -168,7 +168,7 @@ def test_a_missing_folder_is_reported(tmp_path):
 )
 def test_a_file_that_may_not_be_written_is_reported(tmp_path, drive_with_soil):
     path = tmp_path / "terrain.db"
-    TerrainDatabase(path).close()
+    TerrainDatabase(path).make()
     path.chmod(0o444)
     with TerrainDatabase(path) as database, pytest.raises(InputError, match="readonly"):
         database.add_drive(drive_with_soil)

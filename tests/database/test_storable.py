@@ -30,6 +30,7 @@ def with_estimate(make, **changes):
 
 def refuse(path, drive, said: str) -> None:
     with TerrainDatabase(path) as database:
+        database.make()
         with pytest.raises(InputError, match=said) as caught:
             database.add_drive(drive)
         assert database.drives() == []

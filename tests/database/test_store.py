@@ -208,7 +208,7 @@ def test_a_recording_whose_site_was_put_right_leaves_the_wrong_one(tmp_path, mak
 @pytest.fixture(scope="module")
 def empty_database(tmp_path_factory):
     path = tmp_path_factory.mktemp("empty") / "terrain.db"
-    TerrainDatabase(path).close()
+    TerrainDatabase(path).make()
     return path
 
 

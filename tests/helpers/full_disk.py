@@ -33,7 +33,7 @@ def attempt(folder: Path, other: Path, drives: Sequence[Drive], most_bytes: int 
             "migrate": lambda: migrate(old),
             "open": lambda: TerrainDatabase(old, must_exist=True),
             "rebuild": lambda: rebuild(other, folder / "rebuilt.db"),
-            "make": lambda: TerrainDatabase(folder / "new.db"),
+            "make": lambda: TerrainDatabase(folder / "new.db").make(),
         }
         for name, work in attempts.items():
             try:

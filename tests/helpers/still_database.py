@@ -49,7 +49,7 @@ def write(folder: Path, drive: Drive) -> list[tuple[int, str]]:
                 lambda: prune(database),
                 lambda: migrate(old),
                 lambda: TerrainDatabase(old, must_exist=True),
-                lambda: TerrainDatabase(folder / "new.db"),
+                lambda: TerrainDatabase(folder / "new.db").make(),
                 lambda: rebuild(path, folder / "new.db"),
             ):
                 try:

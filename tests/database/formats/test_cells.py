@@ -83,6 +83,7 @@ def test_cells_at_the_end_of_the_grid_are_written_too(make, tmp_path):
 
 def test_a_site_without_cells_has_a_header(tmp_path):
     with TerrainDatabase(tmp_path / "t.db") as database:
+        database.make()
         view = database.snapshot()
     for ending in ("parquet", "csv", "geojson"):
         assert write_cells(view, tmp_path / f"c.{ending}") == 0
