@@ -174,6 +174,8 @@ class TraverseSummary:
         What to mind in using the result.
     seconds
         How long the run took [s].
+    notes
+        What of the recording was chosen where there was a choice.
     """
 
     recording: str
@@ -200,6 +202,7 @@ class TraverseSummary:
     problems: tuple[str, ...]
     warnings: tuple[str, ...]
     seconds: float
+    notes: tuple[str, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """Give the summary as plain tables and numbers, as `bevameter run --json` writes it."""

@@ -176,6 +176,7 @@ def _about(recording: Recording, drive: Drive, models: Models, track: Track | No
         "places": track.origin if track else "",
         "cell_size_m": drive.terrain.cell_size_m,
         "warnings": _warnings(recording, models, track),
+        "notes": recording.notes,
     }
 
 

@@ -15,6 +15,9 @@ def command(
     vehicle: Annotated[
         Path | None, typer.Option("--vehicle", help="Vehicle TOML; the recording's own where absent.")
     ] = None,
+    topics: Annotated[
+        Path | None, typer.Option("--topics", help="TOML map from a bag's topics to streams, as of `bevameter run`.")
+    ] = None,
     soil: Annotated[
         Path | None,
         typer.Option("--soil", help="TOML file of soil parameters known from elsewhere, with standard deviations."),
@@ -39,16 +42,16 @@ def command(
 ) -> None:
     """Say what the simulation of a recorded wheel lacks, how probable that is, and what modelling it gains."""
     from ..core.files import check_outputs
+    from ..core.recording.readers import read_recording
     from ..explain import check_store, explain, store
     from .printing import status, write_json
     from .results import print_explanation
 
-    check_outputs([json, report], [recording, vehicle, soil, simulated])
+    check_outputs([json, report], [recording, vehicle, topics, soil, simulated])
     check_store(db, class_name, recording)
     with status(f"explaining {recording}") as progress:
-        answer = explain(
-            recording, vehicle=vehicle, soil=soil, simulated=simulated, seed=seed, database=db, progress=progress
-        )
+        drive = read_recording(recording, vehicle=vehicle, topics=topics)
+        answer = explain(drive, soil=soil, simulated=simulated, seed=seed, database=db, progress=progress)
     if json is not None:
         write_json(answer.to_json(), json)
     if report is not None:

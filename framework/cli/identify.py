@@ -26,6 +26,9 @@ def command(
     vehicle: Annotated[
         Path | None, typer.Option("--vehicle", help="Vehicle TOML; the recording's own where absent.")
     ] = None,
+    topics: Annotated[
+        Path | None, typer.Option("--topics", help="TOML map from a bag's topics to streams, as of `bevameter run`.")
+    ] = None,
     soil: Annotated[Path | None, typer.Option("--soil", help="TOML of what is known of the soil already.")] = None,
     method: Annotated[
         Method, typer.Option("--method", help="ml: errors in all channels; linear: the paper's closed form.")
@@ -44,11 +47,11 @@ def command(
     from .printing import status, write_json
     from .results import print_identification
 
-    check_outputs([json, plot], [recording, vehicle, soil])
+    check_outputs([json, plot], [recording, vehicle, topics, soil])
     if plot is not None and (method is not Method.ML or plot.suffix.lower() not in PICTURES):
         raise InputError("--plot", str(plot), expected="the method ml, and a file ending in " + ", ".join(PICTURES))
     with status(f"identifying the soil of {recording}"):
-        opened = open_recording(recording, vehicle)
+        opened = open_recording(recording, vehicle, topics)
         known = load_soil(soil) if soil is not None else None
         result = identify(opened, soil=known, method=method.value)
     if plot is not None:

@@ -207,6 +207,8 @@ def print_summary(summary: TraverseSummary) -> None:
     _print_ground(summary)
     _print_senses(summary.senses)
     _print_soils(summary)
+    for chosen in summary.notes:
+        print_line(f"note: {escape(chosen)}")
     for problem in summary.problems:
         print_line(f"[yellow]not usable:[/yellow] {escape(problem)}")
     database = escape(summary.database)

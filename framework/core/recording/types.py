@@ -10,6 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
+from ..origin import Origin
 from ..vehicle import Vehicle
 
 WHEEL_COLUMNS = (
@@ -204,8 +205,10 @@ class VibrationRun:
 class Recording:
     """One drive, whatever it was read from.
 
-    `problems` says in words what could not be read; what is readable is used. `digest` is the SHA-256 of what was
+    `problems` says in words what could not be read; what is readable is used. `notes` says what was chosen where there
+    was a choice. `digest` is the SHA-256 of what was
     read, hexadecimal: two readings of the same drive have the same digest, and so add nothing to a database twice.
+    `origin` says where on Earth the poses' x = y = 0 lies, where a satellite receiver was recorded.
     """
 
     name: str
@@ -221,3 +224,5 @@ class Recording:
     sound: SoundStream | None = None
     problems: tuple[str, ...] = ()
     vibration: VibrationRun | None = None
+    origin: Origin | None = None
+    notes: tuple[str, ...] = ()

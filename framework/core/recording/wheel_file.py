@@ -33,8 +33,9 @@ _UNITS = frozenset({
 })  # fmt: skip
 
 
-_ALSO_READ = ("radius_m", "width_m", "grouser_height_m", "grouser_count", "yaw_rad")
-"""Columns beyond the contract's that something reads: the wheel that a row is of, and the vehicle's heading."""
+_ALSO_READ = ("radius_m", "width_m", "grouser_height_m", "grouser_count", "yaw_rad", "roll_rad", "current_A")
+"""Columns beyond the contract's that something reads: the wheel that a row is of, the vehicle's heading and roll, and
+the current of the wheel's motor."""
 
 _ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
 _MOST_NAMED = 6
@@ -152,6 +153,8 @@ def derive_all(table: WheelTable, vehicle: Vehicle) -> WheelTable:
     InputError
         The table names a wheel that the vehicle does not have, or none where the vehicle has several.
     """
+    if not vehicle.wheels:
+        return table
     first = vehicle.wheels[0]
     # A single wheel without a name is what each of them is like; one with a name is the only one there is.
     for_all = "name" not in first.model_fields_set or table.wheel is None or len(set(table.wheel)) == 1
