@@ -29,6 +29,7 @@ def explain(
     recording: Recording | str | Path,
     *,
     vehicle: Vehicle | str | Path | None = None,
+    topics: str | Path | None = None,
     soil: SoilKnowledge | str | Path | None = None,
     simulated: str | Path | None = None,
     seed: int = 0,
@@ -44,6 +45,8 @@ def explain(
         A recording, or the path of one, or of a single wheel file.
     vehicle
         The vehicle, or its TOML file; the recording's own where absent.
+    topics
+        The topic map, where the recording is the path of a bag that needs one.
     soil
         What is known of the soil from elsewhere, or its TOML file: it breaks ties.
     simulated
@@ -68,7 +71,7 @@ def explain(
     InputError
         The recording has no wheel channels or geometry, lacks channels or rows to compare, or a name is unknown.
     """
-    seed, opened = whole("seed", seed), open_recording(recording, vehicle)
+    seed, opened = whole("seed", seed), open_recording(recording, vehicle, topics)
     grounds, known_by = grounds_of(opened, database, progress)
     answer = explain_wheel(
         opened, soil=soil, simulated=simulated, seed=seed, catalogue=catalogue, grounds=grounds, progress=progress

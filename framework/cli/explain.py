@@ -42,7 +42,6 @@ def command(
 ) -> None:
     """Say what the simulation of a recorded wheel lacks, how probable that is, and what modelling it gains."""
     from ..core.files import check_outputs
-    from ..core.recording.readers import read_recording
     from ..explain import check_store, explain, store
     from .printing import status, write_json
     from .results import print_explanation
@@ -50,8 +49,10 @@ def command(
     check_outputs([json, report], [recording, vehicle, topics, soil, simulated])
     check_store(db, class_name, recording)
     with status(f"explaining {recording}") as progress:
-        drive = read_recording(recording, vehicle=vehicle, topics=topics)
-        answer = explain(drive, soil=soil, simulated=simulated, seed=seed, database=db, progress=progress)
+        answer = explain(
+            recording, vehicle=vehicle, topics=topics, soil=soil, simulated=simulated, seed=seed, database=db,
+            progress=progress,
+        )  # fmt: skip
     if json is not None:
         write_json(answer.to_json(), json)
     if report is not None:

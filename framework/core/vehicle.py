@@ -133,7 +133,7 @@ class Vehicle(FileModel):
     """
 
     name: str = _UNNAMED
-    wheels: tuple[Wheel, ...] = ()
+    wheels: Annotated[tuple[Wheel, ...], Field(min_length=1)] = ()
     noise: dict[str, Positive] = Field(default_factory=dict)
     mass_kg: Positive | None = None
     centre_of_mass_m: tuple[Finite, Finite, NonNegative] | None = None

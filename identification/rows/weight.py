@@ -22,7 +22,7 @@ _USUAL_SHARE = 0.05
 """Standard deviation of a computed load where the vehicle states none, relative to it [-]: engineering judgement."""
 
 _OVER_S = 1.0
-"""Accelerations are taken over this time [s]: the noise of a speed sensor is then less than that of its slope."""
+"""Slope, roll and acceleration are taken over this time [s]: their noise would move load and pull together."""
 
 _PULL_SHARE = 0.02
 """Standard deviation of a wheel's share of the vehicle's pull, relative to its load [-]: an attitude within a degree.
@@ -47,7 +47,7 @@ def loads(table: WheelTable, vehicle: Vehicle) -> np.ndarray | None:
     if vehicle.mass_kg is None:
         stated = np.array([math.nan if wheel.load_N is None else wheel.load_N for wheel in wheels])
         return None if np.isnan(stated).any() else stated[row]
-    pitch, roll = (np.nan_to_num(table.columns.get(name, np.zeros(len(table)))) for name in ("pitch_rad", "roll_rad"))
+    pitch, roll = (np.nan_to_num(_over_a_second(table, name)) for name in ("pitch_rad", "roll_rad"))
     along = _acceleration(table)
     height_m = 0.0 if vehicle.centre_of_mass_m is None else vehicle.centre_of_mass_m[2]
     # Slope and acceleration act as if the centre of mass were further back.
@@ -77,21 +77,28 @@ def with_loads(table: WheelTable, vehicle: Vehicle) -> tuple[WheelTable, Vehicle
 
 
 def _acceleration(table: WheelTable) -> np.ndarray:
-    """Acceleration of the vehicle (n,) [m/s^2] over about `_OVER_S`; none where it is not known.
+    """Acceleration of the vehicle (n,) [m/s^2]; none where it is not known."""
+    return np.nan_to_num(_over_a_second(table, "travel_speed_m_s", rate=True))
 
-    Over a fixed time: speeds that were interpolated onto the wheel's clock have noise that looks like accelerations.
+
+def _over_a_second(table: WheelTable, name: str, *, rate: bool = False) -> np.ndarray:
+    """A channel (n,), or its rate of change [1/s], by straight lines over about `_OVER_S`; as it is where rows are too
+    far apart or have no time, and NaN where it was not observed, or no rate is known.
+
+    The time is fixed: channels that were interpolated onto the wheel's clock have noise that looks like change.
     """
-    answer = np.zeros(len(table))
-    speed, time_s = table.get("travel_speed_m_s"), table.get("time_s")
-    if speed is None or time_s is None:
+    values = table.get(name)
+    nothing = np.full(len(table), math.nan)
+    answer = nothing if values is None or rate else values.copy()
+    if values is None or "time_s" not in table:
         return answer
-    order, stretch = order_of(table)
+    time_s, (order, stretch) = table["time_s"], order_of(table)
     for rows in np.split(order, np.flatnonzero(np.diff(stretch)) + 1):
-        rows = rows[np.isfinite(speed[rows])]
+        rows = rows[np.isfinite(values[rows])]
         step_s = float(np.median(np.diff(time_s[rows]))) if len(rows) > 2 else 0.0
         window = max(2 * round(0.5 * _OVER_S / step_s) + 1, 3) if step_s > 0.0 else 0
         if 0 < window <= len(rows):
-            answer[rows] = savgol_filter(speed[rows], window, polyorder=1, deriv=1, delta=step_s)
+            answer[rows] = savgol_filter(values[rows], window, polyorder=1, deriv=int(rate), delta=step_s)
     return answer
 
 
@@ -115,7 +122,7 @@ def with_pull(table: WheelTable, vehicle: Vehicle) -> tuple[WheelTable, Vehicle,
     alike = len({(wheel.radius_m, wheel.width_m) for wheel in vehicle.wheels}) == 1
     if vehicle.mass_kg is None or pulled or not alike or any(name not in table for name in needed):
         return table, vehicle, None
-    pitch = table["pitch_rad"]
+    pitch = _over_a_second(table, "pitch_rad")
     share = table["load_N"] / (vehicle.mass_kg * GRAVITY * np.cos(pitch))
     pull = share * vehicle.mass_kg * (GRAVITY * np.sin(pitch) + _acceleration(table))
     if not np.isfinite(pull).any():

@@ -39,7 +39,7 @@ def test_load_and_pull_are_those_of_the_wheels_in_equilibrium(driven, recording)
         own = rows.table.select(rows.table.wheel == name)
         at = np.searchsorted(driven.time_s, own["time_s"] - 1e-6)
         # by moments about the axles; the pull by the wheels' stresses
-        np.testing.assert_allclose(own["load_N"], driven.load_N[at, number], atol=0.3)
+        np.testing.assert_allclose(own["load_N"], driven.load_N[at, number], atol=0.6)
         assert np.abs(own["drawbar_pull_N"] - driven.pull_N[at, number]).max() < 2.0
     assert np.ptp(driven.pull_N[:, 0]) > 30.0
 
