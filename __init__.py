@@ -25,6 +25,8 @@ _PUBLIC = {
     "read_recording": "framework.core.recording.readers",
     "TerrainDatabase": "database.store",
     "run_traverse": "framework.traverse",
+    "run_traverses": "framework.batch",
+    "FailedRecording": "framework.batch",
     "simulate": "identification.simulate",
     "identify": "identification.estimate.identify",
     "explain": "framework.explain",
@@ -34,6 +36,8 @@ _PUBLIC = {
 
 if TYPE_CHECKING:
     from .database.store import TerrainDatabase as TerrainDatabase
+    from .framework.batch import FailedRecording as FailedRecording
+    from .framework.batch import run_traverses as run_traverses
     from .framework.core.errors import BevameterError as BevameterError
     from .framework.core.errors import InputError as InputError
     from .framework.core.evidence import ClassEvidence as ClassEvidence

@@ -6,20 +6,17 @@ import os
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..framework.core.classifier.classifier import TerrainClassifier, TrainingOutcome
+from ..framework.core.classifier.labelled import LabelledFile, readable
 from ..framework.core.errors import InputError
 from ..framework.core.recording.sound import read_sound
 from .augment import add_noise, place, varied_window
 from .classify import SETTINGS
 from .features import FEATURE_NAMES, RATE_HZ, WINDOW_S, cut_windows, resample, window_features
 from .quality import NOISE_FREE_DB, SILENT_RMS, NoiseModel, noise_inputs, noise_measures
-
-if TYPE_CHECKING:
-    from ..framework.core.classifier.labelled import LabelledFile
 
 FILE_WINDOWS = 24
 """At most so many windows of one file, evenly spread: more of the same take say little that is new."""
@@ -58,18 +55,19 @@ def train_audio(
     Raises
     ------
     InputError
-        A file is missing, damaged or no sound; a class is silent; there are fewer than two classes.
+        No file of a class is a whole sound; a class is silent; there are fewer than two classes.
     """
-    waves = []
-    for index, item in enumerate(labelled):
-        waves.append(_read(item))
+    said, kept, waves = list(notes), [], []
+    for item, wave in readable(labelled, _read, said):
+        kept.append(item)
+        waves.append(wave)
         if progress:
-            progress(0.2 * (index + 1) / len(labelled))
+            progress(0.2 * len(kept) / len(labelled))
     source = os.path.commonpath([item.file for item in labelled]) if labelled else "labelled sounds"
     rest = None if progress is None else (lambda share: progress(0.2 + 0.8 * share))
     return train_audio_arrays(
-        waves, [item.class_name for item in labelled], [item.group for item in labelled], rng,
-        progress=rest, source=source, notes=notes,
+        waves, [item.class_name for item in kept], [item.group for item in kept], rng,
+        progress=rest, source=source, notes=said,
     )  # fmt: skip
 
 

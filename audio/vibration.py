@@ -5,20 +5,17 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..framework.core.classifier.classifier import TerrainClassifier, TrainingOutcome
+from ..framework.core.classifier.labelled import LabelledFile, readable
 from ..framework.core.errors import InputError
 from ..framework.core.evidence import ClassEvidence
 from ..framework.core.recording.tables import read_table
 from ..framework.core.recording.types import VibrationRun
 from ..framework.core.recording.vibration import SAMPLE_RATE_HZ, read_vibration_run
 from .vibration_features import HOP_S, WINDOW_S, VibrationChannels, vibration_features
-
-if TYPE_CHECKING:
-    from ..framework.core.classifier.labelled import LabelledFile
 
 SETTINGS = {"rate_hz": SAMPLE_RATE_HZ, "window_s": WINDOW_S, "hop_s": HOP_S}
 """How features are made; a model that was trained otherwise is refused."""
@@ -27,6 +24,10 @@ SPARED = 0.4
 """Share of the training windows that are shown a second time without what the wheels recorded."""
 STILL = np.log(2.0)
 """So far below the quietest training windows the vehicle is at standstill: half their amplitude."""
+
+
+def _read(item: LabelledFile) -> VibrationRun:
+    return read_vibration_run(item.file, item.extra.get("wheel_file") or None)
 
 
 def train_vibration(
@@ -56,20 +57,20 @@ def train_vibration(
     Raises
     ------
     InputError
-        A file cannot be read, the files share no channel, no stretch of a class holds a window, or there are fewer than
-        two classes.
+        No file of a class can be read, the files share no channel, no stretch of a class holds a window, or there are
+        fewer than two classes.
     """
     if not labelled:
         raise InputError("labelled vibration", "no file", expected="vibration files of at least two classes")
-    runs = []
-    for index, item in enumerate(labelled):
-        wheel = item.extra.get("wheel_file")
-        runs.append(read_vibration_run(item.file, wheel or None))
+    said, kept, runs = list(notes), [], []
+    for item, run in readable(labelled, _read, said):
+        kept.append(item)
+        runs.append(run)
         if progress:
-            progress(0.3 * (index + 1) / len(labelled))
+            progress(0.3 * len(kept) / len(labelled))
     channels = _shared_channels(runs)
     blocks, label, group = [], [], []
-    for run, item in zip(runs, labelled, strict=True):
+    for run, item in zip(runs, kept, strict=True):
         rows, first = vibration_features(run, channels)
         start = first / run.sample_rate_Hz
         low, high = item.start_s or 0.0, np.inf if item.end_s is None else item.end_s
@@ -77,7 +78,7 @@ def train_vibration(
         blocks.append(rows)
         label += [item.class_name] * len(rows)
         group += [item.group] * len(rows)
-    _refuse_without_window(labelled, set(label))
+    _refuse_without_window(kept, set(label))
     features = np.concatenate(blocks)
     fill = _usual(features)
     full = _filled(features, fill)
@@ -94,7 +95,7 @@ def train_vibration(
         np.concatenate([full, without]), np.asarray(label)[order], np.asarray(group)[order],
         modality="vibration", feature_names=channels.names, settings=settings, rng=rng, candidates=CANDIDATES,
         degraded=np.arange(len(order)) >= len(features), source=Path(labelled[0].file).parent,
-        notes=notes, progress=None if progress is None else (lambda share: progress(0.3 + 0.7 * share)),
+        notes=said, progress=None if progress is None else (lambda share: progress(0.3 + 0.7 * share)),
     )  # fmt: skip
 
 

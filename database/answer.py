@@ -12,7 +12,9 @@ from numpy.typing import ArrayLike
 from ..framework.core.arguments import number, refused
 from ..framework.core.pooling import pooled
 from ..framework.core.vehicle import Vehicle
-from .belief import Cells
+from .belief import OUTSIDE, Cells
+from .bounds import outside
+from .cell_index import UNSEEN
 from .ground_table import GroundTable
 
 if TYPE_CHECKING:
@@ -111,7 +113,11 @@ class GroundAnswer:
     @_Lazy
     def reason(self) -> np.ndarray:
         """(n,) str: why the soil is not known; empty where it is."""
-        return self._table.reason[self._rows]
+        reason, bounds = self._table.reason[self._rows], self.snapshot.bounds
+        if bounds is not None:  # what lies beyond was not looked up
+            beyond = outside(self._places, bounds, self.snapshot.cell_size_m)
+            reason[beyond & (self._rows == UNSEEN)] = OUTSIDE
+        return reason
 
     @_Lazy
     def class_index(self) -> np.ndarray:

@@ -13,6 +13,7 @@ from .observations import Drive, TerrainObservations
 
 NO_PLACE = "the place is not a finite number"
 NOT_SEEN = "nobody has seen this ground"
+OUTSIDE = "outside the bounds of this snapshot"
 NOT_RECOGNISED = "seen, but not recognised"
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import islice
 from typing import Any
 
-from sqlalchemy import Connection, func, select
+from sqlalchemy import Column, ColumnElement, Connection, FromClause, MetaData, Table, func, select
+from sqlalchemy.dialects import postgresql
+from sqlalchemy.schema import CreateTable
 
 from .observations import Drive
 from .rows import TERRAIN_COLUMNS, drive_of
@@ -15,6 +17,9 @@ from .tables import Base, DriveRow, ImportRow, SoilRow, TerrainRow, insertion, t
 
 CHUNK = 5000
 """Rows that are read or written at a time."""
+
+_WORTH_COPYING = 100
+"""So many rows are worth the further round trips of a COPY."""
 
 _CACHED = 2000
 """Rows of which the processor's cache holds all values."""
@@ -27,6 +32,19 @@ def insert_drive(connection: Connection, row: dict[str, Any]) -> bool:
     """Insert a drive row; False where it is there already. Another process that is adding the same drive is awaited."""
     statement = insertion(connection, DriveRow).returning(table_of(DriveRow).c.id)
     return connection.execute(statement, row).first() is not None
+
+
+def imported(drive: FromClause) -> ColumnElement[bool]:
+    """Say that a drive is complete: its import is stored last. Nothing derived uses a drive without one."""
+    table = table_of(ImportRow)
+    return select(table.c.id).where(table.c.drive_id == drive.c.id).exists()
+
+
+def is_complete(connection: Connection, drive_id: uuid.UUID) -> bool:
+    """Say whether a drive is there, whole."""
+    drive = table_of(DriveRow)
+    query = select(drive.c.id).where(drive.c.id == drive_id, imported(drive))
+    return connection.execute(query).first() is not None
 
 
 def drive_in_use(connection: Connection, recording_digest: str) -> uuid.UUID | None:
@@ -42,59 +60,62 @@ def drive_in_use(connection: Connection, recording_digest: str) -> uuid.UUID | N
     return connection.execute(query).scalar_one_or_none()
 
 
-def insert_rows(connection: Connection, row_type: type[Base], rows: Iterable[dict[str, Any]]) -> None:
-    """Insert rows whose identity is not there yet."""
-    remaining = iter(rows)
-    while chunk := list(islice(remaining, CHUNK)):
-        connection.execute(insertion(connection, row_type), chunk)
+def insert_rows(connection: Connection, row_type: type[Base], rows: Iterable[dict[str, Any]]) -> int:
+    """Insert rows whose identity is not there yet, and count them."""
+    given = list(rows)
+    if not given:
+        return 0
+    return insert_columns(connection, row_type, {name: [row[name] for row in given] for name in given[0]})
 
 
-def insert_columns(connection: Connection, row_type: type[Base], columns: Mapping[str, list[Any]]) -> None:
-    """Insert rows whose identity is not there yet, past SQLAlchemy, which takes as long as the database."""
+def insert_columns(connection: Connection, row_type: type[Base], columns: Mapping[str, list[Any]]) -> int:
+    """Insert rows whose identity is not there yet, and count them.
+
+    It goes past SQLAlchemy, which takes as long as the database. Rows in the order of their identities keep two
+    processes that write the same drive at a time from waiting for each other for ever.
+    """
     dialect, table = connection.dialect, table_of(row_type)
-    statement = insertion(connection, row_type).compile(dialect=dialect, column_keys=list(columns))
-    names = statement.positiontup or list(columns)
     values = []
-    for name in names:
-        column, process = columns[name], table.c[name].type.dialect_impl(dialect).bind_processor(dialect)
+    for name, column in columns.items():
+        process = table.c[name].type.dialect_impl(dialect).bind_processor(dialect)
         if process is not None and column:
             same = column.count(column[0]) == len(column)
             column = [process(column[0])] * len(column) if same else list(map(process, column))
         values.append(column)
     rows = zip(*values, strict=True)
+    if dialect.name == "postgresql" and len(values[0]) >= _WORTH_COPYING:
+        return _copy_rows(connection, table, list(columns), rows)
+    statement = insertion(connection, row_type).compile(dialect=dialect, column_keys=list(columns))
+    new = 0
     while chunk := list(islice(rows, CHUNK)):
-        given = chunk if dialect.positional else [dict(zip(names, row, strict=True)) for row in chunk]
-        connection.exec_driver_sql(str(statement), given)
+        given = [dict(zip(columns, row, strict=True)) for row in chunk]
+        if dialect.positional:
+            names = [list(columns).index(name) for name in statement.positiontup or columns]
+            given = [tuple(row[name] for name in names) for row in chunk]
+        new += connection.exec_driver_sql(str(statement), given).rowcount
+    return new
 
 
-def merge_drive(source: Connection, connection: Connection, drive: Any) -> tuple[int, int]:
-    """Add a drive row of another database, with all that it has there; give the numbers of observations that were new
-    and that were known.
-    """
-    insert_drive(connection, drive._asdict())
-    insert_rows(connection, ImportRow, _rows_of(source, ImportRow, drive.id))
-    new = known = 0
-    for table in OBSERVATIONS:
-        theirs = _identities(source, table, drive.id)
-        lacking = theirs - _identities(connection, table, drive.id)
-        if lacking:
-            insert_rows(connection, table, _rows_of(source, table, drive.id))
-        new, known = new + len(lacking), known + len(theirs) - len(lacking)
-    return new, known
+def _copy_rows(connection: Connection, table: Table, names: Sequence[str], rows: Iterable[tuple]) -> int:
+    """Insert rows by PostgreSQL's binary COPY, which sends half as many bytes as statements do, in half of the time."""
+    from psycopg import sql
 
-
-def _rows_of(connection: Connection, row_type: type[Base], drive_id: uuid.UUID) -> Iterator[dict[str, Any]]:
-    table = table_of(row_type)
-    query = select(table).where(table.c.drive_id == drive_id)
-    return (row._asdict() for row in connection.execute(query, execution_options={"yield_per": CHUNK}))
-
-
-def _identities(connection: Connection, row_type: type[Base], drive_id: uuid.UUID) -> set[str]:
-    """Identities of a drive's rows, in hexadecimal digits."""
-    table = table_of(row_type)
-    cursor = connection.execute(select(table.c.id).where(table.c.drive_id == drive_id)).cursor
-    assert cursor is not None  # SQLAlchemy would take longer to make UUIDs of text than all else takes
-    return {row[0] if isinstance(row[0], str) else row[0].hex for row in cursor.fetchall()}
+    arriving = Table(
+        f"arriving_{table.name}", MetaData(), *(Column(name, table.c[name].type) for name in names),
+        prefixes=["TEMPORARY"], postgresql_on_commit="DELETE ROWS",
+    )  # fmt: skip
+    connection.execute(CreateTable(arriving, if_not_exists=True))
+    statement = sql.SQL("COPY {} ({}) FROM STDIN (FORMAT BINARY)").format(
+        sql.Identifier(arriving.name), sql.SQL(", ").join(map(sql.Identifier, names))
+    )
+    kinds = [column.type.compile(dialect=connection.dialect) for column in arriving.columns]
+    driver: Any = connection.connection.driver_connection
+    with driver.cursor() as cursor, cursor.copy(statement) as copy:
+        copy.set_types([kind.partition("(")[0].lower() for kind in kinds])
+        for row in rows:
+            copy.write_row(row)
+    added = postgresql.insert(table).from_select(list(names), select(arriving)).on_conflict_do_nothing()
+    return connection.execute(select(func.count()).select_from(added.returning(table.c.id).cte())).scalar_one()
 
 
 def drive_rows(connection: Connection, site: str | None, newest: bool) -> list[Any]:

@@ -20,7 +20,6 @@ import pkgutil
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -28,7 +27,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from ..framework.core.arguments import path_of, shown
 from ..framework.core.errors import InputError
 from ..framework.core.files import check_outputs
-from ..framework.core.plugins import load_plugins
+from ..framework.core.plugins import load_plugins, once
 from .grid import LAYERS, Grid
 from .snapshot import DEFAULT_NORMAL_STRESS, Snapshot
 
@@ -143,7 +142,7 @@ def register(exporter: type[Exporter]) -> type[Exporter]:
     return exporter
 
 
-@cache
+@once
 def load_exporters() -> None:
     """Import the modules of this package's formats, and of others that entry points name."""
     from . import formats

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..framework.core.arguments import number, refused, shown
 from ..framework.core.errors import InputError
+from .bounds import corners_of
 
 if TYPE_CHECKING:
     from .answer import GroundAnswer
@@ -121,7 +122,7 @@ def rasterise(
     half_life: float | None,
 ) -> Grid:
     """Sample a snapshot at the centres of a raster's cells; `Snapshot.grid` is its door."""
-    x0, y0, x1, y1 = _corners(bounds)
+    x0, y0, x1, y1 = corners_of(bounds, extended=True)
     edge = number("resolution", resolution, "a length [m]")
     if not (math.isfinite(edge) and edge > 0):
         raise refused("resolution", resolution, "a finite, positive length [m]")
@@ -143,17 +144,6 @@ def rasterise(
 
 def _centres(start: float, count: int, edge: float) -> np.ndarray:
     return start + (np.arange(count) + 0.5) * edge
-
-
-def _corners(bounds: Sequence[float]) -> tuple[float, float, float, float]:
-    expected = "x0, y0, x1, y1 [m] with x0 < x1 and y0 < y1"
-    try:
-        x0, y0, x1, y1 = (number("bounds", each, expected) for each in bounds)
-    except (TypeError, ValueError):
-        raise refused("bounds", bounds, expected) from None
-    if not (all(map(math.isfinite, (x0, y0, x1, y1))) and x0 < x1 and y0 < y1):
-        raise refused("bounds", (x0, y0, x1, y1), expected)
-    return x0, y0, x1, y1
 
 
 def _names(layers: Sequence[str]) -> tuple[str, ...]:

@@ -16,13 +16,14 @@ from sqlalchemy import Connection, func, select
 from ..framework.core.errors import InputError
 from ..framework.core.pooling import cell_keys
 from .belief import cells_on_grid
-from .drive_rows import drive_rows
+from .drive_rows import drive_rows, imported
 from .observations import SENSES
 from .posterior import measured_class
 from .rows import soil_observation
 from .schema import REVISIONS, check_known, opened_as_it_is, parse_url, revision_of, shown, tables_of
+from .spatial import has_spatial_index
 from .stored_rows import UNREADABLE
-from .tables import PhysicsRow, SoilRow, TerrainRow, table_of
+from .tables import DriveRow, PhysicsRow, SoilRow, TerrainRow, table_of
 
 
 @dataclass(frozen=True)
@@ -89,13 +90,29 @@ class PhysicsInfo:
 
 @dataclass(frozen=True)
 class DatabaseInfo:
-    """What a database holds, and its size on disk [bytes]: an SQLite file and its log, or the tables of a server."""
+    """What a database holds.
+
+    Parameters
+    ----------
+    database, schema
+        Its name, and the version of its schema.
+    size_bytes
+        Size on disk: of an SQLite file and its log, or of the tables of a server.
+    sites, physics
+        By site; by class and site.
+    unfinished_drives
+        Drives that a merge has brought a part of: they count nowhere else, and nothing uses them.
+    spatial_index
+        Is there one? On PostgreSQL servers with PostGIS.
+    """
 
     database: str
     schema: str
     size_bytes: int
     sites: tuple[SiteInfo, ...]
     physics: tuple[PhysicsInfo, ...]
+    unfinished_drives: int
+    spatial_index: bool
 
     @property
     def newest_schema(self) -> str:
@@ -106,7 +123,8 @@ class DatabaseInfo:
         """Everything in types of JSON."""
         lists = {name: [each.as_dict() for each in getattr(self, name)] for name in ("sites", "physics")}
         return {"database": self.database, "schema_version": self.schema, "newest_schema_version": self.newest_schema,
-                "size_bytes": self.size_bytes, **lists}  # fmt: skip
+                "size_bytes": self.size_bytes, "unfinished_drives": self.unfinished_drives,
+                "spatial_index": self.spatial_index, **lists}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -141,7 +159,15 @@ def info(url_or_path: str | Path) -> DatabaseInfo:
             physics = _physics(connection) if PhysicsRow.__tablename__ in tables_of(revision) else ()
         except UNREADABLE as error:
             raise InputError(name, f"holds what cannot be read: {error}", expected="what was stored") from error
-        return DatabaseInfo(name, revision, _size(connection), tuple(sites), physics)
+        return DatabaseInfo(
+            name, revision, _size(connection), tuple(sites), physics, _unfinished(connection),
+            has_spatial_index(connection),
+        )  # fmt: skip
+
+
+def _unfinished(connection: Connection) -> int:
+    drive = table_of(DriveRow)
+    return connection.execute(select(func.count()).select_from(drive).where(~imported(drive))).scalar_one()
 
 
 def _spans(connection: Connection) -> dict[Any, list[_Looks]]:

@@ -14,18 +14,21 @@ from sqlalchemy import Connection, delete, func, select, update
 
 from ..framework.core.errors import InputError
 from ..framework.core.files import whole
+from .connections import uri_for_reading
 from .drive_rows import OBSERVATIONS, drive_rows
 from .schema import (
     BUSY_TIMEOUT_S,
     EXPECTED,
     REVISIONS,
     check_known,
+    index_places,
     open_engine,
     opened_as_it_is,
     parse_url,
     revision_of,
     shown,
 )
+from .spatial import has_spatial_index
 from .store import TerrainDatabase
 from .tables import DriveRow, ImportRow, PhysicsRow, table_of
 
@@ -104,9 +107,9 @@ def prune(database: TerrainDatabase) -> Superseded:
         table = table_of(PhysicsRow)
         for each in found.physics:
             connection.execute(delete(table).where(table.c.id == each.id))
-    with database.reading() as connection:
+    with database.writing() as connection:
         if connection.dialect.name == "sqlite":
-            connection.execution_options(isolation_level="AUTOCOMMIT").exec_driver_sql("VACUUM")
+            connection.exec_driver_sql("VACUUM")
     return Superseded(tuple(drives), found.physics)
 
 
@@ -151,15 +154,20 @@ def _remove_drive(database: TerrainDatabase, drive_id: uuid.UUID) -> bool:
 
 @dataclass(frozen=True)
 class Migrated:
-    """Schema before and after, and the copy of the SQLite file as it was before; None where there was nothing to do."""
+    """Schema before and after, the copy of the SQLite file as it was before, None where there was nothing to do, and
+    whether a spatial index was added.
+    """
 
     before: str
     after: str
     copy: Path | None
+    spatial_index_added: bool = False
 
 
 def migrate(url_or_path: str | Path) -> Migrated:
     """Bring a database to the newest schema, in one transaction; an SQLite file is copied beside itself before.
+
+    On a PostgreSQL server that has got PostGIS since, it adds the spatial index (`spatial`) that is lacking.
 
     Interrupted, it leaves the database as it was, and the same again begins anew. The copy is named by the schema that
     it has, ``terrain.schema-0001.db``; where there is such a file already, by a number, too.
@@ -171,15 +179,20 @@ def migrate(url_or_path: str | Path) -> Migrated:
     """
     url = parse_url(url_or_path)
     with opened_as_it_is(url_or_path) as connection:
-        before = revision_of(connection)
+        before, indexed = revision_of(connection), has_spatial_index(connection)
     if before is None:
         raise InputError(shown(url), "states no version of its schema", expected=EXPECTED)
     check_known(before, shown(url))
     copy = None
     if before != REVISIONS[-1] and url.get_backend_name() == "sqlite":
         copy = _copied(Path(str(url.database)), before)
-    open_engine(url_or_path, must_exist=True).dispose()
-    return Migrated(before, REVISIONS[-1], copy)
+    engine = open_engine(url_or_path, must_exist=True)
+    try:
+        index_places(engine)
+    finally:
+        engine.dispose()
+    with opened_as_it_is(url_or_path) as connection:
+        return Migrated(before, REVISIONS[-1], copy, has_spatial_index(connection) and not indexed)
 
 
 def _copied(path: Path, revision: str) -> Path:
@@ -188,11 +201,14 @@ def _copied(path: Path, revision: str) -> Path:
         f"{path.stem}.schema-{revision}{number}{path.suffix}" for number in ("", *(f"-{i}" for i in range(2, 1000)))
     )
     copy = next(path.with_name(name) for name in names if not path.with_name(name).exists())
-    with (
-        whole(copy) as part,
-        closing(sqlite3.connect(path, timeout=BUSY_TIMEOUT_S)) as source,
-        closing(sqlite3.connect(part)) as target,
-    ):
-        source.backup(target)
-        target.execute("PRAGMA journal_mode = DELETE")
+    try:
+        with (
+            whole(copy) as part,
+            closing(sqlite3.connect(uri_for_reading(path), uri=True, timeout=BUSY_TIMEOUT_S)) as source,
+            closing(sqlite3.connect(part)) as target,
+        ):
+            source.backup(target)
+            target.execute("PRAGMA journal_mode = DELETE")
+    except sqlite3.Error as error:
+        raise InputError(copy, f"cannot be written: {error}", expected="room for a copy of the database") from error
     return copy

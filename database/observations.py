@@ -66,7 +66,9 @@ class TerrainObservations:
             raise ValueError(f"sense {sorted(strange)[0]!r} is none of {', '.join(SENSES)}")
         for name in ("cell_x", "cell_y"):
             cells = np.asarray(getattr(self, name))
-            if cells.dtype.kind not in "iu" or (m and np.max(np.abs(cells.astype(np.int64))) > LARGEST_CELL_INDEX):
+            if cells.dtype.kind not in "iu" or (
+                m and not -LARGEST_CELL_INDEX <= int(cells.min()) <= int(cells.max()) <= LARGEST_CELL_INDEX
+            ):
                 raise ValueError(f"{name} must be whole numbers within +-{LARGEST_CELL_INDEX}")
         sums = np.sum(self.evidence.probabilities, axis=1)
         within = np.all((self.evidence.probabilities >= 0) & (self.evidence.probabilities <= 1), axis=1)

@@ -7,17 +7,19 @@ from __future__ import annotations
 
 import json
 import uuid
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from sqlalchemy import Connection, select
+from sqlalchemy import Connection, Select, Text, case, cast, func, literal_column, select, true, type_coerce
+from sqlalchemy.dialects import postgresql
 
 from ..framework.core.arguments import refused
 from ..framework.core.class_names import check_spelling
 from ..framework.core.errors import InputError
+from .storable import is_text
 from .tables import DriveRow, PhysicsRow, SoilRow, insertion, table_of
 
 if TYPE_CHECKING:
@@ -66,7 +68,11 @@ class ClassPhysics:
         for name, least, most in (("class_name", 1, _LONGEST_NAME), ("source", 0, _LONGEST_SOURCE),
                                   ("site", 0, _LONGEST_NAME)):  # fmt: skip
             value = getattr(self, name)
-            if not isinstance(value, str) or not least <= len(value.strip()) <= len(value) <= most or not _text(value):
+            if (
+                not isinstance(value, str)
+                or not least <= len(value.strip()) <= len(value) <= most
+                or not is_text(value)
+            ):
                 raise InputError(name, ascii(value)[:80], expected=f"text of {least} to {most} letters")
         if not isinstance(self.physics, AugmentedSimulator):
             raise refused("physics", self.physics, "an AugmentedSimulator, as `physics` of what explain answers")
@@ -113,11 +119,6 @@ def sound_physics(physics: AugmentedSimulator, source: str) -> AugmentedSimulato
     sound = AugmentedSimulator.from_json(document, source)
     check_likely(sound, source)
     return sound
-
-
-def _text(value: str) -> bool:
-    """Say whether every database takes it: it is of characters, none of which is zero."""
-    return "\0" not in value and not any("\ud800" <= letter <= "\udfff" for letter in value)
 
 
 def physics_row(found: ClassPhysics) -> dict[str, Any]:
@@ -173,12 +174,19 @@ def newest_row(connection: Connection, class_name: str, site: str) -> Any | None
     return connection.execute(query).one_or_none()
 
 
-def found_by_others(connection: Connection, database: str, driven: set[str], own: set[str]) -> list[dict[str, Any]]:
+def lacking_physics(connection: Connection, found: Sequence[ClassPhysics]) -> list[ClassPhysics]:
+    """Of physics that another database holds, give what is not here."""
+    table = table_of(PhysicsRow)
+    here = set(connection.execute(select(table.c.id).where(table.c.id.in_([each.id for each in found]))).scalars())
+    return [each for each in found if each.id not in here]
+
+
+def checked_rows(found: Sequence[ClassPhysics], database: str, driven: set[str], own: set[str]) -> list[dict[str, Any]]:
     """Rows of another database's physics, read as strictly as they are added to one whose classes, those that drives
     bring with a merge included, are `driven`, and those of whose physics are its `own`.
     """
     rows = []
-    for each in read_physics(connection, database):
+    for each in found:
         source = f"{database}, physics of {each.class_name}"
         check_likely(each.physics, source)
         check_spelling(each.class_name, (driven, own), source)
@@ -189,14 +197,32 @@ def found_by_others(connection: Connection, database: str, driven: set[str], own
 
 def driven_classes(connection: Connection) -> set[str]:
     """Names of the classes that drives brought, as their senses and their stretches have them."""
-    return set(_names(connection))
+    classes = cast(table_of(DriveRow).c.classes, Text)
+    lists = connection.execute(select(classes).distinct()).scalars()
+    named = {name for text in lists for name in _list(text) if isinstance(name, str)}
+    return named | set(connection.execute(_keys(connection)).scalars())
 
 
-def _names(connection: Connection) -> Iterator[str]:
-    for column in (table_of(DriveRow).c.classes, table_of(SoilRow).c.class_probabilities):
-        for names in connection.execute(select(column)).scalars():
-            # Damaged ones are refused by a snapshot.
-            yield from (name for name in names if isinstance(name, str)) if isinstance(names, list | dict) else ()
+def _list(text: str) -> list[Any]:
+    """Read a list in JSON; one that is damaged, which a snapshot refuses, is empty."""
+    try:
+        found = json.loads(text)
+    except (TypeError, ValueError):
+        return []
+    return found if isinstance(found, list) else []
+
+
+def _keys(connection: Connection) -> Select[Any]:
+    """Select the names of all stretches' classes; damaged ones are refused by a snapshot."""
+    table = table_of(SoilRow)
+    column = table.c.class_probabilities
+    if connection.dialect.name == "sqlite":
+        sound = case((func.json_valid(column), column), else_=literal_column("'{}'"))
+        each = func.json_each(sound).table_valued("key")
+        names = select(type_coerce(each.c.key, Text)).select_from(table).join(each, true())
+        return names.where(func.typeof(each.c.key) == "text").distinct()
+    sound = case((func.json_typeof(column) == "object", column), else_=cast(literal_column("'{}'"), postgresql.JSON))
+    return select(func.json_object_keys(sound)).distinct()
 
 
 def physics_classes(connection: Connection) -> set[str]:

@@ -41,7 +41,7 @@ class SiteReader:
             The database cannot be read, holds no such site, or several and none was named.
         """
         with self._database.reading() as connection:
-            site, rows = self._rows(connection)
+            site, rows = rows_in_use(connection, self._database.name, self._site)
             counts = _counts(connection)
             drives = {row.id: self._held(connection, row, counts.get(row.id, ())) for row in rows}
             physics = read_physics(connection, self._database.name, site)
@@ -59,23 +59,29 @@ class SiteReader:
         self._last, self._physics = before, ids
         return before
 
-    def _rows(self, connection: Connection) -> tuple[str, list]:
-        """Find the site, and the rows of its drives in use; no site (empty) where there is none yet."""
-        rows = drive_rows(connection, None, newest=True)
-        known = sorted({row.site for row in rows})
-        named, site = self._database.name, self._site
-        if site is None and len(known) > 1:
-            raise InputError(named, "several sites, each with its own frame", expected="one of " + ", ".join(known))
-        if site is not None and site not in known:
-            raise InputError(named, f"no site {site!r}", expected="one of " + (", ".join(known) or "none yet"))
-        site = site if site is not None else (known[0] if known else "")
-        return site, [row for row in rows if row.site == site]
-
     def _held(self, connection: Connection, row: Any, count: tuple[int, ...]) -> _Held:
         there = self._drives.get(row.id)
         if there is not None and there.count == count:
             return there
         return _Held(count, read_drive(connection, row, senses=("fused",)))
+
+
+def rows_in_use(connection: Connection, database: str, site: str | None) -> tuple[str, list]:
+    """Find the site, and the rows of its drives in use; no site (empty) where there is none yet.
+
+    Raises
+    ------
+    InputError
+        The database holds no such site, or several and none was named.
+    """
+    rows = drive_rows(connection, None, newest=True)
+    known = sorted({row.site for row in rows})
+    if site is None and len(known) > 1:
+        raise InputError(database, "several sites, each with its own frame", expected="one of " + ", ".join(known))
+    if site is not None and site not in known:
+        raise InputError(database, f"no site {site!r}", expected="one of " + (", ".join(known) or "none yet"))
+    named = site if site is not None else (known[0] if known else "")
+    return named, [row for row in rows if row.site == named]
 
 
 @dataclass(frozen=True, eq=False)

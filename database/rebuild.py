@@ -5,12 +5,25 @@ from __future__ import annotations
 import sqlite3
 import uuid
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import closing, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
-from sqlalchemy import ColumnElement, LargeBinary, Text, cast, delete, inspect, literal, or_, select, type_coerce
+from sqlalchemy import (
+    ColumnElement,
+    Connection,
+    LargeBinary,
+    Text,
+    cast,
+    delete,
+    inspect,
+    literal,
+    or_,
+    select,
+    type_coerce,
+)
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.types import NullType
 
@@ -18,7 +31,9 @@ from ..framework.core.arguments import path_of
 from ..framework.core.errors import InputError
 from ..framework.core.files import whole
 from .check import Fault, check
-from .drive_rows import CHUNK, OBSERVATIONS, insert_rows
+from .connections import uri_for_reading
+from .drive_rows import CHUNK, OBSERVATIONS, imported, insert_rows
+from .rows import drive_of
 from .schema import (
     BUSY_TIMEOUT_S,
     READ_IF_CUT_OFF,
@@ -27,7 +42,6 @@ from .schema import (
     parse_url,
     revision_of,
     shown,
-    uri_for_reading,
 )
 from .store import TerrainDatabase
 from .stored_rows import keep_damaged_text, text_of
@@ -43,6 +57,8 @@ _OF_ROWS = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_CONSTRAINT, sqlite3.SQLITE_MI
 
 _OF_DISKS = (sqlite3.SQLITE_IOERR_READ, sqlite3.SQLITE_IOERR_SHORT_READ)
 """Those that say that the disk does not give them."""
+
+_ROOM = "room for a copy"
 
 _Unread = tuple[int, int, str]
 """First and last number of rows, and why they cannot be read."""
@@ -66,7 +82,8 @@ def rebuild(
 
     Rows are looked for in the tables' own pages, past the indices, in ranges of row numbers that are halved where a
     page cannot be read. Then those are left out that `check` names, and observations whose drive is lost. A drive whose
-    imports are lost is kept: a processing of the same recording whose time of import is known counts as newer.
+    imports are lost is kept: a processing of the same recording whose time of import is known counts as newer. One that
+    lacks observations as well stays incomplete: a merge may have brought no more of it.
 
     Parameters
     ----------
@@ -90,7 +107,7 @@ def rebuild(
     there = _tables_there(url_or_path, source)
     if target.exists():
         raise InputError(target, "is there already", expected="the name of a new file")
-    with whole(target) as part:
+    with _whole_database(target) as part:
         TerrainDatabase(part).close()
         faults = _copy(source, part, [each for each in _TABLES if each.__tablename__ in there], report)
         with TerrainDatabase(part) as database:
@@ -98,6 +115,26 @@ def rebuild(
             faults += _give_imports(database)
         last = check(part)
     return Rebuilt(last.rows, (*faults, *last.faults))
+
+
+@contextmanager
+def _whole_database(target: Path) -> Iterator[Path]:
+    """Give a place for a database, which takes the place of `target` once it is whole, or leaves nothing behind."""
+    with whole(target) as part:
+        log, index = (part.with_name(part.name + ending) for ending in ("-wal", "-shm"))
+        try:
+            yield part
+            if log.exists():  # SQLite closes a file whose log it found no room for, and says nothing
+                raise InputError(target, "cannot be written: the disk is full", expected=_ROOM)
+        except sqlite3.Error as error:
+            raise InputError(target, f"cannot be written: {error}", expected=_ROOM) from error
+        except InputError as error:
+            if error.source != str(part):
+                raise
+            raise InputError(target, f"cannot be written: {error.problem}", expected=_ROOM) from error
+        finally:
+            for each in (log, index):
+                each.unlink(missing_ok=True)
 
 
 def _tables_there(url_or_path: str | Path, source: Path) -> set[str]:
@@ -149,7 +186,7 @@ def _copy_range(connection: sqlite3.Connection, statement: str, first: int, last
     except sqlite3.Error as error:
         code = getattr(error, "sqlite_errorcode", 0)
         if code not in _OF_DISKS and code & 0xFF not in _OF_ROWS:
-            raise InputError("the new file", f"cannot be written: {error}", expected="room for a copy") from error
+            raise InputError("the new file", f"cannot be written: {error}", expected=_ROOM) from error
         if first == last:
             yield first, last, str(error)
             return
@@ -220,12 +257,24 @@ def _is(column: ColumnElement, identity: str) -> ColumnElement[bool]:
 
 
 def _give_imports(database: TerrainDatabase) -> list[Fault]:
-    """Give drives whose imports are lost one, long ago."""
-    drive, imported = table_of(DriveRow), table_of(ImportRow)
+    """Give drives whose imports are lost one, long ago; not those that a merge has brought a part of, and no import."""
+    drive = table_of(DriveRow)
     with database.writing() as connection:
-        query = select(drive.c.id).where(~select(imported.c.id).where(imported.c.drive_id == drive.c.id).exists())
-        lost = connection.execute(query).scalars().all()
-        rows = ({"id": uuid.uuid5(each, "import"), "drive_id": each, "imported_at": _LONG_AGO} for each in lost)
+        lost = connection.execute(select(drive).where(~imported(drive))).all()
+        whole = [row.id for row in lost if _has_all_rows(connection, row)]
+        rows = ({"id": uuid.uuid5(each, "import"), "drive_id": each, "imported_at": _LONG_AGO} for each in whole)
         insert_rows(connection, ImportRow, rows)
     problem = "its imports are lost: it counts as older than others of its recording"
-    return [Fault(drive.name, each.hex, problem, damaged=False) for each in lost]
+    return [Fault(drive.name, each.hex, problem, damaged=False) for each in whole]
+
+
+def _has_all_rows(connection: Connection, row: Any) -> bool:
+    """Say whether the observations of a drive are the first ones: rows come in the order of their identities, so that a
+    part of them has gaps.
+    """
+    for row_type, kind in zip(OBSERVATIONS, ("terrain", "soil"), strict=True):
+        table = table_of(row_type)
+        there = set(connection.execute(select(table.c.id).where(table.c.drive_id == row.id)).scalars())
+        if there != set(drive_of(row, (), ()).row_ids(kind, len(there))):
+            return False
+    return True

@@ -39,27 +39,30 @@ def drive_row(drive: Drive) -> dict[str, Any]:
 
 
 def terrain_columns(drive: Drive) -> dict[str, list[Any]]:
-    """The columns of the `terrain_observation` rows, in order."""
+    """The columns of the `terrain_observation` rows, in the order of their identities."""
     terrain, evidence = drive.terrain, drive.terrain.evidence
+    identities = drive.row_ids("terrain", len(terrain))
+    order = sorted(range(len(terrain)), key=[each.int for each in identities].__getitem__)
     packed = np.ascontiguousarray(evidence.probabilities, dtype=_PROBABILITY).tobytes()
     size = _PROBABILITY.itemsize * len(evidence.classes)
     return {
-        "id": drive.row_ids("terrain", len(terrain)),
+        "id": [identities[row] for row in order],
         "drive_id": [drive.id] * len(terrain),
-        "time_s": terrain.time_s.tolist(),
-        "cell_x": terrain.cell_x.tolist(),
-        "cell_y": terrain.cell_y.tolist(),
-        "sense": np.asarray(terrain.sense, dtype=str).tolist(),
-        "quality": evidence.quality.tolist(),
-        "unknown": evidence.unknown.tolist(),
-        "probabilities": [packed[size * row : size * (row + 1)] for row in range(len(terrain))],
-        "reasons": ["\n".join(" ".join(reason.split()) for reason in reasons) for reasons in evidence.reasons],
+        "time_s": terrain.time_s[order].tolist(),
+        "cell_x": terrain.cell_x[order].tolist(),
+        "cell_y": terrain.cell_y[order].tolist(),
+        "sense": np.asarray(terrain.sense, dtype=str)[order].tolist(),
+        "quality": evidence.quality[order].tolist(),
+        "unknown": evidence.unknown[order].tolist(),
+        "probabilities": [packed[size * row : size * (row + 1)] for row in order],
+        "reasons": ["\n".join(" ".join(text.split()) for text in evidence.reasons[row]) for row in order],
     }
 
 
 def soil_rows(drive: Drive) -> Iterator[dict[str, Any]]:
-    """The `soil_observation` rows, in order."""
-    for identity, soil in zip(drive.row_ids("soil", len(drive.soils)), drive.soils, strict=True):
+    """The `soil_observation` rows, in the order of their identities."""
+    identified = zip(drive.row_ids("soil", len(drive.soils)), drive.soils, strict=True)
+    for identity, soil in sorted(identified, key=lambda each: each[0].int):
         yield {"id": identity, "drive_id": drive.id, **_soil_columns(soil)}
 
 
@@ -110,8 +113,17 @@ def pack_estimate(estimate: SoilEstimate) -> dict[str, Any]:
         "channels": list(estimate.channels),
         "n": int(estimate.n),
         "misfit": _json_number(estimate.misfit),
-        "findings": [finding.to_json() for finding in estimate.findings],
+        "findings": [_finding_columns(finding) for finding in estimate.findings],
     }
+
+
+def _finding_columns(finding: Finding) -> dict[str, Any]:
+    """A finding for JSON: a number that is not finite is one that is not known."""
+    packed = finding.to_json()
+    packed["values"] = {
+        name: finite_or_none(value) if isinstance(value, float) else value for name, value in packed["values"].items()
+    }
+    return packed
 
 
 def unpack_estimate(packed: Mapping[str, Any]) -> SoilEstimate:

@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sqlite3
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import URL, Connection, Engine, create_engine, event, inspect, make_url, text
+from sqlalchemy import URL, Connection, Engine, create_engine, event, func, inspect, make_url, select, text
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, SQLAlchemyError
 from sqlalchemy.pool import NullPool
 
+from ..framework.core.arguments import shown as shown_value
 from ..framework.core.errors import InputError, reading
+from .connections import (
+    begin_reading,
+    check_unchanged,
+    check_writable,
+    read_only,
+    read_only_where_no_log_can_be,
+    uri_for_reading,
+)
+from .fingerprints import SQLITE_FUNCTION, last_digits
+from .spatial import add_spatial_index
 from .tables import Base
 
 REVISIONS = ("0001", "0002")
@@ -29,6 +41,13 @@ APPLICATION_ID = 0x42657661
 BUSY_TIMEOUT_S = 60.0
 """How long a writer waits for another process that writes to the same SQLite file [s]."""
 
+_LOST_LINKS = {
+    "connect_timeout": 30, "keepalives_idle": 30, "keepalives_interval": 10, "keepalives_count": 3,
+    "tcp_user_timeout": 60_000,
+}  # fmt: skip
+"""Options of libpq by which a link that is silent for a minute counts as lost [s, and the last one ms]. By default it
+takes hours. What a URL states comes first."""
+
 READ_IF_CUT_OFF = "PRAGMA writable_schema = ON"
 """Makes SQLite read the tables of a truncated file up to its end; it refuses such a file otherwise."""
 
@@ -39,6 +58,10 @@ _MIGRATIONS = Path(__file__).parent / "migrations"
 
 class DamagedFile(InputError):
     """A terrain database in an SQLite file of which not even the list of tables can be read."""
+
+
+class Unreachable(InputError):
+    """A terrain database whose answer is an error, or that does not answer any more."""
 
 
 def parse_url(url_or_path: str | Path) -> URL:
@@ -52,6 +75,10 @@ def parse_url(url_or_path: str | Path) -> URL:
     if not isinstance(url_or_path, str | os.PathLike | URL):
         raise InputError("database", f"{url_or_path!r:.80}", expected="a path or an SQLAlchemy URL")
     given = str(url_or_path)
+    if "\0" in given:
+        raise InputError(
+            "database", shown_value(given), expected="a path or an SQLAlchemy URL, without zero characters"
+        )
     if "://" not in given:
         if not given.strip():
             raise InputError("database", "an empty path", expected="a path or an SQLAlchemy URL")
@@ -115,14 +142,19 @@ def open_engine(url_or_path: str | Path, *, must_exist: bool) -> Engine:
     return engine
 
 
-def _engine(url: URL, prepare: Callable[[sqlite3.Connection, object], None] | None = None) -> Engine:
-    """Give the engine of a URL, whose connections to SQLite are prepared so; it connects to nothing yet."""
+def _engine(url: URL, *, only_reads: bool = False) -> Engine:
+    """Give the engine of a URL; it connects to nothing yet."""
     try:
         engine = create_engine(url, **_options(url))
     except (ImportError, NoSuchModuleError) as error:
         raise InputError(shown(url), f"its driver is not installed: {error}", expected="psycopg") from None
     if url.get_backend_name() == "sqlite":
-        event.listen(engine, "connect", prepare or _prepare_sqlite)
+        event.listen(engine, "do_connect", read_only if only_reads else read_only_where_no_log_can_be)
+        event.listen(engine, "connect", _prepare_to_read if only_reads else _prepare_sqlite)
+    else:
+        # The driver writes a line of its own when a link is lost in the midst of a COPY; the error says it.
+        logging.getLogger("psycopg").addHandler(logging.NullHandler())
+        event.listen(engine, "connect", _prepare_postgresql)
     return engine
 
 
@@ -161,32 +193,18 @@ def opened_as_it_is(url_or_path: str | Path) -> Iterator[Connection]:
     url = parse_url(url_or_path)
     if url.get_backend_name() == "sqlite":
         _check_file(Path(str(url.database)), must_exist=True)
-    engine = _engine(_for_reading(url), _prepare_to_read)
+    engine = _engine(url, only_reads=True)
     try:
         with engine.connect() as connection:
+            begin_reading(connection)
             if url.get_backend_name() != "sqlite" and not inspect(connection).has_table(VERSION_TABLE):
                 raise InputError(shown(url), "holds no terrain database", expected=EXPECTED)
             yield connection
+            check_unchanged(connection)
     except (SQLAlchemyError, engine.dialect.loaded_dbapi.Error) as error:
         raise unreachable(url, error) from error
     finally:
         engine.dispose()
-
-
-def _for_reading(url: URL) -> URL:
-    if url.get_backend_name() != "sqlite":
-        return url
-    return url.set(database=uri_for_reading(Path(str(url.database)))).update_query_dict({"uri": "true"})
-
-
-def uri_for_reading(path: Path) -> str:
-    """Give the URI by which SQLite reads a file and leaves it, and a log beside it, as they are.
-
-    Only a connection that may not write leaves the log of another process; where there is none, it would leave one.
-    """
-    file = path.resolve()
-    log = file.with_name(file.name + "-wal")
-    return f"{file.as_uri()}?mode={'ro' if log.exists() and log.stat().st_size else 'rw'}"
 
 
 def revision_of(connection: Connection) -> str | None:
@@ -194,24 +212,33 @@ def revision_of(connection: Connection) -> str | None:
     return connection.execute(text(f"SELECT version_num FROM {VERSION_TABLE}")).scalar()  # noqa: S608
 
 
-def unreachable(url: URL, error: BaseException) -> InputError:
+def unreachable(url: URL, error: BaseException) -> Unreachable:
     """Say in one line why the database does not answer."""
     cause = str(error.orig if isinstance(error, DBAPIError) else error)
-    return InputError(shown(url), cause.strip().splitlines()[0] if cause.strip() else type(error).__name__,
-                      expected="a terrain database that can be reached")  # fmt: skip
+    return Unreachable(shown(url), cause.strip().splitlines()[0] if cause.strip() else type(error).__name__,
+                       expected="a terrain database that can be reached")  # fmt: skip
 
 
 def _options(url: URL) -> dict[str, Any]:
     if url.get_backend_name() == "sqlite":
         # Each connection is closed after use, which leaves one whole file to copy and no log.
         return {"connect_args": {"timeout": BUSY_TIMEOUT_S}, "poolclass": NullPool}
-    return {"pool_pre_ping": True}
+    given = {name: value for name, value in _LOST_LINKS.items() if name not in url.query}
+    return {"pool_pre_ping": True, "connect_args": given}
+
+
+def _prepare_postgresql(connection: Any, _record: object) -> None:
+    """Let the server, too, find out soon that a link is lost: until then it holds rows that the next try waits for."""
+    connection.autocommit = True
+    connection.execute("SET tcp_keepalives_idle = 30; SET tcp_keepalives_interval = 10; SET tcp_keepalives_count = 3")
+    connection.autocommit = False
 
 
 def _prepare_sqlite(connection: sqlite3.Connection, _record: object) -> None:
     connection.execute("PRAGMA foreign_keys = ON")
-    connection.execute("PRAGMA synchronous = NORMAL")
+    connection.execute("PRAGMA synchronous = FULL")  # a drive that was acknowledged outlives a power cut
     connection.execute("PRAGMA cache_size = -65536")  # 64 MiB: identities arrive in random order
+    connection.create_function(SQLITE_FUNCTION, 1, last_digits, deterministic=True)
 
 
 def _prepare_to_read(connection: sqlite3.Connection, _record: object) -> None:
@@ -240,7 +267,8 @@ def _holds_tables(path: Path, must_exist: bool) -> bool:
             raise InputError(path, "is empty", expected=EXPECTED)
         return False
     try:
-        with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True, timeout=BUSY_TIMEOUT_S)) as look:
+        with closing(sqlite3.connect(uri_for_reading(path), uri=True, timeout=BUSY_TIMEOUT_S)) as look:
+            look.execute("PRAGMA query_only = ON")
             look.execute(READ_IF_CUT_OFF)
             (mark,) = look.execute("PRAGMA application_id").fetchone()
             names = {row[0] for row in look.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
@@ -322,6 +350,7 @@ def migrate(engine: Engine) -> None:
     sqlite = engine.dialect.name == "sqlite"
     if sqlite:
         with engine.connect() as connection:
+            check_writable(connection)
             connection.exec_driver_sql("PRAGMA journal_mode = WAL")
     with engine.connect() as connection:
         connection.exec_driver_sql("BEGIN IMMEDIATE" if sqlite else f"SELECT pg_advisory_xact_lock({APPLICATION_ID})")
@@ -329,4 +358,17 @@ def migrate(engine: Engine) -> None:
             connection.exec_driver_sql(f"PRAGMA application_id = {APPLICATION_ID}")
         config.attributes["connection"] = connection
         command.upgrade(config, "head")
+        add_spatial_index(connection)
         connection.commit()
+
+
+def index_places(engine: Engine) -> None:
+    """Add a spatial index where PostGIS has come since the database was made; a second process meanwhile waits."""
+    if engine.dialect.name != "postgresql":
+        return
+    try:
+        with engine.begin() as connection:
+            connection.execute(select(func.pg_advisory_xact_lock(APPLICATION_ID)))
+            add_spatial_index(connection)
+    except SQLAlchemyError as error:
+        raise unreachable(engine.url, error) from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copyreg
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -19,6 +20,7 @@ from ..framework.core.errors import InputError
 from ..framework.core.pooling import LARGEST_CELL_INDEX, cell_keys, cells_from_keys
 from .answer import GroundAnswer
 from .belief import Cells, classes_of, combine, grid_size, keys_of, put_in
+from .bounds import Corners
 from .cell_index import CellIndex
 from .grid import LAYERS, Grid, rasterise
 from .ground_table import GroundTable
@@ -61,6 +63,8 @@ class Snapshot:
     physics
         By class, what the textbook wheel lacks on it, with the soil that goes with that: predictions of the wheel use
         it (`mobility`); a class without is the textbook's.
+    bounds
+        Corners x0, y0, x1, y1 [m] of the cells that it was limited to; None where it covers all ground of the site.
     """
 
     site: str
@@ -70,15 +74,23 @@ class Snapshot:
     soils: Mapping[str, ClassSoil]
     drives: int
     physics: Mapping[str, AugmentedSimulator] = field(default_factory=lambda: MappingProxyType({}))
+    bounds: Corners | None = None
     _tables: dict[tuple[float, float], GroundTable] = field(default_factory=dict, repr=False, compare=False)
     _memory: dict[tuple, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @staticmethod
-    def derive(site: str, drives: Sequence[Drive], physics: Mapping[str, AugmentedSimulator] | None = None) -> Snapshot:
-        """Derive a snapshot from a site's drives and its classes' physics; `TerrainDatabase.snapshot` does this."""
+    def derive(
+        site: str, drives: Sequence[Drive], physics: Mapping[str, AugmentedSimulator] | None = None, *,
+        cell_size_m: float | None = None, bounds: Corners | None = None,
+    ) -> Snapshot:  # fmt: skip
+        """Derive a snapshot from a site's drives and its classes' physics; `TerrainDatabase.snapshot` does this.
+
+        With `bounds` the drives hold only looks at cells within them, and `cell_size_m` is that of the whole site.
+        """
         soils = class_soils([soil for drive in drives for soil in drive.soils])
-        classes, size = classes_of(drives, soils), grid_size(drives)
-        return Snapshot.of(site, size, classes, combine(drives, classes, size), soils, len(drives), physics or {})
+        classes, size = classes_of(drives, soils), grid_size(drives) if cell_size_m is None else cell_size_m
+        cells = combine(drives, classes, size)
+        return Snapshot.of(site, size, classes, cells, soils, len(drives), physics or {}, bounds)
 
     @staticmethod
     def of(
@@ -89,12 +101,13 @@ class Snapshot:
         soils: Mapping[str, ClassSoil],
         drives: int,
         physics: Mapping[str, AugmentedSimulator],
+        bounds: Corners | None = None,
     ) -> Snapshot:
         """Freeze what was derived."""
         _freeze(cells)
         _freeze(soils)
         own = MappingProxyType(dict(soils)), drives, MappingProxyType(dict(physics))
-        return Snapshot(site, cell_size_m, class_names, cells, *own)
+        return Snapshot(site, cell_size_m, class_names, cells, *own, bounds)
 
     def with_drives(
         self, drives: Sequence[Drive], changed: Sequence[Drive], physics: Mapping[str, AugmentedSimulator]
@@ -113,6 +126,14 @@ class Snapshot:
         touched = keys_of(changed, size)
         cells = put_in(combine(drives, classes, size, touched), self.cells, touched)
         return Snapshot.of(self.site, size, classes, cells, soils, len(drives), physics)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What other processes are given: all that is known, and nothing that is computed from it."""
+        return {name: value for name, value in self.__dict__.items() if not name.startswith("_")}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        self.__dict__.update(state, _tables={}, _memory={})
+        _freeze(self)  # arrays arrive writable
 
     @property
     def typical_load_N(self) -> float:
@@ -219,12 +240,15 @@ class Snapshot:
         now: float | datetime | None = None,
         half_life: float | None = None,
     ) -> GroundAnswer:
-        """Give all cells that somebody has seen whose centres lie within a radius [m]; else as `along`."""
+        """Give all cells that somebody has seen and that reach into a circle of a radius [m]; else as `along`."""
         x, y, radius = (number(*each, "a number [m]") for each in (("x", x), ("y", y), ("radius", radius)))
         if not (math.isfinite(radius) and radius >= 0):
             raise InputError("radius", f"{radius!r}", expected="a finite length, not negative [m]")
-        rows, cell_x, cell_y = self._within(x - radius, y - radius, x + radius, y + radius)
-        inside = np.hypot(cell_x - x, cell_y - y) <= radius
+        half = 0.5 * self.cell_size_m
+        far = radius + half
+        rows, cell_x, cell_y = self._within(x - far, y - far, x + far, y + far)
+        off_x, off_y = (np.maximum(np.abs(each) - half, 0.0) for each in (cell_x - x, cell_y - y))
+        inside = np.hypot(off_x, off_y) <= radius
         centres = np.column_stack([cell_x, cell_y])[inside]
         return self._answer(centres, rows[inside], normal_stress, confidence, now, half_life)
 
@@ -358,6 +382,14 @@ def _posix(now: float | datetime) -> float:
     if not math.isfinite(moment):
         raise refused("now", now, "POSIX seconds, or a datetime")
     return moment
+
+
+def _frozen_mapping(content: dict) -> MappingProxyType:
+    return MappingProxyType(content)
+
+
+# Python does not pickle read-only mappings by itself. A snapshot is full of them, and planners hand it to workers.
+copyreg.pickle(MappingProxyType, lambda mapping: (_frozen_mapping, (dict(mapping),)))
 
 
 def _freeze(thing: object) -> None:

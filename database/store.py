@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -17,31 +17,36 @@ from sqlalchemy.exc import DBAPIError
 from ..framework.core.arguments import refused
 from ..framework.core.class_names import check_class_names, check_spelling
 from ..framework.core.errors import InputError
+from .bounds import corners_of, whole_cells
+from .connections import begin_reading, check_unchanged, check_writable
 from .drive_rows import (
     drive_in_use,
     drive_rows,
+    imported,
     insert_columns,
     insert_drive,
     insert_rows,
-    merge_drive,
+    is_complete,
     read_drive,
 )
+from .excerpt import common_cell_size, drives_within
+from .merge import merge
 from .observations import Drive
 from .physics import (
     ClassPhysics,
     add_rows,
     driven_classes,
-    found_by_others,
     newest_row,
     physics_classes,
     physics_row,
     read_physics,
     sound_physics,
 )
-from .reader import SiteReader
+from .reader import SiteReader, rows_in_use
 from .rows import drive_row, soil_rows, terrain_columns
 from .schema import holds_database, open_engine, shown, unreachable
 from .snapshot import Snapshot
+from .storable import check_storable
 from .tables import DriveRow, ImportRow, SoilRow, TerrainRow, table_of
 
 if TYPE_CHECKING:
@@ -110,30 +115,31 @@ class TerrainDatabase:
     def add_drive(self, drive: Drive) -> Added:
         """Add a drive's observations, all or none of them; a drive that is there already adds nothing.
 
-        Where its recording was processed otherwise since, a drive that is there already becomes the processing in use
-        again.
+        Of a drive that a merge has not finished bringing, what lacks is added. Where its recording was processed
+        otherwise since, a drive that is there already becomes the processing in use again.
 
         Raises
         ------
         InputError
-            A class of the drive is `unknown`, or two of them differ in case or spaces only; the database cannot be
-            written.
+            A class of the drive is `unknown`, or two of them differ in case or spaces only; a text or number of it is
+            none that every database takes, or an estimate that of no soil; the database cannot be written.
         """
         if not isinstance(drive, Drive):
             raise refused("drive", drive, "a Drive")
+        check_storable(drive)
         of_soils = (name for soil in drive.soils for name in soil.class_probabilities)
         check_class_names([*drive.terrain.evidence.classes, *of_soils], f"drive {drive.name!r}", "classes")
         total = len(drive.terrain) + len(drive.soils)
         moment = {"id": uuid.uuid4(), "drive_id": drive.id, "imported_at": datetime.now(UTC)}
         with self.writing() as connection:
-            if not insert_drive(connection, drive_row(drive)):
+            if not insert_drive(connection, drive_row(drive)) and is_complete(connection, drive.id):
                 if drive_in_use(connection, drive.recording_digest) != drive.id:
                     insert_rows(connection, ImportRow, [moment])
                 return Added(0, total)
+            new = insert_columns(connection, TerrainRow, terrain_columns(drive))
+            new += insert_rows(connection, SoilRow, soil_rows(drive))
             insert_rows(connection, ImportRow, [moment])
-            insert_columns(connection, TerrainRow, terrain_columns(drive))
-            insert_rows(connection, SoilRow, soil_rows(drive))
-        return Added(total, 0)
+        return Added(new, total - new)
 
     def add_physics(
         self,
@@ -196,55 +202,68 @@ class TerrainDatabase:
             found = read_physics(connection, self.name)
         return [each for each in found if class_name in (None, each.class_name)]
 
-    def merge(self, other: TerrainDatabase, *, progress: Callable[[str, float], None] | None = None) -> Added:
+    def merge(
+        self,
+        other: TerrainDatabase,
+        *,
+        sites: Collection[str] | None = None,
+        progress: Callable[[str, float], None] | None = None,
+    ) -> Added:
         """Add every observation of another database, physics of classes included: set union by identity.
 
-        One transaction a drive, and one for the physics: a merge that was interrupted has brought whole drives, and the
-        same merge again brings the rest. Of a drive that is here already, observations that are lacking are added.
+        A drive comes in portions of `merge.PORTION` rows, each of them a transaction, and nothing derived uses it
+        before the last one is there. An interrupted merge has brought whole drives and a part of one; the same merge
+        again goes on from there. Only what differs is sent: of a drive that is here already, observations that are
+        lacking. Drives that are not complete in the other database are left out.
 
         Parameters
         ----------
         other
             Where the observations come from; it is not changed.
+        sites
+            Only recordings that were made at these, and physics that holds there or anywhere; all where absent.
         progress
             Called with ``"merging"`` and the share of the drives that is done; what it raises ends the merge.
 
         Raises
         ------
         InputError
-            This database cannot be written, or the other cannot be read, or holds physics that `add_physics` refuses
-            (of a class as the drives of both spell it): nothing is merged then.
+            The other database has no such site, cannot be read, or holds physics that is not here and that
+            `add_physics` refuses (of a class as the drives of both spell it): nothing is merged then. Or one of the two
+            cannot be reached any more, with the number of drives that are complete.
         """
         if not isinstance(other, TerrainDatabase):
             raise refused("other", other, "a TerrainDatabase")
+        if sites is not None:
+            if not isinstance(sites, Collection) or isinstance(sites, str) or not sites:
+                raise refused("sites", sites, "names of sites")
+            for site in sites:
+                other.check_site(site)
         report = progress or (lambda stage, share: None)
-        new = known = 0
-        with other.reading() as source, self.reading() as own:
-            driven = driven_classes(own) | driven_classes(source)
-            found = found_by_others(source, other.name, driven, physics_classes(own))
-        with other.reading() as source:
-            drives = source.execute(select(table_of(DriveRow)).order_by(DriveRow.id)).all()
-            for number, drive in enumerate(drives):
-                report("merging", number / len(drives))
-                with self.writing() as connection:
-                    added, there = merge_drive(source, connection, drive)
-                new, known = new + added, known + there
-            with self.writing() as connection:
-                added = add_rows(connection, found)
-            report("merging", 1.0)
-        return Added(new + added, known + len(found) - added)
+        return Added(*merge(other, self, None if sites is None else sorted(set(sites)), report))
 
     def drive(self, identity: uuid.UUID) -> Drive | None:
-        """Read one drive back, whole, by its `Drive.id`; None where it is not there."""
+        """Read one drive back by its `Drive.id`; None where it is not there, whole."""
         table = table_of(DriveRow)
         with self.reading() as connection:
-            row = connection.execute(select(table).where(table.c.id == identity)).one_or_none()
+            row = connection.execute(select(table).where(table.c.id == identity, imported(table))).one_or_none()
             return None if row is None else read_drive(connection, row, senses=None)
+
+    def drive_ids(self) -> frozenset[uuid.UUID]:
+        """Identities (`Drive.id`) of all drives that are there, whole, whichever processing of a recording they are."""
+        table = table_of(DriveRow)
+        with self.reading() as connection:
+            return frozenset(connection.execute(select(table.c.id).where(imported(table))).scalars())
 
     def sites(self) -> list[str]:
         """Names of the sites that drives were made at, sorted."""
         with self.reading() as connection:
             return sorted({row.site for row in drive_rows(connection, None, newest=True)})
+
+    def check_site(self, site: str) -> None:
+        """Refuse the name of a site that no drive was made at, with those that there are; raises `InputError`."""
+        with self.reading() as connection:
+            rows_in_use(connection, self.name, site)
 
     def drives(self, site: str | None = None, *, newest: bool = False) -> list[Drive]:
         """Read the drives back, whole, in the order of their last import.
@@ -259,20 +278,33 @@ class TerrainDatabase:
         with self.reading() as connection:
             return [read_drive(connection, row, senses=None) for row in drive_rows(connection, site, newest)]
 
-    def snapshot(self, site: str | None = None) -> Snapshot:
+    def snapshot(self, site: str | None = None, *, bounds: Sequence[float] | None = None) -> Snapshot:
         """Derive what is known of a site from its observations and freeze it in memory.
 
         Parameters
         ----------
         site
             Name of the site; may be left out where the database holds one.
+        bounds
+            Corners x0, y0, x1, y1 [m] with x0 <= x1 and y0 <= y1: only cells that they cut are read, of a spatial index
+            where there is one. Answers there are those of the whole snapshot, soils included; elsewhere nothing is
+            known, and the reason says that it is outside. The whole site if absent.
 
         Raises
         ------
         InputError
-            The database holds no such site, or several and none was named.
+            The database holds no such site, or several and none was named; or the bounds are none.
         """
-        return self.reader(site).snapshot()
+        if bounds is None:
+            return self.reader(site).snapshot()
+        corners = corners_of(bounds, extended=False)
+        with self.reading() as connection:
+            site, rows = rows_in_use(connection, self.name, site)
+            size = common_cell_size(connection, rows)
+            corners = whole_cells(corners, size)
+            drives = drives_within(connection, site, rows, corners, size)
+            physics = {found.class_name: found.physics for found in read_physics(connection, self.name, site)}
+        return Snapshot.derive(site, drives, physics, cell_size_m=size, bounds=corners)
 
     def reader(self, site: str | None = None) -> SiteReader:
         """Give a reader of a site, whose snapshots after the first read only what is new; else as `snapshot`."""
@@ -280,14 +312,19 @@ class TerrainDatabase:
 
     @contextmanager
     def reading(self) -> Iterator[Connection]:
-        """Open a connection whose faults come out as one line."""
+        """Open a connection that sees the database as it is at its first statement, whatever others write meanwhile.
+
+        Faults come out as one line.
+        """
         with self._reached(self._engine.connect) as connection:
             try:
+                begin_reading(connection)
                 yield connection
             except (ValueError, RecursionError) as error:
                 # The driver decodes numbers, times and JSON as it goes.
                 what = f"holds what cannot be read: {error}".splitlines()[0][:200]
                 raise InputError(self.name, what, expected="what was stored by bevameter") from error
+            check_unchanged(connection)
 
     @contextmanager
     def _reached(self, opened: Callable[[], AbstractContextManager[Connection]]) -> Iterator[Connection]:
@@ -297,6 +334,16 @@ class TerrainDatabase:
         except (DBAPIError, self._engine.dialect.loaded_dbapi.Error) as error:
             raise unreachable(self._engine.url, error) from error
 
-    def writing(self) -> AbstractContextManager[Connection]:
+    @contextmanager
+    def writing(self) -> Iterator[Connection]:
         """Open a transaction: everything or nothing of it is stored, whatever ends it."""
-        return self._reached(self._engine.begin)
+        with self._reached(self._engine.begin) as connection:
+            check_writable(connection)
+            yield connection
+
+    @contextmanager
+    def committing(self) -> Iterator[Connection]:
+        """Open a connection of which all is stored that was done before a `commit`."""
+        with self._reached(self._engine.connect) as connection:
+            check_writable(connection)
+            yield connection

@@ -1,7 +1,11 @@
 """The tables of the terrain database: append-only observations and the drives that they came from.
 
-Nothing derived is stored. Every row has an identity that follows from what it was made of (`Drive.id`,
-`ClassPhysics.id`), so that two databases merge by set union.
+Nothing derived is stored, with one exception: on PostgreSQL servers with PostGIS the server keeps with each row its
+point (`spatial`), as only what is stored can be indexed. It follows from the row and its drive, is no column of these
+tables, and goes into no answer: it says which rows to read.
+
+Every row has an identity that follows from what it was made of (`Drive.id`, `ClassPhysics.id`), so that two databases
+merge by set union.
 """
 
 from __future__ import annotations

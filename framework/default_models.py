@@ -29,8 +29,8 @@ CACHE_VARIABLE = "BEVAMETER_CACHE"
 """Environment variable that names another folder for the cache."""
 
 SYNTHETIC_WARNING = (
-    "trained on synthetic ground only: {senses}. On real ground such a model's classes mean nothing. "
-    "Train one with `bevameter train` and give it with --models"
+    "models of {senses} know synthetic ground only: on real ground their classes mean nothing; "
+    "make your own with `bevameter train`, and give them with --models"
 )
 
 _SEED = 20021
@@ -56,6 +56,15 @@ class Models:
     classifiers: dict[str, TerrainClassifier]
     origins: dict[str, str]
     synthetic: tuple[str, ...]
+
+    @staticmethod
+    def joined(parts: Sequence[Models]) -> Models:
+        """Put models of several senses together."""
+        return Models(
+            {name: each for part in parts for name, each in part.classifiers.items()},
+            {name: each for part in parts for name, each in part.origins.items()},
+            tuple(sense for part in parts for sense in part.synthetic),
+        )
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -92,12 +101,7 @@ def find_models(
     InputError
         `folder` is missing or holds no model; a model there is damaged or of another sense.
     """
-    where = path_of("models", folder, "the folder that holds them") if folder is not None else models_of(database)
-    paths = {} if where is None else {sense.name: where / f"{sense.name}.skops" for sense in all_senses()}
-    found = {name: path for name, path in paths.items() if path.is_file()}
-    if folder is not None and not found:
-        names = " or ".join(path.name for path in paths.values())
-        raise InputError(Path(folder), "no model", expected=f"a folder with {names}")
+    found = _own_models(folder, database)
     own = [sense for sense in senses if sense in found]
     synthetic = tuple(sense for sense in senses if sense not in found and sense in _TRAINERS)
     # A damaged model is found out before others are trained.
@@ -105,6 +109,27 @@ def find_models(
     classifiers |= {sense: default_model(sense, progress=progress) for sense in synthetic}
     origins = {sense: str(found[sense]) for sense in own} | {sense: str(cached_path(sense)) for sense in synthetic}
     return Models(classifiers, origins, synthetic)
+
+
+def at_hand(folder: str | Path | None, database: str | Path | None) -> tuple[str, ...]:
+    """Name the senses whose model `find_models` need not train; raises `InputError` as it does."""
+    found = _own_models(folder, database)
+    return tuple(
+        sense.name
+        for sense in all_senses()
+        if sense.name in found or (sense.name in _TRAINERS and cached_path(sense.name).is_file())
+    )
+
+
+def _own_models(folder: str | Path | None, database: str | Path | None) -> dict[str, Path]:
+    """Give the files of a user's models by sense; raises `InputError` where a folder is named that holds none."""
+    where = path_of("models", folder, "the folder that holds them") if folder is not None else models_of(database)
+    paths = {} if where is None else {sense.name: where / f"{sense.name}.skops" for sense in all_senses()}
+    found = {name: path for name, path in paths.items() if path.is_file()}
+    if folder is not None and not found:
+        names = " or ".join(path.name for path in paths.values())
+        raise InputError(Path(folder), "no model", expected=f"a folder with {names}")
+    return found
 
 
 def models_of(database: str | Path | None) -> Path | None:

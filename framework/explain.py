@@ -17,7 +17,7 @@ from ..identification.rows.select import select_wheel_rows
 from .core.arguments import whole
 from .core.class_names import check_class_name
 from .core.errors import InputError
-from .core.recording.tables import is_table
+from .core.recording.sheet import ENDINGS
 from .core.recording.types import Recording
 from .core.soil import SoilKnowledge
 from .core.sound_explanation import SoundFindings
@@ -29,7 +29,6 @@ def explain(
     recording: Recording | str | Path,
     *,
     vehicle: Vehicle | str | Path | None = None,
-    topics: str | Path | None = None,
     soil: SoilKnowledge | str | Path | None = None,
     simulated: str | Path | None = None,
     seed: int = 0,
@@ -45,8 +44,6 @@ def explain(
         A recording, or the path of one, or of a single wheel file.
     vehicle
         The vehicle, or its TOML file; the recording's own where absent.
-    topics
-        The topic map, where the recording is the path of a bag that needs one.
     soil
         What is known of the soil from elsewhere, or its TOML file: it breaks ties.
     simulated
@@ -71,7 +68,7 @@ def explain(
     InputError
         The recording has no wheel channels or geometry, lacks channels or rows to compare, or a name is unknown.
     """
-    seed, opened = whole("seed", seed), open_recording(recording, vehicle, topics)
+    seed, opened = whole("seed", seed), open_recording(recording, vehicle)
     grounds, known_by = grounds_of(opened, database, progress)
     answer = explain_wheel(
         opened, soil=soil, simulated=simulated, seed=seed, catalogue=catalogue, grounds=grounds, progress=progress
@@ -106,7 +103,7 @@ def check_store(database: str | Path | None, class_name: str | None, recording: 
         check_class_name(class_name, "--class")
         if database is None:
             raise InputError("--db", "is missing, and --class is given", expected="both, to store what is found")
-    elif database is not None and is_table(Path(recording)) and not Path(recording).is_dir():
+    elif database is not None and str(recording).lower().endswith(ENDINGS) and not Path(recording).is_dir():
         raise InputError("--class", "is missing", expected="the class of the ground: a wheel file does not say it")
     if database is not None and (found := TerrainDatabase.open_if_there(database)) is not None:
         found.close()

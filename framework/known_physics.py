@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..database.observations import SoilEffect
-from ..database.store import TerrainDatabase
+from ..database.physics import ClassPhysics
 from ..identification.effects.stored import AugmentedSimulator
 from ..identification.later_drives import for_later_drives, without_effects
 from ..identification.rows.on_track import with_places
@@ -29,13 +29,13 @@ class KnownPhysics:
     by_class: Mapping[str, AugmentedSimulator]
 
     @staticmethod
-    def of(database: TerrainDatabase, recording: Recording) -> KnownPhysics:
-        """Read the newest physics of each class at the recording's site, as it acts on the recording's vehicle; nothing
-        where there are no wheel channels.
+    def of(known: Sequence[ClassPhysics], recording: Recording) -> KnownPhysics:
+        """Choose from what a database knows, oldest first, the newest physics of each class at the recording's site, as
+        it acts on the recording's vehicle; nothing where there are no wheel channels.
         """
         if recording.wheel is None or recording.vehicle is None:
             return KnownPhysics({})
-        stored = sorted(database.physics(), key=lambda each: each.site != "")  # the site's own counts more
+        stored = sorted(known, key=lambda each: each.site != "")  # the site's own counts more
         newest = {each.class_name: each.physics for each in stored if each.site in ("", recording.site)}
         acting = {name: for_later_drives(physics, recording.vehicle.identity) for name, physics in newest.items()}
         return KnownPhysics({name: physics for name, physics in acting.items() if physics.effects})

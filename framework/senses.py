@@ -20,7 +20,6 @@ import pkgutil
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import ClassVar
@@ -31,7 +30,7 @@ from .core.classifier.classifier import TerrainClassifier, TrainingOutcome
 from .core.classifier.labelled import LabelledFile, read_labelled
 from .core.errors import InputError
 from .core.evidence import ClassEvidence
-from .core.plugins import load_plugins
+from .core.plugins import load_plugins, once
 from .core.recording.types import Recording
 from .core.track.way import Track, cells_under_wheels
 
@@ -138,7 +137,7 @@ def register(sense: type[Sense]) -> type[Sense]:
     return sense
 
 
-@cache
+@once
 def load_senses() -> None:
     """Import the modules of this package's senses, and of others that entry points name."""
     others = dict(SENSES)

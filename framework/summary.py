@@ -175,7 +175,7 @@ class TraverseSummary:
     seconds
         How long the run took [s].
     notes
-        What of the recording was chosen where there was a choice.
+        What was converted or assumed in reading the recording.
     """
 
     recording: str

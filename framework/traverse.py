@@ -6,7 +6,10 @@ import hashlib
 import math
 import shlex
 import time
-from dataclasses import replace
+import uuid
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -14,9 +17,11 @@ from typing import Any
 import numpy as np
 
 from ..database.observations import Drive, TerrainObservations
-from ..database.schema import holds_database, parse_url, shown
+from ..database.physics import ClassPhysics
+from ..database.schema import parse_url, shown
 from ..database.store import Added, TerrainDatabase
-from .core.arguments import number, refused
+from .core.arguments import number, path_of, refused
+from .core.errors import InputError
 from .core.recording.readers import read_recording
 from .core.recording.types import Recording
 from .core.track.way import DEAD_RECKONING, Track, track_of
@@ -77,66 +82,204 @@ def run_traverse(
     InputError
         The recording, a model or the database cannot be used.
     """
+    report: Progress = progress or (lambda stage, share: None)
+    conditions = Conditions.of(database, vehicle=vehicle, cell_size_m=cell_size_m)
+
+    def found(senses: Sequence[str]) -> Models:
+        return (
+            models
+            if isinstance(models, Models)
+            else find_models(models, url_of(database), senses=senses, progress=report)
+        )
+
+    return store(process(recording, conditions, found, report), database, report)
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What all recordings of a run have in common, read once before: plain data, to be sent to another process.
+
+    Parameters
+    ----------
+    database
+        The database's path, or its URL without a password.
+    known
+        Identities of the drives that it holds.
+    physics
+        What it knows of the physics of classes, oldest first.
+    cell_size_m
+        Edge of a ground cell [m].
+    vehicle, topics
+        Instead of the recordings' own: the vehicle; and the topic map of bags.
+    method
+        Version of the processing; another program that runs another one may not take part.
+    """
+
+    database: str
+    known: frozenset[uuid.UUID]
+    physics: tuple[ClassPhysics, ...]
+    cell_size_m: float
+    vehicle: Vehicle | None = None
+    topics: Path | None = None
+    method: str = METHOD
+
+    @staticmethod
+    def of(
+        database: TerrainDatabase | str | Path,
+        *,
+        vehicle: Vehicle | str | Path | None = None,
+        topics: str | Path | None = None,
+        cell_size_m: float = CELL_SIZE_M,
+    ) -> Conditions:
+        """Read them; where there is no database yet it knows nothing, and none is made.
+
+        Raises
+        ------
+        InputError
+            The database is another program's or cannot be read; vehicle, topics or cell size are none.
+        """
+        cell_size_m = _cell_size(cell_size_m)
+        driven = None if vehicle is None else as_vehicle(vehicle)
+        mapped = None if topics is None else path_of("topics", topics, "the path of a topic map")
+        opened = nullcontext(database) if isinstance(database, TerrainDatabase) else _if_there(database)
+        with opened as store:
+            known, physics = (frozenset(), ()) if store is None else (store.drive_ids(), tuple(store.physics()))
+        return Conditions(shown(parse_url(url_of(database))), known, physics, cell_size_m, driven, mapped)
+
+
+@contextmanager
+def _if_there(database: str | Path) -> Iterator[TerrainDatabase | None]:
+    """Open a database for as long as it is read; None where there is none yet."""
+    store = TerrainDatabase.open_if_there(database)
+    with store if store is not None else nullcontext() as opened:
+        yield opened
+
+
+def url_of(database: TerrainDatabase | str | Path) -> str | Path:
+    """Give the path or URL of a database."""
+    return database.name if isinstance(database, TerrainDatabase) else database
+
+
+@dataclass(frozen=True)
+class Processed:
+    """What was made of a recording, before it is stored.
+
+    Parameters
+    ----------
+    drive
+        What the database is to hold; without its observations where it was known already.
+    about, problems
+        What a summary says of the drive whether it is new or known.
+    summary
+        What was found; None where the drive was known already, and so was not processed.
+    seconds
+        How long it took [s].
+    """
+
+    drive: Drive
+    about: Mapping[str, Any]
+    problems: tuple[str, ...]
+    summary: TraverseSummary | None
+    seconds: float
+
+
+def process(
+    recording: Recording | str | Path,
+    conditions: Conditions,
+    models: Callable[[Sequence[str]], Models],
+    progress: Progress | None = None,
+) -> Processed:
+    """Turn a recording into a drive's observations; no database is read or written.
+
+    Parameters
+    ----------
+    recording
+        A recording, or its path.
+    conditions
+        What it is processed with.
+    models
+        Called with the names of the senses that the recording has something for; gives their classifiers.
+    progress
+        Called with each stage's name and the share of it that is done; what it raises ends the work.
+
+    Raises
+    ------
+    InputError
+        The recording or a model cannot be used, or the conditions are of another version of Bevameter.
+    """
     began = time.monotonic()
     report: Progress = progress or (lambda stage, share: None)
+    if conditions.method != METHOD:
+        raise InputError(
+            "worker", f"runs {METHOD}", expected=f"the version that the run was started with, {conditions.method}"
+        )
     report("reading", 0.0)
-    cell_size_m = _cell_size(cell_size_m)
-    driven = None if vehicle is None else as_vehicle(vehicle)
     if not isinstance(recording, Recording):
-        recording = read_recording(recording, vehicle=driven)
-    elif driven is not None:
-        recording = replace(recording, vehicle=driven)
+        recording = read_recording(recording, vehicle=conditions.vehicle, topics=conditions.topics)
+    elif conditions.vehicle is not None:
+        recording = replace(recording, vehicle=conditions.vehicle)
     report("reading", 1.0)
-    url = database.name if isinstance(database, TerrainDatabase) else database
-    if not isinstance(database, TerrainDatabase):
-        holds_database(database)  # a database of another program is found out before the long work
-    if not isinstance(models, Models):
-        models = find_models(models, url, senses=senses_of(recording), progress=report)
-    track = track_of(recording)
-    physics = _known_physics(database, recording)
-    drive = _to_be_observed(recording, models, cell_size_m, track, physics)
-    about = _about(recording, drive, models, track, url)
-    known = _recall(database, drive)
-    if known is not None:
-        return _recalled_summary(*known, about, _problems(recording, track), began)
-    records = observe(recording, track, models.classifiers, cell_size_m, progress=report)
+    found = models(senses_of(recording))
+    cell_size_m, track = conditions.cell_size_m, track_of(recording)
+    physics = KnownPhysics.of(conditions.physics, recording)
+    drive = _to_be_observed(recording, found, cell_size_m, track, physics)
+    about = _about(recording, drive, found, track, conditions.database)
+    problems = _problems(recording, track)
+    if drive.id in conditions.known:
+        return Processed(drive, about, problems, None, time.monotonic() - began)
+    records = observe(recording, track, found.classifiers, cell_size_m, progress=report)
     belief = believe(records, track, recording.vehicle, cell_size_m)
     along = classes_along(belief, track, recording.vehicle, cell_size_m) if track is not None else None
     soil = _learn_soil(recording, track, along, physics, report)
     drive = replace(drive, terrain=_terrain(belief, cell_size_m, track), soils=soil.observations)
-    report("storing", 0.0)
-    if isinstance(database, TerrainDatabase):
-        added = database.add_drive(drive)
-    else:
-        with TerrainDatabase(database) as store:
-            added = store.add_drive(drive)
-    report("storing", 1.0)
-    return TraverseSummary(
+    seconds = time.monotonic() - began
+    summary = TraverseSummary(
         **_with_mismatch(about, soil),
         known=False,
         cells=count_cells(belief),
         track_m=along.metres() if along else {},
         contradictions=count_contradictions(belief),
-        senses=tuple(_sense_summary(record, belief, models) for record in records),
+        senses=tuple(_sense_summary(record, belief, found) for record in records),
         soils=soil.learnt,
         closed_s=soil.closed_s,
         used_s=soil.used_s,
-        observations_new=added.new,
-        observations_known=added.known,
-        problems=(*_problems(recording, track), *soil.problems),
-        seconds=time.monotonic() - began,
+        observations_new=len(drive.terrain) + len(drive.soils),
+        observations_known=0,
+        problems=(*problems, *soil.problems),
+        seconds=seconds,
     )
+    return Processed(drive, about, problems, summary, seconds)
 
 
-def _known_physics(database: TerrainDatabase | str | Path, recording: Recording) -> KnownPhysics:
-    """Read what the database knows of the physics of classes; nothing where there is no database yet."""
-    if isinstance(database, TerrainDatabase):
-        return KnownPhysics.of(database, recording)
-    store = TerrainDatabase.open_if_there(database)
-    if store is None:
-        return KnownPhysics({})
-    with store:
-        return KnownPhysics.of(store, recording)
+def store(
+    processed: Processed, database: TerrainDatabase | str | Path, progress: Progress | None = None
+) -> TraverseSummary:
+    """Write what was made of a recording in one transaction, or recall what is there of it already.
+
+    Raises
+    ------
+    InputError
+        The database cannot be read or written; or it held the drive when the run began, and no longer does.
+    """
+    if not isinstance(database, TerrainDatabase):
+        with TerrainDatabase(database) as opened:
+            return store(processed, opened, progress)
+    began = time.monotonic()
+    report: Progress = progress or (lambda stage, share: None)
+    report("storing", 0.0)
+    stored = database.drive(processed.drive.id)
+    if stored is None and processed.summary is None:
+        raise InputError(
+            database.name, f"the drive {processed.drive.name} was removed meanwhile", expected="a second run"
+        )
+    # Of a recording that was processed otherwise since, the drive becomes the processing in use again.
+    added = database.add_drive(processed.drive if stored is None else stored)
+    report("storing", 1.0)
+    seconds = processed.seconds + time.monotonic() - began
+    if stored is not None:
+        return _recalled_summary(stored, added, processed, seconds)
+    assert processed.summary is not None
+    return replace(processed.summary, observations_new=added.new, observations_known=added.known, seconds=seconds)
 
 
 def _learn_soil(
@@ -161,7 +304,7 @@ def _cell_size(cell_size_m: float) -> float:
     return edge
 
 
-def _about(recording: Recording, drive: Drive, models: Models, track: Track | None, url: str | Path) -> dict[str, Any]:
+def _about(recording: Recording, drive: Drive, models: Models, track: Track | None, database: str) -> dict[str, Any]:
     """Give what a summary says of a drive whether it was processed now or before."""
     return {
         "recording": drive.name,
@@ -169,7 +312,7 @@ def _about(recording: Recording, drive: Drive, models: Models, track: Track | No
         "digest": drive.recording_digest,
         "site": drive.site,
         "vehicle": drive.vehicle_name,
-        "database": shown(parse_url(url)),
+        "database": database,
         "synthetic": drive.synthetic,
         "duration_s": _duration_s(recording, track),
         "distance_m": track.distance_m if track else 0.0,
@@ -180,7 +323,7 @@ def _about(recording: Recording, drive: Drive, models: Models, track: Track | No
     }
 
 
-def _with_mismatch(about: dict[str, Any], soil: SoilAlong) -> dict[str, Any]:
+def _with_mismatch(about: Mapping[str, Any], soil: SoilAlong) -> Mapping[str, Any]:
     """Add a warning where the simulation does not agree with the wheels, with the command that says why."""
     classes = {
         each.class_name or "ground of no class"
@@ -196,25 +339,11 @@ def _with_mismatch(about: dict[str, Any], soil: SoilAlong) -> dict[str, Any]:
     return {**about, "warnings": (*about["warnings"], text)}
 
 
-def _recall(database: TerrainDatabase | str | Path, drive: Drive) -> tuple[Drive, Added] | None:
-    """Find the drive in the database, if it is there, and see to it that it is the processing in use."""
-    if not isinstance(database, TerrainDatabase):
-        store = TerrainDatabase.open_if_there(database)
-        if store is None:
-            return None
-        with store:
-            return _recall(store, drive)
-    stored = database.drive(drive.id)
-    return None if stored is None else (stored, database.add_drive(stored))
-
-
-def _recalled_summary(
-    stored: Drive, added: Added, about: dict[str, Any], problems: tuple[str, ...], began: float
-) -> TraverseSummary:
+def _recalled_summary(stored: Drive, added: Added, processed: Processed, seconds: float) -> TraverseSummary:
     """Sum up a drive from what the database holds of it; how the senses did on the way is not kept there."""
     soil = recall_soil(stored.soils)
     return TraverseSummary(
-        **_with_mismatch(about, soil),
+        **_with_mismatch(processed.about, soil),
         known=True,
         cells=count_cells(stored.terrain.evidence),
         track_m={},
@@ -225,8 +354,8 @@ def _recalled_summary(
         used_s=soil.used_s,
         observations_new=added.new,
         observations_known=added.known,
-        problems=problems,
-        seconds=time.monotonic() - began,
+        problems=processed.problems,
+        seconds=seconds,
     )
 
 

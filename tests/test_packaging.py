@@ -121,8 +121,9 @@ def test_every_library_imported_is_a_dependency():
 
 
 def _code(file: Path) -> str:
-    """The file without its docstrings, whose prose may have lines that begin with `from`."""
-    return re.sub(r'"""(?:.|\n)*?"""', "", file.read_text(encoding="utf-8"))
+    """The file without its docstrings, whose prose may begin lines with `from`, and what is for types only."""
+    code = re.sub(r'"""(?:.|\n)*?"""', "", file.read_text(encoding="utf-8"))
+    return re.sub(r"^if TYPE_CHECKING:\n(?:    .*\n|\n)+", "", code, flags=re.MULTILINE)
 
 
 def normal(name: str) -> str:

@@ -138,8 +138,7 @@ def test_the_exports_page_names_every_layer():
 
 
 def test_the_example_of_the_planning_page_runs(terrain, monkeypatch, capsys):
-    (example,) = blocks("docs/planning.md", "python")
-    (terrain / "example.py").write_text(example, encoding="utf-8")
+    (terrain / "example.py").write_text("\n".join(blocks("docs/planning.md", "python")), encoding="utf-8")
     monkeypatch.chdir(terrain)
     runpy.run_path("example.py")
     lines = capsys.readouterr().out.splitlines()

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from ..framework.core.classifier.classifier import TerrainClassifier, TrainingOutcome
-from ..framework.core.classifier.labelled import LabelledFile
+from ..framework.core.classifier.labelled import LabelledFile, readable
 from ..framework.core.errors import InputError
 from ..framework.core.recording.camera import read_image
 from .augment import AS_IT_IS, CROP_PX, DEGRADED, MAX_BLUR, training_patches
@@ -59,11 +59,11 @@ def train_vision(
     Raises
     ------
     InputError
-        A file is no whole image, is too small, or there are fewer than two classes.
+        No file of a class is a whole image that is large enough, or there are fewer than two classes.
     """
-    images = ((read_image(item.file), item.file) for item in labelled)
-    names = [item.class_name for item in labelled]
-    return _train(images, len(labelled), names, [item.group for item in labelled], rng, progress, notes)
+    said = list(notes)
+    images = ((image, item.class_name, item.group) for item, image in readable(labelled, _image, said))
+    return _train(images, len(labelled), rng, progress, said)
 
 
 def train_vision_arrays(
@@ -89,27 +89,34 @@ def train_vision_arrays(
     InputError
         An image is too small, or there are fewer than two classes.
     """
-    named = ((image, f"image {index}") for index, image in enumerate(images))
-    return _train(named, len(images), labels, groups, rng, progress)
+    for index, image in enumerate(images):
+        _check_size(image, f"image {index}")
+    return _train(zip(images, labels, groups, strict=True), len(images), rng, progress, [])
+
+
+def _image(item: LabelledFile) -> np.ndarray:
+    image = read_image(item.file)
+    _check_size(image, item.file)
+    return image
 
 
 def _train(
-    images: Iterable[tuple[np.ndarray, str | Path]],
+    images: Iterable[tuple[np.ndarray, str, str]],
     count: int,
-    labels: Sequence[str],
-    groups: Sequence[str],
     rng: np.random.Generator,
     progress: Progress | None,
-    notes: Sequence[str] = (),
+    notes: Sequence[str],
 ) -> TrainingOutcome:
+    """Train on images with class and group, `count` at most; `notes` may grow until the last was read."""
     report = progress or (lambda share: None)
     each = int(np.clip(ROWS_WANTED // max(count, 1), *PATCHES))
-    features, kinds = [], []
-    for index, (image, source) in enumerate(images):
-        _check_size(image, source)
+    features, kinds, labels, groups = [], [], [], []
+    for index, (image, label, group) in enumerate(images):
         patches, kind = training_patches(reduced(image), each, rng)
         features.append(patch_features(patches))
         kinds.append(kind)
+        labels.append(label)
+        groups.append(group)
         report(0.5 * (index + 1) / count)
     if not features:
         raise InputError("training data", "no photograph", expected="photographs of at least two classes")

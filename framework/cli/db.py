@@ -63,7 +63,7 @@ def merge(
     db: Annotated[str, typer.Argument(metavar="DB", help="Path or SQLAlchemy URL; made where there is none.")],
     others: Annotated[list[str], typer.Argument(metavar="OTHER...", help="Paths or URLs; these are not changed.")],
 ) -> None:
-    """Merge, one transaction a drive, and print what was new."""
+    """Merge, and print what was new."""
     from ...database.store import TerrainDatabase
 
     for other in others:  # all of them, before anything is written
@@ -73,6 +73,37 @@ def merge(
             with TerrainDatabase(other, must_exist=True) as source, progress_bars() as progress:
                 added = target.merge(source, progress=progress)
                 print(f"{source.name}: {added.new} observations added, {added.known} known already")
+
+
+Server = Annotated[str, typer.Argument(metavar="SERVER", help="SQLAlchemy URL of the fleet's database.")]
+Sites = Annotated[list[str] | None, typer.Option("--site", help="Only of this site; repeat for several.")]
+
+
+@app.command("push", help="Send the fleet's server what a vehicle has learnt.")
+def push(db: Db, server: Server, site: Sites = None) -> None:
+    """Merge the vehicle's database into the server's."""
+    _bring(db, server, site)
+
+
+@app.command("pull", help="Fetch what the fleet has learnt from its server.")
+def pull(
+    db: Annotated[str, typer.Argument(metavar="DB", help="Path or SQLAlchemy URL; made where there is none.")],
+    server: Server,
+    site: Sites = None,
+) -> None:
+    """Merge the server's database into the vehicle's."""
+    _bring(server, db, site)
+
+
+def _bring(origin: str, destination: str, sites: list[str] | None) -> None:
+    from ...database.store import TerrainDatabase
+
+    with TerrainDatabase(origin, must_exist=True) as source:
+        for site in sites or ():  # before anything is written
+            source.check_site(site)
+        with TerrainDatabase(destination) as target, progress_bars() as progress:
+            added = target.merge(source, sites=sites, progress=progress)
+        print(f"{target.name}: {added.new} observations added, {added.known} known already")
 
 
 app.command("export", help="Write what is known of a site for other programs.")(export.command)
@@ -129,8 +160,10 @@ def migrate(db: Db) -> None:
     from ...database.maintenance import migrate as bring_up_to_date
 
     done = bring_up_to_date(db)
-    if done.before == done.after:
+    if done.spatial_index_added:
+        print("spatial index added")
+    if done.before == done.after and not done.spatial_index_added:
         print(f"schema {done.after}, the newest: nothing to do")
-    else:
+    elif done.before != done.after:
         copy = "" if done.copy is None else f"; as it was before: {done.copy}"
         print(f"migrated from schema {done.before} to {done.after}{copy}")

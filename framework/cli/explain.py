@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from .options import TOPICS
+
 
 def command(
     recording: Annotated[
@@ -15,9 +17,7 @@ def command(
     vehicle: Annotated[
         Path | None, typer.Option("--vehicle", help="Vehicle TOML; the recording's own where absent.")
     ] = None,
-    topics: Annotated[
-        Path | None, typer.Option("--topics", help="TOML map from a bag's topics to streams, as of `bevameter run`.")
-    ] = None,
+    topics: Annotated[Path | None, typer.Option("--topics", "--columns", help=TOPICS)] = None,
     soil: Annotated[
         Path | None,
         typer.Option("--soil", help="TOML file of soil parameters known from elsewhere, with standard deviations."),
@@ -42,6 +42,7 @@ def command(
 ) -> None:
     """Say what the simulation of a recorded wheel lacks, how probable that is, and what modelling it gains."""
     from ..core.files import check_outputs
+    from ..core.recording.readers import read_recording
     from ..explain import check_store, explain, store
     from .printing import status, write_json
     from .results import print_explanation
@@ -49,10 +50,12 @@ def command(
     check_outputs([json, report], [recording, vehicle, topics, soil, simulated])
     check_store(db, class_name, recording)
     with status(f"explaining {recording}") as progress:
+        # A bag may complete the vehicle; without a map `explain` opens the path itself.
+        opened = recording if topics is None else read_recording(recording, vehicle=vehicle, topics=topics)
+        described = vehicle if topics is None else None
         answer = explain(
-            recording, vehicle=vehicle, topics=topics, soil=soil, simulated=simulated, seed=seed, database=db,
-            progress=progress,
-        )  # fmt: skip
+            opened, vehicle=described, soil=soil, simulated=simulated, seed=seed, database=db, progress=progress
+        )
     if json is not None:
         write_json(answer.to_json(), json)
     if report is not None:

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from .options import TOPICS
+
 PICTURES = (".png", ".svg", ".pdf")
 """Endings that ``--plot`` takes."""
 
@@ -26,9 +28,7 @@ def command(
     vehicle: Annotated[
         Path | None, typer.Option("--vehicle", help="Vehicle TOML; the recording's own where absent.")
     ] = None,
-    topics: Annotated[
-        Path | None, typer.Option("--topics", help="TOML map from a bag's topics to streams, as of `bevameter run`.")
-    ] = None,
+    topics: Annotated[Path | None, typer.Option("--topics", "--columns", help=TOPICS)] = None,
     soil: Annotated[Path | None, typer.Option("--soil", help="TOML of what is known of the soil already.")] = None,
     method: Annotated[
         Method, typer.Option("--method", help="ml: errors in all channels; linear: the paper's closed form.")
@@ -39,10 +39,11 @@ def command(
     ] = None,
 ) -> None:
     """Identify cohesion, friction angle, shear modulus, stiffness and sinkage exponent."""
-    from ...identification.estimate.identify import identify, open_recording
+    from ...identification.estimate.identify import identify
     from ...identification.estimate.report import identification_json
     from ..core.errors import InputError
     from ..core.files import check_outputs
+    from ..core.recording.readers import read_recording
     from ..core.soil import load_soil
     from .printing import status, write_json
     from .results import print_identification
@@ -51,7 +52,7 @@ def command(
     if plot is not None and (method is not Method.ML or plot.suffix.lower() not in PICTURES):
         raise InputError("--plot", str(plot), expected="the method ml, and a file ending in " + ", ".join(PICTURES))
     with status(f"identifying the soil of {recording}"):
-        opened = open_recording(recording, vehicle, topics)
+        opened = read_recording(recording, vehicle=vehicle, topics=topics)
         known = load_soil(soil) if soil is not None else None
         result = identify(opened, soil=known, method=method.value)
     if plot is not None:

@@ -7,6 +7,7 @@ Nothing heavy is imported here or by a command's module: each command imports it
 from __future__ import annotations
 
 import errno
+import io
 import os
 import sys
 from collections.abc import Iterator
@@ -126,6 +127,8 @@ app.command("classify", help="Classify files with a trained model.")(classify.co
 
 def main() -> None:
     """Run the command line; the entry point of the installed script."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # names of files need not be text
     app()
 
 

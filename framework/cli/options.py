@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ..core.errors import InputError
@@ -10,6 +11,12 @@ from ..core.quantities import magnitude
 
 if TYPE_CHECKING:
     from ...database.snapshot import Snapshot
+
+COLUMNS = "TOML map from a wheel table's columns to channels, where names and units do not identify them."
+TOPICS = (
+    "TOML map from a bag's topics to streams, or from a wheel table's columns to channels, where names do not identify "
+    "them."
+)
 
 
 def finite(name: str, text: str, unit: str = "m") -> float:
@@ -45,9 +52,9 @@ def pascals(name: str, text: str) -> float:
     return quantity(name, text, "Pa", 'a pressure such as "20 kPa"')
 
 
-def open_snapshot(db: str, site: str | None) -> Snapshot:
-    """Give what a database that exists knows of a site."""
+def open_snapshot(db: str, site: str | None, bounds: Sequence[float] | None = None) -> Snapshot:
+    """Give what a database that exists knows of a site, or of the ground there between corners x0, y0, x1, y1 [m]."""
     from ...database.store import TerrainDatabase
 
     with TerrainDatabase(db, must_exist=True) as database:
-        return database.snapshot(site)
+        return database.snapshot(site, bounds=bounds)

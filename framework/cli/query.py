@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -61,7 +61,9 @@ def at(
 ) -> None:  # fmt: skip
     """Print the row of one place."""
     place = finite("X", x), finite("Y", y)
-    _print_places("at", lambda view, options: view.at(*place, **options), db, site, confidence, normal_stress, format)
+    _print_places(
+        "at", lambda view, options: view.at(*place, **options), place * 2, db, site, confidence, normal_stress, format
+    )
 
 
 @app.command("along", help="What the ground along a path can bear.")
@@ -72,8 +74,9 @@ def along(
 ) -> None:  # fmt: skip
     """Print one row a place of the path."""
     path = _read_path(file)
+    bounds = (*path.min(axis=0), *path.max(axis=0)) if len(path) else None
     _print_places(
-        "along", lambda view, options: view.along(path, **options), db, site, confidence, normal_stress, format
+        "along", lambda view, options: view.along(path, **options), bounds, db, site, confidence, normal_stress, format
     )
 
 
@@ -86,20 +89,22 @@ def near(
     format: Format = "table",
 ) -> None:  # fmt: skip
     """Print one row a cell."""
-    circle = finite("X", x), finite("Y", y), finite("--radius", radius)
+    east, north, reach = finite("X", x), finite("Y", y), finite("--radius", radius)
+    far = abs(reach) + 1e-9  # cells that touch the circle belong to it
     _print_places(
-        "near", lambda view, options: view.near(*circle, **options), db, site, confidence, normal_stress, format
-    )
+        "near", lambda view, options: view.near(east, north, reach, **options),
+        (east - far, north - far, east + far, north + far), db, site, confidence, normal_stress, format,
+    )  # fmt: skip
 
 
 def _print_places(
     query: str,
     ask: Callable[[Snapshot, dict[str, float]], GroundAnswer],
-    db: str, site: str | None, confidence: float, normal_stress: str, form: str,
+    bounds: Sequence[float] | None, db: str, site: str | None, confidence: float, normal_stress: str, form: str,
 ) -> None:  # fmt: skip
     check_format(form)
     stress = pascals("--normal-stress", normal_stress)
-    view = open_snapshot(db, site)
+    view = open_snapshot(db, site, bounds)
     answer = ask(view, {"normal_stress": stress, "confidence": confidence})
 
     from ...database.exports import answer_rows, csv_columns, flat, geojson

@@ -11,16 +11,14 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
-from rich.panel import Panel
 
-from .printing import console, print_line, print_table
+from .printing import print_line, print_table
 
 if TYPE_CHECKING:
     from ...identification.estimate.identify import Identification, Segment
     from ...identification.explain.explanation import Explanation
     from ..core.findings import Finding
     from ..core.soil import Quantity, SoilEstimate
-    from ..summary import LearntSoil, SenseSummary, TraverseSummary
 
 _SOIL = {
     "c_Pa": ("cohesion c", "kPa", 1e-3),
@@ -31,7 +29,7 @@ _SOIL = {
 }
 """By name: in words, unit, and how many of it are one in SI."""
 
-_CANDIDATES_PRINTED, _REASONS_PRINTED = 5, 6
+_CANDIDATES_PRINTED = 5
 
 
 def print_report(report: dict[str, Any], model: str) -> None:
@@ -99,18 +97,19 @@ def _print_findings(findings: tuple[Finding, ...]) -> None:
 
 
 def print_identification(result: Identification) -> None:
-    """Print the overall estimate, then what became of each stretch."""
-    _print_findings(result.findings)
-    if result.overall is not None:
-        _print_estimate(result.overall)
-        print()
-    elif not any(segment.used for segment in result.segments):
+    """Print what became of each stretch, then the estimate over all of them, where one soil explains them."""
+    if not any(segment.used for segment in result.segments):
         print("No row could be used:")
+    rows = [_segment_row(segment) for segment in result.segments]
     print_table(
-        ["stretch", "rows", "c [kPa]", "phi [deg]", "why not"],
-        [_segment_row(segment) for segment in result.segments],
-        title="Stretches",
+        ["stretch", "rows", "c [kPa]", "phi [deg]", "why not"], rows, title="Soil by stretch, with 95 % intervals"
     )
+    mixed = any(finding.code == "mixed_soils" for finding in result.findings)
+    if result.overall is not None and not mixed:
+        print()
+        _print_estimate(result.overall)
+    print()
+    _print_findings(result.findings)
 
 
 def _print_estimate(found: SoilEstimate) -> None:
@@ -142,7 +141,7 @@ def _print_estimate(found: SoilEstimate) -> None:
     _print_findings(found.findings)
 
 
-def _interval(quantities: Mapping[str, Quantity], name: str, digits: int = 2) -> str:
+def interval_text(quantities: Mapping[str, Quantity], name: str, digits: int = 2) -> str:
     """Give a quantity with its 95 % interval in the unit that people read; empty where there is none."""
     if name not in quantities:
         return ""
@@ -158,7 +157,7 @@ def _segment_row(segment: Segment) -> list[str]:
     if segment.estimate is None:
         return [where, str(segment.n), "", "", segment.reason]
     found = segment.estimate.parameters
-    return [where, str(segment.estimate.n), _interval(found, "c_Pa"), _interval(found, "phi_rad", 1), ""]
+    return [where, str(segment.estimate.n), interval_text(found, "c_Pa"), interval_text(found, "phi_rad", 1), ""]
 
 
 def print_explanation(answer: Explanation) -> None:
@@ -192,98 +191,6 @@ def print_explanation(answer: Explanation) -> None:
         print(f"note: predicted worse than before: {listed(worse)}")
     for note in answer.notes:
         print(f"note: {note}")
-
-
-def print_summary(summary: TraverseSummary) -> None:
-    """Print what a run found: the drive, the ground, the senses, the soil, and what was stored."""
-    for warning in summary.warnings:
-        console().print(Panel(escape(warning), title="mind", border_style="yellow", expand=False))
-    vehicle = f" by {escape(summary.vehicle)}" if summary.vehicle else ""
-    places = f", places {summary.places}" if summary.places else ""
-    print_line(
-        f"[bold]{escape(summary.recording)}[/bold]{vehicle}: {summary.distance_m:.1f} m in {summary.duration_s:.0f} s"
-        f"{places}"
-    )
-    _print_ground(summary)
-    _print_senses(summary.senses)
-    _print_soils(summary)
-    for chosen in summary.notes:
-        print_line(f"note: {escape(chosen)}")
-    for problem in summary.problems:
-        print_line(f"[yellow]not usable:[/yellow] {escape(problem)}")
-    database = escape(summary.database)
-    if summary.known or summary.observations_known:
-        text = f"nothing added: {database} holds this drive already ({summary.observations_known} observations)"
-    elif summary.observations_new:
-        text = f"{summary.observations_new} observations added to {database}"
-    else:
-        text = f"nothing added to {database}: nothing was observed"
-    print_line(f"\n[bold]{text}[/bold] in {summary.seconds:.1f} s")
-
-
-def _print_ground(summary: TraverseSummary) -> None:
-    names = list(dict.fromkeys([*summary.track_m, *summary.cells]))
-    cells = f"cells of {summary.cell_size_m:g} m"
-    if summary.known:
-        rows = [[name, str(summary.cells[name])] for name in names]
-        print_table(["ground", cells], rows, title="\nseen and heard, as it was stored")
-    else:
-        names.sort(key=lambda name: -summary.track_m.get(name, 0.0))
-        rows = [[name, f"{summary.track_m.get(name, 0.0):.1f}", str(summary.cells.get(name, 0))] for name in names]
-        print_table(["ground", "m of track", cells], rows, title="\nseen and heard")
-    if summary.contradictions:
-        print_line(f"the senses contradict each other in {summary.contradictions} cells")
-
-
-def _print_senses(senses: Sequence[SenseSummary]) -> None:
-    print_table(
-        ["sense", "looks", "trusted", "mean quality", "cells", "not trusted because"],
-        [
-            [one.sense, "", "", "", "", one.absent]
-            if one.absent
-            else [
-                one.sense, str(one.items), f"{100 * one.trusted_share:.1f} %", f"{one.mean_quality:.2f}",
-                str(one.cells), _most(one.closed),
-            ]
-            for one in senses
-        ],
-        title="\nhow far to trust",
-    )  # fmt: skip
-
-
-def _most(counts: Mapping[str, int]) -> str:
-    shown = list(counts.items())[:_REASONS_PRINTED]
-    rest = len(counts) - len(shown)
-    text = "; ".join(f"{reason} ({count})" for reason, count in shown)
-    return f"{text}; {rest} more" if rest else text
-
-
-def _print_soils(summary: TraverseSummary) -> None:
-    print_table(
-        ["class", "probability", "from .. to s", "n", "c [kPa] (95 %)", "phi [deg] (95 %)"],
-        [
-            [
-                soil.class_name or "unknown", f"{soil.class_probability:.2f}" if soil.class_name else "",
-                f"{soil.start_s:.0f} to {soil.end_s:.0f}", str(soil.n), _learnt(soil, "c_Pa"), _learnt(soil, "phi_rad"),
-            ]
-            for soil in summary.soils
-        ],
-        title="\nsoil learnt",
-    )  # fmt: skip
-    for name, effects in dict.fromkeys((soil.class_name, soil.effects) for soil in summary.soils if soil.effects):
-        print_line(f"{name}: {', '.join(effects)} known from before and subtracted")
-    for soil in summary.soils:
-        for problem in soil.problems:
-            print_line(f"note, {soil.start_s:.0f} to {soil.end_s:.0f} s: {escape(problem)}")
-    for advice in dict.fromkeys(soil.advice for soil in summary.soils if soil.advice):
-        print_line(f"to learn more: {escape(advice)}")
-    closed = [[f"{seconds:.0f}", reason] for reason, seconds in list(summary.closed_s.items())[:_REASONS_PRINTED]]
-    print_table(["s", f"not used for soil because ({summary.used_s:.0f} s were used)"], closed)
-
-
-def _learnt(soil: LearntSoil, name: str) -> str:
-    text = _interval(soil.parameters, name)
-    return text if not text or soil.separable.get(name, True) else f"{text}, not determined"
 
 
 def print_places(rows: Sequence[dict[str, Any]], stress_Pa: float, confidence: float) -> None:

@@ -21,7 +21,7 @@ _OBSERVATIONS = ("terrain_observation", "soil_observation")
 def print_info(found: DatabaseInfo) -> None:
     """Print a database: one row a site, one a class and site with physics."""
     newest = "" if found.schema == found.newest_schema else f" (newest: {found.newest_schema})"
-    print(f"{found.database}: schema {found.schema}{newest}, {found.size_bytes / 1e6:.1f} MB")
+    print(f"{found.database}: schema {found.schema}{newest}, {found.size_bytes / 1e6:.1f} MB{_indexed(found)}")
     print_table(
         ["site", "drives", "superseded", "looks", "stretches", "cells", "time (UTC)", "x, y [m]", "classes"],
         [
@@ -34,6 +34,8 @@ def print_info(found: DatabaseInfo) -> None:
         ],
         empty="no drives",
     )  # fmt: skip
+    if found.unfinished_drives:
+        print(f"drives that are not complete, and that nothing uses: {found.unfinished_drives}")
     print_table(
         ["physics of class", "site", "stored", "newest (UTC)"],
         [[each.class_name, each.site or "any", str(each.stored), _time(each.newest)] for each in found.physics],
@@ -90,6 +92,13 @@ def _counted(rows: Mapping[str, int]) -> str:
     drives, physics = rows.get("drive", 0), rows.get("class_physics", 0)
     observations = sum(rows.get(name, 0) for name in _OBSERVATIONS)
     return f"{drives} drive{'s' * (drives != 1)}, {observations} observations, {physics} physics of classes"
+
+
+def _indexed(found: DatabaseInfo) -> str:
+    """Say whether a server has a spatial index; a file has none."""
+    if not found.database.startswith("postgresql"):
+        return ""
+    return ", spatial index" if found.spatial_index else ", no spatial index"
 
 
 def _looks(site: SiteInfo) -> str:

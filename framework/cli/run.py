@@ -1,25 +1,37 @@
-"""`bevameter run`: a recording in, a filled terrain database out."""
+"""`bevameter run`: recordings in, a filled terrain database out."""
 
 from __future__ import annotations
 
+import sys
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ..core.errors import BevameterError, InputError
+from .options import TOPICS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from distributed import Client
+
+    from ..batch import Outcome
+
 
 def command(
-    recording: Annotated[
-        Path, typer.Argument(metavar="RECORDING", help="A recording's folder, wheel file, ROS bag or MCAP file.")
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="RECORDING...", help="Recordings: each a folder, a wheel file, a ROS bag or an MCAP file."
+        ),
     ],
     db: Annotated[str, typer.Option("--db", help="Terrain database: a path or an SQLAlchemy URL.")],
     vehicle: Annotated[
-        Path | None, typer.Option("--vehicle", help="vehicle.toml, instead of the recording's own.")
+        Path | None, typer.Option("--vehicle", help="vehicle.toml, instead of the recordings' own.")
     ] = None,
-    topics: Annotated[
-        Path | None,
-        typer.Option("--topics", help="TOML map from a bag's topics to streams, where names do not identify them."),
-    ] = None,
+    topics: Annotated[Path | None, typer.Option("--topics", "--columns", help=TOPICS)] = None,
     models: Annotated[
         Path | None,
         typer.Option(
@@ -29,14 +41,33 @@ def command(
         ),
     ] = None,
     json: Annotated[Path | None, typer.Option("--json", help="Write the summary as JSON.")] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", min=1, help="Recordings at once, each in a process of its own; 1.")
+    ] = None,
+    dask: Annotated[
+        str | None,
+        typer.Option("--dask", metavar="ADDRESS", help="Scheduler of a Dask cluster that processes the recordings."),
+    ] = None,
 ) -> None:
-    """Recognise the ground of a recording, identify its soil, store both, and print a summary."""
+    """Recognise the ground of recordings, identify its soil, store both, and print a summary."""
     from ..core.files import check_outputs
+
+    check_outputs([json], [*recordings, vehicle, topics])
+    if workers is not None and dask is not None:
+        raise InputError("--workers", f"{workers}, and --dask, too", expected="one of them")
+    if len(recordings) == 1 and dask is None:
+        _run_one(recordings[0], db, vehicle, topics, models, json)
+    else:
+        _run_several(recordings, db, vehicle, topics, models, json, workers or 1, dask)
+
+
+def _run_one(
+    recording: Path, db: str, vehicle: Path | None, topics: Path | None, models: Path | None, json: Path | None
+) -> None:
     from ..core.recording.readers import read_recording
     from .printing import progress_bars, write_json
-    from .results import print_summary
+    from .results_run import print_summary
 
-    check_outputs([json], [recording, vehicle, topics])
     with progress_bars() as progress:
         drive = read_recording(recording, vehicle=vehicle, topics=topics)
         # Loaded after the recording was read: what cannot be read is refused without waiting for the classifiers.
@@ -46,3 +77,52 @@ def command(
     if json is not None:
         write_json(summary.as_dict(), json)
     print_summary(summary)
+
+
+def _run_several(
+    recordings: list[Path], db: str, vehicle: Path | None, topics: Path | None, models: Path | None,
+    json: Path | None, workers: int, dask: str | None,
+) -> None:  # fmt: skip
+    """Run over recordings; raises `BevameterError` in the end where one of them failed."""
+    from ..batch import FailedRecording, run_traverses
+    from .printing import progress_bars, write_json
+    from .results_run import print_outcomes
+
+    stored = 0
+
+    def finished(outcome: Outcome) -> None:
+        nonlocal stored
+        if isinstance(outcome, FailedRecording):
+            print(f"bevameter: {outcome.problem}", file=sys.stderr)
+        else:
+            stored += 1
+
+    try:
+        with _client(dask) as client, progress_bars() as progress:
+            outcomes = run_traverses(
+                recordings, db, vehicle=vehicle, topics=topics, models=models, workers=workers, client=client,
+                progress=progress, finished=finished,
+            )  # fmt: skip
+    except KeyboardInterrupt:
+        print(
+            f"bevameter: {stored} of {len(recordings)} recordings are stored; the same command processes the rest",
+            file=sys.stderr,
+        )
+        raise
+    if json is not None:
+        write_json({"schema": 1, "recordings": [outcome.as_dict() for outcome in outcomes]}, json)
+    print_outcomes(outcomes)
+    if stored < len(outcomes):
+        raise BevameterError(f"{len(outcomes) - stored} of {len(outcomes)} recordings failed")
+
+
+@contextmanager
+def _client(dask: str | None) -> Iterator[Client | None]:
+    """Connect to a cluster where one is named."""
+    if dask is None:
+        yield None
+        return
+    from ..workers import connect
+
+    with connect(dask) as client:
+        yield client

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from .options import COLUMNS
+
 
 def command(
     drive: Annotated[
@@ -15,6 +17,7 @@ def command(
     vehicle: Annotated[Path, typer.Option("--vehicle", help="Vehicle TOML.")],
     soil: Annotated[Path, typer.Option("--soil", help="Soil TOML with c_Pa, phi_deg, k_m, stiffness_Pa and n.")],
     out: Annotated[Path, typer.Option("--out", help="Wheel file to write: CSV, or Parquet by its ending.")],
+    columns: Annotated[Path | None, typer.Option("--columns", help=COLUMNS)] = None,
     effect: Annotated[
         list[str] | None,
         typer.Option(
@@ -27,13 +30,14 @@ def command(
     """Add torque, sinkage and drawbar pull to a drive."""
     from ...identification.simulate import notes, simulate
     from ..core.files import check_outputs
-    from ..core.recording.wheel_file import write_wheel_file
+    from ..core.recording.wheel_file import read_wheel, write_wheel_file
     from ..core.vehicle import load_vehicle
 
-    check_outputs([out], [drive, vehicle, soil])
+    check_outputs([out], [drive, vehicle, columns, soil])
     driven, effects = load_vehicle(vehicle), tuple(effect or ())
-    table = simulate(driven, soil, drive, effects)
+    given, problems, converted = read_wheel(drive, columns)
+    table = simulate(driven, soil, given, effects)
     write_wheel_file(table, out)
     print(f"{len(table)} rows written to {out}")
-    for note in notes(driven, table, effects):
+    for note in (*converted, *problems, *notes(driven, table, effects)):
         print(f"note: {note}")

@@ -1,15 +1,16 @@
-"""The errors that Bevameter knows: the command line prints each as one line and exits with 2."""
+"""The errors that Bevameter knows: the command line prints each, a line a fault, and exits with 2."""
 
 from __future__ import annotations
 
 import errno
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 
 class BevameterError(Exception):
-    """Something a user can put right. Its text is one line, fit to be printed as it is."""
+    """Something a user can put right. Its text is one line, or one for each of several faults, fit to be printed."""
 
 
 class InputError(BevameterError):
@@ -39,7 +40,45 @@ class InputError(BevameterError):
         self.expected = expected
         where = self.source if place is None else f"{self.source}, {place}"
         tail = "" if expected is None else f" (expected {expected})"
-        super().__init__(f"{where}: {self.problem}{tail}")
+        super().__init__(" ".join(f"{where}: {self.problem}{tail}".splitlines()))  # names of files may hold a new line
+
+    def __reduce__(self) -> tuple:
+        """Let it come out of a worker process, which pickles what it raises."""
+        return partial(type(self), expected=self.expected, place=self.place), (self.source, self.problem)
+
+
+class InputErrors(InputError):
+    """Several faults of one source, found in one reading: a line for each below one that counts them.
+
+    Parameters
+    ----------
+    source
+        The file.
+    errors
+        The faults.
+    """
+
+    def __init__(self, source: str | Path, errors: Sequence[InputError]):
+        super().__init__(source, f"{len(errors)} faults")
+        self.errors = tuple(errors)
+        own = (f"{self.source}, ", f"{self.source}: ")
+        lines = (str(error).removeprefix(own[0]).removeprefix(own[1]) for error in errors)
+        self.args = ("\n  ".join([f"{self.source}: {self.problem}", *lines]),)
+
+
+@contextmanager
+def collected(faults: list[InputError]) -> Iterator[None]:
+    """Add an `InputError` to a list, so that the next fault is found, too."""
+    try:
+        yield
+    except InputError as error:
+        faults.append(error)
+
+
+def raise_all(source: str | Path, faults: Sequence[InputError]) -> None:
+    """Raise the one fault there is, or all of several together (`InputErrors`); return where there is none."""
+    if faults:
+        raise faults[0] if len(faults) == 1 else InputErrors(source, faults)
 
 
 _SAID = {

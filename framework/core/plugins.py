@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import threading
 import warnings
+from collections.abc import Callable
+from functools import _lru_cache_wrapper, cache, wraps
 from importlib import metadata
 
 
@@ -18,3 +21,16 @@ def load_plugins(group: str) -> None:
                 f"{type(error).__name__}: {error}",
                 stacklevel=2,
             )
+
+
+def once(load: Callable[[], None]) -> _lru_cache_wrapper[None]:
+    """Have a function that fills a registry called once; threads that come meanwhile wait until it is filled."""
+    lock = threading.RLock()
+
+    @cache
+    @wraps(load)
+    def guarded() -> None:
+        with lock:  # a thread that waited calls it again, which changes nothing: all modules are imported
+            load()
+
+    return guarded

@@ -110,7 +110,7 @@ def identify(
     recording, known = open_recording(recording, vehicle), as_knowledge(soil)
     parts = by_geometry(recording)
     result = _several_wheels(parts, known, method) if len(parts) > 1 else _one_wheel(parts[0], known, method)
-    read = (note("recording", text=text) for text in (*recording.notes, *recording.problems))
+    read = (note("recording", text=problem) for problem in (*recording.notes, *recording.problems))
     return replace(result, findings=(*read, *result.findings))
 
 
@@ -308,13 +308,9 @@ def _linear(table: WheelTable, wheel: Wheel, known: SoilKnowledge) -> SoilEstima
     )
 
 
-def open_recording(
-    recording: Recording | str | Path, vehicle: Vehicle | str | Path | None, topics: str | Path | None = None
-) -> Recording:
-    """Open a recording, if it is a path, by its topic map, and give it the vehicle, if there is one; raises
-    `InputError`.
-    """
+def open_recording(recording: Recording | str | Path, vehicle: Vehicle | str | Path | None) -> Recording:
+    """Open a recording, if it is a path, and give it the vehicle, if there is one; raises `InputError`."""
     described = None if vehicle is None else as_vehicle(vehicle)
     if not isinstance(recording, Recording):
-        return read_recording(recording, vehicle=described, topics=topics)
+        return read_recording(recording, vehicle=described)
     return recording if described is None else replace(recording, vehicle=described)

@@ -15,9 +15,8 @@ def _wrong_form(values: Values) -> str:
     remains = "" if left <= WRONG_FORM else f" ({left:.1f} times with all the freedom that is published)"
     return (
         f"the textbook's form does not hold: it misses the channels by {values['misfit']:.1f} times the sensors' "
-        f"noise{remains}. Under the conditions driven its predictions may be good; c and phi are not properties of the "
-        f"soil. With a free form c would be {values['c_Pa'] / 1e3:.2f} kPa and phi "
-        f"{math.degrees(values['phi_rad']):.1f} deg; the intervals include both fits"
+        f"noise{remains}; c and phi hold only for what was driven. The intervals include a free form's "
+        f"{values['c_Pa'] / 1e3:.2f} kPa and {math.degrees(values['phi_rad']):.1f} deg"
     )
 
 
@@ -41,7 +40,7 @@ SENTENCES: dict[str, Sentence] = {
     "ground_variation": "one soil misses the channels by {misfit:.1f} times the sensors' noise, as ground that varies "
     "along the track does; the intervals include that variation",
     "least_squares_intervals": "the intervals are those of ordinary least squares, without the method's bias",
-    "mixed_soils": "the stretches differ in soil: the overall estimate mixes several soils",
+    "mixed_soils": "the stretches differ in soil: no one soil explains all of them",
     "negative_cohesion": "the closed form gives a cohesion of {c_Pa:.0f} Pa, not physical: 0 is reported",
     "recording": "{text}",
     "stored": "{text}",

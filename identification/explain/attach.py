@@ -11,7 +11,7 @@ import numpy as np
 
 from ...framework.core.errors import InputError
 from ...framework.core.recording.types import WheelTable
-from ...framework.core.recording.wheel_file import derive, read_wheel_file
+from ...framework.core.recording.wheel_file import derive, read_wheel
 from ...framework.core.vehicle import Wheel
 from ..effects.effect import LOAD, SLIP
 from ..mechanics.textbook import CHANNELS
@@ -37,7 +37,7 @@ _Interpolator = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """Interpolates values (m,) of one file to the rows (n,) of another; NaN next to holes, (m,) True."""
 
 
-def attach(table: WheelTable, path: str | Path, wheel: Wheel) -> WheelTable:
+def attach(table: WheelTable, path: str | Path, wheel: Wheel) -> tuple[WheelTable, tuple[str, ...]]:
     """Add another simulator's channels to a recording's table, matched by run or by time.
 
     They include the load [N] and slip that it simulated: those of its file, slip from its speeds where it has no such
@@ -53,6 +53,11 @@ def attach(table: WheelTable, path: str | Path, wheel: Wheel) -> WheelTable:
     wheel
         The recording's wheel.
 
+    Returns
+    -------
+    table, notes
+        The table with the simulator's channels, and what was converted or assumed in reading these.
+
     Raises
     ------
     InputError
@@ -60,7 +65,7 @@ def attach(table: WheelTable, path: str | Path, wheel: Wheel) -> WheelTable:
         sinkage is implausible, or is not that of the drive; a time occurs twice in it; only one of the two files
         distinguishes several wheels or runs; or its wheel is stuck throughout.
     """
-    simulated = read_wheel_file(Path(path))
+    simulated, _, notes = read_wheel(path)
     if CHANNELS[SLIP] not in simulated:
         simulated = derive(simulated, wheel)
     check_signs(simulated, wheel)
@@ -89,7 +94,7 @@ def attach(table: WheelTable, path: str | Path, wheel: Wheel) -> WheelTable:
         )  # fmt: skip
     _check_drive(table, {name: attached[name] for name in given}, path)
     columns = {SIMULATED + name: values for name, values in attached.items()}
-    return WheelTable({**table.columns, **columns}, table.wheel, table.run, table.source)
+    return WheelTable({**table.columns, **columns}, table.wheel, table.run, table.source), notes
 
 
 def _check_drive(table: WheelTable, given: Mapping[str, np.ndarray], path: str | Path) -> None:

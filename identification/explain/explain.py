@@ -85,10 +85,11 @@ def explain(
     if simulated is not None:
         simulated = path_of("simulated", simulated, "the path of a wheel file")
     rows = select_wheel_rows(opened, every_row=simulated is not None)
-    table, notes = rows.table, (*opened.problems, *map(sentence, rows.findings))
+    table, notes = rows.table, (*opened.notes, *opened.problems, *map(sentence, rows.findings))
     if simulated is not None:
-        table, unsteady = only_steady(attach(table, simulated, rows.wheel))
-        notes = (*notes, *map(sentence, unsteady))
+        table, made = attach(table, simulated, rows.wheel)
+        table, unsteady = only_steady(table)
+        notes = (*notes, *made, *map(sentence, unsteady))
     # Fits run in parallel: threads of BLAS would only compete with them.
     with threadpool_limits(1):
         if len(grounds) > 1 and known.values:

@@ -190,6 +190,6 @@ def test_a_format_that_there_is_not(db, command):
     assert "--format: 'xml'" in said(command, "t.db", "--format", "xml", status=2)
 
 
-@pytest.mark.parametrize("command", ["info", "check", "merge", "export", "prune", "rebuild", "migrate"])
+@pytest.mark.parametrize("command", ["info", "check", "merge", "push", "pull", "export", "prune", "rebuild", "migrate"])
 def test_every_command_has_help(command):
     assert "DB" in said(command, "--help")

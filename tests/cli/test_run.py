@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from bevameter import SoilEstimate
 from bevameter.database.observations import SoilEffect, SoilObservation
 from bevameter.framework.cli.main import app
-from bevameter.framework.cli.results import print_summary
+from bevameter.framework.cli.results_run import print_summary
 from bevameter.framework.core.findings import warning
 from bevameter.framework.core.soil import Quantity
 from bevameter.framework.summary import LearntSoil, TraverseSummary
@@ -59,8 +61,8 @@ def test_models_that_are_not_there(tmp_path, folder):
 
 
 def test_a_topic_map_for_what_is_no_bag(tmp_path, folder):
-    (tmp_path / "t.toml").write_text("")
-    assert "no bag" in bad(tmp_path, folder, "--topics", tmp_path / "t.toml")
+    (tmp_path / "t.toml").write_text('[wheel]\ntopic = "/wheel"\n')
+    assert "a topic map, which a bag needs" in bad(tmp_path, folder, "--topics", tmp_path / "t.toml")
 
 
 def test_a_database_of_another_program_is_left_alone(tmp_path, folder):
@@ -87,6 +89,27 @@ def test_wheels_alone_make_a_summary_that_says_what_is_missing(tmp_path, folder)
     assert "no places" in result.output
 
 
+def test_several_recordings_make_a_table_and_one_that_fails_is_a_line(tmp_path, folder):
+    page = tmp_path / "o.json"
+    given = [str(folder), str(tmp_path / "nowhere"), str(folder)]
+    result = CliRunner().invoke(app, ["run", *given, "--db", str(tmp_path / "t.db"), "--json", str(page)])
+    assert result.exit_code == 2, result.output
+    failure, count = result.stderr.splitlines()
+    assert failure.startswith(f"bevameter: {tmp_path / 'nowhere'}: no such file")
+    assert count == "bevameter: 1 of 3 recordings failed"
+    header, *rows = result.stdout.splitlines()[:4]
+    assert header.split()[0] == "recording"
+    assert [row.split()[0] for row in rows] == given
+    assert "failed" in rows[1]
+    assert "known" in rows[2]
+    assert result.stdout.count("no places and no travel speed") == 1  # of both recordings
+    written = json.loads(page.read_text())
+    assert written["schema"] == 1
+    first, failed, again = written["recordings"]
+    assert (first["schema"], first["known"], again["known"]) == (1, False, True)
+    assert failed == {"source": given[1], "error": failure.removeprefix("bevameter: ")}
+
+
 def test_a_model_that_does_not_fit_is_printed_and_written(capsys):
     finding = warning("wrong_form", misfit=4.2, misfit_with_freedom=1.2, c_Pa=900.0, phi_rad=0.5)
     estimate = SoilEstimate(
@@ -102,7 +125,7 @@ def test_a_model_that_does_not_fit_is_printed_and_written(capsys):
     )  # fmt: skip
     print_summary(summary)
     printed = capsys.readouterr().out
-    assert "note, 3 to 9 s: the textbook's form does not hold" in printed
+    assert "sand, 3 to 9 s: the textbook's form does not hold" in printed
     assert "sand: slip_sinkage known from before and subtracted" in printed
     (soil,) = summary.as_dict()["soils"]
     assert (soil["misfit"], soil["problems"]) == (4.2, sentences(estimate.findings))

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
-from bevameter.framework.core.plugins import load_plugins
+from bevameter.framework.core.plugins import load_plugins, once
 
 
 @pytest.mark.parametrize(
@@ -32,3 +34,20 @@ def test_the_warning_names_entry_point_distribution_and_error(module, said, tmp_
     assert re.match(expected, str(warning.message))
     assert "good_plugin" in sys.modules
     monkeypatch.delitem(sys.modules, "good_plugin")
+
+
+def test_threads_find_a_registry_filled_whichever_comes_first():
+    registry = []
+
+    @once
+    def load():
+        if not registry:
+            time.sleep(0.05)
+            registry.extend("ab")
+
+    def use(_):
+        load()
+        return tuple(registry)
+
+    with ThreadPoolExecutor(4) as pool:
+        assert set(pool.map(use, range(4))) == {("a", "b")}

@@ -91,5 +91,6 @@ def test_a_format_of_an_entry_point_is_loaded_and_a_broken_one_is_left_out(forma
 
 def test_topics_are_for_bags(tmp_path):
     (tmp_path / "wheel.csv").write_text("time_s,load_N\n0,80\n1,81\n")
-    with pytest.raises(InputError, match=r"a topic map is given.*\.mcap"):
+    (tmp_path / "topics.toml").write_text('[wheel]\ntopic = "/wheel"\n')
+    with pytest.raises(InputError, match=r"topics\.toml: a topic map, which a bag needs.*\[columns\], for a table"):
         read_recording(tmp_path / "wheel.csv", topics=tmp_path / "topics.toml")

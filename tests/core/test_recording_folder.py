@@ -167,7 +167,7 @@ def copy(old, new):
         (replace("recording.toml", "[sound]", '[sound]\nfile = "noise.wav"'), "noise.wav: no such file"),
         (replace("recording.toml", 'name = "sand"', "name = "), "expected valid TOML"),
         (replace("vehicle.toml", "[wheel]", "[wheel_]"), "no wheel geometry"),
-        (replace("wheel.csv", "load_N", "load_kN"), "column load_kN.*load_N"),
+        (replace("wheel.csv", "load_N", "load_rpm"), "column load_rpm.*load_N"),
         (replace("pose.csv", "yaw_rad", "yaw"), "no column yaw_rad"),
         (replace("pose.csv", "2,2,0,0.3", "0.5,2,0,0.3"), "row 4, column time_s: time runs backwards, 1 s and then"),
         (replace("pose.csv", "1,1,0,", "1,inf,0,"), "row 3, column x_m: inf"),
@@ -224,11 +224,12 @@ def test_paths_that_are_no_recording(tmp_path):
         read_recording(tmp_path / "nowhere")
     with pytest.raises(InputError, match="no stream of a recording in it"):
         read_recording(tmp_path)
-    (tmp_path / "x.txt").write_text("x")
-    with pytest.raises(InputError, match=r"'\.txt'"):
-        read_recording(tmp_path / "x.txt")
+    (tmp_path / "x.log").write_text("x")
+    with pytest.raises(InputError, match=r"'\.log'"):
+        read_recording(tmp_path / "x.log")
     (tmp_path / "t.toml").write_text("")
-    with pytest.raises(InputError, match="no bag"):
+    (tmp_path / "labels.csv").write_text("start_s,end_s,class\n0,1,sand\n")
+    with pytest.raises(InputError, match="no wheel table"):
         read_recording(tmp_path, topics=tmp_path / "t.toml")
     with pytest.raises(InputError, match=r"missing\.toml: no such file"):
         read_recording(tmp_path, vehicle=tmp_path / "missing.toml")

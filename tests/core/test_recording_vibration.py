@@ -96,8 +96,8 @@ def test_a_folder_carries_a_vibration_run(tmp_path, rng):
 
 
 def test_a_misspelt_wheel_file_is_not_taken_for_vibration(tmp_path):
-    (tmp_path / "wheel.csv").write_text("time_s,load_kN\n0,1\n1,2\n")
-    with pytest.raises(InputError, match="load_kN"):
+    (tmp_path / "wheel.csv").write_text("time_s,load_rpm\n0,1\n1,2\n")
+    with pytest.raises(InputError, match="load_rpm"):
         read_recording(tmp_path / "wheel.csv")
 
 

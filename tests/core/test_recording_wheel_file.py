@@ -35,16 +35,12 @@ def wheel_csv(tmp_path):
         ("", "wheel.csv: an empty file"),
         ("time_s,load_N\n", "header without rows"),
         ("load_N,slip\n1,0.1\n", "neither column time_s nor column run"),
-        ("time_s,load_kN\n0,1\n", "column load_kN: no column of a wheel file .expected load_N"),
-        ("time_s,load_n\n0,1\n", "column load_n: .* .expected load_N"),
-        ("time_s,torque_nm\n0,1\n", "column torque_nm: .* .expected torque_Nm"),
+        ("time_s,load_rpm\n0,1\n", "column load_rpm: no column of a wheel file .expected load_N"),
         ("time_s,laod_N\n0,1\n", "column laod_N: .* .expected load_N"),
-        ("time_s,pitch_deg\n0,1\n", "column pitch_deg: .* .expected pitch_rad"),
-        ("time_s,load_sd_kN\n0,1\n", "column load_sd_kN: .* .expected load_sd_N"),
+        ("time_s,load_sd_m\n0,1\n", "column load_sd_m: .* .expected load_sd_N"),
         ("time,load_N\n0,1\n", "column time: .* .expected time_s"),
         ("time_s,load_N,load_N\n0,1,2\n", "row 1: column load_N stands twice"),
         ("time_s,,load_N\n0,1,2\n", "row 1: column 2 has no name"),
-        ("time_s;load_N\n0;1\n", "row 1: columns parted by ;"),
         ("time_s,load_N\n0,1\n1,abc\n", "row 3, column load_N: 'abc' .expected a number"),
         ("time_s,load_N\n0,1\n1,True\n", "row 3, column load_N: 'True'"),
         ("time_s,load_N\n0,1_0\n", "row 2, column load_N: '1_0'"),
@@ -56,7 +52,6 @@ def wheel_csv(tmp_path):
         ("time_s,load_N\n0,1e999\n", "row 2, column load_N: inf"),
         ("time_s,load_N\n,1\n", "row 2, column time_s: no value"),
         ("time_s,load_N\n0,1\n1,2,3\n2\n", "row 3: 3 cells .expected 2"),
-        ("time_s,load_N\n0,1\n\n1,2\n", "row 3: 0 cells"),
         ("time_s,load_N\n0,1\n2,1\n1.5,1\n", "row 4, column time_s: time runs backwards, 2 s in row 3, then 1.5 s"),
         ("time_s,slip\n0,0.5\n1,1.5\n2,-3\n", "row 3, column slip: 1.5 and 1 more rows"),
         ("time_s,load_N,pass\n0,1,1\n1,1,0\n", "row 3, column pass: 0 .expected 1 on fresh ground"),
@@ -64,7 +59,7 @@ def wheel_csv(tmp_path):
         ("time_s\n1\n", "no wheel channel has a value"),
         ("time_s,load_N\n0,\n", "no wheel channel has a value"),
         (b"\x89PNG\r\n\x1a\n\0\0", "binary data"),
-        (b"time_s,load_N\n0,\xff\xfe\n", "byte 16 is not UTF-8"),
+        (b"time_s,load_N\n0,\x81\xfe\n", "byte 16 is not UTF-8"),
         ('time_s,load_N\n0,"1\n', "no comma-separated text"),
     ],
 )
@@ -79,9 +74,9 @@ def test_a_file_that_is_not_there_or_of_another_kind(tmp_path):
     (tmp_path / "folder.csv").mkdir()
     with pytest.raises(InputError, match="a folder"):
         read_wheel_file(tmp_path / "folder.csv")
-    (tmp_path / "wheel.txt").write_text("x")
-    with pytest.raises(InputError, match=r"'\.txt'"):
-        read_wheel_file(tmp_path / "wheel.txt")
+    (tmp_path / "wheel.log").write_text("x")
+    with pytest.raises(InputError, match=r"'\.log'"):
+        read_wheel_file(tmp_path / "wheel.log")
 
 
 def test_time_may_interleave_between_wheels_and_start_again_with_each_run(wheel_csv):
@@ -95,7 +90,7 @@ def test_time_may_interleave_between_wheels_and_start_again_with_each_run(wheel_
 
 
 def test_a_stretch_that_was_not_observed_is_nan_and_an_empty_column_is_left_out(wheel_csv):
-    table, problems = read_wheel(wheel_csv("time_s,load_N,torque_Nm,slip\n0,1,,0.1\n1,,,nan\n2,NaN,NA,0.2\n"))
+    table, problems, _ = read_wheel(wheel_csv("time_s,load_N,torque_Nm,slip\n0,1,,0.1\n1,,,nan\n2,NaN,NA,0.2\n"))
     np.testing.assert_array_equal(table["load_N"], [1.0, np.nan, np.nan])
     np.testing.assert_array_equal(table["slip"], [0.1, np.nan, 0.2])
     assert "torque_Nm" not in table
@@ -123,19 +118,19 @@ def test_a_column_of_the_users_own_is_no_misspelling(name, wheel_csv):
     ("names", "said"),
     [
         ("DP", "columns not used: DP; there is no torque_Nm, sinkage_m, drawbar_pull_N"),
-        ("torque_Nm,pull_N", "columns not used: pull_N; there is no sinkage_m, drawbar_pull_N"),
+        ("torque_Nm,pull", "columns not used: pull; there is no sinkage_m, drawbar_pull_N"),
         ("torque_Nm,sinkage_m,drawbar_pull_N,temp_C", "columns not used: temp_C"),
         ("a,b,d,e,f,g,h,q", "columns not used: a, b, d, e, f, g and 2 more; there is no torque_Nm, sinkage_m, drawb"),
     ],
 )
 def test_columns_that_nothing_reads_are_named(names, said, wheel_csv):
     values = ",".join("1" for _ in names.split(","))
-    _, (problem,) = read_wheel(wheel_csv(f"time_s,load_N,{names}\n0,1,{values}\n1,2,{values}\n"))
+    _, (problem,), _ = read_wheel(wheel_csv(f"time_s,load_N,{names}\n0,1,{values}\n1,2,{values}\n"))
     assert problem.startswith(f"wheel.csv: {said}")
 
 
 def test_a_column_of_numbers_with_their_unit_is_named_and_remarks_are_not(wheel_csv):
-    _, (problem,) = read_wheel(wheel_csv("time_s,load_N,DP,remark\n0,1,3.2 N,dry\n1,2,-0.4 N,2 stones\n2,3,,\n"))
+    _, (problem,), _ = read_wheel(wheel_csv("time_s,load_N,DP,remark\n0,1,3.2 N,dry\n1,2,-0.4 N,2 stones\n2,3,,\n"))
     assert problem.startswith("wheel.csv: columns not used: DP; ")
 
 
@@ -147,7 +142,7 @@ def test_columns_that_are_known_or_read_are_not_named(wheel_csv):
 
 
 def test_a_last_row_that_was_cut_off_is_left_out_and_reported(wheel_csv):
-    table, problems = read_wheel(wheel_csv("time_s,load_N,slip\n0,1,0\n1,2,0\n2,3"))
+    table, problems, _ = read_wheel(wheel_csv("time_s,load_N,slip\n0,1,0\n1,2,0\n2,3"))
     assert len(table) == 2
     assert problems == ("wheel.csv, row 4: cut off in mid-row, left out",)
 

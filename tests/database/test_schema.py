@@ -69,6 +69,7 @@ def test_opening_for_reading_makes_nothing(tmp_path):
     ("content", "said"),
     [
         ("CREATE TABLE people (name TEXT)", "another program.*people"),
+        ("PRAGMA journal_mode = WAL; CREATE TABLE people (name TEXT)", "another program.*people"),
         ("CREATE TABLE drive (name TEXT)", "another program"),
         ("PRAGMA application_id = 77; CREATE TABLE t (x)", "another program"),
         ("PRAGMA application_id = 77; CREATE TABLE t (x); DROP TABLE t", "another program"),
@@ -258,3 +259,10 @@ def test_care_of_a_database_on_postgresql(server, drive_with_soil, make):
     ((table, problem),) = faults.values()
     assert table == "soil_observation"
     assert "effects: " in problem
+
+
+def test_what_is_acknowledged_is_on_the_disk(tmp_path):
+    """Also where another process has the file open, which keeps what is added in the log."""
+    with TerrainDatabase(tmp_path / "t.db") as database, database.writing() as connection:
+        assert connection.exec_driver_sql("PRAGMA synchronous").scalar() == 2
+        assert connection.exec_driver_sql("PRAGMA journal_mode").scalar() == "wal"

@@ -1,5 +1,7 @@
+import copy
 import dataclasses
 import math
+import pickle
 from datetime import timedelta
 
 import numpy as np
@@ -10,7 +12,9 @@ from bevameter.database.cell_index import UNSEEN, CellIndex
 from bevameter.database.mixture import MixtureTable
 from bevameter.database.snapshot import Snapshot
 from bevameter.framework.core.pooling import cell_keys, cells_from_keys
-from hypothesis import given, settings
+from bevameter.framework.core.soil import PARAMETERS
+from bevameter.identification.effects.stored import AugmentedSimulator, Estimated
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.special import stdtrit
 
@@ -353,7 +357,10 @@ def test_regions_hold_what_lies_in_them(make, cells, corners, radius):
     inside = centres[np.all((centres >= low) & (centres <= high), axis=1)]
     box = view.box(*corners)
     assert sorted(map(tuple, inside)) == sorted(zip(box.x.tolist(), box.y.tolist(), strict=True))
-    around = centres[np.hypot(*(centres - [x0, y0]).T) <= radius]
+    closest = np.clip([x0, y0], centres - 0.25, centres + 0.25)
+    distance = np.hypot(*(closest - [x0, y0]).T)
+    assume(np.all(np.abs(distance - radius) > 1e-9))  # rounding decides there
+    around = centres[distance <= radius]
     near = view.near(x0, y0, radius)
     assert sorted(map(tuple, around)) == sorted(zip(near.x.tolist(), near.y.tolist(), strict=True))
     assert not (near.reason == "nobody has seen this ground").any()
@@ -388,3 +395,28 @@ def test_strength_far_from_the_stresses_driven_is_reported_to_be_extrapolated(vi
     strength = view.soils["sand"].strength
     slope_sd = math.sqrt(strength.predictive_covariance[1, 1])
     assert answers[-1].shear_strength_lower[0] < 1e9 * (strength.mean[1] - 1.64 * slope_sd)
+
+
+@pytest.mark.parametrize("again", [copy.deepcopy, lambda view: pickle.loads(pickle.dumps(view))])
+def test_a_snapshot_can_be_handed_to_another_process(tmp_path, drive_with_soil, again):
+    values = dict(zip(PARAMETERS, (700.0, 0.5, 0.02, 4e5, 0.9), strict=True))
+    with TerrainDatabase(tmp_path / "t.db") as database:
+        database.add_drive(drive_with_soil)
+        database.add_physics("sand", AugmentedSimulator({k: Estimated(v, 0.0) for k, v in values.items()}), source="x")
+        view = database.snapshot()
+    path = [[0.1, 0.1], [0.6, 0.1], [1.1, 0.1], [9.0, 9.0]]
+    before, size = view.along(path, now=0.0), len(pickle.dumps(view))
+    before.shear_strength_lower  # noqa: B018  # of what is computed nothing goes along
+    assert len(pickle.dumps(view)) == size
+    other = again(view)
+    after = other.along(path, now=0.0)
+    assert other.site == view.site
+    assert after.reason.tolist() == before.reason.tolist()
+    for name in ("class_probability", "covariance", "shear_strength_lower", "age"):
+        np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
+    assert other.physics["sand"].to_json() == view.physics["sand"].to_json()
+    assert not any(array.flags.writeable for array in arrays(other))
+    with pytest.raises(TypeError):
+        other.soils["sand"] = None
+    with pytest.raises(TypeError):
+        other.physics["sand"].soil["c_Pa"] = None

@@ -277,27 +277,25 @@ def test_merging_adds_what_a_drive_has_lost(tmp_path, drive_with_soil):
 _MERGING = textwrap.dedent("""
     import sys, time
     from bevameter import TerrainDatabase
-    from bevameter.database import drive_rows
+    from bevameter.database import merge
 
-    original = drive_rows.insert_rows
+    original, portions = merge.insert_columns, []
 
-    def insert_rows(connection, row_type, rows):
-        original(connection, row_type, rows)
-        if row_type.__tablename__ == "soil_observation":
-            insert_rows.drives += 1
-            if insert_rows.drives == 3:
-                print("in the third drive", flush=True)
-                time.sleep(60)
+    def insert_columns(connection, row_type, columns):
+        portions.append(columns)
+        if len(portions) == 8:
+            print("in the second portion of the third drive", flush=True)
+            time.sleep(60)
+        return original(connection, row_type, columns)
 
-    insert_rows.drives = 0
-    drive_rows.insert_rows = insert_rows
+    merge.insert_columns, merge.PORTION = insert_columns, 2
     with TerrainDatabase(sys.argv[1]) as target, TerrainDatabase(sys.argv[2], must_exist=True) as source:
         target.merge(source)
 """)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX has SIGKILL")
-def test_a_merge_that_is_killed_has_brought_whole_drives_and_goes_on(tmp_path, make):
+def test_a_merge_that_is_killed_goes_on_where_it_was(tmp_path, make):
     soils = tuple(make.soil({"sand": 1.0}, at_s=10.0 * index) for index in range(3))
     with TerrainDatabase(tmp_path / "a.db") as one, TerrainDatabase(tmp_path / "b.db") as two:
         one.add_drive(make.drive("own"))
@@ -306,11 +304,12 @@ def test_a_merge_that_is_killed_has_brought_whole_drives_and_goes_on(tmp_path, m
     command = [sys.executable, "-c", _MERGING, str(tmp_path / "a.db"), str(tmp_path / "b.db")]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
-    assert process.stdout.readline() == "in the third drive\n"
+    assert process.stdout.readline() == "in the second portion of the third drive\n"
     process.send_signal(signal.SIGKILL)
     process.communicate(timeout=60)
     with TerrainDatabase(tmp_path / "a.db") as one, TerrainDatabase(tmp_path / "b.db") as two:
         assert [len(drive.soils) for drive in one.drives()] == [0, 3, 3]
-        assert one.merge(two) == Added(3 * 5, 2 * 5)
+        assert len(content(tmp_path / "a.db")["drive"]) == 4  # of the third a part, which nothing uses
+        assert one.merge(two) == Added(3 * 5 - 2, 2 * 5 + 2)
         assert {drive.id for drive in two.drives()} < {drive.id for drive in one.drives()}
         assert [len(drive.terrain) for drive in one.drives()] == [2] * 6

@@ -92,8 +92,8 @@ def test_faults_are_those_of_the_vehicle_that_had_them(tmp_path):
     with TerrainDatabase(tmp_path / "t.db") as database:
         database.add_physics("sand", of_rover, source="d", time=datetime(2026, 1, 1, tzinfo=UTC))
         database.add_physics("clay", physics(TORQUE_ZERO), source="d", time=datetime(2026, 1, 1, tzinfo=UTC))
-        own, others = (KnownPhysics.of(database, straight(name)) for name in ("rover", "vehicle"))
-        elsewhere = KnownPhysics.of(database, replace(straight(), site="elsewhere"))
+        own, others = (KnownPhysics.of(database.physics(), straight(name)) for name in ("rover", "vehicle"))
+        elsewhere = KnownPhysics.of(database.physics(), replace(straight(), site="elsewhere"))
     assert [each.slug for each in own.effects("sand")] == ["slip_sinkage", "torque_offset"]
     assert [each.slug for each in others.effects("sand")] == ["slip_sinkage"]
     assert not own.effects("clay")
@@ -133,7 +133,7 @@ def test_what_explain_stored_makes_later_predictions_better(tmp_path):
 
 def _soils(database: TerrainDatabase, recording: Recording):
     track, along = labelled(recording)
-    bare, used, problems = KnownPhysics.of(database, recording).taken_out(recording, track, along)
+    bare, used, problems = KnownPhysics.of(database.physics(), recording).taken_out(recording, track, along)
     assert not problems
     return learn_soil(bare, track, along, effects={name: used.effects(name) for name in used.by_class}).observations
 

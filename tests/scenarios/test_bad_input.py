@@ -25,8 +25,8 @@ pytestmark = pytest.mark.filterwarnings("error")
 
 WHEEL_FAULTS = {
     "no time": (WHEEL.replace("time_s", "clock", 1), ("neither column time_s nor column run", "clock")),
-    "unit misspelt": (WHEEL.replace("load_N", "load_n", 1), ("column load_n", "expected load_N")),
-    "another unit": (WHEEL.replace("torque_Nm", "torque_kNm", 1), ("column torque_kNm", "expected torque_Nm")),
+    "unit misspelt": (WHEEL.replace("load_N", "load_rpm", 1), ("column load_rpm", "expected load_N")),
+    "another unit": (WHEEL.replace("torque_Nm", "torque_kN", 1), ("column torque_kN", "expected torque_Nm")),
     "column misspelt": (WHEEL.replace("sinkage_m", "sinkgae_m", 1), ("column sinkgae_m", "expected sinkage_m")),
     "a column twice": (WHEEL.replace("slip", "load_N", 1), ("load_N stands twice",)),
     "time backwards": (edited(9, "0.7,", "0.35,"), ("row 9, column time_s", "0.35 s", "does not decrease")),
@@ -35,7 +35,6 @@ WHEEL_FAULTS = {
     "no time in a row": (edited(5, "0.3,", ","), ("row 5, column time_s", "a finite number")),
     "slip in percent": (edited(12, "0.20", "20.0"), ("row 12, column slip", "20", "[-1, 1]")),
     "a short row": (edited(12, ",0.0110", ""), ("row 12", "4 cells", "5")),
-    "semicolons": (WHEEL.replace(",", ";"), ("row 1", "commas")),
     "header only": (HEADER + "\n", ("a header without rows", "at least one row")),
     "empty": ("", ("an empty file",)),
     "blank lines": ("\n\n", ("an empty file",)),
@@ -55,7 +54,7 @@ def test_a_bad_wheel_file(fault, command, drive, tmp_path):
 
 @pytest.mark.parametrize("command", [run, identify])
 def test_a_wheel_file_that_is_not_utf8(command, drive, tmp_path):
-    (drive / "wheel.csv").write_bytes(WHEEL.replace("slip", "Schlüpf").encode("latin-1"))
+    (drive / "wheel.csv").write_bytes(WHEEL.replace("slip", "sl\x81p").encode("latin-1"))
     refused(tmp_path, command(tmp_path, drive), "wheel.csv", "not UTF-8")
 
 
@@ -154,19 +153,19 @@ def test_a_text_file_named_flac(drive, tmp_path, models):
 @pytest.mark.parametrize("command", [run, identify])
 def test_no_recording(command, tmp_path):
     (tmp_path / "empty").mkdir()
-    (tmp_path / "notes.txt").write_text("hello")
+    (tmp_path / "notes.log").write_text("hello")
     for name in ("x.bag", "x.mcap", "x.db3"):
         (tmp_path / name).write_text("hello, I am a text")
         refused(tmp_path, command(tmp_path, tmp_path / name), name)
     refused(tmp_path, command(tmp_path, tmp_path / "none"), "none", "no such file or folder", "a recording's folder")
     refused(tmp_path, command(tmp_path, tmp_path / "empty"), "empty", "no stream", "wheel.csv")
-    refused(tmp_path, command(tmp_path, tmp_path / "notes.txt"), "notes.txt", "'.txt'")
+    refused(tmp_path, command(tmp_path, tmp_path / "notes.log"), "notes.log", "'.log'")
 
 
 def test_a_bad_topic_map(drive, tmp_path):
     topics = tmp_path / "topics.toml"
-    topics.write_text("")
-    refused(tmp_path, run(tmp_path, drive, "--topics", topics), "this is no bag")
+    topics.write_text("[wheel]\ntopic = '/wheel'\n")
+    refused(tmp_path, run(tmp_path, drive, "--topics", topics), "topics.toml", "a topic map, which a bag needs")
 
 
 def test_soil_that_cannot_be_identified(drive, tmp_path):
@@ -210,5 +209,5 @@ def test_odd_numbers_get_an_answer_without_a_warning(kind, drive, tmp_path):
         ["run", drive / "wheel.csv", "--db", tmp_path / "t.db"],
     ):
         result = CliRunner().invoke(app, [str(argument) for argument in arguments])
-        one_line = result.exit_code == 2 and len(result.stderr.splitlines()) == 1
-        assert one_line or (result.exit_code == 0 and result.stderr == ""), (result.output, result.exception)
+        said = result.exit_code == 2 and result.stderr.startswith("bevameter: ")
+        assert said or (result.exit_code == 0 and result.stderr == ""), (result.output, result.exception)

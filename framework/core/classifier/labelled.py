@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -22,6 +23,9 @@ MEDIA_SUFFIXES = (
 
 _FOLDER = "a folder with index.csv, or with sub-folders named by class"
 _OWN = frozenset({"file", "class", "group", "start_s", "end_s"})
+_NAMED = 3
+"""So many unreadable files are named one by one."""
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True)
@@ -171,3 +175,34 @@ def _passed_over(paths: Sequence[Path]) -> str:
     """Count what is no image, sound or table, by kind: ``".bmp (4), sub-folder (1)"``."""
     kinds = Counter("sub-folder" if path.is_dir() else path.suffix.lower() or "without a suffix" for path in paths)
     return ", ".join(f"{kind} ({count})" for kind, count in sorted(kinds.items()))
+
+
+def readable(
+    labelled: Sequence[LabelledFile], read: Callable[[LabelledFile], _T], notes: list[str]
+) -> Iterator[tuple[LabelledFile, _T]]:
+    """Read labelled files one after the other; those that cannot be read are left out, and `notes` say which.
+
+    Raises
+    ------
+    InputError
+        No file of a class can be read.
+    """
+    failed: list[InputError] = []
+    lost: dict[str, InputError] = {}
+    kept = set()
+    for item in labelled:
+        try:
+            content = read(item)
+        except InputError as error:
+            failed.append(error)
+            lost.setdefault(item.class_name, error)
+            continue
+        kept.add(item.class_name)
+        yield item, content
+    for name, error in lost.items():
+        if name not in kept:
+            raise InputError(error.source, error.problem, expected=f"a file of class {name!r} that can be read")
+    if failed:
+        more = f"; {len(failed) - _NAMED} more" if len(failed) > _NAMED else ""
+        named = "; ".join(map(str, failed[:_NAMED]))
+        notes.append(f"Left out, as they cannot be read: {len(failed)} of {len(labelled)} files: {named}{more}.")

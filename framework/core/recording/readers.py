@@ -18,14 +18,13 @@ from __future__ import annotations
 
 import pkgutil
 from abc import ABC, abstractmethod
-from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import ClassVar
 
 from ..arguments import path_of
 from ..errors import InputError, reading
-from ..plugins import load_plugins
+from ..plugins import load_plugins, once
 from ..vehicle import Vehicle, as_vehicle, load_vehicle
 from .types import Recording
 
@@ -38,7 +37,7 @@ class Reader(ABC):
     kinds
         What it reads, in words, for errors.
     takes_topics
-        Whether a topic map means anything to it.
+        Whether a topic map, or a column map, means anything to it.
     """
 
     kinds: ClassVar[str]
@@ -59,7 +58,7 @@ class Reader(ABC):
         vehicle
             The vehicle, where the caller gives one; else the reader may look for its file (`vehicle_near`).
         topics
-            The topic map, where the caller gives one.
+            The topic map of a bag, or the column map of a table, where the caller gives one.
 
         Raises
         ------
@@ -77,7 +76,7 @@ def register(reader: type[Reader]) -> type[Reader]:
     return reader
 
 
-@cache
+@once
 def load_readers() -> None:
     """Import the modules of this package's formats, and of others that entry points name."""
     from . import formats
@@ -101,7 +100,8 @@ def read_recording(
     vehicle
         The vehicle, or its file; `vehicle.toml` in the folder, or in that of the file, where it is None.
     topics
-        For bags: the topic map (see `topic_map`), where the topics' names and types do not say enough.
+        For bags: the topic map (see `topic_map`), where the topics' names and types do not say enough. For a wheel file
+        or a folder with one: the column map (see `column_map`), where the columns' names do not.
 
     Returns
     -------
@@ -125,7 +125,7 @@ def read_recording(
         reader = next((reader for reader in READERS if reader.sniff(path)), None)
         if topic_map is not None and not (reader and reader.takes_topics):
             bags = " or ".join(reader.kinds for reader in READERS if reader.takes_topics)
-            raise InputError(path, "a topic map is given, and this is no bag", expected=bags)
+            raise InputError(path, "a topic or column map is given, and this is neither bag nor table", expected=bags)
         if reader is None:
             raise InputError(path, f"a file of kind {path.suffix!r}", expected=kinds)
         return reader.read(path, vehicle=driven, topics=topic_map)

@@ -12,7 +12,7 @@ import io
 import math
 import zlib
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from csv import Error as CsvError
 from csv import reader as csv_reader
 from dataclasses import dataclass
@@ -30,7 +30,10 @@ from ..files import file_size
 MAX_TABLE_BYTES = 256 * 2**20
 """No table is read whose text is longer than this, after unpacking: a gzip bomb ends here [bytes]."""
 
-_EMPTY_CELLS = ["", "nan", "NaN", "NAN", "NA", "N/A", "null", "None"]
+_FIRST_ROW = 2**20
+"""Bytes in which the first row of a table must end."""
+
+EMPTY_CELLS = ["", "nan", "NaN", "NAN", "NA", "N/A", "null", "None"]
 
 
 @dataclass(frozen=True)
@@ -49,6 +52,8 @@ class Table:
         Number of the first row of data, as the file's reader counts it.
     problems
         What could not be read, in words.
+    rows
+        Number of each row in the file, (n,), where rows between them were left out; else None.
     """
 
     numbers: dict[str, np.ndarray]
@@ -56,13 +61,18 @@ class Table:
     source: Path
     first_row: int
     problems: tuple[str, ...] = ()
+    rows: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(next(iter({**self.numbers, **self.text}.values()), ()))
 
     def place(self, row: int, column: str) -> str:
         """Name a cell as a user finds it: `row` counts from 0 here."""
-        return f"row {row + self.first_row}, column {column}"
+        return f"row {self.row_number(row)}, column {column}"
+
+    def row_number(self, row: int) -> int:
+        """Give the number of a row in the file: `row` counts from 0 here."""
+        return row + self.first_row if self.rows is None else int(self.rows[row])
 
     def need(self, *names: str) -> tuple[np.ndarray, ...]:
         """Give columns, each (n,); raises `InputError` where one is not there."""
@@ -135,7 +145,7 @@ def read_table(
         raise InputError(path, f"a file of kind {path.suffix!r}", expected="a .csv, .csv.gz or .parquet file")
     file_size(path, "a table file")
     if path.name.lower().endswith(".parquet"):
-        table = _from_parquet(path, numbers, text)
+        table = from_parquet(path, numbers, text)
     else:
         table = _from_csv(path, numbers, text)
     if required and not len(table):
@@ -145,18 +155,34 @@ def read_table(
 
 def read_bytes(path: Path, limit: int = MAX_TABLE_BYTES) -> bytes:
     """Read a file, unpacking it if its name ends in ``.gz``; raises `InputError` beyond the limit [bytes]."""
-    packed = path.name.lower().endswith(".gz")
+    data = _opened(path, limit + 1)
+    if len(data) > limit:
+        problem = f"{'unpacks to' if path.name.lower().endswith('.gz') else 'holds'} more than {limit} bytes"
+        raise InputError(path, problem, expected="a smaller table")
+    return data
+
+
+def _opened(path: Path, size: int) -> bytes:
+    """Read the beginning of a file, unpacked if its name ends in ``.gz``: `size` bytes at most."""
     try:
-        with gzip.open(path) if packed else path.open("rb") as file:
-            data = file.read(limit + 1)
+        with gzip.open(path) if path.name.lower().endswith(".gz") else path.open("rb") as file:
+            return file.read(size)
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
         raise InputError(path, f"damaged gzip: {error}", expected="a whole gzip file") from error
     except OSError as error:
         raise InputError(path, error.strerror or str(error), expected="a readable file") from error
-    if len(data) > limit:
-        problem = f"{'unpacks to' if packed else 'holds'} more than {limit} bytes"
-        raise InputError(path, problem, expected="a smaller table")
-    return data
+
+
+def column_names(path: Path) -> list[str]:
+    """Give the cells of a table's first row, or its columns where it is Parquet; none where it has no such row."""
+    file_size(path, "a table file")
+    if path.name.lower().endswith(".parquet"):
+        return parquet_names(path)
+    first = _opened(path, _FIRST_ROW).removeprefix(b"\xef\xbb\xbf").replace(b"\r", b"\n").partition(b"\n")[0]
+    try:
+        return [name.strip() for name in next(csv_reader([first.decode()]), [])]
+    except (UnicodeDecodeError, CsvError):
+        return []
 
 
 def _from_csv(path: Path, numbers: frozenset[str], text: frozenset[str] | None) -> Table:
@@ -164,16 +190,19 @@ def _from_csv(path: Path, numbers: frozenset[str], text: frozenset[str] | None) 
     header = _header(path, content)
     if text is None:
         text = frozenset(header) - numbers
-    rows, problems = _rows(path, content, header)
+    if b'"' not in content and b"\n\n" in (body := content.rstrip(b"\n")):
+        row = body[: body.index(b"\n\n")].count(b"\n") + 2
+        raise InputError(path, "0 cells", expected=f"{len(header)}, as in the header", place=f"row {row}")
+    rows, problems = csv_rows(path, content.partition(b"\n")[2], header, number=lambda row: row + 2)
     columns: dict[str, np.ndarray] = {}
     words: dict[str, np.ndarray] = {}
     for name in header:
         cells = pc.utf8_trim_whitespace(rows[name])  # pyright: ignore[reportAttributeAccessIssue]
-        values = None if name in text else _numbers_or_none(cells)
+        values = None if name in text else numbers_or_none(cells)
         if values is not None:
             columns[name] = values
         elif name in numbers:
-            row, cell = next((row, cell) for row, cell in enumerate(cells.to_pylist()) if not _is_number(cell))
+            row, cell = next((row, cell) for row, cell in enumerate(cells.to_pylist()) if not is_number(cell))
             raise InputError(path, repr(cell), expected="a number", place=f"row {row + 2}, column {name}")
         else:
             words[name] = cells.to_numpy()
@@ -211,29 +240,53 @@ def _header(path: Path, content: bytes) -> list[str]:
     return header
 
 
-def _rows(path: Path, content: bytes, header: list[str]) -> tuple[pa.Table, tuple[str, ...]]:
-    """Part the rows below the header into cells of text; a last row that was cut off is left out, which is said."""
+def csv_rows(
+    path: Path, text: bytes, header: Sequence[str], *, number: Callable[[int], int], delimiter: str = ","
+) -> tuple[pa.Table, tuple[str, ...]]:
+    """Part rows into cells of text; a last row that was cut off is left out, which is said.
+
+    Parameters
+    ----------
+    path
+        The file, for errors.
+    text
+        The rows below the header, in UTF-8, their ends line feeds.
+    header
+        Names of the columns.
+    number
+        Gives the number in the file of a row, which is counted from 0.
+    delimiter
+        What parts the cells.
+
+    Returns
+    -------
+    rows, problems
+        A column of text by each name, and what was left out, in words.
+
+    Raises
+    ------
+    InputError
+        A row has more or fewer cells than the header.
+    """
     wrong: list[csv.InvalidRow] = []
 
     def leave_out(row: csv.InvalidRow) -> str:
         wrong.append(row)
         return "skip"
 
-    quoted = b'"' in content
-    body = content.partition(b"\n")[2].rstrip(b"\n")
+    quoted, body = b'"' in text, text.rstrip(b"\n")
     if not body:
         return pa.table({name: pa.array([], pa.string()) for name in header}), ()
-    if not quoted and b"\n\n" in body:
-        row = body[: body.index(b"\n\n")].count(b"\n") + 3
-        raise InputError(path, "0 cells", expected=f"{len(header)}, as in the header", place=f"row {row}")
     try:
         if quoted:  # Arrow takes the end of the file for the end of a quotation
-            deque(csv_reader(io.StringIO(content.decode(), newline=""), strict=True), maxlen=0)
+            deque(csv_reader(io.StringIO(body.decode(), newline=""), delimiter=delimiter, strict=True), maxlen=0)
         rows = csv.read_csv(
             pa.BufferReader(body + b"\n"),
             # rows are counted by one thread only
             csv.ReadOptions(column_names=header, use_threads=False, block_size=max(len(body) + 1, 2**20)),
-            csv.ParseOptions(newlines_in_values=quoted, ignore_empty_lines=False, invalid_row_handler=leave_out),
+            csv.ParseOptions(
+                delimiter=delimiter, newlines_in_values=quoted, ignore_empty_lines=False, invalid_row_handler=leave_out
+            ),
             csv.ConvertOptions(column_types=dict.fromkeys(header, pa.string())),
         )
     except (pa.ArrowException, CsvError) as error:
@@ -241,27 +294,30 @@ def _rows(path: Path, content: bytes, header: list[str]) -> tuple[pa.Table, tupl
     if not wrong:
         return rows, ()
     first = wrong[0]
-    cells, row = first.actual_columns, first.number + 1
-    if len(rows) and row == len(rows) + 2 and cells < len(header) and not content.endswith(b"\n") and not quoted:
-        return rows, (f"{path.name}, row {row}: cut off in mid-row, left out",)
-    raise InputError(path, f"{cells} cells", expected=f"{len(header)}, as in the header", place=f"row {row}")
+    cells, row = first.actual_columns, first.number - 1
+    if len(rows) and row == len(rows) and cells < len(header) and not text.endswith(b"\n") and not quoted:
+        return rows, (f"{path.name}, row {number(row)}: cut off in mid-row, left out",)
+    more = f"; {len(wrong) - 1} more row{'s' * (len(wrong) > 2)} differ{'s' * (len(wrong) == 2)}" * (len(wrong) > 1)
+    expected = f"{len(header)}, as in the header{more}"
+    raise InputError(path, f"{cells} cells", expected=expected, place=f"row {number(row)}")
 
 
-def _numbers_or_none(cells: pa.ChunkedArray) -> np.ndarray | None:
+def numbers_or_none(cells: pa.ChunkedArray) -> np.ndarray | None:
     """Give the numbers of a column of text, NaN for empty cells, or None if a cell is no number."""
-    filled = pc.if_else(pc.is_in(cells, value_set=pa.array(_EMPTY_CELLS)), "nan", cells)  # pyright: ignore[reportAttributeAccessIssue]
+    filled = pc.if_else(pc.is_in(cells, value_set=pa.array(EMPTY_CELLS)), "nan", cells)  # pyright: ignore[reportAttributeAccessIssue]
     try:
         return filled.cast(pa.float64()).to_numpy()
     except pa.ArrowInvalid:  # a number that Arrow does not write so, such as +1, or none
         listed = cells.to_pylist()
-        return np.array([_number(cell) for cell in listed]) if all(map(_is_number, listed)) else None
+        return np.array([_number(cell) for cell in listed]) if all(map(is_number, listed)) else None
 
 
 def _number(cell: str) -> float:
-    return math.nan if cell in _EMPTY_CELLS else float(cell)
+    return math.nan if cell in EMPTY_CELLS else float(cell)
 
 
-def _is_number(cell: str) -> bool:
+def is_number(cell: str) -> bool:
+    """Say whether a cell is a number, or empty."""
     try:
         _number(cell)
     except ValueError:
@@ -269,7 +325,16 @@ def _is_number(cell: str) -> bool:
     return "_" not in cell  # Python's own grouping mark, which no other program reads
 
 
-def _from_parquet(path: Path, numbers: frozenset[str], text: frozenset[str] | None) -> Table:
+def parquet_names(path: Path) -> list[str]:
+    """Give the names of a Parquet file's columns; raises `InputError` where it is none."""
+    try:
+        return [field.name for field in pq.ParquetFile(path).schema_arrow]
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise InputError(path, f"no readable Parquet: {error}", expected="a Parquet file") from error
+
+
+def from_parquet(path: Path, numbers: frozenset[str], text: frozenset[str] | None) -> Table:
+    """Read a Parquet file; parameters and errors as of `read_table`."""
     try:
         file = pq.ParquetFile(path)
         names = [field.name for field in file.schema_arrow]

@@ -205,8 +205,8 @@ class VibrationRun:
 class Recording:
     """One drive, whatever it was read from.
 
-    `problems` says in words what could not be read; what is readable is used. `notes` says what was chosen where there
-    was a choice. `digest` is the SHA-256 of what was
+    `problems` says in words what could not be read; what is readable is used. `notes` says what was converted or
+    assumed in reading it: units, signs, the meaning of columns. `digest` is the SHA-256 of what was
     read, hexadecimal: two readings of the same drive have the same digest, and so add nothing to a database twice.
     `origin` says where on Earth the poses' x = y = 0 lies, where a satellite receiver was recorded.
     """
@@ -224,5 +224,5 @@ class Recording:
     sound: SoundStream | None = None
     problems: tuple[str, ...] = ()
     vibration: VibrationRun | None = None
-    origin: Origin | None = None
     notes: tuple[str, ...] = ()
+    origin: Origin | None = None

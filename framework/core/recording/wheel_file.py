@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-import difflib
 import re
-from collections.abc import Mapping
+import warnings
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from ..errors import InputError
+from ..errors import InputError, collected, raise_all
 from ..files import whole
 from ..vehicle import Vehicle, Wheel
-from .tables import Table, read_table
+from .column_map import ColumnMap, load_column_map
+from .column_names import stem_of
+from .sheet import open_sheet
+from .tables import Table
+from .to_si import rows_as_runs, to_si
 from .types import WHEEL_COLUMNS, WheelTable
+from .wheel_columns import ALSO_READ, OWN, TEXT_COLUMNS, Column, assign, hints, is_known
 
 SLIP_TOLERANCE = 0.02
 """How far beyond [-1, 1] a recorded slip may lie, by the noise of the two speeds it was made of [-]."""
@@ -25,36 +31,30 @@ STANDSTILL_M_S = 1e-3
 _ABSURD = 1e12
 """Size that no channel has: what is beyond stands for a missing value, or overflows where it is squared [SI]."""
 
-TEXT_COLUMNS = frozenset({"wheel", "run"})
-_UNITS = frozenset({
-    "n", "kn", "mn", "kgf", "lbf", "newton", "newtons", "nm", "knm", "mnm", "nmm", "m", "mm", "cm", "km", "ft", "in",
-    "metre", "metres", "meter", "meters", "s", "ms", "us", "ns", "min", "h", "second", "seconds", "rad", "mrad", "deg",
-    "degree", "degrees", "rpm", "rps", "hz", "mps", "kmh", "kph", "g", "kg", "lb", "pct", "percent", "ratio",
-})  # fmt: skip
-
-
-_ALSO_READ = ("radius_m", "width_m", "grouser_height_m", "grouser_count", "yaw_rad", "roll_rad", "current_A")
-"""Columns beyond the contract's that something reads: the wheel that a row is of, the vehicle's heading and roll, and
-the current of the wheel's motor."""
-
 _ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
 _MOST_NAMED = 6
 """Columns that a note names; the others are counted."""
 
+_MOST_LISTED = 30
+"""Columns that an error names."""
+
 _NUMBER = re.compile(r"[-+]?\.?\d").match
 
 
-def read_wheel_file(path: str | Path) -> WheelTable:
-    """Read a wheel file, ``.csv`` (gzip allowed) or ``.parquet``, and check it.
+def read_wheel_file(path: str | Path, columns: str | Path | ColumnMap | None = None) -> WheelTable:
+    """Read a wheel file and check it; what was converted or assumed is a warning (`UserWarning`).
 
-    Columns beyond those of the contract are kept where they are numbers, though nothing reads them, which
-    `read_wheel` says, and left out where they are text. An empty cell
-    is a value that was not observed (NaN); a column of the contract without a single value is left out.
+    A wheel file has the columns of the contract, or it is a laboratory's table: `docs/recording.md` says what is
+    recognised of names, units and layouts. Columns beyond are kept where they are numbers, though nothing reads them,
+    which `read_wheel` says, and left out where they are text. An empty cell is a value that was not observed (NaN); a
+    channel without a single value is left out.
 
     Parameters
     ----------
     path
-        The file.
+        The file: text (``.csv``, ``.tsv``, ``.txt``, gzip allowed), ``.parquet``; ``.xlsx`` with the extra ``excel``.
+    columns
+        A column map, or its TOML file: which column is which channel, where names do not say it.
 
     Returns
     -------
@@ -64,38 +64,83 @@ def read_wheel_file(path: str | Path) -> WheelTable:
     Raises
     ------
     InputError
-        The file is missing, empty or no table; a column is misspelt, stands twice, or is neither number nor empty; a
-        value is infinite or beyond 1e12, slip lies outside [-1, 1] or a pass is below 1; time runs backwards within a
-        wheel and run; there is neither `time_s` nor `run`.
+        The file is missing, empty or no table; a column is misspelt, stands twice, has an unknown unit, or is neither
+        number nor empty; a value is infinite or beyond 1e12, slip lies outside [-1, 1] or a pass is below 1; time runs
+        backwards within a wheel and run; there is neither time nor run. `InputErrors` where there are several faults.
     """
-    return read_wheel(path)[0]
+    read = read_wheel(path, columns)
+    for text in read.notes:
+        warnings.warn(text, stacklevel=2)
+    return read.table
 
 
-def read_wheel(path: str | Path) -> tuple[WheelTable, tuple[str, ...]]:
-    """Read a wheel file as `read_wheel_file` does; give the table and, in words, what it lacks."""
-    table = read_table(Path(path), numbers=frozenset(WHEEL_COLUMNS), text=TEXT_COLUMNS)
-    for name in (*table.numbers, *table.text):
-        _check_spelling(table.source, name)
-    if "time_s" not in table.numbers and "run" not in table.text:
-        raise InputError(
-            table.source,
-            "neither column time_s nor column run; there are " + ", ".join((*table.numbers, *table.text)),
-            expected="time_s, or run in a file of steady-state trials",
-        )
+class WheelFile(NamedTuple):
+    """A wheel table, what it lacks, and what was converted or assumed in reading it, in words."""
+
+    table: WheelTable
+    problems: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def read_wheel(path: str | Path, columns: str | Path | ColumnMap | None = None) -> WheelFile:
+    """Read a wheel file as `read_wheel_file` does, and say what was made of it instead of warning."""
+    path = Path(path)
+    map_source = None if columns is None or isinstance(columns, ColumnMap) else Path(columns)
+    mapped = load_column_map(map_source) if map_source is not None else columns or ColumnMap()
+    assert isinstance(mapped, ColumnMap)
+    named = {entry.column for entry in mapped.columns.values()}
+    sheet = open_sheet(path, lambda cell: cell in named or is_known(cell), own=OWN | named, sheet=mapped.sheet)
+    faults: list[InputError] = []
+    found = assign(sheet.names, sheet.units, mapped, path, map_source, faults)
+    by_name = {column.name: column for column in found.values()}
+    for name in sheet.twice:
+        if name in by_name or all(column.source == "own" for column in found.values()):
+            place = f"row {sheet.header}"
+            faults.append(InputError(path, f"column {name} stands twice", expected="each column once", place=place))
+    text = frozenset(column.name for column in found.values() if column.channel in TEXT_COLUMNS)
+    clock = frozenset(column.name for column in found.values() if column.channel == "time_s")
+    table, percent, dated = sheet.read(
+        numbers=frozenset(by_name) - text, text=text, clocks=clock, decimal=mapped.decimal, faults=faults
+    )
+    channels, converted = to_si(table, found, percent, dated, faults)
+    others = {name: values for name, values in table.numbers.items() if name not in by_name}
+    wheel, run = (_names(table, found.get(name), faults) for name in ("wheel", "run"))
+    if "time_s" not in found and "run" not in found:
+        run, said = rows_as_runs(table, found, sheet.names)
+        converted += said
+        faults += [] if run is not None else [_no_clock(path, sheet.names)]
     problems = list(table.problems)
-    columns: dict[str, np.ndarray] = {}
-    for name, values in table.numbers.items():
-        _check_values(table, name)
+    columns_read: dict[str, np.ndarray] = {}
+    for name, values in {**channels, **others}.items():
+        with collected(faults):
+            where = found[name].name if name in found else name
+            _check_values(table, name, where, values)
         if np.isnan(values).all() and name != "time_s":
-            problems.append(f"{table.source.name}, column {name}: no value in any row, left out")
+            where = found[name].name if name in found else name
+            problems.append(f"{path.name}, column {where}: no value in any row, left out")
         else:
-            columns[name] = np.clip(values, -1.0, 1.0) if name == "slip" else values
-    wheel, run = (_names(table, name) for name in ("wheel", "run"))
-    _check_time(table, columns.get("time_s"), wheel, run)
-    if not set(columns) - {"time_s"}:
-        raise InputError(table.source, "no wheel channel has a value", expected="columns such as load_N and slip")
-    problems += _not_used(table, columns)
-    return WheelTable(columns, wheel, run, table.source), tuple(problems)
+            columns_read[name] = np.clip(values, -1.0, 1.0) if name == "slip" else values
+    if "time_s" in found and "time_s" in channels:
+        with collected(faults):
+            _check_time(table, found["time_s"].name, channels["time_s"], wheel, run)
+    if not set(columns_read) - {"time_s"} and not faults:
+        faults.append(InputError(path, "no wheel channel has a value", expected="columns such as load_N and slip"))
+    raise_all(path, faults)
+    layout = [f"{path.name}: {', '.join(sheet.notes)}"] if sheet.notes else []
+    problems += _not_used(table, columns_read, by_name)
+    ordered = {name: columns_read[name] for name in _in_order(sheet.names, by_name) if name in columns_read}
+    return WheelFile(WheelTable(ordered, wheel, run, path), tuple(problems), (*layout, *converted))
+
+
+def _in_order(names: Sequence[str], by_name: Mapping[str, Column]) -> list[str]:
+    """Channels in the order of the table's columns."""
+    return [by_name[name].channel if name in by_name else name for name in names]
+
+
+def _no_clock(path: Path, names: Sequence[str]) -> InputError:
+    more = f" and {len(names) - _MOST_LISTED} more" if len(names) > _MOST_LISTED else ""
+    problem = f"neither column time_s nor column run; there are {', '.join(names[:_MOST_LISTED])}{more}"
+    return InputError(path, problem, expected="time_s, or run in a file of steady-state trials")
 
 
 def write_wheel_file(table: WheelTable, path: str | Path) -> None:
@@ -195,61 +240,20 @@ def slip_from_speeds(rim_m_s: np.ndarray, travel_m_s: np.ndarray) -> np.ndarray:
     return np.where(defined, np.clip(slip, -1.0, 1.0), np.nan)
 
 
-def _check_spelling(source: Path, name: str) -> None:
-    """Refuse a column that means one of the contract's and is not written so: its unit may be another one."""
-    if name in WHEEL_COLUMNS or name in TEXT_COLUMNS:
-        return
-    right = _meant(name)
-    if right is not None:
-        raise InputError(source, "no column of a wheel file", expected=right, place=f"column {name}")
-
-
-def is_wheel_channel(name: str) -> bool:
-    """Say whether a column is one of the contract's, or a misspelling of one."""
-    return name in WHEEL_COLUMNS or name in TEXT_COLUMNS or _meant(name) is not None
-
-
-def _meant(name: str) -> str | None:
-    """Give the contract's column that a name is a misspelling of, or None for a column of the user's own."""
-    small = name.casefold().replace(" ", "_").replace("-", "_").replace("[", "").replace("]", "")
-    for right in (*WHEEL_COLUMNS, *TEXT_COLUMNS):
-        if small == right.casefold():
-            return right
-    for right in sorted(WHEEL_COLUMNS, key=len, reverse=True):
-        stem, unit = _stem(right)
-        for beginning, answer in ((stem, right), (f"{stem}_sd", f"{stem}_sd_{unit}" if unit else f"{stem}_sd")):
-            rest = small.removeprefix(beginning).split("_") if small.startswith(beginning) else None
-            if name == answer:
-                return None
-            if small == beginning or (rest and rest[0] == "" and all(part in _UNITS for part in rest[1:])):
-                return answer
-    # a word more makes a column of the user's own, such as wheel_speed_left_rad_s
-    alike = {c.casefold(): c for c in WHEEL_COLUMNS if len(c) > 4 and c.count("_") == small.count("_")}
-    close = difflib.get_close_matches(small, alike, n=1, cutoff=0.83)
-    return alike[close[0]] if close else None
-
-
-def _stem(column: str) -> tuple[str, str]:
-    """Part a column of the contract into quantity and unit: drawbar_pull, N."""
-    for unit in ("rad_s", "m_s", "rad", "Nm", "N", "m", "s"):
-        if column.endswith("_" + unit):
-            return column.removesuffix("_" + unit), unit
-    return column, ""
-
-
-def _not_used(table: Table, columns: Mapping[str, np.ndarray]) -> list[str]:
+def _not_used(table: Table, columns: Mapping[str, np.ndarray], by_name: Mapping[str, Column]) -> list[str]:
     """Say which columns of numbers nothing reads, and of what answers there is none: they may be meant for these."""
-    scatter = {f"{stem}_sd_{unit}" if unit else f"{stem}_sd" for stem, unit in map(_stem, WHEEL_COLUMNS)}
-    known = {*WHEEL_COLUMNS, *TEXT_COLUMNS, *_ALSO_READ, *scatter}
+    scatter = {f"{stem}_sd_{unit}" if unit else f"{stem}_sd" for stem, unit in map(stem_of, WHEEL_COLUMNS)}
+    known = {*OWN, *ALSO_READ, *scatter}
     # "3.2 N" makes a column of text; what was written about a row is no channel.
-    text = [name for name, cells in table.text.items() if name not in known and _mostly_numbers(cells)]
+    text = [name for name, cells in table.text.items() if name not in {*known, *by_name} and _mostly_numbers(cells)]
     others = [name for name in columns if name not in known] + text
     if not others:
         return []
     more = f" and {len(others) - _MOST_NAMED} more" if len(others) > _MOST_NAMED else ""
     missing = [name for name in _ANSWERS if name not in columns]
     none = f"; there is no {', '.join(missing)}" if missing else ""
-    return [f"{table.source.name}: columns not used: {', '.join(others[:_MOST_NAMED])}{more}{none}"]
+    said = [f"{table.source.name}: columns not used: {', '.join(others[:_MOST_NAMED])}{more}{none}"]
+    return said + [f"{table.source.name}, column {name}: not used; {text}" for name, text in hints(others).items()]
 
 
 def _mostly_numbers(cells: np.ndarray) -> bool:
@@ -258,32 +262,35 @@ def _mostly_numbers(cells: np.ndarray) -> bool:
     return bool(seen) and sum(_NUMBER(cell) is not None for cell in seen) > len(seen) / 2
 
 
-def _check_values(table: Table, name: str) -> None:
-    table.check_finite(name, missing=name != "time_s")
-    values = table.numbers[name]
+def _check_values(table: Table, name: str, column: str, values: np.ndarray) -> None:
+    """Refuse values (n,) that a channel cannot have."""
+    missing = np.isinf(values) if name != "time_s" else ~np.isfinite(values)
+    table.refuse(
+        missing, column, lambda row: "no value" if np.isnan(values[row]) else str(values[row]), "a finite number"
+    )
     if name in WHEEL_COLUMNS and name != "time_s":
         expected = f"a number between {-_ABSURD:g} and {_ABSURD:g}, SI"
-        table.refuse(np.abs(values) > _ABSURD, name, lambda row: f"{values[row]:g}", expected)
+        table.refuse(np.abs(values) > _ABSURD, column, lambda row: f"{values[row]:g}", expected)
     if name == "slip":
         outside = np.abs(values) > 1.0 + SLIP_TOLERANCE  # False for NaN
         more = f" and {outside.sum() - 1} more rows" if outside.sum() > 1 else ""
-        table.refuse(outside, name, lambda row: f"{values[row]:g}{more}", "slip in [-1, 1]")
+        expected = "slip in [-1, 1]; of one in per cent the column is called Slip [%]"
+        table.refuse(outside, column, lambda row: f"{values[row]:g}{more}", expected)
     if name == "pass":
         expected = "1 on fresh ground, 2 in the first wheel's rut, and so on"
-        table.refuse(values < 1.0, name, lambda row: f"{values[row]:g}", expected)
+        table.refuse(values < 1.0, column, lambda row: f"{values[row]:g}", expected)
 
 
-def _names(table: Table, name: str) -> np.ndarray | None:
-    names = table.text.get(name)
-    if names is not None:
-        table.refuse(names == "", name, lambda row: "an empty cell", f"the name of the {name}")
+def _names(table: Table, column: Column | None, faults: list[InputError]) -> np.ndarray | None:
+    names = None if column is None else table.text.get(column.name)
+    if column is not None and names is not None:
+        with collected(faults):
+            table.refuse(names == "", column.name, lambda row: "an empty cell", f"the name of the {column.channel}")
     return names
 
 
-def _check_time(table: Table, time: np.ndarray | None, wheel: np.ndarray | None, run: np.ndarray | None) -> None:
+def _check_time(table: Table, column: str, time: np.ndarray, wheel: np.ndarray | None, run: np.ndarray | None) -> None:
     """Refuse time that runs backwards within one wheel of one run."""
-    if time is None:
-        return
     keys = np.zeros(len(time), dtype=np.intp)
     for names in (wheel, run):
         if names is not None:
@@ -294,9 +301,9 @@ def _check_time(table: Table, time: np.ndarray | None, wheel: np.ndarray | None,
     before[order[1:]] = np.where(np.diff(keys[order]) == 0, order[:-1], -1)
     table.refuse(
         (before >= 0) & (time < time[before]),
-        "time_s",
+        column,
         lambda row: (
-            f"time runs backwards, {time[before[row]]:.9g} s in row {before[row] + table.first_row}, "
+            f"time runs backwards, {time[before[row]]:.9g} s in row {table.row_number(before[row])}, "
             f"then {time[row]:.9g} s"
         ),
         "time that does not decrease",

@@ -23,6 +23,7 @@ from ..camera import read_camera
 from ..digest import StreamDigest
 from ..poses_and_labels import read_labels, read_pose
 from ..readers import Reader, register
+from ..sheet import ENDINGS
 from ..sound import SoundFileStream
 from ..types import Recording
 from ..vibration import read_vibration_run
@@ -34,7 +35,7 @@ _SLIP = 0.82
 
 _TABLE_KINDS = (".csv", ".csv.gz", ".parquet")
 _STREAMS = {
-    "wheel": tuple("wheel" + kind for kind in _TABLE_KINDS),
+    "wheel": tuple("wheel" + kind for kind in ENDINGS),
     "camera": ("camera",),
     "sound": ("sound.wav", "sound.flac"),
     "pose": tuple("pose" + kind for kind in _TABLE_KINDS),
@@ -101,6 +102,7 @@ class FolderReader(Reader):
     """Reads a recording's folder: tables into memory, camera and sound as streams."""
 
     kinds = "a recording's folder"
+    takes_topics = True
 
     def sniff(self, path: Path) -> bool:
         """Recognise a folder; those that are bags have their own reader."""
@@ -116,6 +118,8 @@ class FolderReader(Reader):
         """
         about, problems = _about(path)
         found = _locate(path, about)
+        if topics is not None and "wheel" not in found:
+            raise InputError(path, "a column map is given, and there is no wheel table", expected="wheel.csv")
         if not found:
             expected = "wheel.csv, camera/, sound.wav, pose.csv or vibration.csv"
             raise InputError(path, "no stream of a recording in it", expected=expected)
@@ -124,8 +128,9 @@ class FolderReader(Reader):
         digest = StreamDigest()
         wheel = pose = camera = sound = vibration = None
         notes: tuple[str, ...] = ()
+        made: tuple[str, ...] = ()
         if "wheel" in found:
-            wheel, notes = read_wheel(found["wheel"])
+            wheel, notes, made = read_wheel(found["wheel"], topics)
             problems += notes
             digest.add_wheel(wheel)
             wheel = wheel if vehicle is None else derive_all(wheel, vehicle)
@@ -156,7 +161,7 @@ class FolderReader(Reader):
         labels = read_labels(found["labels"]) if "labels" in found else None
         return Recording(
             about.name or path.resolve().name, path, vehicle, about.start_time, about.site, digest.hexdigest(),
-            wheel, pose, labels, camera, sound, tuple(problems), vibration,
+            wheel, pose, labels, camera, sound, tuple(problems), vibration, made,
         )  # fmt: skip
 
 

@@ -1,0 +1,286 @@
+"""The main job over many recordings: processed at once, stored by one writer in the order in which they were given."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, wait
+from contextlib import closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..database.store import TerrainDatabase
+from .core.arguments import path_of, refused, whole
+from .core.errors import BevameterError, InputError
+from .core.recording.types import Recording
+from .core.vehicle import Vehicle
+from .default_models import Models, at_hand, find_models
+from .segments import CELL_SIZE_M
+from .sense_map import Progress
+from .summary import TraverseSummary
+from .traverse import Conditions, Processed, process, store, url_of
+from .workers import ClusterWorkers, LocalWorkers, WorkerLost, Workers
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+_POLL_S = 0.5
+
+
+@dataclass(frozen=True)
+class FailedRecording:
+    """A recording that was not processed.
+
+    Parameters
+    ----------
+    source
+        Its path.
+    problem
+        Why, in one line that names it.
+    """
+
+    source: str
+    problem: str
+
+    def as_dict(self) -> dict[str, str]:
+        """Give it as `bevameter run --json` writes it."""
+        return {"source": self.source, "error": self.problem}
+
+
+Outcome = TraverseSummary | FailedRecording
+"""What became of a recording."""
+
+Results = Generator[tuple[int, Processed | FailedRecording], None, None]
+"""What came out of processing, each with the number of its recording."""
+
+
+def run_traverses(
+    recordings: Sequence[Recording | str | Path],
+    database: TerrainDatabase | str | Path,
+    *,
+    vehicle: Vehicle | str | Path | None = None,
+    topics: str | Path | None = None,
+    models: Models | str | Path | None = None,
+    cell_size_m: float = CELL_SIZE_M,
+    workers: int = 1,
+    client: Client | None = None,
+    progress: Progress | None = None,
+    finished: Callable[[Outcome], None] | None = None,
+) -> tuple[Outcome, ...]:
+    """Turn recorded drives into observations of terrain and soil, and add them to a database.
+
+    Each is processed as by `run_traverse`, in this process, in several of this machine, or on a Dask cluster. Only this
+    process reads and writes the database: one transaction a drive, in the order in which recordings are given. So the
+    database holds the same whichever way is taken. What it knows of the physics of classes, and the models, are those
+    at the beginning. A run that was interrupted has stored whole drives, and the same run again processes the rest.
+
+    Parameters
+    ----------
+    recordings
+        Their paths; with one worker and no client also recordings.
+    database
+        The terrain database, or its path or URL; made if missing.
+    vehicle, topics
+        For all of them, instead of their own: the vehicle, or its TOML file; and the topic map of bags.
+    models
+        The classifiers, or the folder that holds them, as in `run_traverse`. Other processes are sent those that this
+        one finds.
+    cell_size_m
+        Edge of a ground cell [m].
+    workers
+        How many processes work at once [-]; with 1 it is this one. Each takes its share of the cores, and as much
+        memory as a run does.
+    client
+        Of `dask.distributed`, instead of processes of this machine. The workers of the cluster need the same version of
+        Bevameter, and read the recordings by the same paths.
+    progress
+        Called with ``"recordings"`` and the share of them that is done; with one worker and no client also with each
+        stage of a recording. What it raises ends the run.
+    finished
+        Called with each outcome as soon as it is stored, in the order in which recordings are given.
+
+    Returns
+    -------
+    tuple of TraverseSummary or FailedRecording
+        One a recording. One that cannot be used, whose processing has a defect, or whose process died, fails alone.
+
+    Raises
+    ------
+    InputError
+        An argument, the vehicle, a model or the database cannot be used. What was stored before stays.
+    """
+    given = _checked(recordings, workers, client)
+    report: Progress = progress or (lambda stage, share: None)
+    conditions = Conditions.of(database, vehicle=vehicle, topics=topics, cell_size_m=cell_size_m)
+    found = FoundModels(models, url_of(database), report)
+    if client is not None:
+        given = [each.absolute() for each in given if isinstance(each, Path)]  # workers have other working folders
+        if conditions.topics is not None:
+            conditions = replace(conditions, topics=conditions.topics.absolute())
+        results = _by_workers(ClusterWorkers(client), given, conditions, found)
+    elif min(workers, len(given)) > 1:
+        results = _by_workers(LocalWorkers(min(workers, len(given))), given, conditions, found)
+    else:
+        results = _in_this_process(given, conditions, found, report)
+    outcomes: list[Outcome] = []
+    report("recordings", 0.0)
+    with closing(results):
+        for result in _in_order(results):
+            # Only now: the database is written by nobody but this process.
+            outcomes.append(result if isinstance(result, FailedRecording) else store(result, database))
+            if finished is not None:
+                finished(outcomes[-1])
+            report("recordings", len(outcomes) / len(given))
+    return tuple(outcomes)
+
+
+def _checked(
+    recordings: Sequence[Recording | str | Path], workers: int, client: Client | None
+) -> tuple[Recording | Path, ...]:
+    """Give the recordings; raises `InputError` where they are none, or cannot be processed where it is wanted."""
+    wanted = "a list of recordings, or of their paths"
+    if isinstance(recordings, str | Path | Recording) or not isinstance(recordings, Iterable):
+        raise refused("recordings", recordings, wanted)
+    given = tuple(each if isinstance(each, Recording) else path_of("recordings", each, wanted) for each in recordings)
+    if whole("workers", workers, "a whole number of processes, at least 1") < 1:
+        raise refused("workers", workers, "a whole number of processes, at least 1")
+    if client is not None and workers > 1:
+        raise InputError("workers", f"{workers}, and a cluster's client, too", expected="one of them")
+    if client is not None or min(workers, len(given)) > 1:
+        for each in given:
+            if isinstance(each, Recording):
+                raise InputError("recordings", f"{each.name!r}, which was read", expected="a path, for other processes")
+    return given
+
+
+class FoundModels:
+    """The models of a run over several recordings, each looked for once.
+
+    Those that are there are read at the beginning; one that is to be trained is when a recording first needs it.
+    """
+
+    def __init__(self, models: Models | str | Path | None, database: str | Path, progress: Progress):
+        given = models if isinstance(models, Models) else None
+        self._folder = None if isinstance(models, Models) else models
+        self._database, self._progress = database, progress
+        self.ready = ReadyModels(given, {})
+        if given is None:
+            self.look_for(at_hand(self._folder, database))
+
+    def look_for(self, senses: Sequence[str]) -> bool:
+        """Find the models of senses, or train them; False where all of them were looked for before.
+
+        Raises
+        ------
+        InputError
+            A model is damaged, or one that was trained cannot be kept.
+        """
+        missing = [sense for sense in senses if sense not in self.ready.by_sense]
+        if missing:
+            found = {
+                each: find_models(self._folder, self._database, senses=(each,), progress=self._progress)
+                for each in missing
+            }
+            self.ready = ReadyModels(None, {**self.ready.by_sense, **found})
+        return bool(missing)
+
+    def of(self, senses: Sequence[str]) -> Models:
+        """Give the models of a recording's senses."""
+        if self.ready.given is None:
+            self.look_for(senses)
+        return self.ready.of(senses)
+
+
+@dataclass(frozen=True)
+class ReadyModels:
+    """Models as they are sent to other processes: those that a user gave, or those that were found by sense."""
+
+    given: Models | None
+    by_sense: Mapping[str, Models]
+
+    def of(self, senses: Sequence[str]) -> Models:
+        """Give the models of a recording's senses; raises `_Lacking` where one of them was not looked for yet."""
+        if self.given is not None:
+            return self.given
+        missing = tuple(sense for sense in senses if sense not in self.by_sense)
+        if missing:
+            raise _Lacking(missing)
+        return Models.joined([self.by_sense[sense] for sense in senses])
+
+
+class _Lacking(Exception):
+    """Models of the senses (`args`) were not looked for yet."""
+
+
+def _in_this_process(
+    given: Sequence[Recording | Path], conditions: Conditions, found: FoundModels, report: Progress
+) -> Results:
+    for number, recording in enumerate(given):
+        try:
+            result = process(recording, conditions, found.of, report)
+        except Exception as error:
+            result = _failed(recording, error)
+        yield number, result
+
+
+def _by_workers(
+    started: Workers, given: Sequence[Recording | Path], conditions: Conditions, found: FoundModels
+) -> Results:
+    """Have recordings processed, and yield what comes out as it comes."""
+    with started as workers:
+        sent = workers.shared((conditions, found.ready))
+        pending = {workers.submit(_attempt, each, sent): number for number, each in enumerate(given)}
+        while pending:
+            # Windows lets Ctrl-C through between waits only.
+            done, _ = wait(pending, timeout=_POLL_S, return_when=FIRST_COMPLETED)
+            for future in done:
+                number = pending.pop(future)
+                try:
+                    result = future.result()
+                    if isinstance(result, _Lacking):
+                        if found.look_for(result.args[0]):
+                            sent = workers.shared((conditions, found.ready))
+                        pending[workers.submit(_attempt, given[number], sent)] = number
+                        continue
+                except BevameterError as error:
+                    result = _failed(given[number], error)
+                except CancelledError:
+                    result = _failed(given[number], WorkerLost("the connection to the cluster was lost"))
+                except Exception as error:  # of the cluster: what the function raises comes as a result
+                    died = "its worker on the cluster died, " * (type(error).__name__ == "KilledWorker")
+                    result = _failed(given[number], WorkerLost(f"{died}{type(error).__name__}: {error!s:.200}"))
+                yield number, result
+
+
+def _attempt(recording: Path, sent: tuple[Conditions, ReadyModels]) -> Processed | FailedRecording | _Lacking:
+    """Process a recording, in another process; an error is returned as text, which any process can read."""
+    conditions, models = sent
+    try:
+        return process(recording, conditions, models.of)
+    except _Lacking as lacking:
+        return lacking
+    except Exception as error:
+        return _failed(recording, error)
+
+
+def _failed(recording: Recording | Path, error: BaseException) -> FailedRecording:
+    """Say in one line that names the recording why it failed; where it is a defect of the program also in what line."""
+    source = str(recording.source if isinstance(recording, Recording) else recording)
+    text = " ".join(str(error).split())
+    if not isinstance(error, BevameterError):
+        frames = traceback.extract_tb(error.__traceback__)
+        place = f", {Path(frames[-1].filename).name} line {frames[-1].lineno}" if frames else ""
+        text = f"{type(error).__name__}: {text:.300}{place}"
+    return FailedRecording(source, text if text.startswith(source) else f"{source}: {text}")
+
+
+def _in_order(results: Results) -> Iterator[Processed | FailedRecording]:
+    """Give results in the order of their numbers, each as soon as those before it are there."""
+    waiting: dict[int, Processed | FailedRecording] = {}
+    following = 0
+    for number, result in results:
+        waiting[number] = result
+        while following in waiting:
+            yield waiting.pop(following)
+            following += 1

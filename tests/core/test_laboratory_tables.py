@@ -1,0 +1,283 @@
+"""Tables as laboratories and programs write them: what is read of them, what is said of it, and what is refused."""
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bevameter import read_recording
+from bevameter.framework.core.errors import InputError, InputErrors
+from bevameter.framework.core.recording.column_map import load_column_map
+from bevameter.framework.core.recording.column_names import meaning
+from bevameter.framework.core.recording.wheel_file import read_wheel, read_wheel_file
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write_file(content, name="lab.csv"):
+        path = tmp_path / name
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return path
+
+    return write_file
+
+
+@pytest.mark.parametrize(
+    ("name", "channel", "si"),
+    [
+        ("Fz [N]", "load_N", 1.0), ("Normal load (kN)", "load_N", 1e3), ("W", "load_N", 1.0), ("w [N]", "load_N", 1.0),
+        ("Vertical force", "load_N", 1.0), ("Normal load, W (N)", "load_N", 1.0), ("Radlast [kg]", "load_N", 9.80665),
+        ("Charge verticale (daN)", "load_N", 10.0), ("load_n", "load_N", 1.0), ("load std [kN]", "load_sd_N", 1e3),
+        ("DP [N]", "drawbar_pull_N", 1.0), ("Drawbar pull (DP) [lbf]", "drawbar_pull_N", 4.4482216152605),
+        ("DBP", "drawbar_pull_N", 1.0), ("drawbarPull", "drawbar_pull_N", 1.0), ("Zugkraft / N", "drawbar_pull_N", 1.0),
+        ("T [Nm]", "torque_Nm", 1.0), ("Torque Nm", "torque_Nm", 1.0), ("T_w [N·mm]", "torque_Nm", 1e-3),
+        ("Torque (ft-lb)", "torque_Nm", 1.3558179483314003), ("wheelTorque_kNm", "torque_Nm", 1e3),
+        ("Sinkage/cm", "sinkage_m", 1e-2), ("z_mm", "sinkage_m", 1e-3), ("Einsinkung in mm", "sinkage_m", 1e-3),
+        ("Slip ratio s (-)", "slip", 1.0), ("slip_pct", "slip", 1e-2), ("i (%)", "slip", 1e-2), ("s [-]", "slip", 1.0),
+        ("omega rad/s", "wheel_speed_rad_s", 1.0), ("ω (deg/s)", "wheel_speed_rad_s", np.pi / 180),
+        ("rpm", "wheel_speed_rad_s", np.pi / 30), ("Wheel speed [U/min]", "wheel_speed_rad_s", np.pi / 30),
+        ("V [mm/s]", "travel_speed_m_s", 1e-3), ("Carriage speed (km/h)", "travel_speed_m_s", 1 / 3.6),
+        ("Time [ms]", "time_s", 1e-3), ("__time", "time_s", 1.0), ("t [µs]", "time_s", 1e-6), ("Test No.", "run", 1.0),
+        ("/wheel/fl/load_N", "load_N", 1.0), ("/ft/wrench/force/z", "load_N", 1.0), ("Pass #", "pass", 1.0),
+    ],
+)  # fmt: skip
+def test_names_and_units(name, channel, si):
+    found = meaning(name)
+    assert (found.channel, found.factor) == (channel, pytest.approx(si))
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["T [°C]", "side_force_N", "Slip velocity [m/s]", "width", "V [V]", "w", "n", "Force [N]",
+     "current_A", "Wheel speed [m/s]", "load [mn]", "Load [V]", "velL", "ax", "slip_target"],
+)  # fmt: skip
+def test_names_that_say_something_else_or_not_enough_are_no_channel_in_si(name):
+    found = meaning(name)
+    assert found is None or found.factor is None
+
+
+ISSUE = "Fz [N], DP [N], T [Nm], Slip [%], Sinkage [mm]\n100,10,5,10,12.5\n101,20,6,20,13.5\n102,25,7,40,15\n"
+PLAIN = {"time_s": [0.0, 0.1], "load_N": [1234.5, 1240.0], "slip": [0.105, 0.115]}
+LAYOUTS = {
+    "german": "Zeit [s];Radlast [N];Schlupf [%]\r\n0,0;1.234,5;10,5\r\n0,1;1.240;11,5\r\n",
+    "latin-1, with lines about the test": "Datum;12.03.2024\r\nPrüfer;Müller\r\n\r\nZeit [s];Radlast [N];Schlupf [%];"
+    "\r\n0,0;1234,5;10,5;\r\n0,1;1240;11,5;\r\n".encode("latin-1"),
+    "french, blanks between thousands": "Temps (s);Charge (N);Glissement (%)\n"
+    "0,0;1\u202f234,5;10,5\n0,1;1\u00a0240;11,5\n",
+    "american": 'Time (s),"Load, W (N)",Slip\n0.0,"1,234.5",10.5%\n0.1,"1,240",11.5%\n',
+    "utf-16, tabs": "Time [ms]\tNormal load (kN)\tSlip ratio\n0\t1.2345\t0.105\n100\t1.24\t0.115\n".encode("utf-16"),
+    "row of units": "time,load,slip\n[s],[kN],[%]\n0.0,1.2345,10.5\n\n0.1,1.24,11.5\n\n",
+    "matlab": "% test 5\n% t [s], W [N], i [%]\n0, 1234.5, 10.5\n0.1, 1240, 11.5\n",
+    "numpy.savetxt": "# t[s] Fz[N] slip[-]\n0.0 1234.5 0.105\n0.1 1240 0.115\n",
+    "labview": "LabVIEW Measurement\nSeparator\tTab\n***End_of_Header***\n\nX_Value\tLoad (N)\tSlip (%)\tComment\n"
+    "0\t1234.5\t10.5\n0.1\t1240\t11.5\n",
+    "excel's sep=": "sep=;\nTime [s];Fz [N];Slip [-]\n0;1234,5;0,105\n0,1;1240;0,115\n",
+    "repeated header, remarks, empty rows": "Time [s],Fz [N],Slip [-]\n0,1234.5,0.105\nTime [s],Fz [N],Slip [-]\n,,\n"
+    "# paused\n0.1,1240,0.115\n",
+    "index of pandas": ",time_s,Fz [N],Slip [%]\n0,0.0,1234.5,10.5\n1,0.1,1240,11.5\n",
+    "times of day": "Time,Fz [N],Slip [%]\n10:00:00.0,1234.5,10.5\n10:00:00.1,1240,11.5\n",
+    "dates": "Timestamp,Fz [N],Slip [%]\n2024-05-01 10:00:00.0,1234.5,10.5\n2024-05-01 10:00:00.1,1240,11.5\n",
+    "header of two lines": '"Time\n[s]","Load\n[N]",Slip [%]\n0.0,1234.5,10.5\n0.1,1240,11.5\n',
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_layouts_and_locales(layout, write):
+    table, _, notes = read_wheel(write(LAYOUTS[layout]))
+    assert set(table.columns) == set(PLAIN)
+    for name, values in PLAIN.items():
+        np.testing.assert_allclose(table[name], values, rtol=1e-12, err_msg=name)
+    assert any("columns read as" in note for note in notes)
+
+
+def test_the_table_of_a_laboratory_and_what_is_said_of_it(write):
+    table, problems, (read, assumed) = read_wheel(write(ISSUE))
+    np.testing.assert_array_equal(table["sinkage_m"], [0.0125, 0.0135, 0.015])
+    np.testing.assert_array_equal(table["slip"], [0.1, 0.2, 0.4])
+    assert table.run.tolist() == ["2", "3", "4"]
+    assert read.endswith("slip = Slip [%] / 100; sinkage_m = Sinkage [mm] / 1000")
+    assert assumed.endswith("each row is a steady-state trial, for there is neither time nor run")
+    assert problems == ()
+    assert read_recording(write(ISSUE)).notes == (read, assumed)
+    with pytest.warns(UserWarning, match="lab.csv: ") as warned:
+        read_wheel_file(write(ISSUE))
+    assert [str(each.message) for each in warned] == [read, assumed]
+
+
+def test_rows_are_counted_as_in_the_file(write):
+    with pytest.raises(InputError, match=r"row 7, column Fz \[N\]: 'x' .expected a number"):
+        read_wheel(write("Test 5\n\nTime [s],Fz [N]\n0,1\n# remark\n\n1,x\n"))
+
+
+def test_marks_of_missing_values_are_counted(write):
+    table, _, notes = read_wheel(write("Time [s];Fz [N];Slip [%]\n0;10;-\n1;#N/A;6\n2;11;7\n"))
+    np.testing.assert_array_equal(table["load_N"], [10, np.nan, 11])
+    assert "1 cell such as '#N/A' taken for no value" in notes[0]
+
+
+def test_signs_are_turned_only_where_that_is_said(write):
+    text = "Time [s],Fz [N],T [Nm],Slip [%],z [mm]\n" + "".join(f"{i},-100,-{i + 5},20,-{i + 12}\n" for i in range(5))
+    table, _, notes = read_wheel(write(text))
+    assert table["load_N"][0] == 100.0
+    assert table["torque_Nm"][0] == 5.0
+    assert table["sinkage_m"][0] == 0.012
+    assert sum("is turned" in note for note in notes) == 3
+    own = "time_s,load_N,slip\n" + "".join(f"{i},-100,0.2\n" for i in range(5))
+    assert read_wheel(write(own)).table["load_N"][0] == -100.0
+
+
+def test_slip_without_a_unit_is_judged_by_its_size_or_refused(write):
+    def slip(values):
+        rows = "".join(f"{i},100,{value}\n" for i, value in enumerate(values))
+        return read_wheel(write("Time [s],Fz [N],Slip\n" + rows))
+
+    assert "a fraction, not per cent" in slip([0.1, 0.5]).notes[1]
+    assert slip([5, 40]).table["slip"].tolist() == [0.05, 0.4]
+    with pytest.raises(InputError, match=r"column Slip: no unit, and values up to 8 .*Slip \[%\]"):
+        slip([2, 8])
+    with pytest.raises(InputError, match="column Slip: counts the rows"):
+        slip(range(1, 40))
+
+
+def test_all_faults_come_at_once_each_with_its_mend(write):
+    path = write("Fz [foo],DP [N],Torqe [Nm],Slip,Sinkage,Sample\n1,2,3,5,12.5,0.1\n1,x,3,6,13,0.2\n")
+    with pytest.raises(InputErrors) as error:
+        read_wheel(path)
+    first, *lines = str(error.value).splitlines()
+    assert first == f"{path}: {len(lines)} faults"
+    for said in (
+        "column Torqe [Nm]: no column of a wheel file (expected torque_Nm)",
+        "column Fz [foo]: unit 'foo' (expected load_N",
+        "row 3, column DP [N]: 'x' (expected a number)", "column Slip: no unit", "such as Sinkage [mm]",
+    ):  # fmt: skip
+        assert any(said in line for line in lines), said
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        ("Time [s],Normal load [N],Fz [N]\n0,1,2\n1,2,3\n", "2 columns mean load_N: Normal load .N., Fz .N."),
+        ("Time [s],Fz [N],Fz [N]\n0,1,2\n1,2,3\n", "2 columns mean load_N"),
+        ("Time [s];Nomal load [N]\n0;1\n", r"column Nomal load \[N\]: .*did you mean normal load"),
+        ("Time [s];Fz [N]\n0;1,234\n1;1,300\n", "'1,234' and 1 more rows .expected 1.234 or 1234: decimal = "),
+        ("Time [s];Slip [%];Fz [N]\n0,5;1;100.25\n1,5;2;100.5\n", "'0,5'.* one decimal mark: there is '100.25'"),
+        ("Time [s],Drehzahl,Fz [N]\n0,1,2\n", "column Drehzahl: no unit .expected wheel_speed_rad_s: one of rad/s"),
+        ("Clock,Fz [N]\n0.1,1\n0.2,1\n0.3,1\n0.5,1\n", "neither column time_s nor column run; there are Clock"),
+        ("Fz [N]\n" + "1\n" * 501, "neither column time_s"),
+        ("0,100,5\n1,100,6\n", "no header: '0,100,5'"),
+        ("Time [s],load_N\nms,kN\n0,1\n", "column load_N: the row of units says kN"),
+        ("Time,Fz [N]\n1700000000000,1\n1700000000010,1\n", r"column Time: no unit.*such as Time \[ns\]"),
+        ("[" * 9000 + "\n1\n", "a name of 9000 characters"),
+        ("hello world\nthis is a text\n", "neither column time_s"),
+        (b"\x7fELF\x00\x01", "binary data"),
+        ("Time [s],Fz [N]\n0,1,2\n1,2,3\n2,3,4\n", "row 2: 3 cells .expected 2, as in the header; 2 more rows differ"),
+    ],
+)
+def test_what_is_in_doubt_or_no_table_is_refused(content, says, write):
+    with pytest.raises(InputError, match=says):
+        read_wheel(write(content))
+
+
+def test_columns_near_to_a_channel_have_a_hint(write):
+    _, problems, _ = read_wheel(write("Time [s],Fz [N],diameter_m\n0,1,0.3\n1,2,0.3\n"))
+    assert any("diameter_m: not used; radius_m = diameter / 2, in vehicle.toml" in problem for problem in problems)
+
+
+def test_a_table_in_si_takes_no_letter_for_a_channel(write):
+    table, problems, notes = read_wheel(write("time_s,load_N,slip,T\n0,1,0.1,20\n1,1,0.1,20\n"))
+    assert "torque_Nm" not in table
+    assert "columns not used: T" in problems[0]
+    assert notes == ()
+
+
+def test_a_column_map(write):
+    table = write("Zeit;oben;M;s\n0;1,5;-3;12\n1;1,6;-4;14\n")
+    text = """decimal = ","
+[columns]
+time_s = { column = "Zeit", unit = "ms" }
+load_N = { column = "oben", unit = "kN", offset = 10.0 }
+torque_Nm = { column = "M", scale = -1.0 }
+slip = { column = "s", unit = "%" }
+"""
+    read = read_recording(table, topics=write(text, "map.toml")).wheel
+    assert {name: values.tolist() for name, values in read.columns.items()} == {
+        "time_s": [0.0, 0.001], "load_N": [1510.0, 1610.0], "torque_Nm": [3.0, 4.0], "slip": [0.12, 0.14],
+    }  # fmt: skip
+    for wrong, says in (
+        ('load_N = "obem"', r"key columns.load_N: no column 'obem' in lab.csv .expected oben"),
+        ('load_kN = "oben"', "load_kN: no column of a wheel file"),
+        ('load_N = { column = "oben", unit = "V" }', "unit 'V' .expected one of N, kN"),
+        ('load_N = { column = "oben", factor = 2 }', "no such key"),
+    ):
+        with pytest.raises(InputError, match=says):
+            read_wheel(table, write(f"[columns]\n{wrong}\n", "map.toml"))
+
+
+def test_the_column_map_of_the_documentation_is_read(write):
+    page = (ROOT / "docs" / "recording.md").read_text(encoding="utf-8")
+    section = page.split("## Laboratory tables")[1].split("\n## ")[0]
+    example = section[section.index("    decimal = ") :]
+    lines = [line[4:] for line in example.splitlines() if line.startswith("    ")]
+    mapped = load_column_map(write("\n".join(lines), "map.toml"))
+    assert set(mapped.columns) == {"load_N", "torque_Nm", "slip"}
+    assert (mapped.decimal, mapped.sheet) == (",", "Versuch 3")
+
+
+@pytest.fixture
+def workbook(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+
+    def save(sheets):
+        book = openpyxl.Workbook()
+        book.remove(book.active)
+        for title, rows in sheets.items():
+            sheet = book.create_sheet(title)
+            for row in rows:
+                sheet.append(row)
+        book.save(tmp_path / "lab.xlsx")
+        return tmp_path / "lab.xlsx"
+
+    return save
+
+
+DATA = [["Test 5"], [], ["Time [s]", "Fz [kN]", "Slip [%]", "Remark"], [0.0, 0.1, 10, "a, b"], [0.1, 1 / 3, 20, None]]
+
+
+def test_a_workbook(workbook, write):
+    table, _, notes = read_wheel(workbook({"Info": [["Operator", "A"]], "Data": DATA}))
+    np.testing.assert_array_equal(table["load_N"], [100.0, 1000.0 * (1 / 3)])
+    assert notes[0] == "lab.xlsx: sheet 'Data', header in row 3"
+    both = workbook({"one": DATA, "two": DATA})
+    with pytest.raises(InputError, match=r"2 sheets could be the table: one, two .expected sheet = "):
+        read_wheel(both)
+    assert len(read_wheel(both, write('sheet = "two"', "map.toml")).table) == 2
+    with pytest.raises(InputError, match=r"no sheet 'three' .expected one of one, two"):
+        read_wheel(both, write('sheet = "three"', "map.toml"))
+
+
+def test_per_cent_shown_by_excel_alone(workbook):
+    import openpyxl
+
+    path = workbook({"Data": DATA})
+    book = openpyxl.load_workbook(path)
+    for row, value in ((4, 0.1), (5, 0.2)):
+        book["Data"].cell(row, 3, value).number_format = "0.0%"
+    book.save(path)
+    np.testing.assert_allclose(read_wheel(path).table["slip"], [0.1, 0.2])
+
+
+def test_hostile_workbooks(workbook, tmp_path):
+    bomb = tmp_path / "bomb.xlsx"
+    with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("xl/worksheets/sheet1.xml", b"0" * (257 * 2**20))
+    with pytest.raises(InputError, match="unpacks to 269484032 bytes"):
+        read_wheel(bomb)
+    bomb.write_bytes(b"no archive")
+    with pytest.raises(InputError, match="no readable workbook"):
+        read_wheel(bomb)
+    whole = workbook({"Data": DATA}).read_bytes()
+    bomb.write_bytes(whole[:-100])
+    with pytest.raises(InputError, match="no readable workbook"):
+        read_wheel(bomb)
