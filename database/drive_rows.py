@@ -98,19 +98,16 @@ def insert_columns(connection: Connection, row_type: type[Base], columns: Mappin
 
 def _copy_rows(connection: Connection, table: Table, names: Sequence[str], rows: Iterable[tuple]) -> int:
     """Insert rows by PostgreSQL's binary COPY, which sends half as many bytes as statements do, in half of the time."""
-    from psycopg import sql
-
     arriving = Table(
         f"arriving_{table.name}", MetaData(), *(Column(name, table.c[name].type) for name in names),
         prefixes=["TEMPORARY"], postgresql_on_commit="DELETE ROWS",
     )  # fmt: skip
     connection.execute(CreateTable(arriving, if_not_exists=True))
-    statement = sql.SQL("COPY {} ({}) FROM STDIN (FORMAT BINARY)").format(
-        sql.Identifier(arriving.name), sql.SQL(", ").join(map(sql.Identifier, names))
-    )
+    quoted = connection.dialect.identifier_preparer
+    into = f"{quoted.format_table(arriving)} ({', '.join(map(quoted.quote, names))})"
     kinds = [column.type.compile(dialect=connection.dialect) for column in arriving.columns]
     driver: Any = connection.connection.driver_connection
-    with driver.cursor() as cursor, cursor.copy(statement) as copy:
+    with driver.cursor() as cursor, cursor.copy(f"COPY {into} FROM STDIN (FORMAT BINARY)") as copy:
         copy.set_types([kind.partition("(")[0].lower() for kind in kinds])
         for row in rows:
             copy.write_row(row)

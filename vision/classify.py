@@ -49,6 +49,19 @@ def check_model(model: TerrainClassifier) -> None:
         raise InputError(model.source, str(error), expected=expected, place="key settings.limits") from None
 
 
+NO_COLOUR = "no colour in the image, and the model was trained on colour"
+_COLOURED = 0.02
+"""Mean saturation of training patches above which a model goes by colour [-]; that of grey is 0."""
+
+
+def misses_colour(model: TerrainClassifier, image: np.ndarray) -> bool:
+    """Say whether an image (h, w, 3) has no colour at all, as a monochrome camera's, where the model goes by colour."""
+    if model.fitted.mean[FEATURE_NAMES.index("saturation")] <= _COLOURED:
+        return False
+    thinned = image[::4, ::4]
+    return bool((thinned == thinned[:, :, :1]).all())
+
+
 def patch_evidence(model: TerrainClassifier, patches: np.ndarray, **known: np.ndarray) -> ClassEvidence:
     """Say what patches (n, 64, 64, 3) show; `known` is passed on to `patch_quality`."""
     features = patch_features(patches)
@@ -63,7 +76,13 @@ def image_evidence(model: TerrainClassifier, images: Sequence[np.ndarray]) -> Cl
     if not patches:
         return ClassEvidence.nothing(model.classes, [])
     unit = np.repeat(np.arange(len(patches)), [len(part) for part in patches])
-    return model.pool(patch_evidence(model, np.concatenate(patches)), unit, len(patches))
+    evidence = patch_evidence(model, np.concatenate(patches))
+    if grey := [number for number, image in enumerate(images) if misses_colour(model, image)]:
+        unknown = np.isin(unit, grey)
+        nothing = ClassEvidence.nothing(model.classes, [(NO_COLOUR,)] * int(unknown.sum()))
+        evidence = ClassEvidence.concatenate([evidence.select(~unknown), nothing])
+        unit = np.concatenate([unit[~unknown], unit[unknown]])
+    return model.pool(evidence, unit, len(patches))
 
 
 def classify_images(files: Sequence[str | Path], model: TerrainClassifier) -> list[dict]:

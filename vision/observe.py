@@ -11,7 +11,7 @@ from ..framework.core.classifier.classifier import TerrainClassifier
 from ..framework.core.evidence import ClassEvidence
 from ..framework.core.recording.types import CameraStream, Frame
 from ..framework.core.vehicle import Camera
-from .classify import check_model, patch_evidence
+from .classify import NO_COLOUR, check_model, misses_colour, patch_evidence
 from .project import GroundPatches, ground_patches
 
 BATCH_FRAMES = 8
@@ -78,8 +78,8 @@ def observe_ground(
     Yields
     ------
     GroundEvidence
-        A few frames at a time. A frame that could not be read, or is black or blank, gives unknown cells with the
-        reason.
+        A few frames at a time. A frame that could not be read, is black or blank, or has no colour where the model
+        goes by it, gives unknown cells with the reason.
 
     Raises
     ------
@@ -130,7 +130,7 @@ def _look(
     blur = np.zeros(len(batch))
     if camera.exposure_s is not None:
         blur = np.abs(np.asarray(speed_at(time_s), dtype=float)) * camera.exposure_s / cell_size_m
-    problems = [_problem(frame, camera) for frame, *_ in batch]
+    problems = [_problem(frame, camera, model) for frame, *_ in batch]
     usable = [index for index, problem in enumerate(problems) if problem is None]
     seen: dict[int, ClassEvidence] = {}
     if usable and k:
@@ -165,7 +165,7 @@ def _cell(value: np.ndarray, cell_size_m: float) -> np.ndarray:
     return (np.floor(value / cell_size_m) + 0.5) * cell_size_m
 
 
-def _problem(frame: Frame, camera: Camera) -> str | None:
+def _problem(frame: Frame, camera: Camera, model: TerrainClassifier) -> str | None:
     """What keeps a whole frame from being looked at."""
     if frame.image is None:
         return frame.problem or "no image"
@@ -177,4 +177,6 @@ def _problem(frame: Frame, camera: Camera) -> str | None:
         return "black image"
     if thinned.min() > 250:
         return "white image"
-    return "blank image" if thinned.reshape(-1, 3).std(axis=0).max() < 1.0 else None
+    if thinned.reshape(-1, 3).std(axis=0).max() < 1.0:
+        return "blank image"
+    return NO_COLOUR if misses_colour(model, frame.image) else None

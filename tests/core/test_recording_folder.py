@@ -112,6 +112,19 @@ def test_truncated_sound_is_reported(drive):
     assert any("sound.wav: cut off, ends after 1.000 s of 2.000 s" in problem for problem in recording.problems)
 
 
+def test_sound_that_cannot_be_read_is_left_out_alone(drive):
+    (drive / "sound.wav").write_text("this is no sound")
+    recording = read_recording(drive)
+    assert recording.sound is None
+    assert len(recording.wheel) == 100
+    assert any("sound is left out" in problem and "sound.wav: no sound" in problem for problem in recording.problems)
+    for other in ("wheel.csv", "pose.csv", "labels.csv", "recording.toml"):
+        (drive / other).unlink()
+    shutil.rmtree(drive / "camera")
+    with pytest.raises(InputError, match=r"sound\.wav: no sound"):
+        read_recording(drive)
+
+
 def replace(file, old, new):
     def change(drive):
         path = drive / file

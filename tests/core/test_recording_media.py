@@ -9,6 +9,7 @@ import soundfile as sf
 from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.recording import sound
 from bevameter.framework.core.recording.camera import decode_image, read_image
+from bevameter.framework.core.recording.mp3 import Mp3Splitter
 from bevameter.framework.core.recording.sound import SoundFileStream, read_channels, read_sound
 
 RATE = 8000
@@ -133,6 +134,25 @@ def test_sound_is_read(kind, tone, tmp_path):
     np.testing.assert_allclose(samples, tone, atol=0.02 if kind == "ogg" else 1e-4)
     part, _ = read_sound(path, 1.0, 1.5)
     np.testing.assert_allclose(part, samples[RATE : 3 * RATE // 2], atol=1e-6 if kind != "ogg" else 1e-3)
+
+
+@pytest.mark.parametrize("mode", ["CONSTANT", "VARIABLE"])
+def test_mp3_is_read_to_its_end_whatever_its_first_frames_bit_rate(mode, tmp_path, rng):
+    loud = np.repeat([0.0, 0.0, 0.4, 0.02, 0.4, 0.0], 2 * 16_000).astype(np.float32)
+    noise = loud * rng.normal(0, 0.5, len(loud)).astype(np.float32)
+    path = tmp_path / "x.mp3"
+    sf.write(path, noise, 16_000, bitrate_mode=mode, compression_level=0.5)
+    frames = Mp3Splitter().feed(path.read_bytes())
+    path.write_bytes(b"ID3\x04\0\0\0\0\0\x0a" + bytes(10) + b"".join(frames) + b"TAG" + bytes(125))
+    samples, rate = read_sound(path)
+    assert rate == 16_000
+    assert abs(len(samples) - len(noise)) < 3000
+    power = [np.square(samples[i * 32_000 + 3000 : (i + 1) * 32_000 - 3000]).mean() for i in range(6)]
+    assert [value > 0.01 for value in power] == [False, False, True, False, True, False]
+    damaged = b"".join(frames[:100]) + rng.integers(0, 255, 5000).astype(np.uint8).tobytes() + b"".join(frames[100:])
+    path.write_bytes(damaged)
+    (problem,) = SoundFileStream(path).problems
+    assert "x.mp3: damaged, read up to 3." in problem
 
 
 def test_channels_become_their_mean_and_loud_floats_are_clipped(tone, tmp_path):

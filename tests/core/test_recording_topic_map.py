@@ -1,53 +1,11 @@
-"""Topics recognised or mapped, and merged onto one clock; raw images, sound with gaps."""
+"""Topics recognised or mapped, and merged onto one clock; sound with gaps."""
 
 import numpy as np
 import pytest
 from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.recording.readers import read_recording
 from rosbags.rosbag2 import Writer as Writer2
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
-
-def typestore():
-    return get_typestore(Stores.ROS2_HUMBLE)
-
-
-def small_bag(path, topic, kind, messages, types=None):
-    types = types or typestore()
-    with Writer2(path, version=9) as writer:
-        connection = writer.add_connection(topic, kind, typestore=types)
-        for time_ns, message in messages:
-            writer.write(connection, time_ns, types.serialize_cdr(message, kind))
-    return path
-
-
-def raw_image(types, encoding, pixels, step=None):
-    header = types.types["std_msgs/msg/Header"](types.types["builtin_interfaces/msg/Time"](sec=0, nanosec=0), "")
-    height, width = pixels.shape[:2]
-    return types.types["sensor_msgs/msg/Image"](
-        header, height, width, encoding, 0, step or pixels.nbytes // height, pixels.ravel()
-    )
-
-
-def test_raw_images_of_each_encoding(tmp_path, rng):
-    types = typestore()
-    bgr = rng.integers(0, 255, (6, 5, 3)).astype(np.uint8)
-    grey = bgr[:, :, 0].copy()
-    kind = "sensor_msgs/msg/Image"
-    pictures = [
-        raw_image(types, "bgr8", bgr), raw_image(types, "rgb8", bgr[:, :, ::-1].copy()),
-        raw_image(types, "mono8", grey),
-        raw_image(types, "bgr8", bgr[:3], step=15 * 100), raw_image(types, "bayer_odd", grey),
-    ]  # fmt: skip
-    path = small_bag(tmp_path / "b", "/camera", kind, [((i + 1) * 10**8, m) for i, m in enumerate(pictures)])
-    frames = list(read_recording(path).camera.frames())
-    np.testing.assert_array_equal(frames[0].image, bgr)
-    np.testing.assert_array_equal(frames[1].image, bgr)
-    np.testing.assert_array_equal(frames[2].image, np.repeat(grey[:, :, None], 3, axis=2))
-    assert frames[3].image is None
-    assert "5 x 3 pixels" in frames[3].problem
-    assert frames[4].image is None
-    assert "bayer_odd" in frames[4].problem
+from small_bags import empty_header, raw_image, small_bag, typestore
 
 
 def test_missing_sound_messages_leave_a_gap_that_is_reported(tmp_path, rng):
@@ -148,10 +106,6 @@ def test_several_wheels_at_different_rates_and_a_gap(tmp_path):
     assert any("torque_Nm of wheel left" in problem for problem in recording.problems)
 
 
-def empty_header(types):
-    return types.types["std_msgs/msg/Header"](types.types["builtin_interfaces/msg/Time"](sec=0, nanosec=0), "")
-
-
 def test_a_force_sensor_whose_axis_points_up_has_its_load_turned(tmp_path):
     types = typestore()
     vector, wrench = types.types["geometry_msgs/msg/Vector3"], types.types["geometry_msgs/msg/Wrench"]
@@ -166,17 +120,6 @@ def test_a_force_sensor_whose_axis_points_up_has_its_load_turned(tmp_path):
     assert any("sign turned" in problem for problem in recording.problems)
     said = '[wheel]\ntopic = "/wheel/ft"\nfields = { load_N = "wrench.force.z" }'
     assert read_recording(path, topics=write(tmp_path, said)).wheel["load_N"].tolist() == [-80.0] * 5
-
-
-def test_mp3_is_reported_and_left_out(tmp_path):
-    types = typestore()
-    kind = "audio_common_msgs/msg/AudioData"
-    types.register(get_types_from_msg("uint8[] data", kind))
-    frame = np.array([0xFF, 0xFB, 0x90, 0x64] * 20, np.uint8)
-    path = small_bag(tmp_path / "b", "/audio", kind, [(i * 10**7, types.types[kind](frame)) for i in range(5)], types)
-    recording = read_recording(path)
-    assert recording.sound is None
-    assert any("MP3" in problem for problem in recording.problems)
 
 
 def test_several_cameras_need_a_map(tmp_path, rng):

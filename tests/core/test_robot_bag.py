@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.origin import Origin
+from bevameter.framework.core.recording.bag_camera import with_camera
+from bevameter.framework.core.recording.bag_files import Topic
+from bevameter.framework.core.recording.bag_frames import Frames
 from bevameter.framework.core.recording.bag_places import east_north
 from bevameter.framework.core.recording.readers import read_recording
 from bevameter.framework.core.recording.wheel_names import wheel_called
@@ -86,6 +89,15 @@ def test_a_camera_alone_needs_no_vehicle(driven, tmp_path, rng):
     assert recording.vehicle.camera.pitch_rad == pytest.approx(math.radians(25.0))
     with pytest.raises(InputError, match="no wheels"):
         recording.vehicle.wheel()
+
+
+def test_the_frame_of_foxglove_images_is_their_own(driven):
+    bag, frames = RobotBag(driven), Frames()
+    frames.add(bag.transforms())
+    topics = {"/camera/camera_info": Topic("/camera/camera_info", "sensor_msgs/msg/CameraInfo", "cdr", "")}
+    samples = {"/camera/camera_info": bag.camera_info(0.0), "/camera/video": {"frame_id": "camera_optical"}}
+    vehicle, _ = with_camera(None, "/camera/video", topics, samples, frames)
+    assert vehicle.camera.pitch_rad == pytest.approx(bag.optical[2])
 
 
 def test_fixes_are_places_where_nothing_else_is(driven, tmp_path):

@@ -64,6 +64,13 @@ def test_unseen_photographs_are_named(model, tmp_path, rng):
         assert 0 <= row["quality"] <= 1
 
 
+def test_a_photograph_without_colour_is_unknown_to_a_model_that_goes_by_it(model, rng):
+    shown = ground(rng, "fine")
+    evidence = image_evidence(model, [np.repeat(shown[:, :, 1:2], 3, axis=2), shown])
+    assert evidence.unknown.tolist() == [True, False]
+    assert "no colour" in evidence.reasons[0][0]
+
+
 @pytest.mark.parametrize("kind", ["noise", "sky", "black", "white", "checker"])
 def test_images_without_ground_are_unknown(model, kind, rng):
     """Colour noise, a sky, nothing at all, a chessboard."""
@@ -188,12 +195,14 @@ def test_frames_without_a_picture_are_unknown_with_the_reason(model, rng):
     pose, speed = straight(5.0)
     good = ground(rng, "fine", 640)[:480]
     blank = np.full((480, 640, 3), 120, dtype=np.uint8)
-    film = Film([good, None, np.zeros_like(good), np.full_like(good, 255), blank, good[:100]])
+    grey = np.repeat(good[:, :, 1:2], 3, axis=2)
+    film = Film([good, None, np.zeros_like(good), np.full_like(good, 255), blank, good[:100], grey])
     part = next(iter(observe_ground(film, lens(), pose, speed, model, 0.5)))
-    k = len(part) // 6
-    said = [part.evidence.reasons[i * k] for i in range(6)]
+    k = len(part) // 7
+    said = [part.evidence.reasons[i * k] for i in range(7)]
     assert said[1:5] == [("cut off",), ("black image",), ("white image",), ("blank image",)]
     assert "640 x 100" in said[5][0]
+    assert "no colour" in said[6][0]
     assert part.evidence.unknown[k:].all()
 
 

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from ..vehicle import Camera, CameraMount, Vehicle
 from .bag_files import Topic
 from .bag_frames import Frames
-from .bag_messages import DecodeError, field, number
+from .bag_messages import DecodeError, field, fields_of, number
 from .recognition import short_type
 
 _AHEAD_RAD = math.radians(5.0)
@@ -139,7 +139,9 @@ def with_camera(
     name = max(near or found, key=lambda each: len(PurePosixPath(each).parts))
     info, mount = samples[name], None if vehicle is None else vehicle.camera_mount
     try:
-        frame = str(field(samples[topic], "header.frame_id") or field(info, "header.frame_id"))
+        image = samples[topic]
+        of_image = field(image, "header.frame_id" if "header" in fields_of(image) else "frame_id")  # ROS, Foxglove
+        frame = str(of_image or field(info, "header.frame_id"))
         camera = camera_of(info, frame, frames, mount, rectified="rect" in topic)
     except DecodeError as error:
         return vehicle, (f"{name}: the camera's geometry is not used: {error}",)

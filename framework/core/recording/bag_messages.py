@@ -154,7 +154,7 @@ def stamp_ns(message: Message, content: Any) -> int:
     A stamp of zero is one that nobody filled in.
     """
     try:
-        stamp = field(content, "header.stamp")
+        stamp = field(content, "timestamp" if "timestamp" in fields_of(content) else "header.stamp")
         second = field(stamp, "sec" if "sec" in fields_of(stamp) else "secs")
         part = next(name for name in ("nanosec", "nsec", "nsecs") if name in fields_of(stamp))
         own = int(second) * 10**9 + int(field(stamp, part))

@@ -2,31 +2,23 @@
 
 from __future__ import annotations
 
-import base64
-import binascii
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import numpy as np
+from scipy.ndimage import minimum_filter1d
 
 from ..errors import InputError
-from .bag_files import BagFile, Message
-from .bag_messages import DecodeError, decode, field, fields_of
-from .camera import MAX_IMAGE_PIXELS, decode_image
+from .bag_files import BagFile
+from .bag_images import image_of
+from .bag_messages import DecodeError, decode, stamp_ns
 from .sound import block_hop, sound_block
-from .topic_map import SoundFormat
+from .sound_messages import MAX_JITTER_S, SoundReader
 from .types import Frame, SoundBlock, Wanted, always
 
-MAX_JITTER_S = 0.1
-"""A sound message that arrives this much later than its samples go on leaves a gap [s]."""
-
-_CHANNELS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1, "8UC1": 1, "8UC3": 3}
-_CONVERT = {"rgb8": cv2.COLOR_RGB2BGR, "rgba8": cv2.COLOR_RGBA2BGR, "bgra8": cv2.COLOR_BGRA2BGR,
-            "mono8": cv2.COLOR_GRAY2BGR, "8UC1": cv2.COLOR_GRAY2BGR}  # fmt: skip
-_SCALE = {"pcm8": (np.dtype("u1"), 128.0, 128.0), "pcm16": (np.dtype("<i2"), 0.0, 32768.0),
-          "pcm32": (np.dtype("<i4"), 0.0, 2147483648.0), "float32": (np.dtype("<f4"), 0.0, 1.0)}  # fmt: skip
+CATCH_UP_S = 10.0
+"""Messages that come late but catch up with their samples in this time do not leave a gap [s]."""
 
 
 class BagCamera:
@@ -42,10 +34,13 @@ class BagCamera:
         Time of each image [ns].
     origin_ns
         Zero of the recording's clock [ns].
+    bit_depth
+        Bits that 16-bit samples make use of; all where None.
     """
 
-    def __init__(self, bag: BagFile, topic: str, time_ns: np.ndarray, origin_ns: int):
+    def __init__(self, bag: BagFile, topic: str, time_ns: np.ndarray, origin_ns: int, bit_depth: int | None = None):
         self._bag, self._topic, self._time_ns, self._origin_ns = bag, topic, time_ns, origin_ns
+        self._bit_depth = bit_depth
 
     def __len__(self) -> int:
         return len(self._time_ns)
@@ -57,89 +52,89 @@ class BagCamera:
             if not wanted(float(time)):
                 continue
             try:
-                yield Frame(float(time), image_of(decode(message), f"{self._bag.path}, {self._topic}, image {number}"))
+                source = f"{self._bag.path}, {self._topic}, image {number}"
+                yield Frame(float(time), image_of(decode(message), source, self._bit_depth))
             except (DecodeError, InputError) as error:
                 yield Frame(float(time), None, f"{self._topic}, image {number}: {error}")
 
 
-def image_of(content: Any, source: str) -> np.ndarray:
-    """Make an image (h, w, 3) uint8 BGR of an Image or CompressedImage; raises `DecodeError` or `InputError`."""
-    data = field(content, "data")
-    if isinstance(data, str):  # JSON
-        try:
-            data = base64.b64decode(data, validate=True)
-        except (binascii.Error, ValueError) as error:
-            raise DecodeError(f"data is no base64: {error}") from error
-    raw = np.frombuffer(data, np.uint8) if isinstance(data, bytes) else np.asarray(data, np.uint8)
-    if "encoding" not in fields_of(content):
-        return decode_image(raw.tobytes(), source)
-    encoding = str(field(content, "encoding"))
-    if encoding not in _CHANNELS:
-        raise DecodeError(f"encoding {encoding!r}; {', '.join(_CHANNELS)} are known")
-    height, width, step = (int(field(content, name)) for name in ("height", "width", "step"))
-    used = width * _CHANNELS[encoding]
-    if not 0 < height * width <= MAX_IMAGE_PIXELS or step < used or len(raw) < step * height:
-        raise DecodeError(f"{len(raw)} bytes for {width} x {height} pixels of {encoding} in rows of {step}")
-    pixels = raw[: step * height].reshape(height, step)[:, :used].reshape(height, width, -1)
-    if encoding in _CONVERT:
-        return np.asarray(cv2.cvtColor(np.ascontiguousarray(pixels), _CONVERT[encoding]), dtype=np.uint8)
-    return pixels.copy()
-
-
 @dataclass(frozen=True)
 class SoundLayout:
-    """How the samples of a sound topic are written, and when each message's first sample was.
+    """When the messages of a sound topic were, and how much sound is in each.
 
     Parameters
     ----------
-    topic
-        Name of the topic.
-    field
-        Path of the samples.
-    format
-        How a sample is written.
-    channels
-        Interleaved channels.
-    sample_rate
-        [Hz].
     start_s : (n,)
         Start of each message on the recording's clock [s].
     frames : (n,)
-        Frames of each message; 0 where it could not be decoded.
+        Samples of each channel in each message, not all 0; 0 where it could not be decoded.
+    sample_rate
+        [Hz].
     """
 
-    topic: str
-    field: str
-    format: SoundFormat
-    channels: int
-    sample_rate: int
     start_s: np.ndarray
     frames: np.ndarray
+    sample_rate: int
 
-    def places(self) -> np.ndarray:
-        """Place the messages' first samples on a gapless count of samples, (n,), by their times.
+    def placed(self) -> tuple[float, np.ndarray]:
+        """Place the messages on one count of samples by their times.
 
         Messages follow each other without a gap as long as their times agree with that within `MAX_JITTER_S`: the
-        samples' own clock is steadier than their arrival.
+        samples' own clock is steadier than their arrival. What is late is not missing if messages catch up with it
+        within `CATCH_UP_S`. Beyond that, times go: where samples are too few for them there is a gap, and where they
+        are too many, as of a microphone whose clock runs fast, messages overlap.
+
+        Returns
+        -------
+        start_s, places
+            Time of the first sample on the recording's clock [s], and the place of each message's first one, (n,).
         """
-        rate, place = self.sample_rate, 0
+        full = np.flatnonzero(self.frames)
+        start_s, frames = self.start_s[full], self.frames[full]
+        before = np.concatenate([[0], np.cumsum(frames)[:-1]])
+        late = np.round((start_s - start_s[0]) * self.sample_rate).astype(np.int64) - before
+        step_s = max(float(np.median(np.diff(start_s))) if len(late) > 1 else 0.0, 1e-3)
+        ahead = min(max(int(CATCH_UP_S / step_s), 1), len(late))
+        least = minimum_filter1d(late[::-1], ahead, mode="nearest", origin=(ahead - 1) // 2)[::-1]
+        held, shifts = int(least[0]), np.zeros(len(late), dtype=np.int64)
+        for number, lag in enumerate(least.tolist()):
+            if abs(lag - held) > MAX_JITTER_S * self.sample_rate:
+                held = lag
+            shifts[number] = held - least[0]
         places = np.zeros(len(self.frames), dtype=np.int64)
-        for number, (start, frames) in enumerate(zip(self.start_s.tolist(), self.frames.tolist(), strict=True)):
-            by_time = round((start - self.start_s[0]) * rate)
-            if by_time - place > MAX_JITTER_S * rate:
-                place = by_time
-            places[number] = place
-            place += frames
-        return places
+        places[full] = np.maximum(before + shifts, 0)
+        return float(start_s[0] + least[0] / self.sample_rate), places
+
+    @property
+    def surplus_s(self) -> float:
+        """By how much the samples last longer than the messages' times [s]."""
+        full = np.flatnonzero(self.frames)
+        recorded_s = self.start_s[full[-1]] - self.start_s[full[0]]
+        return float(self.frames[full[:-1]].sum() / self.sample_rate - recorded_s)
 
 
 class BagSound:
-    """Sound of a topic, in blocks (a `SoundStream`); where messages are missing, blocks come as None."""
+    """Sound of a topic, in blocks (a `SoundStream`); where messages are missing, blocks come as None.
 
-    def __init__(self, bag: BagFile, layout: SoundLayout):
-        self._bag, self._layout = bag, layout
-        self._places = layout.places()
-        self._total = int(self._places[-1] + layout.frames[-1])
+    Parameters
+    ----------
+    bag
+        The bag.
+    reader
+        What counted the topic's samples.
+    layout
+        When they were.
+    """
+
+    def __init__(self, bag: BagFile, reader: SoundReader, layout: SoundLayout):
+        self._bag, self._reader, self._layout = bag, reader, layout
+        self._topic = reader.source.topic
+        self._start_s, self._places = layout.placed()
+        full = layout.frames > 0
+        places = self._places[full]
+        ends = np.maximum.accumulate(places + layout.frames[full])
+        self._total = int(ends[-1])
+        self._missing = int(np.maximum(places[1:] - ends[:-1], 0).sum())
 
     @property
     def sample_rate(self) -> int:
@@ -149,7 +144,7 @@ class BagSound:
     @property
     def start_s(self) -> float:
         """Time of the first sample on the recording's clock [s]."""
-        return float(self._layout.start_s[0])
+        return self._start_s
 
     @property
     def duration_s(self) -> float:
@@ -159,13 +154,13 @@ class BagSound:
     @property
     def gap_s(self) -> float:
         """Time within it that has no sample [s]."""
-        return (self._total - int(self._layout.frames.sum())) / self.sample_rate
+        return self._missing / self.sample_rate
 
     def blocks(self, block_s: float, hop_s: float) -> Iterator[SoundBlock]:
         """Yield blocks of `block_s` seconds whose starts are `hop_s` apart [s]; the last, shorter rest is left out."""
         size, hop = block_hop(block_s, hop_s, self.sample_rate)
         start, base = 0, 0
-        channels = self._layout.channels
+        channels = self._reader.channels
         held, there = np.empty((0, channels), np.float32), np.empty(0, bool)
         for place, samples in self._pieces():
             gap = place - (base + len(held))
@@ -177,44 +172,29 @@ class BagSound:
                 if there[part].all():
                     yield sound_block(time, held[part])
                 else:
-                    yield SoundBlock(time, None, f"{self._layout.topic} at {time:.2f} s: no sound was recorded")
+                    yield SoundBlock(time, None, f"{self._topic} at {time:.2f} s: no sound was recorded")
                 start += hop
             drop = min(start - base, len(held))
             held, there, base = held[drop:], there[drop:], base + drop
 
     def _pieces(self) -> Iterator[tuple[int, np.ndarray]]:
-        """Yield each message's place and samples (m, c); a long gap is filled in steps, so that it needs no memory."""
-        step = self.sample_rate
-        end = 0
-        for place, message in zip(self._places.tolist(), self._bag.messages({self._layout.topic}), strict=False):
+        """Yield pieces in order of their place, (m, c); a long gap is filled in steps, so that it needs no memory."""
+        step, end = self.sample_rate, 0
+        for place, samples in self._reader.pieces(self._contents(), self._places):
             while place - end > step:
                 end += step
-                yield end, np.empty((0, self._layout.channels), np.float32)
+                yield end, np.empty((0, self._reader.channels), np.float32)
+            fresh = samples[max(end - place, 0) :]
+            if len(fresh):
+                end = place + len(samples)
+                yield end - len(fresh), fresh
+
+    def _contents(self) -> Iterator[tuple[int, Any]]:
+        """Yield each message's time [ns] and content, None where it cannot be decoded."""
+        for _, message in zip(self._places, self._bag.messages({self._topic}), strict=False):
             try:
-                samples = samples_of(decode(message), self._layout.field, self._layout.format, self._layout.channels)
+                content = decode(message)
             except DecodeError:
-                continue
-            end = place + len(samples)
-            yield place, samples
-
-
-def samples_of(content: Any, path: str, form: SoundFormat, channels: int) -> np.ndarray:
-    """Give the samples of a sound message, (m, channels) float32; raises `DecodeError`."""
-    values = np.asarray(field(content, path))
-    kind, zero, scale = _SCALE[form]
-    if values.dtype == np.uint8 and form != "pcm8":
-        if len(values) % (kind.itemsize * channels):
-            raise DecodeError(f"{len(values)} bytes of {form} in {channels} channels")
-        values = values.view(kind) if values.flags.c_contiguous else values.copy().view(kind)
-    if values.dtype.kind not in "iuf" or len(values) % channels:
-        raise DecodeError(f"{len(values)} samples of {values.dtype} in {channels} channels")
-    return ((values.astype(np.float32) - np.float32(zero)) / np.float32(scale)).reshape(-1, channels)
-
-
-def is_mp3(message: Message, content: Any, path: str) -> bool:
-    """Recognise MP3 data, which ROS's audio_capture sends by default, by the mark at the beginning of each frame."""
-    try:
-        values = np.asarray(field(content, path))
-    except DecodeError:
-        return False
-    return bool(values.dtype == np.uint8 and len(values) > 3 and values[0] == 0xFF and values[1] & 0xE6 == 0xE2)
+                yield message.time_ns, None
+            else:
+                yield stamp_ns(message, content), content

@@ -20,23 +20,25 @@ from ..vehicle import Vehicle
 from .bag_camera import with_camera
 from .bag_files import BagFile, Message
 from .bag_frames import Frames
+from .bag_images import no_picture
 from .bag_messages import DecodeError, decode, number, stamp_ns
 from .bag_messages import field as field_of
 from .bag_places import Fixes, east_north, pitch_and_roll, pose_of
-from .bag_streams import BagCamera, BagSound, SoundLayout, is_mp3, samples_of
+from .bag_streams import BagCamera, BagSound, SoundLayout
 from .bag_wheel import WheelChannels, follows_the_wheels, merge
 from .clock import interpolate
 from .digest import StreamDigest
-from .recognition import Recognised, recognise, short_type
-from .sound import MAX_CHANNELS, SAMPLE_RATES
+from .recognition import Recognised, recognise
+from .sound_messages import READERS, SoundReader
+from .sound_source import SoundError, find_source
 from .topic_map import SoundTopic, load_topic_map
 from .types import Pose, Recording, WheelTable
+from .video import BagVideo, codec_of
 from .wheel_file import derive_all
 
 _EARLIEST_NS = 946_684_800 * 10**9  # the year 2000: a clock below it counts from the computer's start
-_MP3_MESSAGES = 4
 _LONGEST_SOUND_S = 7 * 86400.0  # a damaged time would make for silence without end
-_SAMPLE_FORMATS = {"U8": "pcm8", "S16LE": "pcm16", "S32LE": "pcm32", "F32LE": "float32"}
+_MAX_SURPLUS = 0.05  # share of the time; no clock is so fast: the sample rate or number of channels is wrong
 
 
 @dataclass
@@ -51,10 +53,8 @@ class _Gathered:
     attitude: list[tuple[float, ...]] = field(default_factory=list)
     attitude_frame: str = ""
     poses: list[tuple[int, float, float, float]] = field(default_factory=list)
-    sound_frames: list[int] = field(default_factory=list)
     undecoded: Counter[str] = field(default_factory=Counter)
     reasons: dict[str, str] = field(default_factory=dict)
-    mp3: int = 0
 
     def fail(self, topic: str, reason: str) -> None:
         self.undecoded[topic] += 1
@@ -96,10 +96,11 @@ def read_bag(path: Path, *, vehicle: Vehicle | None = None, topics: Path | None 
     names = {name: message.topic for name, message in first.items()}
     given = None if topics is None else load_topic_map(topics)
     known = recognise(given, names, samples, path, () if vehicle is None else vehicle.wheels)
-    sound = _with_info(known.topics.sound, None if given is None else given.sound, first, samples, path)
+    unheard: list[str] = []
+    heard = _sound_reader(bag, known.topics.sound, None if given is None else given.sound, first, samples, unheard)
     digest = StreamDigest()
-    gathered = _gather(bag, known, sound, digest, path)
-    problems, notes = [*bag.problems, *known.assumed, *_undecoded(gathered)], [*known.chosen]
+    gathered = _gather(bag, known, heard, digest, path)
+    problems, notes = [*bag.problems, *known.assumed, *unheard, *_undecoded(gathered)], [*known.chosen]
     every = [time for times in gathered.times.values() for time in times]
     if not every:
         raise InputError(path, "no message of the streams can be read", expected="a bag with messages")
@@ -116,7 +117,8 @@ def read_bag(path: Path, *, vehicle: Vehicle | None = None, topics: Path | None 
     if wheel is not None and pose is None:
         pose, found = pose_from_wheel(wheel, vehicle)
         problems += found
-    if known.topics.camera is not None:
+    camera = _camera(bag, known, samples, gathered, origin, problems)
+    if camera is not None and known.topics.camera is not None:
         vehicle, geometry = with_camera(vehicle, known.topics.camera.topic, names, samples, gathered.frames)
         notes += geometry
     return Recording(
@@ -128,43 +130,34 @@ def read_bag(path: Path, *, vehicle: Vehicle | None = None, topics: Path | None 
         digest=digest.hexdigest(),
         wheel=wheel,
         pose=pose,
-        camera=_camera(bag, known, gathered, origin),
-        sound=_sound(bag, sound, gathered, origin, known, problems),
+        camera=camera,
+        sound=_sound(bag, heard, gathered, origin, problems),
         problems=tuple(problems),
         origin=place,
         notes=tuple(notes),
     )
 
 
-def _with_info(
-    sound: SoundTopic | None, given: SoundTopic | None, first: dict[str, Message], samples: dict[str, Any], path: Path
-) -> SoundTopic | None:
-    """Fill in sample rate, channels and format of the sound by the bag's AudioInfo, where the map leaves them out."""
+def _sound_reader(
+    bag: BagFile, sound: SoundTopic | None, given: SoundTopic | None, first: dict[str, Message],
+    samples: dict[str, Any], said: list[str],
+) -> SoundReader | None:  # fmt: skip
+    """Give what reads the sound; none, which is said, where it is of a kind that is not read."""
     if sound is None:
         return None
-    info = next((samples[n] for n, m in first.items() if short_type(m.topic) == "AudioInfo" and n in samples), None)
-    if info is not None:
-        try:
-            rate, channels = int(number(info, "sample_rate")), int(number(info, "channels"))
-            form = _SAMPLE_FORMATS.get(str(field_of(info, "sample_format")).upper())
-        except DecodeError:
-            rate, channels, form = 0, 0, None
-        low, high = SAMPLE_RATES
-        sound = sound.model_copy(
-            update={
-                "sample_rate_Hz": sound.sample_rate_Hz or (rate if low <= rate <= high else None),
-                "channels": sound.channels or (channels if 1 <= channels <= MAX_CHANNELS else 1),
-                "format": sound.format if form is None or (given is not None and given.format) else form,
-            }
-        )
-    if given is not None and sound.sample_rate_Hz is None:
+    try:
+        source = find_source(sound, given, first, samples, bag)
+    except SoundError as error:
+        said.append(f"{sound.topic}: sound is left out: {error}")
+        return None
+    if given is not None and source.sample_rate is None and source.coding == "pcm":
         raise InputError(
-            path, f"the sample rate of {sound.topic} is not known", expected="sample_rate_Hz under [sound]"
+            bag.path, f"the sample rate of {sound.topic} is not known", expected="sample_rate_Hz under [sound]"
         )
-    return sound
+    return READERS[source.coding](source)
 
 
-def _gather(bag: BagFile, known: Recognised, sound: SoundTopic | None, digest: StreamDigest, path: Path) -> _Gathered:
+def _gather(bag: BagFile, known: Recognised, heard: SoundReader | None, digest: StreamDigest, path: Path) -> _Gathered:
     """Pass once over the messages of the streams."""
     topics = known.topics
     gathered = _Gathered(
@@ -174,8 +167,9 @@ def _gather(bag: BagFile, known: Recognised, sound: SoundTopic | None, digest: S
     for channels in (*gathered.wheel, *gathered.speeds):
         by_topic.setdefault(channels.source.topic, []).append(channels)
     camera = None if topics.camera is None else topics.camera.topic
-    parts = (topics.pose, topics.attitude, topics.camera, sound)
-    wanted = {*by_topic, *(part.topic for part in parts if part is not None)}
+    sound = None if heard is None else heard.source.topic
+    streams = {part.topic for part in (topics.pose, topics.attitude, topics.camera, heard and heard.source) if part}
+    wanted = {*by_topic, *streams}
     for message in bag.messages({*wanted, *known.about}):
         topic = message.topic.name
         time_ns, content = message.time_ns, None
@@ -194,9 +188,12 @@ def _gather(bag: BagFile, known: Recognised, sound: SoundTopic | None, digest: S
         digest.add(topic, struct.pack("<qQ", message.time_ns, len(message.data)))
         digest.add(topic, message.data)
         gathered.times.setdefault(topic, []).append(time_ns)
-        if sound is not None and topic == sound.topic:
-            _add_sound(gathered, message, content, sound)
-    _refuse_empty(gathered, camera, path)
+        if heard is not None and topic == sound:
+            try:
+                heard.count(time_ns, content)
+            except DecodeError as error:
+                gathered.fail(topic, str(error))
+    _refuse_empty(gathered, {camera, sound}, path)
     return gathered
 
 
@@ -214,22 +211,10 @@ def _add_about(gathered: _Gathered, known: Recognised, topic: str, time_ns: int,
             gathered.attitude_frame = str(field_of(content, "header.frame_id"))
 
 
-def _add_sound(gathered: _Gathered, message: Message, content: Any, sound: SoundTopic) -> None:
-    frames = 0
-    if content is not None:
-        try:
-            frames = len(samples_of(content, sound.field or "data", sound.format or "pcm16", sound.channels or 1))
-        except DecodeError as error:
-            gathered.fail(sound.topic, str(error))
-        if len(gathered.sound_frames) < _MP3_MESSAGES:
-            gathered.mp3 += is_mp3(message, content, sound.field or "data")
-    gathered.sound_frames.append(frames)
-
-
-def _refuse_empty(gathered: _Gathered, camera: str | None, path: Path) -> None:
+def _refuse_empty(gathered: _Gathered, media: set[str | None], path: Path) -> None:
     """Refuse a topic of numbers of which not one message could be used: its map or its type is wrong."""
     for topic, times in gathered.times.items():
-        if topic != camera and gathered.undecoded[topic] >= len(times):
+        if topic not in media and gathered.undecoded[topic] >= len(times):
             raise InputError(path, gathered.reasons[topic], expected="fields that its messages have", place=topic)
 
 
@@ -324,34 +309,52 @@ def _in_order(time: np.ndarray, rows: np.ndarray) -> Pose | None:
     return Pose(time, rows[:, 0], rows[:, 1], np.unwrap(rows[:, 2]))
 
 
-def _camera(bag: BagFile, known: Recognised, gathered: _Gathered, origin: int) -> BagCamera | None:
-    if known.topics.camera is None:
+def _camera(
+    bag: BagFile, known: Recognised, samples: dict[str, Any], gathered: _Gathered, origin: int, problems: list[str]
+) -> BagCamera | BagVideo | None:
+    camera = known.topics.camera
+    if camera is None or not gathered.times.get(camera.topic):
         return None
-    topic = known.topics.camera.topic
-    time = np.maximum.accumulate(np.array(gathered.times.get(topic, []), dtype=np.int64))
-    return BagCamera(bag, topic, time, origin) if len(time) else None
+    time = np.maximum.accumulate(np.array(gathered.times[camera.topic], dtype=np.int64))
+    sample = samples.get(camera.topic)
+    reason = no_picture(camera.topic, sample)
+    try:
+        codec = codec_of(sample)
+    except InputError as error:
+        codec, reason = None, str(error)
+    if reason:
+        problems.append(f"{camera.topic}: images are left out: {reason}")
+        return None
+    if codec is not None:
+        return BagVideo(bag, camera.topic, codec, time, origin)
+    return BagCamera(bag, camera.topic, time, origin, camera.bit_depth)
 
 
 def _sound(
-    bag: BagFile, sound: SoundTopic | None, gathered: _Gathered, origin: int, known: Recognised, problems: list[str]
+    bag: BagFile, heard: SoundReader | None, gathered: _Gathered, origin: int, problems: list[str]
 ) -> BagSound | None:
-    if sound is None or not sum(gathered.sound_frames):
+    if heard is None or not heard.frames:
         return None
-    if gathered.mp3 == min(len(gathered.sound_frames), _MP3_MESSAGES):
-        problems.append(f"{sound.topic}: MP3 data, which is not read; record it as wave")
+    topic, fault = heard.source.topic, heard.finish()
+    if fault or not sum(heard.frames):
+        if fault or not gathered.undecoded[topic]:  # else it was said why
+            problems.append(f"{topic}: sound is left out: {fault or 'no sample in it'}")
         return None
-    if sound.sample_rate_Hz is None:
-        problems.append(f"{sound.topic}: sound of an unknown sample rate, left out; a topic map's [sound] can give it")
+    if heard.sample_rate is None:
+        problems.append(f"{topic}: sound of an unknown sample rate, left out; a topic map's [sound] can give it")
         return None
-    start_s = (np.array(gathered.times[sound.topic], dtype=np.int64) - origin) * 1e-9
-    layout = SoundLayout(
-        sound.topic, sound.field or "data", sound.format or "pcm16", sound.channels or 1, sound.sample_rate_Hz,
-        start_s, np.array(gathered.sound_frames, dtype=np.int64),
-    )  # fmt: skip
-    stream = BagSound(bag, layout)
+    start_s = (np.array(gathered.times[topic], dtype=np.int64) - origin) * 1e-9
+    layout = SoundLayout(start_s, np.array(heard.frames, dtype=np.int64), heard.sample_rate)
+    stream = BagSound(bag, heard, layout)
     if stream.duration_s > _LONGEST_SOUND_S:
-        problems.append(f"{sound.topic}: its messages' times span {stream.duration_s:.0f} s, sound is left out")
+        problems.append(f"{topic}: its messages' times span {stream.duration_s:.0f} s, sound is left out")
+        return None
+    if layout.surplus_s > _MAX_SURPLUS * stream.duration_s + 1.0:
+        problems.append(
+            f"{topic}: sound is left out: at {heard.sample_rate} Hz and {heard.channels} channels it lasts "
+            f"{layout.surplus_s:.1f} s longer than its messages' times; a topic map's [sound] can correct them"
+        )
         return None
     if stream.gap_s > 0:
-        problems.append(f"{sound.topic}: {stream.gap_s:.2f} s of {stream.duration_s:.2f} s of sound are missing")
+        problems.append(f"{topic}: {stream.gap_s:.2f} s of {stream.duration_s:.2f} s of sound are missing")
     return stream

@@ -7,7 +7,8 @@ A topic is recognised
 - by its type: Odometry, PoseStamped and NavSatFix are the pose, Odometry and TwistStamped the travel speed, Imu and
   Odometry the attitude; a WrenchStamped whose name has `wheel` in it is the wheel's (force x is the pull, force z the
   load, its sign made positive, torque y the torque); the joints of a JointState that are named after the vehicle's
-  wheels, or have `wheel` in their names, are wheels; Image and CompressedImage are the camera, and audio is the sound.
+  wheels, or have `wheel` in their names, are wheels; images (Image, CompressedImage, RawImage) and video
+  (CompressedVideo, FFMPEGPacket) are the camera, and audio is the sound.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from typing import Any
 from ..errors import InputError
 from ..vehicle import Wheel
 from .bag_files import Topic
+from .bag_images import no_picture
 from .topic_map import (
     AttitudeTopic,
     CameraTopic,
@@ -45,9 +47,10 @@ _ATTITUDES = {
 }  # fmt: skip
 _TRANSFORMS = ("TFMessage", "tfMessage")
 _NO_PICTURE = re.compile("depth|disparity|confidence|infra|thermal")
+_IMAGES = ["CompressedImage", "Image", "RawImage", "FFMPEGPacket", "CompressedVideo"]
 _SOUNDS: dict[str, tuple[str, SoundFormat]] = {
     "AudioData": ("data", "pcm16"), "AudioDataStamped": ("audio.data", "pcm16"),
-    "AudioStamped": ("audio.data", "pcm16"),
+    "AudioStamped": ("audio.data", "pcm16"), "Audio": ("data", "pcm16"), "RawAudio": ("data", "pcm16"),
     "UInt8MultiArray": ("data", "pcm16"), "Int16MultiArray": ("data", "pcm16"), "Int32MultiArray": ("data", "pcm32"),
     "Float32MultiArray": ("data", "float32"),
 }  # fmt: skip
@@ -222,11 +225,23 @@ def _pose(bag: _Bag) -> PoseTopic | None:
 
 
 def _camera(bag: _Bag) -> CameraTopic | None:
-    """Guess the camera; images of distances are none."""
-    kinds = ["CompressedImage", "Image"]
-    seen = [t for t in bag.topics.values() if short_type(t) in kinds and not _NO_PICTURE.search(t.name.casefold())]
-    topic = _one(seen, "camera", bag, kinds)
+    topic = _one(_pictures(bag), "camera", bag, _IMAGES)
     return None if topic is None else CameraTopic(topic=topic.name)
+
+
+def _pictures(bag: _Bag) -> list[Topic]:
+    """Give the topics of images, without those of distances, of other light and of encodings that are not read."""
+    found: list[Topic] = []
+    for topic in bag.topics.values():
+        if short_type(topic) not in _IMAGES:
+            continue
+        if reason := no_picture(topic.name, bag.samples.get(topic.name)):
+            bag.assumed.append(f"{topic.name}: {reason}: left out")
+        elif _NO_PICTURE.search(topic.name.casefold()):
+            bag.chosen.append(f"{topic.name}: by its name no camera of visible light; a topic map can name it as one")
+        else:
+            found.append(topic)
+    return found
 
 
 def _attitude(bag: _Bag) -> AttitudeTopic | None:
@@ -259,7 +274,7 @@ def _sound(bag: _Bag) -> SoundTopic | None:
 def _is_sound(topic: Topic) -> bool:
     kind = short_type(topic)
     by_name = any(word in topic.name.casefold() for word in ("audio", "sound", "mic"))
-    return kind in _SOUNDS and (kind.startswith("Audio") or by_name)
+    return kind in _SOUNDS and ("Audio" in kind or by_name)
 
 
 def _one(found: list[Topic], stream: str, bag: _Bag, order: list[str]) -> Topic | None:

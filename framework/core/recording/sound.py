@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import struct
 from collections.abc import Iterator
@@ -13,6 +14,7 @@ import soundfile as sf
 from ..errors import InputError
 from ..files import file_size
 from .channels import mixed
+from .mp3 import Mp3Splitter, counted
 from .types import SoundBlock
 
 MAX_SOUND_SAMPLES = 2**27
@@ -25,7 +27,11 @@ SAMPLE_RATES = (1_000, 768_000)
 MAX_CHANNELS = 64
 """Channels that a sound may have [-]."""
 
-SOUND_FORMATS = ("WAV", "WAVEX", "RF64", "FLAC", "OGG", "AIFF", "W64")
+SOUND_FORMATS = ("WAV", "WAVEX", "RF64", "FLAC", "OGG", "AIFF", "W64", "MP3")
+_EXPECTED = "a WAV, FLAC, Ogg, AIFF or MP3 file"
+
+MAX_MP3_BYTES = 256 * 2**20
+"""No MP3 file is read that is larger: 4 hours at 128 kbit/s [bytes]."""
 
 _READ_FRAMES = 2**16
 _COUNT_FRAMES = 2**8  # a read that fails gives nothing, so that a damaged file is counted in small steps
@@ -37,7 +43,7 @@ def read_sound(path: str | Path, start_s: float = 0.0, end_s: float | None = Non
     Parameters
     ----------
     path
-        WAV, FLAC, Ogg or AIFF.
+        WAV, FLAC, Ogg, AIFF or MP3.
     start_s, end_s
         The stretch [s] from the beginning of the file; to its end where `end_s` is None.
 
@@ -106,7 +112,7 @@ class SoundFileStream:
     Parameters
     ----------
     path
-        WAV, FLAC, Ogg or AIFF.
+        WAV, FLAC, Ogg, AIFF or MP3.
     start_s
         Time of the first sample on the recording's clock [s].
 
@@ -119,6 +125,8 @@ class SoundFileStream:
     def __init__(self, path: str | Path, start_s: float = 0.0):
         self.path = Path(path)
         self._start_s = start_s
+        self._mp3: bytes | None = None
+        self._mp3_rest = 0
         self.problems: tuple[str, ...] = ()
         with self.open() as file:
             self._sample_rate = file.samplerate
@@ -130,6 +138,8 @@ class SoundFileStream:
         if self.frames < stated:
             whole = f"{stated / self._sample_rate:.3f} s"
             self.problems = (f"{self.path.name}: cut off, ends after {self.duration_s:.3f} s of {whole}",)
+        elif file.format == "MP3" and self._mp3_rest:
+            self.problems = (f"{self.path.name}: damaged, read up to {self.duration_s:.3f} s",)
         elif cut:
             self.problems = (f"{self.path.name}: cut off, ends after {self.duration_s:.3f} s without its last page",)
 
@@ -153,13 +163,17 @@ class SoundFileStream:
         if not file_size(self.path, "a sound file"):
             raise InputError(self.path, "an empty file", expected="a sound file")
         try:
-            file = sf.SoundFile(self.path)
+            file = sf.SoundFile(self.path if self._mp3 is None else io.BytesIO(self._mp3))
+            if file.format == "MP3" and self._mp3 is None:
+                file.close()
+                self._mp3, self._mp3_rest = self._mp3_frames()
+                file = sf.SoundFile(io.BytesIO(self._mp3))
         except (sf.SoundFileError, OSError, TypeError, ValueError) as error:
-            raise InputError(self.path, f"no sound that can be read: {error}", expected="a WAV or FLAC file") from error
+            raise InputError(self.path, f"no sound that can be read: {error}", expected=_EXPECTED) from error
         low, high = SAMPLE_RATES
         fault = None
         if file.format not in SOUND_FORMATS:
-            fault = (f"sound of kind {file.format}", "WAV or FLAC")
+            fault = (f"sound of kind {file.format}", _EXPECTED)
         elif not low <= file.samplerate <= high:
             fault = (f"sample rate {file.samplerate} Hz", f"{low} to {high} Hz")
         elif file.channels > MAX_CHANNELS:
@@ -168,6 +182,18 @@ class SoundFileStream:
             file.close()
             raise InputError(self.path, fault[0], expected=fault[1])
         return file
+
+    def _mp3_frames(self) -> tuple[bytes, int]:
+        """Give the frames of an MP3 file up to where it is damaged, with their number before them, and how many follow.
+
+        Without that number libsndfile goes by the first frame's bit rate, and gives too much or too little.
+        """
+        size = self.path.stat().st_size
+        if size > MAX_MP3_BYTES:
+            raise InputError(self.path, f"{size} bytes", expected=f"MP3 of no more than {MAX_MP3_BYTES} bytes")
+        splitter = Mp3Splitter()
+        frames = splitter.feed(self.path.read_bytes())
+        return (counted(frames), len(splitter.feed(b""))) if frames else (b"", 0)
 
     def _readable(self, file: sf.SoundFile) -> int:
         """Count the frames that can be read: by reading the last where that works, by reading all otherwise."""

@@ -13,9 +13,10 @@ from pydantic import AfterValidator, BeforeValidator, Field
 
 from ..files import load_toml
 from ..models import FileModel, Finite, Number, Positive, Whole, checked
+from .camera import BitDepth
 from .types import WHEEL_COLUMNS
 
-SoundFormat = Literal["pcm8", "pcm16", "pcm32", "float32"]
+SoundFormat = Literal["pcm8", "pcm16", "pcm24", "pcm32", "float32", "mp3"]
 
 
 class Reading(FileModel):
@@ -65,9 +66,10 @@ class AttitudeTopic(FileModel):
 
 
 class CameraTopic(FileModel):
-    """A topic with images."""
+    """A topic with images or video, and how many bits samples make use of that come as 16."""
 
     topic: str
+    bit_depth: BitDepth | None = None
 
 
 class SoundTopic(FileModel):

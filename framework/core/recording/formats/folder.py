@@ -19,7 +19,7 @@ from ...files import inside, load_toml
 from ...models import FileModel, Finite, checked
 from ...track.way import pose_from_wheel
 from ...vehicle import Vehicle, load_vehicle
-from ..camera import read_camera
+from ..camera import BitDepth, read_camera
 from ..digest import StreamDigest
 from ..poses_and_labels import read_labels, read_pose
 from ..readers import Reader, register
@@ -37,7 +37,7 @@ _TABLE_KINDS = (".csv", ".csv.gz", ".parquet")
 _STREAMS = {
     "wheel": tuple("wheel" + kind for kind in ENDINGS),
     "camera": ("camera",),
-    "sound": ("sound.wav", "sound.flac"),
+    "sound": ("sound.wav", "sound.flac", "sound.ogg", "sound.mp3"),
     "pose": tuple("pose" + kind for kind in _TABLE_KINDS),
     "labels": ("labels.csv",),
     "vibration": tuple("vibration" + kind for kind in _TABLE_KINDS),
@@ -50,6 +50,7 @@ class _File(FileModel):
 
 class _Camera(FileModel):
     folder: str | None = None
+    bit_depth: BitDepth | None = None
 
 
 class _Sound(_File):
@@ -142,16 +143,23 @@ class FolderReader(Reader):
             pose, notes = pose_from_wheel(wheel, vehicle)
             problems += notes
         if "camera" in found:
-            camera, notes = read_camera(found["camera"])
+            seen_by = None if vehicle is None else vehicle.camera
+            camera, notes = read_camera(found["camera"], seen_by, about.camera.bit_depth if about.camera else None)
             problems += notes
             digest.add_columns("camera", {"time_s": camera.time_s})
             for file in camera.files:
                 digest.add_file("camera", file)
         if "sound" in found:
-            sound = SoundFileStream(found["sound"], about.sound.start_s if about.sound else 0.0)
-            problems += sound.problems
-            digest.add_numbers("sound", [sound.start_s])
-            digest.add_file("sound", sound.path)
+            try:
+                sound = SoundFileStream(found["sound"], about.sound.start_s if about.sound else 0.0)
+            except InputError as error:
+                if set(found) <= {"sound", "labels"}:
+                    raise
+                problems.append(f"sound is left out: {error}")
+            else:
+                problems += sound.problems
+                digest.add_numbers("sound", [sound.start_s])
+                digest.add_file("sound", sound.path)
         if "vibration" in found:
             named = about.vibration.wheel_file if about.vibration else None
             drives = named and inside(path, named, path / "recording.toml", "key vibration.wheel_file")
