@@ -161,6 +161,8 @@ def loads_of(answer: GroundAnswer, vehicle: Vehicle, load_N: float | Sequence[fl
     InputError
         A load is no number or out of range, or none is known.
     """
+    if not vehicle.wheels:
+        raise InputError(f"vehicle {vehicle.name!r}", "no wheels", expected="[[wheels]]")
     wanted = "positive numbers [N]"
     loads = numbers("load_N", _usual_load(answer, vehicle) if load_N is None else load_N, wanted)
     if loads.ndim == 0:

@@ -235,7 +235,7 @@ def learn_soil(
     """
     if recording.wheel is None:
         return SoilAlong(problems=("no wheel channels in the recording: no soil was identified",))
-    if recording.vehicle is None:
+    if recording.vehicle is None or not recording.vehicle.wheels:
         return SoilAlong(problems=("no wheel geometry (vehicle.toml): no soil was identified",))
     if "time_s" not in recording.wheel or recording.wheel.run is not None:
         return SoilAlong(problems=("steady-state trials have no time and place: `bevameter identify` is for them",))

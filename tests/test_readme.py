@@ -148,12 +148,14 @@ def test_the_example_of_the_planning_page_runs(terrain, monkeypatch, capsys):
 
 
 def test_the_examples_of_the_recording_page_are_read(tmp_path):
-    about, vehicle, topics = blocks("docs/recording.md", "toml")
+    about, vehicle, motor, topics, robot = blocks("docs/recording.md", "toml")
     About.model_validate(tomllib.loads(about))
     (tmp_path / "vehicle.toml").write_text(vehicle, encoding="utf-8")
     assert [wheel.name for wheel in load_vehicle(tmp_path / "vehicle.toml").wheels] == ["front_left", "front_right"]
     (tmp_path / "topics.toml").write_text(topics, encoding="utf-8")
     assert len(load_topic_map(tmp_path / "topics.toml").wheel) == 2
+    (tmp_path / "robot.toml").write_text(robot + motor, encoding="utf-8")
+    assert len(load_vehicle(tmp_path / "robot.toml").wheels) == 4
 
 
 def test_the_recording_page_names_every_wheel_column():

@@ -50,9 +50,11 @@ def command(
     check_outputs([json, report], [recording, vehicle, topics, soil, simulated])
     check_store(db, class_name, recording)
     with status(f"explaining {recording}") as progress:
+        # A bag may complete the vehicle; without a map `explain` opens the path itself.
         opened = recording if topics is None else read_recording(recording, vehicle=vehicle, topics=topics)
+        described = vehicle if topics is None else None
         answer = explain(
-            opened, vehicle=vehicle, soil=soil, simulated=simulated, seed=seed, database=db, progress=progress
+            opened, vehicle=described, soil=soil, simulated=simulated, seed=seed, database=db, progress=progress
         )
     if json is not None:
         write_json(answer.to_json(), json)

@@ -89,6 +89,29 @@ class Camera(FileModel):
         return np.asarray(self.matrix, dtype=float)
 
 
+class CameraMount(FileModel):
+    """Where a camera is whose intrinsics a bag's CameraInfo gives; as in `Camera`."""
+
+    height_m: Positive
+    pitch_rad: Annotated[Number, Field(gt=0, le=math.pi / 2)]
+    forward_m: Finite = 0.0
+    left_m: Finite = 0.0
+
+
+class Motor(FileModel):
+    """What makes torque at a wheel of the current of its motor.
+
+    T = torque_constant_Nm_A x gear_ratio x efficiency x current - friction_Nm while the motor drives; while it brakes
+    the losses lie on the other side of the gear, and the torque is divided by the efficiency.
+    """
+
+    torque_constant_Nm_A: Positive
+    gear_ratio: Positive = 1.0
+    efficiency: Annotated[Number, Field(gt=0, le=1)] = 1.0
+    friction_Nm: NonNegative = 0.0
+    """Torque lost at the wheel whatever the load [N m]: the torque above at the current of a free spin."""
+
+
 class Microphone(FileModel):
     """A microphone near the wheels: its place in the vehicle frame [m] and its gain [dB]."""
 
@@ -105,15 +128,18 @@ class Vehicle(FileModel):
     `noise` gives standard deviations of the wheel channels by column name (``load_N = 5.0``); a channel that is
     absent there has its noise estimated from the data. `mass_kg`, and `centre_of_mass_m` in the vehicle frame (x
     forward, y left, z above the ground), give the load on the wheels where it is not sensed; without the latter the
-    mass lies midway between the wheels, on the ground.
+    mass lies midway between the wheels, on the ground. `motor` makes torque of the motors' current where no torque is
+    sensed. A vehicle with a camera needs no wheels: it makes a map of classes, and no soil.
     """
 
     name: str = _UNNAMED
-    wheels: Annotated[tuple[Wheel, ...], Field(min_length=1)]
+    wheels: Annotated[tuple[Wheel, ...], Field(min_length=1)] = ()
     noise: dict[str, Positive] = Field(default_factory=dict)
     mass_kg: Positive | None = None
     centre_of_mass_m: tuple[Finite, Finite, NonNegative] | None = None
+    motor: Motor | None = None
     camera: Camera | None = None
+    camera_mount: CameraMount | None = None
     microphone: Microphone | None = None
 
     @model_validator(mode="before")
@@ -124,6 +150,14 @@ class Vehicle(FileModel):
                 raise ValueError("both [wheel] and [[wheels]] are given")
             data = {**{key: value for key, value in data.items() if key != "wheel"}, "wheels": [data["wheel"]]}
         return data
+
+    @model_validator(mode="after")
+    def _wheels_or_camera(self) -> Vehicle:
+        if self.camera is not None and self.camera_mount is not None:
+            raise ValueError("both [camera] and [camera_mount] are given")
+        if not self.wheels and self.camera is None and self.camera_mount is None:
+            raise ValueError("no wheel geometry, expected a [wheel] table with radius_m and width_m, or a [camera]")
+        return self
 
     @model_validator(mode="after")
     def _known_noise(self) -> Vehicle:
@@ -145,8 +179,9 @@ class Vehicle(FileModel):
             raise ValueError("centre_of_mass_m without mass_kg")
         if self.mass_kg is not None and any(wheel.load_N is not None for wheel in self.wheels):
             raise ValueError("both mass_kg and the load_N of a wheel are given")
-        if self.mass_kg is not None and len(self.wheels) == 1:
-            raise ValueError("mass_kg with one wheel, expected load_N of the wheel, or the places of all in [[wheels]]")
+        if self.mass_kg is not None and len(self.wheels) < 2:
+            many = "one wheel" if self.wheels else "no wheels"
+            raise ValueError(f"mass_kg with {many}, expected load_N of the wheel, or the places of all in [[wheels]]")
         if (shares := self.shares_of_weight()) is not None and (shares <= 0.0).any():
             lifted = self.wheels[int(np.argmin(shares))].name
             raise ValueError(
@@ -154,16 +189,20 @@ class Vehicle(FileModel):
             )
         return self
 
-    def shares_of_weight(self, forward_m: np.ndarray | float = 0.0) -> np.ndarray | None:
-        """Share of the weight on each wheel [-], (k, ...), the centre of mass moved forward [m]; None without a mass.
+    def shares_of_weight(
+        self, forward_m: np.ndarray | float = 0.0, left_m: np.ndarray | float = 0.0
+    ) -> np.ndarray | None:
+        """Share of the weight on each wheel [-], (k, ...), the centre of mass moved forward and left [m]; None without
+        a mass.
 
-        Of all loads that balance the weight these are the smallest: a plane over the wheels' places.
+        Of all loads that balance the weight these are the smallest, a plane over the wheels' places: those of a rigid
+        vehicle whose wheels are equally stiff.
         """
         if self.mass_kg is None:
             return None
         place = np.array([wheel.position_m for wheel in self.wheels])
         x_m, y_m = place.mean(axis=0) if self.centre_of_mass_m is None else self.centre_of_mass_m[:2]
-        moment = np.broadcast_arrays(1.0, x_m + np.asarray(forward_m), y_m)
+        moment = np.broadcast_arrays(1.0, x_m + np.asarray(forward_m), y_m + np.asarray(left_m))
         return np.tensordot(np.linalg.pinv(np.vstack([np.ones(len(place)), place.T])), np.stack(moment), axes=1)
 
     @property
@@ -186,8 +225,8 @@ class Vehicle(FileModel):
                 return wheel
         raise InputError(
             f"vehicle {self.name!r}",
-            f"no wheel named {name!r}",
-            expected="one of " + ", ".join(wheel.name for wheel in self.wheels),
+            f"no wheel named {name!r}" if self.wheels else "no wheels",
+            expected="one of " + ", ".join(wheel.name for wheel in self.wheels) if self.wheels else "[[wheels]]",
         )
 
 
@@ -200,8 +239,8 @@ def load_vehicle(path: str | Path) -> Vehicle:
         The file is missing, is not TOML, or a key is missing, unknown or out of range; the text names the key.
     """
     data = load_toml(path)
-    if "wheel" not in data and "wheels" not in data:
-        raise InputError(path, "no wheel geometry", expected="a [wheel] table with radius_m and width_m")
+    if not data.keys() & {"wheel", "wheels", "camera", "camera_mount"}:
+        raise InputError(path, "no wheel geometry", expected="a [wheel] table with radius_m and width_m, or a [camera]")
     return checked(Vehicle, data, path, {"wheels.0": "wheel"} if "wheels" not in data else {})
 
 

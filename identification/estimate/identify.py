@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 from ...framework.core.arguments import refused
 from ...framework.core.concurrency import together
 from ...framework.core.errors import InputError
-from ...framework.core.findings import Finding, note, warning
+from ...framework.core.findings import Finding, codes, note, warning
 from ...framework.core.recording.readers import read_recording
 from ...framework.core.recording.types import Recording, WheelTable
 from ...framework.core.soil import Quantity, ShearStrength, SoilEstimate, SoilKnowledge, as_knowledge
@@ -38,6 +38,9 @@ METHODS: tuple[Method, ...] = ("ml", "linear")
 
 REPRESENTATIVE_K_M = 0.01
 """Janosi shear modulus [m] that the linear method assumes where none is known: middle of Wong (2010), Table 2.3."""
+
+COMPUTED = ("load_computed", "load_without_slope", "torque_computed", "pull_computed")
+"""Findings that say which channels were not sensed, and what they were computed from."""
 
 MIXED = 1.5
 """An overall misfit this many times that of the worst stretch means that one soil does not explain them all [-]."""
@@ -160,9 +163,14 @@ def identify_segments(
 ) -> tuple[Segment, ...]:
     """Identify the soil of each quasi-static stretch, cut where the ground is known to change (`boundaries_s` [s])."""
     rows = select_wheel_rows(recording)
-    return _identify_stretches(
-        rows, rows.stretches(np.asarray(boundaries_s, dtype=float)), soil or SoilKnowledge(), method
-    )
+    boundaries = np.asarray(boundaries_s, dtype=float)
+    segments = _identify_stretches(rows, rows.stretches(boundaries), soil or SoilKnowledge(), method)
+    computed = tuple(each for each in rows.findings if each.code in COMPUTED)
+    return tuple(
+        each if each.estimate is None
+        else replace(each, estimate=replace(each.estimate, findings=(*each.estimate.findings, *computed)))
+        for each in segments
+    )  # fmt: skip
 
 
 def _identify_stretches(
@@ -200,6 +208,7 @@ def _soils(rows: SelectedRows, stretch: Stretch, known: SoilKnowledge) -> list[S
     for (part, solution), start, end in zip(parts, starts, ends, strict=True):
         own = replace(kept, channels=kept.channels[part], order=kept.order[part])
         estimate = summarise(solution, own, rows.wheel, notes=(*notes, *autocorrelation_finding(kept, solution)))
+        estimate = _as_far_as_known(rows, estimate)
         segments.append(Segment(start, end, True, "", len(own.channels), estimate))
     return segments
 
@@ -220,7 +229,15 @@ def _overall(
     solution = with_autocorrelated_noise(kept, solution, rows.wheel, known)
     mixed = solution.misfit > most_misfit
     notes = (*notes, *autocorrelation_finding(kept, solution))
-    return summarise(solution, kept, rows.wheel, one_soil=not mixed, notes=notes), mixed
+    estimate = summarise(solution, kept, rows.wheel, one_soil=not mixed, notes=notes)
+    return _as_far_as_known(rows, estimate), mixed
+
+
+def _as_far_as_known(rows: SelectedRows, estimate: SoilEstimate) -> SoilEstimate:
+    """Call cohesion and friction not determined where the load that they follow from is not known row by row."""
+    if "load_without_slope" not in codes(rows.findings):
+        return estimate
+    return replace(estimate, separable={**estimate.separable, "c_Pa": False, "phi_rad": False})
 
 
 def measured_rows(rows: SelectedRows, chosen: np.ndarray) -> Measured:

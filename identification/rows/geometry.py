@@ -30,7 +30,8 @@ def by_geometry(recording: Recording) -> list[Recording]:
         A row lacks its wheel's radius or width, or gives one that no wheel can have.
     """
     table = recording.wheel
-    if recording.vehicle is not None or table is None or any(name not in table for name in _NEEDED):
+    described = recording.vehicle is not None and recording.vehicle.wheels
+    if described or table is None or any(name not in table for name in _NEEDED):
         return [recording]
     names = [name for name in _COLUMNS if name in table]
     values = np.column_stack([np.nan_to_num(table[name]) if name not in _NEEDED else table[name] for name in names])

@@ -17,13 +17,14 @@ from .duplicates import without_duplicates
 from .gate import Stretch, find_stretches, quasi_static
 from .geometry import by_geometry, half_stated_grousers, of_vehicle
 from .kinematics import angle_disagreement, slip_disagreement
+from .motor import with_torque
 from .sensors import check_stated_noise, without_stuck
 from .settling import only_steady
 from .signs import check_pull, check_signs, check_torque
 from .standstill import with_standstill
 from .trials import slow_clock
 from .units import check_load, check_sizes, load_in_kilograms, pull_in_another_unit, speeds_in_another_unit
-from .weight import with_loads
+from .weight import with_loads, with_pull
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,8 @@ def select_wheel_rows(recording: Recording, *, every_row: bool = False) -> Selec
         There are no wheel channels or no geometry, or rows of other wheels where `every_row` is needed.
     """
     if recording.wheel is None or len(recording.wheel) == 0:
-        raise InputError(recording.source, "no wheel channels", expected="wheel.csv or wheel.parquet")
+        said = "; ".join(("no wheel channels", *recording.problems))
+        raise InputError(recording.source, said, expected="wheel.csv or wheel.parquet, or a bag with topics of wheels")
     of_wheel = [_of_vehicle(part, every_row) for part in by_geometry(recording)]
     best = max(of_wheel, key=lambda rows: rows.used)
     if len(of_wheel) == 1:
@@ -78,7 +80,7 @@ def select_wheel_rows(recording: Recording, *, every_row: bool = False) -> Selec
 
 def _of_vehicle(recording: Recording, every_row: bool) -> SelectedRows:
     """Gather the rows of a vehicle's wheels of one geometry, that with most rows to use."""
-    if recording.vehicle is None:
+    if recording.vehicle is None or not recording.vehicle.wheels:
         raise InputError(
             recording.source,
             "no wheel geometry",
@@ -86,13 +88,22 @@ def _of_vehicle(recording: Recording, every_row: bool) -> SelectedRows:
         )
     vehicle = recording.vehicle
     assert recording.wheel is not None
+    if recording.wheel.wheel is None and len(vehicle.wheels) > 1:
+        raise InputError(
+            recording.source, "; ".join(("no row names its wheel", *recording.problems)),
+            expected="rows of " + ", ".join(wheel.name for wheel in vehicle.wheels),
+        )  # fmt: skip
     table, others = of_vehicle(recording.wheel, vehicle)
     if every_row and others:
         raise InputError(
             recording.source, f"{others.values['used']} of {others.values['n']} rows are of the vehicle's wheel",
             expected="rows of the vehicle's wheel only, to compare with another file",
         )  # fmt: skip
+    table, driven = with_torque(table, vehicle)
     table, vehicle, weighed = with_loads(table, vehicle)
+    pulled = None
+    if weighed is not None and not every_row:
+        table, vehicle, pulled = with_pull(table, vehicle)
     table, duplicates, unsteady = with_standstill(table), None, list[Finding]()
     if not every_row:
         table, duplicates = without_duplicates(table)
@@ -109,30 +120,32 @@ def _of_vehicle(recording: Recording, every_row: bool) -> SelectedRows:
     ):
         if not any(name in rows.table for rows in gathered):
             raise InputError(table.source, f"no column {name}", expected=remedy)
-    best = max((_checked(rows) for rows in gathered), key=lambda rows: rows.used)
+    best = max((_checked(rows, pulled is None) for rows in gathered), key=lambda rows: rows.used)
     radii = note("one_radius", geometries=len(gathered), radius_m=best.wheel.radius_m) if len(gathered) > 1 else None
-    return replace(best, findings=(*_found(others, weighed, duplicates, *unsteady, radii), *best.findings))
+    return replace(
+        best, findings=(*_found(others, driven, weighed, pulled, duplicates, *unsteady, radii), *best.findings)
+    )
 
 
 def _found(*findings: Finding | None) -> Iterable[Finding]:
     return (each for each in findings if each is not None)
 
 
-def _checked(rows: SelectedRows) -> SelectedRows:
-    """Refuse channels that cannot be what their names say, and doubt those that may not be."""
+def _checked(rows: SelectedRows, sensed: bool) -> SelectedRows:
+    """Refuse channels that cannot be what their names say, and doubt those that may not be, a pull if it was sensed."""
     table, wheel, reasons = rows.table, rows.wheel, rows.reasons
     check_signs(table, wheel)
     check_sizes(table, wheel)
     check_load(table, wheel)
-    unit = pull_in_another_unit(table, wheel, reasons)
+    unit = pull_in_another_unit(table, wheel, reasons) if sensed else None
     doubts = (
         half_stated_grousers(wheel),
         check_torque(table, wheel, reasons),
-        check_pull(table, wheel, reasons),
+        check_pull(table, wheel, reasons) if sensed else None,
         load_in_kilograms(table, wheel, reasons),
         unit,
         # Of a pull in another unit its noise in newtons is too large: it is the pull that is at fault.
-        *check_stated_noise(table, rows.vehicle, ignore={"drawbar_pull_N"} if unit else ()),
+        *check_stated_noise(table, rows.vehicle, ignore={"drawbar_pull_N"} if unit or not sensed else ()),
     )
     return replace(rows, findings=(*rows.findings, *_found(*doubts)))
 

@@ -78,12 +78,21 @@ def _without_time(values: Values) -> str:
 
 
 def _load_computed(values: Values) -> str:
-    moved = {"pitch_rad": "slope", "travel_speed_m_s": "acceleration"}
-    by = " and ".join(moved[name] for name in values["transfer"])
+    moved = {"pitch_rad": "slope", "roll_rad": "roll", "travel_speed_m_s": "acceleration"}
+    by = ", ".join(moved[name] for name in values["transfer"])
     return (
         f"load_N was not sensed: it is computed from the vehicle's weight{f', moved by {by}' if by else ''}, "
         f"{values['load_N']:.3g} N on average with a standard deviation of {values['sd_N']:.2g} N; by what the share "
         "of the weight is wrong c and tan phi are wrong, too"
+    )
+
+
+def _torque_computed(values: Values) -> str:
+    losses = f" less {values['friction_Nm']:.3g} N m of friction" if values["friction_Nm"] else ""
+    doubt = "; the motor states no losses, and what is lost counts as torque at the wheel" if values["lossless"] else ""
+    return (
+        f"torque_Nm was not sensed: it is computed from the motors' current, {values['Nm_A']:.3g} N m/A{losses}, "
+        f"{values['torque_Nm']:.3g} N m on average{doubt}; by what that is wrong c and tan phi are wrong, too"
     )
 
 
@@ -101,6 +110,12 @@ SENTENCES: dict[str, Sentence] = {
     "differ; give the others in a file of their own",
     "other_wheels": "only the {used} of {n} rows were used that are of the vehicle's wheel by {columns}; give the "
     "others in a file of their own",
+    "load_without_slope": "load_N was not sensed, and pitch_rad was not recorded: it is computed from the vehicle's "
+    "weight as on level ground, {load_N:.3g} N on average. On any slope the load moves between the wheels and the slip "
+    "with it, which passes for soil: c and phi are not determined; record the attitude (an IMU with orientation)",
+    "pull_computed": "drawbar_pull_N was not sensed: what carries the vehicle's weight up the slope and accelerates it "
+    "is shared among the wheels by their loads, within {sd_N:.2g} N; this holds for a vehicle that tows nothing. A "
+    "sensor of sinkage would narrow stiffness, n and cohesion most",
     "pull_sign": "drawbar_pull_N falls as torque over radius rises (slope {slope:.2g}, correlation {correlation:.2f}): "
     "it may be measured the other way round (positive forwards)",
     "pull_sign_by_slip": "drawbar_pull_N is forwards where slip is least and backwards where it is largest: it, or "
@@ -117,6 +132,7 @@ SENTENCES: dict[str, Sentence] = {
     "stuck_rows": "{channel} repeats one value in {n} rows, longer than chance allows: they are left out of it, as its "
     "sensor may hang",
     "stuck_channel": "{channel} never changes: it is left out, as its sensor may be stuck or absent",
+    "torque_computed": _torque_computed,
     "time_unit": "rows lie {step_s:.3g} s apart (median), yet slip and load go on from row to row: check that time_s "
     "is in seconds",
     "torque_sign": "torque_Nm is {torque_Nm:.3g} (median), {share:.0%} of the rows with a slip below {slip:g} above 0, "

@@ -168,6 +168,17 @@ def test_images_of_distances_are_left_out_and_named(tmp_path):
     assert "/lidar/range: images are left out: 32FC1 is of distances, no image of the ground" in recording.problems
 
 
+def test_a_camera_of_other_light_is_used_only_where_a_map_names_it(tmp_path):
+    types = typestore()
+    picture = np.full((4, 6), 90, np.uint8)
+    path = small_bag(tmp_path / "b", "/infra/image_raw", IMAGE, [(10**9, raw_image(types, "mono8", picture))], types)
+    with pytest.raises(InputError, match="no topic that is known"):
+        read_recording(path)
+    topics = tmp_path / "map.toml"
+    topics.write_text('[camera]\ntopic = "/infra/image_raw"')
+    assert len(read_recording(path, topics=topics).camera) == 1
+
+
 def test_chunks_that_a_picture_does_not_need_do_not_get_to_the_decoder():
     png = cv2.imencode(".png", np.full((4, 6, 3), 50, np.uint8))[1].tobytes()
 

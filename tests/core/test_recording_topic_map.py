@@ -137,4 +137,8 @@ def test_several_cameras_need_a_map(tmp_path, rng):
     assert any("/left/image, /right/image" in problem for problem in recording.problems)
     with_map = read_recording(tmp_path / "b", topics=write(tmp_path, '[camera]\ntopic = "/left/image"'))
     assert len(with_map.camera) == 1
-    assert with_map.wheel is None
+    assert with_map.wheel["load_N"].tolist() == [5.0]  # what the map does not mention is recognised
+    ignored = read_recording(
+        tmp_path / "b", topics=write(tmp_path, 'ignore = ["/wheel/load_N"]\n[camera]\ntopic = "/left/image"')
+    )
+    assert ignored.wheel is None

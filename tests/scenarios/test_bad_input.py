@@ -117,10 +117,29 @@ def write(path: str, content: str | bytes):
     return lambda folder: (folder / path).write_bytes(content.encode() if isinstance(content, str) else content)
 
 
+SOUND_FAULTS = {
+    "text named wav": (write("sound.wav", "hello, I am a text\n"), "no sound that can be read"),
+    "sound without a sample": (lambda folder: sound(folder / "sound.wav", 0), "no sample"),
+    "empty sound file": (write("sound.wav", b""), "an empty file"),
+}
+
+
+@pytest.mark.parametrize("fault", SOUND_FAULTS)
+def test_bad_sound_is_left_out_and_refused_where_nothing_else_is(fault, drive, tmp_path):
+    spoil, said = SOUND_FAULTS[fault]
+    alone = tmp_path / "alone"
+    alone.mkdir()
+    spoil(alone)
+    refused(tmp_path, run(tmp_path, alone), "sound.wav", said)
+    spoil(drive)
+    result = CliRunner().invoke(app, [str(argument) for argument in run(tmp_path, drive)])
+    assert result.exit_code == 0, result.output
+    (line,) = (line for line in result.output.splitlines() if "sound is left out" in line)
+    assert "sound.wav" in line
+    assert said in line
+
+
 STREAM_FAULTS = {
-    "text named wav": (write("sound.wav", "hello, I am a text\n"), ("sound.wav", "no sound that can be read")),
-    "sound without a sample": (lambda folder: sound(folder / "sound.wav", 0), ("sound.wav", "no sample")),
-    "empty sound file": (write("sound.wav", b""), ("sound.wav", "an empty file")),
     "two sounds": (lambda folder: sound(folder / "sound.flac"), ("sound.wav and sound.flac",)),
     "pose column": (write("pose.csv", "time_s,x_m,y\n0,1,2\n"), ("pose.csv", "no column y_m")),
     "pose backwards": (
@@ -142,12 +161,11 @@ def test_a_bad_stream(fault, drive, tmp_path):
     refused(tmp_path, run(tmp_path, drive), *said)
 
 
-def test_a_text_file_named_flac(drive, tmp_path, models):
-    (drive / "sound.wav").unlink()
-    (drive / "sound.flac").write_text("this is no sound\n")
-    refused(tmp_path, run(tmp_path, drive), "sound.flac", "no sound that can be read", "WAV or FLAC")
-    arguments = ["classify", "audio", drive / "sound.flac", "--model", models / "audio.skops"]
-    refused(tmp_path, [*arguments, "--json", tmp_path / "o.json"], "sound.flac", "no sound that can be read")
+def test_a_text_file_named_flac(tmp_path, models):
+    (tmp_path / "sound.flac").write_text("this is no sound\n")
+    arguments = ["classify", "audio", tmp_path / "sound.flac", "--model", models / "audio.skops"]
+    said = ("sound.flac", "no sound that can be read", "WAV, FLAC")
+    refused(tmp_path, [*arguments, "--json", tmp_path / "o.json"], *said)
 
 
 @pytest.mark.parametrize("command", [run, identify])

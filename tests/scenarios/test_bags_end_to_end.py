@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import soundfile
 from bevameter.framework.cli.main import app
+from bevameter.framework.core.recording.readers import read_recording
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import Writer as Writer2
@@ -224,8 +225,9 @@ def test_of_a_bag_that_cannot_be_read_one_line_is_reported(kind, share, folder, 
     assert not (tmp_path / "t.db").exists()
 
 
+@pytest.mark.slow
 def test_a_topic_map_renames_and_scales(folder, small_models, tmp_path):
-    """With a map, only what it names is used: the wheels' load in kilonewtons, and no camera."""
+    """A map overrides what it names, and what it does not name is recognised, but for what it ignores."""
     path = write_bag("mcap", folder, tmp_path)
     topics = tmp_path / "topics.toml"
     wheel = "".join(
@@ -233,10 +235,15 @@ def test_a_topic_map_renames_and_scales(folder, small_models, tmp_path):
         for name, scale in (("load_N", 0.5), ("slip", 1.0), ("torque_Nm", 1.0))
     )
     topics.write_text(f'name = "mapped"\nsite = "pit"\n{wheel}[pose]\ntopic = "/pose"\n[sound]\ntopic = "/audio"\n')
+    recording = read_recording(path, topics=topics)
+    loads = np.sort(recording.wheel.observed("load_N"))
+    np.testing.assert_allclose(loads, 0.5 * np.sort(read_recording(path).wheel.observed("load_N")))
+    assert "sinkage_m" in recording.wheel
     page, _ = ran(path, small_models, tmp_path, "--topics", str(topics))
     assert (page["recording"], page["site"]) == ("mapped", "pit")
-    assert page["senses"][0]["absent"] == "no camera in the recording"
-    assert page["senses"][1]["absent"] == ""
+    assert [page["senses"][sense]["absent"] for sense in (0, 1)] == ["", ""]
+    topics.write_text('ignore = ["/camera"]\n')
+    assert read_recording(path, topics=topics).camera is None
     topics.write_text('[camera]\ntopic = "/front"\n')
     result = CliRunner().invoke(app, ["run", str(path), "--db", str(tmp_path / "n.db"), "--topics", str(topics)])
     assert result.exit_code == 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from array import array
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,18 +11,20 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from .bag_messages import number
+from ..vehicle import Vehicle
+from .bag_places import reading
 from .clock import interpolate, nearest
-from .topic_map import Reading, WheelTopic
+from .topic_map import WheelTopic
 from .types import WheelTable
 from .wheel_file import SLIP_TOLERANCE
 
+_EXACTLY, _NEARLY = 1e-3, 2e-3
+"""How closely a speed made from the wheels keeps to them, reading by reading and in means over a second [-]."""
+
+_FEWEST = 50
+"""Fewest readings that say whether it does."""
+
 _FEW = 0.1  # a channel that is missing for less than this share of the samples is not worth a word
-
-
-def reading(content: Any, source: Reading) -> float:
-    """Give a number of a message in SI units; raises `DecodeError` where the field is not there."""
-    return number(content, source.field) * source.scale + source.offset
 
 
 class WheelChannels:
@@ -159,3 +162,45 @@ def _check_slip(table: dict[str, np.ndarray], path: Path) -> None:
             path, f"{slip[row]:g}", expected="slip in [-1, 1]", place=f"slip at {table['time_s'][row]:.3f} s"
         )
     table["slip"] = np.clip(slip, -1.0, 1.0)
+
+
+def follows_the_wheels(table: WheelTable, vehicle: Vehicle | None) -> str:
+    """Say how a travel speed follows the wheels' own, as one that is made from them does; empty where it does not.
+
+    Slip from such a speed is zero whatever the ground. An independent speed has noise of its own, and keeps to no
+    multiple of the mean speed of the rims within `_EXACTLY`.
+
+    Parameters
+    ----------
+    table
+        Merged channels.
+    vehicle
+        The wheels' radii; any one radius where None.
+    """
+    rim, travel = table.get("wheel_speed_rad_s"), table.get("travel_speed_m_s")
+    if rim is None or travel is None:
+        return ""
+    radius = {wheel.name: wheel.radius_m for wheel in vehicle.wheels} if vehicle else {}
+    names = [None] if table.wheel is None else sorted(set(table.wheel))
+    parts = [np.ones(len(table), bool) if name is None else table.wheel == name for name in names]
+    usual = next(iter(radius.values()), 1.0)
+    clock = table["time_s"][parts[0]]
+    rims = [
+        np.interp(clock, table["time_s"][part], rim[part] * radius.get(str(name), usual))
+        for name, part in zip(names, parts, strict=True)
+    ]
+    mean, travel = np.mean(rims, axis=0), travel[parts[0]]
+    moving = np.isfinite(mean) & np.isfinite(travel) & (np.abs(mean) > 0.2 * np.nanmax(np.abs(mean), initial=0.0))
+    if moving.sum() < _FEWEST:
+        return ""
+    factor = float(np.median(travel[moving] / mean[moving]))
+    if abs(factor) < 1e-6:
+        return ""
+    apart = float(np.quantile(np.abs(travel[moving] / (factor * mean[moving]) - 1.0), 0.8))
+    width = max(round(1.0 / max(float(np.median(np.diff(clock))), 1e-6)), 1)
+    means = [np.convolve(each[moving], np.ones(width) / width, mode="valid") for each in (travel, mean)]
+    nearly = float(np.quantile(np.abs(means[0] / means[1] - 1.0), 0.8)) if len(means[0]) and radius else math.inf
+    if apart > _EXACTLY and nearly > _NEARLY:
+        return ""
+    what = "the mean speed of the rims" if radius else "the wheels' mean rate of turning"
+    return f"within {100.0 * min(apart, nearly):.2g} % it is {factor:.4g} times {what}"

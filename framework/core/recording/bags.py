@@ -13,20 +13,26 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..origin import Origin
 from ..track.jumps import without_jumps
-from ..track.way import pose_from_wheel
+from ..track.way import heading_of, pose_from_wheel
 from ..vehicle import Vehicle
+from .bag_camera import with_camera
 from .bag_files import BagFile, Message
+from .bag_frames import Frames
 from .bag_images import no_picture
 from .bag_messages import DecodeError, decode, number, stamp_ns
 from .bag_messages import field as field_of
+from .bag_places import Fixes, east_north, pitch_and_roll, pose_of
 from .bag_streams import BagCamera, BagSound, SoundLayout
-from .bag_wheel import WheelChannels, merge, reading
+from .bag_wheel import WheelChannels, follows_the_wheels, merge
+from .clock import interpolate
 from .digest import StreamDigest
+from .recognition import Recognised, recognise
 from .sound_messages import READERS, SoundReader
 from .sound_source import SoundError, find_source
-from .topic_map import PoseTopic, Recognised, SoundTopic, TopicMap, complete, load_topic_map, recognise
-from .types import Pose, Recording
+from .topic_map import SoundTopic, load_topic_map
+from .types import Pose, Recording, WheelTable
 from .video import BagVideo, codec_of
 from .wheel_file import derive_all
 
@@ -41,6 +47,11 @@ class _Gathered:
 
     times: dict[str, list[int]]
     wheel: list[WheelChannels]
+    speeds: list[WheelChannels]
+    frames: Frames = field(default_factory=Frames)
+    fixes: Fixes = field(default_factory=Fixes)
+    attitude: list[tuple[float, ...]] = field(default_factory=list)
+    attitude_frame: str = ""
     poses: list[tuple[int, float, float, float]] = field(default_factory=list)
     undecoded: Counter[str] = field(default_factory=Counter)
     reasons: dict[str, str] = field(default_factory=dict)
@@ -84,12 +95,12 @@ def read_bag(path: Path, *, vehicle: Vehicle | None = None, topics: Path | None 
             samples[name] = decode(message)
     names = {name: message.topic for name, message in first.items()}
     given = None if topics is None else load_topic_map(topics)
-    known = recognise(names, samples, path) if given is None else complete(given, names, samples, path)
-    notes: list[str] = []
-    heard = _sound_reader(bag, known.topics.sound, None if given is None else given.sound, first, samples, notes)
+    known = recognise(given, names, samples, path, () if vehicle is None else vehicle.wheels)
+    unheard: list[str] = []
+    heard = _sound_reader(bag, known.topics.sound, None if given is None else given.sound, first, samples, unheard)
     digest = StreamDigest()
-    gathered = _gather(bag, known.topics, heard, digest, path)
-    problems = [*bag.problems, *known.assumed, *notes, *_undecoded(gathered)]
+    gathered = _gather(bag, known, heard, digest, path)
+    problems, notes = [*bag.problems, *known.assumed, *unheard, *_undecoded(gathered)], [*known.chosen]
     every = [time for times in gathered.times.values() for time in times]
     if not every:
         raise InputError(path, "no message of the streams can be read", expected="a bag with messages")
@@ -99,15 +110,17 @@ def read_bag(path: Path, *, vehicle: Vehicle | None = None, topics: Path | None 
         for channels in gathered.wheel
         if channels.source.topic in known.guessed_wrenches and channels.turn_load_up()
     ]
-    wheel, found = merge(gathered.wheel, origin, known.topics.max_gap_s, path)
-    problems += found
-    pose, found = _pose(gathered, origin, path)
-    problems += found
-    if wheel is not None:
-        wheel = wheel if vehicle is None else derive_all(wheel, vehicle)
+    wheel = _wheel(gathered, origin, known, vehicle, path, problems)
+    pose, place = _pose(gathered, origin, known, path, problems, notes)
+    if wheel is not None and vehicle is not None and (wheel.wheel is not None or len(vehicle.wheels) == 1):
+        wheel = derive_all(wheel, vehicle)
     if wheel is not None and pose is None:
         pose, found = pose_from_wheel(wheel, vehicle)
         problems += found
+    camera = _camera(bag, known, samples, gathered, origin, problems)
+    if camera is not None and known.topics.camera is not None:
+        vehicle, geometry = with_camera(vehicle, known.topics.camera.topic, names, samples, gathered.frames)
+        notes += geometry
     return Recording(
         name=known.topics.name or path.resolve().name.split(".")[0],
         source=path,
@@ -117,9 +130,11 @@ def read_bag(path: Path, *, vehicle: Vehicle | None = None, topics: Path | None 
         digest=digest.hexdigest(),
         wheel=wheel,
         pose=pose,
-        camera=_camera(bag, known, samples, gathered, origin, problems),
+        camera=camera,
         sound=_sound(bag, heard, gathered, origin, problems),
         problems=tuple(problems),
+        origin=place,
+        notes=tuple(notes),
     )
 
 
@@ -142,30 +157,36 @@ def _sound_reader(
     return READERS[source.coding](source)
 
 
-def _gather(bag: BagFile, known: TopicMap, heard: SoundReader | None, digest: StreamDigest, path: Path) -> _Gathered:
+def _gather(bag: BagFile, known: Recognised, heard: SoundReader | None, digest: StreamDigest, path: Path) -> _Gathered:
     """Pass once over the messages of the streams."""
-    gathered = _Gathered({}, [WheelChannels(source) for source in known.wheel])
+    topics = known.topics
+    gathered = _Gathered(
+        {}, [WheelChannels(source) for source in topics.wheel], [WheelChannels(source) for source in known.speeds]
+    )
     by_topic: dict[str, list[WheelChannels]] = {}
-    for channels in gathered.wheel:
+    for channels in (*gathered.wheel, *gathered.speeds):
         by_topic.setdefault(channels.source.topic, []).append(channels)
-    camera = None if known.camera is None else known.camera.topic
+    camera = None if topics.camera is None else topics.camera.topic
     sound = None if heard is None else heard.source.topic
-    wanted = {*by_topic, *(part.topic for part in (known.pose, known.camera) if part is not None)}
-    wanted |= set() if sound is None else {sound}
-    for message in bag.messages(wanted):
+    streams = {part.topic for part in (topics.pose, topics.attitude, topics.camera, heard and heard.source) if part}
+    wanted = {*by_topic, *streams}
+    for message in bag.messages({*wanted, *known.about}):
         topic = message.topic.name
-        digest.add(topic, struct.pack("<qQ", message.time_ns, len(message.data)))
-        digest.add(topic, message.data)
         time_ns, content = message.time_ns, None
         try:
             content = decode(message)
             time_ns = stamp_ns(message, content)
+            _add_about(gathered, known, topic, time_ns, content)
             for channels in by_topic.get(topic, ()):
                 channels.add(time_ns, content)
-            if known.pose is not None and topic == known.pose.topic:
-                gathered.poses.append((time_ns, *_pose_of(content, known.pose)))
+            if topics.pose is not None and topic == topics.pose.topic and topics.pose.pose != "":
+                gathered.poses.append((time_ns, *pose_of(content, topics.pose)))
         except DecodeError as error:
             gathered.fail(topic, str(error))
+        if topic not in wanted:
+            continue
+        digest.add(topic, struct.pack("<qQ", message.time_ns, len(message.data)))
+        digest.add(topic, message.data)
         gathered.times.setdefault(topic, []).append(time_ns)
         if heard is not None and topic == sound:
             try:
@@ -174,6 +195,20 @@ def _gather(bag: BagFile, known: TopicMap, heard: SoundReader | None, digest: St
                 gathered.fail(topic, str(error))
     _refuse_empty(gathered, {camera, sound}, path)
     return gathered
+
+
+def _add_about(gathered: _Gathered, known: Recognised, topic: str, time_ns: int, content: Any) -> None:
+    """Add what a message says of frames, places on Earth and attitude."""
+    if topic in known.frames:
+        gathered.frames.add(content)
+    if topic in known.fixes:
+        gathered.fixes.add(time_ns, content)
+    attitude = known.topics.attitude
+    if attitude is not None and topic == attitude.topic:
+        turn = field_of(content, attitude.orientation or "orientation")
+        gathered.attitude.append((time_ns, *(number(turn, axis) for axis in "xyzw")))
+        if attitude.orientation == "orientation" and not gathered.attitude_frame:
+            gathered.attitude_frame = str(field_of(content, "header.frame_id"))
 
 
 def _refuse_empty(gathered: _Gathered, media: set[str | None], path: Path) -> None:
@@ -190,30 +225,88 @@ def _undecoded(gathered: _Gathered) -> list[str]:
     ]
 
 
-def _pose_of(content: Any, source: PoseTopic) -> tuple[float, float, float]:
-    if source.fields:
-        if missing := [name for name in ("x_m", "y_m", "yaw_rad") if name not in source.fields]:
-            raise DecodeError(f"the topic map gives no field for {missing[0]}")
-        x, y, yaw = (reading(content, source.fields[name]) for name in ("x_m", "y_m", "yaw_rad"))
-        return x, y, yaw
-    pose = field_of(content, source.pose or "pose")
-    qx, qy, qz, qw = (number(pose, f"orientation.{axis}") for axis in "xyzw")
-    yaw = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
-    return number(pose, "position.x"), number(pose, "position.y"), float(yaw)
+def _wheel(
+    gathered: _Gathered, origin: int, known: Recognised, vehicle: Vehicle | None, path: Path, problems: list[str]
+) -> WheelTable | None:
+    """Merge the wheels' channels with the first travel speed that is independent of them, and with the attitude."""
+    wheel = None
+    for speed in (*gathered.speeds, None):
+        wheel, found = merge(
+            [*gathered.wheel, *([speed] if speed else [])], origin, known.topics.max_gap_s, path
+        )  # fmt: skip
+        follows = "" if speed is None or wheel is None else follows_the_wheels(wheel, vehicle)
+        if not follows:
+            problems += found
+            break
+        problems.append(
+            f"{speed.source.topic if speed else ''}: not used as travel speed, for it is made from the wheels' own "
+            f"({follows}): slip would be zero on any ground; record visual odometry or a satellite receiver's speed"
+        )
+    if wheel is None or not gathered.attitude:
+        return wheel
+    return _with_attitude(wheel, gathered, origin, known)
 
 
-def _pose(gathered: _Gathered, origin: int, path: Path) -> tuple[Pose | None, tuple[str, ...]]:
-    if not gathered.poses:
-        return None, ()
-    time = (np.array([pose[0] for pose in gathered.poses], dtype=np.int64) - origin) * 1e-9
-    rows = np.array([pose[1:] for pose in gathered.poses])
+def _with_attitude(wheel: WheelTable, gathered: _Gathered, origin: int, known: Recognised) -> WheelTable:
+    """Add pitch and roll of the vehicle to each row, where no wheel topic gives them."""
+    times = (np.array([each[0] for each in gathered.attitude], dtype=np.int64) - origin) * 1e-9
+    turns = np.array([each[1:] for each in gathered.attitude])
+    good = np.isfinite(turns).all(axis=1) & (np.linalg.norm(turns, axis=1) > 0.5)
+    mount = None
+    if gathered.attitude_frame and gathered.frames.base:
+        placed = gathered.frames.pose(gathered.attitude_frame, gathered.frames.base)
+        mount = None if placed is None else placed[:3, :3]
+    if not good.any():
+        return wheel
+    pitch, roll = pitch_and_roll(turns[good], mount)
+    if not (np.ptp(pitch) or np.ptp(roll)):
+        return wheel  # an odometry in the plane knows neither
+    order = np.argsort(times[good], kind="stable")
+    added = {
+        name: interpolate(times[good][order], values[order], wheel["time_s"], known.topics.max_gap_s)
+        for name, values in (("pitch_rad", pitch), ("roll_rad", roll))
+        if name not in wheel
+    }
+    return WheelTable({**wheel.columns, **added}, wheel.wheel, wheel.run, wheel.source)
+
+
+def _pose(
+    gathered: _Gathered, origin: int, known: Recognised, path: Path, problems: list[str], notes: list[str]
+) -> tuple[Pose | None, Origin | None]:
+    """Give the poses, and where on Earth their x = y = 0 lies as far as that is known."""
+    fixes, stated = gathered.fixes, known.topics.pose
+    pose, place = None, None
+    if gathered.poses:
+        time = (np.array([pose[0] for pose in gathered.poses], dtype=np.int64) - origin) * 1e-9
+        pose = _in_order(time, np.array([pose[1:] for pose in gathered.poses]))
+        place = None if pose is None or len(fixes) < 2 else fixes.origin_of(pose, origin)
+    elif len(fixes) and stated is not None and stated.pose == "":
+        latitude, longitude = fixes.places()
+        place = Origin(*(stated.origin or (float(latitude[0]), float(longitude[0]))))
+        east, north = east_north(latitude, longitude, place)
+        rows = np.column_stack([east, north, heading_of(east, north)])
+        pose = _in_order(fixes.time_s(origin), rows)
+    if pose is None:
+        return None, None
+    if place is not None:
+        notes.append(
+            f"x = y = 0 lies at latitude {place.latitude_deg:.7f}, longitude {place.longitude_deg:.7f}: exports take "
+            f"`--origin {place.latitude_deg:.7f} {place.longitude_deg:.7f} --heading {place.heading_deg:.1f}`"
+        )
+    times = pose.time_s
+    pose, found = without_jumps(pose, path, lambda row: f"pose at {times[row]:.3f} s")
+    problems += found
+    return pose, place
+
+
+def _in_order(time: np.ndarray, rows: np.ndarray) -> Pose | None:
+    """Make poses of times (n,) [s] and rows (n, 3) of x, y [m] and yaw [rad], those that are not finite left out."""
     order = np.argsort(time, kind="stable")
     order = order[np.isfinite(rows[order]).all(axis=1)]
     if not len(order):
-        return None, ()
+        return None
     time, rows = time[order], rows[order]
-    pose = Pose(time, rows[:, 0], rows[:, 1], np.unwrap(rows[:, 2]))
-    return without_jumps(pose, path, lambda row: f"pose at {time[row]:.3f} s")
+    return Pose(time, rows[:, 0], rows[:, 1], np.unwrap(rows[:, 2]))
 
 
 def _camera(

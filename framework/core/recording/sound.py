@@ -28,6 +28,7 @@ MAX_CHANNELS = 64
 """Channels that a sound may have [-]."""
 
 SOUND_FORMATS = ("WAV", "WAVEX", "RF64", "FLAC", "OGG", "AIFF", "W64", "MP3")
+_EXPECTED = "a WAV, FLAC, Ogg, AIFF or MP3 file"
 
 MAX_MP3_BYTES = 256 * 2**20
 """No MP3 file is read that is larger: 4 hours at 128 kbit/s [bytes]."""
@@ -168,11 +169,11 @@ class SoundFileStream:
                 self._mp3, self._mp3_rest = self._mp3_frames()
                 file = sf.SoundFile(io.BytesIO(self._mp3))
         except (sf.SoundFileError, OSError, TypeError, ValueError) as error:
-            raise InputError(self.path, f"no sound that can be read: {error}", expected="a WAV or FLAC file") from error
+            raise InputError(self.path, f"no sound that can be read: {error}", expected=_EXPECTED) from error
         low, high = SAMPLE_RATES
         fault = None
         if file.format not in SOUND_FORMATS:
-            fault = (f"sound of kind {file.format}", "WAV or FLAC")
+            fault = (f"sound of kind {file.format}", _EXPECTED)
         elif not low <= file.samplerate <= high:
             fault = (f"sample rate {file.samplerate} Hz", f"{low} to {high} Hz")
         elif file.channels > MAX_CHANNELS:

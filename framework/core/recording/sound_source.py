@@ -13,9 +13,10 @@ from .bag_files import BagFile, Message
 from .bag_images import bytes_of
 from .bag_messages import DecodeError, decode, field, fields_of, number
 from .mp3 import mp3_share
+from .recognition import short_type
 from .sound import MAX_CHANNELS, SAMPLE_RATES
 from .sound_messages import PCM, Coding, SoundSource, begins_file
-from .topic_map import SoundTopic, short_type
+from .topic_map import SoundTopic
 
 _BY_MAP = {"pcm8": "U8", "pcm16": "S16LE", "pcm24": "S24LE", "pcm32": "S32LE", "float32": "F32LE"}
 _BY_FOXGLOVE = {"pcm-s16": "S16LE", "pcm-u8": "U8", "pcm-s32": "S32LE", "pcm-f32": "F32LE"}

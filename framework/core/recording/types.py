@@ -10,6 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
+from ..origin import Origin
 from ..vehicle import Vehicle
 
 WHEEL_COLUMNS = (
@@ -207,6 +208,7 @@ class Recording:
     `problems` says in words what could not be read; what is readable is used. `notes` says what was converted or
     assumed in reading it: units, signs, the meaning of columns. `digest` is the SHA-256 of what was
     read, hexadecimal: two readings of the same drive have the same digest, and so add nothing to a database twice.
+    `origin` says where on Earth the poses' x = y = 0 lies, where a satellite receiver was recorded.
     """
 
     name: str
@@ -223,3 +225,4 @@ class Recording:
     problems: tuple[str, ...] = ()
     vibration: VibrationRun | None = None
     notes: tuple[str, ...] = ()
+    origin: Origin | None = None

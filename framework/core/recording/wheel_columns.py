@@ -19,8 +19,9 @@ TEXT_COLUMNS = frozenset({"wheel", "run"})
 OWN = frozenset(WHEEL_COLUMNS) | TEXT_COLUMNS
 """The wheel file's own columns."""
 
-ALSO_READ = ("radius_m", "width_m", "grouser_height_m", "grouser_count", "yaw_rad")
-"""Columns beyond the contract's that something reads: the wheel that a row is of, and the vehicle's heading."""
+ALSO_READ = ("radius_m", "width_m", "grouser_height_m", "grouser_count", "yaw_rad", "roll_rad", "current_A")
+"""Columns beyond the contract's that something reads: the wheel that a row is of, the vehicle's heading and roll,
+and the current of the wheel's motor."""
 
 _UNITLESS = frozenset({"time_s", "slip", "pass"})
 """Own columns that a laboratory's table may have by chance, or by its clock: they do not make it one in SI units."""

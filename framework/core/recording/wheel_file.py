@@ -198,6 +198,8 @@ def derive_all(table: WheelTable, vehicle: Vehicle) -> WheelTable:
     InputError
         The table names a wheel that the vehicle does not have, or none where the vehicle has several.
     """
+    if not vehicle.wheels:
+        return table
     first = vehicle.wheels[0]
     # A single wheel without a name is what each of them is like; one with a name is the only one there is.
     for_all = "name" not in first.model_fields_set or table.wheel is None or len(set(table.wheel)) == 1

@@ -139,7 +139,7 @@ def pose_from_wheel(table: WheelTable, vehicle: Vehicle | None) -> tuple[Pose | 
         return None, ()
     time, x, y = (table[column][rows] for column in ("time_s", "x_m", "y_m"))
     recorded = table.get("yaw_rad")
-    yaw = _heading(x, y) if recorded is None or np.isnan(recorded[rows]).any() else recorded[rows]
+    yaw = heading_of(x, y) if recorded is None or np.isnan(recorded[rows]).any() else recorded[rows]
     wheel = _wheel_named(vehicle, name)
     if wheel is not None:
         forward, left = wheel.position_m
@@ -156,7 +156,7 @@ def _wheel_named(vehicle: Vehicle | None, name: str | None) -> Wheel | None:
     return next((wheel for wheel in vehicle.wheels if wheel.name == name or len(vehicle.wheels) == 1), None)
 
 
-def _heading(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def heading_of(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Give the direction of a path, (n,) [rad]."""
     place = np.floor(np.hypot(np.diff(x, prepend=x[0]), np.diff(y, prepend=y[0])).cumsum() / _HEADING_STEP_M)
     key = np.flatnonzero(np.diff(place, prepend=-1.0) > 0)
@@ -301,7 +301,7 @@ def cells_under_wheels(
     steps = int(np.clip(np.ceil(4.0 * reach / cell_size_m), 1, _MAX_STEPS))
     time_s = start_s[:, None] + (end_s - start_s)[:, None] * (np.arange(steps) + 0.5)[None, :] / steps
     x, y, yaw = track.place_at(time_s)
-    places = np.array([wheel.position_m for wheel in vehicle.wheels]) if vehicle else np.zeros((1, 2))
+    places = np.array([wheel.position_m for wheel in vehicle.wheels] if vehicle and vehicle.wheels else [(0.0, 0.0)])
     places = np.unique(places, axis=0)
     wheel_x, wheel_y = moved(x[..., None], y[..., None], yaw[..., None], places[:, 0], places[:, 1])
     window = np.broadcast_to(np.arange(len(start_s))[:, None, None], wheel_x.shape)

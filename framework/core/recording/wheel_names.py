@@ -1,0 +1,109 @@
+"""Which wheel of a vehicle a joint or a topic is: `front_left_wheel_joint`, `fl`, `wheel_1`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..vehicle import Wheel
+
+_WHEEL = {"wheel", "wheels", "joint", "joints", "link", "drive", "driven", "motor", "hub", "axle", "tyre", "tire"}
+_STEERS = {"steer", "steering", "steered", "caster", "castor", "suspension", "swivel", "rocker", "bogie"}
+_AXLES = {
+    **dict.fromkeys(("front", "fwd", "forward", "fore", "f"), "front"),
+    **dict.fromkeys(("middle", "mid", "center", "centre", "m"), "middle"),
+    **dict.fromkeys(("rear", "back", "hind", "aft", "b"), "rear"),
+}  # fmt: skip
+_SIDES = {**dict.fromkeys(("left", "l"), "left"), **dict.fromkeys(("right", "r"), "right")}
+_SHORT = {
+    axle + side: (axles, sides)
+    for axle, axles in (("f", "front"), ("m", "middle"), ("r", "rear"), ("b", "rear"))
+    for side, sides in (("l", "left"), ("r", "right"))
+}
+_SHORT |= {"lf": ("front", "left"), "rf": ("front", "right"), "lm": ("middle", "left"), "rm": ("middle", "right"),
+           "lr": ("rear", "left"), "lb": ("rear", "left"), "rb": ("rear", "right")}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Key:
+    """What a name says: axle, side and numbers; whether it steers, and whether every part of it is known."""
+
+    axle: str = ""
+    side: str = ""
+    numbers: tuple[int, ...] = ()
+    steers: bool = False
+    wheel: bool = False
+    all_known: bool = True
+
+    @property
+    def place(self) -> tuple[str, str]:
+        return self.axle, self.side
+
+
+def _key(name: str) -> _Key:
+    axle = side = ""
+    numbers, steers, wheel, all_known = [], False, False, True
+    parts = re.findall(r"[a-z]+|\d+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).casefold())
+    for part in parts:
+        if part.isdigit():
+            numbers.append(int(part))
+        elif part in _STEERS:
+            steers = True
+        elif part in _WHEEL:
+            wheel |= part.startswith("wheel")
+        elif part in _SHORT and not (axle or side):
+            axle, side = _SHORT[part]
+        elif part in _AXLES:
+            axle = axle or _AXLES[part]
+        elif part in _SIDES:
+            side = side or _SIDES[part]
+        else:
+            all_known = False
+    return _Key(axle, side, tuple(numbers), steers, wheel, all_known)
+
+
+def _stem(name: str) -> str:
+    """Leave of a name what tells wheels apart."""
+    parts = re.findall(r"[a-z]+|\d+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).casefold())
+    return "_".join(part for part in parts if part not in _WHEEL)
+
+
+def _places(wheels: Sequence[Wheel]) -> list[tuple[str, str]]:
+    """Axle and side of each wheel by where it is; empty where that does not say."""
+    place = np.array([wheel.position_m for wheel in wheels])
+    axles = np.unique(np.round(place[:, 0], 3))
+    names = {1: ("",), 2: ("rear", "front"), 3: ("rear", "middle", "front")}.get(len(axles), ("",) * len(axles))
+    of_axle = dict(zip(axles.tolist(), names, strict=True))
+    sides = np.where(place[:, 1] > 0, "left", np.where(place[:, 1] < 0, "right", ""))
+    return [(of_axle[float(np.round(x, 3))], str(side)) for (x, _), side in zip(place, sides, strict=True)]
+
+
+def drives(name: str) -> bool:
+    """Say whether a joint's name is that of a wheel that is driven: one with `wheel` in it that does not steer."""
+    return "wheel" in name.casefold() and not _key(name).steers
+
+
+def wheel_called(name: str, wheels: Sequence[Wheel]) -> str | None:
+    """Give the name of the wheel that a joint or topic's part is named after, or None.
+
+    Names are compared without `wheel`, `joint`, `motor` and the like; then by the axle and the side that they name
+    (`front_left`, `fl`, `lf`, `leftFront`), which a wheel's own name says, or else its place in the vehicle. A joint
+    that steers is no wheel, nor is one without `wheel` in its name that has other words in it.
+    """
+    key, stem = _key(name), _stem(name)
+    if key.steers or not stem:
+        return None
+    same = [wheel.name for wheel in wheels if name == wheel.name or stem == _stem(wheel.name)]
+    if len(same) == 1:
+        return same[0]
+    if not (key.wheel or key.all_known) or not (key.axle or key.side):
+        return None
+    named = [_key(wheel.name) for wheel in wheels]
+    for candidates in ([each.place for each in named], _places(wheels)):
+        found = [wheel.name for wheel, place in zip(wheels, candidates, strict=True) if place == key.place]
+        if len(found) == 1:
+            return found[0]
+    return None

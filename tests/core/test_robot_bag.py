@@ -1,0 +1,135 @@
+"""What is recognised of a common robot's bag: wheels, attitude, camera, places on Earth, travel speed."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from bevameter.framework.core.errors import InputError
+from bevameter.framework.core.origin import Origin
+from bevameter.framework.core.recording.bag_camera import with_camera
+from bevameter.framework.core.recording.bag_files import Topic
+from bevameter.framework.core.recording.bag_frames import Frames
+from bevameter.framework.core.recording.bag_places import east_north
+from bevameter.framework.core.recording.readers import read_recording
+from bevameter.framework.core.recording.wheel_names import wheel_called
+from bevameter.framework.core.vehicle import load_vehicle
+from robot_bag import NAMES, RADIUS_M, VEHICLE_TOML, RobotBag, drive
+
+
+@pytest.fixture(scope="module")
+def driven():
+    return drive(12.0)
+
+
+@pytest.fixture
+def vehicle(tmp_path):
+    path = tmp_path / "vehicle.toml"
+    path.write_text(VEHICLE_TOML, encoding="utf-8")
+    return path
+
+
+def png(rng) -> bytes:
+    import cv2
+
+    return cv2.imencode(".jpg", rng.integers(0, 255, (480, 640, 3)).astype(np.uint8))[1].tobytes()
+
+
+def test_wheels_attitude_camera_and_origin_are_found_without_a_map(driven, vehicle, tmp_path, rng):
+    bag = RobotBag(driven, images=[png(rng)], sinkage=True)
+    recording = read_recording(bag.write(tmp_path / "bag"), vehicle=vehicle)
+    table = recording.wheel
+    assert set(table.wheel) == set(NAMES)
+    assert recording.problems == ()
+    rear = table.select(table.wheel == "rear_right")
+    np.testing.assert_allclose(rear["wheel_speed_rad_s"] * RADIUS_M, driven.rim_m_s, atol=0.01)
+    assert np.abs(rear["torque_Nm"] - driven.torque_Nm[:, 3]).mean() < 0.3
+    assert np.nanmax(np.abs(rear["pitch_rad"] - driven.pitch_rad)) < 0.02  # nose up, though ROS's pitch is nose down
+    assert np.nanmax(np.abs(rear["slip"] - driven.slip)) < 0.15
+    assert np.nanmean(rear["slip"] - driven.slip) == pytest.approx(0.0, abs=0.01)
+    forward, height, down = bag.optical
+    camera = recording.vehicle.camera
+    assert (camera.forward_m, camera.height_m, camera.pitch_rad) == pytest.approx((forward, height, down))
+    assert camera.matrix[0] == (420.0, 0.0, 319.5)
+
+
+def test_joints_of_unknown_names_are_listed_with_what_to_write(driven, vehicle, tmp_path):
+    joints = ("motor_a", "motor_b", "motor_c", "motor_d")
+    path = RobotBag(driven, joints=joints).write(tmp_path / "bag")
+    recording = read_recording(path, vehicle=vehicle)
+    said = next(problem for problem in recording.problems if "motor_c" in problem)
+    assert 'wheel = "front_left"' in said
+    assert 'wheel_speed_rad_s = "velocity[motor_a]"' in said
+    topics = tmp_path / "topics.toml"
+    topics.write_text(
+        "".join(
+            f'[[wheel]]\ntopic = "/joint_states"\nwheel = "{name}"\n'
+            f'fields = {{ wheel_speed_rad_s = "velocity[{joint}]", torque_Nm = "effort[{joint}]" }}\n'
+            for name, joint in zip(NAMES, joints, strict=True)
+        )
+    )
+    mapped = read_recording(path, vehicle=vehicle, topics=topics)
+    # What the map does not mention is recognised: speed, places and attitude.
+    assert {"slip", "torque_Nm", "pitch_rad"} <= set(mapped.wheel.columns)
+    assert mapped.pose is not None
+
+
+def test_a_speed_made_from_the_wheels_gives_no_slip(driven, vehicle, tmp_path):
+    path = RobotBag(driven, odometry="wheels").write(tmp_path / "bag")
+    recording = read_recording(path, vehicle=vehicle)
+    assert "slip" not in recording.wheel
+    assert any("/odom: not used as travel speed" in problem for problem in recording.problems)
+    assert recording.pose is not None
+
+
+def test_a_camera_alone_needs_no_vehicle(driven, tmp_path, rng):
+    recording = read_recording(RobotBag(driven, images=[png(rng)], wheels=False).write(tmp_path / "bag"))
+    assert recording.vehicle.wheels == ()
+    assert recording.vehicle.camera.pitch_rad == pytest.approx(math.radians(25.0))
+    with pytest.raises(InputError, match="no wheels"):
+        recording.vehicle.wheel()
+
+
+def test_the_frame_of_foxglove_images_is_their_own(driven):
+    bag, frames = RobotBag(driven), Frames()
+    frames.add(bag.transforms())
+    topics = {"/camera/camera_info": Topic("/camera/camera_info", "sensor_msgs/msg/CameraInfo", "cdr", "")}
+    samples = {"/camera/camera_info": bag.camera_info(0.0), "/camera/video": {"frame_id": "camera_optical"}}
+    vehicle, _ = with_camera(None, "/camera/video", topics, samples, frames)
+    assert vehicle.camera.pitch_rad == pytest.approx(bag.optical[2])
+
+
+def test_fixes_are_places_where_nothing_else_is(driven, tmp_path):
+    topics = tmp_path / "topics.toml"
+    topics.write_text('[pose]\ntopic = "/fix"\norigin = [47.0707, 15.4395]\n')
+    recording = read_recording(RobotBag(driven).write(tmp_path / "bag"), topics=topics)
+    way = np.interp(recording.pose.time_s, driven.time_s, driven.way_m)
+    np.testing.assert_allclose(recording.pose.x_m, way, atol=0.1)
+    np.testing.assert_allclose(recording.pose.y_m, 0.0, atol=0.01)
+    assert recording.origin == Origin(47.0707, 15.4395)
+
+
+def test_metres_east_and_north_are_those_of_a_map_projection():
+    """Against PROJ's transverse Mercator (+proj=tmerc +lat_0=60 +lon_0=10 +k=1) 2 to 4 km from the origin."""
+    latitude, longitude = np.array([60.02, 59.98]), np.array([10.05, 9.95])
+    pyproj = pytest.importorskip("pyproj")
+    origin = Origin(60.0, 10.0)
+    expected = pyproj.Transformer.from_crs(4326, origin.crs, always_xy=True).transform(longitude, latitude)
+    np.testing.assert_allclose(east_north(latitude, longitude, origin), expected, atol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("name", "wheel"),
+    [
+        ("front_left_wheel_joint", "front_left"), ("fl", "front_left"), ("wheel_rr", "rear_right"),
+        ("rightRearWheel", "rear_right"), ("robot_back_left_wheel", "rear_left"), ("lf_motor", "front_left"),
+        ("front_left_steer_joint", None), ("left_wheel", None), ("arm_front_left", None), ("motor_a", None),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("named", [True, False])
+def test_joints_are_matched_by_name_or_by_the_place_of_the_wheel(name, wheel, named, vehicle):
+    wheels = load_vehicle(vehicle).wheels
+    called = dict(zip(NAMES, NAMES if named else "wxyz", strict=True))
+    wheels = [each.model_copy(update={"name": called[each.name]}) for each in wheels]
+    assert wheel_called(name, wheels) == (called[wheel] if wheel else None)
