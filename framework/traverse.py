@@ -268,7 +268,7 @@ def store(
     began = time.monotonic()
     report: Progress = progress or (lambda stage, share: None)
     report("storing", 0.0)
-    stored = database.drive(processed.drive.id)
+    stored = database.drive(processed.drive.id) if database.there else None
     if stored is None and processed.summary is None:
         raise InputError(
             database.name, f"the drive {processed.drive.name} was removed meanwhile", expected="a second run"

@@ -91,6 +91,7 @@ def test_known_and_unknown_ground(view):
 
 def test_an_empty_database_knows_nothing(tmp_path):
     with TerrainDatabase(tmp_path / "terrain.db") as database:
+        database.make()
         empty = database.snapshot()
     ahead = empty.along([SAND, NOWHERE])
     assert not ahead.known.any()

@@ -100,8 +100,10 @@ def test_what_cannot_be_drawn_is_one_line(tmp_path):
     fill(tmp_path / "t.db")
     with TerrainDatabase(tmp_path / "t.db") as database, pytest.raises(InputError, match="picture format"):
         draw_map(database, tmp_path / "map.doc")
-    with TerrainDatabase(tmp_path / "empty.db") as database, pytest.raises(InputError, match="no ground"):
-        draw_map(database, tmp_path / "map.png")
+    with TerrainDatabase(tmp_path / "empty.db") as database:
+        database.make()
+        with pytest.raises(InputError, match="no ground"):
+            draw_map(database, tmp_path / "map.png")
     assert not (tmp_path / "map.png").exists()
 
 

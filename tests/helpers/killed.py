@@ -79,7 +79,7 @@ def bring_up_to_date(connection: Connection, place: str) -> None:
     if Path(place).exists():
         migrate(place)
     else:
-        TerrainDatabase(place).close()
+        TerrainDatabase(place).make()
     connection.send(ENDS)
 
 

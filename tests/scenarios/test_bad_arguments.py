@@ -89,6 +89,7 @@ def test_what_cannot_be_run_is_named(files, tmp_path):
 @pytest.fixture(scope="module")
 def answer(tmp_path_factory):
     with TerrainDatabase(tmp_path_factory.mktemp("db") / "terrain.db") as database:
+        database.make()
         return database.snapshot().at(0.0, 0.0)
 
 

@@ -185,7 +185,7 @@ def readable(
     Raises
     ------
     InputError
-        No file of a class can be read.
+        No file of a class can be read: what is wrong with the first.
     """
     failed: list[InputError] = []
     lost: dict[str, InputError] = {}
@@ -201,7 +201,7 @@ def readable(
         yield item, content
     for name, error in lost.items():
         if name not in kept:
-            raise InputError(error.source, error.problem, expected=f"a file of class {name!r} that can be read")
+            raise error
     if failed:
         more = f"; {len(failed) - _NAMED} more" if len(failed) > _NAMED else ""
         named = "; ".join(map(str, failed[:_NAMED]))
