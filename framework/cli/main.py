@@ -20,6 +20,7 @@ from typer.core import TyperGroup
 from ... import __version__
 from ..core.errors import BevameterError
 from . import classify, db, draw_map, explain, identify, query, run, scenario, simulate, train
+from .printing import show_progress
 
 BAD_INPUT = 2
 """Exit status for bad input or usage."""
@@ -62,7 +63,7 @@ def _in_one_line() -> Iterator[None]:
         print(f"bevameter: {error}", file=sys.stderr)
         raise typer.Exit(BAD_INPUT) from error
     except KeyboardInterrupt:
-        print("bevameter: interrupted; nothing was half-written", file=sys.stderr)
+        print("bevameter: interrupted; what was stored is whole", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
     except OSError as error:
         if error.filename is not None or error.errno not in _NO_MORE:
@@ -109,8 +110,9 @@ def _options(
     version: Annotated[
         bool, typer.Option("--version", help="Print the version and exit.", callback=_print_version, is_eager=True)
     ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
 ) -> None:
-    pass
+    show_progress(quiet=quiet)
 
 
 app.command("scenario", help="Write a synthetic traverse, a recording with its ground truth.")(scenario.command)

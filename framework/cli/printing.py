@@ -8,6 +8,8 @@ from __future__ import annotations
 import json
 import math
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -107,26 +109,75 @@ def _jsonable(value: Any) -> Any:
     return str(value) if isinstance(value, Path) else value
 
 
+class _Progress:
+    """How progress is shown: on a terminal as it comes, elsewhere as a line every `every_s` seconds; or not at all."""
+
+    quiet = False
+    every_s = 10.0
+
+
+def show_progress(*, quiet: bool) -> None:
+    """Say whether progress is shown from now on; results, warnings and errors are printed as ever."""
+    _Progress.quiet = quiet
+
+
+@contextmanager
+def _lines(current: Callable[[], str]) -> Iterator[None]:
+    """Print to stderr, line by line, what is being done and for how long: for logs and pipes."""
+    ended, began = threading.Event(), time.monotonic()
+
+    def tell() -> None:
+        while not ended.wait(_Progress.every_s):
+            print(f"{current()} ({time.monotonic() - began:.0f} s)", file=sys.stderr, flush=True)
+
+    teller = threading.Thread(target=tell, daemon=True)
+    teller.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        teller.join()
+
+
 @contextmanager
 def status(text: str) -> Iterator[Callable[[str], None]]:
-    """Show on stderr that work is going on, and what once it is reported; nothing where stderr is no terminal."""
-    from rich.console import Console
-    from rich.markup import escape
+    """Show on stderr that work is going on, and what once it is reported."""
+    if _Progress.quiet:
+        yield lambda doing: None
+    elif sys.stderr.isatty():
+        from rich.console import Console
+        from rich.markup import escape
 
-    with Console(stderr=True).status(escape(text)) as shown:
-        yield lambda doing: shown.update(escape(f"{text}: {doing}"))
+        with Console(stderr=True).status(escape(text)) as shown:
+            yield lambda doing: shown.update(escape(f"{text}: {doing}"))
+    else:
+        doing = [text]
+        with _lines(lambda: doing[0]):
+            yield lambda now: doing.__setitem__(0, f"{text}: {now}")
 
 
 @contextmanager
 def progress_bars() -> Iterator[Callable[[str, float], None]]:
-    """Show the progress of each stage on stderr, named as it begins; nothing where stderr is no terminal."""
+    """Show the progress of each stage on stderr, named as it begins."""
+    if _Progress.quiet:
+        yield lambda stage, share: None
+    elif sys.stderr.isatty():
+        with _bars() as report:
+            yield report
+    else:
+        doing = ["starting"]
+        with _lines(lambda: doing[0]):
+            yield lambda stage, share: doing.__setitem__(0, f"{stage} {share:.0%}")
+
+
+@contextmanager
+def _bars() -> Iterator[Callable[[str, float], None]]:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-    errors = Console(stderr=True)
     with Progress(
         TextColumn("{task.description:<22}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn(),
-        console=errors, transient=True, disable=not errors.is_terminal,
+        console=Console(stderr=True), transient=True,
     ) as bars:  # fmt: skip
         tasks: dict[str, TaskID] = {}
 

@@ -274,7 +274,7 @@ def test_ctrl_c_is_one_line_and_the_same_command_goes_on(server, vehicle):
     assert process.stdout.readline() == "in a portion\n"
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=60)
-    assert (process.returncode, errors) == (130, "bevameter: interrupted; nothing was half-written\n")
+    assert (process.returncode, errors) == (130, "bevameter: interrupted; what was stored is whole\n")
     assert "305 observations added, 0 known already" in said("push", vehicle, server)
 
 

@@ -227,7 +227,7 @@ def test_ctrl_c_keeps_what_was_stored_and_leaves_no_process(folder, readers, tmp
     assert out == ""
     assert error.splitlines() == [
         "bevameter: 1 of 3 recordings are stored; the same command processes the rest",
-        "bevameter: interrupted; nothing was half-written",
+        "bevameter: interrupted; what was stored is whole",
     ]
     assert names(database) == ["testbed-1"]
     with pytest.raises(ProcessLookupError):

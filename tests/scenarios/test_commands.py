@@ -412,5 +412,5 @@ def test_ctrl_c_leaves_nothing(stage, arguments, short_drive, small_models, tmp_
     process.send_signal(signal.SIGINT)
     _, error = process.communicate(timeout=60)
     assert process.returncode in (130, -signal.SIGINT)  # a shell shows 130 for both
-    assert error == "bevameter: interrupted; nothing was half-written\n"
+    assert error == "bevameter: interrupted; what was stored is whole\n"
     assert everything(tmp_path) == before
