@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..database.store import TerrainDatabase
+from .conditions import Conditions, url_of
 from .core.arguments import path_of, refused, whole
 from .core.errors import BevameterError, InputError
 from .core.recording.types import Recording
@@ -19,7 +20,7 @@ from .default_models import Models, at_hand, find_models
 from .segments import CELL_SIZE_M
 from .sense_map import Progress
 from .summary import TraverseSummary
-from .traverse import Conditions, Processed, process, store, url_of
+from .traverse import Processed, process, store
 from .workers import ClusterWorkers, LocalWorkers, WorkerLost, Workers
 
 if TYPE_CHECKING:

@@ -263,7 +263,7 @@ def insert_columns(connection, row_type, columns):
     return new
 
 merge.insert_columns = insert_columns
-app(["db", "push", *sys.argv[1:]])
+app(["--quiet", "db", "push", *sys.argv[1:]])
 """
 
 

@@ -210,7 +210,7 @@ def test_ctrl_c_keeps_what_was_stored_and_leaves_no_process(folder, readers, tmp
     code += "from bevameter.framework.cli.main import app; app()"
     given = [str(folder / name) for name in ("wheels1", "a.endless", "wheels2")]
     process = subprocess.Popen(
-        [sys.executable, "-c", code, "run", *given, "--workers", "2", "--db", str(database)],
+        [sys.executable, "-c", code, "--quiet", "run", *given, "--workers", "2", "--db", str(database)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
     )  # fmt: skip
     try:

@@ -404,7 +404,7 @@ def test_ctrl_c_leaves_nothing(stage, arguments, short_drive, small_models, tmp_
     code = BEGUN.format(module=stage[0], name=stage[1])
     before = everything(tmp_path)
     process = subprocess.Popen(
-        [sys.executable, "-c", code, *(argument.format(**places) for argument in arguments)],
+        [sys.executable, "-c", code, "--quiet", *(argument.format(**places) for argument in arguments)],
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     assert process.stdout is not None
