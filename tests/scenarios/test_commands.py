@@ -361,7 +361,9 @@ def test_two_at_once_on_one_database(moments, tmp_path):
     """Two runs over the same drive start together: both succeed, and the drive is stored once."""
     db = tmp_path / "t.db"
     runs = [
-        subprocess.Popen([*COMMAND, "run", str(drive), "--db", str(db)], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        subprocess.Popen(
+            [*COMMAND, "--quiet", "run", str(drive), "--db", str(db)], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        )
         for drive in (moments, moments)
     ]
     done = [run.communicate(timeout=120) for run in runs]
