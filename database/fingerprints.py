@@ -13,11 +13,9 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import BigInteger, ColumnElement, Connection, Table, Text, cast, func, select, type_coerce
 from sqlalchemy.dialects import postgresql
+from sqlalchemy.types import NullType
 
 from .tables import Base, table_of
-
-SQLITE_FUNCTION = "bevameter_last_digits"
-"""SQLite has no function that reads hexadecimal digits: `last_digits` is registered under this name."""
 
 _DIGITS = 8
 """Last digits of an identity that are summed: 2^31 rows of them fit into the 64 bits of a sum."""
@@ -50,21 +48,17 @@ def of_drives(
 ) -> dict[uuid.UUID, Fingerprint]:
     """Fingerprints of the rows of drives; a drive without rows is absent."""
     table = table_of(row_type)
-    query = select(table.c.drive_id, func.count(), func.sum(_number(connection, table.c.id))).group_by(table.c.drive_id)
     return {
-        drive_id: Fingerprint(count, int(total))
+        drive_id if isinstance(drive_id, uuid.UUID) else uuid.UUID(drive_id): rows
         for some in in_portions(drives)
-        for drive_id, count, total in connection.execute(query.where(table.c.drive_id.in_(some)))
+        for drive_id, rows in _sums(connection, table, table.c.drive_id, table.c.drive_id.in_(some)).items()
     }
 
 
 def of_parts(connection: Connection, row_type: type[Base], drive_id: uuid.UUID, digits: int) -> dict[str, Fingerprint]:
     """Fingerprints of the parts of a drive's rows, by the first digits of their identities."""
     table = table_of(row_type)
-    part = part_of(table, digits).label("part")
-    query = select(part, func.count(), func.sum(_number(connection, table.c.id))).group_by(part)
-    query = query.where(table.c.drive_id == drive_id)
-    return {name: Fingerprint(count, int(total)) for name, count, total in connection.execute(query)}
+    return _sums(connection, table, part_of(table, digits), table.c.drive_id == drive_id)
 
 
 def part_of(table: Table, digits: int) -> ColumnElement[str]:
@@ -79,9 +73,19 @@ def in_portions(drives: Sequence[uuid.UUID]) -> Iterator[list[uuid.UUID]]:
         yield some
 
 
-def _number(connection: Connection, identity: Any) -> Any:
-    """The last digits of an identity as a number, in SQL."""
-    if connection.dialect.name == "sqlite":
-        return type_coerce(getattr(func, SQLITE_FUNCTION)(identity), BigInteger)
-    digits = func.concat("x", func.right(cast(identity, Text), _DIGITS))
-    return cast(cast(digits, postgresql.BIT(4 * _DIGITS)), BigInteger)
+def _sums(
+    connection: Connection, table: Table, key: ColumnElement[Any], condition: ColumnElement[bool]
+) -> dict[Any, Fingerprint]:
+    """Fingerprints of rows by a key, which is as the database has it."""
+    if connection.dialect.name == "postgresql":
+        digits = func.concat("x", func.right(cast(table.c.id, Text), _DIGITS))
+        number = cast(cast(digits, postgresql.BIT(4 * _DIGITS)), BigInteger)
+        query = select(key.label("key"), func.count(), func.sum(number)).where(condition).group_by("key")
+        return {name: Fingerprint(count, int(total)) for name, count, total in connection.execute(query)}
+    # SQLite has no function that reads hexadecimal digits, and in one of Python's Ctrl-C would be lost.
+    found: dict[Any, tuple[int, int]] = {}
+    query = select(type_coerce(key, NullType()), type_coerce(table.c.id, NullType())).where(condition)
+    for name, identity in connection.execute(query, execution_options={"yield_per": 10_000}):
+        rows, total = found.get(name, NONE)
+        found[name] = rows + 1, total + last_digits(identity)
+    return {name: Fingerprint(*sums) for name, sums in found.items()}

@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 PORTION = 2000
 """Rows that are sent in one transaction, about 250 kB: a connection has to last that long to bring a drive on."""
 
+_ATTEMPTS = 5
+"""How often a drive is brought that somebody removes from the target meanwhile."""
+
 _PART = 500
 """Rows of a drive that are compared at a time, about: if one of them is lacking, all of them are sent."""
 
@@ -58,7 +61,7 @@ def merge(
     try:
         for drive_id in differing:
             report("merging", complete / len(theirs))
-            new += _bring(
+            new += _bring_whole(
                 source, target, drive_id, theirs[drive_id], own[drive_id],
                 lambda share, before=complete: report("merging", (before + share) / len(theirs)),
             )  # fmt: skip
@@ -120,6 +123,24 @@ def _lacks(own: _Held, theirs: _Held) -> bool:
     return not theirs.imports <= own.imports or own.observations != theirs.observations
 
 
+class _Removed(Exception):
+    """Somebody removed observations of a drive from the target while it was brought."""
+
+
+def _bring_whole(
+    source: TerrainDatabase, target: TerrainDatabase, drive_id: uuid.UUID, theirs: _Held, own: _Held,
+    report: Callable[[float], None],
+) -> int:  # fmt: skip
+    """Bring a drive, anew where `prune` removed it from the target meanwhile; give the number of new observations."""
+    for _ in range(_ATTEMPTS):
+        try:
+            return _bring(source, target, drive_id, theirs, own, report)
+        except _Removed:
+            with target.reading() as connection:
+                own = _held(connection, [drive_id])[drive_id]
+    raise InputError(target.name, f"drive {drive_id} is removed again and again", expected="the same command later")
+
+
 def _bring(
     source: TerrainDatabase, target: TerrainDatabase, drive_id: uuid.UUID, theirs: _Held, own: _Held,
     report: Callable[[float], None],
@@ -137,11 +158,22 @@ def _bring(
             for row_type, columns in portion.observations:
                 new += insert_columns(connection, row_type, columns)
                 sent += len(columns["id"])
+            if portion.imports:
+                _check_whole(connection, drive_id, theirs)
             insert_rows(connection, ImportRow, portion.imports)
             connection.commit()
             if not portion.imports:
                 report(sent / total)
     return new
+
+
+def _check_whole(connection: Connection, drive_id: uuid.UUID, theirs: _Held) -> None:
+    """Make sure, until the transaction ends, that no observation of a drive is lacking; raises `_Removed`."""
+    drive = table_of(DriveRow)
+    connection.execute(select(drive.c.id).where(drive.c.id == drive_id).with_for_update())
+    for row_type, rows in zip(OBSERVATIONS, theirs.observations, strict=True):
+        if of_drives(connection, row_type, [drive_id]).get(drive_id, NONE).rows < rows.rows:
+            raise _Removed
 
 
 @dataclass(frozen=True)

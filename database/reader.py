@@ -13,7 +13,7 @@ from .drive_rows import OBSERVATIONS, drive_rows, read_drive
 from .observations import Drive
 from .physics import read_physics
 from .snapshot import Snapshot
-from .tables import table_of
+from .tables import DriveRow, table_of
 
 if TYPE_CHECKING:
     from .store import TerrainDatabase
@@ -42,7 +42,7 @@ class SiteReader:
         """
         with self._database.reading() as connection:
             site, rows = rows_in_use(connection, self._database.name, self._site)
-            counts = _counts(connection)
+            counts = _counts(connection, site)
             drives = {row.id: self._held(connection, row, counts.get(row.id, ())) for row in rows}
             physics = read_physics(connection, self._database.name, site)
         held, self._drives = self._drives, drives
@@ -97,11 +97,13 @@ def _differing(some: dict[uuid.UUID, _Held], others: dict[uuid.UUID, _Held]) -> 
     return [held for identity, held in some.items() if others.get(identity) != held]
 
 
-def _counts(connection: Connection) -> dict[uuid.UUID, tuple[int, ...]]:
-    """Numbers of observations by drive."""
+def _counts(connection: Connection, site: str) -> dict[uuid.UUID, tuple[int, ...]]:
+    """Numbers of observations of a site's drives."""
+    drive = table_of(DriveRow)
+    there = select(drive.c.id).where(drive.c.site == site)
     found: dict[uuid.UUID, list[int]] = {}
     for place, table in enumerate(map(table_of, OBSERVATIONS)):
-        query = select(table.c.drive_id, func.count()).group_by(table.c.drive_id)
+        query = select(table.c.drive_id, func.count()).where(table.c.drive_id.in_(there)).group_by(table.c.drive_id)
         for identity, number in connection.execute(query):
             found.setdefault(identity, [0] * len(OBSERVATIONS))[place] = number
     return {identity: tuple(numbers) for identity, numbers in found.items()}

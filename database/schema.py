@@ -5,13 +5,14 @@ from __future__ import annotations
 import logging
 import os
 import sqlite3
+import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
 from sqlalchemy import URL, Connection, Engine, create_engine, event, func, inspect, make_url, select, text
-from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, SQLAlchemyError
+from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, OperationalError, SQLAlchemyError
 from sqlalchemy.pool import NullPool
 
 from ..framework.core.arguments import shown as shown_value
@@ -24,7 +25,6 @@ from .connections import (
     read_only_where_no_log_can_be,
     uri_for_reading,
 )
-from .fingerprints import SQLITE_FUNCTION, last_digits
 from .spatial import add_spatial_index
 from .tables import Base
 
@@ -108,7 +108,10 @@ def _check_options(url: URL) -> None:
 
 def shown(url: URL) -> str:
     """Name the database for people: the file's path, or the URL without its password."""
-    return str(url.database) if url.get_backend_name() == "sqlite" else url.render_as_string(hide_password=True)
+    if url.get_backend_name() == "sqlite":
+        return str(url.database)
+    secret = {name: "***" for name in url.query if "password" in name.lower()}
+    return url.update_query_dict(secret).render_as_string(hide_password=True)
 
 
 def open_engine(url_or_path: str | Path, *, must_exist: bool) -> Engine:
@@ -148,6 +151,8 @@ def _engine(url: URL, *, only_reads: bool = False) -> Engine:
         engine = create_engine(url, **_options(url))
     except (ImportError, NoSuchModuleError) as error:
         raise InputError(shown(url), f"its driver is not installed: {error}", expected="psycopg") from None
+    # The pool logs what interrupts it, with a traceback; the error or the command line says it.
+    logging.getLogger("sqlalchemy.pool").addHandler(logging.NullHandler())
     if url.get_backend_name() == "sqlite":
         event.listen(engine, "do_connect", read_only if only_reads else read_only_where_no_log_can_be)
         event.listen(engine, "connect", _prepare_to_read if only_reads else _prepare_sqlite)
@@ -238,7 +243,6 @@ def _prepare_sqlite(connection: sqlite3.Connection, _record: object) -> None:
     connection.execute("PRAGMA foreign_keys = ON")
     connection.execute("PRAGMA synchronous = FULL")  # a drive that was acknowledged outlives a power cut
     connection.execute("PRAGMA cache_size = -65536")  # 64 MiB: identities arrive in random order
-    connection.create_function(SQLITE_FUNCTION, 1, last_digits, deterministic=True)
 
 
 def _prepare_to_read(connection: sqlite3.Connection, _record: object) -> None:
@@ -351,7 +355,7 @@ def migrate(engine: Engine) -> None:
     if sqlite:
         with engine.connect() as connection:
             check_writable(connection)
-            connection.exec_driver_sql("PRAGMA journal_mode = WAL")
+            _write_ahead(connection)
     with engine.connect() as connection:
         connection.exec_driver_sql("BEGIN IMMEDIATE" if sqlite else f"SELECT pg_advisory_xact_lock({APPLICATION_ID})")
         if sqlite:
@@ -360,6 +364,18 @@ def migrate(engine: Engine) -> None:
         command.upgrade(config, "head")
         add_spatial_index(connection)
         connection.commit()
+
+
+def _write_ahead(connection: Connection) -> None:
+    """Have SQLite write ahead into a log; of processes that make one file at a time, one waits for the other."""
+    until = time.monotonic() + BUSY_TIMEOUT_S
+    while connection.exec_driver_sql("PRAGMA journal_mode").scalar_one() != "wal":
+        try:
+            connection.exec_driver_sql("PRAGMA journal_mode = WAL")
+        except OperationalError as error:  # SQLite itself does not wait here
+            if "locked" not in str(error.orig) or time.monotonic() > until:
+                raise
+            time.sleep(0.05)
 
 
 def index_places(engine: Engine) -> None:

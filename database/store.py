@@ -259,7 +259,8 @@ class TerrainDatabase:
             for site in sites:
                 other.check_site(site)
         report = progress or (lambda stage, share: None)
-        self.make()
+        with other.reading():  # what cannot be read leaves no new database behind
+            self.make()
         return Added(*merge(other, self, None if sites is None else sorted(set(sites)), report))
 
     def drive(self, identity: uuid.UUID) -> Drive | None:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..database.observations import Drive, TerrainObservations
+from ..database.storable import check_storable
 from ..database.store import Added, TerrainDatabase
 from .conditions import METHOD, Conditions, url_of
 from .core.errors import InputError
@@ -158,6 +159,7 @@ def process(
     along = classes_along(belief, track, recording.vehicle, cell_size_m) if track is not None else None
     soil = _learn_soil(recording, track, along, physics, report)
     drive = replace(drive, terrain=_terrain(belief, cell_size_m, track), soils=soil.observations)
+    check_storable(drive)
     seconds = time.monotonic() - began
     summary = TraverseSummary(
         **_with_mismatch(about, soil),

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from ..core.errors import InputError
 from . import export
 from .printing import FORMATS, check_format, print_csv, print_json, progress_bars
 
@@ -61,7 +62,10 @@ def check(db: Db, format: Format = "table") -> None:
 @app.command("merge", help="Add all that other databases hold.")
 def merge(
     db: Annotated[str, typer.Argument(metavar="DB", help="Path or SQLAlchemy URL; made where there is none.")],
-    others: Annotated[list[str], typer.Argument(metavar="OTHER...", help="Paths or URLs; these are not changed.")],
+    others: Annotated[
+        list[str],
+        typer.Argument(metavar="OTHER...", help="Paths or URLs; only older schemas are changed."),
+    ],
 ) -> None:
     """Merge, and print what was new."""
     from ...database.store import TerrainDatabase
@@ -82,6 +86,8 @@ Sites = Annotated[list[str] | None, typer.Option("--site", help="Only of this si
 @app.command("push", help="Send the fleet's server what a vehicle has learnt.")
 def push(db: Db, server: Server, site: Sites = None) -> None:
     """Merge the vehicle's database into the server's."""
+    if "://" not in server:  # a mistyped URL would become a file
+        raise InputError("SERVER", f"{server!r}", expected="a URL such as postgresql://rover@server/fleet")
     _bring(db, server, site)
 
 

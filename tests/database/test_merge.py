@@ -116,3 +116,25 @@ def test_a_fingerprint_says_which_part_lacks_a_row(tmp_path, large):
     (one, ones), (other, others) = drives.values()
     assert (one.rows, one.total) == (other.rows + 1, other.total + int(lost[-8:], 16))
     assert {name for name in ones if ones[name] != others.get(name)} == {lost[0]}
+
+
+def test_what_is_pruned_while_it_is_brought_comes_whole(tmp_path, make):
+    cells = [(index, 0) for index in range(20)]
+    first = make.drive("d1", make.seen(cells, [[0.1, 0.9]] * 20))
+    newer = make.drive("d1", make.seen(cells, [[0.9, 0.1]] * 20), model="m2")
+    with TerrainDatabase(tmp_path / "a.db") as source, TerrainDatabase(tmp_path / "b.db") as target:
+        for each in (first, newer):
+            source.add_drive(each)
+        target.merge(source)
+        source.add_drive(first)  # in use again, there
+        reports = []
+
+        def pruned(stage, share):
+            reports.append(share)
+            if len(reports) == 1:
+                prune(target)
+
+        target.merge(source, progress=pruned)
+        assert [drive.id for drive in target.drives(newest=True)] == [first.id]
+        assert len(target.drive(first.id).terrain) == 20
+        assert check(tmp_path / "b.db").sound
