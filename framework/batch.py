@@ -214,12 +214,24 @@ class _Lacking(Exception):
     """Models of the senses (`args`) were not looked for yet."""
 
 
+class _Ended(BaseException):
+    """Who was told of the progress raised, which ends the run: it is no defect of a recording's processing."""
+
+
 def _in_this_process(
     given: Sequence[Recording | Path], conditions: Conditions, found: FoundModels, report: Progress
 ) -> Results:
+    def told(stage: str, share: float) -> None:
+        try:
+            report(stage, share)
+        except Exception as error:
+            raise _Ended from error
+
     for number, recording in enumerate(given):
         try:
-            result = process(recording, conditions, found.of, report)
+            result = process(recording, conditions, found.of, told)
+        except _Ended as ended:
+            raise (ended.__cause__ or ended) from None
         except Exception as error:
             result = _failed(recording, error)
         yield number, result

@@ -296,6 +296,27 @@ def test_a_defect_costs_its_recording_alone_and_its_place_is_named(folder, tmp_p
     assert good.observations_new
 
 
+def test_what_the_callback_raises_ends_the_run(folder, tmp_path):
+    def stop(stage, share):
+        if stage == "reading":
+            raise TimeoutError("long enough")
+
+    with pytest.raises(TimeoutError, match="long enough"):
+        run_traverses([folder / "wheels1", folder / "wheels2"], tmp_path / "t.db", progress=stop)
+    assert not (tmp_path / "t.db").exists()
+
+
+def test_a_site_that_no_database_takes_costs_its_recording_alone(folder, tmp_path):
+    shutil.copytree(folder / "wheels1", tmp_path / "odd")
+    about = tmp_path / "odd" / "recording.toml"
+    kept = [line for line in about.read_text().splitlines() if not line.startswith("site")]
+    about.write_text("\n".join([f'site = "{"x" * 300}"', *kept]) + "\n")
+    bad, good = run_traverses([tmp_path / "odd", folder / "wheels2"], tmp_path / "t.db")
+    assert bad.problem.startswith(f"{tmp_path / 'odd'}: ")
+    assert "300 letters" in bad.problem
+    assert good.observations_new
+
+
 def test_a_worker_of_another_version_is_refused(folder, tmp_path, monkeypatch):
     monkeypatch.setattr("bevameter.framework.traverse.METHOD", "another")  # conditions keep the version of the import
     (bad,) = run_traverses([folder / "wheels1"], tmp_path / "t.db")
