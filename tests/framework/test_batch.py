@@ -237,10 +237,8 @@ def test_ctrl_c_keeps_what_was_stored_and_leaves_no_process(folder, readers, tmp
 
 
 def names(database: Path) -> list[str]:
-    if not database.exists() or not database.stat().st_size:
-        return []
-    with TerrainDatabase(database) as opened:
-        return [drive.name for drive in opened.drives()]
+    opened = TerrainDatabase.open_if_there(database)
+    return [] if opened is None else [drive.name for drive in opened.drives()]
 
 
 class Threads:

@@ -125,14 +125,14 @@ SOUND_FAULTS = {
 
 
 @pytest.mark.parametrize("fault", SOUND_FAULTS)
-def test_bad_sound_is_left_out_and_refused_where_nothing_else_is(fault, drive, tmp_path):
+def test_bad_sound_is_left_out_and_refused_where_nothing_else_is(fault, drive, models, tmp_path):
     spoil, said = SOUND_FAULTS[fault]
     alone = tmp_path / "alone"
     alone.mkdir()
     spoil(alone)
     refused(tmp_path, run(tmp_path, alone), "sound.wav", said)
     spoil(drive)
-    result = CliRunner().invoke(app, [str(argument) for argument in run(tmp_path, drive)])
+    result = CliRunner().invoke(app, [str(argument) for argument in run(tmp_path, drive, "--models", models)])
     assert result.exit_code == 0, result.output
     (line,) = (line for line in result.output.splitlines() if "sound is left out" in line)
     assert "sound.wav" in line
