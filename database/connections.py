@@ -1,4 +1,4 @@
-"""How SQLite is connected to: where a file may only be read, or there is no room, SQLite can make no log beside it."""
+"""Connections to SQLite, also where it cannot create a write-ahead log: in read-only folders and on a full disk."""
 
 from __future__ import annotations
 
@@ -68,9 +68,10 @@ def _state(file: Path) -> tuple[int, int]:
 
 
 def uri_for_reading(path: Path) -> str:
-    """Give the URI by which SQLite reads a file and leaves it, and a log beside it, as they are.
+    """URI that makes SQLite read a file without changing it or its write-ahead log.
 
-    Only a connection that may not write leaves the log of another process; where there is none, it would leave one.
+    A connection that may write would remove the log of a process that ended early. A connection that may only read
+    would leave a new log behind, so it is used only where there is a log already.
     """
     file = path.resolve()
     log = file.with_name(file.name + "-wal")

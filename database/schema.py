@@ -188,7 +188,7 @@ def holds_database(url_or_path: str | Path) -> bool:
 def opened_as_it_is(url_or_path: str | Path) -> Iterator[Connection]:
     """Connect to a terrain database of any version and state, to read it only: nothing is made, migrated or repaired.
 
-    An SQLite file and the log beside it stay as they are, byte by byte.
+    An SQLite file and its write-ahead log are not changed.
 
     Raises
     ------

@@ -86,7 +86,7 @@ _STATEMENTS = (
 
 
 def has_spatial_index(connection: Connection) -> bool:
-    """Say whether places are indexed, and can be asked for."""
+    """Whether the database has a spatial index that queries can use."""
     if connection.dialect.name != "postgresql":
         return False
     query = select(func.to_regclass(INDEX).is_not(None) & func.to_regtype("geometry").is_not(None))

@@ -54,7 +54,7 @@ class Score:
         Shares of the patches crossed on which acceleration, braking and side force are at least what was taken for
         granted.
     fresh
-        Share of the patches crossed on which nobody crept on which all three are.
+        Share of the patches crossed, without those measured at low speed, on which all three are.
     worst_site
         The least of `bounds` on any one site.
     """
@@ -104,7 +104,7 @@ def score(
 
 
 def fresh_share(held: Sequence[Held], visited: Sequence[np.ndarray]) -> Share:
-    """Give the share of the patches on which nobody crept, of all sites, on which all three bounds hold."""
+    """Share of all sites' patches, without those measured at low speed, on which all three bounds hold."""
     fresh = [each.bounds[~np.isin(each.patch, there)] for each, there in zip(held, visited, strict=True)]
     return Share.of(np.concatenate(fresh).all(axis=1))
 
@@ -137,7 +137,7 @@ def table(scores: Sequence[Score]) -> str:
     bounds = [
         (
             "planner", "stops", "longer than promised", "longer than seen", "patches", "acceleration held",
-            "braking held", "side force held", "all three where nobody crept", "least on a site",
+            "braking held", "side force held", "all three, unmeasured patches", "least on a site",
         )
     ]  # fmt: skip
     for one in scores:
@@ -157,7 +157,7 @@ def table(scores: Sequence[Score]) -> str:
 def calibration_table(found: Sequence[tuple[float, Sequence[Held]]], visited: Sequence[np.ndarray]) -> str:
     """Lay out as Markdown how many bounds hold, by the confidence asked: one cell of each patch of all sites."""
     rows = [("confidence [%]", "patches", "acceleration held", "braking held", "side force held",
-             "all three where nobody crept")]  # fmt: skip
+             "all three, unmeasured patches")]  # fmt: skip
     for confidence, held in found:
         bounds = _joined(held).bounds
         shares = (*(Share.of(column) for column in bounds.T), fresh_share(held, visited))
