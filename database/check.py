@@ -124,6 +124,7 @@ class _Check:
         self.rows: Counter[str] = Counter()
         self.names: set[str] = set()
         self.unfinished: set[uuid.UUID] = set()
+        self.revision: str | None = None
 
     def run(self) -> None:
         """Find all faults."""
@@ -174,6 +175,7 @@ class _Check:
                 self._add(VERSION_TABLE, "", "no version is stated")
             else:
                 check_known(revision, self.source)
+                self.revision = revision
         for name in sorted(tables_of(revision or REVISIONS[-1]) - there):
             self._add(name, "", "the table is not there")
         return there
@@ -204,7 +206,7 @@ class _Check:
     def _rows(self, row_type: type[Base], drive_id: uuid.UUID | None = None) -> Iterator[StoredRow]:
         """Read rows; those that cannot be read are named."""
         name = row_type.__tablename__
-        for row in stored_rows(self.connection, row_type, drive_id):
+        for row in stored_rows(self.connection, row_type, drive_id, self.revision):
             self.rows[name] += 1
             if row.values is None:
                 self._add(name, row.id, row.problem)

@@ -13,7 +13,7 @@ from sqlalchemy.schema import CreateTable
 
 from .observations import Drive
 from .rows import TERRAIN_COLUMNS, drive_of
-from .tables import Base, DriveRow, ImportRow, SoilRow, TerrainRow, insertion, table_of
+from .tables import Base, DriveRow, ImportRow, SoilRow, TerrainRow, columns_of, insertion, table_of
 
 CHUNK = 5000
 """Rows that are read or written at a time."""
@@ -115,15 +115,22 @@ def _copy_rows(connection: Connection, table: Table, names: Sequence[str], rows:
     return connection.execute(select(func.count()).select_from(added.returning(table.c.id).cte())).scalar_one()
 
 
-def drive_rows(connection: Connection, site: str | None, newest: bool) -> list[Any]:
-    """Drive rows in the order of their last import; with `newest` only the last one of each recording."""
+def drive_rows(connection: Connection, site: str | None, newest: bool, revision: str | None = None) -> list[Any]:
+    """Drive rows in the order of their last import; with `newest` only the last one of each recording.
+
+    `revision` is that of the schema, where it may be an older one.
+    """
     drive, imported = table_of(DriveRow), table_of(ImportRow)
     latest = (
         select(imported.c.drive_id, func.max(imported.c.imported_at).label("last_import"))
         .group_by(imported.c.drive_id)
         .subquery()
     )
-    query = select(drive).join(latest, latest.c.drive_id == drive.c.id).order_by(latest.c.last_import, drive.c.id)
+    query = (
+        select(*columns_of(DriveRow, revision))
+        .join(latest, latest.c.drive_id == drive.c.id)
+        .order_by(latest.c.last_import, drive.c.id)
+    )
     rows = list(connection.execute(query))
     if newest:  # before the site is looked at: a recording may have been processed again under its right site
         last = {row.recording_digest: row.id for row in rows}

@@ -69,7 +69,7 @@ class Request:
     required_strength_Pa
         Shear strength that the vehicle needs [Pa].
     origin
-        Where on Earth the site's frame lies.
+        Where on Earth the site's frame lies; as the database has it where absent.
     wheel_width_m
         Width of the wheels that measured the soil [m].
     elastic_stiffness_Pa_m, damping_Pa_s_m
@@ -97,7 +97,7 @@ class Request:
 
     def stated(self, name: str) -> Any:
         """Give a setting that the format needs; raises `InputError` where nobody stated it."""
-        value = getattr(self, name)
+        value = self.view.origin if name == "origin" and self.origin is None else getattr(self, name)
         if value is None:
             label, meaning = SETTINGS[name]
             raise InputError(label, "not stated", expected=meaning)

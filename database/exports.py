@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -122,7 +123,7 @@ def _other(soil: ClassSoil, key: str) -> dict[str, float] | None:
     return {"value": value, "sd": sd} if key == "n" else {"value": math.exp(value), "sd": math.exp(value) * sd}
 
 
-def geojson(rows: Sequence[dict[str, Any]], site: str, cell_size_m: float | None = None) -> dict[str, Any]:
+def geojson(rows: Sequence[dict[str, Any]], view: Snapshot, cell_size_m: float | None = None) -> dict[str, Any]:
     """Turn rows with places into a GeoJSON FeatureCollection in the site's own frame, metres.
 
     GeoJSON means longitude and latitude; here they are x and y [m], as the member ``site_frame`` says.
@@ -131,15 +132,19 @@ def geojson(rows: Sequence[dict[str, Any]], site: str, cell_size_m: float | None
     ----------
     rows
         Of `answer_rows`.
-    site
-        Name of the site.
+    view
+        The snapshot that they are of.
     cell_size_m
         Draw each place as the square cell around it [m]; a point where absent.
     """
     return {
         "type": "FeatureCollection",
         "schema": SCHEMA,
-        "site_frame": {"site": site, "unit": "m"},
+        "site_frame": {
+            "site": view.site,
+            "unit": "m",
+            "origin": None if view.origin is None else asdict(view.origin),
+        },
         "features": [
             {
                 "type": "Feature",

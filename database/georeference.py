@@ -1,8 +1,4 @@
-"""Where on Earth a site's frame lies, and the libraries that exports to maps need.
-
-The database holds metres in the site's frame and no latitude and longitude, so somebody has to state them;
-`Recording.origin` has those of a recording with fixes of a satellite receiver.
-"""
+"""Where on Earth a site's frame lies, and the libraries that exports to maps need."""
 
 from __future__ import annotations
 

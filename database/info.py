@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -14,9 +14,11 @@ import numpy as np
 from sqlalchemy import Connection, func, select
 
 from ..framework.core.errors import InputError
+from ..framework.core.origin import Origin
 from ..framework.core.pooling import cell_keys
 from .belief import cells_on_grid
 from .drive_rows import drive_rows, imported
+from .frames import origin_of
 from .observations import SENSES
 from .posterior import measured_class
 from .rows import soil_observation
@@ -48,6 +50,8 @@ class SiteInfo:
         Least x and y, greatest x and y of all cells seen [m]; None where none was.
     classes, classes_with_soil
         Names of the classes that drives brought, and of those whose soil was measured.
+    origin
+        Where on Earth the site's frame lies; None where nobody knows.
     """
 
     site: str
@@ -62,6 +66,7 @@ class SiteInfo:
     bounds_m: tuple[float, float, float, float] | None
     classes: tuple[str, ...]
     classes_with_soil: tuple[str, ...]
+    origin: Origin | None
 
     def as_dict(self) -> dict[str, Any]:
         """Everything in types of JSON, times in ISO 8601."""
@@ -71,7 +76,8 @@ class SiteInfo:
         }
         lists = {name: list(getattr(self, name)) for name in ("classes", "classes_with_soil")}
         bounds = None if self.bounds_m is None else list(self.bounds_m)
-        return {**vars(self), **times, **lists, "looks": dict(self.looks), "bounds_m": bounds}
+        origin = None if self.origin is None else asdict(self.origin)
+        return {**vars(self), **times, **lists, "looks": dict(self.looks), "bounds_m": bounds, "origin": origin}
 
 
 @dataclass(frozen=True)
@@ -153,7 +159,7 @@ def info(url_or_path: str | Path) -> DatabaseInfo:
             raise InputError(name, "states no version of its schema", expected=f"schema {REVISIONS[-1]} or older")
         check_known(revision, name)
         try:
-            drives, in_use = drive_rows(connection, None, newest=False), drive_rows(connection, None, newest=True)
+            drives, in_use = (drive_rows(connection, None, newest, revision) for newest in (False, True))
             spans = _spans(connection)
             sites = [_site(connection, site, drives, in_use, spans) for site in sorted({row.site for row in drives})]
             physics = _physics(connection) if PhysicsRow.__tablename__ in tables_of(revision) else ()
@@ -219,6 +225,7 @@ def _site(
         bounds_m=bounds,
         classes=tuple(sorted({*_names(row.classes for row in here), *measured})),
         classes_with_soil=tuple(sorted(set(measured))),
+        origin=origin_of(here),
     )
 
 

@@ -11,13 +11,14 @@ import json
 import math
 import uuid
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from datetime import UTC, datetime
 from functools import cached_property
 
 import numpy as np
 
 from ..framework.core.evidence import ClassEvidence
+from ..framework.core.origin import Offset, Origin
 from ..framework.core.pooling import LARGEST_CELL_INDEX
 from ..framework.core.soil import SoilEstimate
 
@@ -157,7 +158,7 @@ class Drive:
     name
         Name of the recording, for people.
     site
-        Name of the site whose local frame all places are in: places of two sites never mix.
+        Name of the site whose frame all places are in: places of two sites never mix.
     vehicle_name
         The vehicle's name.
     start_time
@@ -169,6 +170,10 @@ class Drive:
         Version of everything else that shapes the result: code, settings, the vehicle's description.
     terrain, soils
         What was observed.
+    origin
+        Where on Earth the site's frame lies; None where nobody knows.
+    offset
+        Where the recording's frame lies in the site's; None where they are one.
     """
 
     recording_digest: str
@@ -180,6 +185,8 @@ class Drive:
     method: str
     terrain: TerrainObservations
     soils: tuple[SoilObservation, ...] = ()
+    origin: Origin | None = None
+    offset: Offset | None = None
 
     @property
     def started(self) -> datetime | None:
@@ -212,6 +219,8 @@ class Drive:
             self.method,
             float(self.terrain.cell_size_m),
         ]
+        if self.origin is not None or self.offset is not None:
+            key += [each and list(map(float, astuple(each))) for each in (self.origin, self.offset)]
         return uuid.uuid5(_NAMESPACE, json.dumps(key, ensure_ascii=True, separators=(",", ":")))
 
     def row_ids(self, kind: str, count: int) -> list[uuid.UUID]:

@@ -170,7 +170,8 @@ def _copy_table(
 ) -> Iterator[_Unread]:
     """Copy a table, and give the ranges that cannot be read."""
     name = row_type.__tablename__
-    columns = ", ".join(f'"{column.name}"' for column in table_of(row_type).columns)
+    there = {row[1] for row in connection.execute(f"PRAGMA damaged.table_info({name})")}  # an older version has fewer
+    columns = ", ".join(f'"{column.name}"' for column in table_of(row_type).columns if column.name in there)
     # Names are those of our own tables.
     statement = f"INSERT INTO main.{name} ({columns}) SELECT {columns} FROM damaged.{name} WHERE rowid BETWEEN ? AND ?"  # noqa: S608
     greatest = _greatest_rowid(connection, name)

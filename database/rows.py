@@ -11,8 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from ..framework.core.errors import InputError
 from ..framework.core.evidence import ClassEvidence
 from ..framework.core.findings import Finding, note
+from ..framework.core.origin import Offset, Origin
 from ..framework.core.quantities import finite_or_none
 from ..framework.core.soil import PLAUSIBLE, Quantity, ShearStrength, SoilEstimate
 from .observations import Drive, SoilEffect, SoilObservation, TerrainObservations
@@ -35,7 +37,31 @@ def drive_row(drive: Drive) -> dict[str, Any]:
         "method": drive.method,
         "cell_size_m": float(drive.terrain.cell_size_m),
         "classes": list(drive.terrain.evidence.classes),
+        "frame": pack_frame(drive),
     }
+
+
+def pack_frame(drive: Drive) -> dict[str, list[float]] | None:
+    """Turn what is known of a drive's frame into JSON; None where that is nothing."""
+    packed = {}
+    if (origin := drive.origin) is not None:
+        packed["origin"] = [origin.latitude_deg, origin.longitude_deg, origin.heading_deg]
+    if (offset := drive.offset) is not None:
+        packed["offset"] = [offset.x_m, offset.y_m, offset.yaw_rad]
+    return packed or None
+
+
+def unpack_frame(packed: Mapping[str, Any] | None) -> tuple[Origin | None, Offset | None]:
+    """Undo `pack_frame`; raises ValueError where it is damaged."""
+    if packed is None:
+        return None, None
+    try:
+        return (
+            Origin(*packed["origin"]) if "origin" in packed else None,
+            Offset(*packed["offset"]) if "offset" in packed else None,
+        )
+    except InputError as error:
+        raise ValueError(f"frame {packed!r:.80}: {error}") from error
 
 
 def terrain_columns(drive: Drive) -> dict[str, list[Any]]:
@@ -166,6 +192,7 @@ def drive_of(row: Any, looks: Iterable[Sequence[tuple]], stretches: Sequence[Any
     with _reading(f"drive {row.name!r}"):
         if not all(isinstance(name, str) for name in row.classes):
             raise ValueError(f"classes {row.classes!r:.60}, expected names")
+        origin, offset = unpack_frame(row.frame)
         return Drive(
             recording_digest=row.recording_digest,
             name=row.name,
@@ -176,6 +203,8 @@ def drive_of(row: Any, looks: Iterable[Sequence[tuple]], stretches: Sequence[Any
             method=row.method,
             terrain=terrain_observations(looks, row.classes, row.cell_size_m),
             soils=tuple(soil_observation(entry) for entry in stretches),
+            origin=origin,
+            offset=offset,
         )
 
 

@@ -12,7 +12,15 @@ from pathlib import Path
 from typing import Any
 
 from sqlalchemy import URL, Connection, Engine, create_engine, event, func, inspect, make_url, select, text
-from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, OperationalError, SQLAlchemyError
+from sqlalchemy.exc import (
+    ArgumentError,
+    DBAPIError,
+    IntegrityError,
+    NoSuchModuleError,
+    OperationalError,
+    ProgrammingError,
+    SQLAlchemyError,
+)
 from sqlalchemy.pool import NullPool
 
 from ..framework.core.arguments import shown as shown_value
@@ -28,7 +36,7 @@ from .connections import (
 from .spatial import add_spatial_index
 from .tables import Base
 
-REVISIONS = ("0001", "0002")
+REVISIONS = ("0001", "0002", "0003")
 """The schema's revisions, oldest first; each has its file in `migrations/versions`."""
 
 _ADDED_TABLES = {"0002": frozenset({"class_physics"})}
@@ -52,6 +60,7 @@ READ_IF_CUT_OFF = "PRAGMA writable_schema = ON"
 """Makes SQLite read the tables of a truncated file up to its end; it refuses such a file otherwise."""
 
 EXPECTED = "a terrain database of Bevameter"
+_OF_POSTGIS = frozenset({"spatial_ref_sys"})
 _OUR_TABLES = frozenset(Base.metadata.tables)
 _MIGRATIONS = Path(__file__).parent / "migrations"
 
@@ -220,8 +229,9 @@ def revision_of(connection: Connection) -> str | None:
 def unreachable(url: URL, error: BaseException) -> Unreachable:
     """Say in one line why the database does not answer."""
     cause = str(error.orig if isinstance(error, DBAPIError) else error)
-    return Unreachable(shown(url), cause.strip().splitlines()[0] if cause.strip() else type(error).__name__,
-                       expected="a terrain database that can be reached")  # fmt: skip
+    said = cause.strip().splitlines()[0] if cause.strip() else type(error).__name__
+    state = "is sound" if isinstance(error, IntegrityError | ProgrammingError) else "can be reached"
+    return Unreachable(shown(url), said, expected=f"a terrain database that {state}")
 
 
 def _options(url: URL) -> dict[str, Any]:
@@ -322,9 +332,11 @@ def _version(connection: Connection, source: str) -> str | None:
     """Give the schema's revision, None where there is no terrain database."""
     names = set(inspect(connection).get_table_names())
     if VERSION_TABLE not in names:
-        ours = sorted(names & _OUR_TABLES)
-        if ours:
-            raise InputError(source, f"has a table {ours[0]} of another program", expected=EXPECTED)
+        if others := sorted(names - _OF_POSTGIS):
+            raise InputError(
+                source, f"holds tables of another program ({', '.join(others[:4])})",
+                expected=f"{EXPECTED}, or an empty one",
+            )  # fmt: skip
         return None
     version = revision_of(connection)
     if version in REVISIONS:
@@ -337,7 +349,7 @@ def _version(connection: Connection, source: str) -> str | None:
 def tables_of(revision: str) -> frozenset[str]:
     """Names of the tables that a revision has."""
     later = REVISIONS[REVISIONS.index(revision) + 1 :]
-    return _OUR_TABLES.difference(*(_ADDED_TABLES[each] for each in later))
+    return _OUR_TABLES.difference(*(_ADDED_TABLES.get(each, ()) for each in later))
 
 
 def migrate(engine: Engine) -> None:

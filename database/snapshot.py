@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from ..framework.core.arguments import number, numbers, refused, shown
 from ..framework.core.errors import InputError
+from ..framework.core.origin import Origin
 from ..framework.core.pooling import LARGEST_CELL_INDEX, cell_keys, cells_from_keys
 from .answer import GroundAnswer
 from .belief import Cells, classes_of, combine, grid_size, keys_of, put_in
@@ -65,6 +66,8 @@ class Snapshot:
         it (`mobility`); a class without is the textbook's.
     bounds
         Corners x0, y0, x1, y1 [m] of the cells that it was limited to; None where it covers all ground of the site.
+    origin
+        Where on Earth x = y = 0 lies; None where no drive says it.
     """
 
     site: str
@@ -75,6 +78,7 @@ class Snapshot:
     drives: int
     physics: Mapping[str, AugmentedSimulator] = field(default_factory=lambda: MappingProxyType({}))
     bounds: Corners | None = None
+    origin: Origin | None = None
     _tables: dict[tuple[float, float], GroundTable] = field(default_factory=dict, repr=False, compare=False)
     _memory: dict[tuple, Any] = field(default_factory=dict, repr=False, compare=False)
 
@@ -90,7 +94,7 @@ class Snapshot:
         soils = class_soils([soil for drive in drives for soil in drive.soils])
         classes, size = classes_of(drives, soils), grid_size(drives) if cell_size_m is None else cell_size_m
         cells = combine(drives, classes, size)
-        return Snapshot.of(site, size, classes, cells, soils, len(drives), physics or {}, bounds)
+        return Snapshot.of(site, size, classes, cells, soils, drives, physics or {}, bounds)
 
     @staticmethod
     def of(
@@ -99,15 +103,16 @@ class Snapshot:
         class_names: tuple[str, ...],
         cells: Cells,
         soils: Mapping[str, ClassSoil],
-        drives: int,
+        drives: Sequence[Drive],
         physics: Mapping[str, AugmentedSimulator],
         bounds: Corners | None = None,
     ) -> Snapshot:
         """Freeze what was derived."""
         _freeze(cells)
         _freeze(soils)
-        own = MappingProxyType(dict(soils)), drives, MappingProxyType(dict(physics))
-        return Snapshot(site, cell_size_m, class_names, cells, *own, bounds)
+        own = MappingProxyType(dict(soils)), len(drives), MappingProxyType(dict(physics))
+        origin = next((drive.origin for drive in drives if drive.origin is not None), None)
+        return Snapshot(site, cell_size_m, class_names, cells, *own, bounds, origin)
 
     def with_drives(
         self, drives: Sequence[Drive], changed: Sequence[Drive], physics: Mapping[str, AugmentedSimulator]
@@ -125,7 +130,7 @@ class Snapshot:
             return Snapshot.derive(self.site, drives, physics)
         touched = keys_of(changed, size)
         cells = put_in(combine(drives, classes, size, touched), self.cells, touched)
-        return Snapshot.of(self.site, size, classes, cells, soils, len(drives), physics)
+        return Snapshot.of(self.site, size, classes, cells, soils, drives, physics)
 
     def __getstate__(self) -> dict[str, Any]:
         """What other processes are given: all that is known, and nothing that is computed from it."""

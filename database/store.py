@@ -30,6 +30,7 @@ from .drive_rows import (
     read_drive,
 )
 from .excerpt import common_cell_size, drives_within
+from .frames import SiteFrame, check_origin, check_origins, drive_of_recording, read_frames
 from .merge import merge
 from .observations import Drive
 from .physics import (
@@ -87,17 +88,6 @@ class TerrainDatabase:
         there = must_exist or holds_database(url_or_path)
         self._engine = open_engine(url_or_path, must_exist=True) if there else None
 
-    @classmethod
-    def open_if_there(cls, url_or_path: str | Path) -> TerrainDatabase | None:
-        """Open the database without making one: None where there is none yet and one can be made.
-
-        Raises
-        ------
-        InputError
-            What is there is no terrain database, or there can be none.
-        """
-        return cls(url_or_path, must_exist=True) if holds_database(url_or_path) else None
-
     @property
     def name(self) -> str:
         """The file's path, or the URL without its password."""
@@ -106,13 +96,22 @@ class TerrainDatabase:
     @property
     def there(self) -> bool:
         """Whether the database has been made."""
+        self._forget_removed_file()
         return self._engine is not None or holds_database(self._given)
 
     def make(self) -> None:
         """Make the database, empty, where there is none yet; raises `InputError` where that cannot be."""
         self._opened(make=True)
 
+    def _forget_removed_file(self) -> None:
+        """Let go of a file that somebody has removed: SQLite would make an empty one."""
+        of_file = self._engine is not None and self._url.get_backend_name() == "sqlite"
+        if of_file and not Path(str(self._url.database)).exists():
+            self.close()
+            self._engine = None
+
     def _opened(self, *, make: bool) -> Engine:
+        self._forget_removed_file()
         if self._engine is None:
             self._engine = open_engine(self._given, must_exist=not make)
         return self._engine
@@ -140,7 +139,8 @@ class TerrainDatabase:
         ------
         InputError
             A class of the drive is `unknown`, or two of them differ in case or spaces only; a text or number of it is
-            none that every database takes, or an estimate that of no soil; the database cannot be written.
+            none that every database takes, or an estimate that of no soil; drives of other recordings have another
+            origin of its site; the database cannot be written.
         """
         if not isinstance(drive, Drive):
             raise refused("drive", drive, "a Drive")
@@ -154,6 +154,7 @@ class TerrainDatabase:
                 if drive_in_use(connection, drive.recording_digest) != drive.id:
                     insert_rows(connection, ImportRow, [moment])
                 return Added(0, total)
+            check_origin(connection, self.name, drive)
             new = insert_columns(connection, TerrainRow, terrain_columns(drive))
             new += insert_rows(connection, SoilRow, soil_rows(drive))
             insert_rows(connection, ImportRow, [moment])
@@ -247,7 +248,8 @@ class TerrainDatabase:
         Raises
         ------
         InputError
-            The other database has no such site, cannot be read, or holds physics that is not here and that
+            The other database has no such site, or another origin of a site that both have; it cannot be read, or holds
+            physics that is not here and that
             `add_physics` refuses (of a class as the drives of both spell it): nothing is merged then. Or one of the two
             cannot be reached any more, with the number of drives that are complete.
         """
@@ -259,7 +261,10 @@ class TerrainDatabase:
             for site in sites:
                 other.check_site(site)
         report = progress or (lambda stage, share: None)
-        with other.reading():  # what cannot be read leaves no new database behind
+        with other.reading() as theirs:  # what cannot be read leaves no new database behind
+            if self.there:
+                with self.reading() as own:
+                    check_origins(theirs, other.name, own, self.name, sites)
             self.make()
         return Added(*merge(other, self, None if sites is None else sorted(set(sites)), report))
 
@@ -275,6 +280,16 @@ class TerrainDatabase:
         table = table_of(DriveRow)
         with self.reading() as connection:
             return frozenset(connection.execute(select(table.c.id).where(imported(table))).scalars())
+
+    def frames(self) -> dict[str, SiteFrame]:
+        """Frames of the sites that places were observed at."""
+        with self.reading() as connection:
+            return read_frames(connection)
+
+    def recorded(self, recording_digest: str) -> Drive | None:
+        """Give the drive in use of a recording, without its observations; None where there is none."""
+        with self.reading() as connection:
+            return drive_of_recording(connection, recording_digest)
 
     def sites(self) -> list[str]:
         """Names of the sites that drives were made at, sorted."""

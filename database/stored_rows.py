@@ -13,7 +13,7 @@ from sqlalchemy.types import NullType
 
 from ..framework.core.arguments import shown
 from .drive_rows import CHUNK
-from .tables import Base, table_of
+from .tables import Base, columns_of, table_of
 
 UNREADABLE = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
 """What decoding raises where a value is none of its type."""
@@ -45,10 +45,13 @@ def keep_damaged_text(connection: Connection) -> None:
         driver.text_factory = lambda data: data.decode(errors="surrogateescape")  # type: ignore[attr-defined]
 
 
-def stored_rows(connection: Connection, row_type: type[Base], drive_id: uuid.UUID | None = None) -> Iterator[StoredRow]:
-    """Read the rows of a table, of one drive where it is given."""
+def stored_rows(
+    connection: Connection, row_type: type[Base], drive_id: uuid.UUID | None = None, revision: str | None = None
+) -> Iterator[StoredRow]:
+    """Read the rows of a table, of one drive where it is given, as a revision of the schema has them."""
     table = table_of(row_type)
-    query = select(*(type_coerce(column, NullType()).label(column.name) for column in table.columns))
+    there = columns_of(row_type, revision)
+    query = select(*(type_coerce(column, NullType()).label(column.name) for column in there))
     if drive_id is not None:
         query = query.where(table.c.drive_id == drive_id)
     result = connection.execute(query, execution_options={"yield_per": CHUNK})

@@ -16,6 +16,7 @@ from typing import Any
 
 from sqlalchemy import (
     JSON,
+    ColumnElement,
     Connection,
     DateTime,
     Dialect,
@@ -29,6 +30,7 @@ from sqlalchemy import (
     Table,
     Text,
     Uuid,
+    null,
 )
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
@@ -60,7 +62,12 @@ class Base(DeclarativeBase):
 
 
 class DriveRow(Base):
-    """One recording, processed once. `classes` are the columns of the terrain observations' probabilities."""
+    """One recording, processed once.
+
+    `classes` are the columns of the terrain observations' probabilities. `frame`: ``origin``, latitude, longitude and
+    heading of the site's frame [deg], and ``offset``, x [m], y [m] and yaw [rad] of the recording's frame in it, as far
+    as they are known.
+    """
 
     __tablename__ = "drive"
     id: Mapped[uuid.UUID] = mapped_column(Uuid, primary_key=True)
@@ -73,6 +80,7 @@ class DriveRow(Base):
     method: Mapped[str] = mapped_column(Text)
     cell_size_m: Mapped[float] = mapped_column(Double)
     classes: Mapped[list[str]] = mapped_column(JSON)
+    frame: Mapped[dict[str, list[float]] | None] = mapped_column(JSON(none_as_null=True))
 
 
 class ImportRow(Base):
@@ -140,6 +148,20 @@ class PhysicsRow(Base):
 def table_of(row_type: type[Base]) -> Table:
     """Give the table of a row type."""
     return Base.metadata.tables[row_type.__tablename__]
+
+
+def columns_of(row_type: type[Base], revision: str | None) -> list[ColumnElement]:
+    """Give the columns of a table as a revision of the schema has it, the newest where None; nothing for others."""
+    return [
+        null().label(column.name)
+        if revision is not None and revision < _ADDED_COLUMNS.get((row_type, column.name), "")
+        else column
+        for column in table_of(row_type).columns
+    ]
+
+
+_ADDED_COLUMNS: dict[tuple[type[Base], str], str] = {(DriveRow, "frame"): "0003"}
+"""Columns that came with a revision: tables of an earlier one have not got them."""
 
 
 def insertion(connection: Connection, row_type: type[Base]) -> Insert:

@@ -14,9 +14,11 @@ from ..database.store import TerrainDatabase
 from .conditions import Conditions, url_of
 from .core.arguments import path_of, refused, whole
 from .core.errors import BevameterError, InputError
+from .core.origin import Offset, Origin
 from .core.recording.types import Recording
 from .core.vehicle import Vehicle
 from .default_models import Models, at_hand, find_models
+from .placement import Claim, Frames, Placement
 from .segments import CELL_SIZE_M
 from .sense_map import Progress
 from .summary import TraverseSummary
@@ -64,6 +66,9 @@ def run_traverses(
     topics: str | Path | None = None,
     models: Models | str | Path | None = None,
     cell_size_m: float = CELL_SIZE_M,
+    site: str | None = None,
+    origin: Origin | None = None,
+    offset: Offset | None = None,
     workers: int = 1,
     client: Client | None = None,
     progress: Progress | None = None,
@@ -89,6 +94,9 @@ def run_traverses(
         one finds.
     cell_size_m
         Edge of a ground cell [m].
+    site, origin, offset
+        For all of them, instead of their own: as in `run_traverse`. Of recordings at a site that the database does not
+        know, the first one that says where its frame lies gives the site's frame.
     workers
         How many processes work at once [-]; with 1 it is this one. Each takes its share of the cores, and as much
         memory as a run does.
@@ -113,7 +121,9 @@ def run_traverses(
     """
     given = _checked(recordings, workers, client)
     report: Progress = progress or (lambda stage, share: None)
-    conditions = Conditions.of(database, vehicle=vehicle, topics=topics, cell_size_m=cell_size_m)
+    conditions = Conditions.of(
+        database, vehicle=vehicle, topics=topics, cell_size_m=cell_size_m, site=site, origin=origin, offset=offset
+    )
     found = FoundModels(models, url_of(database), report)
     if client is not None:
         given = [each.absolute() for each in given if isinstance(each, Path)]  # workers have other working folders
@@ -214,6 +224,10 @@ class _Lacking(Exception):
     """Models of the senses (`args`) were not looked for yet."""
 
 
+class _Open(Exception):
+    """Where a recording's places are put depends on recordings before it; what it says of its frame is the argument."""
+
+
 class _Ended(BaseException):
     """Who was told of the progress raised, which ends the run: it is no defect of a recording's processing."""
 
@@ -227,9 +241,10 @@ def _in_this_process(
         except Exception as error:
             raise _Ended from error
 
+    frames = Frames(conditions.frames)
     for number, recording in enumerate(given):
         try:
-            result = process(recording, conditions, found.of, told)
+            result = process(recording, conditions, found.of, frames.place, told)
         except _Ended as ended:
             raise (ended.__cause__ or ended) from None
         except Exception as error:
@@ -240,10 +255,16 @@ def _in_this_process(
 def _by_workers(
     started: Workers, given: Sequence[Recording | Path], conditions: Conditions, found: FoundModels
 ) -> Results:
-    """Have recordings processed, and yield what comes out as it comes."""
+    """Have recordings processed, and yield what comes out as it comes.
+
+    One whose frame depends on others is processed once it is known what those before it say: as if one by one.
+    """
+    placements: dict[int, Placement] = {}
+    claims: dict[int, Claim] = {}
+    unread, frames = set(range(len(given))), Frames(conditions.frames)
     with started as workers:
         sent = workers.shared((conditions, found.ready))
-        pending = {workers.submit(_attempt, each, sent): number for number, each in enumerate(given)}
+        pending = {workers.submit(_attempt, each, sent, None): number for number, each in enumerate(given)}
         while pending:
             # Windows lets Ctrl-C through between waits only.
             done, _ = wait(pending, timeout=_POLL_S, return_when=FIRST_COMPLETED)
@@ -254,8 +275,10 @@ def _by_workers(
                     if isinstance(result, _Lacking):
                         if found.look_for(result.args[0]):
                             sent = workers.shared((conditions, found.ready))
-                        pending[workers.submit(_attempt, given[number], sent)] = number
+                        pending[workers.submit(_attempt, given[number], sent, placements.get(number))] = number
                         continue
+                    if isinstance(result, _Open):
+                        claims[number] = result.args[0]
                 except BevameterError as error:
                     result = _failed(given[number], error)
                 except CancelledError:
@@ -263,15 +286,31 @@ def _by_workers(
                 except Exception as error:  # of the cluster: what the function raises comes as a result
                     died = "its worker on the cluster died, " * (type(error).__name__ == "KilledWorker")
                     result = _failed(given[number], WorkerLost(f"{died}{type(error).__name__}: {error!s:.200}"))
-                yield number, result
+                unread.discard(number)
+                if not isinstance(result, _Open):
+                    yield number, result
+            for number in sorted(claims):
+                if unread and min(unread) < number:
+                    break
+                placements[number] = frames.place(claims.pop(number))
+                pending[workers.submit(_attempt, given[number], sent, placements[number])] = number
 
 
-def _attempt(recording: Path, sent: tuple[Conditions, ReadyModels]) -> Processed | FailedRecording | _Lacking:
+def _attempt(
+    recording: Path, sent: tuple[Conditions, ReadyModels], placement: Placement | None
+) -> Processed | FailedRecording | _Lacking | _Open:
     """Process a recording, in another process; an error is returned as text, which any process can read."""
     conditions, models = sent
+
+    def placed(claim: Claim) -> Placement:
+        frames = Frames(conditions.frames)
+        if placement is None and not frames.is_settled(claim):
+            raise _Open(claim)
+        return placement or frames.place(claim)
+
     try:
-        return process(recording, conditions, models.of)
-    except _Lacking as lacking:
+        return process(recording, conditions, models.of, placed)
+    except (_Lacking, _Open) as lacking:
         return lacking
     except Exception as error:
         return _failed(recording, error)

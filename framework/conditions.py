@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import math
 import uuid
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass
+from collections.abc import Mapping
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 
+from ..database.frames import SiteFrame
 from ..database.physics import ClassPhysics
 from ..database.schema import parse_url, shown
 from ..database.store import TerrainDatabase
 from .core.arguments import number, path_of, refused
+from .core.errors import InputError
+from .core.origin import Offset, Origin
+from .core.recording.readers import read_recording
+from .core.recording.types import Recording
 from .core.vehicle import Vehicle, as_vehicle
 from .segments import CELL_SIZE_M
 
@@ -31,22 +36,29 @@ class Conditions:
         The database's path, or its URL without a password.
     known
         Identities of the drives that it holds.
+    frames
+        Frames of the sites that it knows.
     physics
         What it knows of the physics of classes, oldest first.
     cell_size_m
         Edge of a ground cell [m].
-    vehicle, topics
-        Instead of the recordings' own: the vehicle; and the topic map of bags.
+    vehicle, topics, site, origin, offset
+        Instead of the recordings' own: the vehicle; the topic map of bags; the site, where on Earth the frame of the
+        places lies, and where in the site's.
     method
         Version of the processing; another program that runs another one may not take part.
     """
 
     database: str
     known: frozenset[uuid.UUID]
+    frames: Mapping[str, SiteFrame]
     physics: tuple[ClassPhysics, ...]
     cell_size_m: float
     vehicle: Vehicle | None = None
     topics: Path | None = None
+    site: str | None = None
+    origin: Origin | None = None
+    offset: Offset | None = None
     method: str = METHOD
 
     @staticmethod
@@ -56,35 +68,66 @@ class Conditions:
         vehicle: Vehicle | str | Path | None = None,
         topics: str | Path | None = None,
         cell_size_m: float = CELL_SIZE_M,
+        site: str | None = None,
+        origin: Origin | None = None,
+        offset: Offset | None = None,
     ) -> Conditions:
         """Read them; where there is no database yet it knows nothing, and none is made.
 
         Raises
         ------
         InputError
-            The database is another program's or cannot be read; vehicle, topics or cell size are none.
+            The database is another program's or cannot be read; vehicle, topics, cell size or frame are none.
         """
+        _check_frame(site, origin, offset)
         cell_size_m = _cell_size(cell_size_m)
         driven = None if vehicle is None else as_vehicle(vehicle)
         mapped = None if topics is None else path_of("topics", topics, "the path of a topic map")
         own = isinstance(database, TerrainDatabase)
-        opened = nullcontext(database if database.there else None) if own else _if_there(database)
-        with opened as store:
-            known, physics = (frozenset(), ()) if store is None else (store.drive_ids(), tuple(store.physics()))
-        return Conditions(shown(parse_url(url_of(database))), known, physics, cell_size_m, driven, mapped)
+        with nullcontext(database) if own else TerrainDatabase(database) as store:
+            known, frames, physics = frozenset(), {}, ()
+            if store.there:
+                known, frames, physics = store.drive_ids(), store.frames(), tuple(store.physics())
+        return Conditions(
+            shown(parse_url(url_of(database))),
+            known,
+            frames,
+            physics,
+            cell_size_m,
+            driven,
+            mapped,
+            site,
+            origin,
+            offset,
+        )
 
-
-@contextmanager
-def _if_there(database: str | Path) -> Iterator[TerrainDatabase | None]:
-    """Open a database for as long as it is read; None where there is none yet."""
-    store = TerrainDatabase.open_if_there(database)
-    with store if store is not None else nullcontext() as opened:
-        yield opened
+    def read(self, recording: Recording | str | Path) -> Recording:
+        """Read a recording, and give it what is stated instead of its own; raises `InputError` where it cannot be."""
+        if not isinstance(recording, Recording):
+            recording = read_recording(recording, vehicle=self.vehicle, topics=self.topics)
+        elif self.vehicle is not None:
+            recording = replace(recording, vehicle=self.vehicle)
+        stated = {"site": self.site, "origin": self.origin, "offset": self.offset}
+        recording = replace(recording, **{name: value for name, value in stated.items() if value is not None})
+        if recording.offset is not None and not recording.site:
+            raise InputError(recording.source, "an offset is stated, and no site", expected="the site's name")
+        return recording
 
 
 def url_of(database: TerrainDatabase | str | Path) -> str | Path:
     """Give the path or URL of a database."""
     return database.name if isinstance(database, TerrainDatabase) else database
+
+
+def _check_frame(site: str | None, origin: Origin | None, offset: Offset | None) -> None:
+    if site is not None and not (isinstance(site, str) and site.strip()):
+        raise refused("site", site, "a name")
+    if origin is not None and not isinstance(origin, Origin):
+        raise refused("origin", origin, "an Origin")
+    if offset is not None and not isinstance(offset, Offset):
+        raise refused("offset", offset, "an Offset")
+    if origin is not None and offset is not None:
+        raise InputError("offset", "stated, and the origin, too", expected="one of them")
 
 
 def _cell_size(cell_size_m: float) -> float:

@@ -105,8 +105,8 @@ def check_store(database: str | Path | None, class_name: str | None, recording: 
             raise InputError("--db", "is missing, and --class is given", expected="both, to store what is found")
     elif database is not None and str(recording).lower().endswith(ENDINGS) and not Path(recording).is_dir():
         raise InputError("--class", "is missing", expected="the class of the ground: a wheel file does not say it")
-    if database is not None and (found := TerrainDatabase.open_if_there(database)) is not None:
-        found.close()
+    if database is not None:
+        TerrainDatabase(database).close()
 
 
 def store(answer: Explanation, database: str | Path, class_name: str | None = None) -> tuple[str, ...]:

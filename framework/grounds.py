@@ -15,6 +15,7 @@ from .core.recording.types import Labels, Recording
 from .core.track.grounds import Ground
 from .core.track.way import RECORDED, Track, track_of
 from .default_models import find_models
+from .placement import place_as_stored
 from .segments import CELL_SIZE_M, LEAST_KNOWN_SHARE, ClassTrack, believe, class_track, classes_along, stretches
 from .sense_map import observe
 from .senses import senses_of
@@ -91,13 +92,16 @@ def _labelled(labels: Labels, source: Path) -> tuple[Ground, ...]:
 
 def _on_map(recording: Recording, track: Track, database: str | Path | None) -> ClassTrack | None:
     """Follow the map of a database along the track; None where it does not know most of it."""
-    store = None if database is None else TerrainDatabase.open_if_there(database)
-    if store is None:
+    if database is None:
         return None
-    with store:
+    with TerrainDatabase(database) as store:
+        if not store.there:
+            return None
+        recording = place_as_stored(recording, store)
         if recording.site not in store.sites():
             return None
         snapshot = store.snapshot(recording.site)
+    track = track_of(recording) or track
     times = track.every(CELL_SIZE_M)
     x_m, y_m, _ = track.place_at(0.5 * (times[1:] + times[:-1]))
     answer = snapshot.along(np.column_stack([x_m, y_m]))

@@ -13,6 +13,7 @@ from ..database.observations import SoilObservation
 from ..identification.estimate.words import sentences
 from .core.evidence import ClassEvidence
 from .core.findings import Finding
+from .core.origin import Offset, Origin
 from .core.soil import Quantity, SoilEstimate
 from .fusion import Belief
 from .sense_map import SenseRecord
@@ -176,6 +177,9 @@ class TraverseSummary:
         How long the run took [s].
     notes
         What was converted or assumed in reading the recording.
+    origin, offset
+        Where on Earth the site's frame lies, and where the recording's lies in it; None where nobody knows, and where
+        they are one.
     """
 
     recording: str
@@ -203,6 +207,8 @@ class TraverseSummary:
     warnings: tuple[str, ...]
     seconds: float
     notes: tuple[str, ...] = ()
+    origin: Origin | None = None
+    offset: Offset | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """Give the summary as plain tables and numbers, as `bevameter run --json` writes it."""

@@ -17,13 +17,14 @@ from ..database.storable import check_storable
 from ..database.store import Added, TerrainDatabase
 from .conditions import METHOD, Conditions, url_of
 from .core.errors import InputError
-from .core.recording.readers import read_recording
+from .core.origin import Offset, Origin
 from .core.recording.types import Recording
 from .core.track.way import DEAD_RECKONING, Track, track_of
 from .core.vehicle import Vehicle
 from .default_models import Models, find_models
 from .fusion import Belief
 from .known_physics import KnownPhysics
+from .placement import Claim, Frames, Placement, moved, placement_of
 from .segments import CELL_SIZE_M, ClassTrack, SoilAlong, believe, classes_along, learn_soil, recall_soil
 from .sense_map import Progress, SenseRecord, observe
 from .senses import senses, senses_of
@@ -37,6 +38,9 @@ def run_traverse(
     vehicle: Vehicle | str | Path | None = None,
     models: Models | str | Path | None = None,
     cell_size_m: float = CELL_SIZE_M,
+    site: str | None = None,
+    origin: Origin | None = None,
+    offset: Offset | None = None,
     progress: Progress | None = None,
 ) -> TraverseSummary:
     """Turn a recorded drive into observations of terrain and soil, and add them to a database.
@@ -61,6 +65,10 @@ def run_traverse(
         defaults, which know synthetic ground only (`default_models.find_models`).
     cell_size_m
         Edge of a ground cell [m].
+    site, origin, offset
+        Instead of the recording's own: its site; where on Earth the frame of its places lies; or where that frame lies
+        in the site's (one of the two). What the recording's frame is tied to by none of them, by a site's name or by
+        satellite is kept apart, at a site of its own (`placement`).
     progress
         Called with each stage's name and the share of it that is done; what it raises ends the run.
 
@@ -75,7 +83,9 @@ def run_traverse(
         The recording, a model or the database cannot be used.
     """
     report: Progress = progress or (lambda stage, share: None)
-    conditions = Conditions.of(database, vehicle=vehicle, cell_size_m=cell_size_m)
+    conditions = Conditions.of(
+        database, vehicle=vehicle, cell_size_m=cell_size_m, site=site, origin=origin, offset=offset
+    )
 
     def found(senses: Sequence[str]) -> Models:
         return (
@@ -84,7 +94,7 @@ def run_traverse(
             else find_models(models, url_of(database), senses=senses, progress=report)
         )
 
-    return store(process(recording, conditions, found, report), database, report)
+    return store(process(recording, conditions, found, Frames(conditions.frames).place, report), database, report)
 
 
 @dataclass(frozen=True)
@@ -114,6 +124,7 @@ def process(
     recording: Recording | str | Path,
     conditions: Conditions,
     models: Callable[[Sequence[str]], Models],
+    placed: Callable[[Claim], Placement],
     progress: Progress | None = None,
 ) -> Processed:
     """Turn a recording into a drive's observations; no database is read or written.
@@ -126,6 +137,8 @@ def process(
         What it is processed with.
     models
         Called with the names of the senses that the recording has something for; gives their classifiers.
+    placed
+        Called with what the recording says of its frame; gives where its places are put.
     progress
         Called with each stage's name and the share of it that is done; what it raises ends the work.
 
@@ -141,16 +154,15 @@ def process(
             "worker", f"runs {METHOD}", expected=f"the version that the run was started with, {conditions.method}"
         )
     report("reading", 0.0)
-    if not isinstance(recording, Recording):
-        recording = read_recording(recording, vehicle=conditions.vehicle, topics=conditions.topics)
-    elif conditions.vehicle is not None:
-        recording = replace(recording, vehicle=conditions.vehicle)
+    recording = conditions.read(recording)
+    placement = placement_of(recording, placed)
+    recording = moved(recording, placement)
     report("reading", 1.0)
     found = models(senses_of(recording))
     cell_size_m, track = conditions.cell_size_m, track_of(recording)
     physics = KnownPhysics.of(conditions.physics, recording)
     drive = _to_be_observed(recording, found, cell_size_m, track, physics)
-    about = _about(recording, drive, found, track, conditions.database)
+    about = _about(recording, drive, found, track, conditions.database, placement)
     problems = _problems(recording, track)
     if drive.id in conditions.known:
         return Processed(drive, about, problems, None, time.monotonic() - began)
@@ -223,13 +235,17 @@ def _learn_soil(
     return replace(soil, problems=(*soil.problems, *problems))
 
 
-def _about(recording: Recording, drive: Drive, models: Models, track: Track | None, database: str) -> dict[str, Any]:
+def _about(
+    recording: Recording, drive: Drive, models: Models, track: Track | None, database: str, placement: Placement
+) -> dict[str, Any]:
     """Give what a summary says of a drive whether it was processed now or before."""
     return {
         "recording": drive.name,
         "source": str(recording.source),
         "digest": drive.recording_digest,
         "site": drive.site,
+        "origin": drive.origin,
+        "offset": drive.offset,
         "vehicle": drive.vehicle_name,
         "database": database,
         "synthetic": drive.synthetic,
@@ -237,8 +253,8 @@ def _about(recording: Recording, drive: Drive, models: Models, track: Track | No
         "distance_m": track.distance_m if track else 0.0,
         "places": track.origin if track else "",
         "cell_size_m": drive.terrain.cell_size_m,
-        "warnings": _warnings(recording, models, track),
-        "notes": recording.notes,
+        "warnings": (*_warnings(recording, models, track), *([placement.note] if placement.apart else [])),
+        "notes": (*recording.notes, *([placement.note] if placement.note and not placement.apart else [])),
     }
 
 
@@ -313,6 +329,8 @@ def _to_be_observed(
         method=f"{METHOD}, vehicle {described}, places {track.origin if track else 'none'}"
         + (f", physics {physics.digest}" if physics.by_class else ""),
         terrain=TerrainObservations.nothing(cell_size_m),
+        origin=recording.origin,
+        offset=recording.offset,
     )
 
 

@@ -115,7 +115,7 @@ def _write_csv(rows: Sequence[dict[str, Any]], view: Snapshot, about: dict[str, 
 
 
 def _write_geojson(rows: Sequence[dict[str, Any]], view: Snapshot, about: dict[str, Any], file: Path) -> None:
-    page = geojson(rows, view.site, view.cell_size_m)
+    page = geojson(rows, view, view.cell_size_m)
     write_text(json.dumps(page, ensure_ascii=False, allow_nan=False) + "\n", file)
 
 

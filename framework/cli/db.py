@@ -9,7 +9,7 @@ import typer
 
 from ..core.errors import InputError
 from . import export
-from .printing import FORMATS, check_format, print_csv, print_json, progress_bars
+from .printing import FORMATS, check_format, counted, print_csv, print_json, progress_bars
 
 _FORMATS = [known for known in FORMATS if known != "geojson"]
 _FAULT_COLUMNS = ("table", "id", "problem")
@@ -76,7 +76,7 @@ def merge(
         for other in others:
             with TerrainDatabase(other, must_exist=True) as source, progress_bars() as progress:
                 added = target.merge(source, progress=progress)
-                print(f"{source.name}: {added.new} observations added, {added.known} known already")
+                print(f"{source.name}: {counted(added.new, 'observation')} added, {added.known} known already")
 
 
 Server = Annotated[str, typer.Argument(metavar="SERVER", help="SQLAlchemy URL of the fleet's database.")]
@@ -109,7 +109,7 @@ def _bring(origin: str, destination: str, sites: list[str] | None) -> None:
             source.check_site(site)
         with TerrainDatabase(destination) as target, progress_bars() as progress:
             added = target.merge(source, sites=sites, progress=progress)
-        print(f"{target.name}: {added.new} observations added, {added.known} known already")
+        print(f"{target.name}: {counted(added.new, 'observation')} added, {added.known} known already")
 
 
 app.command("export", help="Write what is known of a site for other programs.")(export.command)

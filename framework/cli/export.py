@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from .options import finite, open_snapshot, pascals, quantity
+from .options import finite, open_snapshot, pascals, quantity, stated_origin
 
 
 def command(
@@ -48,7 +48,11 @@ def command(
     ] = None,
     origin: Annotated[
         tuple[str, str] | None,
-        typer.Option("--origin", metavar="LAT LON", help="geotiff, gpkg: where x = y = 0 lies, WGS 84 [deg]."),
+        typer.Option(
+            "--origin",
+            metavar="LAT LON",
+            help="geotiff, gpkg: where x = y = 0 lies, WGS 84 [deg]; as the database has it.",
+        ),
     ] = None,
     heading: Annotated[
         str | None, typer.Option("--heading", help="With --origin: direction of y, clockwise from north [deg].")
@@ -63,17 +67,9 @@ def command(
 ) -> None:
     """Write a raster of the ground, or the soils of its classes, in the format of the file's ending."""
     from ...database.exporters import Request, export
-    from ...database.georeference import Origin
-    from ..core.errors import InputError
     from ..core.files import check_outputs
 
     check_outputs([out], [Path(db)])
-    if heading is not None and origin is None:
-        raise InputError("--heading", "stated without --origin", expected="both")
-    place = None
-    if origin is not None:
-        latitude, longitude = (finite("--origin", text, "deg") for text in origin)
-        place = Origin(latitude, longitude, finite("--heading", heading or "0", "deg"))
 
     def read(name: str, text: str | None, unit: str, example: str) -> float | None:
         return None if text is None else quantity(name, text, unit, example)
@@ -86,7 +82,7 @@ def command(
         normal_stress=pascals("--normal-stress", normal_stress),
         confidence=confidence,
         required_strength_Pa=read("--required-strength", required_strength, "Pa", 'a pressure such as "8 kPa"'),
-        origin=place,
+        origin=stated_origin(origin, heading),
         wheel_width_m=read("--wheel-width", wheel_width, "m", 'a length such as "0.12 m"'),
         elastic_stiffness_Pa_m=read("--elastic-stiffness", elastic_stiffness, "Pa/m", 'such as "4e7 Pa/m"'),
         damping_Pa_s_m=read("--damping", damping, "Pa*s/m", 'such as "3e4 Pa*s/m"'),

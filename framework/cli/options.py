@@ -11,6 +11,7 @@ from ..core.quantities import magnitude
 
 if TYPE_CHECKING:
     from ...database.snapshot import Snapshot
+    from ..core.origin import Origin
 
 COLUMNS = "TOML map from a wheel table's columns to channels, where names and units do not identify them."
 TOPICS = (
@@ -28,6 +29,18 @@ def finite(name: str, text: str, unit: str = "m") -> float:
     if not math.isfinite(value):
         raise InputError(name, f"{text!r}", expected=f"a finite number [{unit}]")
     return value
+
+
+def stated_origin(place: tuple[str, str] | None, heading: str | None) -> Origin | None:
+    """Read what `--origin` and `--heading` state; raises `InputError`."""
+    from ..core.origin import Origin
+
+    if place is None:
+        if heading is not None:
+            raise InputError("--heading", "stated without --origin", expected="both")
+        return None
+    latitude, longitude = (finite("--origin", text, "deg") for text in place)
+    return Origin(latitude, longitude, finite("--heading", heading or "0", "deg"))
 
 
 def quantity(name: str, text: str, unit: str, example: str) -> float:

@@ -68,6 +68,11 @@ def print_table(
     console(_TABLE_WIDTH).print(table)
 
 
+def counted(number: int, what: str) -> str:
+    """Give a number of things, in the singular where it is one."""
+    return f"{number} {what}{'s' * (number != 1)}"
+
+
 def print_line(markup: str) -> None:
     """Print one line of rich's markup; it is broken nowhere."""
     console().print(markup, soft_wrap=True)

@@ -116,7 +116,7 @@ def _print_places(
     elif form == "csv":
         print_csv([flat(row) for row in rows], csv_columns(view.class_names))
     elif form == "geojson":
-        print_json(geojson(rows, view.site, view.cell_size_m if query == "near" else None))
+        print_json(geojson(rows, view, view.cell_size_m if query == "near" else None))
     else:
         print_places(rows, stress, confidence)
 

@@ -7,7 +7,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .printing import print_csv, print_table
+from .printing import counted, print_csv, print_table
 
 if TYPE_CHECKING:
     from ...database.info import DatabaseInfo, SiteInfo
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 PRUNED_COLUMNS = ("what", "id", "site", "name", "observations")
 
 _BOUNDS = ("x_min_m", "y_min_m", "x_max_m", "y_max_m")
+_ORIGIN = ("latitude_deg", "longitude_deg", "heading_deg")
 _OBSERVATIONS = ("terrain_observation", "soil_observation")
 
 
@@ -34,6 +35,9 @@ def print_info(found: DatabaseInfo) -> None:
         ],
         empty="no drives",
     )  # fmt: skip
+    for site in found.sites:
+        if site.origin is not None:
+            print(f"site {site.site!r}: x = y = 0 lies at {site.origin}")
     if found.unfinished_drives:
         print(f"drives that are not complete, and that nothing uses: {found.unfinished_drives}")
     print_table(
@@ -54,16 +58,17 @@ def print_sites_as_csv(found: DatabaseInfo) -> None:
         bounds = dict(zip(_BOUNDS, row.pop("bounds_m") or (), strict=False))
         counts = {looks[sense]: count for sense, count in row.pop("looks").items()}
         classes = {name: ";".join(row.pop(name)) for name in ("classes", "classes_with_soil")}
-        rows.append(row | counts | bounds | classes)
+        origin = row.pop("origin") or {}
+        rows.append(row | counts | bounds | classes | origin)
     plain = ["site", "drives", "superseded", "stretches", "stretches_with_soil", "cells", "first", "last"]
-    print_csv(rows, [*plain, *looks.values(), *_BOUNDS, "classes", "classes_with_soil"])
+    print_csv(rows, [*plain, *looks.values(), *_BOUNDS, "classes", "classes_with_soil", *_ORIGIN])
 
 
 def print_check(faults: Sequence[Mapping[str, str]], rows: Mapping[str, int]) -> None:
     """Print one line a fault, or that there is none."""
     _print_faults(faults)
     if faults:
-        print(f"{len(faults)} fault{'s' * (len(faults) != 1)} in {_counted(rows)}")
+        print(f"{counted(len(faults), 'fault')} in {_counted(rows)}")
     else:
         print(f"sound: {_counted(rows)}")
 
@@ -91,7 +96,7 @@ def _print_faults(faults: Sequence[Mapping[str, str]]) -> None:
 def _counted(rows: Mapping[str, int]) -> str:
     drives, physics = rows.get("drive", 0), rows.get("class_physics", 0)
     observations = sum(rows.get(name, 0) for name in _OBSERVATIONS)
-    return f"{drives} drive{'s' * (drives != 1)}, {observations} observations, {physics} physics of classes"
+    return f"{counted(drives, 'drive')}, {counted(observations, 'observation')}, {physics} physics of classes"
 
 
 def _indexed(found: DatabaseInfo) -> str:

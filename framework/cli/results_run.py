@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from .printing import print_table
+from .printing import counted, print_table
 from .results import interval_text
 
 if TYPE_CHECKING:
@@ -22,8 +22,9 @@ def print_summary(summary: TraverseSummary) -> None:
     """Print a run's answer first, then how far to trust it, then what was stored, and the next command."""
     vehicle = f" by {summary.vehicle}" if summary.vehicle else ""
     places = f", places {summary.places}" if summary.places else ""
+    site = f", site {summary.site}" if summary.site else ""
     length = f"{summary.distance_m:.1f} m in {summary.duration_s:.0f} s"
-    print(f"{summary.recording}{vehicle}: {length}{places}\n")
+    print(f"{summary.recording}{vehicle}: {length}{places}{site}\n")
     _print_ground(summary)
     _print_soil_notes(summary.soils)
     print()
@@ -65,7 +66,7 @@ def print_outcomes(outcomes: Sequence[Outcome]) -> None:
         print(f"warning: {warning}")
     new, known = (sum(getattr(each, name) for each in summaries) for name in ("observations_new", "observations_known"))
     database = f" to {summaries[0].database}" if summaries else ""
-    print(f"{new} observations added{database}, {known} were there already")
+    print(f"{counted(new, 'observation')} added{database}, {known} were there already")
 
 
 def _outcome_row(summary: TraverseSummary) -> list[str]:
@@ -139,7 +140,7 @@ def _stored(summary: TraverseSummary) -> str:
     if summary.known or summary.observations_known:
         return f"nothing added: {summary.database} holds this drive already ({summary.observations_known} observations)"
     if summary.observations_new:
-        return f"{summary.observations_new} observations added to {summary.database}"
+        return f"{counted(summary.observations_new, 'observation')} added to {summary.database}"
     return f"nothing added to {summary.database}: nothing was observed"
 
 

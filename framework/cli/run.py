@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ..core.errors import BevameterError, InputError
-from .options import TOPICS
+from .options import TOPICS, finite, stated_origin
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
     from ..batch import Outcome
+    from ..core.origin import Offset
 
 
 def command(
@@ -40,6 +42,22 @@ def command(
             "models of synthetic ground.",
         ),
     ] = None,
+    site: Annotated[str | None, typer.Option("--site", help="Site, instead of the recordings' own.")] = None,
+    origin: Annotated[
+        tuple[str, str] | None,
+        typer.Option("--origin", metavar="LAT LON", help="Where on Earth x = y = 0 of the places lies, WGS 84 [deg]."),
+    ] = None,
+    heading: Annotated[
+        str | None, typer.Option("--heading", help="With --origin: direction of y, clockwise from north [deg]; 0.")
+    ] = None,
+    offset: Annotated[
+        tuple[str, str, str] | None,
+        typer.Option(
+            "--offset",
+            metavar="X Y YAW",
+            help="Where x = y = 0 of the places lies at the site [m], and how x is turned there [deg].",
+        ),
+    ] = None,
     json: Annotated[Path | None, typer.Option("--json", help="Write the summary as JSON.")] = None,
     workers: Annotated[
         int | None, typer.Option("--workers", min=1, help="Recordings at once, each in a process of its own; 1.")
@@ -55,15 +73,17 @@ def command(
     check_outputs([json], [*recordings, vehicle, topics])
     if workers is not None and dask is not None:
         raise InputError("--workers", f"{workers}, and --dask, too", expected="one of them")
+    frame = {"site": site, "origin": stated_origin(origin, heading), "offset": _offset(offset)}
     if len(recordings) == 1 and dask is None:
-        _run_one(recordings[0], db, vehicle, topics, models, json)
+        _run_one(recordings[0], db, vehicle, topics, models, frame, json)
     else:
-        _run_several(recordings, db, vehicle, topics, models, json, workers or 1, dask)
+        _run_several(recordings, db, vehicle, topics, models, frame, json, workers or 1, dask)
 
 
 def _run_one(
-    recording: Path, db: str, vehicle: Path | None, topics: Path | None, models: Path | None, json: Path | None
-) -> None:
+    recording: Path, db: str, vehicle: Path | None, topics: Path | None, models: Path | None, frame: dict[str, Any],
+    json: Path | None,
+) -> None:  # fmt: skip
     from ..core.recording.readers import read_recording
     from .printing import progress_bars, write_json
     from .results_run import print_summary
@@ -73,7 +93,7 @@ def _run_one(
         # Loaded after the recording was read: what cannot be read is refused without waiting for the classifiers.
         from ..traverse import run_traverse
 
-        summary = run_traverse(drive, db, models=models, progress=progress)
+        summary = run_traverse(drive, db, models=models, progress=progress, **frame)
     if json is not None:
         write_json(summary.as_dict(), json)
     print_summary(summary)
@@ -81,7 +101,7 @@ def _run_one(
 
 def _run_several(
     recordings: list[Path], db: str, vehicle: Path | None, topics: Path | None, models: Path | None,
-    json: Path | None, workers: int, dask: str | None,
+    frame: dict[str, Any], json: Path | None, workers: int, dask: str | None,
 ) -> None:  # fmt: skip
     """Run over recordings; raises `BevameterError` in the end where one of them failed."""
     from ..batch import FailedRecording, run_traverses
@@ -101,7 +121,7 @@ def _run_several(
         with _client(dask) as client, progress_bars() as progress:
             outcomes = run_traverses(
                 recordings, db, vehicle=vehicle, topics=topics, models=models, workers=workers, client=client,
-                progress=progress, finished=finished,
+                progress=progress, finished=finished, **frame,
             )  # fmt: skip
     except KeyboardInterrupt:
         print(
@@ -114,6 +134,15 @@ def _run_several(
     print_outcomes(outcomes)
     if stored < len(outcomes):
         raise BevameterError(f"{len(outcomes) - stored} of {len(outcomes)} recordings failed")
+
+
+def _offset(given: tuple[str, str, str] | None) -> Offset | None:
+    from ..core.origin import Offset
+
+    if given is None:
+        return None
+    x_m, y_m, yaw_deg = (finite("--offset", text) for text in given)
+    return Offset(x_m, y_m, math.radians(yaw_deg))
 
 
 @contextmanager

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator, ValidationError
 
 from .errors import InputError
+from .origin import Offset, Origin
 
 _SHOWN = 80
 """Characters of a value that are shown at most [-]."""
@@ -34,6 +36,32 @@ Whole = Annotated[int, BeforeValidator(_number)]
 Positive = Annotated[Number, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[Number, Field(ge=0, allow_inf_nan=False)]
 Finite = Annotated[Number, Field(allow_inf_nan=False)]
+
+
+def _numbers(value: object, expected: str, counts: tuple[int, ...]) -> list[float]:
+    """Give the numbers of a list; raises ValueError where they are none or not so many."""
+    if isinstance(value, list) and len(value) in counts and all(type(each) in (int, float) for each in value):
+        return [float(each) for each in value]
+    raise ValueError(f"{value!r:.{_SHOWN}}, expected {expected}")
+
+
+def _origin(value: object) -> Origin:
+    try:
+        return Origin(*_numbers(value, "[latitude, longitude] or [latitude, longitude, heading] in degrees", (2, 3)))
+    except InputError as error:
+        raise ValueError(str(error)) from None
+
+
+def _offset(value: object) -> Offset:
+    x_m, y_m, yaw_deg = _numbers(value, "[x, y, yaw] in metres and degrees", (3,))
+    try:
+        return Offset(x_m, y_m, math.radians(yaw_deg))
+    except InputError as error:
+        raise ValueError(str(error)) from None
+
+
+StatedOrigin = Annotated[Origin, PlainValidator(_origin)]
+StatedOffset = Annotated[Offset, PlainValidator(_offset)]
 
 
 def checked(model: type[Model], data: object, path: str | Path, written: Mapping[str, str] | None = None) -> Model:

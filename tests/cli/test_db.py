@@ -18,6 +18,7 @@ from bevameter.database.observations import Drive, SoilObservation, TerrainObser
 from bevameter.framework.cli.main import app
 from bevameter.framework.core.soil import PARAMETERS
 from bevameter.identification.effects.stored import AugmentedSimulator, Estimated
+from old_schema import TO_FIRST
 from pyarrow import parquet
 from typer.testing import CliRunner
 
@@ -175,8 +176,8 @@ def test_rebuild(db):
 def test_migrate(db):
     newest = schema.REVISIONS[-1]
     assert said("migrate", "t.db") == f"schema {newest}, the newest: nothing to do\n"
-    changed(db, "DROP TABLE class_physics")
-    changed(db, "UPDATE bevameter_schema SET version_num = '0001'")
+    for statement in TO_FIRST.split(";"):
+        changed(db, statement)
     assert f"schema 0001 (newest: {newest})" in said("info", "t.db")
     copy = "t.schema-0001.db"
     assert said("migrate", "t.db") == f"migrated from schema 0001 to {newest}; as it was before: {copy}\n"

@@ -91,7 +91,7 @@ def test_near_a_place(query):
     _, out, _ = query("near", "0", "0", "--radius", "1", "--format", "geojson")
     page = json.loads(out)
     assert page["type"] == "FeatureCollection"
-    assert page["site_frame"] == {"site": "quarry", "unit": "m"}
+    assert page["site_frame"] == {"site": "quarry", "unit": "m", "origin": None}
     assert [feature["properties"]["class"] for feature in page["features"]] == ["sand", "asphalt"]
     assert page["features"][0]["geometry"]["coordinates"][0][0] == [0.0, 0.0]
     assert page["features"][0]["geometry"]["coordinates"][0][2] == [0.5, 0.5]

@@ -11,7 +11,6 @@ from bevameter.framework.core.origin import Origin
 from bevameter.framework.core.recording.bag_camera import with_camera
 from bevameter.framework.core.recording.bag_files import Topic
 from bevameter.framework.core.recording.bag_frames import Frames
-from bevameter.framework.core.recording.bag_places import east_north
 from bevameter.framework.core.recording.readers import read_recording
 from bevameter.framework.core.recording.wheel_names import wheel_called
 from bevameter.framework.core.vehicle import load_vehicle
@@ -116,7 +115,7 @@ def test_metres_east_and_north_are_those_of_a_map_projection():
     pyproj = pytest.importorskip("pyproj")
     origin = Origin(60.0, 10.0)
     expected = pyproj.Transformer.from_crs(4326, origin.crs, always_xy=True).transform(longitude, latitude)
-    np.testing.assert_allclose(east_north(latitude, longitude, origin), expected, atol=0.02)
+    np.testing.assert_allclose(origin.east_north(latitude, longitude), expected, atol=0.02)
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from bevameter.database.schema import REVISIONS
 from forked import answer
 from full_disk import attempt
 from killed import check_whole, drive, pictures
+from old_schema import TO_FIRST
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="POSIX limits files")
 
@@ -50,7 +51,7 @@ def store(folder: Path) -> None:
         database.add_drive(THERE)
     shutil.copy(folder / "t.db", folder / "old.db")
     with closing(sqlite3.connect(folder / "old.db")) as connection:
-        connection.executescript("DROP TABLE class_physics; UPDATE bevameter_schema SET version_num = '0001'")
+        connection.executescript(TO_FIRST)
 
 
 def nothing_is_lost(folder: Path) -> None:

@@ -13,6 +13,7 @@ from bevameter import InputError, TerrainDatabase
 from bevameter.database.info import info
 from bevameter.framework.core.soil import PARAMETERS
 from bevameter.identification.effects.stored import AugmentedSimulator, Estimated
+from old_schema import TO_FIRST
 
 VALUES = dict(zip(PARAMETERS, (700.0, 0.5, 0.02, 4e5, 0.9), strict=True))
 PHYSICS = AugmentedSimulator({name: Estimated(value, 0.0) for name, value in VALUES.items()})
@@ -68,7 +69,7 @@ def test_an_older_schema_is_described_and_not_migrated(tmp_path, drive_with_soil
     with TerrainDatabase(path) as database:
         database.add_drive(drive_with_soil)
     with closing(sqlite3.connect(path)) as connection:
-        connection.executescript("DROP TABLE class_physics; UPDATE bevameter_schema SET version_num = '0001'")
+        connection.executescript(TO_FIRST)
     found = info(path)
     assert (found.schema, found.physics) == ("0001", ())
     assert found.sites[0].cells == 4

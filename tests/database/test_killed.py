@@ -21,6 +21,7 @@ from bevameter.database.maintenance import migrate
 from bevameter.database.schema import REVISIONS, parse_url
 from bevameter.database.tables import Base
 from killed import ENDS, add_drives, bring_up_to_date, check_whole, drive, kill, merge, pace, pictures
+from old_schema import TO_FIRST
 from sqlalchemy import create_engine
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="POSIX has SIGKILL")
@@ -133,7 +134,7 @@ def test_a_migration_that_is_killed(seed, folder, template):
     rng, path, old = random.Random(seed), folder / "t.db", folder / "old"
     shutil.copy(template, old)
     with closing(sqlite3.connect(old)) as connection:
-        connection.executescript("DROP TABLE class_physics; UPDATE bevameter_schema SET version_num = '0001'")
+        connection.executescript(TO_FIRST)
     shutil.copy(old, path)
     paced = pace(bring_up_to_date, str(path))
     for _ in range(12):

@@ -21,6 +21,7 @@ from bevameter.database.info import info
 from bevameter.database.maintenance import Migrated, Superseded, migrate, prune, superseded
 from bevameter.framework.core.soil import PARAMETERS
 from bevameter.identification.effects.stored import AugmentedSimulator, Estimated
+from old_schema import TO_FIRST
 
 FOUND = datetime(2026, 11, 2, 9, 0, tzinfo=UTC)
 
@@ -159,7 +160,7 @@ def test_merging_with_who_still_has_it_brings_it_back(path, tmp_path):
 
 def older(path: Path) -> None:
     with closing(sqlite3.connect(path)) as connection:
-        connection.executescript("DROP TABLE class_physics; UPDATE bevameter_schema SET version_num = '0001'")
+        connection.executescript(TO_FIRST)
 
 
 def test_migrating_says_from_where_to_where_and_keeps_a_copy(path):

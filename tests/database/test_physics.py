@@ -20,6 +20,7 @@ from bevameter.identification.effects.stored import AugmentedSimulator, Estimate
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import equilibrium
 from bevameter.identification.simulate import simulate
+from old_schema import TO_FIRST
 
 SAND, CLAY = (1.1, 0.1), (0.6, 0.1)
 WHEEL = Wheel(radius_m=0.15, width_m=0.12)
@@ -136,7 +137,7 @@ def test_a_database_of_before_is_upgraded_and_loses_nothing(tmp_path, traverse):
     with TerrainDatabase(path) as database:
         database.add_drive(traverse)
     with closing(sqlite3.connect(path)) as connection:
-        connection.executescript("DROP TABLE class_physics; UPDATE bevameter_schema SET version_num = '0001'")
+        connection.executescript(TO_FIRST)
     with TerrainDatabase(path, must_exist=True) as database:
         (again,) = database.drives()
         assert again.id == traverse.id

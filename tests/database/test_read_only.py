@@ -14,6 +14,7 @@ import pytest
 from bevameter import InputError, TerrainDatabase
 from bevameter.database import connections, schema
 from forked import answer
+from old_schema import TO_FIRST
 from refusals import everything
 from still_database import read, write
 
@@ -53,7 +54,7 @@ def still(request, make, drive_with_soil):
             database.add_drive(drive_with_soil)
         shutil.copy(folder / "t.db", folder / "old.db")
         with closing(sqlite3.connect(folder / "old.db")) as connection:
-            connection.executescript("DROP TABLE class_physics; UPDATE bevameter_schema SET version_num = '0001'")
+            connection.executescript(TO_FIRST)
         with request.param(folder):
             yield folder
 

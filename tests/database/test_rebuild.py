@@ -18,6 +18,7 @@ from bevameter.framework.core.soil import PARAMETERS
 from bevameter.identification.effects.stored import AugmentedSimulator, Estimated
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from old_schema import TO_FIRST
 
 PAGE = 4096
 VALUES = dict(zip(PARAMETERS, (700.0, 0.5, 0.02, 4e5, 0.9), strict=True))
@@ -182,7 +183,7 @@ def test_a_file_that_is_cut_off_gives_what_is_left(path):
 
 def test_an_older_schema_is_rebuilt_at_the_newest(path):
     with closing(sqlite3.connect(path)) as connection:
-        connection.executescript("DROP TABLE class_physics; UPDATE bevameter_schema SET version_num = '0001'")
+        connection.executescript(TO_FIRST)
     assert rebuild(path, path.with_name("new.db")).faults == ()
     assert rows(path.with_name("new.db"))["class_physics"] == set()
 

@@ -18,7 +18,7 @@ from bevameter.database.observations import SoilEffect, TerrainObservations
 from bevameter.database.store import Added
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from sqlalchemy import create_engine, text
+from sqlalchemy import create_engine, inspect, make_url, text
 
 TABLES = ("drive", "drive_import", "terrain_observation", "soil_observation")
 
@@ -313,3 +313,27 @@ def test_a_merge_that_is_killed_goes_on_where_it_was(tmp_path, make):
         assert one.merge(two) == Added(3 * 5 - 2, 2 * 5 + 2)
         assert {drive.id for drive in two.drives()} < {drive.id for drive in one.drives()}
         assert [len(drive.terrain) for drive in one.drives()] == [2] * 6
+
+
+def test_a_file_that_is_removed_is_missed_and_made_anew_only_by_writing(tmp_path, drive_with_soil):
+    path = tmp_path / "terrain.db"
+    with TerrainDatabase(path) as database:
+        database.add_drive(drive_with_soil)
+        path.unlink()
+        assert not database.there
+        with pytest.raises(InputError, match="no such file"):
+            database.snapshot()
+        assert not path.exists()
+        assert database.add_drive(drive_with_soil).new > 0
+        assert database.snapshot().drives == 1
+
+
+def test_a_server_with_tables_of_another_program_is_left_alone(server, drive_with_soil):
+    engine = create_engine(make_url(server).set(drivername="postgresql+psycopg"))
+    with engine.begin() as connection:
+        connection.execute(text("CREATE TABLE people (name TEXT)"))
+    with pytest.raises(InputError, match="tables of another program \\(people\\)"):
+        TerrainDatabase(server).add_drive(drive_with_soil)
+    with engine.connect() as connection:
+        assert inspect(connection).get_table_names() == ["people"]
+    engine.dispose()

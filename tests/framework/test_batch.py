@@ -237,8 +237,8 @@ def test_ctrl_c_keeps_what_was_stored_and_leaves_no_process(folder, readers, tmp
 
 
 def names(database: Path) -> list[str]:
-    opened = TerrainDatabase.open_if_there(database)
-    return [] if opened is None else [drive.name for drive in opened.drives()]
+    opened = TerrainDatabase(database)
+    return [drive.name for drive in opened.drives()] if opened.there else []
 
 
 class Threads:
@@ -288,7 +288,7 @@ def test_a_defect_costs_its_recording_alone_and_its_place_is_named(folder, tmp_p
             raise ZeroDivisionError("division\nby zero")
         return read_recording(path, **options)
 
-    monkeypatch.setattr("bevameter.framework.traverse.read_recording", fault)
+    monkeypatch.setattr("bevameter.framework.conditions.read_recording", fault)
     bad, good = run_traverses([folder / "wheels1", folder / "wheels2"], tmp_path / "t.db")
     assert bad.problem.startswith(f"{folder / 'wheels1'}: ZeroDivisionError: division by zero, test_batch.py line")
     assert good.observations_new

@@ -118,6 +118,8 @@ class RobotBag:
         Names of the wheels' joints.
     sinkage
         Whether `/wheel/<name>/sinkage_m` is measured.
+    start_deg
+        Latitude and longitude of the start, and the direction driven, clockwise from north [deg].
     """
 
     driven: Drive
@@ -127,6 +129,7 @@ class RobotBag:
     joints: Sequence[str] = tuple(f"{name}_wheel_joint" for name in NAMES)
     sinkage: bool = False
     gps: bool = True
+    start_deg: tuple[float, float, float] = (47.0707, 15.4395, 90.0)
     wheels: bool = True
     per_ampere: float = 0.06 * 50 * 0.8
     friction_Nm: float = 1.5
@@ -227,11 +230,14 @@ class RobotBag:
         )  # fmt: skip
 
     def fix_at(self, rng, row: int, time: float):
-        east = self.driven.way_m[row] + 0.02 * rng.standard_normal()
+        latitude, longitude, ahead = self.start_deg
+        way = self.driven.way_m[row] + 0.02 * rng.standard_normal()
+        east, north = way * math.sin(math.radians(ahead)), way * math.cos(math.radians(ahead))
         status = self.make("sensor_msgs/msg/NavSatStatus", status=2, service=1)
         return self.make(
-            "sensor_msgs/msg/NavSatFix", header=self.header(time, "gps"), status=status, latitude=47.0707,
-            longitude=15.4395 + math.degrees(east / (6_388_000.0 * math.cos(math.radians(47.0707)))), altitude=350.0,
+            "sensor_msgs/msg/NavSatFix", header=self.header(time, "gps"), status=status, altitude=350.0,
+            latitude=latitude + math.degrees(north / 6_369_000.0),
+            longitude=longitude + math.degrees(east / (6_388_000.0 * math.cos(math.radians(latitude)))),
             position_covariance=np.zeros(9), position_covariance_type=2,
         )  # fmt: skip
 

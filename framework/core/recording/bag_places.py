@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..origin import Origin
+from ..origin import ECCENTRICITY2, SEMI_MAJOR_M, Origin
 from .bag_messages import DecodeError, number
 from .bag_messages import field as field_of
 from .clock import interpolate
 from .topic_map import PoseTopic, Reading
 from .types import Pose
 
-_SEMI_MAJOR_M, _ECCENTRICITY2 = 6_378_137.0, 6.694_379_990_14e-3
-"""WGS 84."""
+FIXES = "fixes"
+"""Frame of places that are made of fixes: metres about the origin that is stated, or else the first fix."""
 
 _FAR_M, _MISFIT_M = 5.0, 3.0
 """Way [m] from which on two tracks show how one is turned to the other, and how well they have to agree then."""
@@ -39,6 +39,14 @@ def pose_of(content: Any, source: PoseTopic) -> tuple[float, float, float]:
     qx, qy, qz, qw = (number(pose, f"orientation.{axis}") for axis in "xyzw")
     yaw = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
     return number(pose, "position.x"), number(pose, "position.y"), float(yaw)
+
+
+def frame_of(content: Any) -> str:
+    """Give the frame that a message's header names; empty where it has none."""
+    try:
+        return str(field_of(content, "header.frame_id"))
+    except DecodeError:
+        return ""
 
 
 @dataclass
@@ -74,21 +82,6 @@ class Fixes:
         return origin_of_frame(pose.time_s, place, self.time_s(origin_ns), *self.places())
 
 
-def east_north(latitude_deg: np.ndarray, longitude_deg: np.ndarray, origin: Origin) -> tuple[np.ndarray, np.ndarray]:
-    """Metres east and north of an origin, (n,) each, as the transverse Mercator projection about it has them.
-
-    To second order about the origin (J. P. Snyder, "Map Projections: A Working Manual" (1987), Eq. 8-9 and 8-10):
-    within a centimetre at 5 km and latitudes below 70 deg.
-    """
-    here = math.radians(origin.latitude_deg)
-    north_rad, east_rad = np.radians(latitude_deg) - here, np.radians(longitude_deg - origin.longitude_deg)
-    latitude, middle = here + north_rad, here + 0.5 * north_rad
-    across = _SEMI_MAJOR_M / np.sqrt(1.0 - _ECCENTRICITY2 * np.sin(latitude) ** 2)
-    along = _SEMI_MAJOR_M * (1.0 - _ECCENTRICITY2) / (1.0 - _ECCENTRICITY2 * np.sin(middle) ** 2) ** 1.5
-    east_m = across * np.cos(latitude) * east_rad
-    return east_m, along * north_rad + 0.5 * east_m * east_rad * np.sin(latitude)
-
-
 def origin_of_frame(
     time_s: np.ndarray, place: np.ndarray, fix_s: np.ndarray, latitude_deg: np.ndarray, longitude_deg: np.ndarray
 ) -> Origin | None:
@@ -109,7 +102,7 @@ def origin_of_frame(
         None where the track is too short to say how it is turned, or does not agree with the fixes.
     """
     first = Origin(float(latitude_deg[0]), float(longitude_deg[0]))
-    east, north = east_north(latitude_deg, longitude_deg, first)
+    east, north = first.east_north(latitude_deg, longitude_deg)
     local = interpolate(time_s, place[:, 0], fix_s, 2.0) + 1j * interpolate(time_s, place[:, 1], fix_s, 2.0)
     there = np.isfinite(local)
     local, earth = local[there], (east + 1j * north)[there]
@@ -122,8 +115,8 @@ def origin_of_frame(
         return None
     zero = earth.mean() - turn * local.mean()
     here = math.radians(first.latitude_deg)
-    across = _SEMI_MAJOR_M / math.sqrt(1.0 - _ECCENTRICITY2 * math.sin(here) ** 2)
-    along = across**3 * (1.0 - _ECCENTRICITY2) / _SEMI_MAJOR_M**2
+    across = SEMI_MAJOR_M / math.sqrt(1.0 - ECCENTRICITY2 * math.sin(here) ** 2)
+    along = across**3 * (1.0 - ECCENTRICITY2) / SEMI_MAJOR_M**2
     # The y axis points 90 degrees to the left of x; the heading is counted clockwise from north.
     return Origin(
         first.latitude_deg + math.degrees(zero.imag / along),

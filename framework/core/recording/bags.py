@@ -23,7 +23,7 @@ from .bag_frames import Frames
 from .bag_images import no_picture
 from .bag_messages import DecodeError, decode, number, stamp_ns
 from .bag_messages import field as field_of
-from .bag_places import Fixes, east_north, pitch_and_roll, pose_of
+from .bag_places import FIXES, Fixes, frame_of, pitch_and_roll, pose_of
 from .bag_streams import BagCamera, BagSound, SoundLayout
 from .bag_wheel import WheelChannels, follows_the_wheels, merge
 from .clock import interpolate
@@ -53,6 +53,7 @@ class _Gathered:
     attitude: list[tuple[float, ...]] = field(default_factory=list)
     attitude_frame: str = ""
     poses: list[tuple[int, float, float, float]] = field(default_factory=list)
+    pose_frame: str = ""
     undecoded: Counter[str] = field(default_factory=Counter)
     reasons: dict[str, str] = field(default_factory=dict)
 
@@ -134,6 +135,7 @@ def read_bag(path: Path, *, vehicle: Vehicle | None = None, topics: Path | None 
         sound=_sound(bag, heard, gathered, origin, problems),
         problems=tuple(problems),
         origin=place,
+        frame=gathered.pose_frame,
         notes=tuple(notes),
     )
 
@@ -181,6 +183,8 @@ def _gather(bag: BagFile, known: Recognised, heard: SoundReader | None, digest: 
                 channels.add(time_ns, content)
             if topics.pose is not None and topic == topics.pose.topic and topics.pose.pose != "":
                 gathered.poses.append((time_ns, *pose_of(content, topics.pose)))
+                if len(gathered.poses) == 1:
+                    gathered.pose_frame = frame_of(content)
         except DecodeError as error:
             gathered.fail(topic, str(error))
         if topic not in wanted:
@@ -279,20 +283,21 @@ def _pose(
     if gathered.poses:
         time = (np.array([pose[0] for pose in gathered.poses], dtype=np.int64) - origin) * 1e-9
         pose = _in_order(time, np.array([pose[1:] for pose in gathered.poses]))
-        place = None if pose is None or len(fixes) < 2 else fixes.origin_of(pose, origin)
+        if stated is not None and stated.origin is not None:
+            place = stated.origin
+        elif pose is not None and len(fixes) >= 2:
+            place = fixes.origin_of(pose, origin)
     elif len(fixes) and stated is not None and stated.pose == "":
         latitude, longitude = fixes.places()
-        place = Origin(*(stated.origin or (float(latitude[0]), float(longitude[0]))))
-        east, north = east_north(latitude, longitude, place)
-        rows = np.column_stack([east, north, heading_of(east, north)])
+        place = stated.origin or Origin(float(latitude[0]), float(longitude[0]))
+        x, y = place.from_local(*place.east_north(latitude, longitude))
+        rows = np.column_stack([x, y, heading_of(x, y)])
+        gathered.pose_frame = FIXES
         pose = _in_order(fixes.time_s(origin), rows)
     if pose is None:
         return None, None
     if place is not None:
-        notes.append(
-            f"x = y = 0 lies at latitude {place.latitude_deg:.7f}, longitude {place.longitude_deg:.7f}: exports take "
-            f"`--origin {place.latitude_deg:.7f} {place.longitude_deg:.7f} --heading {place.heading_deg:.1f}`"
-        )
+        notes.append(f"x = y = 0 of the places lies at {place}")
     times = pose.time_s
     pose, found = without_jumps(pose, path, lambda row: f"pose at {times[row]:.3f} s")
     problems += found

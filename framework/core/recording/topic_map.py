@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, BeforeValidator, Field
 
 from ..files import load_toml
-from ..models import FileModel, Finite, Number, Positive, Whole, checked
+from ..models import FileModel, Finite, Positive, StatedOrigin, Whole, checked
 from .camera import BitDepth
 from .types import WHEEL_COLUMNS
 
@@ -49,13 +49,13 @@ class WheelTopic(FileModel):
 
 
 class PoseTopic(FileModel):
-    """A topic with poses; the path of its pose, or of x_m, y_m and yaw_rad; of a NavSatFix the origin of its metres."""
+    """A topic with poses; the path of its pose, or of x_m, y_m and yaw_rad; the origin of its metres."""
 
     topic: str
     fields: dict[Literal["x_m", "y_m", "yaw_rad"], AnyReading] = Field(default_factory=dict)
     pose: str | None = None
-    origin: tuple[Annotated[Number, Field(ge=-90, le=90)], Annotated[Number, Field(ge=-180, le=180)]] | None = None
-    """Latitude and longitude of x = y = 0 [deg], WGS 84; the first fix where absent."""
+    origin: StatedOrigin | None = None
+    """Where on Earth x = y = 0 lies. Of a NavSatFix the first fix where absent, of other poses found by fixes."""
 
 
 class AttitudeTopic(FileModel):

@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..origin import Origin
+from ..origin import Offset, Origin
 from ..vehicle import Vehicle
 
 WHEEL_COLUMNS = (
@@ -208,7 +208,9 @@ class Recording:
     `problems` says in words what could not be read; what is readable is used. `notes` says what was converted or
     assumed in reading it: units, signs, the meaning of columns. `digest` is the SHA-256 of what was
     read, hexadecimal: two readings of the same drive have the same digest, and so add nothing to a database twice.
-    `origin` says where on Earth the poses' x = y = 0 lies, where a satellite receiver was recorded.
+    `frame` names the frame of the places as it was recorded, empty where nothing says it. `origin` says where on Earth
+    its x = y = 0 lies, where a satellite receiver was recorded or it is stated; `offset` where it lies in the site's
+    frame, where that is stated.
     """
 
     name: str
@@ -226,3 +228,5 @@ class Recording:
     vibration: VibrationRun | None = None
     notes: tuple[str, ...] = ()
     origin: Origin | None = None
+    offset: Offset | None = None
+    frame: str = ""

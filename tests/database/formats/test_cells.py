@@ -51,7 +51,7 @@ def test_csv_holds_the_rows_of_a_query(view, tmp_path):
 def test_geojson_holds_squares_of_the_sites_frame(view, tmp_path):
     write_cells(view, tmp_path / "c.GeoJSON", normal_stress=1e4, confidence=0.9, now=NOW)
     page = json.loads((tmp_path / "c.GeoJSON").read_text(encoding="utf-8"))
-    assert page["site_frame"] == {"site": "quarry", "unit": "m"}
+    assert page["site_frame"] == {"site": "quarry", "unit": "m", "origin": None}
     for feature, row in zip(page["features"], asked(view), strict=True):
         assert feature["properties"] == {name: row[name] for name in row if name not in ("x_m", "y_m")}
         (ring,) = feature["geometry"]["coordinates"]

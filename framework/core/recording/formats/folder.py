@@ -16,7 +16,7 @@ from pydantic import AfterValidator, AliasChoices, BeforeValidator, Field
 
 from ...errors import InputError
 from ...files import inside, load_toml
-from ...models import FileModel, Finite, checked
+from ...models import FileModel, Finite, StatedOffset, StatedOrigin, checked
 from ...track.way import pose_from_wheel
 from ...vehicle import Vehicle, load_vehicle
 from ..camera import BitDepth, read_camera
@@ -88,6 +88,8 @@ class About(FileModel):
         Field(validation_alias=AliasChoices("start_time", "start")),
     ] = None
     site: str = ""
+    origin: StatedOrigin | None = None
+    offset: StatedOffset | None = None
     notes: str = ""
     streams: tuple[Literal["wheel", "camera", "sound", "pose", "labels", "vibration"], ...] = ()
     wheel: _File | None = None
@@ -169,7 +171,7 @@ class FolderReader(Reader):
         labels = read_labels(found["labels"]) if "labels" in found else None
         return Recording(
             about.name or path.resolve().name, path, vehicle, about.start_time, about.site, digest.hexdigest(),
-            wheel, pose, labels, camera, sound, tuple(problems), vibration, made,
+            wheel, pose, labels, camera, sound, tuple(problems), vibration, made, about.origin, about.offset,
         )  # fmt: skip
 
 
