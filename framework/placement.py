@@ -141,7 +141,10 @@ class Frames:
         if not claim.site:
             return self._apart(claim, "no site is named, and nothing says where its frame lies")
         if claim.starts_anew:
-            return self._apart(claim, "its poses are in a frame that starts anew with each recording")
+            return self._apart(
+                claim,
+                "the frame of its poses starts anew with each recording, and its origin or the site's is not known",
+            )
         return Placement(claim.site, there if claim.origin is None else claim.origin)
 
     def _apart(self, claim: Claim, why: str) -> Placement:

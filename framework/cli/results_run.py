@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -52,9 +53,9 @@ def print_outcomes(outcomes: Sequence[Outcome]) -> None:
     from ..batch import FailedRecording
 
     print_table(
-        ["recording", "m", "s", "ground (m of track)", "soils", "observations", "took s"],
+        ["recording", "site", "m", "s", "ground (m of track)", "soils", "observations", "took s"],
         [
-            [each.source, "", "", "", "", "failed", ""] if isinstance(each, FailedRecording) else _outcome_row(each)
+            [each.source, "", "", "", "", "", "failed", ""] if isinstance(each, FailedRecording) else _outcome_row(each)
             for each in outcomes
         ],
     )
@@ -69,11 +70,19 @@ def print_outcomes(outcomes: Sequence[Outcome]) -> None:
     print(f"{counted(new, 'observation')} added{database}, {known} were there already")
 
 
+def _site(summary: TraverseSummary) -> str:
+    """Name the site, and how the recording was moved into its frame."""
+    if summary.offset is None:
+        return summary.site
+    moved = f"{summary.offset.x_m:.1f} m, {summary.offset.y_m:.1f} m, {math.degrees(summary.offset.yaw_rad):.0f} deg"
+    return f"{summary.site} (moved by {moved})"
+
+
 def _outcome_row(summary: TraverseSummary) -> list[str]:
     ground = sorted(summary.track_m.items(), key=lambda entry: -entry[1])
     soils = Counter(soil.class_name or "unknown" for soil in summary.soils)
     return [
-        summary.source, f"{summary.distance_m:.1f}", f"{summary.duration_s:.0f}",
+        summary.source, _site(summary), f"{summary.distance_m:.1f}", f"{summary.duration_s:.0f}",
         ", ".join(f"{name} {metres:.0f}" for name, metres in ground if metres >= 0.5),
         ", ".join(f"{name} {count}" for name, count in soils.items()),
         "known" if summary.known else f"{summary.observations_new} new", f"{summary.seconds:.1f}",

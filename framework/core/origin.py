@@ -73,7 +73,7 @@ class Origin:
                 raise refused(name, value, expected)
 
     def __str__(self) -> str:
-        turned = f", y axis {self.heading_deg:.2f} deg from north" if self.heading_deg else ""
+        turned = f", y axis {self.heading_deg:.2f} deg from north" if abs(self.heading_deg) >= 0.005 else ""
         return f"latitude {self.latitude_deg:.7f}, longitude {self.longitude_deg:.7f}{turned}"
 
     @property

@@ -19,7 +19,7 @@ from .types import Pose
 FIXES = "fixes"
 """Frame of places that are made of fixes: metres about the origin that is stated, or else the first fix."""
 
-_FAR_M, _MISFIT_M = 5.0, 3.0
+FAR_M, MISFIT_M = 5.0, 3.0
 """Way [m] from which on two tracks show how one is turned to the other, and how well they have to agree then."""
 
 
@@ -106,12 +106,12 @@ def origin_of_frame(
     local = interpolate(time_s, place[:, 0], fix_s, 2.0) + 1j * interpolate(time_s, place[:, 1], fix_s, 2.0)
     there = np.isfinite(local)
     local, earth = local[there], (east + 1j * north)[there]
-    if len(local) < 3 or np.abs(local - local.mean()).max() < _FAR_M:
+    if len(local) < 3 or np.abs(local - local.mean()).max() < FAR_M:
         return None
     a, b = local - local.mean(), earth - earth.mean()
     turn = np.vdot(a, b)
     turn /= abs(turn) or 1.0
-    if np.sqrt(np.mean(np.abs(b - turn * a) ** 2)) > _MISFIT_M:
+    if np.sqrt(np.mean(np.abs(b - turn * a) ** 2)) > MISFIT_M:
         return None
     zero = earth.mean() - turn * local.mean()
     here = math.radians(first.latitude_deg)

@@ -23,7 +23,7 @@ from .bag_frames import Frames
 from .bag_images import no_picture
 from .bag_messages import DecodeError, decode, number, stamp_ns
 from .bag_messages import field as field_of
-from .bag_places import FIXES, Fixes, frame_of, pitch_and_roll, pose_of
+from .bag_places import FAR_M, FIXES, MISFIT_M, Fixes, frame_of, pitch_and_roll, pose_of
 from .bag_streams import BagCamera, BagSound, SoundLayout
 from .bag_wheel import WheelChannels, follows_the_wheels, merge
 from .clock import interpolate
@@ -287,6 +287,11 @@ def _pose(
             place = stated.origin
         elif pose is not None and len(fixes) >= 2:
             place = fixes.origin_of(pose, origin)
+            if place is None:
+                notes.append(
+                    "the satellite fixes do not say how the frame of the poses lies: the way is shorter than "
+                    f"{2 * FAR_M:g} m, or does not agree with them within {MISFIT_M:g} m"
+                )
     elif len(fixes) and stated is not None and stated.pose == "":
         latitude, longitude = fixes.places()
         place = stated.origin or Origin(float(latitude[0]), float(longitude[0]))
