@@ -77,7 +77,9 @@ def explain(
         The recording has no wheel channels, geometry or such part, lacks channels or rows to compare, or a name is
         unknown.
     """
-    seed, recorded = whole("seed", seed), open_recording(recording, vehicle)
+    seed, report = whole("seed", seed), progress or (lambda _: None)
+    report("reading the recording")
+    recorded = open_recording(recording, vehicle)
     grounds, known_by = grounds_of(recorded, database, progress)
     opened = part_of(recorded, from_s=from_s, to_s=to_s, on=on, wheels=wheels, grounds=grounds)
     answer = explain_wheel(
@@ -88,8 +90,7 @@ def explain(
         answer = replace(answer, notes=(f"classes of ground: {', '.join(names)}, by {known_by}", *answer.notes))
     if opened.sound is None:
         return answer
-    if progress is not None:
-        progress("explaining the sound")
+    report("explaining the sound")
     try:
         sound = _explain_sound(recorded, seed, opened)
     except InputError as error:

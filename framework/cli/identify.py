@@ -59,9 +59,11 @@ def command(
     check_outputs([json, plot], [recording, vehicle, topics, soil])
     if plot is not None and (method is not Method.ML or plot.suffix.lower() not in PICTURES):
         raise InputError("--plot", str(plot), expected="the method ml, and a file ending in " + ", ".join(PICTURES))
-    with status(f"identifying the soil of {recording}"):
+    with status(f"identifying the soil of {recording}") as progress:
+        progress("reading the recording")
         opened = read_recording(recording, vehicle=vehicle, topics=topics)
         opened = part_of(opened, from_s=from_s, to_s=to_s, on=on, wheels=wheels or (), database=db)
+        progress("estimating the soil of each stretch")
         known = load_soil(soil) if soil is not None else None
         result = identify(opened, soil=known, method=method.value)
     if plot is not None:
