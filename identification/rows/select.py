@@ -103,7 +103,7 @@ def _of_vehicle(recording: Recording, every_row: bool) -> SelectedRows:
         )  # fmt: skip
     table, driven = with_torque(table, vehicle)
     table, vehicle, placed = with_travel_speed(table, vehicle, recording.pose)
-    table, vehicle, weighed = with_loads(table, vehicle)
+    table, vehicle, weighed = with_loads(table, vehicle, recording.pose)
     pulled = None
     if weighed is not None and not every_row:
         table, vehicle, pulled = with_pull(table, vehicle)

@@ -78,7 +78,7 @@ def _without_time(values: Values) -> str:
 
 
 def _load_computed(values: Values) -> str:
-    moved = {"pitch_rad": "slope", "roll_rad": "roll", "travel_speed_m_s": "acceleration"}
+    moved = {"pitch_rad": "slope", "roll_rad": "roll", "travel_speed_m_s": "acceleration", "yaw_rad": "bends"}
     by = ", ".join(moved[name] for name in values["transfer"])
     return (
         f"load_N was not sensed: it is computed from the vehicle's weight{f', moved by {by}' if by else ''}, "
