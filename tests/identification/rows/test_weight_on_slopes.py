@@ -70,7 +70,7 @@ def test_roll_moves_load_to_the_lower_side(recording):
 
 
 def test_a_bend_moves_load_to_its_outer_side(recording):
-    """By moments about the line of the right wheels: W_left / W = 1/2 - h a / (g b), for an acceleration a to the left."""
+    """By moments about the line of the right wheels: W_left / W = 1/2 - h a / (g b), accelerated to the left by a."""
     time_s, speed, rate = np.unique(recording.wheel["time_s"]), 0.4, 0.6
     height, track = recording.vehicle.centre_of_mass_m[2], np.ptp(PLACES[:, 1])
     level = {**recording.wheel.columns, "pitch_rad": np.zeros(len(recording.wheel))}
