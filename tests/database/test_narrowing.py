@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from bevameter import Vehicle, Wheel
 from bevameter.database.exports import answer_rows, class_rows
 from bevameter.database.snapshot import Snapshot
 
@@ -62,6 +63,19 @@ def test_what_holds_the_bound_down_is_told_apart(derive, make):
     assert "clay bounds it: " in answer.note[0]
     assert answer.note[0].endswith("or look at this ground again, which is probably another class")
     assert answer.labels() == ["sand"]
+
+
+def test_a_negative_bound_of_the_pull_says_so_too(derive, make):
+    rover = Vehicle(wheels=(Wheel(radius_m=0.15, width_m=0.12),))
+    answer = derive([0.999, 0.0005, 0.0005], make.soil({"clay": 1.0}, 1500.0, 0.2)).at(0.1, 0.1)
+    able = answer.mobility(rover)
+    assert able.drawbar_pull_lower[0] < 0.0 < answer.drawbar_pull(rover, slip=float(able.best_slip[0])).mean[0]
+    assert able.note.tolist() == [
+        "the lower bound is negative: clay bounds it: how its places differ is hardly known from 1 stretch: drive "
+        "slowly on it at other places"
+    ]
+    sands = [make.soil({"sand": 1.0}, 1000.0, 0.6) for _ in range(6)]
+    assert derive([0.0005, 0.0005, 0.999], *sands).at(0.1, 0.1).mobility(rover).note.tolist() == [""]
 
 
 def test_where_there_is_nothing_to_say_there_is_no_note(derive, make):
