@@ -28,7 +28,7 @@ _PUBLIC = {
     "run_traverses": "framework.batch",
     "FailedRecording": "framework.batch",
     "simulate": "identification.simulate",
-    "identify": "identification.estimate.identify",
+    "identify": "framework.identify",
     "explain": "framework.explain",
     "AugmentedSimulator": "identification.effects.stored",
     "OnlineIdentifier": "identification.estimate.online",
@@ -50,9 +50,9 @@ if TYPE_CHECKING:
     from .framework.core.vehicle import Wheel as Wheel
     from .framework.core.vehicle import load_vehicle as load_vehicle
     from .framework.explain import explain as explain
+    from .framework.identify import identify as identify
     from .framework.traverse import run_traverse as run_traverse
     from .identification.effects.stored import AugmentedSimulator as AugmentedSimulator
-    from .identification.estimate.identify import identify as identify
     from .identification.estimate.online import OnlineIdentifier as OnlineIdentifier
     from .identification.simulate import simulate as simulate
 

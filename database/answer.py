@@ -176,6 +176,13 @@ class GroundAnswer:
         """(n,) bool: is the normal stress far from those driven on a class that may well be here?"""
         return self._table.extrapolated[self._rows]
 
+    @_Lazy
+    def note(self) -> np.ndarray:
+        """(n,) str: where known, that the strength is extrapolated, and what holds a low bound down and which drive
+        would raise it; empty where there is nothing to say.
+        """
+        return self._table.note[self._rows]
+
     def labels(self) -> list[str]:
         """Give the most probable class of each place, or ``"unknown"``."""
         return self._table.label[self._rows].tolist()

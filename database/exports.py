@@ -18,8 +18,6 @@ from .snapshot import Snapshot
 SCHEMA = 1
 """Version of the JSON's meaning (CONTRACTS.md)."""
 
-EXTRAPOLATED = "the normal stress is far from those driven: the strength is extrapolated along a straight line"
-
 _PLACE_FIELDS = (
     "x_m",
     "y_m",
@@ -42,8 +40,7 @@ _PLACE_FIELDS = (
 
 def answer_rows(answer: GroundAnswer) -> list[dict[str, Any]]:
     """Give one row a place: probabilities of classes as a dict, (c, tan phi)'s covariance as [[., .], [., .]]."""
-    labels, extrapolated = answer.labels(), answer.extrapolated
-    rows = []
+    labels, rows = answer.labels(), []
     for index, label in enumerate(labels):
         known = bool(answer.known[index])
         seen = label != UNKNOWN
@@ -64,7 +61,7 @@ def answer_rows(answer: GroundAnswer) -> list[dict[str, Any]]:
                 "shear_strength_lower_Pa": finite_or_none(answer.shear_strength_lower[index]),
                 "age_s": finite_or_none(answer.age[index]),
                 "observations": int(answer.observation_count[index]),
-                "note": EXTRAPOLATED if extrapolated[index] else None,
+                "note": answer.note[index] or None,
             }
         )
     return rows
@@ -106,7 +103,7 @@ def _soil_row(snapshot: Snapshot, soil: ClassSoil, normal_stress: float, confide
         "normal_stress_driven_Pa": [finite_or_none(stress) for stress in soil.normal_stress_Pa],
         "load_N": finite_or_none(soil.load_N),
         "misfits": soil.misfits,
-        "note": EXTRAPOLATED if sure.extrapolated[0] else None,
+        "note": sure.note[0] or None,
     }
 
 

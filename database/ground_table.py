@@ -6,15 +6,21 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
+from scipy.special import stdtr
 
 from ..framework.core.evidence import UNKNOWN
 from .belief import NO_PLACE, NOT_SEEN, Cells
 from .mixture import MixtureTable
+from .narrowing import WEAK, narrowed_by
 from .posterior import ClassSoil
 
 FAR_FROM_DRIVEN = 2.0
 """Beyond so many times the greatest normal stress driven, or as much below the least, strength is extrapolated [-]: the
 bound holds the error of the line through c and tan phi there, and not that soils' strength bends away from it."""
+
+EXTRAPOLATED = "the normal stress is far from those driven: the strength is extrapolated along a straight line"
+
+LOW_BOUND = "the lower bound is less than half of the expected strength"
 
 _ROUNDING = 1e-12
 """Rounding error of a sum of probabilities [-]."""
@@ -54,10 +60,18 @@ class GroundTable:
     def reason(self) -> np.ndarray:
         """(m + 2,) str: why the soil is not known; empty where it is."""
         code, first = self.cells.reason.copy(), len(self.cells.reasons)
+        texts = [*self.cells.reasons, *(f"no soil data for class {name}" for name in self.class_names)]
         unmeasured = np.flatnonzero(self._recognised & ~self.known[:-2])
         if len(unmeasured):
-            code[unmeasured] = first + np.argmax(self._lacking[unmeasured], axis=1)
-        texts = [*self.cells.reasons, *(f"no soil data for class {name}" for name in self.class_names)]
+            lacking = self._lacking[unmeasured]
+            which = np.argmax(lacking, axis=1)
+            code[unmeasured] = first + which
+            # What is most probably another class only may be of this one: in steps of a thousandth there are few texts.
+            unlikely = which != self.class_index[unmeasured]
+            share = np.floor(1000.0 * lacking.sum(axis=1)).astype(int)
+            found, text = np.unique(np.column_stack([which, share])[unlikely], axis=0, return_inverse=True)
+            code[unmeasured[unlikely]] = len(texts) + text.ravel()
+            texts += [self._may_be(each, thousandths) for each, thousandths in found.tolist()]
         texts += [NO_PLACE, NOT_SEEN]
         return np.array(texts, dtype=object)[np.append(code, [len(texts) - 2, len(texts) - 1])]
 
@@ -127,6 +141,39 @@ class GroundTable:
         """(m + 2,) bool: is the normal stress far from those driven on a class that may well be there?"""
         far = np.array([self._far(self.soils[name]) for name in self._with_soil], dtype=bool)
         return _padded(np.any(self._weight[0][:, far] > 1.0 - self.confidence, axis=1), False)
+
+    @cached_property
+    def note(self) -> np.ndarray:
+        """(m + 2,) str: what to know of what is known, `EXTRAPOLATED` and what holds a low bound down; else empty."""
+        note = np.where(self.extrapolated, EXTRAPOLATED, "").astype(object)
+        weak = np.flatnonzero(self.known & (self.shear_strength_lower < WEAK * self.shear_strength))
+        if len(weak):
+            gradient = np.array([1.0, self.normal_stress])
+            soils = [self.soils[name] for name in self._with_soil]
+            location, scale, freedom = np.array([soil.strength.predict(gradient) for soil in soils]).T
+            # The class that has most of what lies below half of the expected strength.
+            half = WEAK * self.shear_strength[weak]
+            below = self._weight[0][weak] * stdtr(freedom, (half[:, None] - location) / scale)
+            number = np.flatnonzero(self.has_soil)[np.argmax(below, axis=1)]
+            likeliest = number == self.class_index[weak]
+            for each in np.unique(number).tolist():
+                name = self.class_names[each]
+                why = f"{name} bounds it: {narrowed_by(self.soils[name], gradient, self.confidence)}"
+                mixed = f"{why}; or look at this ground again, which is probably another class"
+                mine = number == each
+                for rows, text in ((mine & likeliest, why), (mine & ~likeliest, mixed)):
+                    said = f"{LOW_BOUND}: {text}"
+                    note[weak[rows]] = [f"{old}; {said}" if old else said for old in note[weak[rows]]]
+        return note
+
+    def _may_be(self, number: int, thousandths: int) -> str:
+        """Why ground that is probably of another class is not known."""
+        name, allowed = self.class_names[number], 100.0 * (1.0 - self.confidence)
+        others = " or others without" if (~self.has_soil).sum() > 1 else ""
+        return (
+            f"no soil data for class {name}, and this may be {name}{others}: {thousandths / 10.0:.1f} %, where "
+            f"{allowed:.4g} % are allowed; drive slowly on {name}, or look at this ground again"
+        )
 
     @property
     def _recognised(self) -> np.ndarray:

@@ -12,7 +12,8 @@ import numpy as np
 from ..framework.core.arguments import number, refused
 from ..framework.core.vehicle import Vehicle, as_vehicle
 from .class_draws import pulls
-from .prediction import loads_of, predict
+from .narrowing import narrowed_by
+from .prediction import AtPlaces, loads_of, predict
 
 if TYPE_CHECKING:
     from .answer import GroundAnswer
@@ -39,6 +40,8 @@ class DrawbarPull:
         Load on each wheel that was assumed [N].
     slip
         [-].
+    note : (n,) str
+        What holds a lower bound below zero down where the mean is not, and which drive would raise it; else empty.
     """
 
     known: np.ndarray
@@ -47,6 +50,7 @@ class DrawbarPull:
     lower: np.ndarray
     load_N: tuple[float, ...]
     slip: float
+    note: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -69,6 +73,8 @@ class Mobility:
         where the vehicle may be stuck on the level.
     load_N
         Load on each wheel that was assumed [N].
+    note : (n,) str
+        As `DrawbarPull`.
     """
 
     known: np.ndarray
@@ -78,6 +84,7 @@ class Mobility:
     best_slip: np.ndarray
     slope_lower: np.ndarray
     load_N: tuple[float, ...]
+    note: np.ndarray
 
 
 def drawbar_pull(
@@ -109,7 +116,8 @@ def drawbar_pull(
     vehicle = as_vehicle(vehicle)
     loads = loads_of(answer, vehicle, load_N)
     found = predict(answer, vehicle, loads, (slip,), pulls)
-    return DrawbarPull(found.known, found.reason, found.mean(0), found.lower[:, 0], loads, slip)
+    mean, lower = found.mean(0), found.lower[:, 0]
+    return DrawbarPull(found.known, found.reason, mean, lower, loads, slip, _why_negative(answer, found, mean, lower))
 
 
 def mobility(
@@ -123,4 +131,19 @@ def mobility(
     slip = np.where(found.known, np.array(SLIPS)[row], np.nan)
     go = np.where(found.known, found.weight @ found.by_class.positive, np.nan)
     slope = np.arcsin(np.clip(best / sum(loads), -1.0, 1.0))
-    return Mobility(found.known, found.reason, go, best, slip, slope, loads)
+    note = _why_negative(answer, found, found.mean(row), best)
+    return Mobility(found.known, found.reason, go, best, slip, slope, loads, note)
+
+
+def _why_negative(answer: GroundAnswer, found: AtPlaces, mean: np.ndarray, lower: np.ndarray) -> np.ndarray:
+    """Say (n,) what holds a negative lower bound down where the expected value is not; empty elsewhere."""
+    note = np.full(len(lower), "", dtype=object)
+    rows = np.flatnonzero(found.known & (lower < 0.0) & (mean > 0.0))
+    names = [name for name, use in zip(answer.class_names, found.by_class.usable, strict=True) if use]
+    gradient = np.array([1.0, answer.normal_stress])
+    # The class that has most of what is not positive.
+    number = np.argmax(found.weight[rows] * (1.0 - found.by_class.positive), axis=1) if len(rows) else rows
+    for each in np.unique(number).tolist():
+        why = narrowed_by(answer.snapshot.soils[names[each]], gradient, answer.confidence)
+        note[rows[number == each]] = f"the lower bound is negative: {names[each]} bounds it: {why}"
+    return note

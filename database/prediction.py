@@ -80,7 +80,7 @@ class AtPlaces:
         return row, self.lower[np.arange(len(row)), row]
 
     def mean(self, row: np.ndarray | int) -> np.ndarray:
-        """Expected value (n,) at the slip of that number, where the wheels are carried; NaN where unknown."""
+        """Expected value (n,) at the slip of that number, one or (n,), where wheels are carried; NaN where unknown."""
         shares = self.weight * self.by_class.carried[row]
         total = shares.sum(axis=1)
         summed = (shares * self.by_class.mean[row]).sum(axis=1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,6 +23,7 @@ from .core.soil import SoilKnowledge
 from .core.sound_explanation import SoundFindings
 from .core.vehicle import Vehicle
 from .grounds import grounds_of
+from .part import part_of
 
 
 def explain(
@@ -33,6 +34,10 @@ def explain(
     simulated: str | Path | None = None,
     seed: int = 0,
     catalogue: Iterable[str] | None = None,
+    from_s: float | None = None,
+    to_s: float | None = None,
+    on: str | None = None,
+    wheels: str | Sequence[str] = (),
     database: str | Path | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Explanation:
@@ -52,6 +57,9 @@ def explain(
         Of all randomness.
     catalogue
         Public names of the effects to consider; all where absent.
+    from_s, to_s, on, wheels
+        The part that is explained: a span of time [s], a class of ground, wheels; see `part_of`. The sound is explained
+        from the first row of the part to its last.
     database
         Path or URL of a terrain database whose map says which classes of ground the drive led over, where the
         recording's own labels do not; what the senses saw and heard says it where neither does (`grounds_of`).
@@ -66,10 +74,14 @@ def explain(
     Raises
     ------
     InputError
-        The recording has no wheel channels or geometry, lacks channels or rows to compare, or a name is unknown.
+        The recording has no wheel channels, geometry or such part, lacks channels or rows to compare, or a name is
+        unknown.
     """
-    seed, opened = whole("seed", seed), open_recording(recording, vehicle)
-    grounds, known_by = grounds_of(opened, database, progress)
+    seed, report = whole("seed", seed), progress or (lambda _: None)
+    report("reading the recording")
+    recorded = open_recording(recording, vehicle)
+    grounds, known_by = grounds_of(recorded, database, progress)
+    opened = part_of(recorded, from_s=from_s, to_s=to_s, on=on, wheels=wheels, grounds=grounds)
     answer = explain_wheel(
         opened, soil=soil, simulated=simulated, seed=seed, catalogue=catalogue, grounds=grounds, progress=progress
     )
@@ -78,10 +90,9 @@ def explain(
         answer = replace(answer, notes=(f"classes of ground: {', '.join(names)}, by {known_by}", *answer.notes))
     if opened.sound is None:
         return answer
-    if progress is not None:
-        progress("explaining the sound")
+    report("explaining the sound")
     try:
-        sound = _explain_sound(opened, seed)
+        sound = _explain_sound(recorded, seed, opened)
     except InputError as error:
         return replace(answer, notes=(*answer.notes, f"the sound was not explained: {error}"))
     return replace(answer, sound=sound)
@@ -171,8 +182,8 @@ def _ground_by_class(answer: Explanation, class_name: str | None) -> dict[str, i
     return chosen
 
 
-def _explain_sound(recording: Recording, seed: int) -> SoundFindings:
-    """Explain the sound along the clock of one wheel."""
+def _explain_sound(recording: Recording, seed: int, part: Recording) -> SoundFindings:
+    """Explain the sound along the clock of one wheel, from the first row of a part of the recording to its last."""
     rows = select_wheel_rows(recording)
     table = rows.table
     names = ("time_s", "wheel_speed_rad_s", "travel_speed_m_s")
@@ -185,6 +196,8 @@ def _explain_sound(recording: Recording, seed: int) -> SoundFindings:
         table = table.select(table.wheel == table.wheel[0])
     columns = [table[name] for name in names]
     good = np.isfinite(np.column_stack(columns)).all(axis=1)
+    if part is not recording and part.wheel is not None:
+        good &= (columns[0] >= np.nanmin(part.wheel["time_s"])) & (columns[0] <= np.nanmax(part.wheel["time_s"]))
     time_s, wheel_speed, travel_speed = (column[good] for column in columns)
     return explain_sound(
         recording.sound, time_s, wheel_speed, travel_speed, lug_count=rows.wheel.grouser_count or None,

@@ -74,7 +74,10 @@ class KnownPhysics:
         wheel, vehicle, used, problems = recording.wheel, recording.vehicle, {}, []
         assert wheel is not None
         assert vehicle is not None
-        placed, label = with_places(with_loads(wheel, vehicle)[0], vehicle, track), _classes_of(wheel, along)
+        placed, label = (
+            with_places(with_loads(wheel, vehicle, recording.pose)[0], vehicle, track),
+            _classes_of(wheel, along),
+        )
         columns = dict(wheel.columns)
         for name in sorted({*self.by_class} & {*label.tolist()}):
             try:

@@ -246,7 +246,7 @@ def learn_soil(
         segments = identify_segments(recording, boundaries_s=np.sort(np.concatenate([early, late])))
     except InputError as error:
         return SoilAlong(problems=(f"no soil was identified: {error}",))
-    wheel = with_loads(recording.wheel, recording.vehicle)[0]
+    wheel = with_loads(recording.wheel, recording.vehicle, recording.pose)[0]
     known = stretches(along) if along is not None else ()
     observations = []
     for segment in segments:

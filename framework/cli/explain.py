@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from .options import TOPICS
+from .options import TOPICS, From, On, To, Wheels
 
 
 def command(
@@ -25,6 +25,10 @@ def command(
     simulated: Annotated[
         Path | None, typer.Option("--simulated", help="Another simulator's wheel file for the same drive.")
     ] = None,
+    from_s: From = None,
+    to_s: To = None,
+    on: On = None,
+    wheels: Wheels = None,
     json: Annotated[Path | None, typer.Option("--json", help="Write the answer as JSON.")] = None,
     report: Annotated[Path | None, typer.Option("--report", help="Write the answer as an HTML page.")] = None,
     seed: Annotated[
@@ -37,7 +41,7 @@ def command(
     ] = None,
     class_name: Annotated[
         str | None,
-        typer.Option("--class", help="Class of the ground, if neither recording nor database gives it."),
+        typer.Option("--class", help="Class to store it with, if neither recording nor database gives it; see --on."),
     ] = None,
 ) -> None:
     """Say what the simulation of a recorded wheel lacks, how probable that is, and what modelling it gains."""
@@ -54,8 +58,9 @@ def command(
         opened = recording if topics is None else read_recording(recording, vehicle=vehicle, topics=topics)
         described = vehicle if topics is None else None
         answer = explain(
-            opened, vehicle=described, soil=soil, simulated=simulated, seed=seed, database=db, progress=progress
-        )
+            opened, vehicle=described, soil=soil, simulated=simulated, seed=seed, from_s=from_s, to_s=to_s, on=on,
+            wheels=wheels or (), database=db, progress=progress,
+        )  # fmt: skip
     if json is not None:
         write_json(answer.to_json(), json)
     if report is not None:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from .options import TOPICS
+from .options import TOPICS, From, On, To, Wheels
 
 PICTURES = (".png", ".svg", ".pdf")
 """Endings that ``--plot`` takes."""
@@ -33,6 +33,13 @@ def command(
     method: Annotated[
         Method, typer.Option("--method", help="ml: errors in all channels; linear: the paper's closed form.")
     ] = Method.ML,
+    from_s: From = None,
+    to_s: To = None,
+    on: On = None,
+    wheels: Wheels = None,
+    db: Annotated[
+        str | None, typer.Option("--db", help="Terrain database: read for where the ground is of the class --on.")
+    ] = None,
     json: Annotated[Path | None, typer.Option("--json", help="Write the result as JSON.")] = None,
     plot: Annotated[
         Path | None, typer.Option("--plot", help="Draw the estimates along the drive and the regions of c and phi.")
@@ -45,14 +52,18 @@ def command(
     from ..core.files import check_outputs
     from ..core.recording.readers import read_recording
     from ..core.soil import load_soil
+    from ..part import part_of
     from .printing import status, write_json
     from .results import print_identification
 
     check_outputs([json, plot], [recording, vehicle, topics, soil])
     if plot is not None and (method is not Method.ML or plot.suffix.lower() not in PICTURES):
         raise InputError("--plot", str(plot), expected="the method ml, and a file ending in " + ", ".join(PICTURES))
-    with status(f"identifying the soil of {recording}"):
+    with status(f"identifying the soil of {recording}") as progress:
+        progress("reading the recording")
         opened = read_recording(recording, vehicle=vehicle, topics=topics)
+        opened = part_of(opened, from_s=from_s, to_s=to_s, on=on, wheels=wheels or (), database=db)
+        progress("estimating the soil of each stretch")
         known = load_soil(soil) if soil is not None else None
         result = identify(opened, soil=known, method=method.value)
     if plot is not None:

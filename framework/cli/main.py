@@ -111,8 +111,11 @@ def _options(
         bool, typer.Option("--version", help="Print the version and exit.", callback=_print_version, is_eager=True)
     ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", help="Print each stage of the work and how long it took, on standard error.")
+    ] = False,
 ) -> None:
-    show_progress(quiet=quiet)
+    show_progress(quiet=quiet, verbose=verbose)
 
 
 app.command("scenario", help="Write a synthetic traverse, a recording with its ground truth.")(scenario.command)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from ..core.errors import InputError
 from ..core.quantities import magnitude
@@ -18,6 +20,16 @@ TOPICS = (
     "TOML map from a bag's topics to streams, or from a wheel table's columns to channels, where names do not identify "
     "them."
 )
+
+From = Annotated[float | None, typer.Option("--from", metavar="S", help="Use wheel rows from this time on [s].")]
+To = Annotated[float | None, typer.Option("--to", metavar="S", help="Use wheel rows up to this time [s].")]
+On = Annotated[
+    str | None,
+    typer.Option("--on", metavar="CLASS", help="Use wheel rows on this class of ground: by labels, map or senses."),
+]
+Wheels = Annotated[
+    list[str] | None, typer.Option("--wheel", metavar="NAME", help="Use rows of this wheel; may be repeated.")
+]
 
 
 def finite(name: str, text: str, unit: str = "m") -> float:

@@ -115,15 +115,20 @@ def _jsonable(value: Any) -> Any:
 
 
 class _Progress:
-    """How progress is shown: on a terminal as it comes, elsewhere as a line every `every_s` seconds; or not at all."""
+    """How progress is shown: on a terminal as it comes, elsewhere as a line every `every_s` seconds; or not at all; or
+    as a line for each stage that is done, with the time that it took.
+    """
 
     quiet = False
+    verbose = False
     every_s = 10.0
 
 
-def show_progress(*, quiet: bool) -> None:
-    """Say whether progress is shown from now on; results, warnings and errors are printed as ever."""
-    _Progress.quiet = quiet
+def show_progress(*, quiet: bool = False, verbose: bool = False) -> None:
+    """Say how progress is shown from now on; results, warnings and errors are printed as ever."""
+    if quiet and verbose:
+        raise InputError("--verbose", "and --quiet, too", expected="one of them")
+    _Progress.quiet, _Progress.verbose = quiet, verbose
 
 
 @contextmanager
@@ -145,10 +150,40 @@ def _lines(current: Callable[[], str]) -> Iterator[None]:
 
 
 @contextmanager
+def _times(text: str = "") -> Iterator[Callable[[str, float], None]]:
+    """Print to stderr how long each stage took, as its share reaches 1, and in the end how long all did."""
+    began, running = time.monotonic(), dict[str, float]()
+
+    def report(stage: str, share: float) -> None:
+        start = running.setdefault(stage, time.monotonic())
+        if share >= 1.0:
+            del running[stage]
+            print(f"{text}{stage}: {time.monotonic() - start:.1f} s", file=sys.stderr, flush=True)
+
+    try:
+        yield report
+    finally:
+        for stage in list(running):
+            report(stage, 1.0)
+        print(f"{text}{time.monotonic() - began:.1f} s in all", file=sys.stderr, flush=True)
+
+
+@contextmanager
 def status(text: str) -> Iterator[Callable[[str], None]]:
     """Show on stderr that work is going on, and what once it is reported."""
     if _Progress.quiet:
         yield lambda doing: None
+    elif _Progress.verbose:
+        with _times(f"{text}: ") as report:
+            stages: list[str] = []
+
+            def next_stage(now: str) -> None:
+                if stages:
+                    report(stages.pop(), 1.0)
+                stages.append(now)
+                report(now, 0.0)
+
+            yield next_stage
     elif sys.stderr.isatty():
         from rich.console import Console
         from rich.markup import escape
@@ -166,6 +201,9 @@ def progress_bars() -> Iterator[Callable[[str, float], None]]:
     """Show the progress of each stage on stderr, named as it begins."""
     if _Progress.quiet:
         yield lambda stage, share: None
+    elif _Progress.verbose:
+        with _times() as report:
+            yield report
     elif sys.stderr.isatty():
         with _bars() as report:
             yield report

@@ -89,6 +89,7 @@ def _run_one(
     from .results_run import print_summary
 
     with progress_bars() as progress:
+        progress("reading", 0.0)
         drive = read_recording(recording, vehicle=vehicle, topics=topics)
         # Loaded after the recording was read: what cannot be read is refused without waiting for the classifiers.
         from ..traverse import run_traverse

@@ -111,6 +111,18 @@ class Motor(FileModel):
     friction_Nm: NonNegative = 0.0
     """Torque lost at the wheel whatever the load [N m]: the torque above at the current of a free spin."""
 
+    free_spin_s: tuple[Finite, Finite] | None = None
+    """From when to when in the recording the wheels turn in the air [s]: the friction is what they take there."""
+
+    @model_validator(mode="after")
+    def _one_friction(self) -> Motor:
+        if self.free_spin_s is not None:
+            if self.friction_Nm:
+                raise ValueError("friction_Nm and free_spin_s: expected one of them")
+            if not self.free_spin_s[0] < self.free_spin_s[1]:
+                raise ValueError(f"free_spin_s {list(self.free_spin_s)}: expected a start before the end")
+        return self
+
 
 class Microphone(FileModel):
     """A microphone near the wheels: its place in the vehicle frame [m] and its gain [dB]."""

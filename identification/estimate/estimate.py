@@ -24,6 +24,7 @@ from ..mechanics.stresses import rim_forces
 from ..mechanics.textbook import CHANNELS, TextbookWheel, contact_array, entry_angle
 from . import form_error
 from .autocorrelation import are_correlated, correlation_time, rows_in_noise
+from .computed_channels import FARTHEST, NUISANCES, ComputedChannels
 from .identifiability import advise, separable, strengths
 from .intervals import consistent, hull, parameter_intervals
 from .likelihood import Problem
@@ -192,8 +193,12 @@ def converge(problem: Problem, wheel: Wheel, known: SoilKnowledge) -> Fit:
 def _starting_points(
     samples: Measured | Problem, wheel: Wheel, known: SoilKnowledge
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    channels = samples.channels if isinstance(samples, Measured) else samples.measured
-    return [_start(channels, wheel, known, n, k) for n, k in _STARTS]
+    if isinstance(samples, Measured):
+        channels, computed = samples.channels, samples.computed is not None
+    else:
+        channels, computed = samples.measured, len(samples.held) > len(PARAMETERS)
+    starts = [_start(channels, wheel, known, n, k) for n, k in _STARTS]
+    return [(np.append(vector, np.zeros(NUISANCES * computed)), theta_1) for vector, theta_1 in starts]
 
 
 def _held(problem: Problem) -> SoilKnowledge:
@@ -249,7 +254,13 @@ def build_problem(measured: Measured, wheel: Wheel, known: SoilKnowledge) -> Pro
     upper = np.array([to_internal(name, PLAUSIBLE[name][1]) for name in PARAMETERS])
     lower[0] = -upper[0]
     answers = ANSWERS & np.isfinite(measured.channels).any(axis=0)
-    return Problem(TextbookWheel(wheel), measured.channels, measured.noise, answers, mean, sd, held, lower, upper)
+    model: TextbookWheel | ComputedChannels = TextbookWheel(wheel)
+    if measured.computed is not None:
+        model, own = ComputedChannels(model, measured.computed.mean_load_N), measured.computed.prior_sd
+        mean, sd = np.append(mean, np.zeros(NUISANCES)), np.append(sd, np.where(own > 0.0, own, np.inf))
+        held = np.append(held, np.where(own > 0.0, math.nan, 0.0))
+        lower, upper = np.append(lower, -FARTHEST * own), np.append(upper, FARTHEST * own)
+    return Problem(model, measured.channels, measured.noise, answers, mean, sd, held, lower, upper)
 
 
 def _start(

@@ -25,6 +25,7 @@ from ...framework.core.soil import PARAMETERS
 from ..mechanics.flexible import FREEDOMS, FlexibleWheel
 from ..mechanics.textbook import TextbookWheel
 from ..rows.noise import noise_of_series
+from .computed_channels import ComputedChannels
 from .ground_variation import likelihood_ratio
 from .likelihood import POPULATION, Point, Problem, State, evaluate, linearised, mean_score, recentre
 from .optimise import best_start, fit, inverse_information
@@ -54,7 +55,9 @@ def rejected(solution: Solution, wrong_form: float) -> bool:
     noise = solution.problem.noise[solution.problem.answers]
     if math.sqrt(float(np.mean((white / noise) ** 2))) > wrong_form:
         return True
-    return bool(_gain_of_freedoms(solution, white) > chi2.ppf(1.0 - FALSE_ALARMS, len(FREEDOMS)))
+    # Of rows whose noise is autocorrelated so many say the same.
+    gain = _gain_of_freedoms(solution, white) / solution.repeated
+    return bool(gain > chi2.ppf(1.0 - FALSE_ALARMS, len(FREEDOMS)))
 
 
 def _white_sd(solution: Solution) -> np.ndarray:
@@ -81,9 +84,10 @@ def _gain_of_freedoms(solution: Solution, white: np.ndarray) -> float:
     processes[varied, range(3)] = [max(abs(vector[0]), 1.0), vector[1], 1.0]
     free = np.append(solution.problem.free, np.ones(len(FREEDOMS), dtype=bool))
     soil = int(solution.problem.free.sum())
-    # The soil is at its best already, its priors included.
-    precision = np.append(np.zeros(soil), problem.precision[free][soil:])
-    return likelihood_ratio(scores[:, free], information[:, free][:, :, free], precision, processes[free], soil)
+    prior = -problem.precision * (vector - problem.prior_mean)
+    return likelihood_ratio(
+        scores[:, free], information[:, free][:, :, free], problem.precision[free], prior[free], processes[free], soil
+    )
 
 
 def score_statistic(solution: Solution) -> float:
@@ -151,11 +155,15 @@ def widening(problem: Problem, point: Point, clusters: list[np.ndarray]) -> np.n
 
 def _freed(problem: Problem) -> Problem:
     """Give a textbook problem the freedoms of the form."""
-    assert isinstance(problem.model, TextbookWheel)
+    if isinstance(problem.model, ComputedChannels):
+        model = problem.model.freed(problem.load_scale)
+    else:
+        assert isinstance(problem.model, TextbookWheel)
+        model = FlexibleWheel(problem.model.wheel, problem.load_scale)
     textbook = np.array([freedom.textbook for freedom in FREEDOMS])
     return replace(
         problem,
-        model=FlexibleWheel(problem.model.wheel, problem.load_scale),
+        model=model,
         prior_mean=np.concatenate([problem.prior_mean, textbook]),
         prior_sd=np.concatenate([problem.prior_sd, [freedom.sd for freedom in FREEDOMS]]),
         held=np.concatenate([problem.held, np.full(len(FREEDOMS), np.nan)]),

@@ -25,7 +25,8 @@ _SHORTEST, _LONGEST = 1.0, 0.5
 
 
 def likelihood_ratio(
-    scores: np.ndarray, information: np.ndarray, precision: np.ndarray, ground: np.ndarray, soil: int
+    scores: np.ndarray, information: np.ndarray, precision: np.ndarray, prior: np.ndarray, ground: np.ndarray,
+    soil: int,
 ) -> float:  # fmt: skip
     """Twice the log-likelihood that the freedoms of the form gain over soil that varies along the track.
 
@@ -33,8 +34,8 @@ def likelihood_ratio(
     ----------
     scores, information : (n, p), (n, p, p)
         Of each sample in the order of the track, with respect to the soil and then the freedoms.
-    precision : (p,)
-        Of their priors; 0 where there is none.
+    precision, prior : (p,)
+        Of their priors, and the scores of these; 0 where there is none.
     ground : (p, g)
         By what they change where the soil of the place varies by a share, for each of g processes.
     soil
@@ -45,7 +46,7 @@ def likelihood_ratio(
     within = np.array([information[rows].sum(axis=0) for rows in pieces])
     apart = np.abs(np.subtract.outer(*2 * [np.arange(len(pieces))]))
     # The quadratic form in the processes at all pieces, (g b,), and in what all samples share, (p,).
-    slope = np.concatenate([(by_piece @ ground).T.ravel(), by_piece.sum(axis=0)])
+    slope = np.concatenate([(by_piece @ ground).T.ravel(), by_piece.sum(axis=0) + prior])
     own = np.einsum("bpq,pk,ql->klb", within, ground, ground)
     curvature = np.block([[np.diag(each) for each in row] for row in own])
     shared = np.einsum("pk,bpq->kbq", ground, within).reshape(-1, len(precision))

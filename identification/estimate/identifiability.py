@@ -40,7 +40,7 @@ def strengths(
     stays tight, because only their sum enters.
     """
     vector = solution.fit.vector
-    values = model.from_vector(vector)
+    values = model.from_vector(vector[: len(model.names)])
     answer = []
     for stress in np.percentile(_mean_stress(solution.fit.theta_1, values, model), [10.0, 50.0, 90.0]):
         gradient = np.array([1.0, stress])

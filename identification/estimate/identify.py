@@ -25,10 +25,11 @@ from ..mechanics import linearised
 from ..mechanics.textbook import CHANNELS
 from ..rows.gate import LIMITS, Stretch, quasi_static
 from ..rows.geometry import by_geometry
-from ..rows.noise import sensor_noise
+from ..rows.noise import measured_noise, sensor_noise
 from ..rows.select import SelectedRows, select_wheel_rows
 from ..rows.trials import AS_TRIALS, is_of_trials, without_time
 from .change_points import split_soils
+from .computed_channels import Computed, noise_of_shape
 from .estimate import estimate_soil, summarise, usable
 from .noise_likelihood import autocorrelation_finding, solve_with_noise, with_autocorrelated_noise
 from .solution import Measured
@@ -39,7 +40,7 @@ METHODS: tuple[Method, ...] = ("ml", "linear")
 REPRESENTATIVE_K_M = 0.01
 """Janosi shear modulus [m] that the linear method assumes where none is known: middle of Wong (2010), Table 2.3."""
 
-COMPUTED = ("load_computed", "load_without_slope", "torque_computed", "pull_computed")
+COMPUTED = ("load_computed", "load_without_slope", "torque_computed", "pull_computed", "travel_speed_computed")
 """Findings that say which channels were not sensed, and what they were computed from."""
 
 MIXED = 1.5
@@ -242,16 +243,30 @@ def _as_far_as_known(rows: SelectedRows, estimate: SoilEstimate) -> SoilEstimate
 
 def measured_rows(rows: SelectedRows, chosen: np.ndarray) -> Measured:
     """Lay out chosen rows (m,) for the estimator, with their noise; thinned evenly beyond `MOST_ROWS`."""
-    noise = sensor_noise(rows.table.select(chosen), rows.vehicle)
+    noise, computed = _with_computed(rows, rows.table.select(chosen))
     if len(chosen) > MOST_ROWS:
         chosen = chosen[np.linspace(0, len(chosen) - 1, MOST_ROWS).astype(int)]
     table = rows.table.select(chosen)
     nothing = np.full(len(table), math.nan)
     channels = np.column_stack([table.columns.get(name, nothing) for name in CHANNELS])
     if "time_s" not in table:
-        return Measured(channels, noise, table["slip"], timed=False)
+        return Measured(channels, noise, table["slip"], timed=False, computed=computed)
     stated = np.array([name in rows.vehicle.noise for name in CHANNELS])
-    return Measured(channels, noise, table["time_s"], stated)
+    return Measured(channels, noise, table["time_s"], stated, computed=computed)
+
+
+def _with_computed(rows: SelectedRows, table: WheelTable) -> tuple[np.ndarray, Computed | None]:
+    """Give the noise (5,) of channels from row to row, and what rows share where load and pull come from the weight."""
+    noise, found = sensor_noise(table, rows.vehicle), codes(rows.findings)
+    if "load_computed" not in found or rows.vehicle.mass_kg is None:
+        return noise, None
+    mean, rows_used = float(np.nanmean(table["load_N"])), min(len(table), MOST_ROWS)
+    share = {}
+    for name in ("load_N", "drawbar_pull_N")[: 1 + ("pull_computed" in found)]:
+        at = CHANNELS.index(name)
+        share[name] = noise[at] / mean
+        noise[at] = max(measured_noise(table, name), noise_of_shape(name, mean, rows_used))
+    return noise, Computed(share["load_N"], share.get("drawbar_pull_N", 0.0), mean)
 
 
 def _linear(table: WheelTable, wheel: Wheel, known: SoilKnowledge) -> SoilEstimate:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..mechanics.textbook import CHANNELS
+from .computed_channels import Computed
 from .likelihood import Problem
 from .optimise import Fit
 
@@ -30,6 +31,8 @@ class Measured:
         True where the noise stands; elsewhere it is what neighbours in time show, and perhaps too much.
     timed
         Neighbours are so in time: their noise may be autocorrelated.
+    computed
+        Errors of load and pull that all samples share, where these are computed; None where they are sensed.
     """
 
     channels: np.ndarray
@@ -37,6 +40,7 @@ class Measured:
     order: np.ndarray
     stated: np.ndarray = field(default_factory=lambda: np.ones(len(CHANNELS), dtype=bool))
     timed: bool = True
+    computed: Computed | None = None
 
 
 @dataclass(frozen=True)

@@ -92,8 +92,6 @@ def explain(
         notes = (*notes, *made, *map(sentence, unsteady))
     # Fits run in parallel: threads of BLAS would only compete with them.
     with threadpool_limits(1):
-        if len(grounds) > 1 and known.values:
-            raise InputError("soil", f"one soil for {len(grounds)} grounds", expected="a recording on one ground")
         track, untracked = _track(opened) if "time_s" in table else (None, ())
         table, notes = with_places(table, rows.vehicle, track), (*notes, *untracked)
         if grounds:
@@ -101,6 +99,10 @@ def explain(
             table, hard = without_hard_ground(table, rows.wheel, grounds)
             notes = (*notes, *hard)
         samples, own = gather(table, rows.wheel, rows.vehicle, grounds or (Ground(),)), None
+        if len(samples.grounds) > 1 and known.values:
+            raise InputError(
+                "soil", f"one soil for {len(samples.grounds)} grounds", expected="a recording, or a part, on one ground"
+            )
         if simulated is not None:
             report("fitting the textbook wheel to the other simulator")
             samples, own = as_differences(samples, simulated)
@@ -116,7 +118,7 @@ def explain(
         report("locating the mismatch")
         regions = locate(problem, chosen.hypothesis.fitted)
         answer = assemble(
-            problem, found, probabilities, chosen, regions, source=str(opened.source), seed=seed, began=began,
+            problem, found, probabilities, chosen, regions, source=opened.described, seed=seed, began=began,
             notes=notes, simulated=own,
         )  # fmt: skip
     return replace(

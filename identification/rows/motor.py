@@ -7,9 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...framework.core.errors import InputError
 from ...framework.core.findings import Finding, note
 from ...framework.core.recording.types import WheelTable
 from ...framework.core.vehicle import Motor, Vehicle
+
+SPINS_RAD_S = 0.1
+"""A wheel that turns faster than this spins [rad/s]."""
+
+_FEWEST = 10
+"""Fewest rows of a free spin."""
 
 
 def torque_of_current(current_A: np.ndarray, wheel_speed_rad_s: np.ndarray | None, motor: Motor) -> np.ndarray:
@@ -25,6 +32,33 @@ def torque_of_current(current_A: np.ndarray, wheel_speed_rad_s: np.ndarray | Non
     return np.where(driving, motors * motor.efficiency, motors / motor.efficiency) - motor.friction_Nm * np.sign(turns)
 
 
+def _with_friction(table: WheelTable, motor: Motor) -> Motor:
+    """Give the motor the friction [N m] that a free spin shows, where the vehicle states when there was one.
+
+    Raises
+    ------
+    InputError
+        The wheels do not turn then, or nothing says so.
+    """
+    if motor.free_spin_s is None:
+        return motor
+    start_s, end_s = motor.free_spin_s
+    nothing = np.full(len(table), np.nan)
+    time_s, rate = (table.get(name) for name in ("time_s", "wheel_speed_rad_s"))
+    spins = np.abs(nothing if rate is None else rate) > SPINS_RAD_S
+    if time_s is not None:
+        spins &= (time_s >= start_s) & (time_s <= end_s)
+    taken = np.abs(table["current_A"][spins])
+    taken = taken[np.isfinite(taken)]
+    if time_s is None or len(taken) < _FEWEST:
+        raise InputError(
+            table.source, f"{len(taken)} rows in which wheels turn from {start_s:g} s to {end_s:g} s",
+            expected=f"{_FEWEST} or more, with time_s, wheel_speed_rad_s and current_A, for [motor] free_spin_s",
+        )  # fmt: skip
+    lost = motor.torque_constant_Nm_A * motor.gear_ratio * motor.efficiency * float(np.median(taken))
+    return motor.model_copy(update={"friction_Nm": lost, "free_spin_s": None})
+
+
 def with_torque(table: WheelTable, vehicle: Vehicle) -> tuple[WheelTable, Finding | None]:
     """Return the rows with the torque of their `current_A`, and a note; as they are where torque was sensed, no current
     was, or the vehicle states no motor.
@@ -32,10 +66,10 @@ def with_torque(table: WheelTable, vehicle: Vehicle) -> tuple[WheelTable, Findin
     current = table.get("current_A")
     if current is None or table.observed("torque_Nm").size or vehicle.motor is None:
         return table, None
-    torque = torque_of_current(current, table.get("wheel_speed_rad_s"), vehicle.motor)
+    motor = _with_friction(table, vehicle.motor)
+    torque = torque_of_current(current, table.get("wheel_speed_rad_s"), motor)
     if not np.isfinite(torque).any():
         return table, None
-    motor = vehicle.motor
     constant = motor.torque_constant_Nm_A * motor.gear_ratio * motor.efficiency
     found = note(
         "torque_computed", Nm_A=constant, friction_Nm=motor.friction_Nm, torque_Nm=float(np.nanmean(torque)),

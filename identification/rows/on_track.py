@@ -15,6 +15,9 @@ from ...framework.core.vehicle import Vehicle, Wheel
 from ..effects.drive import GROUND
 from .gate import LIMITS
 
+_SILENT_S = 1.0
+"""A wheel without a row for longer ran where the track says [s]."""
+
 _REVISIT_M = 4.0
 """Way after which a wheel that comes back to a place runs over it once more [m]."""
 
@@ -39,17 +42,24 @@ def with_places(table: WheelTable, vehicle: Vehicle, track: Track | None) -> Whe
     x_m, y_m = (table["x_m"], table["y_m"]) if recorded else moved(*track.place_at(time_s), forward, left)
     added = {"x_m": x_m, "y_m": y_m}
     if "pass" not in table and len(vehicle.wheels) > 1 and table.wheel is not None:
-        # Wheels without rows, such as those of another size, make ruts, too.
-        others = [wheel for wheel in vehicle.wheels if wheel.name not in set(table.wheel.tolist())]
+        # Wheels make ruts while they have no rows, too, such as those of another size.
         ways = [(x_m, y_m, time_s, _way_at(track, time_s) + forward, table.wheel)]
-        for each in others:
-            there = moved(*track.place_at(track.time_s), *each.position_m)
-            names = np.full(len(track.time_s), each.name, dtype=object)
-            ways.append((*there, track.time_s, track.way_m + each.position_m[0], names))
+        for each in vehicle.wheels:
+            silent = _far_from(track.time_s, np.sort(time_s[table.wheel == each.name]))
+            when_s, names = track.time_s[silent], np.full(int(silent.sum()), each.name, dtype=object)
+            there = moved(*track.place_at(when_s), *each.position_m)
+            ways.append((*there, when_s, track.way_m[silent] + each.position_m[0], names))
         x, y, when_s, way_m, names = (np.concatenate(columns) for columns in zip(*ways, strict=True))
         passes = passes_at(np.column_stack([x, y]), when_s, way_m, names, 0.5 * wheels[0].width_m)
         added["pass"] = passes[: len(table)]
     return WheelTable({**table.columns, **added}, table.wheel, table.run, table.source)
+
+
+def _far_from(time_s: np.ndarray, others_s: np.ndarray) -> np.ndarray:
+    """Times (n,) [s] that are further than `_SILENT_S` from every one of others (m,) [s], which ascend."""
+    around = np.concatenate([[-math.inf], others_s, [math.inf]])
+    after = np.searchsorted(others_s, time_s) + 1
+    return (around[after] - time_s > _SILENT_S) & (time_s - around[after - 1] > _SILENT_S)
 
 
 def passes_at(
@@ -127,20 +137,31 @@ def with_grounds(table: WheelTable, vehicle: Vehicle, track: Track | None, groun
     grounds
         Grounds in order of time.
     """
-    time_s = table["time_s"]
+    forward_m = np.array([wheel.position_m[0] for wheel in _wheels(table, vehicle)])
+    number = ground_of_rows(table["time_s"], forward_m, track, grounds)
+    return WheelTable({**table.columns, GROUND: number}, table.wheel, table.run, table.source)
+
+
+def ground_of_rows(
+    time_s: np.ndarray, forward_m: np.ndarray, track: Track | None, grounds: Sequence[Ground]
+) -> np.ndarray:  # fmt: skip
+    """Give the number of the ground that each row is on, (n,), NaN where on none; see `with_grounds`.
+
+    `time_s` and `forward_m` (n,) are the rows' times [s], and how far ahead of the reference point their wheels are.
+    """
     starts, ends = (np.array([getattr(each, name) for each in grounds]) for name in ("start_s", "end_s"))
     where, margin = time_s, 0.0
     if track is not None:
-        where = _way_at(track, time_s) + np.array([wheel.position_m[0] for wheel in _wheels(table, vehicle)])
+        where = _way_at(track, time_s) + forward_m
         starts, ends, margin = _way_at(track, starts), _way_at(track, ends), CHANGE_MARGIN_M
     # A wheel behind the reference point begins before the ground that the drive begins on, one ahead ends after it.
     begins, goes_on = grounds[0].start_s <= np.nanmin(time_s), grounds[-1].end_s >= np.nanmax(time_s)
     first = np.append(-math.inf if begins else starts[0] + margin, starts[1:] + margin)
     last = np.append(ends[:-1] - margin, math.inf if goes_on else ends[-1] - margin)
-    number = np.full(len(table), math.nan)
+    number = np.full(len(time_s), math.nan)
     for each in range(len(grounds)):
         number[(where >= first[each]) & (where <= last[each])] = each
-    return WheelTable({**table.columns, GROUND: number}, table.wheel, table.run, table.source)
+    return number
 
 
 def _way_at(track: Track, time_s: np.ndarray) -> np.ndarray:

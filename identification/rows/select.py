@@ -22,9 +22,11 @@ from .sensors import check_stated_noise, without_stuck
 from .settling import only_steady
 from .signs import check_pull, check_signs, check_torque
 from .standstill import with_standstill
+from .travel import with_travel_speed
 from .trials import slow_clock
 from .units import check_load, check_sizes, load_in_kilograms, pull_in_another_unit, speeds_in_another_unit
 from .weight import with_loads, with_pull
+from .words import sentence
 
 
 @dataclass(frozen=True)
@@ -100,7 +102,8 @@ def _of_vehicle(recording: Recording, every_row: bool) -> SelectedRows:
             expected="rows of the vehicle's wheel only, to compare with another file",
         )  # fmt: skip
     table, driven = with_torque(table, vehicle)
-    table, vehicle, weighed = with_loads(table, vehicle)
+    table, vehicle, placed = with_travel_speed(table, vehicle, recording.pose)
+    table, vehicle, weighed = with_loads(table, vehicle, recording.pose)
     pulled = None
     if weighed is not None and not every_row:
         table, vehicle, pulled = with_pull(table, vehicle)
@@ -119,11 +122,12 @@ def _of_vehicle(recording: Recording, every_row: bool) -> SelectedRows:
         ("slip", "slip, or both wheel_speed_rad_s and travel_speed_m_s"),
     ):
         if not any(name in rows.table for rows in gathered):
-            raise InputError(table.source, f"no column {name}", expected=remedy)
+            why = f"; {sentence(placed)}" if name == "slip" and placed is not None else ""
+            raise InputError(table.source, f"no column {name}{why}", expected=remedy)
     best = max((_checked(rows, pulled is None) for rows in gathered), key=lambda rows: rows.used)
     radii = note("one_radius", geometries=len(gathered), radius_m=best.wheel.radius_m) if len(gathered) > 1 else None
     return replace(
-        best, findings=(*_found(others, driven, weighed, pulled, duplicates, *unsteady, radii), *best.findings)
+        best, findings=(*_found(others, driven, placed, weighed, pulled, duplicates, *unsteady, radii), *best.findings)
     )
 
 

@@ -1,7 +1,7 @@
 """Load on the wheels from the vehicle's weight, where no cell senses it.
 
 Statics of a rigid vehicle on wheels that yield alike, each in proportion to its load: slope and acceleration move
-weight to the rear (J. Y. Wong, "Theory of Ground Vehicles", 4th ed. (2008), Sec. 3.1).
+weight to the rear, a bend to its outer side (J. Y. Wong, "Theory of Ground Vehicles", 4th ed. (2008), Sec. 3.1).
 """
 
 from __future__ import annotations
@@ -14,9 +14,11 @@ from scipy.constants import g as GRAVITY
 from scipy.signal import savgol_filter
 
 from ...framework.core.findings import Finding, note, warning
-from ...framework.core.recording.types import WheelTable
+from ...framework.core.recording.clock import interpolate
+from ...framework.core.recording.types import Pose, WheelTable
 from ...framework.core.vehicle import Vehicle
 from ..effects.drive import order_of
+from .travel import slopes
 
 _USUAL_SHARE = 0.05
 """Standard deviation of a computed load where the vehicle states none, relative to it [-]: engineering judgement."""
@@ -29,7 +31,7 @@ _PULL_SHARE = 0.02
 The shares are right within 0.003 in simulated drives on slopes up to 9 deg, ruts up to 1.8 times as stiff."""
 
 
-def loads(table: WheelTable, vehicle: Vehicle) -> np.ndarray | None:
+def loads(table: WheelTable, vehicle: Vehicle, pose: Pose | None = None) -> np.ndarray | None:
     """Compute the load on the wheel of each row [N], (n,); None where the vehicle does not state its weight.
 
     Parameters
@@ -39,6 +41,8 @@ def loads(table: WheelTable, vehicle: Vehicle) -> np.ndarray | None:
         acceleration that is not known is taken as none.
     vehicle
         Its mass, places of wheels and centre of mass; or the load that each wheel carries on level ground.
+    pose
+        Its heading, whose rate times the travel speed is the acceleration in a bend; taken as none where absent.
     """
     names, row = (np.array([""]), np.zeros(len(table), dtype=int))
     if table.wheel is not None:
@@ -52,23 +56,28 @@ def loads(table: WheelTable, vehicle: Vehicle) -> np.ndarray | None:
     height_m = 0.0 if vehicle.centre_of_mass_m is None else vehicle.centre_of_mass_m[2]
     # Slope and acceleration act as if the centre of mass were further back.
     back_m = height_m * (np.tan(pitch) + along / (GRAVITY * np.cos(pitch)))
-    shares = vehicle.shares_of_weight(-back_m, -height_m * np.tan(roll))
+    right_m = height_m * (np.tan(roll) + _to_the_left(table, pose) / (GRAVITY * np.cos(roll)))
+    shares = vehicle.shares_of_weight(-back_m, -right_m)
     assert shares is not None
     of_row = shares[np.array([vehicle.wheels.index(wheel) for wheel in wheels])[row], np.arange(len(table))]
     return np.where(of_row > 0.0, vehicle.mass_kg * GRAVITY * np.cos(pitch) * np.cos(roll) * of_row, math.nan)
 
 
-def with_loads(table: WheelTable, vehicle: Vehicle) -> tuple[WheelTable, Vehicle, Finding | None]:
+def with_loads(
+    table: WheelTable, vehicle: Vehicle, pose: Pose | None = None
+) -> tuple[WheelTable, Vehicle, Finding | None]:  # fmt: skip
     """Return the rows with their loads, the vehicle with the loads' noise, and a finding; all as they are where loads
     were sensed or the weight is not stated. The finding is a warning where the slope is not known.
     """
-    load = None if table.observed("load_N").size else loads(table, vehicle)
+    load = None if table.observed("load_N").size else loads(table, vehicle, pose)
     if load is None:
         return table, vehicle, None
     noise = vehicle.noise.get("load_N", _USUAL_SHARE * float(np.nanmean(load)))
     weighed = vehicle.model_copy(update={"noise": {**vehicle.noise, "load_N": noise}})
     height = vehicle.centre_of_mass_m[2] if vehicle.centre_of_mass_m and vehicle.mass_kg is not None else 0.0
     transfer = [name for name in ("pitch_rad", "roll_rad", "travel_speed_m_s") if height > 0.0 and name in table]
+    if height > 0.0 and _to_the_left(table, pose).any():
+        transfer.append("yaw_rad")
     if vehicle.mass_kg is not None and not table.observed("pitch_rad").size:
         found = warning("load_without_slope", load_N=float(np.nanmean(load)), sd_N=noise)
         return replace(table, columns={**table.columns, "load_N": load}), weighed, found
@@ -79,6 +88,16 @@ def with_loads(table: WheelTable, vehicle: Vehicle) -> tuple[WheelTable, Vehicle
 def _acceleration(table: WheelTable) -> np.ndarray:
     """Acceleration of the vehicle (n,) [m/s^2]; none where it is not known."""
     return np.nan_to_num(_over_a_second(table, "travel_speed_m_s", rate=True))
+
+
+def _to_the_left(table: WheelTable, pose: Pose | None) -> np.ndarray:
+    """Acceleration to the left in a bend (n,) [m/s^2], travel speed times rate of turning; none where not known."""
+    if pose is None or "time_s" not in table:
+        return np.zeros(len(table))
+    time_s, rows = np.unique(pose.time_s[np.isfinite(pose.yaw_rad)], return_index=True)
+    yaw = np.unwrap(pose.yaw_rad[np.isfinite(pose.yaw_rad)][rows])
+    turning = interpolate(time_s, slopes(time_s, yaw, _OVER_S)[0], table["time_s"], _OVER_S)
+    return np.nan_to_num(turning * _over_a_second(table, "travel_speed_m_s"))
 
 
 def _over_a_second(table: WheelTable, name: str, *, rate: bool = False) -> np.ndarray:

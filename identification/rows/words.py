@@ -78,7 +78,7 @@ def _without_time(values: Values) -> str:
 
 
 def _load_computed(values: Values) -> str:
-    moved = {"pitch_rad": "slope", "roll_rad": "roll", "travel_speed_m_s": "acceleration"}
+    moved = {"pitch_rad": "slope", "roll_rad": "roll", "travel_speed_m_s": "acceleration", "yaw_rad": "bends"}
     by = ", ".join(moved[name] for name in values["transfer"])
     return (
         f"load_N was not sensed: it is computed from the vehicle's weight{f', moved by {by}' if by else ''}, "
@@ -133,6 +133,13 @@ SENTENCES: dict[str, Sentence] = {
     "sensor may hang",
     "stuck_channel": "{channel} never changes: it is left out, as its sensor may be stuck or absent",
     "torque_computed": _torque_computed,
+    "travel_speed_computed": "travel_speed_m_s was not recorded: it is the change of the poses over {window_s:g} s, "
+    "within {sd_m_s:.2g} m/s at a rim speed of {rim_m_s:.2g} m/s (the places scatter by {place_sd_m:.2g} m); errors of "
+    "the places that drift are not in that",
+    "travel_speed_of_wheels": "the poses are made from the wheels and give no travel speed ({how}): slip would be zero "
+    "on any ground. A receiver's places, or an odometry that sees the ground, would do ([pose] in a topic map)",
+    "travel_speed_uncertain": "the poses give no travel speed: it would be known to {sd_m_s:.2g} m/s only, over "
+    "{window_s:g} s, at a rim speed of {rim_m_s:.2g} m/s (the places scatter by {place_sd_m:.2g} m)",
     "time_unit": "rows lie {step_s:.3g} s apart (median), yet slip and load go on from row to row: check that time_s "
     "is in seconds",
     "torque_sign": "torque_Nm is {torque_Nm:.3g} (median), {share:.0%} of the rows with a slip below {slip:g} above 0, "

@@ -163,7 +163,14 @@ def slowly(view: Snapshot, place: np.ndarray, stress: float, confidence: float) 
     nothing["label"] = max(belief, key=belief.__getitem__)
     lacking = {name: share for name, share in belief.items() if name not in view.soils}
     if sum(lacking.values()) > 1.0 - confidence:
-        return {**nothing, "reason": f"no soil data for class {max(lacking, key=lacking.__getitem__)}"}
+        name = max(lacking, key=lacking.__getitem__)
+        said = f"no soil data for class {name}"
+        if name != nothing["label"]:
+            said += (
+                f", and this may be {name}: {math.floor(1000 * sum(lacking.values())) / 10:.1f} %, where "
+                f"{100 * (1 - confidence):.4g} % are allowed; drive slowly on {name}, or look at this ground again"
+            )
+        return {**nothing, "reason": said}
     measured = sum(belief[name] for name in view.soils)
     weight = {name: belief[name] / measured for name in view.soils}
     mean = sum(weight[name] * soil.strength.mean for name, soil in view.soils.items())

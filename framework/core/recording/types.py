@@ -210,7 +210,8 @@ class Recording:
     read, hexadecimal: two readings of the same drive have the same digest, and so add nothing to a database twice.
     `frame` names the frame of the places as it was recorded, empty where nothing says it. `origin` says where on Earth
     its x = y = 0 lies, where a satellite receiver was recorded or it is stated; `offset` where it lies in the site's
-    frame, where that is stated.
+    frame, where that is stated. `part` says which part of what was recorded the wheel rows are, in words
+    (`framework.part`); empty where they are all of it.
     """
 
     name: str
@@ -230,3 +231,9 @@ class Recording:
     origin: Origin | None = None
     offset: Offset | None = None
     frame: str = ""
+    part: str = ""
+
+    @property
+    def described(self) -> str:
+        """Where it came from, and which part of that it is."""
+        return f"{self.source}, {self.part}" if self.part else str(self.source)

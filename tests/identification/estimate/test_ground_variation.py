@@ -52,4 +52,6 @@ def dense(scores, information, freed: bool) -> float:
 def test_ratio_agrees_with_dense_matrices(form, rng):
     scores, information = drive(form, rng)
     expected = 2.0 * (dense(scores, information, True) - dense(scores, information, False))
-    assert likelihood_ratio(scores, information, PRECISION, GROUND, 2) == pytest.approx(expected, abs=0.02)
+    assert likelihood_ratio(scores, information, PRECISION, np.zeros(len(PRECISION)), GROUND, 2) == pytest.approx(
+        expected, abs=0.02
+    )

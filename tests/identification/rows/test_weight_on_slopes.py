@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.findings import codes
-from bevameter.framework.core.recording.types import Recording, WheelTable
-from bevameter.framework.core.vehicle import Motor, load_vehicle
-from bevameter.identification.rows.motor import torque_of_current
+from bevameter.framework.core.recording.types import Pose, Recording, WheelTable
+from bevameter.framework.core.vehicle import Motor, Vehicle, Wheel, load_vehicle
+from bevameter.identification.rows.motor import torque_of_current, with_torque
 from bevameter.identification.rows.select import select_wheel_rows
+from bevameter.identification.rows.weight import with_loads
 from robot_bag import GRAVITY, MASS_KG, NAMES, PLACES, VEHICLE_TOML, drive
 
 
@@ -65,6 +67,54 @@ def test_roll_moves_load_to_the_lower_side(recording):
     right = sum(rows["load_N"][rows.wheel == name].mean() for name in ("front_right", "rear_right"))
     expected = MASS_KG * GRAVITY * np.cos(roll) * (0.5 + height * np.tan(roll) / track)
     assert right == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_bend_moves_load_to_its_outer_side(recording):
+    """By moments about the line of the right wheels: W_left / W = 1/2 - h a / (g b), accelerated to the left by a."""
+    time_s, speed, rate = np.unique(recording.wheel["time_s"]), 0.4, 0.6
+    height, track = recording.vehicle.centre_of_mass_m[2], np.ptp(PLACES[:, 1])
+    level = {**recording.wheel.columns, "pitch_rad": np.zeros(len(recording.wheel))}
+    level["travel_speed_m_s"] = np.full(len(recording.wheel), speed)
+    table, yaw = (
+        WheelTable(level, recording.wheel.wheel, None, Path("w")),
+        np.mod(rate * time_s + np.pi, 2 * np.pi) - np.pi,
+    )
+    pose = Pose(time_s, speed / rate * np.sin(yaw), speed / rate * (1.0 - np.cos(yaw)), yaw)
+    loaded, _, found = with_loads(table, recording.vehicle, pose)
+    left = sum(loaded["load_N"][loaded.wheel == name] for name in ("front_left", "rear_left"))
+    expected = MASS_KG * GRAVITY * (0.5 - height * speed * rate / (GRAVITY * track))
+    np.testing.assert_allclose(left[100:-100], expected, rtol=1e-6)
+    assert "yaw_rad" in found.values["transfer"]
+
+
+def test_friction_of_the_motor_is_what_a_free_spin_takes():
+    time_s = np.arange(0.0, 20.0, 0.1)
+    spins = time_s < 5.0
+    rate, current = np.where(spins, 3.0, 1.0), np.where(spins, 0.5, 4.0)
+    columns = {"time_s": time_s, "wheel_speed_rad_s": rate, "current_A": current}
+    table = WheelTable(columns, None, None, Path("wheel.csv"))
+    motor = Motor(torque_constant_Nm_A=0.05, gear_ratio=40.0, efficiency=0.8, free_spin_s=(0.5, 4.5))
+    vehicle = Vehicle(wheels=(Wheel(radius_m=0.15, width_m=0.12),), motor=motor)
+    made, found = with_torque(table, vehicle)
+    np.testing.assert_allclose(made["torque_Nm"], np.where(spins, 0.0, 3.5 * 1.6), atol=1e-12)
+    assert found.values["friction_Nm"] == pytest.approx(0.5 * 1.6)
+    late = vehicle.model_copy(update={"motor": motor.model_copy(update={"free_spin_s": (30.0, 40.0)})})
+    with pytest.raises(InputError, match=r"wheel\.csv: 0 rows in which wheels turn from 30 s to 40 s .*free_spin_s"):
+        with_torque(table, late)
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ("friction_Nm = 1.0\nfree_spin_s = [1.0, 2.0]", "friction_Nm and free_spin_s"),
+        ("free_spin_s = [2.0, 1.0]", "a start before the end"),
+    ],
+)
+def test_a_free_spin_that_cannot_be_is_one_error(keys, said, tmp_path):
+    path = tmp_path / "vehicle.toml"
+    path.write_text(f"{VEHICLE_TOML}\n[motor]\ntorque_constant_Nm_A = 0.05\n{keys}\n")
+    with pytest.raises(InputError, match=said):
+        load_vehicle(path)
 
 
 def test_torque_of_current_loses_in_the_gear_whichever_way_power_flows():
