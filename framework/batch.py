@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, wait
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..database.store import TerrainDatabase
 from .conditions import Conditions, url_of
@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     from distributed import Client
 
 _POLL_S = 0.5
+
+MOST_AHEAD = 256
+"""Recordings that are begun beyond the first one that is not stored: what was made of them waits in memory."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +57,8 @@ class FailedRecording:
 Outcome = TraverseSummary | FailedRecording
 """What became of a recording."""
 
-Results = Generator[tuple[int, Processed | FailedRecording], None, None]
-"""What came out of processing, each with the number of its recording."""
+Results = Generator[Processed | FailedRecording, None, None]
+"""What came out of processing, in the order in which recordings are given."""
 
 
 def run_traverses(
@@ -137,7 +140,7 @@ def run_traverses(
     outcomes: list[Outcome] = []
     report("recordings", 0.0)
     with closing(results):
-        for result in _in_order(results):
+        for result in results:
             # Only now: the database is written by nobody but this process.
             outcomes.append(result if isinstance(result, FailedRecording) else store(result, database))
             if finished is not None:
@@ -242,58 +245,75 @@ def _in_this_process(
             raise _Ended from error
 
     frames = Frames(conditions.frames)
-    for number, recording in enumerate(given):
+    for recording in given:
         try:
             result = process(recording, conditions, found.of, frames.place, told)
         except _Ended as ended:
             raise (ended.__cause__ or ended) from None
         except Exception as error:
             result = _failed(recording, error)
-        yield number, result
+        yield result
 
 
 def _by_workers(
     started: Workers, given: Sequence[Recording | Path], conditions: Conditions, found: FoundModels
 ) -> Results:
-    """Have recordings processed, and yield what comes out as it comes.
+    """Have recordings processed, and yield what comes out, in their order.
 
     One whose frame depends on others is processed once it is known what those before it say: as if one by one.
     """
+    waiting: dict[int, Processed | FailedRecording] = {}
     placements: dict[int, Placement] = {}
     claims: dict[int, Claim] = {}
+    pending: dict[Future[Any], int] = {}
     unread, frames = set(range(len(given))), Frames(conditions.frames)
+    begun = following = 0
     with started as workers:
         sent = workers.shared((conditions, found.ready))
-        pending = {workers.submit(_attempt, each, sent, None): number for number, each in enumerate(given)}
-        while pending:
+
+        def send(number: int) -> None:
+            pending[workers.submit(_attempt, given[number], sent, placements.get(number))] = number
+
+        while following < len(given):
+            while begun < min(following + MOST_AHEAD, len(given)):
+                send(begun)
+                begun += 1
             # Windows lets Ctrl-C through between waits only.
             done, _ = wait(pending, timeout=_POLL_S, return_when=FIRST_COMPLETED)
             for future in done:
                 number = pending.pop(future)
-                try:
-                    result = future.result()
-                    if isinstance(result, _Lacking):
-                        if found.look_for(result.args[0]):
-                            sent = workers.shared((conditions, found.ready))
-                        pending[workers.submit(_attempt, given[number], sent, placements.get(number))] = number
-                        continue
-                    if isinstance(result, _Open):
-                        claims[number] = result.args[0]
-                except BevameterError as error:
-                    result = _failed(given[number], error)
-                except CancelledError:
-                    result = _failed(given[number], WorkerLost("the connection to the cluster was lost"))
-                except Exception as error:  # of the cluster: what the function raises comes as a result
-                    died = "its worker on the cluster died, " * (type(error).__name__ == "KilledWorker")
-                    result = _failed(given[number], WorkerLost(f"{died}{type(error).__name__}: {error!s:.200}"))
+                result = _result(future, given[number])
+                if isinstance(result, _Lacking):
+                    if found.look_for(result.args[0]):
+                        sent = workers.shared((conditions, found.ready))
+                    send(number)
+                    continue
                 unread.discard(number)
-                if not isinstance(result, _Open):
-                    yield number, result
+                if isinstance(result, _Open):
+                    claims[number] = result.args[0]
+                else:
+                    waiting[number] = result
             for number in sorted(claims):
                 if unread and min(unread) < number:
                     break
                 placements[number] = frames.place(claims.pop(number))
-                pending[workers.submit(_attempt, given[number], sent, placements[number])] = number
+                send(number)
+            while following in waiting:
+                yield waiting.pop(following)
+                following += 1
+
+
+def _result(future: Future[Any], recording: Recording | Path) -> Processed | FailedRecording | _Lacking | _Open:
+    """Give what a worker returned; where it was lost, the recording has failed."""
+    try:
+        return future.result()
+    except BevameterError as error:
+        return _failed(recording, error)
+    except CancelledError:
+        return _failed(recording, WorkerLost("the connection to the cluster was lost"))
+    except Exception as error:  # of the cluster: what the function raises comes as a result
+        died = "its worker on the cluster died, " * (type(error).__name__ == "KilledWorker")
+        return _failed(recording, WorkerLost(f"{died}{type(error).__name__}: {error!s:.200}"))
 
 
 def _attempt(
@@ -325,14 +345,3 @@ def _failed(recording: Recording | Path, error: BaseException) -> FailedRecordin
         place = f", {Path(frames[-1].filename).name} line {frames[-1].lineno}" if frames else ""
         text = f"{type(error).__name__}: {text:.300}{place}"
     return FailedRecording(source, text if text.startswith(source) else f"{source}: {text}")
-
-
-def _in_order(results: Results) -> Iterator[Processed | FailedRecording]:
-    """Give results in the order of their numbers, each as soon as those before it are there."""
-    waiting: dict[int, Processed | FailedRecording] = {}
-    following = 0
-    for number, result in results:
-        waiting[number] = result
-        while following in waiting:
-            yield waiting.pop(following)
-            following += 1

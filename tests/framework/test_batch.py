@@ -282,6 +282,24 @@ def test_a_model_that_must_be_trained_is_so_once_and_here(folder, small_models, 
     assert rows(tmp_path / "t.db") == rows(tmp_path / "o.db")
 
 
+def test_what_waits_behind_a_slow_recording_is_bounded(tmp_path, monkeypatch):
+    begun = []
+
+    def attempt(recording, sent, placement):
+        begun.append(recording.name)
+        if recording.name == "0":
+            time.sleep(0.5)
+        return batch.FailedRecording(str(recording), f"{len(begun)} were begun")
+
+    monkeypatch.setattr(batch, "LocalWorkers", Threads)
+    monkeypatch.setattr(batch, "MOST_AHEAD", 2)
+    monkeypatch.setattr(batch, "_attempt", attempt)
+    given = [tmp_path / str(number) for number in range(5)]
+    outcomes = run_traverses(given, tmp_path / "t.db", workers=4)
+    assert [outcome.source for outcome in outcomes] == list(map(str, given))
+    assert outcomes[0].problem == "2 were begun"
+
+
 def test_a_defect_costs_its_recording_alone_and_its_place_is_named(folder, tmp_path, monkeypatch):
     def fault(path, **options):
         if path.name == "wheels1":
