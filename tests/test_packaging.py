@@ -70,7 +70,10 @@ def test_the_wheel_holds_the_code_and_nothing_else(wheel_names):
     code = {Path("bevameter", *folder.parts, file.name).as_posix() for folder in code_folders(ROOT)
             for file in (ROOT / folder).glob("*.py")}  # fmt: skip
     packed = {name for name in wheel_names if ".dist-info/" not in name}
-    assert packed == code | {"bevameter/py.typed"}
+    templates = {f"bevameter/framework/core/vehicles/{file.name}"
+                 for file in (ROOT / "framework" / "core" / "vehicles").glob("*.toml")}  # fmt: skip
+    assert len(templates) > 4
+    assert packed == code | templates | {"bevameter/py.typed"}
     assert "bevameter/database/migrations/versions/r0001_observations.py" in packed
     assert not [name for name in wheel_names if "test" in name.lower()]
 

@@ -94,6 +94,13 @@ def write_text(text: str, path: Path) -> None:
         part.write_text(text, encoding="utf-8", newline="\n")
 
 
+def write_new(text: str, path: Path) -> None:
+    """Write a text file whole or not at all where there is none; raises `InputError` where one would be replaced."""
+    if os.path.lexists(path):
+        raise InputError(path, "is there already", expected="a file that does not exist yet")
+    write_text(text, path)
+
+
 def write_csv(rows: Iterable[dict[str, Any]], columns: Sequence[str], file: TextIO) -> None:
     """Write rows as CSV under a header, cells empty where a row has no value."""
     writer = csv.DictWriter(file, columns, restval="", lineterminator="\n")

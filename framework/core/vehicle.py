@@ -55,6 +55,14 @@ class Wheel(FileModel):
     load_N: Positive | None = None
     """Load that it carries on level ground [N], where it is not sensed."""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _radius(cls, data: object) -> object:
+        for name in ("diameter_m", "diameter") if isinstance(data, dict) else ():
+            if name in data:
+                raise ValueError(f"{name} = {data[name]!r:.20}, expected radius_m = diameter / 2")
+        return data
+
     @field_validator("grouser_height_m")
     @classmethod
     def _lower_than_the_wheel(cls, height_m: float, info: ValidationInfo) -> float:

@@ -28,6 +28,7 @@ from bevameter.framework.core.vehicle import Wheel, load_vehicle
             r"key wheel\.grouser_height_m: 15, expected metres, at most the wheel's radius, 0\.15",
         ),
         ("[wheel]\nradius_m = -1\nwidth_m = 0.1\ngrouser_height_m = 15.0\n", r"key wheel\.radius_m: -1, expected"),
+        ("[wheel]\ndiameter_m = 0.4\nwidth_m = 0.1\n", r"key wheel: diameter_m = 0\.4, .*radius_m = diameter / 2"),
         ("[wheel]\nradus_m = 0.2\nwidth_m = 0.1\n", r"key wheel\.radus_m: no such key"),
         ("[wheel]\nradius_m = 0.2\nwidth_m = 0.1\n[noise]\nload_N = true\n", r"key noise\.load_N: True"),
     ],
