@@ -12,16 +12,19 @@ import dataclasses
 import re
 import shutil
 import tempfile
-from collections.abc import Container, Iterator
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import BinaryIO
 from urllib.parse import quote
 
 import lz4.frame
 import mcap.records
 import zstandard
+from mcap.reader import SeekingReader
 from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.summary import Summary
 from rosbags.interfaces import Connection, MessageDefinitionFormat
 from rosbags.rosbag1 import Reader as Rosbag1
 from rosbags.rosbag1.reader import Compression, decompressors
@@ -35,6 +38,9 @@ MAX_CHUNK_BYTES = 512 * 2**20
 
 MAX_STORAGE_BYTES = 2**40
 """No storage file is unpacked beyond this [bytes]."""
+
+Span = tuple[int, int]
+"""A stretch of time by the recorder's clock: from when, and before when [ns]."""
 
 _ZSTD = b"\x28\xb5\x2f\xfd"
 _PIECE = 2**20
@@ -80,11 +86,11 @@ class BagFile:
     def __init__(self, path: Path):
         self.path = path
         self.problems: list[str] = []
-        self._files = self._storage_files()
+        self.files = self._storage_files()
 
     def _storage_files(self) -> list[Path]:
         if not self.path.is_dir():
-            _kind_of(self.path)
+            kind_of(self.path)
             return [self.path]
         kinds = (".db3", ".mcap", ".db3.zstd", ".mcap.zstd")
         files = [file for file in self.path.iterdir() if file.name.endswith(kinds)]
@@ -102,15 +108,18 @@ class BagFile:
                     self._say(f"{self.path.name}: {name} is missing, which metadata.yaml lists")
         return sorted(files, key=lambda file: [int(p) if p.isdigit() else p for p in re.split(r"(\d+)", file.name)])
 
-    def messages(self, wanted: Container[str] | None = None) -> Iterator[Message]:
-        """Yield the messages of the topics wanted (of all, where None), storage file by storage file."""
-        for file in self._files:
-            if file.suffix == ".zstd":
-                yield from self._of_packed(file, wanted)
-            else:
-                yield from self._of_file(file, wanted)
+    def messages(self, wanted: Container[str] | None = None, span: Span | None = None) -> Iterator[Message]:
+        """Yield the messages of the topics wanted and of the span (all where None), storage file by storage file."""
+        for file in self.files:
+            yield from self.messages_of(file, wanted, span)
 
-    def _of_packed(self, file: Path, wanted: Container[str] | None) -> Iterator[Message]:
+    def messages_of(
+        self, file: Path, wanted: Container[str] | None = None, span: Span | None = None
+    ) -> Iterator[Message]:
+        """Yield the messages of one of the storage files, up to where it is damaged if it is."""
+        return (self._of_packed if file.suffix == ".zstd" else self._of_file)(file, wanted, span)
+
+    def _of_packed(self, file: Path, wanted: Container[str] | None, span: Span | None) -> Iterator[Message]:
         with tempfile.TemporaryDirectory() as folder:
             plain = Path(folder) / file.stem
             try:
@@ -118,14 +127,13 @@ class BagFile:
             except (zstandard.ZstdError, ValueError) as error:
                 self._say(f"{file.name}: damaged ({error})")
             else:
-                yield from self._of_file(plain, wanted)
+                yield from self._of_file(plain, wanted, span)
 
-    def _of_file(self, file: Path, wanted: Container[str] | None) -> Iterator[Message]:
-        """Yield the messages of one file, up to where it is damaged if it is."""
-        read, repair = _KINDS[_kind_of(file)]
+    def _of_file(self, file: Path, wanted: Container[str] | None, span: Span | None) -> Iterator[Message]:
+        read, repair = _KINDS[kind_of(file)]
         count = 0
         try:
-            for message in read(file, wanted):
+            for message in read(file, wanted, span):
                 if abs(message.time_ns) >= _LAST_NS:
                     raise ValueError(f"a time of {message.time_ns} ns")
                 count += 1
@@ -149,7 +157,7 @@ class BagFile:
             self.problems.append(problem)
 
 
-def _kind_of(file: Path) -> bytes:
+def kind_of(file: Path) -> bytes:
     """Kind of a file by its first bytes, which are a key of `_KINDS`."""
     with reading(file, "a readable file"), file.open("rb") as raw:
         start = raw.read(16)
@@ -160,56 +168,80 @@ def _kind_of(file: Path) -> bytes:
     return kind
 
 
-def _read_ros1(file: Path, wanted: Container[str] | None) -> Iterator[Message]:
+def _read_ros1(file: Path, wanted: Container[str] | None, span: Span | None) -> Iterator[Message]:
     limited = {decompressors[kind.value]: partial(unpack, kind.value) for kind in Compression}
     with Rosbag1(file) as bag:
         bag.chunks = {
             place: chunk._replace(decompressor=limited[chunk.decompressor]) for place, chunk in bag.chunks.items()
         }
-        yield from _of_connections(bag, "ros1", wanted)
+        yield from _of_connections(bag, "ros1", wanted, span)
 
 
-def _read_sqlite(file: Path, wanted: Container[str] | None) -> Iterator[Message]:
+def open_sqlite(file: Path) -> Sqlite3Reader:
+    """Open a ``.db3`` file; whoever does closes it."""
     bag = Sqlite3Reader(Path(quote(str(file.resolve()))))  # it is made part of an URI
     bag.open()
+    return bag
+
+
+def _read_sqlite(file: Path, wanted: Container[str] | None, span: Span | None) -> Iterator[Message]:
+    bag = open_sqlite(file)
     try:
-        yield from _of_connections(bag, "", wanted)
+        yield from _of_connections(bag, "", wanted, span)
     finally:
         bag.close()
 
 
-def _of_connections(bag: Rosbag1 | Sqlite3Reader, encoding: str, wanted: Container[str] | None) -> Iterator[Message]:
-    topics: dict[int, Topic] = {}
-    chosen: list[Connection] = []
-    for each in bag.connections:
-        if wanted is None or each.topic in wanted:
-            chosen.append(each)
-            written = each.msgdef.data if each.msgdef.format == MessageDefinitionFormat.MSG else ""
-            known = encoding or each.ext.serialization_format  # pyright: ignore[reportAttributeAccessIssue]
-            topics[each.id] = Topic(each.topic, each.msgtype, known, written)
+def _of_connections(
+    bag: Rosbag1 | Sqlite3Reader, encoding: str, wanted: Container[str] | None, span: Span | None
+) -> Iterator[Message]:
+    chosen = [each for each in bag.connections if wanted is None or each.topic in wanted]
+    topics = {each.id: topic_of(each, encoding) for each in chosen}
     if chosen:
-        for each, time_ns, data in bag.messages(chosen):
+        for each, time_ns, data in bag.messages(chosen, *(span or ())):
             yield Message(topics[each.id], time_ns, _plain_message(data))
 
 
-def _read_mcap(file: Path, wanted: Container[str] | None) -> Iterator[Message]:
+def topic_of(connection: Connection, encoding: str) -> Topic:
+    """Give the topic of a connection; where `encoding` is empty the connection says how its messages are encoded."""
+    written = connection.msgdef.data if connection.msgdef.format == MessageDefinitionFormat.MSG else ""
+    known = encoding or connection.ext.serialization_format  # pyright: ignore[reportAttributeAccessIssue]
+    return Topic(connection.topic, connection.msgtype, known, written)
+
+
+def _read_mcap(file: Path, wanted: Container[str] | None, span: Span | None) -> Iterator[Message]:
     schemas: dict[int, mcap.records.Schema] = {}
     topics: dict[int, Topic] = {}
-    for record in _mcap_records(file):
+    chunks: list[mcap.records.ChunkIndex] | None = None
+    if span is not None and (summary := mcap_summary(file)) is not None:
+        topics = mcap_topics(summary)
+        ids = {each for each, topic in topics.items() if wanted is None or topic.name in wanted}
+        chunks = [
+            each
+            for each in summary.chunk_indexes
+            if each.message_start_time < span[1] and each.message_end_time >= span[0]
+            and not ids.isdisjoint(each.message_index_offsets)
+        ]  # fmt: skip
+    for record in _mcap_records(file, chunks):
         if isinstance(record, mcap.records.Schema):
             schemas[record.id] = record
-        elif isinstance(record, mcap.records.Channel):
+        elif isinstance(record, mcap.records.Channel) and record.id not in topics:
             topics[record.id] = _mcap_topic(record, schemas.get(record.schema_id))
         elif isinstance(record, mcap.records.Message):
             topic = topics[record.channel_id]
-            if wanted is None or topic.name in wanted:
+            if (wanted is None or topic.name in wanted) and (span is None or span[0] <= record.log_time < span[1]):
                 yield Message(topic, record.log_time, _plain_message(record.data))
 
 
-def _mcap_records(file: Path) -> Iterator[mcap.records.McapRecord]:
-    """Yield the records of the data section, those in chunks one by one."""
+def _mcap_records(
+    file: Path, chunks: Sequence[mcap.records.ChunkIndex] | None = None
+) -> Iterator[mcap.records.McapRecord]:
+    """Yield the records of the data section, those in chunks one by one; where `chunks` are given, theirs alone."""
     with file.open("rb") as raw:
-        for record in StreamReader(raw, emit_chunks=True, record_size_limit=MAX_CHUNK_BYTES).records:
+        records = mcap_records_at(raw, [each.chunk_start_offset for each in chunks]) if chunks is not None else (
+            StreamReader(raw, emit_chunks=True, record_size_limit=MAX_CHUNK_BYTES).records
+        )  # fmt: skip
+        for record in records:
             if isinstance(record, mcap.records.DataEnd | mcap.records.Footer):
                 return  # what follows repeats schemas and channels
             if isinstance(record, mcap.records.Chunk):
@@ -217,6 +249,33 @@ def _mcap_records(file: Path) -> Iterator[mcap.records.McapRecord]:
                 yield from breakup_chunk(plain, validate_crc=True)
             else:
                 yield record
+
+
+def mcap_records_at(raw: BinaryIO, offsets: Sequence[int]) -> Iterator[mcap.records.McapRecord]:
+    """Yield the records of an MCAP file that begin at offsets [bytes]."""
+    for offset in offsets:
+        raw.seek(offset)
+        yield next(StreamReader(raw, skip_magic=True, emit_chunks=True, record_size_limit=MAX_CHUNK_BYTES).records)
+
+
+def mcap_summary(file: Path) -> Summary | None:
+    """Give the summary at the end of an MCAP file, by which messages are found; None where it does not say all."""
+    try:
+        with file.open("rb") as raw:
+            summary = SeekingReader(raw, record_size_limit=MAX_CHUNK_BYTES).get_summary()
+    except Exception:  # whatever comes of damaged bytes: the file is then read from front to back
+        return None
+    if summary is None or summary.statistics is None or len(summary.channels) != summary.statistics.channel_count:
+        return None
+    listed = sum(len(each.message_index_offsets) for each in summary.chunk_indexes)
+    return summary if listed and len(summary.chunk_indexes) == summary.statistics.chunk_count else None
+
+
+def mcap_topics(summary: Summary) -> dict[int, Topic]:
+    """Give the topics of an MCAP file by their channels' identities."""
+    return {
+        each: _mcap_topic(channel, summary.schemas.get(channel.schema_id)) for each, channel in summary.channels.items()
+    }
 
 
 def _mcap_topic(channel: mcap.records.Channel, schema: mcap.records.Schema | None) -> Topic:

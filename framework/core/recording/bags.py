@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import struct
 from collections import Counter
-from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -18,7 +17,7 @@ from ..track.jumps import without_jumps
 from ..track.way import heading_of, pose_from_wheel
 from ..vehicle import Vehicle
 from .bag_camera import with_camera
-from .bag_files import BagFile, Message
+from .bag_files import BagFile
 from .bag_frames import Frames
 from .bag_images import no_picture
 from .bag_messages import DecodeError, decode, number, stamp_ns
@@ -28,10 +27,11 @@ from .bag_streams import BagCamera, BagSound, SoundLayout
 from .bag_wheel import WheelChannels, follows_the_wheels, merge
 from .clock import interpolate
 from .digest import StreamDigest
-from .recognition import Recognised, recognise
+from .opened_bag import OpenedBag, Samples, open_bag, take_samples
+from .recognition import Recognised
 from .sound_messages import READERS, SoundReader
 from .sound_source import SoundError, find_source
-from .topic_map import SoundTopic, load_topic_map
+from .topic_map import SoundTopic
 from .types import Pose, Recording, WheelTable
 from .video import BagVideo, codec_of
 from .wheel_file import derive_all
@@ -56,6 +56,8 @@ class _Gathered:
     pose_frame: str = ""
     undecoded: Counter[str] = field(default_factory=Counter)
     reasons: dict[str, str] = field(default_factory=dict)
+    speed: str = ""
+    """The topic from which the travel speed is taken, where no wheel topic gives it."""
 
     def fail(self, topic: str, reason: str) -> None:
         self.undecoded[topic] += 1
@@ -86,19 +88,15 @@ def read_bag(path: Path, *, vehicle: Vehicle | None = None, topics: Path | None 
         The file is no bag, nothing of it can be read, no topic is recognised, or the map does not fit it.
     """
     bag = BagFile(path)
-    first = bag.first_messages()
-    if not first:
-        said = "; ".join(problem.removeprefix(f"{path.name}: ") for problem in bag.problems)
-        raise InputError(path, said or "no message in it", expected="a bag with messages")
-    samples: dict[str, Any] = {}
-    for name, message in first.items():
-        with suppress(DecodeError):
-            samples[name] = decode(message)
-    names = {name: message.topic for name, message in first.items()}
-    given = None if topics is None else load_topic_map(topics)
-    known = recognise(given, names, samples, path, () if vehicle is None else vehicle.wheels)
+    return read_streams(open_bag(bag, take_samples(bag), vehicle, topics), vehicle)[0]
+
+
+def read_streams(opened: OpenedBag, vehicle: Vehicle | None) -> tuple[Recording, str]:
+    """Read the streams that were recognised; say, too, which topic gives the travel speed where no wheel's does."""
+    bag, samples, given, known = opened.bag, opened.samples, opened.given, opened.known
+    path = bag.path
     unheard: list[str] = []
-    heard = _sound_reader(bag, known.topics.sound, None if given is None else given.sound, first, samples, unheard)
+    heard = _sound_reader(bag, known.topics.sound, None if given is None else given.sound, samples, unheard)
     digest = StreamDigest()
     gathered = _gather(bag, known, heard, digest, path)
     problems, notes = [*bag.problems, *known.assumed, *unheard, *_undecoded(gathered)], [*known.chosen]
@@ -118,11 +116,13 @@ def read_bag(path: Path, *, vehicle: Vehicle | None = None, topics: Path | None 
     if wheel is not None and pose is None:
         pose, found = pose_from_wheel(wheel, vehicle)
         problems += found
-    camera = _camera(bag, known, samples, gathered, origin, problems)
+    camera = _camera(bag, known, samples.content, gathered, origin, problems)
     if camera is not None and known.topics.camera is not None:
-        vehicle, geometry = with_camera(vehicle, known.topics.camera.topic, names, samples, gathered.frames)
+        vehicle, geometry = with_camera(
+            vehicle, known.topics.camera.topic, samples.topics, samples.content, gathered.frames
+        )
         notes += geometry
-    return Recording(
+    recording = Recording(
         name=known.topics.name or path.resolve().name.split(".")[0],
         source=path,
         vehicle=vehicle,
@@ -138,17 +138,17 @@ def read_bag(path: Path, *, vehicle: Vehicle | None = None, topics: Path | None 
         frame=gathered.pose_frame,
         notes=tuple(notes),
     )
+    return recording, gathered.speed
 
 
 def _sound_reader(
-    bag: BagFile, sound: SoundTopic | None, given: SoundTopic | None, first: dict[str, Message],
-    samples: dict[str, Any], said: list[str],
+    bag: BagFile, sound: SoundTopic | None, given: SoundTopic | None, samples: Samples, said: list[str]
 ) -> SoundReader | None:  # fmt: skip
     """Give what reads the sound; none, which is said, where it is of a kind that is not read."""
     if sound is None:
         return None
     try:
-        source = find_source(sound, given, first, samples, bag)
+        source = find_source(sound, given, samples.first, samples.content, bag)
     except SoundError as error:
         said.append(f"{sound.topic}: sound is left out: {error}")
         return None
@@ -241,6 +241,7 @@ def _wheel(
         follows = "" if speed is None or wheel is None else follows_the_wheels(wheel, vehicle)
         if not follows:
             problems += found
+            gathered.speed = speed.source.topic if speed else ""
             break
         problems.append(
             f"{speed.source.topic if speed else ''}: not used as travel speed, for it is made from the wheels' own "
