@@ -23,6 +23,7 @@ _PUBLIC = {
     "Recording": "framework.core.recording.types",
     "WheelTable": "framework.core.recording.types",
     "read_recording": "framework.core.recording.readers",
+    "inspect_recording": "framework.inspection",
     "TerrainDatabase": "database.store",
     "run_traverse": "framework.traverse",
     "run_traverses": "framework.batch",
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     from .framework.core.vehicle import load_vehicle as load_vehicle
     from .framework.explain import explain as explain
     from .framework.identify import identify as identify
+    from .framework.inspection import inspect_recording as inspect_recording
     from .framework.traverse import run_traverse as run_traverse
     from .identification.effects.stored import AugmentedSimulator as AugmentedSimulator
     from .identification.estimate.online import OnlineIdentifier as OnlineIdentifier

@@ -19,7 +19,7 @@ from typer.core import TyperGroup
 
 from ... import __version__
 from ..core.errors import BevameterError
-from . import classify, db, draw_map, explain, identify, query, run, scenario, simulate, train, vehicle
+from . import classify, db, draw_map, explain, identify, inspect, query, run, scenario, simulate, train, vehicle
 from .printing import show_progress
 
 BAD_INPUT = 2
@@ -119,6 +119,7 @@ def _options(
 
 
 app.command("scenario", help="Write a synthetic traverse, a recording with its ground truth.")(scenario.command)
+app.command("inspect", help="What is in a recording, and what it lacks.")(inspect.command)
 app.command("vehicle", help="Vehicle files of common robots.")(vehicle.command)
 app.command("run", help="Process a recording into a terrain database.")(run.command)
 app.add_typer(query.app, name="query", help="Query the terrain database.")

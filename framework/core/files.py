@@ -138,6 +138,16 @@ def file_size(path: Path, expected: str) -> int:
     return status.st_size
 
 
+def toml_string(text: str) -> str:
+    """Write text as a string of TOML, which is fit for a comment, too: nothing in it ends the line."""
+    plain = text.encode("utf-8", "replace").decode()
+    escaped = "".join(
+        f"\\u{ord(each):04x}" if not each.isprintable() and ord(each) < 2**16 else each
+        for each in (plain.replace("\\", "\\\\").replace('"', '\\"'))
+    )
+    return f'"{escaped}"'
+
+
 _INTEGERS = "one of no more than 64 bits; write it with a decimal point"
 
 

@@ -109,6 +109,15 @@ def _mount(frame: str, frames: Frames) -> CameraMount:
     )  # fmt: skip
 
 
+def camera_info(topic: str, topics: Mapping[str, Topic], samples: Mapping[str, Any]) -> str | None:
+    """Give the CameraInfo topic of an images' topic: the one nearest to it by name, or the only one there is."""
+    found = [name for name, each in topics.items() if short_type(each) == "CameraInfo" and name in samples]
+    near = [name for name in found if PurePosixPath(name).parent in PurePosixPath(topic).parents]
+    if not (near or len(found) == 1):
+        return None
+    return max(near or found, key=lambda each: len(PurePosixPath(each).parts))
+
+
 def with_camera(
     vehicle: Vehicle | None,
     topic: str,
@@ -132,11 +141,9 @@ def with_camera(
     """
     if vehicle is not None and vehicle.camera is not None:
         return vehicle, ()
-    found = [name for name, each in topics.items() if short_type(each) == "CameraInfo" and name in samples]
-    near = [name for name in found if PurePosixPath(name).parent in PurePosixPath(topic).parents]
-    if topic not in samples or not (near or len(found) == 1):
+    name = camera_info(topic, topics, samples)
+    if topic not in samples or name is None:
         return vehicle, ()
-    name = max(near or found, key=lambda each: len(PurePosixPath(each).parts))
     info, mount = samples[name], None if vehicle is None else vehicle.camera_mount
     try:
         image = samples[topic]

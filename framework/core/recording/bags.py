@@ -7,7 +7,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -91,8 +91,17 @@ def read_bag(path: Path, *, vehicle: Vehicle | None = None, topics: Path | None 
     return read_streams(open_bag(bag, take_samples(bag), vehicle, topics), vehicle)[0]
 
 
-def read_streams(opened: OpenedBag, vehicle: Vehicle | None) -> tuple[Recording, str]:
-    """Read the streams that were recognised; say, too, which topic gives the travel speed where no wheel's does."""
+class Decided(NamedTuple):
+    """What only the messages say: the topic that gives the travel speed where no wheel's does, and topics whose load's
+    sign was turned.
+    """
+
+    speed: str
+    turned: frozenset[str]
+
+
+def read_streams(opened: OpenedBag, vehicle: Vehicle | None) -> tuple[Recording, Decided]:
+    """Read the streams that were recognised, and say what was decided by their messages. Raises as `read_bag` does."""
     bag, samples, given, known = opened.bag, opened.samples, opened.given, opened.known
     path = bag.path
     unheard: list[str] = []
@@ -104,11 +113,12 @@ def read_streams(opened: OpenedBag, vehicle: Vehicle | None) -> tuple[Recording,
     if not every:
         raise InputError(path, "no message of the streams can be read", expected="a bag with messages")
     origin = min(every)
-    problems += [
-        f"{channels.source.topic}: force z is negative, taken as a load with its sign turned"
+    turned = [
+        channels.source.topic
         for channels in gathered.wheel
         if channels.source.topic in known.guessed_wrenches and channels.turn_load_up()
     ]
+    problems += [f"{topic}: force z is negative, taken as a load with its sign turned" for topic in turned]
     wheel = _wheel(gathered, origin, known, vehicle, path, problems)
     pose, place = _pose(gathered, origin, known, path, problems, notes)
     if wheel is not None and vehicle is not None and (wheel.wheel is not None or len(vehicle.wheels) == 1):
@@ -138,7 +148,7 @@ def read_streams(opened: OpenedBag, vehicle: Vehicle | None) -> tuple[Recording,
         frame=gathered.pose_frame,
         notes=tuple(notes),
     )
-    return recording, gathered.speed
+    return recording, Decided(gathered.speed, frozenset(turned))
 
 
 def _sound_reader(

@@ -26,6 +26,7 @@ from ..arguments import path_of
 from ..errors import InputError, reading
 from ..plugins import load_plugins, once
 from ..vehicle import Vehicle, as_vehicle, load_vehicle
+from .contents import Contents, contents_of
 from .types import Recording
 
 
@@ -65,6 +66,19 @@ class Reader(ABC):
         InputError
             What is there is at fault: file, place, value and expectation are named.
         """
+
+    def inspect(self, path: Path, *, vehicle: Vehicle | None, topics: Path | None) -> Contents:
+        """Say what is in it, also where it cannot be read; the parameters are those of `read`.
+
+        By itself it says which streams are read.
+
+        Raises
+        ------
+        InputError
+            It is not of this format, or so damaged that nothing in it can be named.
+        """
+        recording = self.read(path, vehicle=vehicle, topics=topics)
+        return contents_of(lambda: recording)
 
 
 READERS: list[Reader] = []
@@ -113,6 +127,32 @@ def read_recording(
     InputError
         Nothing of a recording is there, or what is there is at fault: file, place, value and expectation are named.
     """
+    reader, path, driven, topic_map = _reader_of(path, vehicle, topics)
+    with reading(path, reader.kinds):
+        return reader.read(path, vehicle=driven, topics=topic_map)
+
+
+def read_contents(
+    path: str | Path, *, vehicle: Vehicle | str | Path | None = None, topics: str | Path | None = None
+) -> Contents:
+    """Say what is in a recording, also where it is not good enough to be read; the parameters are those of
+    `read_recording`.
+
+    Raises
+    ------
+    InputError
+        There is no such file, it is of no known format, or so damaged that nothing in it can be named; or the vehicle,
+        the topic map or the column map is at fault.
+    """
+    reader, path, driven, topic_map = _reader_of(path, vehicle, topics)
+    with reading(path, reader.kinds):
+        return reader.inspect(path, vehicle=driven, topics=topic_map)
+
+
+def _reader_of(
+    path: str | Path, vehicle: Vehicle | str | Path | None, topics: str | Path | None
+) -> tuple[Reader, Path, Vehicle | None, Path | None]:
+    """Find the reader of a recording; give path, vehicle and map as it takes them."""
     path = path_of("recording", path, "a Recording, or the path of one or of a wheel file")
     load_readers()
     kinds = ", ".join(reader.kinds for reader in READERS)
@@ -128,7 +168,7 @@ def read_recording(
             raise InputError(path, "a topic or column map is given, and this is neither bag nor table", expected=bags)
         if reader is None:
             raise InputError(path, f"a file of kind {path.suffix!r}", expected=kinds)
-        return reader.read(path, vehicle=driven, topics=topic_map)
+        return reader, path, driven, topic_map
 
 
 def vehicle_near(path: Path) -> Vehicle | None:

@@ -16,7 +16,7 @@ from ..files import whole
 from ..vehicle import Vehicle, Wheel
 from .column_map import ColumnMap, load_column_map
 from .column_names import stem_of
-from .sheet import open_sheet
+from .sheet import Sheet, open_sheet
 from .tables import Table
 from .to_si import rows_as_runs, to_si
 from .types import WHEEL_COLUMNS, WheelTable
@@ -82,8 +82,23 @@ class WheelFile(NamedTuple):
     notes: tuple[str, ...]
 
 
-def read_wheel(path: str | Path, columns: str | Path | ColumnMap | None = None) -> WheelFile:
-    """Read a wheel file as `read_wheel_file` does, and say what was made of it instead of warning."""
+class OpenedTable(NamedTuple):
+    """A wheel table whose header was read: its columns by channel, the column map, and what is wrong with them."""
+
+    sheet: Sheet
+    found: dict[str, Column]
+    mapped: ColumnMap
+    faults: list[InputError]
+
+
+def open_wheel(path: str | Path, columns: str | Path | ColumnMap | None = None) -> OpenedTable:
+    """Read the header of a wheel table, and say which column is which channel.
+
+    Raises
+    ------
+    InputError
+        The file is missing, empty or no table, or the column map is at fault.
+    """
     path = Path(path)
     map_source = None if columns is None or isinstance(columns, ColumnMap) else Path(columns)
     mapped = load_column_map(map_source) if map_source is not None else columns or ColumnMap()
@@ -92,6 +107,13 @@ def read_wheel(path: str | Path, columns: str | Path | ColumnMap | None = None) 
     sheet = open_sheet(path, lambda cell: cell in named or is_known(cell), own=OWN | named, sheet=mapped.sheet)
     faults: list[InputError] = []
     found = assign(sheet.names, sheet.units, mapped, path, map_source, faults)
+    return OpenedTable(sheet, found, mapped, faults)
+
+
+def read_wheel(path: str | Path, columns: str | Path | ColumnMap | None = None) -> WheelFile:
+    """Read a wheel file as `read_wheel_file` does, and say what was made of it instead of warning."""
+    path = Path(path)
+    sheet, found, mapped, faults = open_wheel(path, columns)
     by_name = {column.name: column for column in found.values()}
     for name in sheet.twice:
         if name in by_name or all(column.source == "own" for column in found.values()):

@@ -81,6 +81,17 @@ def _places(wheels: Sequence[Wheel]) -> list[tuple[str, str]]:
     return [(of_axle[float(np.round(x, 3))], str(side)) for (x, _), side in zip(place, sides, strict=True)]
 
 
+def same_part(joint: str, frame: str) -> bool:
+    """Say whether a frame is of the wheel of a joint, by their names without `wheel`, `joint`, `link` and the like."""
+    return bool(_stem(joint)) and _stem(joint) == _stem(frame) and drives(frame)
+
+
+def place_of(name: str) -> tuple[int, int]:
+    """Give where a name says that a wheel is: 1 in front, -1 in the rear; 1 left, -1 right; 0 where it does not say."""
+    key = _key(name)
+    return {"front": 1, "rear": -1}.get(key.axle, 0), {"left": 1, "right": -1}.get(key.side, 0)
+
+
 def drives(name: str) -> bool:
     """Say whether a joint's name is that of a wheel that is driven: one with `wheel` in it that does not steer."""
     return "wheel" in name.casefold() and not _key(name).steers

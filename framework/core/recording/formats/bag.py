@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ...vehicle import Vehicle
+from ..contents import Contents
 from ..readers import Reader, register, vehicle_near
 from ..types import Recording
 
@@ -27,3 +28,9 @@ class BagReader(Reader):
         from ..bags import read_bag
 
         return read_bag(path, vehicle=vehicle or vehicle_near(path), topics=topics)
+
+    def inspect(self, path: Path, *, vehicle: Vehicle | None, topics: Path | None) -> Contents:
+        """Say what is in it by its index, and what is read from each topic."""
+        from ..bag_contents import inspect_bag
+
+        return inspect_bag(path, vehicle=vehicle or vehicle_near(path), topics=topics)

@@ -8,6 +8,7 @@ mention is read if its file is there, one that it lists must be there. Keys of s
 from __future__ import annotations
 
 import difflib
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Literal
@@ -20,11 +21,13 @@ from ...models import FileModel, Finite, StatedOffset, StatedOrigin, checked
 from ...track.way import pose_from_wheel
 from ...vehicle import Vehicle, load_vehicle
 from ..camera import BitDepth, read_camera
+from ..contents import Contents, Source, contents_of, streams_of
 from ..digest import StreamDigest
 from ..poses_and_labels import read_labels, read_pose
 from ..readers import Reader, register
 from ..sheet import ENDINGS
 from ..sound import SoundFileStream
+from ..table_contents import inspect_table
 from ..types import Recording
 from ..vibration import read_vibration_run
 from ..wheel_file import derive_all, read_wheel
@@ -173,6 +176,32 @@ class FolderReader(Reader):
             about.name or path.resolve().name, path, vehicle, about.start_time, about.site, digest.hexdigest(),
             wheel, pose, labels, camera, sound, tuple(problems), vibration, made, about.origin, about.offset,
         )  # fmt: skip
+
+    def inspect(self, path: Path, *, vehicle: Vehicle | None, topics: Path | None) -> Contents:
+        """Say which streams are there, and what the columns of the wheel table are."""
+        about, _ = _about(path)
+        found = _locate(path, about)
+        if not found:
+            return super().inspect(path, vehicle=vehicle, topics=topics)
+        if vehicle is None and (path / "vehicle.toml").is_file():
+            vehicle = load_vehicle(path / "vehicle.toml")
+
+        def read() -> Recording:
+            return self.read(path, vehicle=vehicle, topics=topics)
+
+        columns: tuple[Source, ...] = ()
+        if "wheel" in found:
+            contents = inspect_table(found["wheel"], read, vehicle, topics)
+            columns = tuple(replace(each, name=f"{found['wheel'].name}: {each.name}") for each in contents.sources)
+        else:
+            contents = contents_of(read)
+        streams = {} if contents.recording is None else {each.name: each for each in streams_of(contents.recording)}
+        others = [
+            replace(streams.get(name, Source(name, name)), name=file.name)
+            for name, file in found.items()
+            if name != "wheel"
+        ]
+        return replace(contents, sources=(*columns, *others))
 
 
 def _about(folder: Path) -> tuple[About, list[str]]:

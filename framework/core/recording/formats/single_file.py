@@ -6,9 +6,11 @@ from pathlib import Path
 
 from ...track.way import pose_from_wheel
 from ...vehicle import Vehicle
+from ..contents import Contents
 from ..digest import StreamDigest
 from ..readers import Reader, register, vehicle_near
 from ..sheet import ENDINGS
+from ..table_contents import inspect_table
 from ..tables import column_names, is_table, read_table
 from ..types import Recording
 from ..vibration import read_vibration_run
@@ -48,6 +50,13 @@ class SingleFileReader(Reader):
             name, path, vehicle, None, "", digest.hexdigest(), wheel=table, pose=pose, problems=problems + found,
             notes=notes,
         )  # fmt: skip
+
+    def inspect(self, path: Path, *, vehicle: Vehicle | None, topics: Path | None) -> Contents:
+        """Say what its columns are; of a vibration file which stream it is."""
+        if topics is None and _is_vibration(path):
+            return super().inspect(path, vehicle=vehicle, topics=topics)
+        vehicle = vehicle or vehicle_near(path)
+        return inspect_table(path, lambda: self.read(path, vehicle=vehicle, topics=topics), vehicle, topics)
 
 
 def _is_vibration(path: Path) -> bool:

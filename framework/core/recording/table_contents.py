@@ -1,0 +1,94 @@
+"""What is in a wheel table: each column with the channel that is read from it, and the column map that says so."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from ..errors import InputError
+from ..files import toml_string
+from ..vehicle import Vehicle
+from .contents import Contents, Source, contents_of, ends_of
+from .types import WHEEL_COLUMNS, Recording, WheelTable
+from .vehicle_text import vehicle_text
+from .wheel_columns import ALSO_READ, TEXT_COLUMNS, Column
+from .wheel_file import OpenedTable, open_wheel
+
+_HEAD = """\
+# Which column of {name} is which channel, as `bevameter inspect` recognised it: edit what is wrong.
+# What is left out here is recognised by its name. Channels:
+#   {channels}
+# SI = scale times the value in SI, plus offset; a scale says the sign, too:
+#   torque_Nm = {{ column = "M1", unit = "Nm", scale = -1.0, offset = 0.2 }}
+{decimal}
+[columns]
+"""
+
+
+def inspect_table(path: Path, read: Callable[[], Recording], vehicle: Vehicle | None, columns: Path | None) -> Contents:
+    """Say what the columns of a wheel table are, and write the column map and the vehicle file that say it.
+
+    Parameters
+    ----------
+    path
+        The table.
+    read
+        Reads the recording that it belongs to.
+    vehicle, columns
+        The vehicle and the column map, where there are any.
+
+    Raises
+    ------
+    InputError
+        The file is no table, or the column map is at fault by itself.
+    """
+    opened = open_wheel(path, columns)
+    contents = contents_of(read)
+    table = None if contents.recording is None else contents.recording.wheel
+    by_name = {column.name: column for column in opened.found.values()}
+    faults = {error.place: error for error in opened.faults}
+    n, ends = (None, (None, None)) if table is None else (len(table), ends_of(table.observed("time_s")))
+    sources = tuple(
+        Source(name, "column", n, *ends, *_use(name, by_name.get(name), faults.get(f"column {name}"), table))
+        for name in opened.sheet.names
+    )
+    files = {} if columns is not None else {"columns.toml": _map_text(path, opened, by_name)}
+    if vehicle is None and not {"radius_m", "width_m"} <= set(opened.sheet.names):
+        files["vehicle.toml"] = vehicle_text(contents.recording)
+    return replace(contents, sources=sources, files=files, map_name="columns.toml", folder=path.parent)
+
+
+def _use(name: str, column: Column | None, fault: InputError | None, table: WheelTable | None) -> tuple[str, str]:
+    if fault is not None:
+        return "", f"{fault.problem}; expected {fault.expected}"
+    if column is None:
+        return (name, "") if name in ALSO_READ else ("", "not known by its name")
+    if table is not None and column.channel not in (*table.columns, *TEXT_COLUMNS):
+        return "", f"{column.channel}, but no value in any row"
+    if column.channel in TEXT_COLUMNS:
+        return column.channel, "names"
+    if column.source == "own":
+        return column.channel, "SI, by its name"
+    unit = f"in {column.unit}" if column.unit else "no unit: see notes"
+    sign = "" if column.factor == 1.0 and not column.offset else f", times {column.factor:.6g}"
+    return column.channel, unit + sign + (f" plus {column.offset:g}" if column.offset else "")
+
+
+def _map_text(path: Path, opened: OpenedTable, by_name: Mapping[str, Column]) -> str:
+    """Write the column map; the file's own columns and those of no channel are in comments."""
+    decimal = f'decimal = "{opened.mapped.decimal}"\n' if opened.mapped.decimal else ""
+    channels = ", ".join((*WHEEL_COLUMNS, *sorted(TEXT_COLUMNS)))
+    lines = [_HEAD.format(name=toml_string(path.name), channels=channels, decimal=decimal)]
+    for name in opened.sheet.names:
+        column, quoted = by_name.get(name), toml_string(name)
+        if column is None:
+            lines.append(
+                f'# ... = {{ column = {quoted}, unit = "..." }}    # not used\n' if name not in ALSO_READ else ""
+            )
+        elif column.source == "own":
+            lines.append(f"# {column.channel} = {quoted}    # by its name, SI\n")
+        else:
+            unit = "" if column.unit is None else f", unit = {toml_string(column.unit)}"
+            lines.append(f"{column.channel} = {{ column = {quoted}{unit} }}\n")
+    return "".join(lines)

@@ -1,0 +1,97 @@
+"""A topic map as text, to be edited: what was recognised in a bag, written down."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from ..files import toml_string
+from .bags import Decided
+from .opened_bag import OpenedBag
+from .recognition import short_type
+from .topic_map import Reading, WheelTopic
+
+_HEAD = """\
+# Which topic is which stream in {name}, as `bevameter inspect` recognised it: edit what is wrong.
+# What is left out here is recognised by name and type. Numbers are SI; where a topic's are not, say
+#   torque_Nm = {{ field = "effort[joint]", scale = 50.0, offset = 0.0 }}     # SI = scale times value, plus offset
+
+# name = "first run"
+# site = "sand pit"                # drives of one site, whose poses are in one frame, share a map
+"""
+
+_POSE = 'Odometry, PoseStamped ...; of another type with fields = { x_m = "...", y_m = "...", yaw_rad = "..." }'
+_REMARKS = {
+    "wheel_speed_rad_s": "rad/s, forward positive",
+    "wheel_angle_rad": "rad",
+    "torque_Nm": "N m at the wheel's axle, after the gear, positive where it drives",
+    "load_N": "N, positive down",
+    "drawbar_pull_N": "N, forward positive",
+    "sinkage_m": "m, of the wheel's lowest point",
+    "travel_speed_m_s": "m/s",
+    "current_A": "A, of the wheel's motor",
+}
+
+
+def topic_map_text(opened: OpenedBag, decided: Decided) -> str:
+    """Write the topic map that says what was recognised, with what is left to choose in comments.
+
+    Parameters
+    ----------
+    opened
+        The bag.
+    decided
+        What its messages say besides: the topic of the travel speed, and loads whose sign is turned.
+    """
+    known, topics = opened.known, opened.known.topics
+    used = {part.topic for part in (*topics.wheel, topics.pose, topics.attitude, topics.camera, topics.sound) if part}
+    others = [name for name in opened.samples.first if name not in used | known.about | {decided.speed}]
+    lines = [_HEAD.format(name=toml_string(opened.bag.path.resolve().name))]
+    lines += ["# Topics that are not to be used:", f"ignore = [{', '.join(map(toml_string, topics.ignore))}]", ""]
+    if others:
+        lines.append("# Not used, or only said to be what they are (camera_info, transforms):")
+        lines += [
+            f"#   {toml_string(name)} ({toml_string(short_type(opened.samples.topics[name]))})" for name in others
+        ]
+        lines.append("")
+    for source in topics.wheel:
+        lines += _wheel(source, source.topic in decided.turned)
+    if decided.speed:
+        lines += [
+            f"# The travel speed is taken from {toml_string(decided.speed)}. To fix that, or to take another:",
+            "# [[wheel]]",
+            f"# topic = {toml_string(decided.speed)}",
+            '# fields = { travel_speed_m_s = "twist.twist.linear.x" }    # m/s, forward',
+            "",
+        ]
+    lines += _stream("pose", topics.pose and topics.pose.topic, _POSE)
+    lines += _stream("attitude", topics.attitude and topics.attitude.topic, "pitch and roll, by a quaternion, z up")
+    lines += _stream("camera", topics.camera and topics.camera.topic, "images or video")
+    lines += _stream("sound", topics.sound and topics.sound.topic, "by its messages or an AudioInfo, where not stated:")
+    lines += [] if topics.sound is None else ["# sample_rate_Hz = 16000", '# format = "pcm16"', "# channels = 1"]
+    return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def _wheel(source: WheelTopic, turned: bool) -> Iterable[str]:
+    yield "[[wheel]]"
+    yield f"topic = {toml_string(source.topic)}"
+    if source.wheel is not None:
+        yield f"wheel = {toml_string(source.wheel)}"
+    yield "[wheel.fields]"
+    for column, reading in source.fields.items():
+        if turned and column == "load_N":
+            reading = reading.model_copy(update={"scale": -reading.scale})
+        remark = f"    # {_REMARKS[column]}" if column in _REMARKS else ""
+        yield f"{column} = {_reading(reading)}{remark}"
+    yield ""
+
+
+def _reading(reading: Reading) -> str:
+    if reading.scale == 1.0 and reading.offset == 0.0:
+        return toml_string(reading.field)
+    return f"{{ field = {toml_string(reading.field)}, scale = {reading.scale!r}, offset = {reading.offset!r} }}"
+
+
+def _stream(name: str, topic: str | None, remark: str) -> list[str]:
+    if topic is None:
+        return [f"# [{name}]", '# topic = "..."', ""]
+    return [f"[{name}]", f"topic = {toml_string(topic)}    # {remark}", ""]

@@ -1,0 +1,225 @@
+"""What a class map, an estimate of the soil and an explanation need of a recording, what of it is there, and what mends
+the rest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..identification.estimate.estimate import usable
+from ..identification.estimate.identify import measured_rows
+from ..identification.explain.samples import gather
+from ..identification.rows.gate import GRAVITY_M_S2, LIMITS
+from ..identification.rows.geometry import by_geometry
+from ..identification.rows.motor import with_torque
+from ..identification.rows.select import SelectedRows, select_wheel_rows
+from ..identification.rows.weight import with_loads, with_pull
+from ..identification.rows.words import sentence
+from .core.errors import InputError
+from .core.recording.types import Recording, WheelTable
+from .core.recording.vehicle_text import has_wheels
+from .core.track.way import RECORDED, track_of
+from .core.vehicle import Vehicle
+from .senses import senses
+
+_ANSWERS = ("torque_Nm", "drawbar_pull_N", "sinkage_m")
+_SAID_REASONS = 3
+
+
+@dataclass(frozen=True)
+class Missing:
+    """Something that a recording or its vehicle lacks, and what mends that: a command, a line of TOML, or a sensor."""
+
+    what: str
+    mend: str
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Whether a recording serves a purpose, why, what is missing, and what to mind."""
+
+    possible: bool
+    because: str
+    missing: tuple[Missing, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Mends:
+    """What mends what is missing, in words that fit the kind of recording.
+
+    Parameters
+    ----------
+    map_name
+        ``topics.toml`` of a bag, ``columns.toml`` of a table, or empty.
+    write
+        The command that writes a vehicle file to complete; empty where there is one.
+    """
+
+    map_name: str
+    write: str
+
+    def stream(self, name: str, otherwise: str) -> str:
+        """Say how a stream is named."""
+        return f'in topics.toml: [{name}] topic = "..."' if self.map_name == "topics.toml" else otherwise
+
+    def channel(self, name: str, sensor: str) -> str:
+        """Say how a channel of the wheel is named, or which sensor has it."""
+        if self.map_name == "topics.toml":
+            return f'in topics.toml: [[wheel]] topic = "..." fields = {{ {name} = "..." }}; else {sensor}'
+        return f'in columns.toml: [columns] {name} = {{ column = "...", unit = "..." }}; else {sensor}'
+
+    def vehicle(self, line: str) -> str:
+        """Say what is to be stated in the vehicle file."""
+        return f"{line} in vehicle.toml" + (f", which `{self.write}` writes" if self.write else "")
+
+
+def class_map(recording: Recording, mends: Mends) -> Answer:
+    """Say whether `run` can put classes of ground on a map."""
+    missing, able = [], [sense.instrument for sense in senses() if not sense.absence(recording)]
+    for sense in senses():
+        if sense.recorded(recording) and (reason := sense.absence(recording)):
+            geometry = "height_m and pitch_rad under [camera_mount], or all of [camera],"
+            missing.append(Missing(f"{sense.instrument}: {reason}", mends.vehicle(geometry)))
+    if not (able or missing):
+        folder = "record images in camera/ with camera.csv, or sound.wav"
+        missing.append(Missing("images of the ground ahead, or sound", mends.stream("camera", folder)))
+    if lost := _places_missing(recording, mends):
+        missing.append(lost)
+    if not able or lost:
+        return Answer(False, _lacking(missing), tuple(missing))
+    return Answer(
+        True, f"{_names(able)} and places are there", tuple(missing),
+        ("classes of real ground need models trained on it: bevameter train vision PHOTOS --out MODELS/vision.skops, "
+         "then bevameter run with --models MODELS",),
+    )  # fmt: skip
+
+
+def _places_missing(recording: Recording, mends: Mends) -> Missing | None:
+    try:
+        track = track_of(recording)
+    except InputError as error:
+        return Missing(f"places of the vehicle that do not jump: {error}", "another topic or file of poses")
+    if track is not None and track.origin == RECORDED:
+        return None
+    return Missing("places of the vehicle", mends.stream("pose", "pose.csv, or columns x_m and y_m of the wheel"))
+
+
+def soil(recording: Recording, mends: Mends) -> Answer:
+    """Say whether `identify` can estimate cohesion and friction angle."""
+    missing = tuple(_missing_of_wheels(recording, mends))
+    if missing:
+        return Answer(False, _lacking(missing), missing)
+    try:
+        parts = [select_wheel_rows(part) for part in by_geometry(recording)]
+        rows = max(parts, key=lambda each: each.used)
+        slow = _slow(rows)
+        if not rows.used:
+            return Answer(False, f"no row can be used: {_reasons(rows)}", (Missing("slow, steady driving", slow),))
+        usable(measured_rows(rows, np.flatnonzero(rows.reasons == "")))
+    except InputError as error:
+        return Answer(False, str(error), (Missing(error.problem, error.expected or "what the line says"),))
+    better = _missing_torque(recording.wheel, recording.vehicle)
+    left_out = f"; not used: {_reasons(rows)}" if rows.used < len(rows.reasons) else ""
+    there = [name for name in ("load_N", *_ANSWERS, "slip") if rows.table.observed(name).size]
+    text = f"{rows.used} of {len(rows.reasons)} wheel rows can be used, with {_names(there)}{left_out}"
+    return Answer(True, text, better, tuple(map(sentence, rows.findings)))
+
+
+def explain(recording: Recording, mends: Mends, soil: Answer) -> Answer:
+    """Say whether `explain` has rows to compare with the simulation; `soil` is the answer about these rows."""
+    missing = tuple(_missing_of_wheels(recording, mends))
+    if missing:
+        return Answer(False, soil.because, missing)
+    try:
+        rows = select_wheel_rows(recording)
+        samples = gather(rows.table, rows.wheel, rows.vehicle)
+    except InputError as error:
+        return Answer(False, str(error), (Missing(error.problem, error.expected or "what the line says"),))
+    there = [name for name in _ANSWERS if rows.table.observed(name).size]
+    return Answer(True, f"{_names(there)} of {len(samples)} rows are compared with the simulation")
+
+
+def _missing_of_wheels(recording: Recording, mends: Mends) -> Iterator[Missing]:
+    """Name all at once that a wheel's rows lack to be compared with a soil, so far as channels say it."""
+    table, vehicle = recording.wheel, recording.vehicle
+    if table is None or not has_wheels(table):
+        topic = 'in topics.toml: [[wheel]] topic = "..." wheel = "..." fields = { wheel_speed_rad_s = "..." }'
+        yield Missing("wheel channels", topic if mends.map_name == "topics.toml" else "wheel.csv")
+        return
+    described = vehicle is not None and bool(vehicle.wheels)
+    if not described and not {"radius_m", "width_m"} <= set(table.columns):
+        yield Missing("the wheel's geometry", mends.vehicle("radius_m and width_m under [wheel] or [[wheels]]"))
+    if described and vehicle is not None and table.wheel is None and len(vehicle.wheels) > 1:
+        names = ", ".join(wheel.name for wheel in vehicle.wheels)
+        yield Missing("the name of each row's wheel", mends.channel("wheel", f"one of {names} in a column wheel"))
+        return
+    made = _with_computed(table, vehicle) if vehicle is not None and described else table
+    if not made.observed("load_N").size:
+        line = "mass_kg and centre_of_mass_m, with position_m of the wheels,"
+        if table.wheel is None or (vehicle is not None and len(vehicle.wheels) == 1):
+            line = "load_N of the wheel"
+        yield Missing("load", mends.vehicle(line))
+    if not made.observed("slip").size:
+        yield from _missing_for_slip(made, mends, described)
+    if not any(made.observed(name).size for name in _ANSWERS):
+        sensor = "record the joints' effort, the motors' current, a pull or a sinkage"
+        other = Missing("torque, drawbar pull or sinkage", mends.channel("torque_Nm", sensor))
+        yield from _missing_torque(table, vehicle) or (other,)
+
+
+def _missing_torque(table: WheelTable | None, vehicle: Vehicle | None) -> tuple[Missing, ...]:
+    """Say how the motors' current makes a torque, where it is there, and no torque."""
+    if table is None or table.observed("torque_Nm").size or not table.observed("current_A").size:
+        return ()
+    if vehicle is not None and vehicle.motor is not None:
+        return ()
+    return (
+        Missing("torque, though the motors' current is there", "[motor] torque_constant_Nm_A = ... in vehicle.toml"),
+    )
+
+
+def _missing_for_slip(table: WheelTable, mends: Mends, described: bool) -> Iterator[Missing]:
+    if not table.observed("wheel_speed_rad_s").size:
+        yield Missing("the wheels' speed", mends.channel("wheel_speed_rad_s", "record the joints' velocity"))
+    if not table.observed("travel_speed_m_s").size:
+        sensor = "record visual or lidar odometry, or a receiver's speed: one made from the wheels gives no slip"
+        yield Missing("a travel speed of its own, for slip", mends.channel("travel_speed_m_s", sensor))
+    elif table.observed("wheel_speed_rad_s").size and described:
+        yield Missing("slip", "speeds at which the wheels turn and the vehicle moves: it stands still throughout")
+
+
+def _with_computed(table: WheelTable, vehicle: Vehicle) -> WheelTable:
+    """Add torque, load and pull as far as they are computed where they are not sensed."""
+    try:
+        table, _ = with_torque(table, vehicle)
+        table, vehicle, weighed = with_loads(table, vehicle)
+        return table if weighed is None else with_pull(table, vehicle)[0]
+    except InputError:
+        return table  # rows of a wheel that the vehicle does not have: what selects the rows says it
+
+
+def _slow(rows: SelectedRows) -> str:
+    fastest = LIMITS.froude * math.sqrt(GRAVITY_M_S2 * rows.wheel.radius_m)
+    return f"drive 5 s or more at a time below {fastest:.2f} m/s, steadily and straight ahead, on ground that yields"
+
+
+def _reasons(rows: SelectedRows) -> str:
+    """Say why most rows are not used."""
+    counts = Counter(str(reason) for reason in rows.reasons if reason)
+    said = [f"{count} {reason}" for reason, count in counts.most_common(_SAID_REASONS)]
+    return ", ".join(said) + (" and others" if len(counts) > _SAID_REASONS else "")
+
+
+def _lacking(missing: Iterable[Missing]) -> str:
+    return f"it lacks {_names(each.what for each in missing)}"
+
+
+def _names(parts: Iterable[str]) -> str:
+    *most, last = parts
+    return f"{', '.join(most)} and {last}" if most else last
