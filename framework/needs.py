@@ -72,7 +72,8 @@ class Mends:
         """Say how a channel of the wheel is named, or which sensor has it."""
         if self.map_name == "topics.toml":
             return f'in topics.toml: [[wheel]] topic = "..." fields = {{ {name} = "..." }}; else {sensor}'
-        return f'in columns.toml: [columns] {name} = {{ column = "...", unit = "..." }}; else {sensor}'
+        wheels = ", or [wheels.NAME] where each wheel has columns of its own"
+        return f'in columns.toml: [columns] {name} = {{ column = "...", unit = "..." }}{wheels}; else {sensor}'
 
     def vehicle(self, line: str) -> str:
         """Say what is to be stated in the vehicle file."""
@@ -124,6 +125,12 @@ def soil(recording: Recording, mends: Mends) -> Answer:
         usable(measured_rows(rows, np.flatnonzero(rows.reasons == "")))
     except InputError as error:
         return Answer(False, str(error), (Missing(error.problem, error.expected or "what the line says"),))
+    if any(each.code == "load_without_slope" for each in rows.findings):
+        slope = mends.stream("attitude", "a column pitch_rad")
+        return Answer(
+            False, "it lacks the slope: the load is computed, and c and phi are not determined without it",
+            (Missing("the slope", f"{slope}, of an inertial sensor with an orientation"),),
+        )  # fmt: skip
     better = _missing_torque(recording.wheel, recording.vehicle)
     left_out = f"; not used: {_reasons(rows)}" if rows.used < len(rows.reasons) else ""
     there = [name for name in ("load_N", *_ANSWERS, "slip") if rows.table.observed(name).size]
@@ -149,8 +156,7 @@ def _missing_of_wheels(recording: Recording, mends: Mends) -> Iterator[Missing]:
     """Name all at once that a wheel's rows lack to be compared with a soil, so far as channels say it."""
     table, vehicle = recording.wheel, recording.vehicle
     if table is None or not has_wheels(table):
-        topic = 'in topics.toml: [[wheel]] topic = "..." wheel = "..." fields = { wheel_speed_rad_s = "..." }'
-        yield Missing("wheel channels", topic if mends.map_name == "topics.toml" else "wheel.csv")
+        yield Missing("wheel channels", mends.channel("wheel_speed_rad_s", "record the wheels' speed, torque, load"))
         return
     described = vehicle is not None and bool(vehicle.wheels)
     if not described and not {"radius_m", "width_m"} <= set(table.columns):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +34,14 @@ class WheelChannels:
         self.source = source
         self._time_ns = array("q")
         self._values = {column: array("d") for column in source.fields}
+
+    @classmethod
+    def of(cls, source: WheelTopic, time_ns: np.ndarray, values: Mapping[str, np.ndarray]) -> WheelChannels:
+        """Make them of times (n,) [ns] and values (n,) by column."""
+        made = cls(source)
+        made._time_ns = array("q", time_ns.tolist())
+        made._values = {column: array("d", each.tolist()) for column, each in values.items()}
+        return made
 
     def add(self, time_ns: int, content: Any) -> None:
         """Add a message; raises `DecodeError`, and adds nothing, where one of the fields is not there."""

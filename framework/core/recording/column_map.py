@@ -34,19 +34,35 @@ def _channel(name: str) -> str:
 AnyColumn = Annotated[MappedColumn, BeforeValidator(lambda v: {"column": v} if isinstance(v, str) else v)]
 
 
-class ColumnMap(FileModel):
-    """Which column is which channel; the decimal mark, and the sheet of a workbook, where they are in doubt."""
+_Columns = dict[Annotated[str, AfterValidator(_channel)], AnyColumn]
 
-    columns: dict[Annotated[str, AfterValidator(_channel)], AnyColumn] = Field(default_factory=dict)
+
+class ColumnMap(FileModel):
+    """Which column is which channel; the decimal mark, and the sheet of a workbook, where they are in doubt.
+
+    `wheels` is for tables with columns for each wheel: which of them are of the wheel of that name.
+    """
+
+    columns: _Columns = Field(default_factory=dict)
+    wheels: dict[str, _Columns] = Field(default_factory=dict)
     decimal: Literal[".", ","] | None = None
     sheet: str | None = None
+
+    @property
+    def named(self) -> frozenset[str]:
+        """Names of all columns in it."""
+        return frozenset(entry.column for part in (self.columns, *self.wheels.values()) for entry in part.values())
+
+    def of_wheel(self, name: str) -> ColumnMap:
+        """Give the map of one wheel's columns and those that all share."""
+        return self.model_copy(update={"columns": {**self.columns, **self.wheels[name]}, "wheels": {}})
 
 
 def load_column_map(path: Path) -> ColumnMap:
     """Read a column map; raises `InputError` on an unknown key, a wrong value or a column that is none of a wheel's."""
     data = load_toml(path)
     topics = [name for name in ("wheel", "pose", "camera", "sound") if name in data]
-    if topics and "columns" not in data:
+    if topics and not data.keys() & {"columns", "wheels"}:
         raise InputError(
             path, f"a topic map, which a bag needs: it has [{topics[0]}]", expected="[columns], for a table"
         )

@@ -34,7 +34,7 @@ from .topic_map import (
     WheelTopic,
 )
 from .types import WHEEL_COLUMNS
-from .wheel_names import drives, wheel_called
+from .wheel_names import JOINT_PARTS, drives, unknown_joints, wheel_called, wheel_of
 
 _NUMBERS = {"Float64", "Float32", "Float64Stamped", "Float32Stamped", "Int32", "Int64", "UInt8", "UInt16", "UInt32"}
 _POSES = {
@@ -373,8 +373,7 @@ def _joints(topic: Topic, bag: _Bag, wheel: str | None) -> list[WheelTopic]:
     """
     sample = bag.samples.get(topic.name)
     names = [str(name) for name in getattr(sample, "name", ())]
-    parts = {"wheel_speed_rad_s": "velocity", "wheel_angle_rad": "position", "torque_Nm": "effort"}
-    parts = {column: part for column, part in parts.items() if len(getattr(sample, part, ())) == len(names)}
+    parts = {column: part for column, part in JOINT_PARTS.items() if len(getattr(sample, part, ())) == len(names)}
     if not names or not parts:
         return []
     if len(names) == 1:
@@ -383,26 +382,12 @@ def _joints(topic: Topic, bag: _Bag, wheel: str | None) -> list[WheelTopic]:
         matched = {name: wheel_called(name, bag.wheels) for name in names}
         called = {n: w for n, w in matched.items() if w and list(matched.values()).count(w) == 1}
     else:
-        called = {name: re.sub(r"_?(wheel)?_?joint$|_wheel$", "", name) or name for name in names if drives(name)}
+        called = {name: wheel_of(name) for name in names if drives(name)}
         called = {name: wheel for name in called} if len(called) == 1 else called
     if not called:
-        bag.assumed.append(_unknown_joints(topic, names, list(parts.items()), bag.wheels))
+        bag.assumed.append(unknown_joints(topic.name, names, list(parts.items()), bag.wheels))
     answer = []
     for name, of in called.items():
         fields = {column: Reading(field=f"{part}[{name}]") for column, part in parts.items()}
         answer.append(WheelTopic(topic=topic.name, wheel=of, fields=fields))
     return answer
-
-
-def _unknown_joints(topic: Topic, names: list[str], parts: list[tuple[str, str]], wheels: Sequence[Wheel]) -> str:
-    """Say that no joint is known as a wheel, and what to write in a topic map."""
-    of = wheels[0].name if len(wheels) > 1 else "NAME"
-    fields = ", ".join(f'{column} = "{part}[{names[0]}]"' for column, part in parts)
-    listed = ", ".join(names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else "")
-    lacks = "has `wheel` in its name"
-    if len(wheels) > 1:
-        lacks = f"is named after one wheel of the vehicle ({', '.join(wheel.name for wheel in wheels)})"
-    return (
-        f"{topic.name}: of the joints {listed} none {lacks}; name them in a topic map, for each wheel "
-        f'[[wheel]] topic = "{topic.name}" wheel = "{of}" fields = {{ {fields} }}'
-    )

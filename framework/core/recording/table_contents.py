@@ -14,6 +14,10 @@ from .types import WHEEL_COLUMNS, Recording, WheelTable
 from .vehicle_text import vehicle_text
 from .wheel_columns import ALSO_READ, TEXT_COLUMNS, Column
 from .wheel_file import OpenedTable, open_wheel
+from .wide_table import joints_in
+
+UNITS = {"wheel_speed_rad_s": "rad/s", "wheel_angle_rad": "rad", "torque_Nm": "N m at the wheel's axle, after the gear"}
+"""What columns of joints are taken for."""
 
 _HEAD = """\
 # Which column of {name} is which channel, as `bevameter inspect` recognised it: edit what is wrong.
@@ -47,16 +51,32 @@ def inspect_table(path: Path, read: Callable[[], Recording], vehicle: Vehicle | 
     contents = contents_of(read)
     table = None if contents.recording is None else contents.recording.wheel
     by_name = {column.name: column for column in opened.found.values()}
+    wide = {} if columns is not None else joints_in([name for name in opened.sheet.names if name not in by_name])
+    by_wheel = {name: (wheel, channel) for wheel, own in wide.items() for channel, name in own.items()}
+    by_wheel |= {
+        each.column: (wheel, channel) for wheel, own in opened.mapped.wheels.items() for channel, each in own.items()
+    }
     faults = {error.place: error for error in opened.faults}
     n, ends = (None, (None, None)) if table is None else (len(table), ends_of(table.observed("time_s")))
     sources = tuple(
-        Source(name, "column", n, *ends, *_use(name, by_name.get(name), faults.get(f"column {name}"), table))
+        Source(name, "column", n, *ends, *(
+            _of_wheel(*by_wheel[name], mapped=not wide) if name in by_wheel
+            else _use(name, by_name.get(name), faults.get(f"column {name}"), table)
+        ))
         for name in opened.sheet.names
-    )
-    files = {} if columns is not None else {"columns.toml": _map_text(path, opened, by_name)}
+    )  # fmt: skip
+    files = {} if columns is not None else {"columns.toml": _map_text(path, opened, by_name, wide)}
     if vehicle is None and not {"radius_m", "width_m"} <= set(opened.sheet.names):
-        files["vehicle.toml"] = vehicle_text(contents.recording)
+        files["vehicle.toml"] = vehicle_text(
+            contents.recording, joints={wheel: wheel for wheel, _ in by_wheel.values()}
+        )
     return replace(contents, sources=sources, files=files, map_name="columns.toml", folder=path.parent)
+
+
+def _of_wheel(wheel: str, channel: str, *, mapped: bool) -> tuple[str, str]:
+    if mapped:
+        return f"{channel} of {wheel}", "as the column map says"
+    return "", f"{channel} of {wheel} by its name: a column map with [wheels.{wheel}] reads it"
 
 
 def _use(name: str, column: Column | None, fault: InputError | None, table: WheelTable | None) -> tuple[str, str]:
@@ -75,12 +95,17 @@ def _use(name: str, column: Column | None, fault: InputError | None, table: Whee
     return column.channel, unit + sign + (f" plus {column.offset:g}" if column.offset else "")
 
 
-def _map_text(path: Path, opened: OpenedTable, by_name: Mapping[str, Column]) -> str:
+def _map_text(
+    path: Path, opened: OpenedTable, by_name: Mapping[str, Column], wide: Mapping[str, Mapping[str, str]]
+) -> str:
     """Write the column map; the file's own columns and those of no channel are in comments."""
     decimal = f'decimal = "{opened.mapped.decimal}"\n' if opened.mapped.decimal else ""
     channels = ", ".join((*WHEEL_COLUMNS, *sorted(TEXT_COLUMNS)))
     lines = [_HEAD.format(name=toml_string(path.name), channels=channels, decimal=decimal)]
+    of_wheels = {name for own in wide.values() for name in own.values()}
     for name in opened.sheet.names:
+        if name in of_wheels:
+            continue
         column, quoted = by_name.get(name), toml_string(name)
         if column is None:
             lines.append(
@@ -91,4 +116,7 @@ def _map_text(path: Path, opened: OpenedTable, by_name: Mapping[str, Column]) ->
         else:
             unit = "" if column.unit is None else f", unit = {toml_string(column.unit)}"
             lines.append(f"{column.channel} = {{ column = {quoted}{unit} }}\n")
+    for wheel, own in wide.items():
+        lines.append(f"\n[wheels.{toml_string(wheel)}]\n")
+        lines += [f"{channel} = {toml_string(name)}    # {UNITS[channel]}\n" for channel, name in own.items()]
     return "".join(lines)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,6 +21,7 @@ from .tables import Table
 from .to_si import rows_as_runs, to_si
 from .types import WHEEL_COLUMNS, WheelTable
 from .wheel_columns import ALSO_READ, OWN, TEXT_COLUMNS, Column, assign, hints, is_known
+from .wheel_names import of_a_joint
 
 SLIP_TOLERANCE = 0.02
 """How far beyond [-1, 1] a recorded slip may lie, by the noise of the two speeds it was made of [-]."""
@@ -37,6 +38,8 @@ _MOST_NAMED = 6
 
 _MOST_LISTED = 30
 """Columns that an error names."""
+
+_OF_JOINTS = "columns of wheels' joints need a column map, which `bevameter inspect {} --write` writes"
 
 _NUMBER = re.compile(r"[-+]?\.?\d").match
 
@@ -83,11 +86,14 @@ class WheelFile(NamedTuple):
 
 
 class OpenedTable(NamedTuple):
-    """A wheel table whose header was read: its columns by channel, the column map, and what is wrong with them."""
+    """A wheel table whose header was read: its columns by channel, the column map, columns that the map has for other
+    wheels, and what is wrong.
+    """
 
     sheet: Sheet
     found: dict[str, Column]
     mapped: ColumnMap
+    elsewhere: frozenset[str]
     faults: list[InputError]
 
 
@@ -103,17 +109,36 @@ def open_wheel(path: str | Path, columns: str | Path | ColumnMap | None = None) 
     map_source = None if columns is None or isinstance(columns, ColumnMap) else Path(columns)
     mapped = load_column_map(map_source) if map_source is not None else columns or ColumnMap()
     assert isinstance(mapped, ColumnMap)
-    named = {entry.column for entry in mapped.columns.values()}
+    return _open(path, mapped, map_source, mapped.named)
+
+
+def _open(path: Path, mapped: ColumnMap, map_source: Path | None, named: frozenset[str]) -> OpenedTable:
     sheet = open_sheet(path, lambda cell: cell in named or is_known(cell), own=OWN | named, sheet=mapped.sheet)
     faults: list[InputError] = []
-    found = assign(sheet.names, sheet.units, mapped, path, map_source, faults)
-    return OpenedTable(sheet, found, mapped, faults)
+    elsewhere = named - {entry.column for entry in mapped.columns.values()}
+    ours = {name: unit for name, unit in zip(sheet.names, sheet.units, strict=True) if name not in elsewhere}
+    found = assign([*ours], [*ours.values()], mapped, path, map_source, faults)
+    return OpenedTable(sheet, found, mapped, elsewhere, faults)
 
 
 def read_wheel(path: str | Path, columns: str | Path | ColumnMap | None = None) -> WheelFile:
     """Read a wheel file as `read_wheel_file` does, and say what was made of it instead of warning."""
-    path = Path(path)
-    sheet, found, mapped, faults = open_wheel(path, columns)
+    path, opened = Path(path), open_wheel(path, columns)
+    if not opened.mapped.wheels:
+        return _read(path, opened)
+    from .wide_table import merged  # which reads wheel files
+
+    source = None if columns is None or isinstance(columns, ColumnMap) else Path(columns)
+    named = opened.mapped.named
+    return merged(
+        {name: _read(path, _open(path, opened.mapped.of_wheel(name), source, named)) for name in opened.mapped.wheels},
+        opened.mapped, path,
+    )  # fmt: skip
+
+
+def _read(path: Path, opened: OpenedTable) -> WheelFile:
+    """Read a table of which the header was read."""
+    sheet, found, mapped, elsewhere, faults = opened
     by_name = {column.name: column for column in found.values()}
     for name in sheet.twice:
         if name in by_name or all(column.source == "own" for column in found.values()):
@@ -125,7 +150,7 @@ def read_wheel(path: str | Path, columns: str | Path | ColumnMap | None = None) 
         numbers=frozenset(by_name) - text, text=text, clocks=clock, decimal=mapped.decimal, faults=faults
     )
     channels, converted = to_si(table, found, percent, dated, faults)
-    others = {name: values for name, values in table.numbers.items() if name not in by_name}
+    others = {name: values for name, values in table.numbers.items() if name not in by_name and name not in elsewhere}
     wheel, run = (_names(table, found.get(name), faults) for name in ("wheel", "run"))
     if "time_s" not in found and "run" not in found:
         run, said = rows_as_runs(table, found, sheet.names)
@@ -149,7 +174,7 @@ def read_wheel(path: str | Path, columns: str | Path | ColumnMap | None = None) 
         faults.append(InputError(path, "no wheel channel has a value", expected="columns such as load_N and slip"))
     raise_all(path, faults)
     layout = [f"{path.name}: {', '.join(sheet.notes)}"] if sheet.notes else []
-    problems += _not_used(table, columns_read, by_name)
+    problems += _not_used(table, columns_read, {*by_name, *elsewhere})
     ordered = {name: columns_read[name] for name in _in_order(sheet.names, by_name) if name in columns_read}
     return WheelFile(WheelTable(ordered, wheel, run, path), tuple(problems), (*layout, *converted))
 
@@ -230,7 +255,8 @@ def derive_all(table: WheelTable, vehicle: Vehicle) -> WheelTable:
     radius = {wheel.name: wheel.radius_m for wheel in vehicle.wheels}
     known = "one of the vehicle's wheels, " + ", ".join(radius)
     if table.wheel is None:
-        raise InputError(table.source, "no column wheel", expected=known)
+        joints = f"; {_OF_JOINTS.format(table.source)}" if any(map(of_a_joint, table.columns)) else ""
+        raise InputError(table.source, "no column wheel", expected=known + joints)
     names, rows, inverse = np.unique(table.wheel.astype(str), return_index=True, return_inverse=True)
     for name, row in zip(names, rows, strict=True):
         if name not in radius:
@@ -262,12 +288,12 @@ def slip_from_speeds(rim_m_s: np.ndarray, travel_m_s: np.ndarray) -> np.ndarray:
     return np.where(defined, np.clip(slip, -1.0, 1.0), np.nan)
 
 
-def _not_used(table: Table, columns: Mapping[str, np.ndarray], by_name: Mapping[str, Column]) -> list[str]:
+def _not_used(table: Table, columns: Mapping[str, np.ndarray], used: Collection[str]) -> list[str]:
     """Say which columns of numbers nothing reads, and of what answers there is none: they may be meant for these."""
     scatter = {f"{stem}_sd_{unit}" if unit else f"{stem}_sd" for stem, unit in map(stem_of, WHEEL_COLUMNS)}
     known = {*OWN, *ALSO_READ, *scatter}
     # "3.2 N" makes a column of text; what was written about a row is no channel.
-    text = [name for name, cells in table.text.items() if name not in {*known, *by_name} and _mostly_numbers(cells)]
+    text = [name for name, cells in table.text.items() if name not in {*known, *used} and _mostly_numbers(cells)]
     others = [name for name in columns if name not in known] + text
     if not others:
         return []
@@ -275,6 +301,7 @@ def _not_used(table: Table, columns: Mapping[str, np.ndarray], by_name: Mapping[
     missing = [name for name in _ANSWERS if name not in columns]
     none = f"; there is no {', '.join(missing)}" if missing else ""
     said = [f"{table.source.name}: columns not used: {', '.join(others[:_MOST_NAMED])}{more}{none}"]
+    said += [f"{table.source.name}: {_OF_JOINTS.format(table.source)}"] if any(map(of_a_joint, others)) else []
     return said + [f"{table.source.name}, column {name}: not used; {text}" for name, text in hints(others).items()]
 
 

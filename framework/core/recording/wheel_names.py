@@ -26,6 +26,9 @@ _SHORT = {
 _SHORT |= {"lf": ("front", "left"), "rf": ("front", "right"), "lm": ("middle", "left"), "rm": ("middle", "right"),
            "lr": ("rear", "left"), "lb": ("rear", "left"), "rb": ("rear", "right")}  # fmt: skip
 
+JOINT_PARTS = {"wheel_speed_rad_s": "velocity", "wheel_angle_rad": "position", "torque_Nm": "effort"}
+"""Lists of a JointState, by the channel that each is of a wheel's joint."""
+
 
 @dataclass(frozen=True)
 class _Key:
@@ -81,6 +84,22 @@ def _places(wheels: Sequence[Wheel]) -> list[tuple[str, str]]:
     return [(of_axle[float(np.round(x, 3))], str(side)) for (x, _), side in zip(place, sides, strict=True)]
 
 
+def wheel_of(joint: str) -> str:
+    """Name a wheel after its joint, where nobody described the vehicle: front_left of front_left_wheel_joint."""
+    return re.sub(r"_?(wheel)?_?joint$|_wheel$", "", joint) or joint
+
+
+def of_a_joint(column: str) -> tuple[str, str] | None:
+    """Give the wheel and the channel of a table's column that is named as PlotJuggler names a field of a JointState,
+    ``/joint_states/front_left_wheel_joint/velocity``; None where it is none.
+    """
+    _, *path = column.split("/")
+    parts = {part: channel for channel, part in JOINT_PARTS.items()}
+    if len(path) < 2 or path[-1] not in parts or not drives(path[-2]):
+        return None
+    return wheel_of(path[-2]), parts[path[-1]]
+
+
 def same_part(joint: str, frame: str) -> bool:
     """Say whether a frame is of the wheel of a joint, by their names without `wheel`, `joint`, `link` and the like."""
     return bool(_stem(joint)) and _stem(joint) == _stem(frame) and drives(frame)
@@ -118,3 +137,17 @@ def wheel_called(name: str, wheels: Sequence[Wheel]) -> str | None:
         if len(found) == 1:
             return found[0]
     return None
+
+
+def unknown_joints(topic: str, names: list[str], parts: list[tuple[str, str]], wheels: Sequence[Wheel]) -> str:
+    """Say that no joint is known as a wheel, and what to write in a topic map."""
+    of = wheels[0].name if len(wheels) > 1 else "NAME"
+    fields = ", ".join(f'{column} = "{part}[{names[0]}]"' for column, part in parts)
+    listed = ", ".join(names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else "")
+    lacks = "has `wheel` in its name"
+    if len(wheels) > 1:
+        lacks = f"is named after one wheel of the vehicle ({', '.join(wheel.name for wheel in wheels)})"
+    return (
+        f"{topic}: of the joints {listed} none {lacks}; name them in a topic map, for each wheel "
+        f'[[wheel]] topic = "{topic}" wheel = "{of}" fields = {{ {fields} }}'
+    )
