@@ -134,7 +134,7 @@ class BagExcerpt(BagFile):
     path
         As of `BagFile`.
     most_bytes
-        About as much is read of it [bytes].
+        About as much is read of it [bytes]; `MOST_BYTES` where None.
 
     Attributes
     ----------
@@ -144,8 +144,9 @@ class BagExcerpt(BagFile):
         The stretch that is read; None where it is all.
     """
 
-    def __init__(self, path: Path, most_bytes: int = MOST_BYTES):
+    def __init__(self, path: Path, most_bytes: int | None = None):
         super().__init__(path)
+        most_bytes = MOST_BYTES if most_bytes is None else most_bytes
         self.index = index_of(self)
         self.span: Span | None = None
         size = sum(file.stat().st_size for file in self.files)
