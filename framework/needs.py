@@ -13,7 +13,7 @@ import numpy as np
 
 from ..identification.estimate.estimate import usable
 from ..identification.estimate.identify import measured_rows
-from ..identification.explain.samples import gather
+from ..identification.explain.samples import LEAST_ROWS
 from ..identification.rows.gate import GRAVITY_M_S2, LIMITS
 from ..identification.rows.geometry import by_geometry
 from ..identification.rows.motor import with_torque
@@ -95,7 +95,7 @@ def class_map(recording: Recording, mends: Mends) -> Answer:
     if not able or lost:
         return Answer(False, _lacking(missing), tuple(missing))
     return Answer(
-        True, f"{_names(able)} and places are there", tuple(missing),
+        True, f"{_names([*able, 'places'])} are there", tuple(missing),
         ("classes of real ground need models trained on it: bevameter train vision PHOTOS --out MODELS/vision.skops, "
          "then bevameter run with --models MODELS",),
     )  # fmt: skip
@@ -117,25 +117,38 @@ def soil(recording: Recording, mends: Mends) -> Answer:
     if missing:
         return Answer(False, _lacking(missing), missing)
     try:
-        parts = [select_wheel_rows(part) for part in by_geometry(recording)]
-        rows = max(parts, key=lambda each: each.used)
-        slow = _slow(rows)
-        if not rows.used:
-            return Answer(False, f"no row can be used: {_reasons(rows)}", (Missing("slow, steady driving", slow),))
-        usable(measured_rows(rows, np.flatnonzero(rows.reasons == "")))
+        rows = max((select_wheel_rows(part) for part in by_geometry(recording)), key=lambda each: each.used)
     except InputError as error:
-        return Answer(False, str(error), (Missing(error.problem, error.expected or "what the line says"),))
+        return _refused(error)
+    notes = tuple(map(sentence, rows.findings))
+    stretches = rows.stretches()
+    chosen = [stretch.rows for stretch in stretches if not stretch.reason]
+    if not chosen:
+        counts = Counter[str]()
+        for stretch in stretches:
+            counts[stretch.reason] += len(stretch.rows)
+        mend = Missing("slow, steady driving", _slow(rows))
+        return Answer(False, f"no row can be used: {_most(counts)}", (mend,), notes)
+    try:
+        usable(measured_rows(rows, max(chosen, key=len)))
+    except InputError as error:
+        return _refused(error, notes)
+    used = sum(map(len, chosen))
     if any(each.code == "load_without_slope" for each in rows.findings):
         slope = mends.stream("attitude", "a column pitch_rad")
         return Answer(
             False, "it lacks the slope: the load is computed, and c and phi are not determined without it",
-            (Missing("the slope", f"{slope}, of an inertial sensor with an orientation"),),
+            (Missing("the slope", f"{slope}, of an inertial sensor with an orientation"),), notes,
         )  # fmt: skip
     better = _missing_torque(recording.wheel, recording.vehicle)
-    left_out = f"; not used: {_reasons(rows)}" if rows.used < len(rows.reasons) else ""
+    counts = Counter(str(reason) for reason in rows.reasons if reason)
     there = [name for name in ("load_N", *_ANSWERS, "slip") if rows.table.observed(name).size]
-    text = f"{rows.used} of {len(rows.reasons)} wheel rows can be used, with {_names(there)}{left_out}"
-    return Answer(True, text, better, tuple(map(sentence, rows.findings)))
+    text = f"{used} of {len(rows.reasons)} wheel rows can be used, with {_names(there)}"
+    return Answer(True, text + (f"; not used: {_most(counts)}" if counts else ""), better, notes)
+
+
+def _refused(error: InputError, notes: tuple[str, ...] = ()) -> Answer:
+    return Answer(False, str(error), (Missing(error.problem, f"expected: {error.expected}"),), notes)
 
 
 def explain(recording: Recording, mends: Mends, soil: Answer) -> Answer:
@@ -144,12 +157,15 @@ def explain(recording: Recording, mends: Mends, soil: Answer) -> Answer:
     if missing:
         return Answer(False, soil.because, missing)
     try:
-        rows = select_wheel_rows(recording)
-        samples = gather(rows.table, rows.wheel, rows.vehicle)
+        table = select_wheel_rows(recording).table
     except InputError as error:
-        return Answer(False, str(error), (Missing(error.problem, error.expected or "what the line says"),))
-    there = [name for name in _ANSWERS if rows.table.observed(name).size]
-    return Answer(True, f"{_names(there)} of {len(samples)} rows are compared with the simulation")
+        return _refused(error)
+    there = [name for name in _ANSWERS if table.observed(name).size]
+    answered = np.isfinite(np.column_stack([table[name] for name in there])).any(axis=1)
+    n = int((answered & np.isfinite(table["load_N"]) & np.isfinite(table["slip"])).sum())
+    if n < LEAST_ROWS:
+        return Answer(False, f"{n} rows with load, slip and an answer, expected at least {LEAST_ROWS}")
+    return Answer(True, f"{_names(there)} of {n} rows can be compared with the simulation")
 
 
 def _missing_of_wheels(recording: Recording, mends: Mends) -> Iterator[Missing]:
@@ -215,9 +231,8 @@ def _slow(rows: SelectedRows) -> str:
     return f"drive 5 s or more at a time below {fastest:.2f} m/s, steadily and straight ahead, on ground that yields"
 
 
-def _reasons(rows: SelectedRows) -> str:
-    """Say why most rows are not used."""
-    counts = Counter(str(reason) for reason in rows.reasons if reason)
+def _most(counts: Counter[str]) -> str:
+    """Say why most rows are not used, by their numbers."""
     said = [f"{count} {reason}" for reason, count in counts.most_common(_SAID_REASONS)]
     return ", ".join(said) + (" and others" if len(counts) > _SAID_REASONS else "")
 

@@ -58,9 +58,8 @@ class Wheel(FileModel):
     @model_validator(mode="before")
     @classmethod
     def _radius(cls, data: object) -> object:
-        for name in ("diameter_m", "diameter") if isinstance(data, dict) else ():
-            if name in data:
-                raise ValueError(f"{name} = {data[name]!r:.20}, expected radius_m = diameter / 2")
+        if isinstance(data, dict) and (name := next((n for n in ("diameter_m", "diameter") if n in data), None)):
+            raise ValueError(f"{name} = {data[name]!r:.20}, expected radius_m = diameter / 2")
         return data
 
     @field_validator("grouser_height_m")

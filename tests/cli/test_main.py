@@ -15,7 +15,20 @@ from bevameter.framework.cli import main as cli
 from bevameter.framework.core.errors import InputError
 from typer.testing import CliRunner
 
-COMMANDS = ("scenario", "vehicle", "run", "query", "db", "map", "identify", "explain", "simulate", "train", "classify")
+COMMANDS = (
+    "scenario",
+    "inspect",
+    "vehicle",
+    "run",
+    "query",
+    "db",
+    "map",
+    "identify",
+    "explain",
+    "simulate",
+    "train",
+    "classify",
+)
 
 
 def test_help_names_every_command():

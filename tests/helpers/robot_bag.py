@@ -120,6 +120,8 @@ class RobotBag:
         Whether `/wheel/<name>/sinkage_m` is measured.
     start_deg
         Latitude and longitude of the start, and the direction driven, clockwise from north [deg].
+    wheel_frames
+        Whether the transforms have the wheels' axles, too.
     """
 
     driven: Drive
@@ -131,6 +133,7 @@ class RobotBag:
     gps: bool = True
     start_deg: tuple[float, float, float] = (47.0707, 15.4395, 90.0)
     wheels: bool = True
+    wheel_frames: bool = False
     per_ampere: float = 0.06 * 50 * 0.8
     friction_Nm: float = 1.5
     optical: tuple[float, float, float] = (0.4, 0.9, math.radians(25.0))
@@ -260,6 +263,9 @@ class RobotBag:
             ("base_link", "camera_link", (forward, 0.0, height - base), (0.0, down, 0.0)),
             ("camera_link", "camera_optical", (0.0, 0.0, 0.0), (-math.pi / 2, 0.0, -math.pi / 2)),
         ]
+        axles = [("base_link", f"{name}_wheel_link", (*place, 0.0), (0.0, 0.5, 0.0)) for name, place in zip(
+            NAMES, PLACES.tolist(), strict=True)]  # fmt: skip
+        parts += axles if self.wheel_frames else []
         return self.make("tf2_msgs/msg/TFMessage", transforms=[
             self.make(
                 "geometry_msgs/msg/TransformStamped", header=self.header(0.0, parent), child_frame_id=child,

@@ -41,7 +41,7 @@ class Source:
     @property
     def rate_Hz(self) -> float | None:
         """Messages or rows a second."""
-        if self.n is None or self.start_s is None or self.end_s is None or not self.end_s > self.start_s:
+        if self.n is None or self.n < 2 or self.start_s is None or self.end_s is None or not self.end_s > self.start_s:
             return None
         return (self.n - 1) / (self.end_s - self.start_s)
 

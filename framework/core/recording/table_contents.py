@@ -30,7 +30,9 @@ _HEAD = """\
 """
 
 
-def inspect_table(path: Path, read: Callable[[], Recording], vehicle: Vehicle | None, columns: Path | None) -> Contents:
+def inspect_table(
+    path: Path, read: Callable[[], Recording], vehicle: Vehicle | None, columns: Path | None, *, camera: bool = False
+) -> Contents:
     """Say what the columns of a wheel table are, and write the column map and the vehicle file that say it.
 
     Parameters
@@ -41,6 +43,8 @@ def inspect_table(path: Path, read: Callable[[], Recording], vehicle: Vehicle | 
         Reads the recording that it belongs to.
     vehicle, columns
         The vehicle and the column map, where there are any.
+    camera
+        Whether there are images beside it, for which a vehicle file has to describe the camera.
 
     Raises
     ------
@@ -65,11 +69,11 @@ def inspect_table(path: Path, read: Callable[[], Recording], vehicle: Vehicle | 
         ))
         for name in opened.sheet.names
     )  # fmt: skip
-    files = {} if columns is not None else {"columns.toml": _map_text(path, opened, by_name, wide)}
-    if vehicle is None and not {"radius_m", "width_m"} <= set(opened.sheet.names):
-        files["vehicle.toml"] = vehicle_text(
-            contents.recording, joints={wheel: wheel for wheel, _ in by_wheel.values()}
-        )
+    wheels = dict.fromkeys(wheel for wheel, _ in by_wheel.values())
+    own = all(name in ALSO_READ or (name in by_name and by_name[name].source == "own") for name in opened.sheet.names)
+    files = {} if columns is not None or own else {"columns.toml": _map_text(path, opened, by_name, wide)}
+    if vehicle is None and (camera or not {"radius_m", "width_m"} <= set(opened.sheet.names)):
+        files["vehicle.toml"] = vehicle_text(contents.recording, joints={each: each for each in wheels}, camera=camera)
     return replace(contents, sources=sources, files=files, map_name="columns.toml", folder=path.parent)
 
 

@@ -92,11 +92,13 @@ def vehicle_text(
     wheels = bool(joints) or has_wheels(table) or not camera
     name = "a recording" if recording is None else toml_string(recording.name)
     parts = [_HEAD.format(name=name)]
-    if wheels and (table is None or "load_N" not in table):
+    weighed = table is not None and bool(table.observed("load_N").size)
+    if wheels and not weighed:
         several = len(joints) > 1
         parts.append(_WEIGHT.format(needed="mass_kg and the wheels' positions" if several else "mass_kg, or load_N"))
     if wheels:
-        parts += [_wheel(each, joint, frames) for each, joint in joints.items()] if len(joints) > 1 else [_wheel()]
+        of_each = [_wheel(each, joint, frames) for each, joint in joints.items()]
+        parts += of_each if len(joints) > 1 else [_wheel(weighed=weighed)]
         parts[-1] += _LUGS
     if table is not None and "current_A" in table and "torque_Nm" not in table:
         parts.append(_MOTOR)
@@ -108,7 +110,7 @@ def vehicle_text(
     return "\n".join(parts)
 
 
-def _wheel(name: str | None = None, joint: str = "", frames: Frames | None = None) -> str:
+def _wheel(name: str | None = None, joint: str = "", frames: Frames | None = None, *, weighed: bool = True) -> str:
     """One wheel: its name, and place and radius where frames say them."""
     lines = ["[wheel]"] if name is None else ["[[wheels]]", f"name = {toml_string(name)}"]
     frame = next((each for each in frames or () if same_part(joint, each)), None)
@@ -124,7 +126,7 @@ def _wheel(name: str | None = None, joint: str = "", frames: Frames | None = Non
     elif name is not None:
         x, y = (sign * example for sign, example in zip(place_of(joint), (0.3, 0.25), strict=True))
         lines.append(f"# position_m = [{x:g}, {y:g}]".ljust(39) + "# measure: x forward, y left [m]")
-    else:
+    elif not weighed:
         lines.append("# load_N = 147.0                       # weigh: on level ground, where it is not sensed [N]")
     return "\n".join([*lines, ""])
 

@@ -29,6 +29,7 @@ from ..sheet import ENDINGS
 from ..sound import SoundFileStream
 from ..table_contents import inspect_table
 from ..types import Recording
+from ..vehicle_text import vehicle_text
 from ..vibration import read_vibration_run
 from ..wheel_file import derive_all, read_wheel
 from .bag import BagReader
@@ -191,17 +192,19 @@ class FolderReader(Reader):
 
         columns: tuple[Source, ...] = ()
         if "wheel" in found:
-            contents = inspect_table(found["wheel"], read, vehicle, topics)
+            contents = inspect_table(found["wheel"], read, vehicle, topics, camera="camera" in found)
             columns = tuple(replace(each, name=f"{found['wheel'].name}: {each.name}") for each in contents.sources)
         else:
             contents = contents_of(read)
+            files = {"vehicle.toml": vehicle_text(contents.recording, camera=True)} if "camera" in found else {}
+            contents = replace(contents, files={} if vehicle else files)
         streams = {} if contents.recording is None else {each.name: each for each in streams_of(contents.recording)}
         others = [
             replace(streams.get(name, Source(name, name)), name=file.name)
             for name, file in found.items()
             if name != "wheel"
         ]
-        return replace(contents, sources=(*columns, *others))
+        return replace(contents, sources=(*columns, *others), folder=path)
 
 
 def _about(folder: Path) -> tuple[About, list[str]]:
