@@ -67,7 +67,18 @@ def test_every_command_line_on_a_page_parses():
     queries = {f"bevameter query {name}" for name in ("classes", "class", "at", "along", "near")}
     others = {
         f"bevameter {name}"
-        for name in ("scenario", "run", "map", "identify", "explain", "simulate", "train", "classify")
+        for name in (
+            "scenario",
+            "inspect",
+            "vehicle",
+            "run",
+            "map",
+            "identify",
+            "explain",
+            "simulate",
+            "train",
+            "classify",
+        )
     }
     care = {f"bevameter db {name}" for name in ("info", "check", "merge", "export", "prune", "rebuild", "migrate")}
     assert queries | others | care <= ran, "every command has an example"

@@ -218,11 +218,16 @@ slip = { column = "s", unit = "%" }
 def test_the_column_map_of_the_documentation_is_read(write):
     page = (ROOT / "docs" / "recording.md").read_text(encoding="utf-8")
     section = page.split("## Laboratory tables")[1].split("\n## ")[0]
-    example = section[section.index("    decimal = ") :]
-    lines = [line[4:] for line in example.splitlines() if line.startswith("    ")]
-    mapped = load_column_map(write("\n".join(lines), "map.toml"))
+    example, _, wide = section[section.index("    decimal = ") :].partition("Where each wheel has columns of its own")
+    mapped, of_wheels = (
+        load_column_map(write("\n".join(line[4:] for line in text.splitlines() if line.startswith("    ")), "map.toml"))
+        for text in (example, wide)
+    )
     assert set(mapped.columns) == {"load_N", "torque_Nm", "slip"}
     assert (mapped.decimal, mapped.sheet) == (",", "Versuch 3")
+    assert set(of_wheels.of_wheel("front_left").columns) == {
+        "time_s", "travel_speed_m_s", "wheel_speed_rad_s", "torque_Nm"
+    }  # fmt: skip
 
 
 @pytest.fixture
