@@ -58,7 +58,7 @@ def _print(found: Inspection) -> None:
         print(f"missing: {each.what}\n    {each.mend}")
     print()
     rows = [
-        (each.name, each.kind, _text(each.n), _text(each.rate_Hz), _text(each.start_s), _text(each.end_s),
+        (each.name, each.kind.rsplit("/", 1)[-1], *map(_text, (each.n, each.rate_Hz, each.start_s, each.end_s)),
          each.feeds or "not used", each.remark)
         for each in found.contents.sources
     ]  # fmt: skip

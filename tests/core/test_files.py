@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import os
 import threading
+import tomllib
 from pathlib import Path
 
 import pytest
 from bevameter.framework.core.errors import InputError
-from bevameter.framework.core.files import check_outputs, write_text
+from bevameter.framework.core.files import check_outputs, toml_string, write_text
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 
 def test_no_result_is_written_over_what_is_read(tmp_path):
@@ -65,3 +68,12 @@ def test_a_folder_that_takes_no_files_is_one_line(tmp_path):
         pytest.skip("no file system that makes no files")
     with pytest.raises(InputError, match="cannot be written"):
         write_text("lost", Path("/proc/answer.json"))
+
+
+@given(st.text())
+@example('/wheel\n[camera]\ntopic = "x" \\ \x7f \ud800')
+def test_any_text_is_a_string_of_toml_and_fit_for_a_remark(text):
+    """Names of topics and columns are whatever a file says; a surrogate, which is no text, becomes a question mark."""
+    written = toml_string(text)
+    read = tomllib.loads(f"a = {written}  # {written}\nb = 1\n")
+    assert read == {"a": text.encode("utf-8", "replace").decode(), "b": 1}

@@ -148,6 +148,25 @@ def test_the_files_written_read_as_the_bag_does_without_them(frames, driven, ima
         inspect_recording(path).write(tmp_path / "files")
 
 
+def test_joints_of_unknown_names_are_offered_and_named_wheels_get_a_vehicle(driven, tmp_path):
+    path = RobotBag(driven, joints=("motor_a", "motor_b", "motor_c", "motor_d")).write(tmp_path / "bag")
+    found = inspect_recording(path)
+    assert lacking(found.soil) == ["wheel channels"]
+    offered = found.contents.files["topics.toml"].split("\n\n")
+    names = dict(zip(("motor_a", "motor_b", "motor_c", "motor_d"), NAMES, strict=True))
+    for number, block in enumerate(offered):
+        if (match := re.search(r'^# wheel = "(motor_.)"$', block, re.MULTILINE)) is not None:
+            offered[number] = re.sub("^# ", "", block, flags=re.MULTILINE).replace(
+                f'"{match[1]}"', f'"{names[match[1]]}"'
+            )
+    topics = tmp_path / "topics.toml"
+    topics.write_text("\n\n".join(offered))
+    named = inspect_recording(path, topics=topics)
+    assert lacking(named.soil) == ["the wheel's geometry", "load"]
+    assert list(named.contents.files) == ["vehicle.toml"]
+    assert re.findall(r'^name = "(.*)"', named.contents.files["vehicle.toml"], re.MULTILINE) == list(NAMES)
+
+
 def test_a_camera_alone_gets_a_vehicle_that_is_read_as_it_is(driven, image, tmp_path):
     path = RobotBag(driven, images=[image], wheels=False).write(tmp_path / "bag")
     inspect_recording(path).write()  # beside the bag

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 from ..files import toml_string
 from .bags import Decided
 from .opened_bag import OpenedBag
 from .recognition import short_type
 from .topic_map import Reading, WheelTopic
+from .wheel_names import JOINT_PARTS
 
 _HEAD = """\
 # Which topic is which stream in {name}, as `bevameter inspect` recognised it: edit what is wrong.
@@ -20,6 +22,9 @@ _HEAD = """\
 """
 
 _POSE = 'Odometry, PoseStamped ...; of another type with fields = { x_m = "...", y_m = "...", yaw_rad = "..." }'
+_MOST_JOINTS = 12
+"""Joints that are offered as wheels."""
+
 _REMARKS = {
     "wheel_speed_rad_s": "rad/s, forward positive",
     "wheel_angle_rad": "rad",
@@ -53,6 +58,8 @@ def topic_map_text(opened: OpenedBag, decided: Decided) -> str:
             f"#   {toml_string(name)} ({toml_string(short_type(opened.samples.topics[name]))})" for name in others
         ]
         lines.append("")
+    for name in others:
+        lines += _joints(name, opened.samples.content.get(name))
     for source in topics.wheel:
         lines += _wheel(source, source.topic in decided.turned)
     if decided.speed:
@@ -69,6 +76,19 @@ def topic_map_text(opened: OpenedBag, decided: Decided) -> str:
     lines += _stream("sound", topics.sound and topics.sound.topic, "by its messages or an AudioInfo, where not stated:")
     lines += [] if topics.sound is None else ["# sample_rate_Hz = 16000", '# format = "pcm16"', "# channels = 1"]
     return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def _joints(topic: str, sample: Any) -> Iterable[str]:
+    """Offer the joints of a topic of which none was recognised as a wheel's."""
+    names = [str(name) for name in getattr(sample, "name", ())][:_MOST_JOINTS]
+    parts = {column: part for column, part in JOINT_PARTS.items() if len(getattr(sample, part, ())) >= len(names) > 0}
+    for joint in names if parts else ():
+        fields = ", ".join(f"{column} = {toml_string(f'{part}[{joint}]')}" for column, part in parts.items())
+        yield "# [[wheel]]                        # if it is a wheel's joint: the wheel as vehicle.toml calls it"
+        yield f"# topic = {toml_string(topic)}"
+        yield f"# wheel = {toml_string(joint)}"
+        yield f"# fields = {{ {fields} }}"
+        yield ""
 
 
 def _wheel(source: WheelTopic, turned: bool) -> Iterable[str]:
