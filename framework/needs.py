@@ -18,11 +18,13 @@ from ..identification.rows.gate import GRAVITY_M_S2, LIMITS
 from ..identification.rows.geometry import by_geometry
 from ..identification.rows.motor import with_torque
 from ..identification.rows.select import SelectedRows, select_wheel_rows
+from ..identification.rows.travel import with_travel_speed
 from ..identification.rows.weight import with_loads, with_pull
 from ..identification.rows.words import sentence
 from .core.errors import InputError
-from .core.recording.types import Recording, WheelTable
+from .core.recording.types import Pose, Recording, WheelTable
 from .core.recording.vehicle_text import has_wheels
+from .core.recording.wheel_file import derive_all
 from .core.track.way import RECORDED, track_of
 from .core.vehicle import Vehicle
 from .senses import senses
@@ -181,14 +183,14 @@ def _missing_of_wheels(recording: Recording, mends: Mends) -> Iterator[Missing]:
         names = ", ".join(wheel.name for wheel in vehicle.wheels)
         yield Missing("the name of each row's wheel", mends.channel("wheel", f"one of {names} in a column wheel"))
         return
-    made = _with_computed(table, vehicle) if vehicle is not None and described else table
+    made = _with_computed(table, vehicle, recording.pose) if vehicle is not None and described else table
     if not made.observed("load_N").size:
         line = "mass_kg and centre_of_mass_m, with position_m of the wheels,"
         if table.wheel is None or (vehicle is not None and len(vehicle.wheels) == 1):
             line = "load_N of the wheel"
         yield Missing("load", mends.vehicle(line))
     if not made.observed("slip").size:
-        yield from _missing_for_slip(made, mends, described)
+        yield from _missing_for_slip(made, mends, described=described, placed=recording.pose is not None)
     if not any(made.observed(name).size for name in _ANSWERS):
         sensor = "record the joints' effort, the motors' current, a pull or a sinkage"
         other = Missing("torque, drawbar pull or sinkage", mends.channel("torque_Nm", sensor))
@@ -206,21 +208,26 @@ def _missing_torque(table: WheelTable | None, vehicle: Vehicle | None) -> tuple[
     )
 
 
-def _missing_for_slip(table: WheelTable, mends: Mends, described: bool) -> Iterator[Missing]:
+def _missing_for_slip(table: WheelTable, mends: Mends, *, described: bool, placed: bool) -> Iterator[Missing]:
+    """Name the speeds that lack; where there are poses, and no radius yet, they may show the travel speed."""
     if not table.observed("wheel_speed_rad_s").size:
         yield Missing("the wheels' speed", mends.channel("wheel_speed_rad_s", "record the joints' velocity"))
     if not table.observed("travel_speed_m_s").size:
+        if placed and not described:
+            return
         sensor = "record visual or lidar odometry, or a receiver's speed: one made from the wheels gives no slip"
         yield Missing("a travel speed of its own, for slip", mends.channel("travel_speed_m_s", sensor))
     elif table.observed("wheel_speed_rad_s").size and described:
         yield Missing("slip", "speeds at which the wheels turn and the vehicle moves: it stands still throughout")
 
 
-def _with_computed(table: WheelTable, vehicle: Vehicle) -> WheelTable:
-    """Add torque, load and pull as far as they are computed where they are not sensed."""
+def _with_computed(table: WheelTable, vehicle: Vehicle, pose: Pose | None) -> WheelTable:
+    """Add torque, speed, slip, load and pull as far as they are computed where they are not sensed."""
     try:
         table, _ = with_torque(table, vehicle)
-        table, vehicle, weighed = with_loads(table, vehicle)
+        table, vehicle, placed = with_travel_speed(table, vehicle, pose)
+        table = table if placed is None else derive_all(table, vehicle)
+        table, vehicle, weighed = with_loads(table, vehicle, pose)
         return table if weighed is None else with_pull(table, vehicle)[0]
     except InputError:
         return table  # rows of a wheel that the vehicle does not have: what selects the rows says it

@@ -100,17 +100,20 @@ def test_identify_agrees_with_what_is_said(without, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("bag", "soil", "ground"),
+    ("bag", "ignored", "soil", "ground"),
     [
-        ({"odometry": "wheels"}, ["a travel speed of its own, for slip"], ["images of the ground ahead, or sound"]),
-        ({"wheels": False}, ["wheel channels"], ["images of the ground ahead, or sound"]),
-        ({"effort": False}, ["torque, though the motors' current is there"], ["images of the ground ahead, or sound"]),
+        ({"gps": False}, ["/odom"], ["a travel speed of its own, for slip"], ["places of the vehicle"]),
+        ({"wheels": False}, [], ["wheel channels"], []),
+        ({"effort": False}, [], ["torque, though the motors' current is there"], []),
     ],
 )
-def test_each_thing_that_lacks_is_named(bag, soil, ground, driven, vehicle, tmp_path):
-    found = inspect_recording(RobotBag(driven, **bag).write(tmp_path / "bag"), vehicle=vehicle)
+def test_each_thing_that_lacks_is_named(bag, ignored, soil, ground, driven, vehicle, tmp_path):
+    topics = tmp_path / "topics.toml"
+    topics.write_text(f"ignore = {ignored}\n")
+    path = RobotBag(driven, **bag).write(tmp_path / "bag")
+    found = inspect_recording(path, vehicle=vehicle, topics=topics)
     assert lacking(found.soil) == soil
-    assert lacking(found.class_map) == ground
+    assert lacking(found.class_map) == ["images of the ground ahead, or sound", *ground]
     assert all(each.mend for each in (*found.soil.missing, *found.class_map.missing))
 
 
