@@ -5,18 +5,23 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from .crops import image_patches, reduced
 from .features import PATCH_PX
 
-CROP_PX = (64, 256)
-"""Range of the side of a crop that becomes one patch [px]: the same ground nearer and further."""
+CROP_SHARES = (0.25, 0.8)
+"""Range of the side of a turned crop, as a share of the photograph's short side: the same ground nearer and further."""
 MAX_BLUR = 0.45
 """Longest motion blur, as a share of the side of a patch [-]."""
+NOISE = (0.2, 20.0)
+"""Range of the standard deviation of noise, of 255 [-]."""
+MIN_LIGHT = 0.2
+"""Least share of the light that reaches an underexposed image [-]."""
+GREY_SHARE = 0.1
+"""Share of relit patches that lose their colour, as to a monochrome camera [-]."""
 AS_IT_IS, RELIT, DEGRADED = 0, 1, 2
 """What was done to a patch: nothing but cutting it; another light; another light and a worse camera."""
-SHARES = (0.15, 0.3, 0.55)
+SHARES = (0.4, 0.3, 0.3)
 """Share of patches of each of these kinds [-]."""
-UPRIGHT_SIDES = (0.19, 0.5)
-"""Side of a patch cut as it is, as a share of the image's short side: the range that `classify` looks at."""
 
 
 def motion_blur(image: np.ndarray, length_px: float, direction_rad: float) -> np.ndarray:
@@ -35,8 +40,8 @@ def motion_blur(image: np.ndarray, length_px: float, direction_rad: float) -> np
     return np.asarray(cv2.filter2D(image, -1, kernel / kernel.sum(), borderType=cv2.BORDER_REFLECT_101))
 
 
-def cut_patch(image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Cut one square at a random place, scale, turn and stretch, (64, 64, 3) uint8.
+def cut_patch(image: np.ndarray, rng: np.random.Generator, side_px: int = PATCH_PX) -> np.ndarray:
+    """Cut one square at a random place, scale, turn, stretch and tilt, (side_px, side_px, 3) uint8.
 
     Parameters
     ----------
@@ -44,72 +49,75 @@ def cut_patch(image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         uint8, blue, green, red.
     """
     height, width = image.shape[:2]
-    short = min(height, width)
-    low, high = min(CROP_PX[0], 0.5 * short), min(CROP_PX[1], 0.7 * short)
-    side = np.exp(rng.uniform(np.log(low), np.log(max(high, low))))
-    stretch = np.exp(rng.uniform(-0.3, 0.3))
-    turn = rng.uniform(0, 2 * np.pi)
-    # Where the patch's axes lie in the image; the whole patch has to stay inside.
-    axes = side / PATCH_PX * np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-    axes = axes * np.array([np.sqrt(stretch), 1 / np.sqrt(stretch)])
+    side = min(height, width) * np.exp(rng.uniform(*np.log(CROP_SHARES)))
+    stretch, turn = np.exp(rng.uniform(-0.3, 0.3)), rng.uniform(0, 2 * np.pi)
+    axes = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    axes = axes * (side / 2 * np.array([np.sqrt(stretch), 1 / np.sqrt(stretch)]))
     if rng.random() < 0.5:
         axes[:, 0] *= -1
-    reach = np.abs(axes).sum(axis=1) * PATCH_PX / 2
-    room = np.array([width, height]) - 1 - 2 * reach
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * rng.uniform(0.8, 1.0, (4, 2)) @ axes.T
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    # The whole patch has to stay inside.
+    room = np.array([width, height]) - 1 - (high - low)
     if (room < 0).any():
-        axes *= float(np.min((np.array([width, height]) - 1) / (2 * reach)))
-        reach = np.abs(axes).sum(axis=1) * PATCH_PX / 2
-        room = np.maximum(np.array([width, height]) - 1 - 2 * reach, 0.0)
-    centre = reach + rng.random(2) * room
+        corners *= float(np.min((np.array([width, height]) - 1) / (high - low)))
+        low = corners.min(axis=0)
+        room = np.maximum(np.array([width, height]) - 1 - (corners.max(axis=0) - low), 0.0)
+    corners += rng.random(2) * room - low
     # Shrinking without a filter would alias: average first.
-    shrink = side / PATCH_PX
+    shrink = side / side_px
     source = cv2.GaussianBlur(image, (0, 0), 0.45 * shrink) if shrink > 1.3 else image
-    matrix = np.column_stack([axes, centre - axes @ np.full(2, (PATCH_PX - 1) / 2)])
+    last = side_px - 1
+    square = np.array([[0, 0], [last, 0], [last, last], [0, last]], dtype=np.float32)
+    matrix = cv2.getPerspectiveTransform(corners.astype(np.float32), square)
     return np.asarray(
-        cv2.warpAffine(
-            source,
-            matrix,
-            (PATCH_PX, PATCH_PX),
-            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-            borderMode=cv2.BORDER_REFLECT_101,
+        cv2.warpPerspective(
+            source, matrix, (side_px, side_px), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT_101
         )
     )
 
 
-def _light(patch: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Another light: exposure, gamma, white balance, a little hue and saturation; clipping as it comes."""
+def relit(patch: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Another light: exposure, gamma, white balance, saturation, the edge of a shadow; clipping as it comes."""
     colour = patch.astype(np.float32) / 255
     grey = colour.mean(axis=2, keepdims=True)
-    colour = grey + (colour - grey) * rng.uniform(0.4, 1.4)
-    colour = np.clip(colour * np.exp(rng.normal(0, 0.08, 3)), 1e-4, None)
-    colour = colour ** np.exp(rng.normal(0, 0.2)) * np.exp(rng.normal(0, 0.3))
-    if rng.random() < 0.3:  # the edge of a shadow
+    colour = grey + (colour - grey) * (0.0 if rng.random() < GREY_SHARE else rng.uniform(0.4, 1.4))
+    if (colour != grey).any():
+        colour *= np.exp(rng.normal(0, 0.08, 3))
+    colour = np.clip(colour, 1e-4, None) ** np.exp(rng.normal(0, 0.2)) * np.exp(rng.normal(0, 0.3))
+    if rng.random() < 0.3:
         angle, at = rng.uniform(0, 2 * np.pi), rng.uniform(-0.4, 0.4)
-        y, x = np.mgrid[0:PATCH_PX, 0:PATCH_PX] / PATCH_PX - 0.5
-        lit = 1 / (1 + np.exp(-(x * np.cos(angle) + y * np.sin(angle) - at) * rng.uniform(10, 60)))
-        colour *= (1 - rng.uniform(0.2, 0.6) * lit)[:, :, None]
+        y, x = np.mgrid[0 : len(patch), 0 : len(patch)] / len(patch) - 0.5
+        dark = 1 / (1 + np.exp(-(x * np.cos(angle) + y * np.sin(angle) - at) * rng.uniform(10, 60)))
+        colour *= (1 - rng.uniform(0.2, 0.6) * dark)[:, :, None]
     return np.clip(colour * 255 + 0.5, 0, 255).astype(np.uint8)
 
 
-def _camera(patch: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """A moving camera further away: coarser along the line of sight, out of focus, smeared, noisy, compressed."""
+def degraded(patch: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """A worse camera: coarser along the line of sight, out of focus, smeared, underexposed, noisy, compressed."""
+    side = len(patch)
     if rng.random() < 0.6:
-        coarse = np.maximum(8, PATCH_PX / np.exp(rng.uniform(0, np.log(3), 2))).astype(int)
+        coarse = np.maximum(8, side / np.exp(rng.uniform(0, np.log(3), 2))).astype(int)
         small = cv2.resize(patch, (int(coarse[0]), int(coarse[1])), interpolation=cv2.INTER_AREA)
-        patch = np.asarray(cv2.resize(small, (PATCH_PX, PATCH_PX), interpolation=cv2.INTER_LINEAR))
+        patch = np.asarray(cv2.resize(small, (side, side), interpolation=cv2.INTER_LINEAR))
     if rng.random() < 0.3:
-        patch = np.asarray(cv2.GaussianBlur(patch, (0, 0), rng.uniform(0.4, 1.6)))
+        patch = np.asarray(cv2.GaussianBlur(patch, (0, 0), rng.uniform(0.4, 1.6) * side / PATCH_PX))
     if rng.random() < 0.7:
-        patch = motion_blur(patch, MAX_BLUR * PATCH_PX * rng.random() ** 1.5, rng.uniform(0, np.pi))
-    noise = rng.exponential(2.0)
-    patch = np.clip(patch + rng.normal(0, noise, patch.shape) + 0.5, 0, 255).astype(np.uint8)
+        patch = motion_blur(patch, MAX_BLUR * side * rng.random() ** 1.5, rng.uniform(0, np.pi))
+    if rng.random() < 0.3:
+        patch = (patch * np.exp(rng.uniform(np.log(MIN_LIGHT), 0))).astype(np.uint8)
+    sd = np.exp(rng.uniform(*np.log(NOISE)))
+    noise = rng.normal(0, sd, patch.shape if np.ptp(patch, axis=2).any() else (side, side, 1))
+    patch = np.clip(patch + noise + 0.5, 0, 255).astype(np.uint8)
     if rng.random() < 0.5:
         _, data = cv2.imencode(".jpg", patch, [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(50, 96))])
         patch = np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), dtype=np.uint8)
     return patch
 
 
-def training_patches(image: np.ndarray, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def training_patches(
+    image: np.ndarray, n: int, rng: np.random.Generator, side_px: int = PATCH_PX
+) -> tuple[np.ndarray, np.ndarray]:
     """Cut and vary patches of one photograph.
 
     Parameters
@@ -118,32 +126,25 @@ def training_patches(image: np.ndarray, n: int, rng: np.random.Generator) -> tup
         uint8, blue, green, red.
     n
         How many.
+    side_px
+        Side s of a patch [px].
 
     Returns
     -------
-    patches : (n, 64, 64, 3)
+    patches : (n, s, s, 3)
         uint8.
     kind : (n,)
-        `AS_IT_IS`, `RELIT` or `DEGRADED`.
+        `AS_IT_IS` (some of `image_patches`), `RELIT` or `DEGRADED`.
     """
-    edges = np.round(np.cumsum(SHARES) * n)
-    kind = np.searchsorted(edges, np.arange(n), side="right")
-    patches = np.empty((n, PATCH_PX, PATCH_PX, 3), dtype=np.uint8)
+    image = reduced(image)
+    kind = np.searchsorted(np.round(np.cumsum(SHARES) * n), np.arange(n), side="right")
+    upright = image_patches(image, side_px)
+    order = np.resize(rng.permutation(len(upright)), n)
+    patches = np.empty((n, side_px, side_px, 3), dtype=np.uint8)
     for index in range(n):
         if kind[index] == AS_IT_IS:
-            patches[index] = _upright(image, rng)
+            patches[index] = upright[order[index]]
             continue
-        patch = _light(cut_patch(image, rng), rng)
-        patches[index] = patch if kind[index] == RELIT else _camera(patch, rng)
+        patch = relit(cut_patch(image, rng, side_px), rng)
+        patches[index] = patch if kind[index] == RELIT else degraded(patch, rng)
     return patches, kind
-
-
-def _upright(image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """A square cut out at a random place and scale and resampled, no more."""
-    height, width = image.shape[:2]
-    short = min(height, width)
-    side = int(np.clip(round(rng.uniform(*UPRIGHT_SIDES) * short), min(48, short), short))
-    top, left = int(rng.integers(height - side + 1)), int(rng.integers(width - side + 1))
-    crop = image[top : top + side, left : left + side]
-    how = cv2.INTER_AREA if side > PATCH_PX else cv2.INTER_LINEAR
-    return np.asarray(cv2.resize(crop, (PATCH_PX, PATCH_PX), interpolation=how))

@@ -5,35 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from ..framework.core.classifier.classifier import TerrainClassifier
 from ..framework.core.errors import InputError
 from ..framework.core.evidence import ClassEvidence
 from ..framework.core.recording.camera import read_image
+from .crops import image_patches
 from .features import FEATURE_NAMES, PATCH_PX, patch_features
 from .quality import check_limits, patch_quality
-from .train import MIN_SIDE_PX, MODALITY, reduced
-
-SIDES = ((0.19, 3), (0.31, 3), (0.5, 2))
-"""Side of a patch as a share of the image's short side, and how many fit along each axis."""
-
-
-def image_patches(image: np.ndarray) -> np.ndarray:
-    """Cut an image (h, w, 3) into patches of several scales, spread evenly, (n, 64, 64, 3) uint8."""
-    image = reduced(image)
-    height, width = image.shape[:2]
-    short = min(height, width)
-    patches = []
-    for share, count in SIDES:
-        side = min(short, max(round(share * short), min(48, short)))
-        for top in np.unique(np.linspace(0, height - side, count).astype(int)):
-            for left in np.unique(np.linspace(0, width - side, count).astype(int)):
-                crop = image[top : top + side, left : left + side]
-                how = cv2.INTER_AREA if side > PATCH_PX else cv2.INTER_LINEAR
-                patches.append(cv2.resize(crop, (PATCH_PX, PATCH_PX), interpolation=how))
-    return np.stack(patches)
+from .train import MIN_SIDE_PX, MODALITY
 
 
 def check_model(model: TerrainClassifier) -> None:
@@ -55,8 +36,11 @@ _COLOURED = 0.02
 
 
 def misses_colour(model: TerrainClassifier, image: np.ndarray) -> bool:
-    """Say whether an image (h, w, 3) has no colour at all, as a monochrome camera's, where the model goes by colour."""
-    if model.fitted.mean[FEATURE_NAMES.index("saturation")] <= _COLOURED:
+    """Say whether an image (h, w, 3) has no colour at all, as a monochrome camera's, and the model cannot do without.
+
+    It can where some of what it was trained on had lost its colour.
+    """
+    if model.settings.get("grey_share") or model.fitted.mean[FEATURE_NAMES.index("saturation")] <= _COLOURED:
         return False
     thinned = image[::4, ::4]
     return bool((thinned == thinned[:, :, :1]).all())

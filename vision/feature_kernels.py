@@ -6,6 +6,8 @@ NaN gives NaN. Reductions may be reordered for vector units, but NaN is respecte
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 
@@ -113,3 +115,17 @@ def band_sums(band):
         moments[i, 1] = squares / count
         moments[i, 2] = cubes / count
     return moments, blocks.reshape(n, -1) / np.float32(64.0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def hue_sums(red_green, yellow_blue, sectors):
+    """Chroma of pixels (n, m) by sector of hue, over the number of pixels: (n, sectors)."""
+    n, count = red_green.shape
+    answer = np.zeros((n, sectors), dtype=np.float32)
+    turn = sectors / (2 * np.pi)
+    for i in range(n):
+        for j in range(count):
+            a, b = red_green[i, j], yellow_blue[i, j]
+            sector = int((math.atan2(b, a) + np.pi) * turn)
+            answer[i, min(sector, sectors - 1)] += math.sqrt(a * a + b * b)
+    return answer / np.float32(count)

@@ -1,8 +1,9 @@
-"""What a patch of ground looks like: texture first, colour second.
+"""What a patch of ground looks like: texture, colour and brightness.
 
 Brightness and contrast are taken out before texture is measured, and directions are sorted rather than kept, so that
-light, gamma and the turn of the vehicle change little. Motion blur wipes out detail along one direction only, hence
-energies of the least blurred direction are added to those of all.
+light, gamma and the turn of the vehicle change little. Brightness itself has columns of its own:
+snow is bright and asphalt dark, and how far to trust that is learnt from copies in other light. Motion blur wipes out
+detail along one direction only, hence energies of the least blurred direction are added to those of all.
 
 Sources: uniform rotation-invariant local binary patterns, Ojala, Pietikainen, Maenpaa 2002
 (doi:10.1109/TPAMI.2002.1017623); log-Gabor filters, Field 1987 (doi:10.1364/JOSAA.4.002379); sums over grey-level
@@ -18,7 +19,7 @@ import cv2
 import numpy as np
 from scipy import fft
 
-from .feature_kernels import band_sums, difference_sums, gradient_products, pattern_counts
+from .feature_kernels import band_sums, difference_sums, gradient_products, hue_sums, pattern_counts
 
 PATCH_PX = 64
 """Side of a patch [px]; patches of another size are resampled to it."""
@@ -28,6 +29,8 @@ ORIENTATIONS = 6
 LBP_RADII = (1, 2, 4)
 LAGS = (1, 2, 4, 8)
 _BATCH = 64
+HUES = 8
+"""Sectors of hue [-]."""
 _BANDS = ((0.02, 0.06), (0.06, 0.15), (0.15, 0.35))
 
 
@@ -77,20 +80,30 @@ def _batch(patches: np.ndarray) -> np.ndarray:
     return np.concatenate(blocks, axis=1).astype(float)
 
 
+_TAILS = (51, 972)
+"""Places of the 5th and 95th percentile among the 1024 pixels of half the resolution."""
+
+
 @cache
 def _logarithms() -> np.ndarray:
     return np.log(np.arange(256, dtype=np.float32) + 4.0)
 
 
 def _colour(tall: np.ndarray, n: int) -> np.ndarray:
-    """Colour opponents relative to brightness: their means, spreads, and how they go with brightness, (n, 11)."""
+    """Colour opponents relative to brightness, brightness, and shares of hues, (n, 23).
+
+    Of the opponents: means, spreads, and how they go with brightness. Of brightness: mean, on a linear and a
+    logarithmic scale, and tails. Hues are weighed by how colourful a pixel is, square-rooted so that rare ones count.
+    """
     half = cv2.resize(tall, (PATCH_PX // 2, n * PATCH_PX // 2), interpolation=cv2.INTER_AREA)
     pixels = np.asarray(half, dtype=np.uint8).reshape(n, -1, 3)
     table = _logarithms()
     blue, green, red = (np.take(table, pixels[:, :, channel]) for channel in range(3))
     bright = (blue + green + red) / 3
     opponents = (red - green, 0.5 * (red + green) - blue)
-    bright = bright - bright.mean(axis=1, keepdims=True)
+    tails = np.partition(bright, _TAILS, axis=1)[:, _TAILS]
+    level = bright.mean(axis=1, keepdims=True)
+    bright = bright - level
     spread = bright.std(axis=1)
     columns = []
     centred = []
@@ -106,7 +119,8 @@ def _colour(tall: np.ndarray, n: int) -> np.ndarray:
     greenish = (opponents[0] < -0.04).mean(axis=1)
     range_ = np.maximum(np.maximum(blue, green), red) - np.minimum(np.minimum(blue, green), red)
     columns += [both, chroma, greenish, range_.mean(axis=1), range_.std(axis=1)]
-    return np.stack(columns, axis=1)
+    light = [pixels.mean(axis=(1, 2)) / 255.0, level[:, 0], *tails.T]
+    return np.concatenate([np.stack([*columns, *light], axis=1), np.sqrt(hue_sums(*opponents, HUES))], axis=1)
 
 
 def _marginal(norm: np.ndarray) -> np.ndarray:
@@ -242,7 +256,8 @@ def _skewness(values: np.ndarray) -> np.ndarray:
 def _names() -> tuple[str, ...]:
     colour = ["red_green", "red_green_spread", "red_green_with_light", "yellow_blue", "yellow_blue_spread"]
     colour += ["yellow_blue_with_light", "opponents_together", "chroma", "green_share", "saturation"]
-    names = [*colour, "saturation_spread", "contrast"]
+    names = [*colour, "saturation_spread", "light", "log_light", "log_light_p5", "log_light_p95"]
+    names += [f"hue_{i}" for i in range(HUES)] + ["contrast"]
     names += [f"brightness_p{p}" for p in (1, 10, 25, 75, 90, 99)] + ["brightness_skewness"]
     scales = [f"{scale:g}" for scale in SCALES]
     names += [f"energy_{kind}_{s}" for kind in ("mean", "strong", "weak") for s in scales]

@@ -5,35 +5,25 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from ..framework.core.classifier.classifier import TerrainClassifier, TrainingOutcome
 from ..framework.core.classifier.labelled import LabelledFile, readable
 from ..framework.core.errors import InputError
 from ..framework.core.recording.camera import read_image
-from .augment import AS_IT_IS, CROP_PX, DEGRADED, MAX_BLUR, training_patches
+from .augment import AS_IT_IS, CROP_SHARES, DEGRADED, GREY_SHARE, MAX_BLUR, training_patches
+from .crops import IMAGE_PX, SIDES
 from .features import FEATURE_NAMES, PATCH_PX, patch_features
 from .quality import learn_limits
 
 MODALITY = "vision"
-IMAGE_PX = 512
-"""Short side that larger photographs are reduced to [px]."""
-ROWS_WANTED = 4000
+ROWS_WANTED = 6000
 PATCHES = (8, 40)
 """Fewest and most patches of one photograph."""
 MIN_SIDE_PX = 16
-CANDIDATES = ("logistic", "trees")
+CANDIDATES = ("stiff logistic", "kernel")
+PATCH_CANDIDATES = ("logistic", "trees")
 Progress = Callable[[float], None]
-
-
-def reduced(image: np.ndarray) -> np.ndarray:
-    """Reduce an image to a short side of `IMAGE_PX`; smaller ones stay as they are."""
-    factor = IMAGE_PX / min(image.shape[:2])
-    if factor >= 1:
-        return image
-    size = (max(1, round(image.shape[1] * factor)), max(1, round(image.shape[0] * factor)))
-    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
 
 
 def train_vision(
@@ -112,7 +102,7 @@ def _train(
     each = int(np.clip(ROWS_WANTED // max(count, 1), *PATCHES))
     features, kinds, labels, groups = [], [], [], []
     for index, (image, label, group) in enumerate(images):
-        patches, kind = training_patches(reduced(image), each, rng)
+        patches, kind = training_patches(image, each, rng)
         features.append(patch_features(patches))
         kinds.append(kind)
         labels.append(label)
@@ -121,7 +111,14 @@ def _train(
     if not features:
         raise InputError("training data", "no photograph", expected="photographs of at least two classes")
     rows, kind = np.concatenate(features), np.concatenate(kinds)
-    made = {"image_px": IMAGE_PX, "crop_px": list(CROP_PX), "patches_per_image": each, "max_blur": MAX_BLUR}
+    made = {
+        "image_px": IMAGE_PX,
+        "crops": [list(side) for side in SIDES],
+        "turned_crops": list(CROP_SHARES),
+        "patches_per_image": each,
+        "max_blur": MAX_BLUR,
+        "grey_share": GREY_SHARE,
+    }
     return TerrainClassifier.train(
         rows,
         np.repeat(np.asarray(labels, dtype=str), each),
@@ -179,7 +176,7 @@ def train_vision_patches(
         feature_names=FEATURE_NAMES,
         settings={"patch_px": PATCH_PX, "limits": learn_limits(rows, ~np.asarray(blurred, dtype=bool))},
         rng=rng,
-        candidates=candidates or CANDIDATES,
+        candidates=candidates or PATCH_CANDIDATES,
         degraded=blurred,
         source="labelled patches",
         progress=None if progress is None else (lambda share: progress(0.2 + 0.8 * share)),

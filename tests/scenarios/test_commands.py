@@ -391,7 +391,10 @@ BEGUN += "module.{name} = begun; app()"
             marks=pytest.mark.end_to_end,
         ),
         (("bevameter.framework.scenario.write", "_write_camera"), ["scenario", "short", "out/deep"]),
-        (("bevameter.vision.train", "reduced"), ["train", "vision", "{data}", "--out", "m", "--json", "o.json"]),
+        (
+            ("bevameter.vision.train", "training_patches"),
+            ["train", "vision", "{data}", "--out", "m", "--json", "o.json"],
+        ),
     ],
     ids=["run", "scenario", "train"],
 )  # fmt: skip

@@ -7,7 +7,6 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from bevameter.framework.core.classifier import fitting
 from bevameter.framework.core.classifier.classifier import TerrainClassifier
 from bevameter.framework.core.classifier.labelled import LabelledFile, read_labelled
 from bevameter.framework.core.errors import InputError
@@ -40,7 +39,6 @@ def model():
     rng = np.random.default_rng(2)
     kinds = [kind for kind in ("blades", "fine", "stones") for _ in range(6)]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fitting, "TREES", 15)
         patch.setattr(training, "ROWS_WANTED", 18 * 14)
         images = [ground(rng, kind) for kind in kinds]
         return train_vision_arrays(images, kinds, [f"p{i}" for i in range(18)], rng).classifier
@@ -64,9 +62,12 @@ def test_unseen_photographs_are_named(model, tmp_path, rng):
         assert 0 <= row["quality"] <= 1
 
 
-def test_a_photograph_without_colour_is_unknown_to_a_model_that_goes_by_it(model, rng):
+def test_a_photograph_without_colour_is_unknown_to_a_model_that_never_saw_one(model, rng):
     shown = ground(rng, "fine")
-    evidence = image_evidence(model, [np.repeat(shown[:, :, 1:2], 3, axis=2), shown])
+    images = [np.repeat(shown[:, :, 1:2], 3, axis=2), shown]
+    assert not image_evidence(model, images).unknown.any()  # some of its training patches were grey
+    never = replace(model, settings=model.settings | {"grey_share": 0})
+    evidence = image_evidence(never, images)
     assert evidence.unknown.tolist() == [True, False]
     assert "no colour" in evidence.reasons[0][0]
 
@@ -197,7 +198,8 @@ def test_frames_without_a_picture_are_unknown_with_the_reason(model, rng):
     blank = np.full((480, 640, 3), 120, dtype=np.uint8)
     grey = np.repeat(good[:, :, 1:2], 3, axis=2)
     film = Film([good, None, np.zeros_like(good), np.full_like(good, 255), blank, good[:100], grey])
-    part = next(iter(observe_ground(film, lens(), pose, speed, model, 0.5)))
+    coloured = replace(model, settings=model.settings | {"grey_share": 0})
+    part = next(iter(observe_ground(film, lens(), pose, speed, coloured, 0.5)))
     k = len(part) // 7
     said = [part.evidence.reasons[i * k] for i in range(7)]
     assert said[1:5] == [("cut off",), ("black image",), ("white image",), ("blank image",)]
@@ -246,7 +248,6 @@ def test_held_out_photographs_are_named_better_than_by_chance(shared_data, monke
             groups.append(item.group)
     held = {group for groups in by_class.values() for group in groups[1::3]}
     monkeypatch.setattr(training, "ROWS_WANTED", 16 * len(labelled))
-    monkeypatch.setattr(fitting, "TREES", 30)
     outcome = train_vision([item for item in labelled if item.group not in held], np.random.default_rng(0))
     test = [item for item in labelled if item.group in held]
     images = [training.read_image(item.file) for item in test]

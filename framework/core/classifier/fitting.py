@@ -35,12 +35,14 @@ def _kernel_machine(d: int, seed: int, components: int, freedom: float) -> Pipel
 
 CANDIDATES: dict[str, Callable[[int, int], LogisticRegression | Pipeline | ExtraTreesClassifier]] = {
     "logistic": lambda d, seed: LogisticRegression(C=0.1, max_iter=500),
+    "stiff logistic": lambda d, seed: LogisticRegression(C=0.02, max_iter=500),
     "kernel": lambda d, seed: _kernel_machine(d, seed, 250, 3.0),
     "trees": lambda d, seed: ExtraTreesClassifier(TREES, min_samples_leaf=4, max_features="sqrt", random_state=seed),
     "free logistic": lambda d, seed: LogisticRegression(C=1.0, max_iter=500),
     "fine kernel": lambda d, seed: _kernel_machine(d, seed, 800, 30.0),
 }
-"""Kinds of classifiers by name; the last two are for many groups: they are less held back, and cost more."""
+"""Kinds of classifiers by name; the stiff one is for few groups, the last two for many: they are less held back, and
+cost more."""
 USUAL = ("logistic", "kernel", "trees")
 """Candidates where none are named."""
 
