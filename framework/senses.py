@@ -79,16 +79,21 @@ class Sense(ABC):
         That of its models: ``vision`` is trained by ``bevameter train vision`` and read from ``vision.skops``.
     instrument
         That of what it observes with, for summaries and reasons: ``camera``.
+    takes_backbone
+        Whether a network of the user's own may measure for it.
     """
 
     name: ClassVar[str]
     instrument: ClassVar[str]
+    takes_backbone: ClassVar[bool] = False
 
     @abstractmethod
     def train(
         self, labelled: Sequence[LabelledFile], rng: np.random.Generator, *, notes: Sequence[str] = ()
     ) -> TrainingOutcome:
         """Train a classifier of modality `name` on labelled files; `notes` go among the report's warnings.
+
+        Where `takes_backbone` is true there is a further keyword, `backbone`: an ONNX file, or None.
 
         Raises
         ------
@@ -105,6 +110,10 @@ class Sense(ABC):
         InputError
             A file cannot be read, or the model is not of this version.
         """
+
+    def remarks(self, model: TerrainClassifier) -> tuple[str, ...]:
+        """Say what a user should know of a model before a run, such as what it costs; raises `InputError`."""
+        return ()
 
     @abstractmethod
     def absence(self, recording: Recording) -> str:
@@ -170,7 +179,7 @@ def senses_of(recording: Recording) -> tuple[str, ...]:
     return tuple(sense.name for sense in senses() if sense.recorded(recording))
 
 
-def train_sense(name: str, folder: str | Path, *, seed: int = 0) -> TrainingOutcome:
+def train_sense(name: str, folder: str | Path, *, seed: int = 0, backbone: str | Path | None = None) -> TrainingOutcome:
     """Train a sense on a labelled folder.
 
     Parameters
@@ -181,6 +190,8 @@ def train_sense(name: str, folder: str | Path, *, seed: int = 0) -> TrainingOutc
         With ``index.csv`` (file, class, group[, start_s, end_s]), or with sub-folders named by class.
     seed
         Seed of everything random.
+    backbone
+        ONNX file of an image network whose features stand beside the built-in ones; for ``"vision"``.
 
     Returns
     -------
@@ -190,11 +201,15 @@ def train_sense(name: str, folder: str | Path, *, seed: int = 0) -> TrainingOutc
     Raises
     ------
     InputError
-        There is no such sense; the folder, its index, or a file in it cannot be used; the text names it.
+        There is no such sense, or it takes no backbone; the backbone, the folder, its index, or a file in it cannot be
+        used; the text names it.
     """
     sense, notes = sense_named(name), []
+    if backbone is not None and not sense.takes_backbone:
+        raise InputError("backbone", f"{name} takes none", expected="a sense that sees images: vision")
+    further = {} if backbone is None else {"backbone": Path(backbone)}
     labelled = read_labelled(Path(folder), notes)
-    return sense.train(labelled, np.random.default_rng(seed), notes=notes)
+    return sense.train(labelled, np.random.default_rng(seed), notes=notes, **further)
 
 
 def classify_files(name: str, files: Sequence[str | Path], model: str | Path) -> list[dict]:

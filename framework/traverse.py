@@ -27,7 +27,7 @@ from .known_physics import KnownPhysics
 from .placement import Claim, Frames, Placement, moved, placement_of
 from .segments import CELL_SIZE_M, ClassTrack, SoilAlong, believe, classes_along, learn_soil, recall_soil
 from .sense_map import Progress, SenseRecord, observe
-from .senses import senses, senses_of
+from .senses import sense_named, senses, senses_of
 from .summary import SenseSummary, TraverseSummary, count_cells, count_contradictions, sense_summary
 
 
@@ -363,6 +363,9 @@ def _sense_summary(record: SenseRecord, belief: Belief, models: Models) -> Sense
 def _warnings(recording: Recording, models: Models, track: Track | None) -> tuple[str, ...]:
     used = track is not None and bool(senses_of(recording))
     warnings = list(models.warnings) if used else []
+    for name in senses_of(recording) if used else ():
+        if name in models.classifiers:
+            warnings += sense_named(name).remarks(models.classifiers[name])
     if track is None:
         warnings.append("the recording holds no places and no travel speed: nothing can be put on a map")
     elif track.origin == DEAD_RECKONING:

@@ -70,6 +70,15 @@ def shared_data() -> Path:
     return SHARED_DATA
 
 
+@pytest.fixture(scope="session")
+def shared_models() -> Path:
+    """The folder of networks next to the checkout; tests that need it skip where it is absent."""
+    folder = SHARED_DATA.parent / "models"
+    if not folder.is_dir():
+        pytest.skip("the networks of ../shared/models are not on this machine")
+    return folder
+
+
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(20261121)

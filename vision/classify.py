@@ -12,23 +12,10 @@ from ..framework.core.errors import InputError
 from ..framework.core.evidence import ClassEvidence
 from ..framework.core.recording.camera import read_image
 from .crops import image_patches
-from .features import FEATURE_NAMES, PATCH_PX, patch_features
-from .quality import check_limits, patch_quality
-from .train import MIN_SIDE_PX, MODALITY
-
-
-def check_model(model: TerrainClassifier) -> None:
-    """Refuse a model whose features are not those made here, or whose limits are damaged; raises `InputError`."""
-    expected = "a model that `bevameter train vision` of this version wrote"
-    made = model.modality, model.feature_names, model.settings.get("patch_px")
-    if made != (MODALITY, FEATURE_NAMES, PATCH_PX):
-        problem = "made for other features than this version of Bevameter measures"
-        raise InputError(model.source, problem, expected=expected)
-    try:
-        check_limits(model.settings.get("limits"))
-    except ValueError as error:
-        raise InputError(model.source, str(error), expected=expected, place="key settings.limits") from None
-
+from .features import FEATURE_NAMES
+from .measures import Measures, measures_of
+from .quality import patch_quality
+from .train import MIN_SIDE_PX
 
 NO_COLOUR = "no colour in the image, and the model was trained on colour"
 _COLOURED = 0.02
@@ -46,21 +33,23 @@ def misses_colour(model: TerrainClassifier, image: np.ndarray) -> bool:
     return bool((thinned == thinned[:, :, :1]).all())
 
 
-def patch_evidence(model: TerrainClassifier, patches: np.ndarray, **known: np.ndarray) -> ClassEvidence:
-    """Say what patches (n, 64, 64, 3) show; `known` is passed on to `patch_quality`."""
-    features = patch_features(patches)
-    quality, reasons = patch_quality(patches, features, model.settings["limits"], **known)
+def patch_evidence(
+    model: TerrainClassifier, measures: Measures, patches: np.ndarray, **known: np.ndarray
+) -> ClassEvidence:
+    """Say what patches (n, s, s, 3) show, all in one batch; `known` is passed on to `patch_quality`."""
+    small, features = measures.of(patches)
+    quality, reasons = patch_quality(small, features, model.settings["limits"], **known)
     return model.evidence(features, quality, reasons)
 
 
 def image_evidence(model: TerrainClassifier, images: Sequence[np.ndarray]) -> ClassEvidence:
     """Say what each image, (h, w, 3) uint8, shows: its patches pooled, one item an image."""
-    check_model(model)
-    patches = [image_patches(image) for image in images]
+    measures = measures_of(model)
+    patches = [image_patches(image, measures.side_px) for image in images]
     if not patches:
         return ClassEvidence.nothing(model.classes, [])
     unit = np.repeat(np.arange(len(patches)), [len(part) for part in patches])
-    evidence = patch_evidence(model, np.concatenate(patches))
+    evidence = patch_evidence(model, measures, np.concatenate(patches))
     if grey := [number for number, image in enumerate(images) if misses_colour(model, image)]:
         unknown = np.isin(unit, grey)
         nothing = ClassEvidence.nothing(model.classes, [(NO_COLOUR,)] * int(unknown.sum()))
@@ -87,9 +76,9 @@ def classify_images(files: Sequence[str | Path], model: TerrainClassifier) -> li
     Raises
     ------
     InputError
-        A file is no whole image, or the model is for other features.
+        A file is no whole image, or the model is for other features or without its backbone.
     """
-    check_model(model)
+    measures_of(model)
     rows: list[dict] = []
     for file in files:
         image = read_image(file)

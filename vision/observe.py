@@ -11,7 +11,8 @@ from ..framework.core.classifier.classifier import TerrainClassifier
 from ..framework.core.evidence import ClassEvidence
 from ..framework.core.recording.types import CameraStream, Frame
 from ..framework.core.vehicle import Camera
-from .classify import NO_COLOUR, check_model, misses_colour, patch_evidence
+from .classify import NO_COLOUR, misses_colour, patch_evidence
+from .measures import Measures, measures_of
 from .project import GroundPatches, ground_patches
 
 BATCH_FRAMES = 8
@@ -84,10 +85,10 @@ def observe_ground(
     Raises
     ------
     InputError
-        The model is for other features.
+        The model is for other features, or without its backbone.
     """
-    check_model(model)
-    layout = ground_patches(camera, cell_size_m)
+    measures = measures_of(model)
+    layout = ground_patches(camera, cell_size_m, measures.side_px)
     batch: list[tuple[Frame, float, float, float]] = []
     last: tuple[float, float, float] | None = None
 
@@ -105,10 +106,10 @@ def observe_ground(
             last = (x, y, yaw)
         batch.append((frame, x, y, yaw))
         if len(batch) == BATCH_FRAMES:
-            yield _look(batch, camera, layout, speed_at, model, cell_size_m)
+            yield _look(batch, camera, layout, speed_at, model, measures, cell_size_m)
             batch = []
     if batch:
-        yield _look(batch, camera, layout, speed_at, model, cell_size_m)
+        yield _look(batch, camera, layout, speed_at, model, measures, cell_size_m)
 
 
 def _near(last: tuple[float, float, float], x: float, y: float, yaw: float, cell_size_m: float) -> bool:
@@ -123,6 +124,7 @@ def _look(
     layout: GroundPatches,
     speed_at: Callable[[np.ndarray], np.ndarray],
     model: TerrainClassifier,
+    measures: Measures,
     cell_size_m: float,
 ) -> GroundEvidence:
     k = len(layout)
@@ -139,6 +141,7 @@ def _look(
         )
         evidence = patch_evidence(
             model,
+            measures,
             patches,
             resolution_px=np.tile(layout.resolution_px, len(usable)),
             blur_share=np.repeat(blur[usable], k),

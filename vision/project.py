@@ -91,6 +91,8 @@ class GroundPatches:
         Pixels of the image across the patch, in the direction in which there are fewest [px].
     side_m
         Side of a patch [m].
+    side_px
+        Side s of the image of one [px].
     """
 
     centre_m: np.ndarray
@@ -99,23 +101,24 @@ class GroundPatches:
     _map_x: np.ndarray
     _map_y: np.ndarray
     _oversampling: int
+    side_px: int
 
     def __len__(self) -> int:
         return len(self.centre_m)
 
     def cut(self, image: np.ndarray) -> np.ndarray:
-        """Give the patches as seen straight from above, (k, 64, 64, 3) uint8, from an image (h, w, 3) uint8."""
+        """Give the patches as seen straight from above, (k, s, s, 3) uint8, from an image (h, w, 3) uint8."""
         if not len(self):
-            return np.empty((0, PATCH_PX, PATCH_PX, 3), dtype=np.uint8)
+            return np.empty((0, self.side_px, self.side_px, 3), dtype=np.uint8)
         tall = np.asarray(
             cv2.remap(image, self._map_x, self._map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT_101)
         )
         if self._oversampling > 1:
-            tall = np.asarray(cv2.resize(tall, (PATCH_PX, PATCH_PX * len(self)), interpolation=cv2.INTER_AREA))
-        return tall.reshape(len(self), PATCH_PX, PATCH_PX, 3)
+            tall = np.asarray(cv2.resize(tall, (self.side_px, self.side_px * len(self)), interpolation=cv2.INTER_AREA))
+        return tall.reshape(len(self), self.side_px, self.side_px, 3)
 
 
-def ground_patches(camera: Camera, side_m: float) -> GroundPatches:
+def ground_patches(camera: Camera, side_m: float, side_px: int = PATCH_PX) -> GroundPatches:
     """Lay out patches on the ground that the camera sees well.
 
     Rows stand from the nearest ground that is wholly in view to the furthest that is still resolved, evenly in the
@@ -127,6 +130,8 @@ def ground_patches(camera: Camera, side_m: float) -> GroundPatches:
         Geometry and lens.
     side_m
         Side of a patch [m].
+    side_px
+        Side s of the images of patches [px].
 
     Returns
     -------
@@ -148,8 +153,8 @@ def ground_patches(camera: Camera, side_m: float) -> GroundPatches:
     keep = resolution >= MIN_PX_ACROSS
     centres, resolution = centres[keep], resolution[keep]
     finest = _finest(camera, centres, side_m)
-    times = int(np.clip(np.ceil(finest.max(initial=1.0) / PATCH_PX - 0.25), 1, _MAX_OVERSAMPLING))
-    size = PATCH_PX * times
+    times = int(np.clip(np.ceil(finest.max(initial=1.0) / side_px - 0.25), 1, _MAX_OVERSAMPLING))
+    size = side_px * times
     step = ((np.arange(size) + 0.5) / size - 0.5) * side_m
     # A patch's rows run away from the vehicle towards its top, its columns from left to right.
     forward, left = np.meshgrid(-step, -step, indexing="ij")
@@ -157,7 +162,13 @@ def ground_patches(camera: Camera, side_m: float) -> GroundPatches:
     points = (centres[:, None, :] + grid[None]).reshape(-1, 2)
     pixels = ground_to_image(camera, points)[0].astype(np.float32).reshape(len(centres) * size, size, 2)
     return GroundPatches(
-        centres, resolution, side_m, np.ascontiguousarray(pixels[..., 0]), np.ascontiguousarray(pixels[..., 1]), times
+        centres,
+        resolution,
+        side_m,
+        np.ascontiguousarray(pixels[..., 0]),
+        np.ascontiguousarray(pixels[..., 1]),
+        times,
+        side_px,
     )
 
 

@@ -17,8 +17,8 @@ CLIPPED = (0.05, 0.5)
 """Share of clipped pixels at which quality starts to fall, and at which it is 0 [-]."""
 DARK = (24.0, 6.0)
 """Mean grey level at which quality starts to fall, and at which it is 0: noise and quantisation take over [-]."""
-FLAT = (4.0, 1.5)
-"""Standard deviation of grey levels, likewise [-]."""
+FLAT = (3.0, 0.7)
+"""Standard deviation of grey levels, likewise: smooth snow and sand have little, and colour and brightness tell [-]."""
 BLUR_QUALITY = 0.3
 """Quality that is left to a patch as blurred as the most blurred ones that training knew [-]."""
 RESOLVED_PX = (40.0, 12.0)

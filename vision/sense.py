@@ -21,14 +21,29 @@ class Vision(Sense):
 
     name = "vision"
     instrument = "camera"
+    takes_backbone = True
 
     def train(
-        self, labelled: Sequence[LabelledFile], rng: np.random.Generator, *, notes: Sequence[str] = ()
+        self,
+        labelled: Sequence[LabelledFile],
+        rng: np.random.Generator,
+        *,
+        notes: Sequence[str] = (),
+        backbone: Path | None = None,
     ) -> TrainingOutcome:
-        """Train on photographs of ground."""
+        """Train on photographs of ground, with an image network's features beside the built-in ones if one is given."""
+        from .backbone import open_backbone
         from .train import train_vision
 
-        return train_vision(labelled, rng, notes=notes)
+        network = None if backbone is None else open_backbone(backbone)
+        return train_vision(labelled, rng, notes=notes, backbone=network)
+
+    def remarks(self, model: TerrainClassifier) -> tuple[str, ...]:
+        """Say what a backbone costs."""
+        from .measures import measures_of
+
+        backbone = measures_of(model).backbone
+        return () if backbone is None else (f"the model of {self.name} measures by its {backbone.cost()}",)
 
     def classify(self, files: Sequence[Path], model: TerrainClassifier) -> list[dict]:
         """Name the ground on photographs, one row a file."""

@@ -12,16 +12,19 @@ from ..framework.core.classifier.labelled import LabelledFile, readable
 from ..framework.core.errors import InputError
 from ..framework.core.recording.camera import read_image
 from .augment import AS_IT_IS, CROP_SHARES, DEGRADED, GREY_SHARE, MAX_BLUR, training_patches
+from .backbone import Backbone
 from .crops import IMAGE_PX, SIDES
 from .features import FEATURE_NAMES, PATCH_PX, patch_features
+from .measures import MODALITY, Measures, feature_names
 from .quality import learn_limits
 
-MODALITY = "vision"
 ROWS_WANTED = 6000
 PATCHES = (8, 40)
 """Fewest and most patches of one photograph."""
 MIN_SIDE_PX = 16
 CANDIDATES = ("stiff logistic", "kernel")
+BACKBONE_CANDIDATES = ("stiff logistic", "kernel", "reduced logistic")
+"""The first two see the built-in features, the last those of a backbone."""
 PATCH_CANDIDATES = ("logistic", "trees")
 Progress = Callable[[float], None]
 
@@ -32,6 +35,7 @@ def train_vision(
     progress: Progress | None = None,
     *,
     notes: Sequence[str] = (),
+    backbone: Backbone | None = None,
 ) -> TrainingOutcome:
     """Train on labelled photographs of ground, seen from above or nearly so.
 
@@ -45,15 +49,19 @@ def train_vision(
         Called with the share done, 0 to 1.
     notes
         What the report is to say of the material among its warnings.
+    backbone
+        A network whose features stand beside the built-in ones. Whether a classifier of either or of both is taken, is
+        decided on groups held out.
 
     Raises
     ------
     InputError
-        No file of a class is a whole image that is large enough, or there are fewer than two classes.
+        The backbone cannot be run, no file of a class is a whole image that is large enough, or there are fewer than
+        two classes.
     """
     said = list(notes)
     images = ((image, item.class_name, item.group) for item, image in readable(labelled, _image, said))
-    return _train(images, len(labelled), rng, progress, said)
+    return _train(images, len(labelled), rng, progress, said, backbone)
 
 
 def train_vision_arrays(
@@ -62,6 +70,8 @@ def train_vision_arrays(
     groups: Sequence[str],
     rng: np.random.Generator,
     progress: Progress | None = None,
+    *,
+    backbone: Backbone | None = None,
 ) -> TrainingOutcome:
     """Train on images in memory.
 
@@ -71,7 +81,7 @@ def train_vision_arrays(
         n images, each (h, w, 3) uint8, blue, green, red.
     labels, groups
         n class names and groups.
-    rng, progress
+    rng, progress, backbone
         As in `train_vision`.
 
     Raises
@@ -81,7 +91,7 @@ def train_vision_arrays(
     """
     for index, image in enumerate(images):
         _check_size(image, f"image {index}")
-    return _train(zip(images, labels, groups, strict=True), len(images), rng, progress, [])
+    return _train(zip(images, labels, groups, strict=True), len(images), rng, progress, [], backbone)
 
 
 def _image(item: LabelledFile) -> np.ndarray:
@@ -95,15 +105,17 @@ def _train(
     count: int,
     rng: np.random.Generator,
     progress: Progress | None,
-    notes: Sequence[str],
+    notes: list[str],
+    backbone: Backbone | None,
 ) -> TrainingOutcome:
     """Train on images with class and group, `count` at most; `notes` may grow until the last was read."""
     report = progress or (lambda share: None)
+    measures = Measures(backbone)
     each = int(np.clip(ROWS_WANTED // max(count, 1), *PATCHES))
     features, kinds, labels, groups = [], [], [], []
     for index, (image, label, group) in enumerate(images):
-        patches, kind = training_patches(image, each, rng)
-        features.append(patch_features(patches))
+        patches, kind = training_patches(image, each, rng, measures.side_px)
+        features.append(measures.of(patches)[1])
         kinds.append(kind)
         labels.append(label)
         groups.append(group)
@@ -119,15 +131,21 @@ def _train(
         "max_blur": MAX_BLUR,
         "grey_share": GREY_SHARE,
     }
+    built_in, d = len(FEATURE_NAMES), rows.shape[1]
+    if backbone is not None:
+        made["backbone"] = backbone.record()
+        notes += [text for text in (backbone.assumed, f"Features beside the built-in ones: {backbone.cost()}.") if text]
     return TerrainClassifier.train(
         rows,
         np.repeat(np.asarray(labels, dtype=str), each),
         np.repeat(np.asarray(groups, dtype=str), each),
         modality=MODALITY,
-        feature_names=FEATURE_NAMES,
+        feature_names=feature_names(d),
         settings={"patch_px": PATCH_PX, "limits": learn_limits(rows, kind != DEGRADED)} | made,
         rng=rng,
-        candidates=CANDIDATES,
+        candidates=BACKBONE_CANDIDATES if backbone else CANDIDATES,
+        columns=dict(zip(BACKBONE_CANDIDATES, ((0, built_in), (0, built_in), (built_in, d)), strict=True)),
+        gate_columns=built_in,
         degraded=kind != AS_IT_IS,
         source="labelled photographs",
         notes=notes,

@@ -23,6 +23,14 @@ def command(
     out: Annotated[Path, typer.Option("--out", help="Where to write the model.")],
     json: Annotated[Path | None, typer.Option("--json", help="Write the report as JSON.")] = None,
     report: Annotated[Path | None, typer.Option("--report", help="Write the report as an HTML page.")] = None,
+    backbone: Annotated[
+        Path | None,
+        typer.Option(
+            "--backbone",
+            help="ONNX file of an image network, for vision: its features stand beside the built-in ones. "
+            "NAME.toml next to NAME.onnx states size_px, colour_order, mean, sd.",
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random.")] = 0,
 ) -> None:
     """Train, test on groups that were held out, and write the model."""
@@ -33,9 +41,9 @@ def command(
     from .results import print_report
 
     sense_named(sense)
-    check_outputs([out, json, report], [labelled])
+    check_outputs([out, json, report], [labelled, backbone])
     with status(f"training {sense} on {labelled}"):
-        outcome = train_sense(sense, labelled, seed=seed)
+        outcome = train_sense(sense, labelled, seed=seed, backbone=backbone)
     outcome.classifier.save(out)
     if json is not None:
         origin = {"model": str(out), "version": outcome.classifier.version, "seed": seed}

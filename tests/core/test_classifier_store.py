@@ -177,7 +177,8 @@ def test_metadata_that_do_not_fit_are_refused(saved, change):
         ({"feature_names": list("aacde")}, "key feature_names: 'a' stands twice"),
         ({"temperature": "1.0"}, "key temperature: '1.0'"),
         ({"threshold": float("inf")}, "key threshold: inf"),
-        ({"member_temperatures": [1, 1, 1, 1]}, "key member_temperatures: 4 temperatures"),
+        ({"member_temperatures": [1, 1, 1, 1]}, "key member_temperatures: 4 for 1 members"),
+        ({"member_columns": [[0, 99]]}, "key member_columns: 0 to 99"),
         ({"member_temperatures": 1.0}, "key member_temperatures: 1.0"),
     ],
 )

@@ -8,7 +8,7 @@ doi:10.1186/1471-2105-7-91).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -79,6 +79,8 @@ class TerrainClassifier:
         settings: dict,
         rng: np.random.Generator,
         candidates: Sequence[str] | None = None,
+        columns: Mapping[str, tuple[int, int]] | None = None,
+        gate_columns: int | None = None,
         degraded: np.ndarray | None = None,
         source: str | Path = "training data",
         notes: Sequence[str] = (),
@@ -94,6 +96,10 @@ class TerrainClassifier:
             Class name, and what must stay on one side of a split (site, session, clip, photograph).
         candidates
             Names from `CANDIDATES`; `USUAL` by default.
+        columns
+            By name of a candidate, the first column that it sees and the one after the last; all by default.
+        gate_columns
+            The gate sees so many of the first columns; all by default.
         degraded : (n,)
             True for rows that are no items as they came but made from them: with blur, noise or a channel less. They
             teach as all rows do; their scores are reported apart, under ``"degraded"``.
@@ -118,7 +124,7 @@ class TerrainClassifier:
         if unknown := set(names) - set(CANDIDATES):
             raise InputError(source, f"no candidate {sorted(unknown)}", expected="of " + ", ".join(CANDIDATES))
         step = progress or (lambda share: None)
-        rows = Rows(x, y, group, row_weights(y, group), len(classes))
+        rows = Rows(x, y, group, row_weights(y, group), len(classes), dict(columns or {}), gate_columns)
         held = _outer_predictions(rows, names, rng, step)
         fitted, chosen, losses = fit(rows, names, rng)
         step(1.0)

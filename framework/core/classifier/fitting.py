@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from sklearn.decomposition import PCA
 from sklearn.ensemble import ExtraTreesClassifier
 from sklearn.kernel_approximation import Nystroem
 from sklearn.linear_model import LogisticRegression
@@ -33,11 +34,18 @@ def _kernel_machine(d: int, seed: int, components: int, freedom: float) -> Pipel
     return Pipeline([("map", mapping), ("logistic", LogisticRegression(C=freedom, max_iter=500))])
 
 
+def _reduced(seed: int, components: int, freedom: float) -> Pipeline:
+    # Principal components first: for many columns and few groups, such as the features of a deep network.
+    reduce = PCA(components, svd_solver="randomized", random_state=seed)
+    return Pipeline([("map", reduce), ("logistic", LogisticRegression(C=freedom, max_iter=500))])
+
+
 CANDIDATES: dict[str, Callable[[int, int], LogisticRegression | Pipeline | ExtraTreesClassifier]] = {
     "logistic": lambda d, seed: LogisticRegression(C=0.1, max_iter=500),
     "stiff logistic": lambda d, seed: LogisticRegression(C=0.02, max_iter=500),
     "kernel": lambda d, seed: _kernel_machine(d, seed, 250, 3.0),
     "trees": lambda d, seed: ExtraTreesClassifier(TREES, min_samples_leaf=4, max_features="sqrt", random_state=seed),
+    "reduced logistic": lambda d, seed: _reduced(seed, 128, 0.01),
     "free logistic": lambda d, seed: LogisticRegression(C=1.0, max_iter=500),
     "fine kernel": lambda d, seed: _kernel_machine(d, seed, 800, 30.0),
 }
@@ -51,13 +59,15 @@ USUAL = ("logistic", "kernel", "trees")
 class Fitted:
     """What was learnt: standardisation, members whose probabilities are averaged, temperatures, gate.
 
-    Each member has its own temperature, so that none shouts the others down; `temperature` is for their mean.
+    Each member has its own temperature, so that none shouts the others down, and sees its own columns, from the first
+    to before the last of `member_columns`; `temperature` is for their mean.
     """
 
     mean: np.ndarray
     scale: np.ndarray
     members: tuple[LogisticRegression | Pipeline | ExtraTreesClassifier, ...]
     member_temperatures: tuple[float, ...]
+    member_columns: tuple[tuple[int, int], ...]
     n_classes: int
     gate: Gate
     temperature: float
@@ -70,25 +80,35 @@ class Fitted:
 
     def probabilities(self, z: np.ndarray) -> np.ndarray:
         """Give calibrated probabilities (n, k) of standardised rows z (n, d)."""
-        parts = zip(self.members, self.member_temperatures, strict=True)
-        raw = np.mean([softened(_full(member, z, self.n_classes), t) for member, t in parts], axis=0)
+        parts = zip(self.members, self.member_temperatures, self.member_columns, strict=True)
+        raw = np.mean([softened(_full(member, z[:, a:b], self.n_classes), t) for member, t, (a, b) in parts], axis=0)
         return calibrated(raw, self.temperature)
 
 
 @dataclass(frozen=True)
 class Rows:
-    """Training rows: features x (n, d), class indices y (n,), groups (n,), and how much each row counts."""
+    """Training rows: features x (n, d), class indices y (n,), groups (n,), and how much each row counts.
+
+    `columns` gives the first column that a candidate sees and the one after the last, by the candidate's name; of all
+    where it is not named. The gate sees the first `gate_columns`; all where that is None.
+    """
 
     x: np.ndarray
     y: np.ndarray
     group: np.ndarray
     weight: np.ndarray
     n_classes: int
+    columns: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    gate_columns: int | None = None
 
     def take(self, index: np.ndarray) -> Rows:
         """Give some rows, with weights of their own."""
         y, group = self.y[index], self.group[index]
-        return Rows(self.x[index], y, group, row_weights(y, group), self.n_classes)
+        return replace(self, x=self.x[index], y=y, group=group, weight=row_weights(y, group))
+
+    def seen_by(self, name: str) -> tuple[int, int]:
+        """Give the first column that a candidate sees, and the one after the last."""
+        return self.columns.get(name, (0, self.x.shape[1]))
 
 
 def units(y: np.ndarray, group: np.ndarray) -> np.ndarray:
@@ -153,14 +173,18 @@ def _base(rows: Rows, names: Sequence[str], seed: int):
     z = np.clip((rows.x - mean) / scale, -1e3, 1e3)
     members = {}
     for name in names:
-        member = CANDIDATES[name](rows.x.shape[1], seed)
+        first, last = rows.seen_by(name)
+        seen = np.clip(z[:, first:last], -CLIP, CLIP)
+        member = CANDIDATES[name](last - first, seed)
         if isinstance(member, Pipeline):
-            member.set_params(map__n_components=min(member.named_steps["map"].n_components, len(z)))
-            member.fit(np.clip(z, -CLIP, CLIP), rows.y, logistic__sample_weight=rows.weight)
+            mapping = member.named_steps["map"]
+            most = min(seen.shape) if isinstance(mapping, PCA) else len(seen)
+            mapping.set_params(n_components=min(mapping.n_components, most))
+            member.fit(seen, rows.y, logistic__sample_weight=rows.weight)
         else:
-            member.fit(np.clip(z, -CLIP, CLIP), rows.y, sample_weight=rows.weight)
+            member.fit(seen, rows.y, sample_weight=rows.weight)
         members[name] = member
-    return mean, scale, members, Gate.fit(z, rows.y, rows.weight, rows.n_classes)
+    return mean, scale, members, Gate.fit(z[:, : rows.gate_columns], rows.y, rows.weight, rows.n_classes)
 
 
 def fit(rows: Rows, names: Sequence[str], rng: np.random.Generator) -> tuple[Fitted, str, dict[str, float]]:
@@ -177,7 +201,8 @@ def fit(rows: Rows, names: Sequence[str], rng: np.random.Generator) -> tuple[Fit
         seen = np.isin(few.y[test], part.y)
         distance[test[seen]] = gate.distance(z[seen])
         for name in names:
-            raw[name][test] = _full(members[name], z, k)
+            first, last = rows.seen_by(name)
+            raw[name][test] = _full(members[name], z[:, first:last], k)
     held = np.isfinite(distance)
     if held.any():
         y, weight = few.y[held], few.weight[held]
@@ -199,6 +224,7 @@ def fit(rows: Rows, names: Sequence[str], rng: np.random.Generator) -> tuple[Fit
         scale,
         tuple(members[name] for name in final),
         tuple(temperatures[name] if chosen == COMMITTEE else 1.0 for name in final),
+        tuple(rows.seen_by(name) for name in final),
         k,
         gate,
         temperatures[chosen],

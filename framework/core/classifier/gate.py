@@ -34,8 +34,11 @@ class Gate:
         return Gate(whitening, mean @ whitening)
 
     def distance(self, z: np.ndarray) -> np.ndarray:
-        """Give the distance of each row of z (n, d) to the nearest class centre, (n,) [-]."""
-        w = z @ self.whitening
+        """Give the distance of each row of z (n, d) to the nearest class centre, (n,) [-].
+
+        Columns beyond those that it was fitted to are passed over.
+        """
+        w = z[:, : len(self.whitening)] @ self.whitening
         square = (w**2).sum(axis=1)[:, None] - 2 * w @ self.centres.T + (self.centres**2).sum(axis=1)
         return np.sqrt(np.maximum(square.min(axis=1), 0.0))
 

@@ -14,6 +14,7 @@ from typing import Annotated, Any
 import numpy as np
 import skops.io
 from pydantic import BaseModel, ConfigDict, Field
+from sklearn.decomposition import PCA
 from sklearn.ensemble import ExtraTreesClassifier
 from sklearn.kernel_approximation import Nystroem
 from sklearn.linear_model import LogisticRegression
@@ -49,6 +50,7 @@ _ALLOWED = {
     ("sklearn.tree._tree", "Tree", "TreeNode"),
     ("sklearn.linear_model._logistic", "LogisticRegression", "ObjectNode"),
     ("sklearn.kernel_approximation", "Nystroem", "ObjectNode"),
+    ("sklearn.decomposition._pca", "PCA", "ObjectNode"),
     ("sklearn.pipeline", "Pipeline", "ObjectNode"),
 }
 """(module, class, loader) of everything that a model may be made of."""
@@ -67,6 +69,7 @@ class Metadata(BaseModel):
     settings: dict[str, Any]
     report: dict[str, Any]
     member_temperatures: Annotated[list[_Temperature], Field(min_length=1)]
+    member_columns: list[Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=2, max_length=2)]] | None = None
     temperature: _Temperature
     threshold: Annotated[float, Field(gt=0, lt=1e6)]
     correlation: Annotated[float, Field(ge=0, le=1)]
@@ -106,6 +109,7 @@ def _metadata(model: TerrainClassifier) -> str:
             "settings": model.settings,
             "report": model.report,
             "member_temperatures": list(model.fitted.member_temperatures),
+            "member_columns": [list(columns) for columns in model.fitted.member_columns],
             "temperature": model.fitted.temperature,
             "threshold": model.fitted.threshold,
             "correlation": model.fitted.correlation,
@@ -240,24 +244,30 @@ def _checked_schema(archive: zipfile.ZipFile, path: Path) -> dict:
 def _rebuild(payload: dict, path: Path, version: str) -> TerrainClassifier:
     meta = checked_metadata(json.loads(payload["metadata"]), path)
     k, d = len(meta.classes), len(meta.feature_names)
-    shapes = {"mean": (d,), "scale": (d,), "whitening": (d, d), "centres": (k, d)}
     arrays = {name: np.asarray(payload["arrays"][name], dtype=float) for name in _ARRAYS}
+    gated = min(len(arrays["whitening"]), d)
+    shapes = {"mean": (d,), "scale": (d,), "whitening": (gated, gated), "centres": (k, gated)}
     for name, values in arrays.items():
         if values.shape != shapes[name] or not np.isfinite(values).all():
             raise InputError(path, f"{name} of shape {values.shape}", expected=f"finite numbers, {shapes[name]}")
     if not (arrays["scale"] > 0).all():
         raise InputError(path, "scales out of range", expected="positive finite numbers")
     members = tuple(payload["members"])
-    for member in members:
-        _check_member(member, k, d)
-    if len(meta.member_temperatures) != len(members):
-        problem = f"{len(meta.member_temperatures)} temperatures of {len(members)} members"
-        raise InputError(path, problem, expected="one for each", place="key member_temperatures")
+    columns = meta.member_columns or [[0, d]] * len(members)  # all, in files of before there was a choice
+    for key, values in (("member_temperatures", meta.member_temperatures), ("member_columns", columns)):
+        if len(values) != len(members):
+            problem = f"{len(values)} for {len(members)} members"
+            raise InputError(path, problem, expected="one for each", place=f"key {key}")
+    for member, (first, last) in zip(members, columns, strict=True):
+        if not first < last <= d:
+            raise InputError(path, f"{first} to {last}", expected=f"some of {d} columns", place="key member_columns")
+        _check_member(member, k, last - first)
     fitted = Fitted(
         arrays["mean"],
         arrays["scale"],
         members,
         tuple(meta.member_temperatures),
+        tuple((first, last) for first, last in columns),
         k,
         Gate(arrays["whitening"], arrays["centres"]),
         meta.temperature,
@@ -293,7 +303,8 @@ def _check_member(member: Any, k: int, d: int) -> None:
     linear = member
     if isinstance(member, Pipeline):
         mapping, linear = (step for _, step in member.steps)
-        known = isinstance(mapping, Nystroem) and mapping.kernel == "rbf" and mapping.n_jobs is None
+        nystroem = isinstance(mapping, Nystroem) and mapping.kernel == "rbf" and mapping.n_jobs is None
+        known = nystroem or isinstance(mapping, PCA)
         if not known or np.shape(mapping.components_)[1] != d:
             raise ValueError("an unknown feature map")
     if not isinstance(linear, LogisticRegression) or linear.coef_.ndim != 2:
