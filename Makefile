@@ -71,6 +71,6 @@ $(VENV)/.installed-for-tests: $(BIN)/python $(CODE) $(ABOUT)
 	@echo "==> installing Bevameter, what it needs and what its tests need (minutes, the first time)"
 	@$(PIP) install -c requirements.lock setuptools
 	@rm -rf build
-	@$(PIP) install --no-build-isolation -c requirements.lock '.[dev,excel,fleet,geo,postgres,video]'
+	@$(PIP) install --no-build-isolation -c requirements.lock '.[dev,excel,fleet,geo,onnx,postgres,video]'
 	@rm -rf build
 	@touch $(VENV)/.installed $@

@@ -12,7 +12,7 @@ CROP_SHARES = (0.25, 0.8)
 """Range of the side of a turned crop, as a share of the photograph's short side: the same ground nearer and further."""
 MAX_BLUR = 0.45
 """Longest motion blur, as a share of the side of a patch [-]."""
-NOISE = (0.2, 20.0)
+NOISE = (0.2, 12.0)
 """Range of the standard deviation of noise, of 255 [-]."""
 MIN_LIGHT = 0.2
 """Least share of the light that reaches an underexposed image [-]."""
@@ -20,7 +20,7 @@ GREY_SHARE = 0.1
 """Share of relit patches that lose their colour, as to a monochrome camera [-]."""
 AS_IT_IS, RELIT, DEGRADED = 0, 1, 2
 """What was done to a patch: nothing but cutting it; another light; another light and a worse camera."""
-SHARES = (0.4, 0.3, 0.3)
+SHARES = (0.4, 0.2, 0.4)
 """Share of patches of each of these kinds [-]."""
 
 

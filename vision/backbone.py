@@ -11,6 +11,7 @@ import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from importlib import import_module
 from pathlib import Path
 from time import perf_counter
 from typing import Annotated, Any, Literal
@@ -229,7 +230,7 @@ def _runner(content: bytes, file: Path) -> tuple[Callable[[np.ndarray], np.ndarr
     if shape[2] != shape[3]:
         raise InputError(file, f"images of {shape[2]} x {shape[3]} px", expected="square images")
     try:
-        import onnxruntime  # pyright: ignore[reportMissingImports]
+        onnxruntime = import_module("onnxruntime")
     except ImportError:
         onnxruntime = None
     runtime = f"OpenCV {cv2.__version__}" if onnxruntime is None else f"ONNX Runtime {onnxruntime.__version__}"

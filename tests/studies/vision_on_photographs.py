@@ -1,6 +1,7 @@
 """Vision on photographs of grounds that were held out: the package against a plain support vector machine.
 
     python tests/studies/vision_on_photographs.py FOLDER [--method package|svm] [--split photograph|source]
+        [--backbone NETWORK.onnx]
 
 FOLDER is labelled (`index.csv` with file, class, group, source). Splits: `photograph`, five folds by group, and
 `source`, each source in turn against the others, whose shared groups are left out. Balanced accuracy is of photographs,
@@ -11,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from functools import partial
 
 import cv2
 import numpy as np
@@ -18,6 +20,7 @@ from bevameter.framework.core.classifier.labelled import read_labelled
 from bevameter.framework.core.classifier.scores import accuracy_intervals, confusion_by_unit
 from bevameter.framework.core.recording.camera import read_image
 from bevameter.vision.augment import motion_blur
+from bevameter.vision.backbone import open_backbone
 from bevameter.vision.classify import image_evidence
 from bevameter.vision.train import train_vision_arrays
 from sklearn.model_selection import StratifiedGroupKFold
@@ -100,9 +103,9 @@ def svm(images, labels, groups):
     return named
 
 
-def package(images, labels, groups):
+def package(images, labels, groups, backbone=None):
     """The package's own: class names of images, "unknown" where it does not say."""
-    model = train_vision_arrays(images, labels, groups, np.random.default_rng(0)).classifier
+    model = train_vision_arrays(images, labels, groups, np.random.default_rng(0), backbone=backbone).classifier
 
     def named(images):
         evidence = image_evidence(model, images)
@@ -130,13 +133,15 @@ def main():
     parser.add_argument("folder")
     parser.add_argument("--method", choices=("package", "svm"), default="package")
     parser.add_argument("--split", choices=("photograph", "source"), default="photograph")
+    parser.add_argument("--backbone")
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
     items = read_labelled(asked.folder)
     images = [read_image(item.file) for item in items]
     labels, groups = np.array([item.class_name for item in items]), np.array([item.group for item in items])
     sources = np.array([str(item.extra["source"]) for item in items])
-    train = {"package": package, "svm": svm}[asked.method]
+    backbone = open_backbone(asked.backbone) if asked.backbone else None
+    train = svm if asked.method == "svm" else partial(package, backbone=backbone)
     truths, units, answers = [], [], {name: [] for name in CONDITIONS}
     foreign, start = [], time.perf_counter()
     for inside, test in splits(asked.split, labels, groups, sources, asked.seed):
@@ -152,7 +157,8 @@ def main():
             answers[name] += list(named([change(images[i], rng) for i in test]))
     names = [*sorted(set(labels)), "unknown"]
     truth, unit = np.array([names.index(name) for name in truths]), np.unique(units, return_inverse=True)[1]
-    print(f"{asked.method}, split by {asked.split}, n = {len(truth)}, {time.perf_counter() - start:.0f} s")
+    method = asked.method + (" with a backbone" if asked.backbone else "")
+    print(f"{method}, split by {asked.split}, n = {len(truth)}, {time.perf_counter() - start:.0f} s")
     for name, given in answers.items():
         said = np.array([names.index(each) for each in given])
         by_unit = confusion_by_unit(truth, said, unit, len(names))
