@@ -305,7 +305,7 @@ def _check_member(member: Any, k: int, d: int) -> None:
         mapping, linear = (step for _, step in member.steps)
         nystroem = isinstance(mapping, Nystroem) and mapping.kernel == "rbf" and mapping.n_jobs is None
         known = nystroem or isinstance(mapping, PCA)
-        if not known or np.shape(mapping.components_)[1] != d:
+        if not known or np.asarray(mapping.components_).shape[1:] != (d,):
             raise ValueError("an unknown feature map")
     if not isinstance(linear, LogisticRegression) or linear.coef_.ndim != 2:
         raise ValueError("an unknown linear model")
