@@ -22,7 +22,6 @@ from packaging.specifiers import SpecifierSet
 from packaging.utils import canonicalize_name
 from packaging.version import InvalidVersion
 
-from .. import __version__
 from .core.errors import InputError
 from .core.plugins import import_fault
 
@@ -105,17 +104,17 @@ def diagnose(database: str | Path | None = None, *, progress: Callable[[str, flo
 
 
 def _installation() -> Iterator[Check]:
-    where = Path(__file__).parents[1]
+    where, code = Path(__file__).parents[1], import_module(_NAME).__version__
     try:
         about = metadata.metadata(_NAME)
     except metadata.PackageNotFoundError:
         problem = "is not installed: nobody knows what it needs"
-        yield Check("installation", _NAME, __version__, "", problem, f"install what is in {where} with pip")
+        yield Check("installation", _NAME, code, "", problem, f"install what is in {where} with pip")
         return
-    python, needed = platform.python_version(), about["Requires-Python"] or ""
+    python, needed = platform.python_version(), (about.get_all("Requires-Python") or [""])[0]
     wrong = "" if _meets(python, SpecifierSet(needed)) else f"{needed} is required"
     yield Check("installation", "python", python, needed, wrong, "make a new environment with it" if wrong else "")
-    wrong = "" if about["Version"] == __version__ else f"the code that runs is {__version__}: pip knows another version"
+    wrong = "" if about["Version"] == code else f"the code that runs is {code}: pip knows another version"
     yield Check(
         "installation", _NAME, about["Version"], "", wrong, f"install what is in {where} again" if wrong else ""
     )

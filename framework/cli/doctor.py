@@ -31,8 +31,9 @@ def command(
     check_outputs([json], [None if db is None else Path(db)])
     try:
         from ..doctor import diagnose
-    except ModuleNotFoundError as missing:  # of what reads the requirements
-        print(f"1 thing needs attention\n  {missing.name} is not installed\n    python -m pip install {missing.name}")
+    except ModuleNotFoundError as missing:  # `packaging`, which reads the requirements
+        name = str(missing.name).partition(".")[0]
+        print(f"1 thing needs attention\n  dependency {name}: is not installed\n    python -m pip install {name}")
         raise typer.Exit(NEEDS_ATTENTION) from None
     # Progress is shown by rich, which may be what is not there.
     with progress_bars() if find_spec("rich") else nullcontext() as progress:
