@@ -101,9 +101,9 @@ def find_models(
     InputError
         `folder` is missing or holds no model; a model there is damaged or of another sense.
     """
-    found = _own_models(folder, database)
+    found = own_models(folder, database)
     own = [sense for sense in senses if sense in found]
-    synthetic = tuple(sense for sense in senses if sense not in found and sense in _TRAINERS)
+    synthetic = tuple(sense for sense in senses if sense not in found and sense in TRAINERS)
     # A damaged model is found out before others are trained.
     classifiers = {sense: TerrainClassifier.load(found[sense], modality=sense) for sense in own}
     classifiers |= {sense: default_model(sense, progress=progress) for sense in synthetic}
@@ -113,15 +113,15 @@ def find_models(
 
 def at_hand(folder: str | Path | None, database: str | Path | None) -> tuple[str, ...]:
     """Name the senses whose model `find_models` need not train; raises `InputError` as it does."""
-    found = _own_models(folder, database)
+    found = own_models(folder, database)
     return tuple(
         sense.name
         for sense in all_senses()
-        if sense.name in found or (sense.name in _TRAINERS and cached_path(sense.name).is_file())
+        if sense.name in found or (sense.name in TRAINERS and cached_path(sense.name).is_file())
     )
 
 
-def _own_models(folder: str | Path | None, database: str | Path | None) -> dict[str, Path]:
+def own_models(folder: str | Path | None, database: str | Path | None) -> dict[str, Path]:
     """Give the files of a user's models by sense; raises `InputError` where a folder is named that holds none."""
     where = path_of("models", folder, "the folder that holds them") if folder is not None else models_of(database)
     paths = {} if where is None else {sense.name: where / f"{sense.name}.skops" for sense in all_senses()}
@@ -213,7 +213,7 @@ def train_default(
             progress(f"training {sense}", share)
 
     report(0.0)
-    return _TRAINERS[sense](np.random.default_rng(_SEED), sites_per_class, report)
+    return TRAINERS[sense](np.random.default_rng(_SEED), sites_per_class, report)
 
 
 def _vision(rng: np.random.Generator, sites: int, report: Callable[[float], None]) -> TerrainClassifier:
@@ -238,5 +238,5 @@ def _audio(rng: np.random.Generator, sites: int, report: Callable[[float], None]
     ).classifier  # fmt: skip
 
 
-_TRAINERS = {"vision": _vision, "audio": _audio}
+TRAINERS = {"vision": _vision, "audio": _audio}
 """What the synthetic world has samples for."""

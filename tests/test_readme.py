@@ -24,6 +24,7 @@ from bevameter.framework.core.vehicle import load_vehicle
 from bevameter.framework.scenario.plan import make_plan
 from bevameter.framework.scenario.presets import PRESETS
 from bevameter.framework.scenario.write import truth
+from ruamel.yaml import YAML
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
@@ -78,6 +79,7 @@ def test_every_command_line_on_a_page_parses():
             "simulate",
             "train",
             "classify",
+            "doctor",
         )
     }
     care = {f"bevameter db {name}" for name in ("info", "check", "merge", "export", "prune", "rebuild", "migrate")}
@@ -199,3 +201,27 @@ def test_the_pictures_are_small():
 def test_the_make_targets_named_are_there():
     made = set(re.findall(r"^(\w+):", text("Makefile"), re.MULTILINE))
     assert {"demo", "test"} <= set(re.findall(r"make (\w+)", text())) <= made
+
+
+def test_the_readme_names_every_extra():
+    project = tomllib.loads(text("pyproject.toml"))["project"]
+    named = set(re.findall(r"^\| `(\w+)` \|", text(), re.MULTILINE))
+    assert set(project["optional-dependencies"]) - {"dev"} <= named
+
+
+def test_the_citation_is_of_this_version_and_of_the_form_that_its_schema_asks_for():
+    """Of schema 1.2.0: the keys that must be there, and those of persons and entities."""
+    cited = YAML(typ="safe").load(text("CITATION.cff"))
+    project = tomllib.loads(text("pyproject.toml"))["project"]
+    assert cited["cff-version"] == "1.2.0"
+    assert (cited["title"].lower(), cited["version"]) == (project["name"], project["version"])
+    assert cited["authors"] == project["authors"]
+    assert cited["abstract"].strip() == project["description"]
+    assert cited["keywords"] == project["keywords"]
+    assert cited["message"]
+    assert ("license" in cited) == ("license" in project)
+    (paper,) = cited["references"]
+    assert {"type", "title", "authors"} <= set(paper)
+    assert all(set(author) == {"family-names", "given-names"} for author in paper["authors"])
+    written = " and ".join(f"{author['given-names']} {author['family-names']}" for author in paper["authors"])
+    assert f"{written}, *{paper['title']}* ({paper['year']})" in " ".join(text().split())

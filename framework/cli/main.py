@@ -19,7 +19,7 @@ from typer.core import TyperGroup
 
 from ... import __version__
 from ..core.errors import BevameterError
-from . import classify, db, draw_map, explain, identify, inspect, query, run, scenario, simulate, train, vehicle
+from . import classify, db, doctor, draw_map, explain, identify, inspect, query, run, scenario, simulate, train, vehicle
 from .printing import show_progress
 
 BAD_INPUT = 2
@@ -93,7 +93,6 @@ app = typer.Typer(
     help="Recognises terrain, measures its soil from the wheels, and remembers both for the planner.",
     cls=_OneLineErrors,
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode=None,  # rich's help alone would take a third of the 0.3 s
     pretty_exceptions_enable=False,
 )
@@ -130,6 +129,7 @@ app.command("explain", help="What the simulation of a recorded wheel lacks.")(ex
 app.command("simulate", help="Simulate the wheel on a soil.")(simulate.command)
 app.command("train", help="Train a classifier from labelled files.")(train.command)
 app.command("classify", help="Classify files with a trained model.")(classify.command)
+app.command("doctor", help="Whether the installation, the models and a database are in order.")(doctor.command)
 
 
 def main() -> None:

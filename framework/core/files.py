@@ -12,7 +12,6 @@ from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any, TextIO
 
-from .arguments import path_of
 from .errors import InputError, reading
 
 _RESULTS = (".json", ".html", ".skops", ".png", ".svg", ".pdf")
@@ -153,6 +152,8 @@ _INTEGERS = "one of no more than 64 bits; write it with a decimal point"
 
 def load_toml(path: str | Path) -> dict:
     """Read a TOML file; raises `InputError` where it is missing, no TOML, or holds a number of more than 64 bits."""
+    from .arguments import path_of  # and with it numpy, which writing a file needs not
+
     path = path_of("file", path, "the path of a TOML file")
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8-sig"))

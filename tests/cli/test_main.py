@@ -28,6 +28,7 @@ COMMANDS = (
     "simulate",
     "train",
     "classify",
+    "doctor",
 )
 
 
