@@ -127,7 +127,7 @@ def drive_rows(connection: Connection, site: str | None, newest: bool, revision:
         .subquery()
     )
     query = (
-        select(*columns_of(DriveRow, revision))
+        select(*columns_of(DriveRow, revision), latest.c.last_import)
         .join(latest, latest.c.drive_id == drive.c.id)
         .order_by(latest.c.last_import, drive.c.id)
     )

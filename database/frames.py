@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,10 @@ from .rows import drive_of, unpack_frame
 from .tables import DriveRow, SoilRow, TerrainRow, table_of
 
 
+class OriginsDiffer(InputError):
+    """Drives of one site whose frame lies in different places on Earth."""
+
+
 @dataclass(frozen=True)
 class SiteFrame:
     """The frame of a site.
@@ -25,7 +29,8 @@ class SiteFrame:
     origin
         Where on Earth it lies; None where nobody knows.
     recordings
-        Digests of recordings whose places are in it, two of them at most: with one it is that recording's own.
+        Digests of recordings whose places are in it, two of them at most, and an empty one where a drive was moved into
+        it: with a single one it is that recording's own.
     """
 
     origin: Origin | None
@@ -38,20 +43,25 @@ def origin_of(rows: Collection[Any]) -> Origin | None:
 
 
 def read_frames(connection: Connection) -> dict[str, SiteFrame]:
-    """Read the frames of the sites that places were observed at, by drives in use."""
+    """Read the frames of the sites that places were observed at, or whose origin is known, by drives in use."""
     placed = _placed(connection)
     by_site: dict[str, list[Any]] = {}
     for row in drive_rows(connection, None, newest=True):
-        if row.id in placed:
+        if row.id in placed or row.frame is not None:
             by_site.setdefault(row.site, []).append(row)
-    return {
-        site: SiteFrame(origin_of(rows), frozenset(row.recording_digest for row in rows[:2]))
-        for site, rows in by_site.items()
-    }
+    return {site: _frame(rows) for site, rows in by_site.items()}
+
+
+def _frame(rows: Sequence[Any]) -> SiteFrame:
+    """Frame of drives of one site. One that was moved there found a frame: it was others'."""
+    recordings = {row.recording_digest for row in rows[:2]}
+    if any(unpack_frame(row.frame)[1] is not None for row in rows):
+        recordings.add("")
+    return SiteFrame(origin_of(rows), frozenset(recordings))
 
 
 def check_origin(connection: Connection, database: str, drive: Drive) -> None:
-    """Refuse a drive where those of other recordings have another origin of its site; raises `InputError`."""
+    """Refuse a drive where those of other recordings have another origin of its site; raises `OriginsDiffer`."""
     if drive.origin is None:
         return
     table = table_of(DriveRow)
@@ -61,7 +71,7 @@ def check_origin(connection: Connection, database: str, drive: Drive) -> None:
     for row in connection.execute(others):
         origin, _ = unpack_frame(row.frame)
         if origin not in (None, drive.origin) and drive_in_use(connection, row.recording_digest) == row.id:
-            _check_same(drive.site, database, origin, f"drive {drive.name}", drive.origin)
+            raise _differ(drive.site, database, origin, f"drive {drive.name}", drive.origin)
 
 
 def drive_of_recording(connection: Connection, recording_digest: str) -> Drive | None:
@@ -72,21 +82,33 @@ def drive_of_recording(connection: Connection, recording_digest: str) -> Drive |
 
 
 def check_origins(
-    source: Connection, origin: str, target: Connection, database: str, sites: Collection[str] | None
+    source: Connection, name: str, target: Connection, database: str, sites: Collection[str] | None
 ) -> None:
-    """Refuse to join sites of one name whose frames lie elsewhere; raises `InputError`."""
-    theirs, own = read_frames(source), read_frames(target)
-    for site in sorted((theirs.keys() & own.keys()).intersection(theirs if sites is None else sites)):
-        _check_same(site, database, own[site].origin, origin, theirs[site].origin)
+    """Refuse to join sites of one name with different origins; raises `OriginsDiffer`.
+
+    Of a recording that both have, the processing that was imported last counts, as it will when they are joined.
+    """
+    in_use: dict[str, tuple[Any, str]] = {}
+    for connection, where in ((target, database), (source, name)):
+        for row in drive_rows(connection, None, newest=True):
+            before = in_use.get(row.recording_digest)
+            if before is None or before[0].last_import <= row.last_import:
+                in_use[row.recording_digest] = row, where
+    origins: dict[str, tuple[Origin, str]] = {}
+    for row, where in in_use.values():
+        origin, _ = unpack_frame(row.frame)
+        if origin is None or not (sites is None or row.site in sites):
+            continue
+        other, there = origins.setdefault(row.site, (origin, where))
+        if other != origin and there != where:
+            raise _differ(row.site, there, other, where, origin)
 
 
-def _check_same(site: str, database: str, here: Origin | None, other: str, there: Origin | None) -> None:
-    if here is None or there is None or here == there:
-        return
-    raise InputError(
+def _differ(site: str, database: str, here: Origin, other: str, there: Origin) -> OriginsDiffer:
+    return OriginsDiffer(
         database, f"the origin of the site {site!r} is {here}; in {other} it is {there}",
-        expected="one origin: process the recordings of the one again, with the other database at hand or as a site of "
-        "another name",
+        expected="one origin: `bevameter run` the recordings of the one again, into a database that holds the site of "
+        "the other, or with another --site",
     )  # fmt: skip
 
 

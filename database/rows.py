@@ -56,11 +56,14 @@ def unpack_frame(packed: Mapping[str, Any] | None) -> tuple[Origin | None, Offse
     if packed is None:
         return None, None
     try:
+        parts = {name: tuple(values) for name, values in packed.items()}
+        if not (parts.keys() <= {"origin", "offset"} and all(len(each) == 3 for each in parts.values())):
+            raise ValueError("expected three numbers of origin and of offset")
         return (
-            Origin(*packed["origin"]) if "origin" in packed else None,
-            Offset(*packed["offset"]) if "offset" in packed else None,
+            Origin(*parts["origin"]) if "origin" in parts else None,
+            Offset(*parts["offset"]) if "offset" in parts else None,
         )
-    except InputError as error:
+    except (AttributeError, InputError, TypeError, ValueError) as error:
         raise ValueError(f"frame {packed!r:.80}: {error}") from error
 
 

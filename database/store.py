@@ -152,6 +152,7 @@ class TerrainDatabase:
         with self.writing() as connection:
             if not insert_drive(connection, drive_row(drive)) and is_complete(connection, drive.id):
                 if drive_in_use(connection, drive.recording_digest) != drive.id:
+                    check_origin(connection, self.name, drive)
                     insert_rows(connection, ImportRow, [moment])
                 return Added(0, total)
             check_origin(connection, self.name, drive)

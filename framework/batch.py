@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..database.frames import OriginsDiffer
 from ..database.store import TerrainDatabase
 from .conditions import Conditions, url_of
 from .core.arguments import path_of, refused, whole
@@ -125,8 +126,9 @@ def run_traverses(
     given = _checked(recordings, workers, client)
     report: Progress = progress or (lambda stage, share: None)
     conditions = Conditions.of(
-        database, vehicle=vehicle, topics=topics, cell_size_m=cell_size_m, site=site, origin=origin, offset=offset
-    )
+        database, vehicle=vehicle, topics=topics, cell_size_m=cell_size_m, site=site, origin=origin, offset=offset,
+        several=len(given) > 1,
+    )  # fmt: skip
     found = FoundModels(models, url_of(database), report)
     if client is not None:
         given = [each.absolute() for each in given if isinstance(each, Path)]  # workers have other working folders
@@ -142,7 +144,7 @@ def run_traverses(
     with closing(results):
         for result in results:
             # Only now: the database is written by nobody but this process.
-            outcomes.append(result if isinstance(result, FailedRecording) else store(result, database))
+            outcomes.append(result if isinstance(result, FailedRecording) else _stored(result, database))
             if finished is not None:
                 finished(outcomes[-1])
             report("recordings", len(outcomes) / len(given))
@@ -334,6 +336,14 @@ def _attempt(
         return lacking
     except Exception as error:
         return _failed(recording, error)
+
+
+def _stored(processed: Processed, database: TerrainDatabase | str | Path) -> Outcome:
+    """Store what was made of a recording; it fails alone where another program gave its site an origin meanwhile."""
+    try:
+        return store(processed, database)
+    except OriginsDiffer as error:
+        return FailedRecording(str(processed.about["source"]), str(error))
 
 
 def _failed(recording: Recording | Path, error: BaseException) -> FailedRecording:

@@ -17,6 +17,7 @@ from ..database.store import TerrainDatabase
 from .core.arguments import number, path_of, refused
 from .core.errors import InputError
 from .core.origin import Offset, Origin
+from .core.recording.bag_places import FIXES, stays
 from .core.recording.readers import read_recording
 from .core.recording.types import Recording
 from .core.vehicle import Vehicle, as_vehicle
@@ -45,6 +46,8 @@ class Conditions:
     vehicle, topics, site, origin, offset
         Instead of the recordings' own: the vehicle; the topic map of bags; the site, where on Earth the frame of the
         places lies, and where in the site's.
+    several
+        Whether there are several recordings.
     method
         Version of the processing; another program that runs another one may not take part.
     """
@@ -59,6 +62,7 @@ class Conditions:
     site: str | None = None
     origin: Origin | None = None
     offset: Offset | None = None
+    several: bool = False
     method: str = METHOD
 
     @staticmethod
@@ -71,6 +75,7 @@ class Conditions:
         site: str | None = None,
         origin: Origin | None = None,
         offset: Offset | None = None,
+        several: bool = False,
     ) -> Conditions:
         """Read them; where there is no database yet it knows nothing, and none is made.
 
@@ -89,17 +94,9 @@ class Conditions:
             if store.there:
                 known, frames, physics = store.drive_ids(), store.frames(), tuple(store.physics())
         return Conditions(
-            shown(parse_url(url_of(database))),
-            known,
-            frames,
-            physics,
-            cell_size_m,
-            driven,
-            mapped,
-            site,
-            origin,
-            offset,
-        )
+            shown(parse_url(url_of(database))), known, frames, physics, cell_size_m,
+            vehicle=driven, topics=mapped, site=site, origin=origin, offset=offset, several=several,
+        )  # fmt: skip
 
     def read(self, recording: Recording | str | Path) -> Recording:
         """Read a recording, and give it what is stated instead of its own; raises `InputError` where it cannot be."""
@@ -107,11 +104,31 @@ class Conditions:
             recording = read_recording(recording, vehicle=self.vehicle, topics=self.topics)
         elif self.vehicle is not None:
             recording = replace(recording, vehicle=self.vehicle)
-        stated = {"site": self.site, "origin": self.origin, "offset": self.offset}
-        recording = replace(recording, **{name: value for name, value in stated.items() if value is not None})
+        if self.site is not None:
+            moved = None if self.site.strip() != recording.site else recording.offset  # it was stated for that site
+            recording = replace(recording, site=self.site.strip(), offset=moved)
+        if self.origin is not None or self.offset is not None:
+            self._check_statement(recording)
+            origin = recording.origin if self.origin is None else self.origin
+            recording = replace(recording, origin=origin, offset=self.offset)
         if recording.offset is not None and not recording.site:
             raise InputError(recording.source, "an offset is stated, and no site", expected="the site's name")
         return recording
+
+    def _check_statement(self, recording: Recording) -> None:
+        """Refuse an origin or offset that cannot be that of the recording; raises `InputError`."""
+        if self.several and not stays(recording.frame):
+            raise InputError(
+                recording.source,
+                "one origin or offset is stated for several recordings, and the frame of its places starts with the "
+                "recording",
+                expected="a run of its own for each",
+            )  # fmt: skip
+        if self.origin is not None and recording.frame == FIXES:
+            raise InputError(
+                recording.source, "an origin is stated, and its places are metres about its first satellite fix",
+                expected="`origin` under [pose] of a topic map, or none",
+            )  # fmt: skip
 
 
 def url_of(database: TerrainDatabase | str | Path) -> str | Path:

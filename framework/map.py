@@ -24,7 +24,7 @@ from .core.files import whole
 from .core.pooling import cells_from_keys
 from .core.recording.types import Recording
 from .core.track.way import track_of
-from .placement import place_as_stored
+from .placement import Claim, place_as_stored
 
 COLOURS = {
     "sand": "#d9b44a", "loam": "#8a5a2b", "gravel": "#7d8a94", "grass": "#4f9a3d", "clay": "#c8553d",
@@ -97,7 +97,12 @@ def draw_map(
     axes = figure.add_subplot()
     colours = _colours(snapshot.class_names)
     _draw_cells(axes, snapshot, colours)
-    for recording in (place_as_stored(each, database) for each in tracks):
+    for track in tracks:
+        recording = place_as_stored(track, database)
+        if Claim.of(recording) is not None and recording.site != snapshot.site:
+            raise InputError(
+                track.source, f"is at the site {recording.site!r}", expected=f"a recording at {snapshot.site!r}"
+            )
         _draw_track(axes, recording, [soil for drive in drives for soil in drive.soils])
     _draw_stretches(axes, stretches)
     _decorate(figure, axes, snapshot, drives, colours, stretches, drawn_track=bool(tracks))

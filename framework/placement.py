@@ -1,8 +1,8 @@
 """The frame of a drive's places: that of its site, by name, by origins on Earth or by a stated offset, or its own.
 
-Two recordings share a frame where something says so: both are of one site, and their poses are in a frame that does not
-start anew with each recording; or it is known where on Earth both frames lie; or the offset of one in the other is
-stated. A recording that nothing ties to its site is kept apart, at a site of its own.
+Two recordings share a frame where something says so: both name one site, and their poses are in a frame that is the
+same in each recording; or it is known where on Earth both frames lie; or the offset of one in the other is stated. Else
+a recording is kept apart, at a site of its own.
 """
 
 from __future__ import annotations
@@ -14,14 +14,11 @@ from dataclasses import dataclass, replace
 from ..database.frames import SiteFrame
 from ..database.store import TerrainDatabase
 from .core.origin import Offset, Origin
-from .core.recording.bag_places import FIXES
+from .core.recording.bag_places import stays
 from .core.recording.types import Pose, Recording, WheelTable
 
 FARTHEST_M = 10_000.0
 """Frames whose origins are farther from one another are not joined: a plane is off by centimetres there [m]."""
-
-_STARTS_ANEW = ("odom", FIXES)
-"""Frames that lie elsewhere in each recording: of odometry (ROS REP 105), and about the first fix."""
 
 
 @dataclass(frozen=True)
@@ -36,8 +33,8 @@ class Claim:
         Where on Earth the frame lies, as far as that is known.
     offset
         Where it is stated to lie in the site's frame.
-    starts_anew
-        Whether the frame is another one in each recording.
+    stays
+        Whether the frame is the same in each recording.
     """
 
     name: str
@@ -45,7 +42,7 @@ class Claim:
     site: str
     origin: Origin | None
     offset: Offset | None
-    starts_anew: bool
+    stays: bool
 
     @staticmethod
     def of(recording: Recording) -> Claim | None:
@@ -53,8 +50,8 @@ class Claim:
         wheel = recording.wheel
         if recording.pose is None and (wheel is None or wheel.run is not None or not _has_places(wheel)):
             return None
-        anew = recording.frame.strip("/").rpartition("/")[2] in _STARTS_ANEW
-        return Claim(recording.name, recording.digest, recording.site, recording.origin, recording.offset, anew)
+        stated = recording.name, recording.digest, recording.site, recording.origin, recording.offset
+        return Claim(*stated, stays(recording.frame))
 
     @property
     def apart(self) -> str:
@@ -100,10 +97,10 @@ class Frames:
         self._known = dict(known)
 
     def is_settled(self, claim: Claim) -> bool:
-        """Say whether a placement does not depend on other recordings that are new."""
-        known = self._of(claim)
-        free = claim.origin is None and claim.offset is None and (claim.starts_anew or not claim.site)
-        return free or (known is not None and known.origin is not None)
+        """Say whether a placement does not depend on other recordings that are new, or processed again."""
+        known = self._known.get(claim.site)
+        free = claim.origin is None and claim.offset is None and not (claim.stays and claim.site)
+        return free or (known is not None and known.origin is not None and len(known.recordings) > 1)
 
     def place(self, claim: Claim) -> Placement:
         """Decide where a recording's places are put, and remember the frame."""
@@ -122,37 +119,60 @@ class Frames:
         known = self._of(claim)
         there = None if known is None else known.origin
         if claim.offset is not None:
-            moved = None if claim.offset == Offset(0.0, 0.0) else claim.offset
-            origin = there if there is not None or moved is not None else claim.origin
-            return Placement(claim.site, origin, moved, f"placed at the site {claim.site!r} by the stated offset")
+            return _by_offset(claim, there)
         if claim.origin is not None and there is not None:
-            offset = claim.origin.offset_in(there)
-            if (far := math.hypot(offset.x_m, offset.y_m)) > FARTHEST_M:
-                return self._apart(claim, f"it lies {far / 1e3:.0f} km from the origin of the site {claim.site!r}")
-            moved = None if claim.origin == there else offset
-            text = (
-                f"joined to the site {claim.site!r} by the origins of both: its x = y = 0 lies at "
-                f"{offset.x_m:.2f} m, {offset.y_m:.2f} m there, turned by {math.degrees(offset.yaw_rad):.2f} deg; "
-                "an origin by satellite is as exact as the receiver"
-            )
-            return Placement(claim.site, there, moved, text if moved else "")
+            return _by_origins(claim, claim.origin, there)
         if claim.origin is not None and known is None:
             return Placement(claim.site, claim.origin, None, f"the origin of the site {claim.site!r} is {claim.origin}")
         if not claim.site:
-            return self._apart(claim, "no site is named, and nothing says where its frame lies")
-        if claim.starts_anew:
-            return self._apart(
-                claim,
-                "the frame of its poses starts anew with each recording, and its origin or the site's is not known",
-            )
-        return Placement(claim.site, there if claim.origin is None else claim.origin)
+            return _apart(claim, "it names no site", "`--site NAME` puts it on the map of a site")
+        if not claim.stays and claim.origin is not None:
+            return _apart(
+                claim, f"where on Earth the site {claim.site!r} lies is not known",
+                "`--offset X Y YAW` states where it lies at the site; or run an earlier recording of the site with "
+                "`--origin LAT LON`",
+            )  # fmt: skip
+        if not claim.stays:
+            return _apart(
+                claim, "the frame of its places starts with the recording",
+                "`--offset X Y YAW` states where it lies at the site, or `--origin LAT LON` where on Earth",
+            )  # fmt: skip
+        origin = there if claim.origin is None else claim.origin
+        joined = f"taken to be in the frame of the site {claim.site!r}, as it names it" if known is not None else ""
+        return Placement(claim.site, origin, None, joined)
 
-    def _apart(self, claim: Claim, why: str) -> Placement:
-        text = (
-            f"kept apart, as the site {claim.apart!r}: {why}; `--origin LAT LON` or `--offset X Y YAW`, with `--site "
-            "NAME`, puts it on the map of others"
-        )
-        return Placement(claim.apart, claim.origin, None, text, apart=True)
+
+def _by_offset(claim: Claim, there: Origin | None) -> Placement:
+    assert claim.offset is not None
+    moved = None if claim.offset == Offset(0.0, 0.0) else claim.offset
+    text = f"placed at the site {claim.site!r} by the stated offset"
+    if claim.origin is not None and there is not None:
+        text += f"; by the origins of both it would lie at {_where(claim.origin.offset_in(there))}"
+    return Placement(claim.site, there if there is not None or moved is not None else claim.origin, moved, text)
+
+
+def _by_origins(claim: Claim, here: Origin, there: Origin) -> Placement:
+    if here == there:
+        return Placement(claim.site, there)
+    offset = here.offset_in(there)
+    if (far := math.hypot(offset.x_m, offset.y_m)) > FARTHEST_M:
+        why = f"it lies {far / 1e3:.0f} km from the origin of the site {claim.site!r}"
+        return _apart(claim, why, "give it a site of another name")
+    text = (
+        f"joined to the site {claim.site!r} by the origins of both: its x = y = 0 lies at {_where(offset)}; an origin "
+        "by satellite is as exact as the receiver"
+    )
+    return Placement(claim.site, there, offset, text)
+
+
+def _where(offset: Offset) -> str:
+    return f"{offset.x_m:.2f} m, {offset.y_m:.2f} m, turned by {math.degrees(offset.yaw_rad):.2f} deg"
+
+
+def _apart(claim: Claim, why: str, mend: str) -> Placement:
+    return Placement(
+        claim.apart, claim.origin, None, f"kept apart, as the site {claim.apart!r}: {why}. {mend}", apart=True
+    )
 
 
 def placement_of(recording: Recording, placed: Callable[[Claim], Placement]) -> Placement:

@@ -12,6 +12,11 @@ from .arguments import number, refused
 SEMI_MAJOR_M, ECCENTRICITY2 = 6_378_137.0, 6.694_379_990_14e-3
 """WGS 84."""
 
+FARTHEST_M = 1e8
+"""Places on Earth are nearer to the origin of any frame that maps have [m], and cells of a map can be counted there."""
+
+_WITHIN = f"a number within +-{FARTHEST_M:g}"
+
 
 @dataclass(frozen=True)
 class Offset:
@@ -27,7 +32,7 @@ class Offset:
     Raises
     ------
     InputError
-        A number that is not finite.
+        A number that is not finite, or places beyond any frame on Earth.
     """
 
     x_m: float
@@ -36,8 +41,8 @@ class Offset:
 
     def __post_init__(self) -> None:
         for name in ("x_m", "y_m", "yaw_rad"):
-            if not math.isfinite(number(name, getattr(self, name), "a finite number")):
-                raise refused(name, getattr(self, name), "a finite number")
+            if not abs(number(name, getattr(self, name), _WITHIN)) <= FARTHEST_M:  # nor is NaN
+                raise refused(name, getattr(self, name), _WITHIN)
 
     def moved(self, x_m: np.ndarray, y_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Turn places (n,) each in this frame into places in the other one [m]."""
@@ -126,4 +131,6 @@ class Origin:
         across = math.radians((self.longitude_deg - other.longitude_deg + 180.0) % 360.0 - 180.0)
         convergence = across * math.sin(math.radians(self.latitude_deg))
         clockwise = math.radians(self.heading_deg - other.heading_deg) - convergence
-        return Offset(float(x[0]), float(y[0]), -math.remainder(clockwise, 2.0 * math.pi))
+        turned = -math.remainder(clockwise, 2.0 * math.pi)
+        # Rounded, for the last digits are the processor's.
+        return Offset(round(float(x[0]), 4), round(float(y[0]), 4), round(turned, 8))

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+import shutil
+import sqlite3
 import uuid
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +15,7 @@ from bevameter import InputError, TerrainDatabase, read_recording, run_traverse,
 from bevameter.database.frames import SiteFrame
 from bevameter.framework.batch import FailedRecording
 from bevameter.framework.core.origin import Offset, Origin
+from bevameter.framework.core.recording.bag_places import stays
 from bevameter.framework.placement import Claim, Frames, moved, place_as_stored, placement_of
 from bevameter.framework.scenario.write import write_scenario
 from robot_bag import RobotBag, drive
@@ -19,8 +23,8 @@ from robot_bag import RobotBag, drive
 GRAZ = Origin(47.0707, 15.4395)
 
 
-def claim(name="a", site="farm", origin=None, offset=None, starts_anew=True) -> Claim:
-    return Claim(name, uuid.uuid5(uuid.NAMESPACE_DNS, name).hex, site, origin, offset, starts_anew)
+def claim(name="a", site="farm", origin=None, offset=None, stays=False) -> Claim:
+    return Claim(name, uuid.uuid5(uuid.NAMESPACE_DNS, name).hex, site, origin, offset, stays)
 
 
 @pytest.mark.parametrize(("heading", "other"), [(0.0, 0.0), (35.0, -120.0)])
@@ -43,11 +47,19 @@ def test_nothing_ties_two_drives_of_odometry_together():
     assert all(each.apart and "kept apart" in each.note for each in placed)
 
 
-def test_a_name_ties_frames_that_do_not_start_anew():
+@pytest.mark.parametrize("frame", ["odom", "robot1/odom", "odom_combined", "world", "camera_init", "unnamed", "fixes"])
+def test_only_frames_of_localisation_are_the_same_in_each_recording(frame):
+    assert not stays(frame)
+    assert all(map(stays, ("", "map", "/utm")))
+
+
+def test_a_name_ties_frames_that_are_the_same_in_each_recording():
     frames = Frames({})
-    first, second = (frames.place(claim(name, starts_anew=False)) for name in "ab")
-    assert (first.site, first.offset, first.note) == (second.site, second.offset, second.note) == ("farm", None, "")
-    assert frames.place(claim("c", site="", starts_anew=False)).apart
+    first, second = (frames.place(claim(name, stays=True)) for name in "ab")
+    for each in (first, second):
+        assert (each.site, each.offset, each.apart) == ("farm", None, False)
+    assert "taken to be in the frame of the site 'farm'" in second.note
+    assert frames.place(claim("c", site="", stays=True)).apart
 
 
 def test_origins_tie_drives_together_and_the_first_one_is_the_sites():
@@ -89,7 +101,7 @@ def test_a_bag_says_in_which_frame_its_poses_are(tmp_path, gps):
     for seed, (name, start) in enumerate(starts.items()):
         bag = RobotBag(driven, gps=gps, wheels=False, start_deg=start, seed=seed)
         recording = read_recording(bag.write(tmp_path / name))
-        assert Claim.of(recording).starts_anew
+        assert not Claim.of(recording).stays
         placed.append(moved(recording, placement_of(recording, frames.place)))
     one, two = placed
     if not gps:
@@ -175,6 +187,45 @@ def test_sites_with_other_origins_are_not_merged(drives, tmp_path):
     with TerrainDatabase(tmp_path / "one.db") as one, TerrainDatabase(tmp_path / "new.db") as new:
         new.merge(one)
         assert len(new.drives("farm", newest=True)) == 2
+
+
+def test_a_correction_of_the_same_recording_is_merged(drives, tmp_path):
+    run(drives, tmp_path / "one.db", "one_alone", site="farm", origin=Origin(47.0, 15.0))
+    with TerrainDatabase(tmp_path / "one.db") as one, TerrainDatabase(tmp_path / "fleet.db") as fleet:
+        fleet.merge(one)
+        run(drives, tmp_path / "one.db", "one_alone", site="farm", origin=GRAZ)
+        fleet.merge(one)
+        assert fleet.snapshot("farm").origin == GRAZ
+
+
+def test_the_frame_of_a_site_outlives_the_recording_that_gave_it(drives, tmp_path):
+    path = tmp_path / "t.db"
+    run(drives, path, "one", "two")
+    run(drives, path, "one", site="other")
+    (again,) = run(drives, path, "two")
+    assert again.known
+    assert again.origin == GRAZ
+
+
+def test_one_statement_is_not_that_of_several_frames(drives, tmp_path):
+    for name in ("one", "two"):
+        shutil.copytree(drives / f"{name}_alone", tmp_path / name)
+        (tmp_path / name / "recording.toml").write_text('frame = "odom"\n')
+    given = [tmp_path / "one", tmp_path / "two"]
+    for stated in ({"offset": Offset(1.0, 2.0)}, {"origin": GRAZ}):
+        for failed in run_traverses(given, tmp_path / "t.db", site="farm", **stated):
+            assert "stated for several recordings" in failed.problem
+    assert run_traverses(given[:1], tmp_path / "t.db", site="farm", origin=GRAZ)[0].site == "farm"
+
+
+@pytest.mark.parametrize("frame", ['{"origin": 5}', '{"offset": [1, 2]}', "[1]", '"x"', '{"origin": [99, 0, 0]}'])
+def test_a_damaged_frame_is_one_line(drives, tmp_path, frame):
+    path = tmp_path / "t.db"
+    run(drives, path, "one")
+    with closing(sqlite3.connect(path)) as connection, connection:
+        connection.execute("UPDATE drive SET frame = ?", (frame,))
+    with pytest.raises(InputError, match="frame"), TerrainDatabase(path) as database:
+        database.frames()
 
 
 @pytest.mark.parametrize(

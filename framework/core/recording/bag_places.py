@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,6 +19,12 @@ from .types import Pose
 
 FIXES = "fixes"
 """Frame of places that are made of fixes: metres about the origin that is stated, or else the first fix."""
+
+UNNAMED = "unnamed"
+"""Frame of a bag's places where no message names it."""
+
+_STAYING = ("", "map", "earth", "utm")
+"""Frames that are the same in each recording: that of a folder's site, and those of localisation (ROS REP 105)."""
 
 FAR_M, MISFIT_M = 5.0, 3.0
 """Way [m] from which on two tracks show how one is turned to the other, and how well they have to agree then."""
@@ -43,10 +50,15 @@ def pose_of(content: Any, source: PoseTopic) -> tuple[float, float, float]:
 
 def frame_of(content: Any) -> str:
     """Give the frame that a message's header names; empty where it has none."""
-    try:
-        return str(field_of(content, "header.frame_id"))
-    except DecodeError:
-        return ""
+    for path in ("header.frame_id", "frame_id"):
+        with suppress(DecodeError):
+            return str(field_of(content, path))
+    return ""
+
+
+def stays(frame: str) -> bool:
+    """Say whether a frame of this name is the same in each recording; those of odometry start with the recording."""
+    return frame.strip("/").rpartition("/")[2] in _STAYING
 
 
 @dataclass
@@ -118,10 +130,11 @@ def origin_of_frame(
     across = SEMI_MAJOR_M / math.sqrt(1.0 - ECCENTRICITY2 * math.sin(here) ** 2)
     along = across**3 * (1.0 - ECCENTRICITY2) / SEMI_MAJOR_M**2
     # The y axis points 90 degrees to the left of x; the heading is counted clockwise from north.
+    # Rounded to 0.1 mm and 0.02 arc seconds, for the last digits are the processor's.
     return Origin(
-        first.latitude_deg + math.degrees(zero.imag / along),
-        first.longitude_deg + math.degrees(zero.real / (across * math.cos(here))),
-        -math.degrees(np.angle(turn)),
+        round(first.latitude_deg + math.degrees(zero.imag / along), 9),
+        round(first.longitude_deg + math.degrees(zero.real / (across * math.cos(here))), 9),
+        round(-math.degrees(float(np.angle(turn))), 6),
     )
 
 

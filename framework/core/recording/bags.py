@@ -22,7 +22,7 @@ from .bag_frames import Frames
 from .bag_images import no_picture
 from .bag_messages import DecodeError, decode, number, stamp_ns
 from .bag_messages import field as field_of
-from .bag_places import FAR_M, FIXES, MISFIT_M, Fixes, frame_of, pitch_and_roll, pose_of
+from .bag_places import FAR_M, FIXES, MISFIT_M, UNNAMED, Fixes, frame_of, pitch_and_roll, pose_of, stays
 from .bag_streams import BagCamera, BagSound, SoundLayout
 from .bag_wheel import WheelChannels, follows_the_wheels, merge
 from .clock import interpolate
@@ -291,10 +291,17 @@ def _pose(
     """Give the poses, and where on Earth their x = y = 0 lies as far as that is known."""
     fixes, stated = gathered.fixes, known.topics.pose
     pose, place = None, None
+    frame = (stated.frame if stated is not None else None) or gathered.pose_frame or UNNAMED
+    gathered.pose_frame = frame
     if gathered.poses:
         time = (np.array([pose[0] for pose in gathered.poses], dtype=np.int64) - origin) * 1e-9
         pose = _in_order(time, np.array([pose[1:] for pose in gathered.poses]))
         if stated is not None and stated.origin is not None:
+            if not stays(frame):
+                raise InputError(
+                    path, f"[pose] origin is stated, and the frame {frame} starts with the recording",
+                    expected='`--origin` with each recording, or `frame = "map"` under [pose]',
+                )  # fmt: skip
             place = stated.origin
         elif pose is not None and len(fixes) >= 2:
             place = fixes.origin_of(pose, origin)

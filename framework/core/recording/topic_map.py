@@ -54,6 +54,8 @@ class PoseTopic(FileModel):
     topic: str
     fields: dict[Literal["x_m", "y_m", "yaw_rad"], AnyReading] = Field(default_factory=dict)
     pose: str | None = None
+    frame: str | None = None
+    """Name of the poses' frame, where their messages do not say the right one."""
     origin: StatedOrigin | None = None
     """Where on Earth x = y = 0 lies. Of a NavSatFix the first fix where absent, of other poses found by fixes."""
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
+from ..origin import FARTHEST_M
 from ..recording.types import Pose
 
 FASTEST_M_S = 50.0
@@ -17,9 +18,6 @@ FASTEST_M_S = 50.0
 _OFF_M = 5.0
 """Places this near to each other are never too far apart, however soon the one follows the other: satellites'
 corrections, and times of receipt that bunch up, move them so [m]."""
-
-_FARTHEST_M = 1e8
-"""Places on Earth are nearer to the origin of any frame that maps have [m], and cells of a map can be counted there."""
 
 _MOST_LOST = 0.1
 """Share of the places that may be impossible [-]: of more, nobody knows which are the right ones."""
@@ -46,13 +44,13 @@ def without_jumps(pose: Pose, source: Path, place: Callable[[int], str]) -> tupl
     InputError
         More than a tenth would be left out: the places jump for good, or lie on no map.
     """
-    far = np.maximum(np.abs(pose.x_m), np.abs(pose.y_m)) > _FARTHEST_M
+    far = np.maximum(np.abs(pose.x_m), np.abs(pose.y_m)) > FARTHEST_M
     if far.mean() > _MOST_LOST:
         row = int(np.argmax(far))
         raise InputError(
             source,
             f"x_m {pose.x_m[row]:.6g}, y_m {pose.y_m[row]:.6g}",
-            expected=f"places within {_FARTHEST_M:g} m of the origin",
+            expected=f"places within {FARTHEST_M:g} m of the origin",
             place=place(row),
         )
     possible = reached(pose.time_s, pose.x_m, pose.y_m) & ~far

@@ -92,6 +92,7 @@ class About(FileModel):
         Field(validation_alias=AliasChoices("start_time", "start")),
     ] = None
     site: str = ""
+    frame: str = ""
     origin: StatedOrigin | None = None
     offset: StatedOffset | None = None
     notes: str = ""
@@ -176,6 +177,7 @@ class FolderReader(Reader):
         return Recording(
             about.name or path.resolve().name, path, vehicle, about.start_time, about.site, digest.hexdigest(),
             wheel, pose, labels, camera, sound, tuple(problems), vibration, made, about.origin, about.offset,
+            about.frame,
         )  # fmt: skip
 
     def inspect(self, path: Path, *, vehicle: Vehicle | None, topics: Path | None) -> Contents:
@@ -221,7 +223,10 @@ def _about(folder: Path) -> tuple[About, list[str]]:
     if "start" in data and "start_time" in data:
         raise InputError(path, "start_time is given as well", place="key start", expected="one of them")
     problems = [f"{path.name}: {', '.join(others)} left out, nothing here reads that"] if others else []
-    return checked(About, data, path), problems
+    about = checked(About, data, path)
+    if about.origin is not None and about.offset is not None:
+        raise InputError(path, "origin is stated as well", place="key offset", expected="one of them")
+    return about, problems
 
 
 def _locate(folder: Path, about: About) -> dict[str, Path]:
