@@ -42,8 +42,11 @@ class Vision(Sense):
         """Say what a backbone costs."""
         from .measures import measures_of
 
+        if model.settings.get("backbone") is None:
+            return ()
         backbone = measures_of(model).backbone
-        return () if backbone is None else (f"the model of {self.name} measures by its {backbone.cost()}",)
+        assert backbone is not None
+        return (f"the model of {self.name} measures by its {backbone.cost()}",)
 
     def classify(self, files: Sequence[Path], model: TerrainClassifier) -> list[dict]:
         """Name the ground on photographs, one row a file."""

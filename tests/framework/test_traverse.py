@@ -112,7 +112,10 @@ def estimate(c_Pa, phi_rad):
 
 
 MODELS = Models(
-    {"vision": SimpleNamespace(version="v" * 64), "audio": SimpleNamespace(version="a" * 64)},  # pyright: ignore
+    {
+        "vision": SimpleNamespace(version="v" * 64, settings={}),
+        "audio": SimpleNamespace(version="a" * 64, settings={}),
+    },  # pyright: ignore
     {"vision": "vision.skops", "audio": "audio.skops"},
     (),
 )
@@ -201,7 +204,9 @@ def test_a_second_run_adds_nothing(world, tmp_path):
 
 def test_other_models_make_another_processing_of_the_same_drive(world, tmp_path):
     run_traverse(recording(), tmp_path / "t.db", models=MODELS)
-    other = Models({**MODELS.classifiers, "audio": SimpleNamespace(version="b" * 64)}, MODELS.origins, ("audio",))  # pyright: ignore
+    other = Models(
+        {**MODELS.classifiers, "audio": SimpleNamespace(version="b" * 64, settings={})}, MODELS.origins, ("audio",)
+    )  # pyright: ignore
     assert run_traverse(recording(), tmp_path / "t.db", models=other).observations_new > 0
     with TerrainDatabase(tmp_path / "t.db") as database:
         assert len(database.drives()) == 2
