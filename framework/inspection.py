@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from .core.errors import InputError
+from .core.errors import InputError, reading
 from .core.files import write_new
 from .core.recording.contents import Contents
 from .core.recording.readers import read_contents
@@ -76,6 +76,8 @@ class Inspection:
         for path in paths:
             if os.path.lexists(path):
                 raise InputError(path, "is there already", expected="another folder, with --into")
+        with reading(where, "a folder, or a place for one"):
+            where.mkdir(parents=True, exist_ok=True)
         for path, text in paths.items():
             write_new(text, path)
         return tuple(paths)

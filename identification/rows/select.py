@@ -116,7 +116,9 @@ def _of_vehicle(recording: Recording, every_row: bool) -> SelectedRows:
     for name in names:
         wheel = vehicle.wheel(name)
         groups.setdefault((wheel.radius_m, wheel.width_m), []).append(name)
-    gathered = [_gather(table, vehicle, members) for members in groups.values()]
+    made = {"load_N": weighed, "drawbar_pull_N": pulled}
+    computed = frozenset(name for name, finding in made.items() if finding is not None)
+    gathered = [_gather(table, vehicle, members, computed) for members in groups.values()]
     for name, remedy in (
         ("load_N", "load_N; or mass_kg, or load_N of each wheel, in vehicle.toml, where it is not sensed"),
         ("slip", "slip, or both wheel_speed_rad_s and travel_speed_m_s"),
@@ -154,8 +156,8 @@ def _checked(rows: SelectedRows, sensed: bool) -> SelectedRows:
     return replace(rows, findings=(*rows.findings, *_found(*doubts)))
 
 
-def _gather(table: WheelTable, vehicle: Vehicle, names: list[str | None]) -> SelectedRows:
-    """Put the rows of wheels of one geometry together."""
+def _gather(table: WheelTable, vehicle: Vehicle, names: list[str | None], computed: frozenset[str]) -> SelectedRows:
+    """Put the rows of wheels of one geometry together; `computed` are channels that no sensor gave."""
     parts, reasons, findings = [], [], []
     for name in names:
         wheel = vehicle.wheel(name)
@@ -169,7 +171,7 @@ def _gather(table: WheelTable, vehicle: Vehicle, names: list[str | None]) -> Sel
         )
         # Before what is stuck is left out: on ground that does not yield a sinkage may well stay what it is.
         reasons.append(quasi_static(part, wheel))
-        part, stuck = without_stuck(part)
+        part, stuck = without_stuck(part, computed)
         parts.append(part)
         findings += [
             each if len(names) == 1 else each.with_values(of_wheel=f"wheel {name}") for each in (*doubts, *stuck)

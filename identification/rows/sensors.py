@@ -36,7 +36,7 @@ _MOST_EQUAL, _BY_CHANCE = 0.1, 1e-3
 value is no chance [-]."""
 
 
-def without_stuck(table: WheelTable) -> tuple[WheelTable, list[Finding]]:
+def without_stuck(table: WheelTable, computed: frozenset[str] = frozenset()) -> tuple[WheelTable, list[Finding]]:
     """Leave out answers of the ground that never change, and rows in which a channel hangs.
 
     A load that never changes may be the wheel's share of the weight, and a slip may be held.
@@ -45,6 +45,8 @@ def without_stuck(table: WheelTable) -> tuple[WheelTable, list[Finding]]:
     ----------
     table
         Rows of one wheel.
+    computed
+        Channels that no sensor gave: they stay.
 
     Returns
     -------
@@ -55,6 +57,8 @@ def without_stuck(table: WheelTable) -> tuple[WheelTable, list[Finding]]:
     """
     columns, findings = dict(table.columns), list[Finding]()
     for name in CHANNELS:
+        if name in computed:
+            continue
         values = table.observed(name)
         if name in ANSWERS and len(values) >= _FEWEST and np.ptp(values) == 0.0:
             columns[name] = np.full(len(table), math.nan)

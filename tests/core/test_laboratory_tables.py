@@ -286,3 +286,10 @@ def test_hostile_workbooks(workbook, tmp_path):
     bomb.write_bytes(whole[:-100])
     with pytest.raises(InputError, match="no readable workbook"):
         read_wheel(bomb)
+
+
+def test_slip_in_per_cent_that_looks_like_a_fraction_is_said(tmp_path):
+    path = tmp_path / "lab.csv"
+    path.write_text("Fz [N],T [Nm],Slip [%]\n100,5,0.05\n100,9,0.2\n100,12,0.6\n")
+    _, _, notes = read_wheel(path)
+    assert any("Slip [%] is in per cent, though it never exceeds 1" in note for note in notes)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,10 +12,13 @@ from bevameter.framework.core.origin import Origin
 from bevameter.framework.core.recording.bag_camera import with_camera
 from bevameter.framework.core.recording.bag_files import Topic
 from bevameter.framework.core.recording.bag_frames import Frames
+from bevameter.framework.core.recording.bag_wheel import follows_the_wheels
 from bevameter.framework.core.recording.readers import read_recording
+from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.core.recording.wheel_names import wheel_called
 from bevameter.framework.core.vehicle import load_vehicle
 from robot_bag import NAMES, RADIUS_M, VEHICLE_TOML, RobotBag, drive
+from scipy.signal import lfilter
 
 
 @pytest.fixture(scope="module")
@@ -132,3 +136,19 @@ def test_joints_are_matched_by_name_or_by_the_place_of_the_wheel(name, wheel, na
     called = dict(zip(NAMES, NAMES if named else "wxyz", strict=True))
     wheels = [each.model_copy(update={"name": called[each.name]}) for each in wheels]
     assert wheel_called(name, wheels) == (called[wheel] if wheel else None)
+
+
+def test_a_speed_that_a_filter_makes_of_the_wheels_own_is_found_out(rng):
+    time = np.arange(0.0, 60.0, 0.05)
+    turned = 1.8 + 0.4 * np.sin(time / 3.0) + 0.02 * rng.standard_normal(len(time))
+    smooth = lfilter([0.2], [1.0, -0.8], turned, zi=[0.8 * turned[0]])[0]
+
+    def followed(speed):
+        columns = {"time_s": time, "wheel_speed_rad_s": turned, "travel_speed_m_s": speed}
+        return follows_the_wheels(WheelTable(columns, None, None, Path("drive")), None)
+
+    assert followed(0.15 * smooth)
+    assert followed(0.15 * np.concatenate([turned[:2], turned[:-2]]))
+    slip = 0.15 + 0.1 * np.sin(time / 7.0)
+    assert not followed(0.15 * turned * (1.0 - slip))
+    assert not followed(0.13 * turned + 0.002 * rng.standard_normal(len(time)))

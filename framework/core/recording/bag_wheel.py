@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.signal import lfilter
 
 from ..errors import InputError
 from ..vehicle import Vehicle
@@ -17,6 +18,12 @@ from .clock import interpolate, nearest
 from .topic_map import WheelTopic
 from .types import WheelTable
 from .wheel_file import SLIP_TOLERANCE
+
+_KEPT = (0.0, *np.linspace(0.1, 0.98, 45).tolist())
+"""Share of its last value that a filter of the first order keeps from one sample to the next [-]."""
+
+_MOST_LATE = 10
+"""Samples by which a filter is late at most."""
 
 _EXACTLY, _NEARLY = 1e-3, 2e-3
 """How closely a speed made from the wheels keeps to them, reading by reading and in means over a second [-]."""
@@ -176,7 +183,8 @@ def follows_the_wheels(table: WheelTable, vehicle: Vehicle | None) -> str:
     """Say how a travel speed follows the wheels' own, as one that is made from them does; empty where it does not.
 
     Slip from such a speed is zero whatever the ground. An independent speed has noise of its own, and keeps to no
-    multiple of the mean speed of the rims within `_EXACTLY`.
+    multiple of the mean speed of the rims within `_EXACTLY`, as it is or as a filter passes it on: late by some
+    samples, or smoothed with a lag of first order.
 
     Parameters
     ----------
@@ -204,7 +212,8 @@ def follows_the_wheels(table: WheelTable, vehicle: Vehicle | None) -> str:
     factor = float(np.median(travel[moving] / mean[moving]))
     if abs(factor) < 1e-6:
         return ""
-    apart = float(np.quantile(np.abs(travel[moving] / (factor * mean[moving]) - 1.0), 0.8))
+    ratios = [travel[moving] / late[moving] for late in _filtered(mean)]
+    apart = min(float(np.quantile(np.abs(each / np.median(each) - 1.0), 0.8)) for each in ratios)
     width = max(round(1.0 / max(float(np.median(np.diff(clock))), 1e-6)), 1)
     means = [np.convolve(each[moving], np.ones(width) / width, mode="valid") for each in (travel, mean)]
     nearly = float(np.quantile(np.abs(means[0] / means[1] - 1.0), 0.8)) if len(means[0]) and radius else math.inf
@@ -212,3 +221,14 @@ def follows_the_wheels(table: WheelTable, vehicle: Vehicle | None) -> str:
         return ""
     what = "the mean speed of the rims" if radius else "the wheels' mean rate of turning"
     return f"within {100.0 * min(apart, nearly):.2g} % it is {factor:.4g} times {what}"
+
+
+def _filtered(speed: np.ndarray) -> Iterator[np.ndarray]:
+    """Give a speed (n,) as filters of the first order and delays pass it on, as it is first."""
+    there = np.flatnonzero(np.isfinite(speed))
+    steady = np.interp(np.arange(len(speed)), there, speed[there])
+    for kept in _KEPT:
+        smooth = lfilter([1.0 - kept], [1.0, -kept], steady, zi=[kept * steady[0]])[0]
+        for late in range(_MOST_LATE + 1):
+            passed = np.concatenate([np.full(late, smooth[0]), smooth[: len(smooth) - late]])
+            yield np.where(np.isfinite(speed), passed, np.nan)

@@ -74,6 +74,11 @@ def to_si(
             channels[channel] = _slip(table, column, values, read, assumed, faults)
         else:
             channels[channel] = column.to_si(values, column.name in percent)
+            small = 0.0 < np.nanmax(np.abs(values), initial=0.0) <= 1.0
+            if channel == "slip" and column.factor == 0.01 and small:
+                assumed.append(
+                    f"{column.name} is in per cent, though it never exceeds 1; a fraction is called slip [-]"
+                )
             read.append(_said(column, column.name in percent))
             if column.unit is None and column.name not in percent | dated:
                 bare += _assumed(table, column, channels[channel], faults)
