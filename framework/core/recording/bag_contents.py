@@ -1,4 +1,4 @@
-"""What is in a bag: each topic with what is read from it, and the topic map and vehicle file that say so."""
+"""Contents of a bag: each topic with the streams that it feeds, and a topic map and a vehicle file of these."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """What a bag holds, by its index: topics, numbers of messages and their times; and a look at a part of a large one.
 
-ROS 1 bags, ``.db3`` files and MCAP files with their summary say so without a message being read. Others, such as those
-that were cut off, are read from front to back.
+In ROS 1 bags, ``.db3`` files and MCAP files with a summary, an index holds this, and no message is read. Others, as
+those that were cut off, are read from front to back.
 """
 
 from __future__ import annotations
