@@ -16,6 +16,7 @@ from .core.errors import InputError
 from .core.recording.types import Recording, WheelTable
 from .core.track.grounds import Ground
 from .core.track.way import pose_from_wheel, track_of
+from .core.vehicle import Vehicle
 
 
 def part_of(
@@ -86,8 +87,27 @@ def part_of(
     digest = hashlib.sha256(recording.digest.encode() + np.packbits(kept).tobytes()).hexdigest()
     note = f"used of the recording: {said}; {int(kept.sum())} of {len(table)} rows"
     return replace(
-        recording, wheel=table.select(kept), pose=pose, part=said, digest=digest, notes=(*recording.notes, note)
+        recording,
+        vehicle=_with_driven(recording),
+        wheel=table.select(kept),
+        pose=pose,
+        part=said,
+        digest=digest,
+        notes=(*recording.notes, note),
     )
+
+
+def _with_driven(recording: Recording) -> Vehicle | None:
+    """Give the vehicle, its wheels that have rows known as driven where it does not say: a part may not have them."""
+    vehicle, table = recording.vehicle, recording.wheel
+    if vehicle is None or table is None or table.wheel is None:
+        return vehicle
+    there = set(table.wheel.astype(str).tolist())
+    wheels = tuple(
+        each.model_copy(update={"driven": True}) if each.driven is None and each.name in there else each
+        for each in vehicle.wheels
+    )
+    return vehicle.model_copy(update={"wheels": wheels})
 
 
 def _names(wheels: str | Sequence[str]) -> tuple[str, ...]:

@@ -33,6 +33,9 @@ def _length(value: float) -> float:
 
 Length = Annotated[Number, AfterValidator(_length)]
 
+_IN_LINE_M = 0.01
+"""Wheels whose places differ by less from a line lie on it [m]."""
+
 NOISY_COLUMNS = (
     "load_N", "torque_Nm", "sinkage_m", "slip", "drawbar_pull_N", "wheel_speed_rad_s", "travel_speed_m_s",
     "wheel_angle_rad", "pitch_rad", "x_m", "y_m", "slip_angle_rad",
@@ -54,6 +57,8 @@ class Wheel(FileModel):
     """Place in the vehicle frame: x forward, y left [m]; `position` in a file is the same."""
     load_N: Positive | None = None
     """Load that it carries on level ground [N], where it is not sensed."""
+    driven: bool | None = None
+    """Whether a motor drives it. A castor, say, carries weight and makes no pull; None: driven, if rows are of it."""
 
     @model_validator(mode="before")
     @classmethod
@@ -201,11 +206,27 @@ class Vehicle(FileModel):
         if self.mass_kg is not None and len(self.wheels) < 2:
             many = "one wheel" if self.wheels else "no wheels"
             raise ValueError(f"mass_kg with {many}, expected load_N of the wheel, or the places of all in [[wheels]]")
+        if self.mass_kg is None:
+            return self
+        place = np.array([wheel.position_m for wheel in self.wheels])
+        if np.linalg.matrix_rank(place - place.mean(axis=0), tol=_IN_LINE_M) < 2:
+            names = ", ".join(wheel.name for wheel in self.wheels)
+            raise ValueError(
+                f"mass_kg on wheels in one line ({names}), which do not hold a vehicle: give position_m of every wheel "
+                "that carries weight, a castor with driven = false; or load_N of each wheel instead of mass_kg"
+            )
         if (shares := self.shares_of_weight()) is not None and (shares <= 0.0).any():
             lifted = self.wheels[int(np.argmin(shares))].name
             raise ValueError(
-                f"centre_of_mass_m lifts wheel {lifted} off level ground, expected metres between the wheels"
+                f"centre_of_mass_m lifts wheel {lifted} off level ground, expected metres between the wheels; a castor "
+                "that carries weight is one of them, with driven = false"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _some_driven(self) -> Vehicle:
+        if self.wheels and all(wheel.driven is False for wheel in self.wheels):
+            raise ValueError("driven = false of every wheel, expected one that is driven")
         return self
 
     def shares_of_weight(

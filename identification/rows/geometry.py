@@ -49,6 +49,26 @@ def by_geometry(recording: Recording) -> list[Recording]:
     return parts
 
 
+def of_driven(table: WheelTable, vehicle: Vehicle) -> tuple[WheelTable, Finding | None]:
+    """Give the rows of driven wheels, and a note ``towed_wheels`` where there are rows of others.
+
+    Raises
+    ------
+    InputError
+        No row is of a driven wheel.
+    """
+    towed = [wheel.name for wheel in vehicle.wheels if wheel.driven is False]
+    if not towed or table.wheel is None:
+        return table, None
+    kept = ~np.isin(table.wheel.astype(str), towed)
+    if not kept.any():
+        problem = f"all rows are of {', '.join(towed)}, with driven = false in the vehicle file"
+        raise InputError(table.source, problem, expected="rows of a driven wheel")
+    if kept.all():
+        return table, None
+    return table.select(kept), note("towed_wheels", wheels=towed, used=int(kept.sum()), n=len(table))
+
+
 def of_vehicle(table: WheelTable, vehicle: Vehicle) -> tuple[WheelTable, Finding | None]:
     """Give the rows whose own geometry, where they have one, is that of the vehicle's wheel.
 

@@ -15,7 +15,7 @@ from ...framework.core.recording.wheel_file import derive
 from ...framework.core.vehicle import Vehicle, Wheel
 from .duplicates import without_duplicates
 from .gate import Stretch, find_stretches, quasi_static
-from .geometry import by_geometry, half_stated_grousers, of_vehicle
+from .geometry import by_geometry, half_stated_grousers, of_driven, of_vehicle
 from .kinematics import angle_disagreement, slip_disagreement
 from .motor import with_torque
 from .sensors import check_stated_noise, without_stuck
@@ -95,18 +95,19 @@ def _of_vehicle(recording: Recording, every_row: bool) -> SelectedRows:
             recording.source, "; ".join(("no row names its wheel", *recording.problems)),
             expected="rows of " + ", ".join(wheel.name for wheel in vehicle.wheels),
         )  # fmt: skip
-    table, others = of_vehicle(recording.wheel, vehicle)
-    if every_row and others:
+    table, towed = of_driven(recording.wheel, vehicle)
+    table, others = of_vehicle(table, vehicle)
+    if every_row and (lost := others or towed):
         raise InputError(
-            recording.source, f"{others.values['used']} of {others.values['n']} rows are of the vehicle's wheel",
-            expected="rows of the vehicle's wheel only, to compare with another file",
+            recording.source, f"{lost.values['used']} of {lost.values['n']} rows are of the vehicle's driven wheels",
+            expected="rows of these only, to compare with another file",
         )  # fmt: skip
     table, driven = with_torque(table, vehicle)
     table, vehicle, placed = with_travel_speed(table, vehicle, recording.pose)
     table, vehicle, weighed = with_loads(table, vehicle, recording.pose)
     pulled = None
     if weighed is not None and not every_row:
-        table, vehicle, pulled = with_pull(table, vehicle)
+        table, vehicle, pulled = with_pull(table, vehicle, recording.pose)
     table, duplicates, unsteady = with_standstill(table), None, list[Finding]()
     if not every_row:
         table, duplicates = without_duplicates(table)
@@ -117,7 +118,7 @@ def _of_vehicle(recording: Recording, every_row: bool) -> SelectedRows:
         wheel = vehicle.wheel(name)
         groups.setdefault((wheel.radius_m, wheel.width_m), []).append(name)
     made = {"load_N": weighed, "drawbar_pull_N": pulled}
-    computed = frozenset(name for name, finding in made.items() if finding is not None)
+    computed = frozenset(name for name, finding in made.items() if finding is not None and name in table)
     gathered = [_gather(table, vehicle, members, computed) for members in groups.values()]
     for name, remedy in (
         ("load_N", "load_N; or mass_kg, or load_N of each wheel, in vehicle.toml, where it is not sensed"),
@@ -126,10 +127,14 @@ def _of_vehicle(recording: Recording, every_row: bool) -> SelectedRows:
         if not any(name in rows.table for rows in gathered):
             why = f"; {sentence(placed)}" if name == "slip" and placed is not None else ""
             raise InputError(table.source, f"no column {name}{why}", expected=remedy)
-    best = max((_checked(rows, pulled is None) for rows in gathered), key=lambda rows: rows.used)
+    best = max((_checked(rows, "drawbar_pull_N" not in computed) for rows in gathered), key=lambda rows: rows.used)
     radii = note("one_radius", geometries=len(gathered), radius_m=best.wheel.radius_m) if len(gathered) > 1 else None
     return replace(
-        best, findings=(*_found(others, driven, placed, weighed, pulled, duplicates, *unsteady, radii), *best.findings)
+        best,
+        findings=(
+            *_found(towed, others, driven, placed, weighed, pulled, duplicates, *unsteady, radii),
+            *best.findings,
+        ),
     )
 
 

@@ -30,6 +30,10 @@ _PULL_SHARE = 0.02
 """Standard deviation of a wheel's share of the vehicle's pull, relative to its load [-]: an attitude within a degree.
 The shares are right within 0.003 in simulated drives on slopes up to 9 deg, ruts up to 1.8 times as stiff."""
 
+_RESISTANCE, _RESISTANCE_SD = 0.15, 0.1
+"""Rolling resistance of a wheel that is not driven, over its load, and its standard deviation [-]: 0.05 on an unpaved
+road, 0.1 to 0.35 on a field (Bosch, *Automotive Handbook*, 9th ed. (2014), "Rolling resistance")."""
+
 
 def loads(table: WheelTable, vehicle: Vehicle, pose: Pose | None = None) -> np.ndarray | None:
     """Compute the load on the wheel of each row [N], (n,); None where the vehicle does not state its weight.
@@ -51,6 +55,13 @@ def loads(table: WheelTable, vehicle: Vehicle, pose: Pose | None = None) -> np.n
     if vehicle.mass_kg is None:
         stated = np.array([math.nan if wheel.load_N is None else wheel.load_N for wheel in wheels])
         return None if np.isnan(stated).any() else stated[row]
+    of_each = _of_every_wheel(table, vehicle, pose)
+    of_row = of_each[np.array([vehicle.wheels.index(wheel) for wheel in wheels])[row], np.arange(len(table))]
+    return np.where(of_row > 0.0, of_row, math.nan)
+
+
+def _of_every_wheel(table: WheelTable, vehicle: Vehicle, pose: Pose | None) -> np.ndarray:
+    """Compute the loads of all wheels of a vehicle of known mass at each row, (k, n) [N]."""
     pitch, roll = (np.nan_to_num(_over_a_second(table, name)) for name in ("pitch_rad", "roll_rad"))
     along = _acceleration(table)
     height_m = 0.0 if vehicle.centre_of_mass_m is None else vehicle.centre_of_mass_m[2]
@@ -59,8 +70,8 @@ def loads(table: WheelTable, vehicle: Vehicle, pose: Pose | None = None) -> np.n
     right_m = height_m * (np.tan(roll) + _to_the_left(table, pose) / (GRAVITY * np.cos(roll)))
     shares = vehicle.shares_of_weight(-back_m, -right_m)
     assert shares is not None
-    of_row = shares[np.array([vehicle.wheels.index(wheel) for wheel in wheels])[row], np.arange(len(table))]
-    return np.where(of_row > 0.0, vehicle.mass_kg * GRAVITY * np.cos(pitch) * np.cos(roll) * of_row, math.nan)
+    assert vehicle.mass_kg is not None
+    return vehicle.mass_kg * GRAVITY * np.cos(pitch) * np.cos(roll) * shares
 
 
 def with_loads(
@@ -121,32 +132,46 @@ def _over_a_second(table: WheelTable, name: str, *, rate: bool = False) -> np.nd
     return answer
 
 
-def with_pull(table: WheelTable, vehicle: Vehicle) -> tuple[WheelTable, Vehicle, Finding | None]:
+def with_pull(
+    table: WheelTable, vehicle: Vehicle, pose: Pose | None = None
+) -> tuple[WheelTable, Vehicle, Finding | None]:  # fmt: skip
     """Return the rows with each wheel's share of the pull that carries the vehicle along, the vehicle with its noise,
-    and a note; all as they are where pull was sensed, or mass, slope or speed is not known.
+    and a finding; all as they are where pull was sensed, or mass, slope or speed is not known.
 
-    A vehicle that tows nothing and has no other resistance needs m (g sin pitch + dV/dt) of its wheels together (J. Y.
-    Wong, "Theory of Ground Vehicles", 4th ed. (2008), Eq. 3.2). Each wheel is taken to pull in proportion to its load,
-    as wheels of one size and one slip do but for what deeper sinkage costs: within `_PULL_SHARE` of the load.
+    A vehicle that tows nothing needs m (g sin pitch + dV/dt) of its driven wheels together, and the resistance of
+    those that are not driven (J. Y. Wong, "Theory of Ground Vehicles", 4th ed. (2008), Eq. 3.2). Each driven wheel is
+    taken to pull in proportion to its load, as wheels of one size and one slip do but for what deeper sinkage costs:
+    within `_PULL_SHARE` of the load. Where it is not known whether a wheel is driven, the finding is a warning, and the
+    pull is left out.
 
     Parameters
     ----------
     table
-        Rows with the computed loads of all wheels of the vehicle.
+        Rows with the computed loads of the wheels.
     vehicle
         With its mass.
+    pose
+        As in `loads`.
     """
     needed = ("load_N", "pitch_rad", "travel_speed_m_s", "time_s")
     pulled = any(table.observed(name).size for name in ("drawbar_pull_N", "sinkage_m"))
-    alike = len({(wheel.radius_m, wheel.width_m) for wheel in vehicle.wheels}) == 1
-    if vehicle.mass_kg is None or pulled or not alike or any(name not in table for name in needed):
+    there = set() if table.wheel is None else set(table.wheel.astype(str).tolist())
+    driven = np.array([wheel.driven or (wheel.driven is None and wheel.name in there) for wheel in vehicle.wheels])
+    alike = len({(each.radius_m, each.width_m) for each, pulls in zip(vehicle.wheels, driven, strict=True) if pulls})
+    if vehicle.mass_kg is None or pulled or alike != 1 or any(name not in table for name in needed):
         return table, vehicle, None
-    pitch = _over_a_second(table, "pitch_rad")
-    share = table["load_N"] / (vehicle.mass_kg * GRAVITY * np.cos(pitch))
-    pull = share * vehicle.mass_kg * (GRAVITY * np.sin(pitch) + _acceleration(table))
+    unknown = [each.name for each in vehicle.wheels if each.driven is None and each.name not in there]
+    if unknown:
+        return table, vehicle, warning("driven_not_known", wheels=unknown)
+    load = _of_every_wheel(table, vehicle, pose)
+    dragged, carried = load[~driven].sum(axis=0), load[driven].sum(axis=0)
+    along = vehicle.mass_kg * (GRAVITY * np.sin(_over_a_second(table, "pitch_rad")) + _acceleration(table))
+    pull = table["load_N"] / carried * (along + _RESISTANCE * dragged)
     if not np.isfinite(pull).any():
         return table, vehicle, None
-    noise = vehicle.noise.get("drawbar_pull_N", _PULL_SHARE * float(np.nanmean(table["load_N"])))
+    share = math.hypot(_PULL_SHARE, _RESISTANCE_SD * float(np.nanmean(dragged / carried)))
+    noise = vehicle.noise.get("drawbar_pull_N", share * float(np.nanmean(table["load_N"])))
     known = vehicle.model_copy(update={"noise": {**vehicle.noise, "drawbar_pull_N": noise}})
-    found = note("pull_computed", sd_N=noise)
+    towed = [each.name for each, pulls in zip(vehicle.wheels, driven, strict=True) if not pulls]
+    found = note("pull_computed", sd_N=noise, towed=towed, resistance=_RESISTANCE, resistance_sd=_RESISTANCE_SD)
     return replace(table, columns={**table.columns, "drawbar_pull_N": pull}), known, found

@@ -96,8 +96,34 @@ def _torque_computed(values: Values) -> str:
     )
 
 
+def _pull_computed(values: Values) -> str:
+    towed = ", ".join(values["towed"])
+    resists = f", and overcomes what {towed} {'resist' if len(values['towed']) > 1 else 'resists'}," if towed else ""
+    taken = ""
+    if towed:
+        taken = (
+            f" The resistance is taken as {values['resistance']:g} of the load there, with a standard deviation of "
+            f"{values['resistance_sd']:g}."
+        )
+    return (
+        f"drawbar_pull_N was not sensed: what carries the vehicle's weight up the slope and accelerates it{resists} "
+        f"is shared among the driven wheels by their loads, within {values['sd_N']:.2g} N; this holds for a vehicle "
+        f"that tows nothing.{taken} A sensor of sinkage would narrow stiffness, n and cohesion most"
+    )
+
+
+def _driven_not_known(values: Values) -> str:
+    wheels = values["wheels"]
+    are = f"wheel {wheels[0]} is" if len(wheels) == 1 else f"wheels {', '.join(wheels)} are"
+    return (
+        f"no drawbar pull is computed: {are} in the vehicle file, but not in the recording, and may be driven or not. "
+        "Write driven = false there for a wheel without a motor, driven = true for one whose rows are missing"
+    )
+
+
 SENTENCES: dict[str, Sentence] = {
     "angle_disagrees": _angle,
+    "driven_not_known": _driven_not_known,
     "duplicate_rows": _duplicates,
     "grouser_count_missing": "the vehicle states lugs of {height_m:g} m without their number: their forces are "
     "not modelled; give grouser_count",
@@ -113,9 +139,7 @@ SENTENCES: dict[str, Sentence] = {
     "load_without_slope": "load_N was not sensed, and pitch_rad was not recorded: it is computed from the vehicle's "
     "weight as on level ground, {load_N:.3g} N on average. On any slope the load moves between the wheels and the slip "
     "with it, which passes for soil: c and phi are not determined; record the attitude (an IMU with orientation)",
-    "pull_computed": "drawbar_pull_N was not sensed: what carries the vehicle's weight up the slope and accelerates it "
-    "is shared among the wheels by their loads, within {sd_N:.2g} N; this holds for a vehicle that tows nothing. A "
-    "sensor of sinkage would narrow stiffness, n and cohesion most",
+    "pull_computed": _pull_computed,
     "pull_sign": "drawbar_pull_N falls as torque over radius rises (slope {slope:.2g}, correlation {correlation:.2f}): "
     "it may be measured the other way round (positive forwards)",
     "pull_sign_by_slip": "drawbar_pull_N is forwards where slip is least and backwards where it is largest: it, or "
@@ -133,6 +157,7 @@ SENTENCES: dict[str, Sentence] = {
     "sensor may hang",
     "stuck_channel": "{channel} never changes: it is left out, as its sensor may be stuck or absent",
     "torque_computed": _torque_computed,
+    "towed_wheels": "{used} of {n} rows are of driven wheels and were used, for those of {wheels} are not driven",
     "travel_speed_computed": "travel_speed_m_s was not recorded: it is the change of the poses over {window_s:g} s, "
     "within {sd_m_s:.2g} m/s at a rim speed of {rim_m_s:.2g} m/s (the places scatter by {place_sd_m:.2g} m); errors of "
     "the places that drift are not in that",
