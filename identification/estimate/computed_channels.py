@@ -77,24 +77,32 @@ class ComputedChannels:
         return replace(self, model=FlexibleWheel(self.model.wheel, load_N))
 
     def predict(self, imposed: np.ndarray, vector: np.ndarray, theta_1: np.ndarray) -> Prediction:
-        """Predict what is computed for a wheel of a load and slip; see `textbook.Prediction`."""
+        """Predict what is computed for a wheel of a load, as it is computed, and slip; see `textbook.Prediction`.
+
+        The load without its error is the wheel's: so what is measured of the one says nothing of the other's error.
+        """
         soil = len(self.names)
         own, (share, constant, by_load, by_slip) = (
             np.delete(vector, range(soil, soil + NUISANCES)),
             vector[soil : soil + NUISANCES],
         )
-        found = self.model.predict(imposed, own, theta_1)
-        load, slip = imposed.T
-        heavier = load / self.mean_load_N - 1.0
+        computed, slip = imposed.T
+        load = computed / (1.0 + share)
+        found = self.model.predict(np.column_stack([load, slip]), own, theta_1)
+        heavier = computed / self.mean_load_N - 1.0
         of_load = constant + heavier * (by_load + by_slip * slip)
         channels, by_latent = found.channels.copy(), found.by_latent.copy()
-        channels[:, _LOAD] *= 1.0 + share
+        channels[:, _LOAD] = computed
         channels[:, _PULL] += load * of_load
-        by_latent[:, _LOAD] *= 1.0 + share
-        by_latent[:, _PULL, 0] += of_load + (load / self.mean_load_N) * (by_load + by_slip * slip)
+        by_latent[:, _PULL, 0] += of_load
+        by_share = -by_latent[:, :, 0] * (load / (1.0 + share))[:, None]
+        by_share[:, _LOAD] = 0.0
+        by_latent[:, :, 0] /= 1.0 + share
+        by_latent[:, _LOAD, 0] = 1.0
+        by_latent[:, _PULL, 0] += (load / self.mean_load_N) * (by_load + by_slip * slip)
         by_latent[:, _PULL, 1] += load * heavier * by_slip
         nuisance = np.zeros((len(load), len(CHANNELS), NUISANCES))
-        nuisance[:, _LOAD, 0] = load
+        nuisance[:, :, 0] = by_share
         nuisance[:, _PULL, 1:] = load[:, None] * np.column_stack([np.ones(len(load)), heavier, heavier * slip])
         by_parameter = np.concatenate(
             [found.by_parameter[:, :, :soil], nuisance, found.by_parameter[:, :, soil:]], axis=2

@@ -27,7 +27,7 @@ from ..mechanics.textbook import TextbookWheel
 from ..rows.noise import noise_of_series
 from .computed_channels import ComputedChannels
 from .ground_variation import likelihood_ratio
-from .likelihood import POPULATION, Point, Problem, State, evaluate, linearised, mean_score, recentre
+from .likelihood import POPULATION, Point, Problem, State, evaluate, linearised, mean_score, prior_score, recentre
 from .optimise import best_start, fit, inverse_information
 from .solution import Solution
 
@@ -99,8 +99,7 @@ def score_statistic(solution: Solution) -> float:
     point = replace(solution.fit.point, vector=_extended(solution.fit.vector))
     state = evaluate(problem, point)
     p = len(problem.held)
-    score = np.einsum("n,nd->d", state.weights, mean_score(state))
-    score[:p] -= problem.precision * (point.vector - problem.prior_mean)
+    score = np.einsum("n,nd->d", state.weights, mean_score(state)) + prior_score(problem, point)
     moving = _moving(problem, point, state)
     tested = np.zeros(len(moving), dtype=bool)
     tested[len(solution.problem.held) : p] = True
@@ -182,7 +181,9 @@ def _moving(problem: Problem, point: Point, state: State) -> np.ndarray:
     inside = (point.vector > problem.lower) & (point.vector < problem.upper)
     above = point.log_sd[answers] > np.log(problem.noise[answers]) + 1e-9
     # The population counts as the normal one of its moments, which is nearly at its best too.
-    moving = np.concatenate([problem.free & inside, np.ones(POPULATION, dtype=bool), above])
+    moving = np.concatenate(
+        [problem.free & inside, np.ones(POPULATION + len(point.population.curve), dtype=bool), above]
+    )
     return moving & (np.diag(state.information) > 0.0)
 
 

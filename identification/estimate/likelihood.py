@@ -3,7 +3,7 @@
 The latents of a sample, load and slip, come from a `population` and are integrated out by adaptive quadrature (Q. Liu,
 D. A. Pierce, Biometrika 81 (1994), Sec. 2). The score is the mean of the complete-data score over the latents
 (Fisher's identity; T. A. Louis, J. R. Stat. Soc. B 44 (1982), Eq. 3.1), the information that of the linearised marginal
-model, its population taken to be normal. A share of the samples may be gross errors.
+model, its population taken to be normal near each sample. A share of the samples may be gross errors.
 """
 
 from __future__ import annotations
@@ -13,23 +13,27 @@ from functools import cached_property
 
 import numpy as np
 
-from ..mechanics.textbook import ForwardModel
+from ..mechanics.textbook import ForwardModel, Prediction
 from .population import LEAST_SPREAD, Grid, Population
 
-POPULATION = 5
-"""Numbers of a normal population of (load, slip): two means, and the Cholesky factor of the covariance."""
+POPULATION = 4
+"""Numbers of the population that scores and information have after the parameters', before the coefficients of the
+curve of load by slip: means of load and slip, logarithms of the deviations of the load at a slip and of the slip."""
 
 NO_OUTLIERS = 1e-300
 
-_SLIP_NODES, _SLIP_WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
-_MIDDLE_FIRST = np.argsort(np.abs(_SLIP_NODES), kind="stable")
-_SLIP_NODES, _SLIP_WEIGHTS = _SLIP_NODES[_MIDDLE_FIRST], _SLIP_WEIGHTS[_MIDDLE_FIRST] / _SLIP_WEIGHTS.sum()
-_LOAD_NODE = np.sqrt(3.0)
-_NODES = np.array([*([0.0, at] for at in _SLIP_NODES), [_LOAD_NODE, 0.0], [-_LOAD_NODE, 0.0]])
-_WEIGHTS = np.concatenate([_SLIP_WEIGHTS - np.array([1.0, 0.0, 0.0, 0.0, 0.0]) / 3.0, np.full(2, 1.0 / 6.0)])
-"""A cross, its middle first: Gauss-Hermite with five nodes in slip, where shear saturates, with three in load."""
+_SLIPS, _SLIP_WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
+_MIDDLE_FIRST = np.argsort(np.abs(_SLIPS), kind="stable")
+_SLIPS, _SLIP_WEIGHTS = _SLIPS[_MIDDLE_FIRST], _SLIP_WEIGHTS[_MIDDLE_FIRST] / _SLIP_WEIGHTS.sum()
+_LOADS, _LOAD_WEIGHTS = np.sqrt(3.0) * np.array([0.0, 1.0, -1.0]), np.array([4.0, 1.0, 1.0]) / 6.0
+_NODES = np.array([[load, slip] for load in _LOADS for slip in _SLIPS])
+_LOG_RULE = np.log(np.outer(_LOAD_WEIGHTS, _SLIP_WEIGHTS)).ravel() + 0.5 * np.sum(_NODES**2, axis=1)
+"""Gauss-Hermite with five nodes in slip, where shear saturates, and three in load; the middle first."""
 
-NODE_COUNT = len(_WEIGHTS)
+_CROSS = np.array([*([0.0, slip] for slip in _SLIPS), *([load, 0.0] for load in _LOADS[1:])])
+"""Nodes where the model is evaluated: those in the middle of load or slip; the others follow from them (`_filled`)."""
+
+NODE_COUNT = len(_CROSS)
 
 _LOG_2PI = float(np.log(2.0 * np.pi))
 
@@ -122,7 +126,8 @@ class Point:
     """A state of the iteration.
 
     vector (p,); population of load and slip; log_sd (5,) of the channels; imposed (n, 2) and spread (n, 2, 2), the
-    centre and Cholesky factor of each sample's quadrature; theta_1 (n, q) warm start [rad].
+    centre and a root of the covariance of each sample's quadrature; theta_1 (n,
+    `NODE_COUNT`) warm start [rad].
     """
 
     vector: np.ndarray
@@ -140,7 +145,7 @@ class State:
 
     value [nats]; nodes (n, q, 2) of load and slip; residuals (n, q, 5); responsibility (n, q), the posterior weights of
     the nodes; weights (n,), the probability that a sample is no gross error; score (n, q, d) of the complete data;
-    information (d, d); theta_1 (n, q) [rad].
+    information (d, d); theta_1 (n, `NODE_COUNT`) [rad].
     """
 
     value: float
@@ -156,12 +161,12 @@ class State:
 def evaluate(problem: Problem, point: Point) -> State:
     """Marginal log-likelihood, score and information at a point, its quadrature nodes held."""
     seen = problem.seen
-    rows, count = len(seen), len(_WEIGHTS)
-    nodes = point.imposed[:, None, :] + np.einsum("nab,qb->nqa", point.spread, _NODES)
-    nodes[..., 0] = np.maximum(nodes[..., 0], 1e-3 * problem.load_scale)
-    nodes[..., 1] = np.clip(nodes[..., 1], -0.999, 0.9999)
-    prediction = problem.model.predict(nodes.reshape(-1, 2), point.vector, point.theta_1.reshape(-1))
-    channels = prediction.channels.reshape(rows, count, 5)
+    rows = len(seen)
+    cross = point.imposed[:, None, :] + np.einsum("nab,qb->nqa", point.spread, _CROSS)
+    cross[..., 0] = np.maximum(cross[..., 0], 1e-3 * problem.load_scale)
+    cross[..., 1] = np.clip(cross[..., 1], -0.999, 0.9999)
+    prediction = problem.model.predict(cross.reshape(-1, 2), point.vector, point.theta_1.reshape(-1))
+    nodes, channels, by_parameter = _filled(cross, prediction)
     carried = np.asarray(np.isfinite(channels).all(axis=2))
     inverse_sd = np.where(seen, np.exp(-point.log_sd), 0.0)[:, None, :]
     measured = problem.filled[:, None, :]
@@ -171,8 +176,7 @@ def evaluate(problem: Problem, point: Point) -> State:
         -0.5 * np.einsum("nqm,nqm->nq", residuals, residuals) - log_noise[:, None] + point.population.log_density(nodes)
     )
     determinant = np.abs(point.spread[:, 0, 0] * point.spread[:, 1, 1])
-    log_rule = np.log(_WEIGHTS) + 0.5 * np.sum(_NODES**2, axis=1) + _LOG_2PI
-    log_terms = np.where(carried, log_density + log_rule + np.log(determinant)[:, None], -np.inf)
+    log_terms = np.where(carried, log_density + _LOG_RULE + (np.log(determinant) + _LOG_2PI)[:, None], -np.inf)
     peak = np.max(log_terms, axis=1)
     peak = np.where(np.isfinite(peak), peak, -1e6)
     terms = np.exp(log_terms - peak[:, None])
@@ -182,24 +186,36 @@ def evaluate(problem: Problem, point: Point) -> State:
     weights = np.exp(np.log1p(-point.outliers) + log_sample - mixed)
     value = float(mixed.sum()) + _log_prior(problem, point)
 
-    by_parameter = np.nan_to_num(prediction.by_parameter.reshape(rows, count, 5, -1)) * inverse_sd[..., None]
-    v, chol = _standardised(problem, point.population, nodes)
-    score = _score(problem, residuals, by_parameter, v, chol)
-    centre = np.nan_to_num(prediction.by_latent.reshape(rows, count, 5, 2)[:, 0]) * inverse_sd[:, 0, :, None]
-    information = _information(problem, centre, by_parameter[:, 0], chol, weights)
-    theta_1 = prediction.theta_1.reshape(rows, count)
+    by_parameter = by_parameter * inverse_sd[..., None]
+    score = _score(problem, point.population, nodes, residuals, by_parameter)
+    centre = np.nan_to_num(prediction.by_latent.reshape(rows, NODE_COUNT, 5, 2)[:, 0]) * inverse_sd[:, 0, :, None]
+    information = _information(problem, point.population, nodes[:, 0], centre, by_parameter[:, 0], weights)
+    theta_1 = prediction.theta_1.reshape(rows, NODE_COUNT)
     return State(value, nodes, residuals, terms / total[:, None], weights, score, information, theta_1)
 
 
-def _standardised(problem: Problem, population: Population, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Latents in units of the population, (n, q, 2), and the Cholesky factor (2, 2) with the load in scaled units."""
-    mean, covariance = population.moments
-    unit = np.array([problem.load_scale, 1.0])
-    chol = np.linalg.cholesky(covariance / np.outer(unit, unit))
-    away = (nodes - mean) / unit
-    first = away[..., 0] / chol[0, 0]
-    second = (away[..., 1] - chol[1, 0] * first) / chol[1, 1]
-    return np.stack([first, second], axis=-1), chol
+def _filled(cross: np.ndarray, prediction: Prediction) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Nodes of all loads at all slips (n, q, 2), channels there (n, q, 5), and derivatives by parameters (n, q, 5, p).
+
+    Off the cross channels go on from each slip's node along the derivative by load there, with the curvature that they
+    have in the middle; derivatives are sums of what the two axes add.
+    """
+    rows, slips = len(cross), len(_SLIPS)
+
+    def on_cross(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Values at the slips' nodes (n, 1, s, ...), and what loads add to the middle (n, l, 1, ...)."""
+        values = values.reshape(rows, NODE_COUNT, *values.shape[1:])
+        added = np.concatenate([np.zeros_like(values[:, :1]), values[:, slips:] - values[:, :1]], axis=1)
+        return values[:, None, :slips], added[:, :, None]
+
+    by_latent = prediction.by_latent.reshape(rows, NODE_COUNT, 5, 2)
+    steeper = (by_latent[:, :slips, :, 0] - by_latent[:, :1, :, 0])[:, None]
+    along, heavier = on_cross(cross.reshape(-1, 2))
+    channels, of_load = on_cross(prediction.channels)
+    by_parameter, more = on_cross(np.nan_to_num(prediction.by_parameter))
+    answers = (along + heavier, channels + of_load + steeper * heavier[..., :1], by_parameter + more)
+    nodes, channels, by_parameter = (each.reshape(rows, -1, *each.shape[3:]) for each in answers)
+    return nodes, channels, by_parameter
 
 
 def _log_prior(problem: Problem, point: Point) -> float:
@@ -208,52 +224,67 @@ def _log_prior(problem: Problem, point: Point) -> float:
 
 
 def _score(
-    problem: Problem, residuals: np.ndarray, by_parameter: np.ndarray, v: np.ndarray, chol: np.ndarray
+    problem: Problem, population: Population, nodes: np.ndarray, residuals: np.ndarray, by_parameter: np.ndarray
 ) -> np.ndarray:
-    """Complete-data score at each node, (n, q, d), that of the population taken to be normal."""
+    """Complete-data score at each node, (n, q, d)."""
     p = by_parameter.shape[-1]
     answers = np.flatnonzero(problem.answers)
-    score = np.empty((*v.shape[:2], p + POPULATION + len(answers)))
-    score[..., :p] = np.einsum("nqmp,nqm->nqp", by_parameter, residuals)
-    a, d, b = chol[0, 0], chol[1, 1], chol[1, 0]
-    beta = b / d
-    score[..., p] = (v[..., 0] - beta * v[..., 1]) / (a * problem.load_scale)
-    score[..., p + 1] = v[..., 1] / d
-    score[..., p + 2] = -1.0 + v[..., 0] ** 2 - beta * v[..., 0] * v[..., 1]
-    score[..., p + 3] = -1.0 + v[..., 1] ** 2
-    score[..., p + 4] = v[..., 0] * v[..., 1] / d
-    score[..., p + POPULATION :] = residuals[..., answers] ** 2 - problem.seen[:, None, answers]
-    return score
+    away, root = (each.reshape(*nodes.shape[:2], *each.shape[1:]) for each in population.nearby(nodes.reshape(-1, 2)))
+    load, slip = away[..., 0], away[..., 1]
+    of_load, by_slip, of_slip = root[..., 0, 0], root[..., 0, 1], root[..., 1, 1]
+    curve = (load / of_load)[..., None] * population.basis(nodes[..., 1])[0]
+    normal = [load / of_load, (slip - load * by_slip / of_load) / of_slip, load**2 - 1.0, slip**2 - 1.0]
+    of_noise = residuals[..., answers] ** 2 - problem.seen[:, None, answers]
+    of_vector = np.einsum("nqmp,nqm->nqp", by_parameter, residuals)
+    assert p == of_vector.shape[-1]
+    return np.concatenate([of_vector, np.stack(normal, axis=-1), curve, of_noise], axis=-1)
+
+
+def prior_score(problem: Problem, point: Point) -> np.ndarray:
+    """Derivative of the log-priors by all that scores are by, (d,)."""
+    of_vector = -problem.precision * (point.vector - problem.prior_mean)
+    population, answers = point.population, int(problem.answers.sum())
+    of_curve = -population.grid.spline.straight @ population.curve / population.deviation**2
+    of_population = [0.0, 0.0, -float(of_curve @ population.curve), 0.0]
+    return np.concatenate([of_vector, of_population, of_curve, np.zeros(answers)])
 
 
 def _information(
-    problem: Problem, by_latent: np.ndarray, by_parameter: np.ndarray, chol: np.ndarray, weights: np.ndarray
+    problem: Problem,
+    population: Population,
+    imposed: np.ndarray,
+    by_latent: np.ndarray,
+    by_parameter: np.ndarray,
+    weights: np.ndarray,
 ) -> np.ndarray:
-    """Expected information (d, d) of the marginal model, linearised at the centre of each sample's latents.
+    """Expected information (d, d) of the marginal model, linearised at the centre of each sample's latents (n, 2).
 
-    There the channels, in units of sd, are normal with covariance S = 1 + A V A^T, and their mean moves with the
-    parameters by B and with the population's mean by A; by construction it has no negative eigenvalue (K. V. Mardia,
-    R. J. Marshall, Biometrika 71 (1984), Eq. 3).
+    There the channels, in units of sd, are normal with covariance S = 1 + A V A^T, V = R R^T by the root R (n, 2, 2) of
+    the population there, and their mean moves with the parameters by B, with the population's mean by A, and with the
+    curve as the load does there; by construction it has no negative eigenvalue (K. V. Mardia, R. J. Marshall,
+    Biometrika 71 (1984), Eq. 3).
     """
-    p = by_parameter.shape[-1]
-    answers = np.flatnonzero(problem.answers)
-    unit = np.array([problem.load_scale, 1.0])
-    root = unit[:, None] * chol
+    answers, root = np.flatnonzero(problem.answers), population.nearby(imposed)[1]
     reach = by_latent @ root
     inner = _inverse_2x2(np.eye(2) + reach.transpose(0, 2, 1) @ reach)
     inverse = np.eye(5) - reach @ inner @ reach.transpose(0, 2, 1)
-    mean = np.concatenate([by_parameter, by_latent], axis=2)
-    weighted = mean * weights[:, None, None]
-    information = np.zeros((p + POPULATION + len(answers),) * 2)
-    information[: p + 2, : p + 2] = np.tensordot(weighted, inverse @ mean, axes=([0, 1], [0, 1]))
-
-    moves = np.array([[[chol[0, 0], 0.0], [0.0, 0.0]], [[0.0, 0.0], [0.0, chol[1, 1]]], [[0.0, 0.0], [1.0, 0.0]]])
-    moves = unit[:, None] * moves @ root.T
-    moves += moves.transpose(0, 2, 1)
-    spread = inverse @ (by_latent @ moves[:, None] @ by_latent.transpose(0, 2, 1))
+    curve = by_latent[:, :, :1] * population.basis(imposed[:, 1])[0][:, None, :]
+    mean = np.concatenate([by_parameter, by_latent, curve], axis=2)
+    p, k = by_parameter.shape[-1], curve.shape[-1]
+    rest = slice(p + POPULATION + k, None)
     block = slice(p + 2, p + POPULATION)
+    of_mean = np.concatenate([np.arange(p + 2), p + POPULATION + np.arange(k)])
+    information = np.zeros((p + POPULATION + k + len(answers),) * 2)
+    information[np.ix_(of_mean, of_mean)] = np.tensordot(
+        mean * weights[:, None, None], inverse @ mean, axes=([0, 1], [0, 1])
+    )
+
+    moves = np.zeros((2, *root.shape))
+    moves[0, :, 0, 0], moves[1, :, :, 1] = root[:, 0, 0], root[:, :, 1]
+    moves = moves @ root.transpose(0, 2, 1)
+    moves += moves.swapaxes(2, 3)
+    spread = inverse @ (by_latent @ moves @ by_latent.transpose(0, 2, 1))
     information[block, block] = 0.5 * np.einsum("n,anij,bnji->ab", weights, spread, spread)
-    rest = slice(p + POPULATION, None)
     seen = problem.seen[:, answers] * np.sqrt(weights)[:, None]
     both = inverse[:, answers][:, :, answers] * seen[:, :, None] * seen[:, None, :]
     information[rest, rest] = 2.0 * np.sum(both**2, axis=0) + 1e-6 * np.eye(len(answers))
@@ -261,22 +292,25 @@ def _information(
     information[block, rest] = np.einsum("anj,nj->aj", cross, seen**2)
     information[rest, block] = information[block, rest].T
     information[np.arange(p), np.arange(p)] += problem.precision
+    information[p + POPULATION : p + POPULATION + k, p + POPULATION : p + POPULATION + k] += (
+        population.grid.spline.straight / population.deviation**2
+    )
     return information
 
 
 def linearised(problem: Problem, point: Point, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Score (n, p) and information (n, p, p) of each sample on the parameter vector, `weights` as in `State`.
 
-    The model is linearised at each sample's load and slip, and their population is the normal one of its moments.
+    The model is linearised at each sample's load and slip, and their population taken to be normal near them.
     """
     prediction = problem.model.predict(point.imposed, point.vector, point.theta_1[:, 0])
     inverse_sd = np.where(problem.seen, np.exp(-point.log_sd), 0.0)
     by_parameter = np.nan_to_num(prediction.by_parameter) * inverse_sd[..., None]
     by_latent = np.nan_to_num(prediction.by_latent) * inverse_sd[..., None]
-    mean, covariance = point.population.moments
+    away, root = point.population.nearby(point.imposed)
+    reach = by_latent @ root
     left = np.nan_to_num((problem.filled - prediction.channels) * inverse_sd)
-    left += np.einsum("nma,na->nm", by_latent, point.imposed - mean)
-    reach = by_latent @ np.linalg.cholesky(covariance)
+    left += np.einsum("nma,na->nm", reach, away)
     inner = _inverse_2x2(np.eye(2) + reach.transpose(0, 2, 1) @ reach)
     weighted = by_parameter - reach @ (inner @ (reach.transpose(0, 2, 1) @ by_parameter))
     weighted *= weights[:, None, None]
@@ -295,24 +329,6 @@ def mean_score(state: State) -> np.ndarray:
     return np.einsum("nq,nqd->nd", state.responsibility, state.score)
 
 
-def with_population(problem: Problem, point: Point, state: State, *, striding: bool) -> Point:
-    """Move the population to where the samples' latents now say, its deviation of load by a damped step of scoring."""
-    stride = 1.0 / (_load_known(point, state) ** 2 + 1e-3) if striding else 1.0
-    population = point.population.improved(
-        state.nodes, state.responsibility, state.weights, problem.least_deviation, stride
-    )
-    return replace(point, population=population)
-
-
-def _load_known(point: Point, state: State) -> float:
-    """Share of the variance of load that the samples' channels determine, on average, from 0 to 1.
-
-    Its square is the information of the deviation that is left of what known loads would give.
-    """
-    p = len(point.vector)
-    return float(point.population.deviation**2 * state.information[p, p] / max(float(state.weights.sum()), 1e-9))
-
-
 def recentre(problem: Problem, point: Point) -> Point:
     """Move each sample's quadrature to where its latents now are: one Gauss-Newton step and the curvature there."""
     seen = problem.seen
@@ -321,10 +337,10 @@ def recentre(problem: Problem, point: Point) -> Point:
     inverse_sd = np.where(seen, np.exp(-point.log_sd), 0.0)
     residuals = np.nan_to_num((problem.filled - prediction.channels) * inverse_sd)
     jacobian = np.nan_to_num(prediction.by_latent * inverse_sd[..., None])
-    v, chol = _standardised(problem, point.population, point.imposed[:, None, :])
-    root = np.linalg.inv(chol) / np.array([problem.load_scale, 1.0])
-    precision = np.einsum("nma,nmb->nab", jacobian, jacobian) + root.T @ root
-    gradient = np.einsum("nma,nm->na", jacobian, residuals) - v[:, 0] @ root
+    away, root = point.population.nearby(point.imposed)
+    whitens = np.linalg.inv(root)
+    precision = np.einsum("nma,nmb->nab", jacobian, jacobian) + whitens.transpose(0, 2, 1) @ whitens
+    gradient = np.einsum("nma,nm->na", jacobian, residuals) - np.einsum("nab,na->nb", whitens, away)
     covariance = np.linalg.inv(precision)
     step = np.einsum("nab,nb->na", covariance, gradient)
     scale = np.array([problem.load_scale, 1.0])
@@ -333,4 +349,6 @@ def recentre(problem: Problem, point: Point) -> Point:
     imposed[:, 1] = np.clip(imposed[:, 1], -0.99, 0.999)
     theta_1 = np.where(np.isfinite(point.theta_1), point.theta_1, middle[:, None])
     theta_1 = np.where(np.isfinite(theta_1), theta_1, 0.5)
-    return replace(point, imposed=imposed, spread=np.linalg.cholesky(covariance), theta_1=theta_1)
+    # Slip first, the load follows it: what is far from normal is the slip, and the load only where it goes with it.
+    spread = np.linalg.cholesky(covariance[:, ::-1, ::-1])[:, ::-1, ::-1]
+    return replace(point, imposed=imposed, spread=spread, theta_1=theta_1)

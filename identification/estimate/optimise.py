@@ -22,8 +22,8 @@ from .likelihood import (
     State,
     evaluate,
     mean_score,
+    prior_score,
     recentre,
-    with_population,
 )
 from .population import Population
 
@@ -36,6 +36,10 @@ _FEW = 100
 _SAME_HILL = 9.0
 """Squared distance up to which two climbs with few samples have ended on one hill [variances]: steps that gain little
 leave about a standard deviation."""
+
+
+_SHARES = (1.0, 0.5, 0.25)
+"""Shares of a step that the population may go: near its least deviation a whole one leads too far."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +167,7 @@ def fit(
     latent = np.einsum("nq,nqa->na", expected, state.nodes)
     residual = np.einsum("nq,nqm->nm", expected, state.residuals)
     residual[~problem.seen] = np.nan
-    theta_1 = np.einsum("nq,nq->n", expected, np.nan_to_num(state.theta_1))
+    theta_1 = np.nan_to_num(state.theta_1[:, 0])
     return Fit(point, state.value, state.information, state.weights, residual, latent, theta_1, converged)
 
 
@@ -171,11 +175,16 @@ def _climb(
     problem: Problem, point: Point, iterations: int, *, enough: float, foreseen: float = 0.0
 ) -> tuple[Point, State, bool]:  # fmt: skip
     """Step uphill until a step gains less than `enough` nats, or its predicted gain is less than `foreseen`."""
-    damping, converged, fresh, striding = 1e-3, False, False, True
-    beyond = math.inf  # Gain of the last step beyond its prediction: that of the population, which comes slowly.
+    damping, converged, fresh = 1e-3, False, False
+    beyond = math.inf  # Gain of the last step beyond its prediction: that of the population's shares.
     state = evaluate(problem, point)
+    if point.outliers != NO_OUTLIERS and np.mean(state.weights) < 0.5:
+        # So far off that samples seem gross errors, and none of them says where to go.
+        nearer = _climb(problem, replace(point, outliers=NO_OUTLIERS), iterations, enough=0.5)[0]
+        point = replace(nearer, outliers=point.outliers)
+        state = evaluate(problem, point)
     for _ in range(iterations):
-        trial, predicted = _move(problem, point, state, damping, striding=striding)
+        trial, predicted = _move(problem, point, state, damping)
         if trial is not None and predicted >= 0.0 and predicted + max(beyond, 0.0) < foreseen:
             point, state, converged = trial, replace(state, value=state.value + predicted), True
             break
@@ -190,8 +199,6 @@ def _climb(
             if gain < enough:
                 converged = True
                 break
-        elif striding:
-            striding = False
         elif not fresh:
             # Nor may the point be judged by a better quadrature, or a worse one, than the steps from it.
             point, fresh = recentre(problem, recentre(problem, replace(point, theta_1=state.theta_1))), True
@@ -204,25 +211,25 @@ def _climb(
     return point, state, converged
 
 
-def _move(
-    problem: Problem, point: Point, state: State, damping: float, *, striding: bool
-) -> tuple[Point | None, float]:  # fmt: skip
+def _move(problem: Problem, point: Point, state: State, damping: float) -> tuple[Point | None, float]:
     """One damped step of everything that is estimated, None where it cannot be taken, and its predicted gain [nats].
 
     The prediction leaves out what the shares of the population gain.
     """
-    p = len(problem.held)
-    uphill = np.einsum("n,nd->d", state.weights, mean_score(state))
-    uphill[:p] -= problem.precision * (point.vector - problem.prior_mean)
+    p, population = len(problem.held), point.population
+    noise = slice(p + POPULATION + len(population.curve), None)
+    uphill = np.einsum("n,nd->d", state.weights, mean_score(state)) + prior_score(problem, point)
     information = state.information
     answers = np.flatnonzero(problem.answers)
     floor = np.log(problem.noise[answers])
     # Where slips spread wider than their noise, the shares of the population say best where they are.
-    narrow = point.population.moments[1][1, 1] <= problem.noise[3] ** 2
-    moving = np.concatenate([problem.free, [True, narrow, False, False, False], np.ones(len(answers), dtype=bool)])
+    narrow = population.moments[1][1, 1] <= problem.noise[3] ** 2
+    spread = population.deviation > problem.least_deviation or uphill[p + 2] > 0.0
+    others = np.ones(len(population.curve) + len(answers), dtype=bool)
+    moving = np.concatenate([problem.free, [True, narrow, spread, False], others])
     moving[:p] &= ~((point.vector <= problem.lower) & (uphill[:p] < 0.0))
     moving[:p] &= ~((point.vector >= problem.upper) & (uphill[:p] > 0.0))
-    moving[p + POPULATION :] &= ~((point.log_sd[answers] <= floor) & (uphill[p + POPULATION :] < 0.0))
+    moving[noise] &= ~((point.log_sd[answers] <= floor) & (uphill[noise] < 0.0))
 
     block = information[np.ix_(moving, moving)]
     scale = 1.0 / np.sqrt(np.maximum(np.diag(block), 1e-12))
@@ -239,15 +246,38 @@ def _move(
     vector = np.where(problem.free, np.clip(point.vector + change, problem.lower, problem.upper), point.vector)
     log_sd = point.log_sd.copy()
     # Down from where it was put at first in strides, up with care: there every other residual seems small.
-    log_sd[answers] = np.maximum(log_sd[answers] + np.clip(step[p + POPULATION :], -1.0, 0.2), floor)
+    log_sd[answers] = np.maximum(log_sd[answers] + np.clip(step[noise], -1.0, 0.2), floor)
     outliers = point.outliers
     if outliers != NO_OUTLIERS:
         # Far from the optimum every sample would seem a gross error: none is looked for there.
         outliers = float(np.clip(np.mean(1.0 - state.weights), 1e-3, 0.2))
     taken = step.copy()
-    taken[:p], taken[p + POPULATION :] = vector - point.vector, log_sd[answers] - point.log_sd[answers]
-    point = with_population(problem, point, state, striding=striding)
-    population = point.population.moved(float(step[p]), float(step[p + 1]))
-    point = replace(point, vector=vector, population=population, log_sd=log_sd, outliers=outliers)
+    taken[:p], taken[noise] = vector - point.vector, log_sd[answers] - point.log_sd[answers]
+    point = replace(
+        point, vector=vector, log_sd=log_sd, outliers=outliers,
+        population=_moved(problem, population, state, taken[p : p + 3], taken[p + POPULATION : noise.start]),
+    )  # fmt: skip
+
     # Where the likelihood is a parabola the step leads to its top.
     return replace(point, theta_1=state.theta_1), 0.5 * float(uphill @ taken)
+
+
+def _moved(
+    problem: Problem, population: Population, state: State, step: np.ndarray, curve: np.ndarray
+) -> Population:  # fmt: skip
+    """Move level, shift and deviation by a step (3,), and the curve (k,): all of it, or the part that gains most where
+    each sample's nodes are, which costs no mechanics.
+    """
+    shared = population.improved(state.nodes, state.responsibility, state.weights)
+    before = population.log_density(state.nodes)
+
+    def gain(moved: Population) -> float:
+        ratio = np.sum(state.responsibility * np.exp(np.minimum(moved.log_density(state.nodes) - before, 50.0)), axis=1)
+        return float(state.weights @ np.log(np.maximum(ratio, 1e-300))) + moved.log_prior()
+
+    level, shift, wider = step.tolist()
+    parts = [
+        shared.moved(share * level, share * shift, share * wider, share * curve, problem.least_deviation)
+        for share in _SHARES
+    ]
+    return max(parts, key=gain)
