@@ -17,6 +17,7 @@ from bevameter.framework.core.recording.readers import read_recording
 from bevameter.framework.core.recording.types import WheelTable
 from bevameter.framework.core.recording.wheel_names import wheel_called
 from bevameter.framework.core.vehicle import load_vehicle
+from bevameter.framework.inspection import inspect_recording
 from robot_bag import NAMES, RADIUS_M, VEHICLE_TOML, RobotBag, drive
 from scipy.signal import lfilter
 
@@ -76,6 +77,31 @@ def test_joints_of_unknown_names_are_listed_with_what_to_write(driven, vehicle, 
     # What the map does not mention is recognised: speed, places and attitude.
     assert {"slip", "torque_Nm", "pitch_rad"} <= set(mapped.wheel.columns)
     assert mapped.pose is not None
+
+
+def test_wheels_of_mirrored_joints_are_turned_said_and_written_down(driven, vehicle, tmp_path):
+    mirrored = RobotBag(driven, gps=False, mirrored=(1.0, -1.0, 1.0, -1.0)).write(tmp_path / "mirrored")
+    recording = read_recording(mirrored, vehicle=vehicle)
+    plain = read_recording(RobotBag(driven, gps=False).write(tmp_path / "plain"), vehicle=vehicle)
+    for name in ("wheel_speed_rad_s", "wheel_angle_rad", "torque_Nm", "slip"):
+        np.testing.assert_array_equal(recording.wheel[name], plain.wheel[name])
+    (said,) = recording.problems
+    assert said.startswith("wheels front_right, rear_right turn backwards while the vehicle drives forwards")
+    inspect_recording(mirrored, vehicle=vehicle).write(tmp_path)
+    text = (tmp_path / "topics.toml").read_text(encoding="utf-8")
+    assert text.count('{ field = "effort[front_right_wheel_joint]", scale = -1.0') == 1
+    assert 'torque_Nm = "effort[front_left_wheel_joint]"' in text
+    mapped = read_recording(mirrored, vehicle=vehicle, topics=tmp_path / "topics.toml")
+    np.testing.assert_array_equal(mapped.wheel["torque_Nm"], plain.wheel["torque_Nm"])
+    assert mapped.problems == ()
+
+
+def test_wheels_that_all_turn_against_the_travel_are_left_and_said(driven, vehicle, tmp_path):
+    path = RobotBag(driven, gps=False, mirrored=(-1.0, -1.0, -1.0, -1.0)).write(tmp_path / "bag")
+    recording = read_recording(path, vehicle=vehicle)
+    assert np.nanmedian(recording.wheel["wheel_speed_rad_s"]) < 0.0
+    assert any("every wheel turns against the vehicle's travel" in text and "scale = -1.0" in text
+               for text in recording.problems)  # fmt: skip
 
 
 def test_a_speed_made_from_the_wheels_gives_no_slip(driven, vehicle, tmp_path):

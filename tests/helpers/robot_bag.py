@@ -120,6 +120,8 @@ class RobotBag:
         Whether `/wheel/<name>/sinkage_m` is measured.
     start_deg
         Latitude and longitude of the start, and the direction driven, clockwise from north [deg].
+    mirrored
+        Signs of the joints' axes.
     wheel_frames
         Whether the transforms have the wheels' axles, too.
     """
@@ -134,6 +136,7 @@ class RobotBag:
     start_deg: tuple[float, float, float] = (47.0707, 15.4395, 90.0)
     wheels: bool = True
     wheel_frames: bool = False
+    mirrored: Sequence[float] = (1.0, 1.0, 1.0, 1.0)
     per_ampere: float = 0.06 * 50 * 0.8
     friction_Nm: float = 1.5
     optical: tuple[float, float, float] = (0.4, 0.9, math.radians(25.0))
@@ -184,11 +187,12 @@ class RobotBag:
 
     def of_wheels(self, rng, row: int, time: float):
         done = self.driven
-        speed = done.rim_m_s[row] / RADIUS_M + 0.01 * rng.standard_normal(4)
-        torque = done.torque_Nm[row] + 0.25 * rng.standard_normal(4)
+        axis = np.array(self.mirrored)
+        speed = axis * (done.rim_m_s[row] / RADIUS_M + 0.01 * rng.standard_normal(4))
+        torque = axis * (done.torque_Nm[row] + 0.25 * rng.standard_normal(4))
         yield "/joint_states", "sensor_msgs/msg/JointState", time, self.make(
             "sensor_msgs/msg/JointState", header=self.header(time, ""), name=[*self.joints, "arm_joint"],
-            position=np.append(np.full(4, done.time_s[row]), 0.3), velocity=np.append(speed, 0.0),
+            position=np.append(axis * done.time_s[row], 0.3), velocity=np.append(speed, 0.0),
             effort=np.append(torque, 1.0) if self.effort else np.empty(0),
         )  # fmt: skip
         number = "std_msgs/msg/Float64"

@@ -51,7 +51,7 @@ def inspect_bag(path: Path, *, vehicle: Vehicle | None = None, topics: Path | No
     frames = _frames(bag, samples)
     opened: OpenedBag | None = None
     recording: Recording | None = None
-    fault, decided = None, Decided("", frozenset())
+    fault, decided = None, Decided()
     try:
         opened = open_bag(bag, samples, vehicle, topics)
         recording, decided = read_streams(opened, vehicle)

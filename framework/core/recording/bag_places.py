@@ -152,3 +152,13 @@ def pitch_and_roll(quaternions: np.ndarray, mount: np.ndarray | None) -> tuple[n
     if mount is not None:
         turned = turned @ mount.T
     return np.arcsin(np.clip(turned[:, 2, 0], -1.0, 1.0)), np.arcsin(np.clip(turned[:, 2, 1], -1.0, 1.0))
+
+
+def in_order(time: np.ndarray, rows: np.ndarray) -> Pose | None:
+    """Make poses of times (n,) [s] and rows (n, 3) of x, y [m] and yaw [rad], those that are not finite left out."""
+    order = np.argsort(time, kind="stable")
+    order = order[np.isfinite(rows[order]).all(axis=1)]
+    if not len(order):
+        return None
+    time, rows = time[order], rows[order]
+    return Pose(time, rows[:, 0], rows[:, 1], np.unwrap(rows[:, 2]))

@@ -22,11 +22,12 @@ from .bag_frames import Frames
 from .bag_images import no_picture
 from .bag_messages import DecodeError, decode, number, stamp_ns
 from .bag_messages import field as field_of
-from .bag_places import FAR_M, FIXES, MISFIT_M, UNNAMED, Fixes, frame_of, pitch_and_roll, pose_of, stays
+from .bag_places import FAR_M, FIXES, MISFIT_M, UNNAMED, Fixes, frame_of, in_order, pitch_and_roll, pose_of, stays
 from .bag_streams import BagCamera, BagSound, SoundLayout
 from .bag_wheel import WheelChannels, follows_the_wheels, merge
 from .clock import interpolate
 from .digest import StreamDigest
+from .mirrored import about_axes, with_axes_forward
 from .opened_bag import OpenedBag, Samples, open_bag, take_samples
 from .recognition import Recognised
 from .sound_messages import READERS, SoundReader
@@ -58,6 +59,8 @@ class _Gathered:
     reasons: dict[str, str] = field(default_factory=dict)
     speed: str = ""
     """The topic from which the travel speed is taken, where no wheel topic gives it."""
+    mirrored: frozenset[str] = frozenset()
+    """Wheels whose signs were turned."""
 
     def fail(self, topic: str, reason: str) -> None:
         self.undecoded[topic] += 1
@@ -92,12 +95,13 @@ def read_bag(path: Path, *, vehicle: Vehicle | None = None, topics: Path | None 
 
 
 class Decided(NamedTuple):
-    """What only the messages say: the topic that gives the travel speed where no wheel's does, and topics whose load's
-    sign was turned.
+    """What only the messages say: the topic that gives the travel speed where no wheel's does, topics whose load's sign
+    was turned, and wheels whose joints are mirrored.
     """
 
-    speed: str
-    turned: frozenset[str]
+    speed: str = ""
+    turned: frozenset[str] = frozenset()
+    mirrored: frozenset[str] = frozenset()
 
 
 def read_streams(opened: OpenedBag, vehicle: Vehicle | None) -> tuple[Recording, Decided]:
@@ -119,8 +123,8 @@ def read_streams(opened: OpenedBag, vehicle: Vehicle | None) -> tuple[Recording,
         if channels.source.topic in known.guessed_wrenches and channels.turn_load_up()
     ]
     problems += [f"{topic}: force z is negative, taken as a load with its sign turned" for topic in turned]
-    wheel = _wheel(gathered, origin, known, vehicle, path, problems)
     pose, place = _pose(gathered, origin, known, path, problems, notes)
+    wheel = _wheel(gathered, origin, known, vehicle, pose, path, problems)
     if wheel is not None and vehicle is not None and (wheel.wheel is not None or len(vehicle.wheels) == 1):
         wheel = derive_all(wheel, vehicle)
     if wheel is not None and pose is None:
@@ -148,7 +152,7 @@ def read_streams(opened: OpenedBag, vehicle: Vehicle | None) -> tuple[Recording,
         frame=gathered.pose_frame,
         notes=tuple(notes),
     )
-    return recording, Decided(gathered.speed, frozenset(turned))
+    return recording, Decided(gathered.speed, frozenset(turned), gathered.mirrored)
 
 
 def _sound_reader(
@@ -240,14 +244,19 @@ def _undecoded(gathered: _Gathered) -> list[str]:
 
 
 def _wheel(
-    gathered: _Gathered, origin: int, known: Recognised, vehicle: Vehicle | None, path: Path, problems: list[str]
-) -> WheelTable | None:
-    """Merge the wheels' channels with the first travel speed that is independent of them, and with the attitude."""
-    wheel = None
+    gathered: _Gathered, origin: int, known: Recognised, vehicle: Vehicle | None, pose: Pose | None, path: Path,
+    problems: list[str],
+) -> WheelTable | None:  # fmt: skip
+    """Merge the wheels' channels, axes forwards, with the first travel speed that is independent of them, and with the
+    attitude.
+    """
+    wheel, against = None, tuple[str, ...]()
     for speed in (*gathered.speeds, None):
         wheel, found = merge(
             [*gathered.wheel, *([speed] if speed else [])], origin, known.topics.max_gap_s, path
         )  # fmt: skip
+        if wheel is not None:
+            wheel, against = with_axes_forward(wheel, pose)
         follows = "" if speed is None or wheel is None else follows_the_wheels(wheel, vehicle)
         if not follows:
             problems += found
@@ -257,6 +266,10 @@ def _wheel(
             f"{speed.source.topic if speed else ''}: not used as travel speed, for it is made from the wheels' own "
             f"({follows}): slip would be zero on any ground; record visual odometry or a satellite receiver's speed"
         )
+    if against:
+        every = wheel is not None and wheel.wheel is not None and len(against) == len(set(wheel.wheel))
+        gathered.mirrored = frozenset(() if every else against)
+        problems.append(about_axes(against, every=every))
     if wheel is None or not gathered.attitude:
         return wheel
     return _with_attitude(wheel, gathered, origin, known)
@@ -295,7 +308,7 @@ def _pose(
     gathered.pose_frame = frame
     if gathered.poses:
         time = (np.array([pose[0] for pose in gathered.poses], dtype=np.int64) - origin) * 1e-9
-        pose = _in_order(time, np.array([pose[1:] for pose in gathered.poses]))
+        pose = in_order(time, np.array([pose[1:] for pose in gathered.poses]))
         if stated is not None and stated.origin is not None:
             if not stays(frame):
                 raise InputError(
@@ -316,7 +329,7 @@ def _pose(
         x, y = place.from_local(*place.east_north(latitude, longitude))
         rows = np.column_stack([x, y, heading_of(x, y)])
         gathered.pose_frame = FIXES
-        pose = _in_order(fixes.time_s(origin), rows)
+        pose = in_order(fixes.time_s(origin), rows)
     if pose is None:
         return None, None
     if place is not None:
@@ -325,16 +338,6 @@ def _pose(
     pose, found = without_jumps(pose, path, lambda row: f"pose at {times[row]:.3f} s")
     problems += found
     return pose, place
-
-
-def _in_order(time: np.ndarray, rows: np.ndarray) -> Pose | None:
-    """Make poses of times (n,) [s] and rows (n, 3) of x, y [m] and yaw [rad], those that are not finite left out."""
-    order = np.argsort(time, kind="stable")
-    order = order[np.isfinite(rows[order]).all(axis=1)]
-    if not len(order):
-        return None
-    time, rows = time[order], rows[order]
-    return Pose(time, rows[:, 0], rows[:, 1], np.unwrap(rows[:, 2]))
 
 
 def _camera(

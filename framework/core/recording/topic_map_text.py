@@ -7,6 +7,7 @@ from typing import Any
 
 from ..files import toml_string
 from .bags import Decided
+from .mirrored import OF_A_JOINT
 from .opened_bag import OpenedBag
 from .recognition import short_type
 from .topic_map import Reading, WheelTopic
@@ -45,7 +46,7 @@ def topic_map_text(opened: OpenedBag, decided: Decided) -> str:
     opened
         The bag.
     decided
-        What its messages say besides: the topic of the travel speed, and loads whose sign is turned.
+        What its messages say besides: the topic of the travel speed, loads and wheels whose sign is turned.
     """
     known, topics = opened.known, opened.known.topics
     used = {part.topic for part in (*topics.wheel, topics.pose, topics.attitude, topics.camera, topics.sound) if part}
@@ -61,7 +62,7 @@ def topic_map_text(opened: OpenedBag, decided: Decided) -> str:
     for name in others:
         lines += _joints(name, opened.samples.content.get(name))
     for source in topics.wheel:
-        lines += _wheel(source, source.topic in decided.turned)
+        lines += _wheel(source, _turned(source, decided))
     if decided.speed:
         lines += [
             f"# The travel speed is taken from {toml_string(decided.speed)}. To fix that, or to take another:",
@@ -91,14 +92,20 @@ def _joints(topic: str, sample: Any) -> Iterable[str]:
         yield ""
 
 
-def _wheel(source: WheelTopic, turned: bool) -> Iterable[str]:
+def _turned(source: WheelTopic, decided: Decided) -> set[str]:
+    """Channels of a topic whose signs are turned."""
+    mirrored = OF_A_JOINT if source.wheel in decided.mirrored else ()
+    return {"load_N", *mirrored} if source.topic in decided.turned else {*mirrored}
+
+
+def _wheel(source: WheelTopic, turned: set[str]) -> Iterable[str]:
     yield "[[wheel]]"
     yield f"topic = {toml_string(source.topic)}"
     if source.wheel is not None:
         yield f"wheel = {toml_string(source.wheel)}"
     yield "[wheel.fields]"
     for column, reading in source.fields.items():
-        if turned and column == "load_N":
+        if column in turned:
             reading = reading.model_copy(update={"scale": -reading.scale})
         remark = f"    # {_REMARKS[column]}" if column in _REMARKS else ""
         yield f"{column} = {_reading(reading)}{remark}"
