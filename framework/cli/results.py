@@ -108,14 +108,17 @@ def print_identification(result: Identification) -> None:
     if result.overall is not None and not mixed:
         print()
         _print_estimate(result.overall)
+    for name, estimate in result.by_soil.items():
+        print()
+        _print_estimate(estimate, f"Soil {name}")
     print()
     _print_findings(result.findings)
 
 
-def _print_estimate(found: SoilEstimate) -> None:
+def _print_estimate(found: SoilEstimate, name: str = "Soil") -> None:
     from ...identification.estimate.identifiability import is_search_limit
 
-    print(f"Soil from {found.n} rows of {', '.join(found.channels)} (method {found.method})")
+    print(f"{name} from {found.n} rows of {', '.join(found.channels)} (method {found.method})")
     rows = []
     for name, quantity in found.parameters.items():
         label, unit, scale = _SOIL[name]
@@ -152,8 +155,7 @@ def interval_text(quantities: Mapping[str, Quantity], name: str, digits: int = 2
 
 def _segment_row(segment: Segment) -> list[str]:
     where = "steady-state trials" if math.isnan(segment.start_s) else f"{segment.start_s:.1f} to {segment.end_s:.1f} s"
-    if segment.wheel:
-        where = f"{where}, {segment.wheel}"
+    where = ", ".join(filter(None, (where, segment.wheel, segment.soil)))
     if segment.estimate is None:
         return [where, str(segment.n), "", "", segment.reason]
     found = segment.estimate.parameters

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
 from typing import Literal
@@ -24,7 +24,7 @@ from ...framework.core.vehicle import Vehicle, Wheel, as_vehicle
 from ..mechanics import linearised
 from ..mechanics.textbook import CHANNELS
 from ..rows.gate import LIMITS, Stretch, quasi_static
-from ..rows.geometry import by_geometry
+from ..rows.geometry import by_geometry, by_soil
 from ..rows.noise import measured_noise, sensor_noise
 from ..rows.select import SelectedRows, select_wheel_rows
 from ..rows.trials import AS_TRIALS, is_of_trials, without_time
@@ -54,7 +54,8 @@ MOST_ROWS = 1500
 class Segment:
     """One stretch of the drive [s] (NaN for steady-state trials): used, with its estimate, or not, with the reason.
 
-    `wheel` says which wheel it is, where the recording describes several and is no one vehicle's.
+    `wheel` says which wheel it is, where the recording describes several and is no one vehicle's; `soil` which soil,
+    where the rows name it.
     """
 
     start_s: float
@@ -64,16 +65,20 @@ class Segment:
     n: int
     estimate: SoilEstimate | None = None
     wheel: str = ""
+    soil: str = ""
 
 
 @dataclass(frozen=True)
 class Identification:
-    """Soil by segment, and over all rows that were used (None where there were none, or rows of several wheels)."""
+    """Soil by segment, and over all rows that were used (None where there were none, or rows of several wheels or
+    soils); `by_soil` is that over the rows of each soil that the table names, where it names several.
+    """
 
     overall: SoilEstimate | None
     segments: tuple[Segment, ...]
     method: str
     findings: tuple[Finding, ...] = ()
+    by_soil: Mapping[str, SoilEstimate] = field(default_factory=dict)
 
 
 def identify(
@@ -109,26 +114,34 @@ def identify(
     if method not in METHODS:
         raise refused("method", method, " or ".join(METHODS))
     recording, known = open_recording(recording, vehicle), as_knowledge(soil)
-    parts = by_geometry(recording)
-    result = _several_wheels(parts, known, method) if len(parts) > 1 else _one_wheel(parts[0], known, method)
+    wheels = by_geometry(recording)
+    parts = [part for wheel in wheels for part in by_soil(wheel)]
+    result = _several(parts, len(wheels), known, method) if len(parts) > 1 else _one_wheel(parts[0], known, method)
     read = (note("recording", text=problem) for problem in (*recording.notes, *recording.problems))
     return replace(result, findings=(*read, *result.findings))
 
 
-def _several_wheels(parts: list[Recording], known: SoilKnowledge, method: Method) -> Identification:
-    """Identify the soil under each wheel by itself: nothing says that they ran on one."""
-    segments, findings = [], [note("several_wheels", wheels=len(parts))]
+def _several(parts: list[Recording], wheels: int, known: SoilKnowledge, method: Method) -> Identification:
+    """Identify each soil that the rows name, and the soil under each wheel, by itself: nothing says that it is one."""
+    soils = list(dict.fromkeys(part.wheel.soil[0] for part in parts if part.wheel and part.wheel.soil is not None))
+    segments, findings, found = list[Segment](), list[Finding](), dict[str, SoilEstimate]()
+    findings += [note("several_wheels", wheels=wheels)] if wheels > 1 else []
+    findings += [note("several_soils", soils=soils)] if len(soils) > 1 else []
     for part in parts:
-        assert part.vehicle is not None
-        name = part.vehicle.name
+        assert part.wheel is not None
+        wheel = part.vehicle.name if wheels > 1 and part.vehicle is not None else ""
+        soil = "" if part.wheel.soil is None else str(part.wheel.soil[0])
         try:
             result = _one_wheel(part, known, method)
         except InputError as error:
-            segments.append(Segment(math.nan, math.nan, False, str(error), len(part.wheel or ()), wheel=name))
+            segments.append(Segment(math.nan, math.nan, False, str(error), len(part.wheel), wheel=wheel, soil=soil))
             continue
-        segments.extend(replace(segment, wheel=name) for segment in result.segments)
+        segments.extend(replace(segment, wheel=wheel, soil=soil) for segment in result.segments)
+        name = ", ".join(filter(None, (wheel, soil)))
         findings.extend(each.with_values(of_wheel=name) for each in result.findings)
-    return Identification(None, tuple(segments), method, tuple(findings))
+        if soil and result.overall is not None:
+            found[name] = result.overall
+    return Identification(None, tuple(segments), method, tuple(findings), found)
 
 
 def _one_wheel(recording: Recording, known: SoilKnowledge, method: Method) -> Identification:

@@ -61,6 +61,7 @@ def draw_identification(
     for segment, colour in zip(used, _cycle(len(used)), strict=True):
         if segment.estimate is not None:
             where = "steady-state trials" if not timed else f"{segment.start_s:.0f} to {segment.end_s:.0f} s"
+            where = ", ".join(filter(None, (segment.wheel, segment.soil, where)))
             _region(panels[-1], segment.estimate, colour, where)
     panels[-1].set(xlabel="cohesion c [kPa]", ylabel="friction angle phi [deg]", ylim=(0.0, 60.0))
     panels[-1].set_xlim(left=0.0)

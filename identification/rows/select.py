@@ -185,7 +185,9 @@ def _gather(table: WheelTable, vehicle: Vehicle, names: list[str | None], comput
     if len(parts) == 1:
         return SelectedRows(parts[0], wheel, vehicle, reasons[0], tuple(findings))
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0].columns}
-    labels = np.concatenate([np.asarray(part.wheel) for part in parts])
-    runs = None if parts[0].run is None else np.concatenate([np.asarray(part.run) for part in parts])
-    together = WheelTable(columns, labels, runs, table.source)
+    labels, runs, soils = (
+        None if any(each is None for each in of_parts) else np.concatenate([np.asarray(each) for each in of_parts])
+        for of_parts in zip(*((part.wheel, part.run, part.soil) for part in parts), strict=True)
+    )
+    together = WheelTable(columns, labels, runs, table.source, soils)
     return SelectedRows(together, wheel, vehicle, np.concatenate(reasons), tuple(findings))

@@ -63,4 +63,4 @@ def missing_clock(table: WheelTable) -> Finding | None:
 def without_time(table: WheelTable) -> WheelTable:
     """Give the rows without the time of each."""
     columns = {name: values for name, values in table.columns.items() if name != "time_s"}
-    return WheelTable(columns, table.wheel, table.run, table.source)
+    return table.with_columns(columns)

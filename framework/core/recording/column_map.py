@@ -13,7 +13,7 @@ from pydantic import AfterValidator, BeforeValidator, Field
 from ..errors import InputError
 from ..files import load_toml
 from ..models import FileModel, Finite, checked
-from .types import WHEEL_COLUMNS
+from .types import TEXT_COLUMNS, WHEEL_COLUMNS
 
 
 class MappedColumn(FileModel):
@@ -26,8 +26,9 @@ class MappedColumn(FileModel):
 
 
 def _channel(name: str) -> str:
-    if name not in (*WHEEL_COLUMNS, "wheel", "run"):
-        raise ValueError(f"no column of a wheel file, expected one of {', '.join((*WHEEL_COLUMNS, 'wheel', 'run'))}")
+    known = (*WHEEL_COLUMNS, *TEXT_COLUMNS)
+    if name not in known:
+        raise ValueError(f"no column of a wheel file, expected one of {', '.join(known)}")
     return name
 
 

@@ -115,6 +115,13 @@ QUANTITIES = (
         "essai",
     ),
     Quantity("wheel", "text", "wheel, wheel name, wheel id, Rad, roue"),
+    Quantity(
+        "soil", "text",
+        "soil, soil type, soil name, soil id, soil class, test soil, sand, sand type, sand name, terrain, "
+        "terrain type, terrain class, ground, ground type, ground class, material, soil material, simulant, substrate, "
+        "medium, surface, surface type, Boden, Bodenart, Bodentyp, Sandart, Untergrund, Substrat, Gelände, sol, "
+        "type de sol, matériau, terreno, suelo",
+    ),
 )  # fmt: skip
 
 ONLY_WITH_UNIT = frozenset({"radius_m", "width_m", "grouser_height_m"})

@@ -10,9 +10,9 @@ from ..errors import InputError
 from ..files import toml_string
 from ..vehicle import Vehicle
 from .contents import Contents, Source, contents_of, ends_of
-from .types import WHEEL_COLUMNS, Recording, WheelTable
+from .types import TEXT_COLUMNS, WHEEL_COLUMNS, Recording, WheelTable
 from .vehicle_text import vehicle_text
-from .wheel_columns import ALSO_READ, TEXT_COLUMNS, Column
+from .wheel_columns import ALSO_READ, Column
 from .wheel_file import OpenedTable, open_wheel
 from .wide_table import joints_in
 
@@ -104,7 +104,7 @@ def _map_text(
 ) -> str:
     """Write the column map; the file's own columns and those of no channel are in comments."""
     decimal = f'decimal = "{opened.mapped.decimal}"\n' if opened.mapped.decimal else ""
-    channels = ", ".join((*WHEEL_COLUMNS, *sorted(TEXT_COLUMNS)))
+    channels = ", ".join((*WHEEL_COLUMNS, *TEXT_COLUMNS))
     lines = [_HEAD.format(name=toml_string(path.name), channels=channels, decimal=decimal)]
     of_wheels = {name for own in wide.values() for name in own.values()}
     for name in opened.sheet.names:

@@ -8,7 +8,8 @@ import numpy as np
 
 from ..errors import InputError
 from .tables import Table
-from .wheel_columns import TEXT_COLUMNS, Column
+from .types import TEXT_COLUMNS
+from .wheel_columns import Column
 
 _FRACTION, _PERCENT = 1.02, 10.0
 """Slip without a unit: a fraction up to the former, in per cent from the latter on [-]. A driven wheel's slip is at

@@ -13,10 +13,9 @@ from ..errors import InputError
 from . import units
 from .column_map import ColumnMap
 from .column_names import HINTS, QUANTITIES, Meaning, key, meaning, names_of_channels, stem_of, written
-from .types import WHEEL_COLUMNS
+from .types import TEXT_COLUMNS, WHEEL_COLUMNS
 
-TEXT_COLUMNS = frozenset({"wheel", "run"})
-OWN = frozenset(WHEEL_COLUMNS) | TEXT_COLUMNS
+OWN = frozenset((*WHEEL_COLUMNS, *TEXT_COLUMNS))
 """The wheel file's own columns."""
 
 ALSO_READ = ("radius_m", "width_m", "grouser_height_m", "grouser_count", "yaw_rad", "roll_rad", "current_A")
@@ -126,14 +125,15 @@ def assign(
                 problem = f"the row of units says {unit}"
                 faults.append(InputError(source, problem, expected="the unit of its name", place=f"column {name}"))
     # A table in SI with columns of the user's own: a name without a unit there is no channel.
-    in_si = any(column.source == "own" and channel not in _UNITLESS | TEXT_COLUMNS for channel, column in found.items())
+    others = {*_UNITLESS, *TEXT_COLUMNS}
+    in_si = any(column.source == "own" and channel not in others for channel, column in found.items())
     taken: dict[str, list[Meaning]] = {}
     places: dict[str, list[str]] = {}
     for name, unit in zip(names, given, strict=True):
         if name in used or name in ALSO_READ or _is_scatter(name):
             continue
         read = meaning(name, unit)
-        if read is not None and (read.unit is not None or not in_si):
+        if read is not None and (read.unit is not None or read.channel == "soil" or not in_si):
             taken.setdefault(read.channel, []).append(read)
             places.setdefault(read.channel, []).append(name)
         elif len(names) <= _MOST_COMPARED and (right := misspelt(name)) is not None:

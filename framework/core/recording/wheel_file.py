@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import re
 import warnings
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,12 +14,12 @@ from ..errors import InputError, collected, raise_all
 from ..files import whole
 from ..vehicle import Vehicle, Wheel
 from .column_map import ColumnMap, load_column_map
-from .column_names import stem_of
 from .sheet import Sheet, open_sheet
 from .tables import Table
 from .to_si import rows_as_runs, to_si
-from .types import WHEEL_COLUMNS, WheelTable
-from .wheel_columns import ALSO_READ, OWN, TEXT_COLUMNS, Column, assign, hints, is_known
+from .types import TEXT_COLUMNS, WHEEL_COLUMNS, WheelTable
+from .unused_columns import OF_JOINTS, are_groups, not_used
+from .wheel_columns import OWN, Column, assign, is_known
 from .wheel_names import of_a_joint
 
 SLIP_TOLERANCE = 0.02
@@ -32,16 +31,8 @@ STANDSTILL_M_S = 1e-3
 _ABSURD = 1e12
 """Size that no channel has: what is beyond stands for a missing value, or overflows where it is squared [SI]."""
 
-_ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
-_MOST_NAMED = 6
-"""Columns that a note names; the others are counted."""
-
 _MOST_LISTED = 30
 """Columns that an error names."""
-
-_OF_JOINTS = "columns of wheels' joints need a column map, which `bevameter inspect {} --write` writes"
-
-_NUMBER = re.compile(r"[-+]?\.?\d").match
 
 
 def read_wheel_file(path: str | Path, columns: str | Path | ColumnMap | None = None) -> WheelTable:
@@ -149,9 +140,13 @@ def _read(path: Path, opened: OpenedTable) -> WheelFile:
     table, percent, dated = sheet.read(
         numbers=frozenset(by_name) - text, text=text, clocks=clock, decimal=mapped.decimal, faults=faults
     )
+    soils = found.get("soil")
+    if soils is not None and soils.source != "map" and not are_groups(table.text[soils.name]):
+        found = {channel: column for channel, column in found.items() if channel != "soil"}
+        del by_name[soils.name]
     channels, converted = to_si(table, found, percent, dated, faults)
     others = {name: values for name, values in table.numbers.items() if name not in by_name and name not in elsewhere}
-    wheel, run = (_names(table, found.get(name), faults) for name in ("wheel", "run"))
+    wheel, run, soil = (_names(table, found.get(name), faults) for name in TEXT_COLUMNS)
     if "time_s" not in found and "run" not in found:
         run, said = rows_as_runs(table, found, sheet.names)
         converted += said
@@ -174,9 +169,9 @@ def _read(path: Path, opened: OpenedTable) -> WheelFile:
         faults.append(InputError(path, "no wheel channel has a value", expected="columns such as load_N and slip"))
     raise_all(path, faults)
     layout = [f"{path.name}: {', '.join(sheet.notes)}"] if sheet.notes else []
-    problems += _not_used(table, columns_read, {*by_name, *elsewhere})
+    problems += not_used(table, columns_read, {*by_name, *elsewhere}, grouped=soil is not None)
     ordered = {name: columns_read[name] for name in _in_order(sheet.names, by_name) if name in columns_read}
-    return WheelFile(WheelTable(ordered, wheel, run, path), tuple(problems), (*layout, *converted))
+    return WheelFile(WheelTable(ordered, wheel, run, path, soil), tuple(problems), (*layout, *converted))
 
 
 def _in_order(names: Sequence[str], by_name: Mapping[str, Column]) -> list[str]:
@@ -204,6 +199,8 @@ def write_wheel_file(table: WheelTable, path: str | Path) -> None:
         columns["run"] = table.run
     if table.wheel is not None:
         columns["wheel"] = table.wheel
+    if table.soil is not None:
+        columns["soil"] = table.soil
     frame = pd.DataFrame({**columns, **table.columns})
     if not path.name.endswith((".csv", ".csv.gz", ".parquet")):
         raise InputError(path, f"ending {path.suffix!r}", expected=".csv, .csv.gz or .parquet")
@@ -255,7 +252,7 @@ def derive_all(table: WheelTable, vehicle: Vehicle) -> WheelTable:
     radius = {wheel.name: wheel.radius_m for wheel in vehicle.wheels}
     known = "one of the vehicle's wheels, " + ", ".join(radius)
     if table.wheel is None:
-        joints = f"; {_OF_JOINTS.format(table.source)}" if any(map(of_a_joint, table.columns)) else ""
+        joints = f"; {OF_JOINTS.format(table.source)}" if any(map(of_a_joint, table.columns)) else ""
         raise InputError(table.source, "no column wheel", expected=known + joints)
     names, rows, inverse = np.unique(table.wheel.astype(str), return_index=True, return_inverse=True)
     for name, row in zip(names, rows, strict=True):
@@ -274,7 +271,7 @@ def _with_slip(table: WheelTable, radius_m: np.ndarray) -> WheelTable:
         slip = np.where(np.isnan(recorded), slip, recorded)
     if np.isnan(slip).all():
         return table
-    return WheelTable({**table.columns, "slip": slip}, table.wheel, table.run, table.source)
+    return table.with_columns({**table.columns, "slip": slip})
 
 
 def slip_from_speeds(rim_m_s: np.ndarray, travel_m_s: np.ndarray) -> np.ndarray:
@@ -286,29 +283,6 @@ def slip_from_speeds(rim_m_s: np.ndarray, travel_m_s: np.ndarray) -> np.ndarray:
         slip = np.where(rim >= travel, 1.0 - travel / rim, rim / travel - 1.0)
     defined = (faster > STANDSTILL_M_S) & (rim > -STANDSTILL_M_S) & (travel > -STANDSTILL_M_S)
     return np.where(defined, np.clip(slip, -1.0, 1.0), np.nan)
-
-
-def _not_used(table: Table, columns: Mapping[str, np.ndarray], used: Collection[str]) -> list[str]:
-    """Say which columns of numbers nothing reads, and of what answers there is none: they may be meant for these."""
-    scatter = {f"{stem}_sd_{unit}" if unit else f"{stem}_sd" for stem, unit in map(stem_of, WHEEL_COLUMNS)}
-    known = {*OWN, *ALSO_READ, *scatter}
-    # "3.2 N" makes a column of text; what was written about a row is no channel.
-    text = [name for name, cells in table.text.items() if name not in {*known, *used} and _mostly_numbers(cells)]
-    others = [name for name in columns if name not in known] + text
-    if not others:
-        return []
-    more = f" and {len(others) - _MOST_NAMED} more" if len(others) > _MOST_NAMED else ""
-    missing = [name for name in _ANSWERS if name not in columns]
-    none = f"; there is no {', '.join(missing)}" if missing else ""
-    said = [f"{table.source.name}: columns not used: {', '.join(others[:_MOST_NAMED])}{more}{none}"]
-    said += [f"{table.source.name}: {_OF_JOINTS.format(table.source)}"] if any(map(of_a_joint, others)) else []
-    return said + [f"{table.source.name}, column {name}: not used; {text}" for name, text in hints(others).items()]
-
-
-def _mostly_numbers(cells: np.ndarray) -> bool:
-    """Say whether most cells (n,) of text that are not empty begin with a number."""
-    seen = [str(cell) for cell in cells if cell]
-    return bool(seen) and sum(_NUMBER(cell) is not None for cell in seen) > len(seen) / 2
 
 
 def _check_values(table: Table, name: str, column: str, values: np.ndarray) -> None:
