@@ -14,13 +14,14 @@ from ...framework.core.recording.types import Recording, WheelTable
 from ...framework.core.recording.wheel_file import derive
 from ...framework.core.vehicle import Vehicle, Wheel
 from .duplicates import without_duplicates
-from .gate import Stretch, find_stretches, quasi_static
+from .gate import Stretch, balanced, find_stretches, quasi_static
 from .geometry import by_geometry, half_stated_grousers, of_driven, of_vehicle
 from .kinematics import angle_disagreement, slip_disagreement
 from .motor import with_torque
 from .sensors import check_stated_noise, without_stuck
 from .settling import only_steady
 from .signs import check_pull, check_signs, check_torque
+from .slip_definition import check_by_forces, check_by_speeds
 from .standstill import with_standstill
 from .travel import with_travel_speed
 from .trials import slow_clock
@@ -152,6 +153,7 @@ def _checked(rows: SelectedRows, sensed: bool) -> SelectedRows:
     doubts = (
         half_stated_grousers(wheel),
         check_torque(table, wheel, reasons),
+        check_by_forces(table, balanced(reasons)) if sensed else None,
         check_pull(table, wheel, reasons) if sensed else None,
         load_in_kilograms(table, wheel, reasons),
         unit,
@@ -167,6 +169,7 @@ def _gather(table: WheelTable, vehicle: Vehicle, names: list[str | None], comput
     for name in names:
         wheel = vehicle.wheel(name)
         recorded = table if name is None else table.select(np.asarray(table.wheel) == name)
+        check_by_speeds(recorded, wheel)
         part = derive(recorded, wheel)
         doubts = _found(
             slip_disagreement(recorded, wheel),

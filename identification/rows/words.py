@@ -147,6 +147,8 @@ SENTENCES: dict[str, Sentence] = {
     "pull_unit": _pull_units,
     "rows_without_time": _without_time,
     "settling_rows": _settling,
+    "slip_definition": "{channel} falls at like loads as slip rises: check how slip is defined; if it is V/(r omega): "
+    "{mend}",
     "slip_disagrees": _slip,
     "speed_unit": _speed_units,
     "stated_noise": "the noise stated of {channel}, {stated:.3g}, is less than a hundredth of what neighbours differ "

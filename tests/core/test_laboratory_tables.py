@@ -93,17 +93,17 @@ def test_layouts_and_locales(layout, write):
 
 
 def test_the_table_of_a_laboratory_and_what_is_said_of_it(write):
-    table, problems, (read, assumed) = read_wheel(write(ISSUE))
+    table, problems, (read, defined, assumed) = read_wheel(write(ISSUE))
     np.testing.assert_array_equal(table["sinkage_m"], [0.0125, 0.0135, 0.015])
     np.testing.assert_array_equal(table["slip"], [0.1, 0.2, 0.4])
     assert table.run.tolist() == ["2", "3", "4"]
     assert read.endswith("slip = Slip [%] / 100; sinkage_m = Sinkage [mm] / 1000")
     assert assumed.endswith("each row is a steady-state trial, for there is neither time nor run")
     assert problems == ()
-    assert read_recording(write(ISSUE)).notes == (read, assumed)
+    assert read_recording(write(ISSUE)).notes == (read, defined, assumed)
     with pytest.warns(UserWarning, match="lab.csv: ") as warned:
         read_wheel_file(write(ISSUE))
-    assert [str(each.message) for each in warned] == [read, assumed]
+    assert [str(each.message) for each in warned] == [read, defined, assumed]
 
 
 def test_rows_are_counted_as_in_the_file(write):

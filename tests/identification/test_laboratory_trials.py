@@ -1,9 +1,11 @@
 """Tables of a laboratory's trials, from the file to the soil."""
 
+import numpy as np
 import pandas as pd
 import pytest
 from bevameter import identify
 from bevameter.framework.cli.main import app
+from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.recording.wheel_file import read_wheel
 from trial_table import LOAM, SAND, VEHICLE, trials
 from typer.testing import CliRunner
@@ -53,3 +55,49 @@ def test_a_column_that_may_name_the_soil_is_named_with_the_line_that_says_so(wri
     assert set(read_wheel(path, path.parent / "columns.toml").table.soil) == {"A", "B"}
     remarks = trials().assign(Soil=[f"as found {row}" for row in range(24)])
     assert read_wheel(write(remarks)).table.soil is None
+
+
+def _otherwise_defined():
+    table = trials()
+    slip = table.pop("Slip [%]").to_numpy() / 100.0
+    speeds = {"omega [rad/s]": 0.05 / (0.15 * (1.0 - slip)), "V [m/s]": np.full(len(slip), 0.05)}
+    return table, slip, speeds
+
+
+@pytest.mark.parametrize(
+    ("definition", "values"),
+    [("relative_to_travel", lambda slip: slip / (1.0 - slip)), ("speed_ratio", lambda slip: 1.0 - slip),
+     ("rim_to_travel", lambda slip: 1.0 / (1.0 - slip)), ("relative_to_rim", lambda slip: slip)],
+)  # fmt: skip
+def test_slip_of_another_definition_is_converted_as_the_column_map_says(definition, values, write):
+    table, slip, speeds = _otherwise_defined()
+    path = write(table.assign(Slip=values(slip)))
+    columns = path.parent / "columns.toml"
+    columns.write_text(f'[columns]\nslip = {{ column = "Slip", unit = "-", definition = "{definition}" }}\n')
+    read = read_wheel(path, columns)
+    np.testing.assert_allclose(read.table["slip"], slip, atol=1e-9)
+    assert any(f'(definition = "{definition}")' in note for note in read.notes)
+    if definition in ("relative_to_travel", "speed_ratio"):  # the speeds contradict what would be assumed
+        modest = slip < 0.5
+        path = write(table.assign(**{"Slip [-]": values(slip)}, **speeds)[modest])
+        line = 'slip = { column = "Slip [-]", definition = "' + definition + '" } under [columns]'
+        with pytest.raises(InputError, match=r"by the two speeds and a radius of 0\.15 m") as error:
+            _identified(path)
+        assert line in str(error.value)
+
+
+def test_a_definition_that_cannot_be_is_refused_with_the_line_that_mends_it(write):
+    table, slip, _ = _otherwise_defined()
+    with pytest.raises(InputError, match=r"torque_Nm and drawbar_pull_N fall at like loads .*\"speed_ratio\" }"):
+        _identified(write(table.assign(**{"Slip [-]": 1.0 - slip})))
+    with pytest.raises(InputError, match=r"1.5.*if it is \(r omega - V\)/V: slip = { column = \"Slip \[-\]\", definit"):
+        _identified(write(table.assign(**{"Slip [-]": slip / (1.0 - slip)})))
+    columns = write(table).parent / "columns.toml"
+    columns.write_text('[columns]\nload_N = { column = "Fz [N]", definition = "slip" }\n')
+    with pytest.raises(InputError, match="load_N has a definition, expected one of slip only"):
+        read_wheel(columns.parent / "lab.csv", columns)
+
+
+def test_what_slip_is_taken_for_is_said(write):
+    notes = read_wheel(write(trials())).notes
+    assert any("Slip [%] is 1 - V/(r omega) when driving and r omega/V - 1 when braked" in note for note in notes)

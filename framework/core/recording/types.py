@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Protocol
@@ -40,6 +40,8 @@ class WheelTable:
         The file they came from.
     soil
         (n,) names of the soil that each row is on, or None where the table does not say it.
+    column_names
+        Of each channel of a table, the name of its column; ``""`` where each wheel has one of its own.
     """
 
     columns: Mapping[str, np.ndarray]
@@ -47,6 +49,7 @@ class WheelTable:
     run: np.ndarray | None
     source: Path
     soil: np.ndarray | None = None
+    column_names: Mapping[str, str] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values()))) if self.columns else 0
@@ -69,7 +72,8 @@ class WheelTable:
     def select(self, rows: np.ndarray) -> WheelTable:
         """Give the rows of a boolean mask or an index array, as a new table."""
         wheel, run, soil = (None if each is None else each[rows] for each in (self.wheel, self.run, self.soil))
-        return WheelTable({name: values[rows] for name, values in self.columns.items()}, wheel, run, self.source, soil)
+        columns = {name: values[rows] for name, values in self.columns.items()}
+        return replace(self, columns=columns, wheel=wheel, run=run, soil=soil)
 
     def with_columns(self, columns: Mapping[str, np.ndarray]) -> WheelTable:
         """Give the same rows with other channels, each (n,)."""

@@ -10,9 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
+from ..files import toml_string
 from . import units
 from .column_map import ColumnMap
 from .column_names import HINTS, QUANTITIES, Meaning, key, meaning, names_of_channels, stem_of, written
+from .slip_definitions import Definition
 from .types import TEXT_COLUMNS, WHEEL_COLUMNS
 
 OWN = frozenset((*WHEEL_COLUMNS, *TEXT_COLUMNS))
@@ -51,6 +53,8 @@ class Column:
         ``own`` for a column of the contract, ``name`` where its name was recognised, ``map`` by a column map.
     signed
         Whether a column map says the sign.
+    definition
+        Of slip: how it is defined.
     """
 
     channel: str
@@ -60,6 +64,7 @@ class Column:
     unit: str | None = None
     source: str = "own"
     signed: bool = False
+    definition: Definition = "slip"
 
     def to_si(self, values: np.ndarray, percent: bool) -> np.ndarray:
         """Give values (n,) in SI; `percent` says that the cells had per cent signs."""
@@ -181,8 +186,9 @@ def _mapped(
             continue
         scale = 1.0 if entry.scale is None else entry.scale
         found[channel] = Column(
-            channel, entry.column, factor * scale, entry.offset, unit, "map", signed=entry.scale is not None
-        )
+            channel, entry.column, factor * scale, entry.offset, unit, "map", entry.scale is not None,
+            entry.definition or "slip",
+        )  # fmt: skip
     return found
 
 
@@ -246,6 +252,11 @@ def hints(names: Sequence[str]) -> dict[str, str]:
 
 def _is_scatter(name: str) -> bool:
     return name in {f"{stem}_sd_{unit}" if unit else f"{stem}_sd" for stem, unit in map(stem_of, WHEEL_COLUMNS)}
+
+
+def map_line(channel: str, column: str, *entries: str) -> str:
+    """Give the line of a column map that says of a channel's column what is not to be guessed."""
+    return f"{channel} = {{ {', '.join((f'column = {toml_string(column)}', *entries))} }}"
 
 
 def _si(dimension: str) -> str:

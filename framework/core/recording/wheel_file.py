@@ -16,14 +16,11 @@ from ..vehicle import Vehicle, Wheel
 from .column_map import ColumnMap, load_column_map
 from .sheet import Sheet, open_sheet
 from .tables import Table
-from .to_si import rows_as_runs, to_si
+from .to_si import check_slip, rows_as_runs, to_si
 from .types import TEXT_COLUMNS, WHEEL_COLUMNS, WheelTable
 from .unused_columns import OF_JOINTS, are_groups, not_used
 from .wheel_columns import OWN, Column, assign, is_known
 from .wheel_names import of_a_joint
-
-SLIP_TOLERANCE = 0.02
-"""How far beyond [-1, 1] a recorded slip may lie, by the noise of the two speeds it was made of [-]."""
 
 STANDSTILL_M_S = 1e-3
 """Below this, both the rim's speed r omega and the travel speed V count as zero and slip is not defined [m/s]."""
@@ -157,6 +154,8 @@ def _read(path: Path, opened: OpenedTable) -> WheelFile:
         with collected(faults):
             where = found[name].name if name in found else name
             _check_values(table, name, where, values)
+            if name == "slip" and name in found:
+                check_slip(table, found[name], values)
         if np.isnan(values).all() and name != "time_s":
             where = found[name].name if name in found else name
             problems.append(f"{path.name}, column {where}: no value in any row, left out")
@@ -171,7 +170,9 @@ def _read(path: Path, opened: OpenedTable) -> WheelFile:
     layout = [f"{path.name}: {', '.join(sheet.notes)}"] if sheet.notes else []
     problems += not_used(table, columns_read, {*by_name, *elsewhere}, grouped=soil is not None)
     ordered = {name: columns_read[name] for name in _in_order(sheet.names, by_name) if name in columns_read}
-    return WheelFile(WheelTable(ordered, wheel, run, path, soil), tuple(problems), (*layout, *converted))
+    column_names = {channel: column.name for channel, column in found.items()}
+    table_read = WheelTable(ordered, wheel, run, path, soil, column_names)
+    return WheelFile(table_read, tuple(problems), (*layout, *converted))
 
 
 def _in_order(names: Sequence[str], by_name: Mapping[str, Column]) -> list[str]:
@@ -294,11 +295,6 @@ def _check_values(table: Table, name: str, column: str, values: np.ndarray) -> N
     if name in WHEEL_COLUMNS and name != "time_s":
         expected = f"a number between {-_ABSURD:g} and {_ABSURD:g}, SI"
         table.refuse(np.abs(values) > _ABSURD, column, lambda row: f"{values[row]:g}", expected)
-    if name == "slip":
-        outside = np.abs(values) > 1.0 + SLIP_TOLERANCE  # False for NaN
-        more = f" and {outside.sum() - 1} more rows" if outside.sum() > 1 else ""
-        expected = "slip in [-1, 1]; of one in per cent the column is called Slip [%]"
-        table.refuse(outside, column, lambda row: f"{values[row]:g}{more}", expected)
     if name == "pass":
         expected = "1 on fresh ground, 2 in the first wheel's rut, and so on"
         table.refuse(values < 1.0, column, lambda row: f"{values[row]:g}", expected)
