@@ -78,7 +78,8 @@ def collected(faults: list[InputError]) -> Iterator[None]:
 def raise_all(source: str | Path, faults: Sequence[InputError]) -> None:
     """Raise the one fault there is, or all of several together (`InputErrors`); return where there is none."""
     if faults:
-        raise faults[0] if len(faults) == 1 else InputErrors(source, faults)
+        every = [each for fault in faults for each in (fault.errors if isinstance(fault, InputErrors) else (fault,))]
+        raise every[0] if len(every) == 1 else InputErrors(source, every)
 
 
 _SAID = {

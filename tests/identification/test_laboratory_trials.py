@@ -100,4 +100,4 @@ def test_a_definition_that_cannot_be_is_refused_with_the_line_that_mends_it(writ
 
 def test_what_slip_is_taken_for_is_said(write):
     notes = read_wheel(write(trials())).notes
-    assert any("Slip [%] is 1 - V/(r omega) when driving and r omega/V - 1 when braked" in note for note in notes)
+    assert any("slip is 1 - V/(r omega) when driving and r omega/V - 1 when braked" in note for note in notes)

@@ -325,7 +325,7 @@ def _with_unit(
             yield Meaning(channel, 1.0, None, dimension, certain)
     elif end:
         for joined in ("/".join(end), "".join(end)):
-            if (factor := units.factor(joined, dimension)) is not None:
+            if not joined.isdigit() and (factor := units.factor(joined, dimension)) is not None:
                 yield Meaning(channel, factor, joined, dimension, certain)
                 return
     else:

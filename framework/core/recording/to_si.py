@@ -91,7 +91,7 @@ def to_si(
     slip = found.get("slip")
     if slip is not None and slip.source != "own" and "slip" in channels:
         channels["slip"] = to_slip(channels["slip"], slip.definition)
-        said = f'{slip.name} is {FORMULAS[slip.definition]} (definition = "{slip.definition}")'
+        said = f'slip is {FORMULAS[slip.definition]} (definition = "{slip.definition}")'
         (assumed if slip.definition == "slip" else read).append(said)
     assumed += [f"SI units where none is given: {', '.join(bare)}"] if bare else []
     _turn(channels, found, assumed)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,7 +21,8 @@ from .to_si import check_slip, rows_as_runs, to_si
 from .types import TEXT_COLUMNS, WHEEL_COLUMNS, WheelTable
 from .unused_columns import OF_JOINTS, are_groups, not_used
 from .wheel_columns import OWN, Column, assign, is_known
-from .wheel_names import of_a_joint
+from .wheel_labels import is_of_a_wheel, wheels_in
+from .wheel_names import of_a_joint, wheel_called
 
 STANDSTILL_M_S = 1e-3
 """Below this, both the rim's speed r omega and the travel speed V count as zero and slip is not defined [m/s]."""
@@ -97,31 +99,60 @@ def open_wheel(path: str | Path, columns: str | Path | ColumnMap | None = None) 
     map_source = None if columns is None or isinstance(columns, ColumnMap) else Path(columns)
     mapped = load_column_map(map_source) if map_source is not None else columns or ColumnMap()
     assert isinstance(mapped, ColumnMap)
-    return _open(path, mapped, map_source, mapped.named)
+    return _open(path, mapped, map_source)
 
 
-def _open(path: Path, mapped: ColumnMap, map_source: Path | None, named: frozenset[str]) -> OpenedTable:
-    sheet = open_sheet(path, lambda cell: cell in named or is_known(cell), own=OWN | named, sheet=mapped.sheet)
-    faults: list[InputError] = []
-    elsewhere = named - {entry.column for entry in mapped.columns.values()}
+def _open(path: Path, mapped: ColumnMap, map_source: Path | None) -> OpenedTable:
+    named, faults = mapped.named, list[InputError]()
+    sheet = open_sheet(
+        path, lambda cell: cell in named or is_known(cell) or is_of_a_wheel(cell), own=OWN | named, sheet=mapped.sheet
+    )
+    mapped = _with_wheels(mapped, sheet, faults)
+    return _assigned(sheet, mapped, map_source, mapped, faults)
+
+
+def _assigned(
+    sheet: Sheet, mapped: ColumnMap, map_source: Path | None, whole_map: ColumnMap, faults: list[InputError]
+) -> OpenedTable:
+    """Say which columns are the channels of a map; those of other wheels in the whole map are none."""
+    elsewhere = whole_map.named - {entry.column for entry in mapped.columns.values()}
     ours = {name: unit for name, unit in zip(sheet.names, sheet.units, strict=True) if name not in elsewhere}
-    found = assign([*ours], [*ours.values()], mapped, path, map_source, faults)
+    found = assign([*ours], [*ours.values()], mapped, sheet.source, map_source, faults)
     return OpenedTable(sheet, found, mapped, elsewhere, faults)
+
+
+def _with_wheels(mapped: ColumnMap, sheet: Sheet, faults: list[InputError]) -> ColumnMap:
+    """Add to a map the columns that are of a wheel by their names."""
+    by_name = wheels_in(sheet.names, sheet.units, mapped.named)
+    for wheel, own in by_name.items():
+        for channel, columns in own.items():
+            if len(columns) > 1:
+                all_names = ", ".join(each.column for each in columns)
+                expected = f"one column of it: {channel} = {{ column = ... }} under [wheels.{wheel}] in a column map"
+                problem = f"{len(columns)} columns mean {channel} of {wheel}: {all_names}"
+                faults.append(InputError(sheet.source, problem, expected=expected))
+    wheels = {wheel: {channel: columns[0] for channel, columns in own.items()} for wheel, own in by_name.items()}
+    wheels = {name: {**wheels.get(name, {}), **mapped.wheels.get(name, {})} for name in (*wheels, *mapped.wheels)}
+    return mapped.model_copy(update={"wheels": wheels})
 
 
 def read_wheel(path: str | Path, columns: str | Path | ColumnMap | None = None) -> WheelFile:
     """Read a wheel file as `read_wheel_file` does, and say what was made of it instead of warning."""
     path, opened = Path(path), open_wheel(path, columns)
-    if not opened.mapped.wheels:
+    sheet, mapped = opened.sheet, opened.mapped
+    if not mapped.wheels:
         return _read(path, opened)
     from .wide_table import merged  # which reads wheel files
 
     source = None if columns is None or isinstance(columns, ColumnMap) else Path(columns)
-    named = opened.mapped.named
-    return merged(
-        {name: _read(path, _open(path, opened.mapped.of_wheel(name), source, named)) for name in opened.mapped.wheels},
-        opened.mapped, path,
-    )  # fmt: skip
+    raise_all(path, opened.faults)
+    parts, faults = dict[str, WheelFile](), list[InputError]()
+    for name in mapped.wheels:
+        own = replace(sheet, notes=[*sheet.notes])
+        with collected(faults):
+            parts[name] = _read(path, _assigned(own, mapped.of_wheel(name), source, mapped, []))
+    raise_all(path, faults)
+    return merged(parts, mapped, path)
 
 
 def _read(path: Path, opened: OpenedTable) -> WheelFile:
@@ -251,6 +282,7 @@ def derive_all(table: WheelTable, vehicle: Vehicle) -> WheelTable:
     if len(vehicle.wheels) == 1 and for_all:
         return derive(table, first)
     radius = {wheel.name: wheel.radius_m for wheel in vehicle.wheels}
+    table = _named_as(table, vehicle)
     known = "one of the vehicle's wheels, " + ", ".join(radius)
     if table.wheel is None:
         joints = f"; {OF_JOINTS.format(table.source)}" if any(map(of_a_joint, table.columns)) else ""
@@ -260,6 +292,17 @@ def derive_all(table: WheelTable, vehicle: Vehicle) -> WheelTable:
         if name not in radius:
             raise InputError(table.source, repr(str(name)), expected=known, place=f"sample {row + 1}, column wheel")
     return _with_slip(table, np.array([radius[name] for name in names])[inverse])
+
+
+def _named_as(table: WheelTable, vehicle: Vehicle) -> WheelTable:
+    """Give rows of wheels that are called otherwise than the vehicle's (FL, front_left) the vehicle's names."""
+    known = {wheel.name for wheel in vehicle.wheels}
+    names_of_rows = [] if table.wheel is None else list(map(str, table.wheel))
+    names = dict.fromkeys(names_of_rows)
+    called = {name: name if name in known else wheel_called(name, vehicle.wheels) or name for name in names}
+    if len(set(called.values())) < len(called) or all(name == new for name, new in called.items()):
+        return table
+    return replace(table, wheel=np.array([called[name] for name in names_of_rows], dtype=object))
 
 
 def _with_slip(table: WheelTable, radius_m: np.ndarray) -> WheelTable:
