@@ -17,7 +17,7 @@ from ..identification.explain.samples import LEAST_ROWS
 from ..identification.rows.gate import GRAVITY_M_S2, LIMITS
 from ..identification.rows.geometry import by_geometry
 from ..identification.rows.motor import with_torque
-from ..identification.rows.select import SelectedRows, select_wheel_rows
+from ..identification.rows.select import SelectedRows, as_trials, select_wheel_rows
 from ..identification.rows.travel import with_travel_speed
 from ..identification.rows.weight import with_loads, with_pull
 from ..identification.rows.words import sentence
@@ -119,7 +119,8 @@ def soil(recording: Recording, mends: Mends) -> Answer:
     if missing:
         return Answer(False, _lacking(missing), missing)
     try:
-        rows = max((select_wheel_rows(part) for part in by_geometry(recording)), key=lambda each: each.used)
+        parts = by_geometry(recording)
+        rows = max((as_trials(select_wheel_rows(part)) for part in parts), key=lambda each: each.used)
     except InputError as error:
         return _refused(error)
     notes = tuple(map(sentence, rows.findings))

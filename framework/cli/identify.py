@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
+from shlex import quote
 from typing import Annotated
 
 import typer
 
 from .options import TOPICS, From, On, To, Wheels
+
+NO_ANSWER = 1
+"""Exit status where no row could be used."""
 
 PICTURES = (".png", ".svg", ".pdf")
 """Endings that ``--plot`` takes."""
@@ -74,3 +78,8 @@ def command(
     if json is not None:
         write_json(identification_json(result), json)
     print_identification(result)
+    if not any(segment.used for segment in result.segments):
+        given = {"--vehicle": vehicle, "--topics": topics}
+        options = "".join(f" {name} {quote(str(each))}" for name, each in given.items() if each is not None)
+        print(f"next: bevameter inspect {quote(str(recording))}{options} says what is missing, and what mends it")
+        raise typer.Exit(NO_ANSWER)

@@ -23,11 +23,10 @@ from ...framework.core.soil import Quantity, ShearStrength, SoilEstimate, SoilKn
 from ...framework.core.vehicle import Vehicle, Wheel, as_vehicle
 from ..mechanics import linearised
 from ..mechanics.textbook import CHANNELS
-from ..rows.gate import LIMITS, Stretch, quasi_static
+from ..rows.gate import LIMITS, Stretch
 from ..rows.geometry import by_geometry, by_soil
 from ..rows.noise import measured_noise, sensor_noise
-from ..rows.select import SelectedRows, select_wheel_rows
-from ..rows.trials import AS_TRIALS, is_of_trials, without_time
+from ..rows.select import SelectedRows, as_trials, select_wheel_rows
 from .change_points import split_soils
 from .computed_channels import Computed, noise_of_shape
 from .estimate import estimate_soil, summarise, usable
@@ -145,10 +144,7 @@ def _several(parts: list[Recording], wheels: int, known: SoilKnowledge, method: 
 
 
 def _one_wheel(recording: Recording, known: SoilKnowledge, method: Method) -> Identification:
-    rows = select_wheel_rows(recording)
-    if is_of_trials(rows.table):
-        table = without_time(rows.table)
-        rows = replace(rows, table=table, reasons=quasi_static(table, rows.wheel), findings=(*rows.findings, AS_TRIALS))
+    rows = as_trials(select_wheel_rows(recording))
     stretches = rows.stretches()
     segments = _identify_stretches(rows, stretches, known, method)
     chosen = [stretch.rows for stretch in stretches if not stretch.reason]

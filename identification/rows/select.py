@@ -24,7 +24,7 @@ from .signs import check_pull, check_signs, check_torque
 from .slip_definition import check_by_forces, check_by_speeds
 from .standstill import with_standstill
 from .travel import with_travel_speed
-from .trials import slow_clock
+from .trials import AS_TRIALS, is_of_trials, slow_clock, without_time
 from .units import check_load, check_sizes, load_in_kilograms, pull_in_another_unit, speeds_in_another_unit
 from .weight import with_loads, with_pull
 from .words import sentence
@@ -57,6 +57,14 @@ class SelectedRows:
             Stretch(math.nan, math.nan, np.flatnonzero(self.reasons == reason), reason)
             for reason in sorted(set(self.reasons), key=lambda text: (text != "", text))
         ]
+
+
+def as_trials(rows: SelectedRows) -> SelectedRows:
+    """Give rows that are steady trials without their times, and the finding ``steady_trials``; others as they are."""
+    if not is_of_trials(rows.table):
+        return rows
+    table = without_time(rows.table)
+    return replace(rows, table=table, reasons=quasi_static(table, rows.wheel), findings=(*rows.findings, AS_TRIALS))
 
 
 def select_wheel_rows(recording: Recording, *, every_row: bool = False) -> SelectedRows:

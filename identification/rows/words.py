@@ -153,7 +153,8 @@ SENTENCES: dict[str, Sentence] = {
     "speed_unit": _speed_units,
     "stated_noise": "the noise stated of {channel}, {stated:.3g}, is less than a hundredth of what neighbours differ "
     "by ({shown:.2g}): check it; without it the noise is estimated from the data",
-    "steady_trials": "slip or load jump from each row to the next: each row is taken as a steady trial",
+    "steady_trials": "rows lie too far apart in time for a drive, and are few or jump in slip or load from one to the "
+    "next: each row is taken as a steady trial",
     "stop_rows": _stops,
     "stuck_rows": "{channel} repeats one value in {n} rows, longer than chance allows: they are left out of it, as its "
     "sensor may hang",

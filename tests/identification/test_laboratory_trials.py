@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from bevameter import identify
+from bevameter import identify, inspect_recording
 from bevameter.framework.cli.main import app
 from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.recording.wheel_file import read_wheel
@@ -101,3 +101,21 @@ def test_a_definition_that_cannot_be_is_refused_with_the_line_that_mends_it(writ
 def test_what_slip_is_taken_for_is_said(write):
     notes = read_wheel(write(trials())).notes
     assert any("slip is 1 - V/(r omega) when driving and r omega/V - 1 when braked" in note for note in notes)
+
+
+@pytest.mark.parametrize("loads", [(100.0,), (60.0, 150.0)])
+def test_trials_with_the_time_of_each_are_trials_however_slip_goes_on(loads, write):
+    table = trials(loads=loads, slips=tuple(np.linspace(0.05, 0.6, 12)))
+    path = write(table.assign(**{"Time [s]": 10.0 * np.arange(len(table))}))
+    found = _identified(path)
+    assert found.overall is not None
+    assert found.overall.parameters == _identified(write(table, "plain.csv")).overall.parameters
+    assert inspect_recording(path, vehicle=path.parent / "vehicle.toml").soil.possible
+
+
+def test_where_no_row_can_be_used_the_status_is_1_and_the_next_command_is_said(write):
+    path = write(trials().assign(**{"Sinkage [mm]": 0.1}))
+    result = CliRunner().invoke(app, ["identify", str(path), "--vehicle", str(path.parent / "vehicle.toml")])
+    assert result.exit_code == 1
+    assert "ground too hard to sink into" in result.output
+    assert f"next: bevameter inspect {path} --vehicle" in result.output.replace("\n", " ")
