@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...framework.core.errors import InputError
+from ...framework.core.errors import InputError, raise_all
 from ...framework.core.findings import Finding, note
+from ...framework.core.recording.mends import missing
 from ...framework.core.recording.types import Recording, WheelTable
 from ...framework.core.recording.wheel_file import derive
 from ...framework.core.vehicle import Vehicle, Wheel
@@ -129,13 +130,17 @@ def _of_vehicle(recording: Recording, every_row: bool) -> SelectedRows:
     made = {"load_N": weighed, "drawbar_pull_N": pulled}
     computed = frozenset(name for name, finding in made.items() if finding is not None and name in table)
     gathered = [_gather(table, vehicle, members, computed) for members in groups.values()]
+    faults = list[InputError]()
     for name, remedy in (
         ("load_N", "load_N; or mass_kg, or load_N of each wheel, in vehicle.toml, where it is not sensed"),
         ("slip", "slip, or both wheel_speed_rad_s and travel_speed_m_s"),
     ):
         if not any(name in rows.table for rows in gathered):
             why = f"; {sentence(placed)}" if name == "slip" and placed is not None else ""
-            raise InputError(table.source, f"no column {name}{why}", expected=remedy)
+            named = missing(table, name)
+            remedy = f"{remedy}; or {named}" if named else remedy
+            faults.append(InputError(table.source, f"no column {name}{why}", expected=remedy))
+    raise_all(table.source, faults)
     best = max((_checked(rows, "drawbar_pull_N" not in computed) for rows in gathered), key=lambda rows: rows.used)
     radii = note("one_radius", geometries=len(gathered), radius_m=best.wheel.radius_m) if len(gathered) > 1 else None
     return replace(

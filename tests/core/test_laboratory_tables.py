@@ -187,7 +187,8 @@ def test_all_faults_come_at_once_each_with_its_mend(write):
     with pytest.raises(InputErrors) as error:
         read_wheel(path)
     first, *lines = str(error.value).splitlines()
-    assert first == f"{path}: {len(lines)} faults"
+    assert first == f"{path}: {len(lines) - 1} faults, and 1 in doubt"
+    assert 'column Sample: not known by its name (expected nothing, or CHANNEL = { column = "Sample", unit' in lines[-1]
     for said in (
         "column Torqe [Nm]: no column of a wheel file (expected torque_Nm)",
         "column Fz [foo]: unit 'foo' (expected load_N",

@@ -1,11 +1,13 @@
 """Tables of a laboratory's trials, from the file to the soil."""
 
+import pickle
+
 import numpy as np
 import pandas as pd
 import pytest
-from bevameter import identify, inspect_recording
+from bevameter import identify, inspect_recording, read_recording
 from bevameter.framework.cli.main import app
-from bevameter.framework.core.errors import InputError
+from bevameter.framework.core.errors import InputError, InputErrors
 from bevameter.framework.core.recording.wheel_file import read_wheel
 from trial_table import LOAM, SAND, VEHICLE, trials
 from typer.testing import CliRunner
@@ -119,3 +121,41 @@ def test_where_no_row_can_be_used_the_status_is_1_and_the_next_command_is_said(w
     assert result.exit_code == 1
     assert "ground too hard to sink into" in result.output
     assert f"next: bevameter inspect {path} --vehicle" in result.output.replace("\n", " ")
+
+
+def test_columns_without_units_and_unknown_ones_are_named_with_the_faults(write):
+    table = trials().rename(columns={"Fz [N]": "Force top", "T [Nm]": "T", "Sinkage [mm]": "Sinkage", "DP [N]": "DP"})
+    with pytest.raises(InputErrors) as error:
+        read_wheel(write(table))
+    first, *lines = str(error.value).splitlines()
+    assert first.endswith("1 fault, and 3 in doubt")
+    for said in (
+        'or sinkage_m = { column = "Sinkage", unit = "mm" } under [columns]',
+        'column T: no unit, taken to be SI (expected SI, or torque_Nm = { column = "T", unit = "Nmm" } under [columns]',
+        'CHANNEL = { column = "Force top", unit = "..." } under [columns]',
+    ):
+        assert any(said in line for line in lines), said
+    assert [type(each) for each in pickle.loads(pickle.dumps(error.value)).errors] == [InputError]
+
+
+def test_channels_that_lack_are_named_at_once_with_columns_that_may_be_theirs(write):
+    with pytest.raises(InputErrors) as error:
+        _identified(write(trials().rename(columns={"Fz [N]": "Force top", "Slip [%]": "Gleiten"})))
+    for channel in ("load_N", "slip"):
+        line = f'{channel} = {{ column = "Force top", unit = "..." }} under [columns] in a column map (--columns)'
+        assert any(f"no column {channel}" in each.problem and line in each.expected for each in error.value.errors)
+
+
+@pytest.mark.parametrize("channel", ["drawbar_pull_N", "slip"])
+def test_an_inverted_channel_is_refused_with_a_line_that_turns_it(channel, write):
+    column = {"drawbar_pull_N": "DP [N]", "slip": "Slip [%]"}[channel]
+    table = trials()
+    path = write(table.assign(**{column: -table[column]}))
+    with pytest.raises(InputError) as error:
+        _identified(path)
+    line = f'{channel} = {{ column = "{column}", scale = -1.0 }}'
+    assert f"{line} under [columns] in a column map (--columns)" in str(error.value)
+    columns = path.parent / "columns.toml"
+    columns.write_text(f"[columns]\n{line}\n")
+    turned = read_recording(path, vehicle=path.parent / "vehicle.toml", topics=columns)
+    assert identify(turned).overall.parameters == _identified(write(table, "plain.csv")).overall.parameters

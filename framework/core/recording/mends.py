@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from .sheet import ENDINGS
-from .types import WheelTable
-from .wheel_columns import map_line
+from .types import WHEEL_COLUMNS, WheelTable
+from .wheel_columns import ALSO_READ, map_line
+
+TURNED = "scale = -1.0"
+"""Turns the sign of a channel."""
 
 
 def mend(table: WheelTable, channel: str, entry: str) -> str:
@@ -19,8 +22,22 @@ def mend(table: WheelTable, channel: str, entry: str) -> str:
     entry
         What is to be said of it, as in TOML: ``scale = -1.0``.
     """
-    if name := table.column_names.get(channel):
-        return f"{map_line(channel, name, entry)} under [columns] in a column map (--columns)"
-    if table.source.name.lower().endswith(ENDINGS):
+    if table.column_names.get(channel) == "":
         return f'{channel} = {{ column = "...", {entry} }} under each [wheels.NAME] in a column map (--columns)'
+    if channel in table.column_names or table.source.name.lower().endswith(ENDINGS):
+        name = table.column_names.get(channel, channel)
+        return f"{map_line(channel, name, entry)} under [columns] in a column map (--columns)"
     return f'{channel} = {{ field = "...", {entry} }} in the fields of its [[wheel]] in a topic map (--topics)'
+
+
+def missing(table: WheelTable, channel: str) -> str:
+    """Give the line of a column map that names a channel's column, where a table has columns that nothing reads;
+    ``""`` where it has none.
+    """
+    known = {*WHEEL_COLUMNS, *ALSO_READ, *table.column_names}
+    unused = [name for name in table.columns if name not in known and "_sd" not in name]
+    if not unused:
+        return ""
+    line = map_line(channel, unused[0], 'unit = "..."')
+    which = f"if it is one of {', '.join(unused)}" if len(unused) > 1 else "if that is it"
+    return f"{line} under [columns] in a column map (--columns), {which}"

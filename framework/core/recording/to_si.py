@@ -10,7 +10,7 @@ from ..errors import InputError
 from .slip_definitions import FORMULAS, SLIP_TOLERANCE, Definition, to_slip
 from .tables import Table
 from .types import TEXT_COLUMNS
-from .wheel_columns import Column, map_line
+from .wheel_columns import Column
 
 _FRACTION, _PERCENT = 1.02, 10.0
 """Slip without a unit: a fraction up to the former, in per cent from the latter on [-]. A driven wheel's slip is at
@@ -139,14 +139,21 @@ def _assumed(table: Table, column: Column, values: np.ndarray, faults: list[Inpu
     seen = np.abs(values[np.isfinite(values)])
     middle = float(np.median(seen)) if len(seen) else 0.0
     if middle > most:
-        expected = f"its unit in the name, such as {column.name} [{_OTHER[column.channel]}], or unit in a column map"
+        unit_line = column.line(f'unit = "{OTHER_UNITS[column.channel]}"')
+        expected = f"its unit in the name, such as {column.name} [{OTHER_UNITS[column.channel]}], or {unit_line}"
         problem = f"no unit, and {middle:.6g} {unit} (median) cannot be"
         faults.append(InputError(table.source, problem, expected=expected, place=f"column {column.name}"))
         return []
     return [f"{column.name} [{_SI.get(column.channel, '-')}]"]
 
 
-_OTHER = {"sinkage_m": "mm", "pitch_rad": "deg", "slip_angle_rad": "deg", "time_s": "ns"}
+OTHER_UNITS = {
+    "sinkage_m": "mm", "pitch_rad": "deg", "slip_angle_rad": "deg", "time_s": "ns", "load_N": "kN", "torque_Nm": "Nmm",
+    "drawbar_pull_N": "kN", "wheel_speed_rad_s": "rpm", "travel_speed_m_s": "mm/s", "wheel_angle_rad": "deg",
+    "x_m": "mm", "y_m": "mm",
+}  # fmt: skip
+"""A usual unit of each channel besides SI, for lines of a column map."""
+
 _SI = {
     "time_s": "s", "load_N": "N", "torque_Nm": "N m", "sinkage_m": "m", "drawbar_pull_N": "N",
     "wheel_speed_rad_s": "rad/s", "travel_speed_m_s": "m/s", "wheel_angle_rad": "rad", "pitch_rad": "rad",
@@ -196,9 +203,8 @@ def check_slip(table: Table, column: Column, values: np.ndarray) -> None:
 def _other_definition(column: Column, seen: np.ndarray) -> str:
     """Say for an error how slip beyond 1 (n,) may be defined, with the line of a column map that says so."""
     name: Definition = "rim_to_travel" if np.nanmin(seen, initial=np.inf) >= 1.0 - _NEAR else "relative_to_travel"
-    unit = [] if column.unit else ['unit = "-"']
-    line = map_line("slip", column.name, *unit, f'definition = "{name}"')
-    return f"; if it is {FORMULAS[name]}: {line} under [columns] in a column map"
+    entries = ([] if column.unit else ['unit = "-"']) + [f'definition = "{name}"']
+    return f"; if it is {FORMULAS[name]}: {column.line(*entries)}"
 
 
 def _turn(channels: dict[str, np.ndarray], found: Mapping[str, Column], assumed: list[str]) -> None:

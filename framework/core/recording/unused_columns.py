@@ -7,11 +7,11 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
+from ..errors import InputError
 from ..files import toml_string
-from .column_names import stem_of
 from .tables import Table
-from .types import WHEEL_COLUMNS
-from .wheel_columns import ALSO_READ, OWN, hints
+from .to_si import OTHER_UNITS
+from .wheel_columns import ALSO_READ, OWN, Column, hints, is_scatter, map_line
 from .wheel_names import of_a_joint
 
 _ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
@@ -41,8 +41,7 @@ def not_used(table: Table, columns: Mapping[str, np.ndarray], used: Collection[s
     grouped
         Whether a column names the soil of each row.
     """
-    scatter = {f"{stem}_sd_{unit}" if unit else f"{stem}_sd" for stem, unit in map(stem_of, WHEEL_COLUMNS)}
-    known = {*OWN, *ALSO_READ, *scatter}
+    known = {*OWN, *ALSO_READ, *filter(is_scatter, columns)}
     text = {name: cells for name, cells in table.text.items() if name not in {*known, *used} and any(cells)}
     words = [name for name, cells in text.items() if not _mostly_numbers(cells)]
     grouping = [name for name in words if len(set(text[name])) > 1 and are_groups(text[name])]
@@ -59,6 +58,36 @@ def not_used(table: Table, columns: Mapping[str, np.ndarray], used: Collection[s
     said += [f"{table.source.name}: {OF_JOINTS.format(table.source)}"] if any(map(of_a_joint, others)) else []
     near = [f"{table.source.name}, column {name}: not used; {text}" for name, text in hints(others).items()]
     return [*said, *near, *left_out]
+
+
+def doubts(
+    table: Table, found: Mapping[str, Column], known: Collection[str], used: Collection[str]
+) -> list[InputError]:
+    """Name the columns that may be at fault where a table is, each with the line of a column map that mends it.
+
+    Parameters
+    ----------
+    table
+        The cells, by the table's names.
+    found
+        Which channel is which column.
+    known
+        Columns whose unit the cells say.
+    used
+        Names of columns that channels come from.
+    """
+    answer = []
+    for channel, column in found.items():
+        if column.source != "own" and column.unit is None and column.name not in known and channel in OTHER_UNITS:
+            line = column.line(f'unit = "{OTHER_UNITS[channel]}"')
+            place = f"column {column.name}"
+            answer.append(InputError(table.source, "no unit, taken to be SI", expected=f"SI, or {line}", place=place))
+    for name in table.numbers:
+        if name not in {*used, *ALSO_READ, *OWN} and not is_scatter(name):
+            line = map_line("CHANNEL", name, 'unit = "..."')
+            expected = f"nothing, or {line} under [columns] in a column map (--columns)"
+            answer.append(InputError(table.source, "not known by its name", expected=expected, place=f"column {name}"))
+    return answer
 
 
 def _listed(names: Sequence[str]) -> str:

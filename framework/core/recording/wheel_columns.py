@@ -55,6 +55,8 @@ class Column:
         Whether a column map says the sign.
     definition
         Of slip: how it is defined.
+    wheel
+        The wheel that it is of, in a table with columns for each; ``""`` in others.
     """
 
     channel: str
@@ -65,11 +67,17 @@ class Column:
     source: str = "own"
     signed: bool = False
     definition: Definition = "slip"
+    wheel: str = ""
+
+    def line(self, *entries: str) -> str:
+        """Give the line of a column map that says of the column what is not to be guessed, and where it stands."""
+        where = f"[wheels.{self.wheel}]" if self.wheel else "[columns]"
+        return f"{map_line(self.channel, self.name, *entries)} under {where} in a column map (--columns)"
 
     def to_si(self, values: np.ndarray, percent: bool) -> np.ndarray:
         """Give values (n,) in SI; `percent` says that the cells had per cent signs."""
         factor = _PERCENT if percent and self.unit is None else self.factor
-        inverse = round(1.0 / factor) if 0.0 < factor < 1.0 else 0
+        inverse = round(1.0 / factor) if 0.0 < abs(factor) < 1.0 else 0
         # 12.5 mm are 0.0125 m to the last bit by division only
         scaled = values / inverse if inverse and factor == 1.0 / inverse else values * factor
         return scaled + self.offset if self.offset else scaled
@@ -135,7 +143,7 @@ def assign(
     taken: dict[str, list[Meaning]] = {}
     places: dict[str, list[str]] = {}
     for name, unit in zip(names, given, strict=True):
-        if name in used or name in ALSO_READ or _is_scatter(name):
+        if name in used or name in ALSO_READ or is_scatter(name):
             continue
         read = meaning(name, unit)
         if read is not None and (read.unit is not None or read.channel == "soil" or not in_si):
@@ -201,12 +209,13 @@ def _chosen(
     if not usable:
         read, name = readings[0], names[0]
         why = "no unit" if read.unit is None else f"unit {read.unit!r}"
-        expected = f"{channel}: one of {units.spelt(read.dimension)} in brackets, or unit or scale in a column map"
+        line = Column(channel, name).line('unit = "..."')
+        expected = f"{channel}: one of {units.spelt(read.dimension)} in brackets, or {line}"
         faults.append(InputError(source, why, expected=expected, place=f"column {name}"))
         return None
     if len(certain) > 1:
         all_names = ", ".join(name for _, name in certain)
-        expected = f"one column of it: rename the others, or columns.{channel} in a column map"
+        expected = f"one column of it: {Column(channel, certain[0][1]).line()}, or of another of them"
         faults.append(InputError(source, f"{len(certain)} columns mean {channel}: {all_names}", expected=expected))
         return None
     read, name = certain[0]
@@ -250,7 +259,8 @@ def hints(names: Sequence[str]) -> dict[str, str]:
     return found
 
 
-def _is_scatter(name: str) -> bool:
+def is_scatter(name: str) -> bool:
+    """Say whether a column is the contract's for the scatter of a channel within a trial, such as `load_sd_N`."""
     return name in {f"{stem}_sd_{unit}" if unit else f"{stem}_sd" for stem, unit in map(stem_of, WHEEL_COLUMNS)}
 
 

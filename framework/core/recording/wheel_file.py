@@ -19,7 +19,7 @@ from .sheet import Sheet, open_sheet
 from .tables import Table
 from .to_si import check_slip, rows_as_runs, to_si
 from .types import TEXT_COLUMNS, WHEEL_COLUMNS, WheelTable
-from .unused_columns import OF_JOINTS, are_groups, not_used
+from .unused_columns import OF_JOINTS, are_groups, doubts, not_used
 from .wheel_columns import OWN, Column, assign, is_known
 from .wheel_labels import is_of_a_wheel, wheels_in
 from .wheel_names import of_a_joint, wheel_called
@@ -112,12 +112,16 @@ def _open(path: Path, mapped: ColumnMap, map_source: Path | None) -> OpenedTable
 
 
 def _assigned(
-    sheet: Sheet, mapped: ColumnMap, map_source: Path | None, whole_map: ColumnMap, faults: list[InputError]
-) -> OpenedTable:
+    sheet: Sheet, mapped: ColumnMap, map_source: Path | None, whole_map: ColumnMap,
+    faults: list[InputError], wheel: str = "",
+) -> OpenedTable:  # fmt: skip
     """Say which columns are the channels of a map; those of other wheels in the whole map are none."""
     elsewhere = whole_map.named - {entry.column for entry in mapped.columns.values()}
     ours = {name: unit for name, unit in zip(sheet.names, sheet.units, strict=True) if name not in elsewhere}
     found = assign([*ours], [*ours.values()], mapped, sheet.source, map_source, faults)
+    shared = {entry.column for entry in whole_map.columns.values()} if wheel else set()
+    own = {column.name for column in found.values() if column.name in mapped.named - shared}
+    found = {channel: replace(c, wheel=wheel if c.name in own else "") for channel, c in found.items()}
     return OpenedTable(sheet, found, mapped, elsewhere, faults)
 
 
@@ -150,7 +154,7 @@ def read_wheel(path: str | Path, columns: str | Path | ColumnMap | None = None) 
     for name in mapped.wheels:
         own = replace(sheet, notes=[*sheet.notes])
         with collected(faults):
-            parts[name] = _read(path, _assigned(own, mapped.of_wheel(name), source, mapped, []))
+            parts[name] = _read(path, _assigned(own, mapped.of_wheel(name), source, mapped, [], name))
     raise_all(path, faults)
     return merged(parts, mapped, path)
 
@@ -197,7 +201,7 @@ def _read(path: Path, opened: OpenedTable) -> WheelFile:
             _check_time(table, found["time_s"].name, channels["time_s"], wheel, run)
     if not set(columns_read) - {"time_s"} and not faults:
         faults.append(InputError(path, "no wheel channel has a value", expected="columns such as load_N and slip"))
-    raise_all(path, faults)
+    raise_all(path, faults, doubts(table, found, percent | dated, {*by_name, *elsewhere}))
     layout = [f"{path.name}: {', '.join(sheet.notes)}"] if sheet.notes else []
     problems += not_used(table, columns_read, {*by_name, *elsewhere}, grouped=soil is not None)
     ordered = {name: columns_read[name] for name in _in_order(sheet.names, by_name) if name in columns_read}

@@ -59,7 +59,7 @@ def wheels_in(names: Sequence[str], given: Sequence[str | None], taken: frozense
 
 def is_of_a_wheel(name: str) -> bool:
     """Say whether a cell of a table can be the name of a column of one of several wheels."""
-    return 0 < len(name) <= _LONGEST and _of_a_wheel(name, None) is not None
+    return len(name) <= _LONGEST and any(map(str.isalpha, name)) and _of_a_wheel(name, None) is not None
 
 
 def _in_common(wheels: Iterable[dict[str, list[MappedColumn]]]) -> int:
