@@ -92,7 +92,7 @@ def summarise(
         correlation=_correlations(covariance, solution.free),
         shear_strength=strength,
         separable=determined,
-        advice=advise(kept.channels, determined, covariance, solution.misfit),
+        advice=advise(kept.channels, determined, strength, solution.misfit),
         method="ml",
         channels=tuple(name for name, present in zip(CHANNELS, seen.tolist(), strict=True) if present),
         n=len(kept.channels),

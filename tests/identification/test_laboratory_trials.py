@@ -121,6 +121,10 @@ def test_where_no_row_can_be_used_the_status_is_1_and_the_next_command_is_said(w
     assert result.exit_code == 1
     assert "ground too hard to sink into" in result.output
     assert f"next: bevameter inspect {path} --vehicle" in result.output.replace("\n", " ")
+    missing = inspect_recording(path, vehicle=path.parent / "vehicle.toml").soil.missing
+    assert [(each.what, each.mend) for each in missing] == [
+        ("ground that yields", "softer ground or more load; or another unit of sinkage_m")
+    ]
 
 
 def test_columns_without_units_and_unknown_ones_are_named_with_the_faults(write):
