@@ -67,9 +67,8 @@ def command(
         progress("reading the recording")
         opened = read_recording(recording, vehicle=vehicle, topics=topics)
         opened = part_of(opened, from_s=from_s, to_s=to_s, on=on, wheels=wheels or (), database=db)
-        progress("estimating the soil of each stretch")
         known = load_soil(soil) if soil is not None else None
-        result = identify(opened, soil=known, method=method.value)
+        result = identify(opened, soil=known, method=method.value, progress=progress)
     if plot is not None:
         from ...identification.estimate.picture import draw_identification
 

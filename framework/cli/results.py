@@ -105,8 +105,7 @@ def print_identification(result: Identification) -> None:
     print_table(
         ["stretch", "rows", "c [kPa]", "phi [deg]", "why not"], rows, title="Soil by stretch, with 95 % intervals"
     )
-    mixed = any(finding.code == "mixed_soils" for finding in result.findings)
-    if result.overall is not None and not mixed:
+    if result.overall is not None:
         print()
         _print_estimate(result.overall)
     for name, estimate in result.by_soil.items():
