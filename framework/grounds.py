@@ -26,8 +26,9 @@ def grounds_of(
 ) -> tuple[tuple[Ground, ...], str]:
     """Find the grounds of a drive, and say what showed them.
 
-    Labels of the recording come first, then the map of a database that knows the track, then the senses, of which those
-    that know synthetic ground only count at synthetic sites only. A stretch whose class is not sure has none.
+    Names of soils in the wheel table come first, then labels of the recording, then the map of a database that knows
+    the track, then the senses, of which those that know synthetic ground only count at synthetic sites only. A stretch
+    whose class is not sure has none.
 
     Parameters
     ----------
@@ -44,6 +45,8 @@ def grounds_of(
         In order of time; empty, with an empty source, where nothing says what the ground was.
     """
     wheel = recording.wheel
+    if wheel is not None and wheel.soil is not None:
+        return tuple(map(Ground, dict.fromkeys(wheel.soil.tolist()))), "the names of soils in the table"
     if wheel is None or wheel.run is not None or "time_s" not in wheel:
         return (), ""
     if recording.labels is not None and recording.labels.classes:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ..identification.estimate.identify import Identification, Method, open_recording
@@ -24,6 +24,7 @@ def identify(
     on: str | None = None,
     wheels: str | Sequence[str] = (),
     database: str | Path | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> Identification:
     """Identify the soil from the wheel channels of a recording, or of a part of it.
 
@@ -42,6 +43,8 @@ def identify(
     database
         Path or URL of a terrain database whose map says where the ground is of the class `on`, if the recording's
         labels do not.
+    progress
+        Called with what is being done, in words.
 
     Returns
     -------
@@ -55,4 +58,4 @@ def identify(
     """
     opened = open_recording(recording, vehicle)
     opened = part_of(opened, from_s=from_s, to_s=to_s, on=on, wheels=wheels, database=database)
-    return identify_soil(opened, soil=soil, method=method)
+    return identify_soil(opened, soil=soil, method=method, progress=progress)

@@ -17,7 +17,7 @@ from ..identification.explain.samples import LEAST_ROWS
 from ..identification.rows.gate import GRAVITY_M_S2, LIMITS
 from ..identification.rows.geometry import by_geometry
 from ..identification.rows.motor import with_torque
-from ..identification.rows.select import SelectedRows, select_wheel_rows
+from ..identification.rows.select import SelectedRows, as_trials, select_wheel_rows
 from ..identification.rows.travel import with_travel_speed
 from ..identification.rows.weight import with_loads, with_pull
 from ..identification.rows.words import sentence
@@ -119,7 +119,8 @@ def soil(recording: Recording, mends: Mends) -> Answer:
     if missing:
         return Answer(False, _lacking(missing), missing)
     try:
-        rows = max((select_wheel_rows(part) for part in by_geometry(recording)), key=lambda each: each.used)
+        parts = by_geometry(recording)
+        rows = max((as_trials(select_wheel_rows(part)) for part in parts), key=lambda each: each.used)
     except InputError as error:
         return _refused(error)
     notes = tuple(map(sentence, rows.findings))
@@ -129,8 +130,8 @@ def soil(recording: Recording, mends: Mends) -> Answer:
         counts = Counter[str]()
         for stretch in stretches:
             counts[stretch.reason] += len(stretch.rows)
-        mend = Missing("slow, steady driving", _slow(rows))
-        return Answer(False, f"no row can be used: {_most(counts)}", (mend,), notes)
+        mends_of_rows = tuple(dict.fromkeys(_mend_of(reason, rows) for reason, _ in counts.most_common(_SAID_REASONS)))
+        return Answer(False, f"no row can be used: {_most(counts)}", mends_of_rows, notes)
     try:
         usable(measured_rows(rows, max(chosen, key=len)))
     except InputError as error:
@@ -231,6 +232,27 @@ def _with_computed(table: WheelTable, vehicle: Vehicle, pose: Pose | None) -> Wh
         return table if weighed is None else with_pull(table, vehicle)[0]
     except InputError:
         return table  # rows of a wheel that the vehicle does not have: what selects the rows says it
+
+
+_MENDS = {
+    "at standstill": Missing("a wheel that moves", "rows in which the wheel turns, and the vehicle moves"),
+    "slip was": Missing("slip in the rows", "slip, or both speeds, where load, torque or sinkage are recorded"),
+    "neither load nor": Missing("load in the rows", "load_N where slip is recorded"),
+    "fewer than three": Missing("a third channel", "torque_Nm, sinkage_m or drawbar_pull_N beside load_N and slip"),
+    "not straight": Missing("straight driving", "rows with a slip angle within 2 deg"),
+    "in the rut": Missing("fresh ground", "wheels that run in no earlier rut (pass 1)"),
+    "rolling backwards": Missing("driving forwards", "rows in which it drives forwards, or the other sign"),
+    "braked": Missing("a driven wheel", "rows with slip above 0; if these are driven, the sign of slip is turned"),
+    "digging in": Missing("less slip", "rows with slip below 0.95"),
+    "ground too hard": Missing("ground that yields", "softer ground or more load; or another unit of sinkage_m"),
+    "wheel buried": Missing("a wheel that is not buried", "less load or slip; or another unit of sinkage_m"),
+}
+"""What mends rows that are not used, by the beginning of the reason."""
+
+
+def _mend_of(reason: str, rows: SelectedRows) -> Missing:
+    slow = Missing("slow, steady driving", _slow(rows))
+    return next((mend for beginning, mend in _MENDS.items() if reason.startswith(beginning)), slow)
 
 
 def _slow(rows: SelectedRows) -> str:

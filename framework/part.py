@@ -140,6 +140,8 @@ def _on_class(recording: Recording, table: WheelTable, on: str, grounds: Sequenc
             "the ground was"
         )  # fmt: skip
         raise InputError(recording.source, f"no ground of class {on!r}", expected=expected)
+    if table.soil is not None:
+        return table.soil == on
     try:
         track = track_of(recording)
     except InputError:

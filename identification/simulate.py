@@ -99,7 +99,7 @@ def simulate(
         )
         for column, values in zip(ANSWERS, channels, strict=True):
             answers[column][rows] = values
-    return WheelTable({**table.columns, "slip": slips, **answers}, table.wheel, table.run, table.source)
+    return table.with_columns({**table.columns, "slip": slips, **answers})
 
 
 def notes(vehicle: Vehicle, simulated: WheelTable, effects: Sequence[str | NamedEffect] = ()) -> list[str]:

@@ -18,7 +18,7 @@ from bevameter.database.observations import Drive, SoilObservation, TerrainObser
 from bevameter.framework.cli.main import app
 from bevameter.framework.core.recording.formats.folder import About
 from bevameter.framework.core.recording.topic_map import load_topic_map
-from bevameter.framework.core.recording.types import WHEEL_COLUMNS
+from bevameter.framework.core.recording.types import TEXT_COLUMNS, WHEEL_COLUMNS
 from bevameter.framework.core.soil import Quantity
 from bevameter.framework.core.vehicle import load_vehicle
 from bevameter.framework.scenario.plan import make_plan
@@ -175,7 +175,7 @@ def test_the_recording_page_names_every_wheel_column():
     section = text("docs/recording.md").split("## Wheel columns")[1].split("## ")[0]
     rows = [line.split("|")[1] for line in section.splitlines() if line.startswith("| `")]
     named = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
-    assert named == {*WHEEL_COLUMNS, "wheel", "run"}
+    assert named == {*WHEEL_COLUMNS, *TEXT_COLUMNS}
 
 
 def test_the_page_of_synthetic_drives_names_every_one_and_every_key_of_the_truth():

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
+from shlex import quote
 from typing import Annotated
 
 import typer
 
 from .options import TOPICS, From, On, To, Wheels
+
+NO_ANSWER = 1
+"""Exit status where no row could be used."""
 
 PICTURES = (".png", ".svg", ".pdf")
 """Endings that ``--plot`` takes."""
@@ -63,9 +67,8 @@ def command(
         progress("reading the recording")
         opened = read_recording(recording, vehicle=vehicle, topics=topics)
         opened = part_of(opened, from_s=from_s, to_s=to_s, on=on, wheels=wheels or (), database=db)
-        progress("estimating the soil of each stretch")
         known = load_soil(soil) if soil is not None else None
-        result = identify(opened, soil=known, method=method.value)
+        result = identify(opened, soil=known, method=method.value, progress=progress)
     if plot is not None:
         from ...identification.estimate.picture import draw_identification
 
@@ -74,3 +77,8 @@ def command(
     if json is not None:
         write_json(identification_json(result), json)
     print_identification(result)
+    if not any(segment.used for segment in result.segments):
+        given = {"--vehicle": vehicle, "--topics": topics}
+        options = "".join(f" {name} {quote(str(each))}" for name, each in given.items() if each is not None)
+        print(f"next: bevameter inspect {quote(str(recording))}{options} says what is missing, and what mends it")
+        raise typer.Exit(NO_ANSWER)

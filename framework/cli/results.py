@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
 
+from .numbers import figures, value_and_interval
 from .printing import print_line, print_table
 
 if TYPE_CHECKING:
@@ -104,38 +105,40 @@ def print_identification(result: Identification) -> None:
     print_table(
         ["stretch", "rows", "c [kPa]", "phi [deg]", "why not"], rows, title="Soil by stretch, with 95 % intervals"
     )
-    mixed = any(finding.code == "mixed_soils" for finding in result.findings)
-    if result.overall is not None and not mixed:
+    if result.overall is not None:
         print()
         _print_estimate(result.overall)
+    for name, estimate in result.by_soil.items():
+        print()
+        _print_estimate(estimate, f"Soil {name}")
     print()
     _print_findings(result.findings)
 
 
-def _print_estimate(found: SoilEstimate) -> None:
-    from ...identification.estimate.identifiability import is_search_limit
+def _print_estimate(found: SoilEstimate, name: str = "Soil") -> None:
+    from ...identification.estimate.identifiability import is_search_limit, is_unbounded
 
-    print(f"Soil from {found.n} rows of {', '.join(found.channels)} (method {found.method})")
+    print(f"{name} from {found.n} rows of {', '.join(found.channels)} (method {found.method})")
     rows = []
     for name, quantity in found.parameters.items():
         label, unit, scale = _SOIL[name]
-        low, high = (
-            "open" if is_search_limit(name, end) else f"{end * scale:.4g}" for end in (quantity.low, quantity.high)
-        )
+        ends_open = [is_search_limit(name, end) for end in (quantity.low, quantity.high)]
+        value, interval = value_and_interval(
+            *(each * scale for each in (quantity.value, quantity.low, quantity.high)),
+            low_open=ends_open[0], high_open=ends_open[1],
+        )  # fmt: skip
         determined = "given" if quantity.low == quantity.high else "yes" if found.separable[name] else "no"
-        rows.append([label, unit, f"{quantity.value * scale:.4g}", f"{low} to {high}", determined])
+        rows.append([label, unit, value, interval, determined])
     print_table(["parameter", "unit", "value", "95 % interval", "determined"], rows)
-    print_table(
-        ["normal stress [kPa]", "shear strength [kPa]", "95 % interval"],
-        [
-            [
-                f"{strength.normal_stress_Pa / 1e3:.3g}", f"{strength.value_Pa / 1e3:.3g}",
-                f"{strength.low_Pa / 1e3:.3g} to {strength.high_Pa / 1e3:.3g}",
-            ]
-            for strength in found.shear_strength
-        ],
-        title="Shear strength over the stresses driven",
-    )  # fmt: skip
+    strengths = [
+        [figures(each.normal_stress_Pa / 1e3), *value_and_interval(
+            *(1e-3 * stress for stress in (each.value_Pa, each.low_Pa, each.high_Pa)),
+            low_open=False, high_open=is_unbounded(each, found.parameters),
+        )]
+        for each in found.shear_strength
+    ]  # fmt: skip
+    headers = ["normal stress [kPa]", "shear strength [kPa]", "95 % interval"]
+    print_table(headers, strengths, title="Shear strength over the stresses driven")
     if found.advice:
         print(f"Advice: {found.advice}.")
     _print_findings(found.findings)
@@ -143,17 +146,21 @@ def _print_estimate(found: SoilEstimate) -> None:
 
 def interval_text(quantities: Mapping[str, Quantity], name: str, digits: int = 2) -> str:
     """Give a quantity with its 95 % interval in the unit that people read; empty where there is none."""
+    from ...identification.estimate.identifiability import is_search_limit
+
     if name not in quantities:
         return ""
     one, scale = quantities[name], _SOIL[name][2]
+    if is_search_limit(name, one.high):
+        least = f"{one.low * scale:.{digits}f}"
+        return f"{one.value * scale:.{digits}f} ({'not bounded' if float(least) == 0.0 else f'above {least}'})"
     value, low, high = (f"{each * scale:.{digits}f}" for each in (one.value, one.low, one.high))
     return f"{value} ({low} to {high})"
 
 
 def _segment_row(segment: Segment) -> list[str]:
     where = "steady-state trials" if math.isnan(segment.start_s) else f"{segment.start_s:.1f} to {segment.end_s:.1f} s"
-    if segment.wheel:
-        where = f"{where}, {segment.wheel}"
+    where = ", ".join(filter(None, (where, segment.wheel, segment.soil)))
     if segment.estimate is None:
         return [where, str(segment.n), "", "", segment.reason]
     found = segment.estimate.parameters

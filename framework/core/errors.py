@@ -56,14 +56,21 @@ class InputErrors(InputError):
         The file.
     errors
         The faults.
+    doubts
+        What is no fault by itself and may be one where there are others, such as a column that nothing reads.
     """
 
-    def __init__(self, source: str | Path, errors: Sequence[InputError]):
-        super().__init__(source, f"{len(errors)} faults")
-        self.errors = tuple(errors)
+    def __init__(self, source: str | Path, errors: Sequence[InputError], doubts: Sequence[InputError] = ()):
+        count = f"{len(errors)} fault{'s' * (len(errors) > 1)}"
+        super().__init__(source, f"{count}, and {len(doubts)} in doubt" if doubts else count)
+        self.errors, self.doubts = tuple(errors), tuple(doubts)
         own = (f"{self.source}, ", f"{self.source}: ")
-        lines = (str(error).removeprefix(own[0]).removeprefix(own[1]) for error in errors)
+        lines = (str(error).removeprefix(own[0]).removeprefix(own[1]) for error in (*errors, *doubts))
         self.args = ("\n  ".join([f"{self.source}: {self.problem}", *lines]),)
+
+    def __reduce__(self) -> tuple:
+        """Let it come out of a worker process, faults and all."""
+        return type(self), (self.source, self.errors, self.doubts)
 
 
 @contextmanager
@@ -75,10 +82,17 @@ def collected(faults: list[InputError]) -> Iterator[None]:
         faults.append(error)
 
 
-def raise_all(source: str | Path, faults: Sequence[InputError]) -> None:
-    """Raise the one fault there is, or all of several together (`InputErrors`); return where there is none."""
+def raise_all(source: str | Path, faults: Sequence[InputError], doubts: Sequence[InputError] = ()) -> None:
+    """Raise the one fault there is, or all of several together with what is in doubt (`InputErrors`); return where
+    there is none.
+    """
     if faults:
-        raise faults[0] if len(faults) == 1 else InputErrors(source, faults)
+        several = [fault for fault in faults if isinstance(fault, InputErrors)]
+        every = [each for fault in faults for each in (fault.errors if isinstance(fault, InputErrors) else (fault,))]
+        places = {each.place for each in every}
+        unsure = [*(each for fault in several for each in fault.doubts), *doubts]
+        unsure = [each for each in unsure if each.place not in places]
+        raise every[0] if len(every) + len(unsure) == 1 else InputErrors(source, every, unsure)
 
 
 _SAID = {

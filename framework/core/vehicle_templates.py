@@ -8,6 +8,7 @@ reading such a file names it.
 from __future__ import annotations
 
 import tomllib
+from difflib import get_close_matches
 from importlib import resources
 from importlib.resources.abc import Traversable
 from typing import NamedTuple
@@ -39,8 +40,19 @@ def vehicle_template(name: str) -> Template:
     """Give one template; raises `InputError` where there is none of that name."""
     known = vehicle_templates()
     if name not in known:
-        raise InputError("vehicle", f"no template {name!r}", expected="one of " + ", ".join(known))
+        near = _nearest(name, list(known))
+        expected = f"{near}: bevameter vehicle {near}; or" if near else "one of"
+        raise InputError("vehicle", f"no template {name!r}", expected=f"{expected} {', '.join(known)}")
     return known[name]
+
+
+def _nearest(name: str, known: list[str]) -> str:
+    """Give the name that begins with what was given or has it, or else the most alike; empty where none is."""
+    given = name.casefold()
+    by_part = [each for each in known if each.startswith(given)] or [each for each in known if given and given in each]
+    parts = {part: each for each in known for part in (each, *each.split("-"))}
+    alike = get_close_matches(given, parts, n=1)
+    return by_part[0] if by_part else parts[alike[0]] if alike else ""
 
 
 def _template(name: str, text: str) -> Template:

@@ -62,24 +62,21 @@ def estimate_soil(measured: Measured, wheel: Wheel, known: SoilKnowledge | None 
     return summarise(solve(kept, wheel, known or SoilKnowledge()), kept, wheel)
 
 
-def summarise(
-    solution: Solution, kept: Measured, wheel: Wheel, *, one_soil: bool = True, notes: tuple[Finding, ...] = ()
-) -> SoilEstimate:
+def summarise(solution: Solution, kept: Measured, wheel: Wheel, *, notes: tuple[Finding, ...] = ()) -> SoilEstimate:
     """Turn a fit into an estimate: intervals, strength, what is determined and what driving would do for the rest.
 
-    Where the samples are known to be of several soils (`one_soil` False), the form of the model is not at fault. The
-    `notes` of what was done with them before come after the findings of the fit.
+    The `notes` of what was done with the samples before come after the findings of the fit.
     """
     model = TextbookWheel(wheel)
     covariance, bounded = solution.covariance(), physical(solution)
     intervals = parameter_intervals(bounded, covariance, model)
     findings: tuple[Finding, ...] = ()
-    if one_soil and form_error.rejected(solution, WRONG_FORM):
+    if form_error.rejected(solution, WRONG_FORM):
         freed = physical(_freed(solution, kept, wheel))
         # The textbook's values stand, for they predict best with the textbook; the intervals hold both readings.
         intervals = hull(bounded, intervals, parameter_intervals(freed, freed.covariance(), model))
         findings = (_wrong_form(solution, freed),)
-    elif one_soil and solution.misfit > WRONG_FORM:
+    elif solution.misfit > WRONG_FORM:
         findings = (warning("ground_variation", misfit=solution.misfit),)
     strength = strengths(bounded, covariance, intervals, model)
     covariance = consistent(covariance, bounded, intervals)
@@ -92,7 +89,7 @@ def summarise(
         correlation=_correlations(covariance, solution.free),
         shear_strength=strength,
         separable=determined,
-        advice=advise(kept.channels, determined, covariance, solution.misfit),
+        advice=advise(kept.channels, determined, strength, solution.misfit),
         method="ml",
         channels=tuple(name for name, present in zip(CHANNELS, seen.tolist(), strict=True) if present),
         n=len(kept.channels),

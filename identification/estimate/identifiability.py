@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -25,6 +25,12 @@ MOST_OF_SOILS = 0.5
 """Nothing whose interval spans more than this share of what soils have is separable, however little it matters [-]."""
 
 _SOILS_HAVE = {"c_Pa": PLAUSIBLE["c_Pa"], **PUBLISHED}
+
+_ENOUGH = 0.5
+"""Range of the load, as a share of its mean, from which on more of it is not what lacks [-]."""
+
+_LOW_SLIP, _HIGH_SLIP = 0.05, 0.3
+"""Slips between which most of the shear stress builds up on soils of usual k [-]."""
 
 FACTOR = 2.0
 """k, stiffness or n is separable if its interval is within this factor of its value [-]."""
@@ -77,6 +83,15 @@ def is_search_limit(name: str, value: float) -> bool:
     return math.isclose(value, high, rel_tol=1e-6) or (low > 0.0 and math.isclose(value, low, rel_tol=1e-6))
 
 
+def is_unbounded(strength: ShearStrength, quantities: Mapping[str, Quantity]) -> bool:
+    """Say whether the upper end of a shear strength is only where the search for cohesion or friction stops."""
+    if strength.high_Pa >= PLAUSIBLE["c_Pa"][1] * (1.0 - 1e-6):
+        return True
+    steepest = PLAUSIBLE["phi_rad"][1]
+    most = strength.normal_stress_Pa * math.tan(steepest) * (1.0 - 1e-6)
+    return is_search_limit("phi_rad", quantities["phi_rad"].high) and strength.high_Pa >= most
+
+
 def separable(
     quantities: Mapping[str, Quantity], strength: tuple[ShearStrength, ...], free: np.ndarray, misfit: float
 ) -> dict[str, bool]:
@@ -110,7 +125,9 @@ def _spans_soils(name: str, quantity: Quantity) -> bool:
     return min(quantity.high, high) - max(quantity.low, low) > MOST_OF_SOILS * (high - low)
 
 
-def advise(channels: np.ndarray, determined: Mapping[str, bool], covariance: np.ndarray, misfit: float) -> str:
+def advise(
+    channels: np.ndarray, determined: Mapping[str, bool], strength: Sequence[ShearStrength], misfit: float
+) -> str:
     """Say what driving would determine what these data do not; empty where nothing is missing.
 
     Parameters
@@ -119,8 +136,8 @@ def advise(channels: np.ndarray, determined: Mapping[str, bool], covariance: np.
         Load [N], torque [N m], sinkage [m], slip [-], drawbar pull [N].
     determined
         From `separable`.
-    covariance : (p, p)
-        Of the parameter vector.
+    strength
+        Shear strength at low, middle and high stress.
     misfit
         As in `SoilEstimate`.
     """
@@ -130,20 +147,18 @@ def advise(channels: np.ndarray, determined: Mapping[str, bool], covariance: np.
     load, slip = channels[:, 0], channels[:, 3]
     low_slip, high_slip = np.nanpercentile(slip, [5.0, 95.0])
     if not (determined["c_Pa"] and determined["phi_rad"]):
-        sd = np.sqrt(np.maximum(np.diag(covariance)[:2], 1e-300))
-        correlation = covariance[0, 1] / (sd[0] * sd[1])
-        known = "their sum, the shear strength, is known" if correlation < -0.9 else "the samples are too few or noisy"
-        which = " and ".join(
-            label for name, label in (("c_Pa", "cohesion"), ("phi_rad", "friction")) if not determined[name]
-        )
-        advice.append(f"{which} not determined by itself ({known}): {_vary_load(load)}")
+        labels = [label for name, label in (("c_Pa", "cohesion"), ("phi_rad", "friction")) if not determined[name]]
+        middle = strength[len(strength) // 2]
+        known = middle.high_Pa - middle.low_Pa <= 2.0 * SHARE_OF_STRENGTH * middle.value_Pa
+        together = ", though their sum, the shear strength, is" if known else ", nor is their sum, the shear strength"
+        verb = "is" if len(labels) == 1 else "are"
+        advice.append(f"{' and '.join(labels)} {verb} not determined{together}: {_vary_load(load)}")
     if not determined["k_m"]:
-        advice.append(
-            f"the shear modulus k is not determined: drive at slips from 0.02 to 0.3 (driven {low_slip:.2f} to "
-            f"{high_slip:.2f})"
-        )
+        advice.append(f"the shear modulus k is not determined: {_vary_slip(float(low_slip), float(high_slip))}")
     if not (determined["stiffness_Pa"] and determined["n"]):
-        advice.append(f"stiffness and n are determined only together: {_vary_load(load)}")
+        which = [label for name, label in (("stiffness_Pa", "stiffness"), ("n", "n")) if not determined[name]]
+        verb = "is" if len(which) == 1 else "are"
+        advice.append(f"{' and '.join(which)} {verb} not determined: {_vary_load(load)}")
     if advice and not np.isfinite(channels[:, 4]).any():
         advice.append("measuring drawbar pull would help all of them")
     elif advice and not np.isfinite(channels[:, 1]).any():
@@ -155,6 +170,13 @@ def _vary_load(load: np.ndarray) -> str:
     if not np.isfinite(load).any():
         return "measure the load and vary it by half of its mean or more"
     low, high = np.nanpercentile(load, [5.0, 95.0])
-    if high - low >= float(np.nanmean(load)):
-        return "drive longer, for the load varies enough as it is"
-    return f"vary the load more, by half of its mean or more (driven {low:.0f} to {high:.0f} N)"
+    if high - low >= _ENOUGH * float(np.nanmean(load)):
+        return f"measure longer, for the load varies enough ({low:.0f} to {high:.0f} N)"
+    return f"vary the load by half of its mean or more (now {low:.0f} to {high:.0f} N)"
+
+
+def _vary_slip(low: float, high: float) -> str:
+    """Say which slips show how shear stress builds up, where these do not span them."""
+    if low <= _LOW_SLIP and high >= _HIGH_SLIP:
+        return f"measure longer, for slip varies enough ({low:.2f} to {high:.2f})"
+    return f"measure at slips from {_LOW_SLIP:g} to {_HIGH_SLIP:g}, too (now {low:.2f} to {high:.2f})"

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
 from typing import Literal
@@ -19,22 +19,23 @@ from ...framework.core.errors import InputError
 from ...framework.core.findings import Finding, codes, note, warning
 from ...framework.core.recording.readers import read_recording
 from ...framework.core.recording.types import Recording, WheelTable
-from ...framework.core.soil import Quantity, ShearStrength, SoilEstimate, SoilKnowledge, as_knowledge
+from ...framework.core.soil import WRONG_FORM, Quantity, ShearStrength, SoilEstimate, SoilKnowledge, as_knowledge
 from ...framework.core.vehicle import Vehicle, Wheel, as_vehicle
 from ..mechanics import linearised
 from ..mechanics.textbook import CHANNELS
-from ..rows.gate import LIMITS, Stretch, quasi_static
-from ..rows.geometry import by_geometry
+from ..rows.gate import LIMITS, Stretch
+from ..rows.geometry import by_geometry, by_soil
 from ..rows.noise import measured_noise, sensor_noise
-from ..rows.select import SelectedRows, select_wheel_rows
-from ..rows.trials import AS_TRIALS, is_of_trials, without_time
+from ..rows.select import SelectedRows, as_trials, select_wheel_rows
 from .change_points import split_soils
 from .computed_channels import Computed, noise_of_shape
-from .estimate import estimate_soil, summarise, usable
+from .estimate import estimate_soil, solve, summarise, usable
 from .noise_likelihood import autocorrelation_finding, solve_with_noise, with_autocorrelated_noise
 from .solution import Measured
 
 Method = Literal["ml", "linear"]
+Report = Callable[[str], None]
+
 METHODS: tuple[Method, ...] = ("ml", "linear")
 
 REPRESENTATIVE_K_M = 0.01
@@ -54,7 +55,8 @@ MOST_ROWS = 1500
 class Segment:
     """One stretch of the drive [s] (NaN for steady-state trials): used, with its estimate, or not, with the reason.
 
-    `wheel` says which wheel it is, where the recording describes several and is no one vehicle's.
+    `wheel` says which wheel it is, where the recording describes several and is no one vehicle's; `soil` which soil,
+    where the rows name it.
     """
 
     start_s: float
@@ -64,16 +66,22 @@ class Segment:
     n: int
     estimate: SoilEstimate | None = None
     wheel: str = ""
+    soil: str = ""
 
 
 @dataclass(frozen=True)
 class Identification:
-    """Soil by segment, and over all rows that were used (None where there were none, or rows of several wheels)."""
+    """Soil by segment, and over all rows that were used: None where there were none, or rows of several wheels or
+    soils, or no one soil explains all stretches.
+
+    `by_soil` is that over the rows of each soil that the table names, where it names several.
+    """
 
     overall: SoilEstimate | None
     segments: tuple[Segment, ...]
     method: str
     findings: tuple[Finding, ...] = ()
+    by_soil: Mapping[str, SoilEstimate] = field(default_factory=dict)
 
 
 def identify(
@@ -82,6 +90,7 @@ def identify(
     vehicle: Vehicle | str | Path | None = None,
     soil: SoilKnowledge | str | Path | None = None,
     method: Method = "ml",
+    progress: Callable[[str], None] | None = None,
 ) -> Identification:
     """Identify the soil from the wheel channels of a recording.
 
@@ -95,6 +104,8 @@ def identify(
         What is known of the soil already, or its TOML file.
     method
         ``"ml"``: maximum likelihood with errors in all channels. ``"linear"``: the paper's Eq. 22.
+    progress
+        Called with what is being done, in words.
 
     Returns
     -------
@@ -109,35 +120,50 @@ def identify(
     if method not in METHODS:
         raise refused("method", method, " or ".join(METHODS))
     recording, known = open_recording(recording, vehicle), as_knowledge(soil)
-    parts = by_geometry(recording)
-    result = _several_wheels(parts, known, method) if len(parts) > 1 else _one_wheel(parts[0], known, method)
+    wheels = by_geometry(recording)
+    parts = [part for wheel in wheels for part in by_soil(wheel)]
+    report = progress or _silent
+    if len(parts) > 1:
+        result = _several(parts, len(wheels), known, method, report)
+    else:
+        result = _one_wheel(parts[0], known, method, report)
     read = (note("recording", text=problem) for problem in (*recording.notes, *recording.problems))
     return replace(result, findings=(*read, *result.findings))
 
 
-def _several_wheels(parts: list[Recording], known: SoilKnowledge, method: Method) -> Identification:
-    """Identify the soil under each wheel by itself: nothing says that they ran on one."""
-    segments, findings = [], [note("several_wheels", wheels=len(parts))]
+def _silent(doing: str) -> None:
+    """Report no progress."""
+
+
+def _several(
+    parts: list[Recording], wheels: int, known: SoilKnowledge, method: Method, report: Report
+) -> Identification:
+    """Identify each soil that the rows name, and the soil under each wheel, by itself: nothing says that it is one."""
+    soils = list(dict.fromkeys(part.wheel.soil[0] for part in parts if part.wheel and part.wheel.soil is not None))
+    segments, findings, found = list[Segment](), list[Finding](), dict[str, SoilEstimate]()
+    findings += [note("several_wheels", wheels=wheels)] if wheels > 1 else []
+    findings += [note("several_soils", soils=soils)] if len(soils) > 1 else []
     for part in parts:
-        assert part.vehicle is not None
-        name = part.vehicle.name
+        assert part.wheel is not None
+        wheel = part.vehicle.name if wheels > 1 and part.vehicle is not None else ""
+        soil = "" if part.wheel.soil is None else str(part.wheel.soil[0])
         try:
-            result = _one_wheel(part, known, method)
+            result = _one_wheel(part, known, method, lambda doing, of=wheel or soil: report(f"{of}: {doing}"))
         except InputError as error:
-            segments.append(Segment(math.nan, math.nan, False, str(error), len(part.wheel or ()), wheel=name))
+            segments.append(Segment(math.nan, math.nan, False, str(error), len(part.wheel), wheel=wheel, soil=soil))
             continue
-        segments.extend(replace(segment, wheel=name) for segment in result.segments)
+        segments.extend(replace(segment, wheel=wheel, soil=soil) for segment in result.segments)
+        name = ", ".join(filter(None, (wheel, soil)))
         findings.extend(each.with_values(of_wheel=name) for each in result.findings)
-    return Identification(None, tuple(segments), method, tuple(findings))
+        if soil and result.overall is not None:
+            found[name] = result.overall
+    return Identification(None, tuple(segments), method, tuple(findings), found)
 
 
-def _one_wheel(recording: Recording, known: SoilKnowledge, method: Method) -> Identification:
-    rows = select_wheel_rows(recording)
-    if is_of_trials(rows.table):
-        table = without_time(rows.table)
-        rows = replace(rows, table=table, reasons=quasi_static(table, rows.wheel), findings=(*rows.findings, AS_TRIALS))
+def _one_wheel(recording: Recording, known: SoilKnowledge, method: Method, report: Report) -> Identification:
+    rows = as_trials(select_wheel_rows(recording))
     stretches = rows.stretches()
-    segments = _identify_stretches(rows, stretches, known, method)
+    segments = _identify_stretches(rows, stretches, known, method, report)
     chosen = [stretch.rows for stretch in stretches if not stretch.reason]
     found = [segment.estimate for segment in segments if segment.used]
     overall, findings = None, [*rows.findings]
@@ -149,8 +175,9 @@ def _one_wheel(recording: Recording, known: SoilKnowledge, method: Method) -> Id
         overall = found[0]
     elif found:
         worst = max(each.misfit for each in found if each is not None)
-        overall, mixed = _overall(rows, np.sort(np.concatenate(chosen)), known, method, MIXED * worst)
-        if mixed:
+        report("estimating one soil over all stretches")
+        overall = _overall(rows, np.sort(np.concatenate(chosen)), known, method, MIXED * worst)
+        if overall is None:
             findings.append(warning("mixed_soils"))
     return Identification(overall, segments, method, tuple(findings))
 
@@ -175,15 +202,23 @@ def identify_segments(
 
 
 def _identify_stretches(
-    rows: SelectedRows, stretches: Sequence[Stretch], known: SoilKnowledge, method: Method
-) -> tuple[Segment, ...]:  # fmt: skip
+    rows: SelectedRows, stretches: Sequence[Stretch], known: SoilKnowledge, method: Method, report: Report = _silent
+) -> tuple[Segment, ...]:
     """Identify the soil of each stretch, two of them at once; the segments in order."""
+    used = [stretch for stretch in stretches if not stretch.reason]
+
+    def identified(stretch: Stretch) -> list[Segment]:
+        of = f"stretch {used.index(stretch) + 1} of {len(used)}: " if len(used) > 1 and not stretch.reason else ""
+        return _segments(rows, stretch, known, method, lambda doing: report(of + doing))
+
     # The threads fill the cores by themselves: more of BLAS's own would only wait for each other.
     with threadpool_limits(1):
-        return tuple(chain.from_iterable(together(lambda stretch: _segments(rows, stretch, known, method), stretches)))
+        return tuple(chain.from_iterable(together(identified, stretches)))
 
 
-def _segments(rows: SelectedRows, stretch: Stretch, known: SoilKnowledge, method: Method) -> list[Segment]:
+def _segments(
+    rows: SelectedRows, stretch: Stretch, known: SoilKnowledge, method: Method, report: Report
+) -> list[Segment]:
     """Identify one stretch; several segments where the soil changes within it."""
     n = len(stretch.rows)
     if stretch.reason:
@@ -191,22 +226,26 @@ def _segments(rows: SelectedRows, stretch: Stretch, known: SoilKnowledge, method
     timed = "time_s" in rows.table
     try:
         if not timed or method == "linear":
+            report("estimating the soil")
             estimate = _estimate(rows, stretch.rows, known, method)
             return [Segment(stretch.start_s, stretch.end_s, True, "", n, estimate)]
-        return _soils(rows, stretch, known)
+        return _soils(rows, stretch, known, report)
     except InputError as error:
         if not timed:
             raise
         return [Segment(stretch.start_s, stretch.end_s, False, error.problem, n)]
 
 
-def _soils(rows: SelectedRows, stretch: Stretch, known: SoilKnowledge) -> list[Segment]:
+def _soils(rows: SelectedRows, stretch: Stretch, known: SoilKnowledge, report: Report) -> list[Segment]:
+    report("fitting the soil and the sensors' noise")
     kept, whole, notes = solve_with_noise(usable(measured_rows(rows, stretch.rows)), rows.wheel, known)
+    report("looking for changes of soil")
     parts = split_soils(kept, rows.wheel, known, whole, LIMITS)
     borders = [float(kept.order[part.start]) for part, _ in parts[1:]]
     starts, ends = [stretch.start_s, *borders], [*borders, stretch.end_s]
     segments = []
-    for (part, solution), start, end in zip(parts, starts, ends, strict=True):
+    for number, ((part, solution), start, end) in enumerate(zip(parts, starts, ends, strict=True), 1):
+        report(f"computing intervals, part {number} of {len(parts)}")
         own = replace(kept, channels=kept.channels[part], order=kept.order[part])
         estimate = summarise(solution, own, rows.wheel, notes=(*notes, *autocorrelation_finding(kept, solution)))
         estimate = _as_far_as_known(rows, estimate)
@@ -222,16 +261,23 @@ def _estimate(rows: SelectedRows, chosen: np.ndarray, known: SoilKnowledge, meth
 
 def _overall(
     rows: SelectedRows, chosen: np.ndarray, known: SoilKnowledge, method: Method, most_misfit: float
-) -> tuple[SoilEstimate, bool]:
-    """Give one estimate over several stretches, and whether it mixes soils: it then misfits as no stretch does."""
+) -> SoilEstimate | None:
+    """Give one estimate over several stretches; None where it would mix soils, and misfit as no stretch does."""
     if method == "linear":
-        return _estimate(rows, chosen, known, method), False
-    kept, solution, notes = solve_with_noise(usable(measured_rows(rows, chosen)), rows.wheel, known)
-    solution = with_autocorrelated_noise(kept, solution, rows.wheel, known)
-    mixed = solution.misfit > most_misfit
+        return _estimate(rows, chosen, known, method)
+    kept, wheel = usable(measured_rows(rows, chosen)), rows.wheel
+    alone = solve(kept, wheel, known)
+    # Less noise is only taken where the form then holds: what misfits by more than that is mixed with any.
+    if alone.misfit > max(most_misfit, WRONG_FORM):
+        correlated = with_autocorrelated_noise(kept, alone, wheel, known)
+        if correlated.misfit > max(most_misfit, WRONG_FORM):
+            return None
+    kept, solution, notes = solve_with_noise(kept, wheel, known, alone)
+    solution = with_autocorrelated_noise(kept, solution, wheel, known)
+    if solution.misfit > most_misfit:
+        return None
     notes = (*notes, *autocorrelation_finding(kept, solution))
-    estimate = summarise(solution, kept, rows.wheel, one_soil=not mixed, notes=notes)
-    return _as_far_as_known(rows, estimate), mixed
+    return _as_far_as_known(rows, summarise(solution, kept, wheel, notes=notes))
 
 
 def _as_far_as_known(rows: SelectedRows, estimate: SoilEstimate) -> SoilEstimate:

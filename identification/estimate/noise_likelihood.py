@@ -37,8 +37,8 @@ _NOTED = 2.0
 
 
 def solve_with_noise(
-    measured: Measured, wheel: Wheel, known: SoilKnowledge
-) -> tuple[Measured, Solution, list[Finding]]:  # fmt: skip
+    measured: Measured, wheel: Wheel, known: SoilKnowledge, alone: Solution | None = None
+) -> tuple[Measured, Solution, list[Finding]]:
     """Fit one soil, with less noise of load and slip than neighbours show where that has a much larger likelihood.
 
     Parameters
@@ -47,6 +47,8 @@ def solve_with_noise(
         Usable samples in order of time; noise that is `Measured.stated` stands.
     wheel, known
         As in `estimate.estimate_soil`.
+    alone
+        Their fit with the noise that neighbours show, where it is known already.
 
     Returns
     -------
@@ -62,7 +64,7 @@ def solve_with_noise(
     InputError
         As in `estimate.solve`.
     """
-    solution = solve(measured, wheel, known)
+    solution = alone or solve(measured, wheel, known)
     noise = likeliest_noise(measured, solution)
     if np.array_equal(noise, measured.noise, equal_nan=True):
         return measured, solution, []

@@ -17,7 +17,7 @@ from scipy.stats import chi2
 from ...framework.core.files import whole
 from ...framework.core.recording.types import Recording
 from ...framework.core.soil import SoilEstimate, SoilKnowledge
-from ..rows.select import SelectedRows, select_wheel_rows
+from ..rows.select import SelectedRows, as_trials, select_wheel_rows
 from .estimate import LEAST_ROWS, solve, usable
 from .identify import Identification, measured_rows
 from .noise_likelihood import solve_with_noise
@@ -47,7 +47,7 @@ def draw_identification(
     soil
         What was known beforehand.
     """
-    rows, known = select_wheel_rows(recording), soil or SoilKnowledge()
+    rows, known = as_trials(select_wheel_rows(recording)), soil or SoilKnowledge()
     timed = "time_s" in rows.table
     figure, panels = plt.subplots(1, 3 if timed else 1, figsize=(13.0 if timed else 5.0, 4.0), layout="constrained")
     panels = np.atleast_1d(panels)
@@ -61,6 +61,7 @@ def draw_identification(
     for segment, colour in zip(used, _cycle(len(used)), strict=True):
         if segment.estimate is not None:
             where = "steady-state trials" if not timed else f"{segment.start_s:.0f} to {segment.end_s:.0f} s"
+            where = ", ".join(filter(None, (segment.wheel, segment.soil, where)))
             _region(panels[-1], segment.estimate, colour, where)
     panels[-1].set(xlabel="cohesion c [kPa]", ylabel="friction angle phi [deg]", ylim=(0.0, 60.0))
     panels[-1].set_xlim(left=0.0)

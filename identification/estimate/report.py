@@ -30,10 +30,12 @@ def identification_json(result: Identification) -> dict[str, Any]:
                 "reason": segment.reason,
                 "rows": segment.n,
                 **({"wheel": segment.wheel} if segment.wheel else {}),
+                **({"soil": segment.soil} if segment.soil else {}),
                 **(estimate_json(segment.estimate) if segment.estimate else {}),
             }
             for segment in result.segments
         ],
+        **({"by_soil": {name: estimate_json(each) for name, each in result.by_soil.items()}} if result.by_soil else {}),
         **_findings(result.findings),
     }
 

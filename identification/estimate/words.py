@@ -33,6 +33,10 @@ def _autocorrelated(values: Values) -> str:
     return f"the sensors' noise is autocorrelated: about {values['rows']:.0f} neighbouring rows count as one{larger}"
 
 
+def _several_soils(values: Values) -> str:
+    return f"{len(values['soils'])} soils by name ({', '.join(values['soils'])}), each identified by itself"
+
+
 SENTENCES: dict[str, Sentence] = {
     **of_rows.SENTENCES,
     "autocorrelated_noise": _autocorrelated,
@@ -44,6 +48,7 @@ SENTENCES: dict[str, Sentence] = {
     "negative_cohesion": "the closed form gives a cohesion of {c_Pa:.0f} Pa, not physical: 0 is reported",
     "recording": "{text}",
     "stored": "{text}",
+    "several_soils": _several_soils,
     "several_wheels": "{wheels} wheels, each identified by itself; there is no estimate over all of them",
     "thinned": "stretches of more than {rows} rows are thinned evenly to so many",
     "unsteady_input": _unsteady,

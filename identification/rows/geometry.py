@@ -69,6 +69,15 @@ def of_driven(table: WheelTable, vehicle: Vehicle) -> tuple[WheelTable, Finding 
     return table.select(kept), note("towed_wheels", wheels=towed, used=int(kept.sum()), n=len(table))
 
 
+def by_soil(recording: Recording) -> list[Recording]:
+    """Give one recording for each soil that the rows name, in the order of the file; as it is where they name none."""
+    table = recording.wheel
+    if table is None or table.soil is None:
+        return [recording]
+    names = dict.fromkeys(table.soil.tolist())
+    return [replace(recording, wheel=table.select(table.soil == name)) for name in names]
+
+
 def of_vehicle(table: WheelTable, vehicle: Vehicle) -> tuple[WheelTable, Finding | None]:
     """Give the rows whose own geometry, where they have one, is that of the vehicle's wheel.
 

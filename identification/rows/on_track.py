@@ -52,7 +52,7 @@ def with_places(table: WheelTable, vehicle: Vehicle, track: Track | None) -> Whe
         x, y, when_s, way_m, names = (np.concatenate(columns) for columns in zip(*ways, strict=True))
         passes = passes_at(np.column_stack([x, y]), when_s, way_m, names, 0.5 * wheels[0].width_m)
         added["pass"] = passes[: len(table)]
-    return WheelTable({**table.columns, **added}, table.wheel, table.run, table.source)
+    return table.with_columns({**table.columns, **added})
 
 
 def _far_from(time_s: np.ndarray, others_s: np.ndarray) -> np.ndarray:
@@ -135,11 +135,14 @@ def with_grounds(table: WheelTable, vehicle: Vehicle, track: Track | None, groun
     track
         Where the reference point was; borders are compared in time where absent.
     grounds
-        Grounds in order of time.
+        Grounds in order of time; where rows name their soil, these by name.
     """
+    names = [ground.class_name for ground in grounds]
+    if table.soil is not None and set(table.soil) <= set(names):
+        return table.with_columns({**table.columns, GROUND: np.array([float(names.index(n)) for n in table.soil])})
     forward_m = np.array([wheel.position_m[0] for wheel in _wheels(table, vehicle)])
     number = ground_of_rows(table["time_s"], forward_m, track, grounds)
-    return WheelTable({**table.columns, GROUND: number}, table.wheel, table.run, table.source)
+    return table.with_columns({**table.columns, GROUND: number})
 
 
 def ground_of_rows(
@@ -180,8 +183,9 @@ def without_hard_ground(
             if sinkage_m < LIMITS.least_sinkage * wheel.radius_m:
                 number[rows] = math.nan
                 name = ground.class_name or "ground"
+                span = f" from {ground.start_s:.0f} s to {ground.end_s:.0f} s" if math.isfinite(ground.start_s) else ""
                 notes.append(
-                    f"{int(rows.sum())} rows on {name} from {ground.start_s:.0f} s to {ground.end_s:.0f} s are left "
-                    f"out: too hard to sink into (median sinkage {1000.0 * sinkage_m:.1f} mm)"
+                    f"{int(rows.sum())} rows on {name}{span} are left out: too hard to sink into (median sinkage "
+                    f"{1000.0 * sinkage_m:.1f} mm)"
                 )
-    return WheelTable({**table.columns, GROUND: number}, table.wheel, table.run, table.source), notes
+    return table.with_columns({**table.columns, GROUND: number}), notes

@@ -8,22 +8,24 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...framework.core.errors import InputError
+from ...framework.core.errors import InputError, raise_all
 from ...framework.core.findings import Finding, note
+from ...framework.core.recording.mends import missing
 from ...framework.core.recording.types import Recording, WheelTable
 from ...framework.core.recording.wheel_file import derive
 from ...framework.core.vehicle import Vehicle, Wheel
 from .duplicates import without_duplicates
-from .gate import Stretch, find_stretches, quasi_static
+from .gate import Stretch, balanced, find_stretches, quasi_static
 from .geometry import by_geometry, half_stated_grousers, of_driven, of_vehicle
 from .kinematics import angle_disagreement, slip_disagreement
 from .motor import with_torque
 from .sensors import check_stated_noise, without_stuck
 from .settling import only_steady
 from .signs import check_pull, check_signs, check_torque
+from .slip_definition import check_by_forces, check_by_speeds
 from .standstill import with_standstill
 from .travel import with_travel_speed
-from .trials import slow_clock
+from .trials import AS_TRIALS, is_of_trials, slow_clock, without_time
 from .units import check_load, check_sizes, load_in_kilograms, pull_in_another_unit, speeds_in_another_unit
 from .weight import with_loads, with_pull
 from .words import sentence
@@ -56,6 +58,14 @@ class SelectedRows:
             Stretch(math.nan, math.nan, np.flatnonzero(self.reasons == reason), reason)
             for reason in sorted(set(self.reasons), key=lambda text: (text != "", text))
         ]
+
+
+def as_trials(rows: SelectedRows) -> SelectedRows:
+    """Give rows that are steady trials without their times, and the finding ``steady_trials``; others as they are."""
+    if not is_of_trials(rows.table):
+        return rows
+    table = without_time(rows.table)
+    return replace(rows, table=table, reasons=quasi_static(table, rows.wheel), findings=(*rows.findings, AS_TRIALS))
 
 
 def select_wheel_rows(recording: Recording, *, every_row: bool = False) -> SelectedRows:
@@ -120,13 +130,17 @@ def _of_vehicle(recording: Recording, every_row: bool) -> SelectedRows:
     made = {"load_N": weighed, "drawbar_pull_N": pulled}
     computed = frozenset(name for name, finding in made.items() if finding is not None and name in table)
     gathered = [_gather(table, vehicle, members, computed) for members in groups.values()]
+    faults = list[InputError]()
     for name, remedy in (
         ("load_N", "load_N; or mass_kg, or load_N of each wheel, in vehicle.toml, where it is not sensed"),
         ("slip", "slip, or both wheel_speed_rad_s and travel_speed_m_s"),
     ):
         if not any(name in rows.table for rows in gathered):
             why = f"; {sentence(placed)}" if name == "slip" and placed is not None else ""
-            raise InputError(table.source, f"no column {name}{why}", expected=remedy)
+            named = missing(table, name)
+            remedy = f"{remedy}; or {named}" if named else remedy
+            faults.append(InputError(table.source, f"no column {name}{why}", expected=remedy))
+    raise_all(table.source, faults)
     best = max((_checked(rows, "drawbar_pull_N" not in computed) for rows in gathered), key=lambda rows: rows.used)
     radii = note("one_radius", geometries=len(gathered), radius_m=best.wheel.radius_m) if len(gathered) > 1 else None
     return replace(
@@ -152,6 +166,7 @@ def _checked(rows: SelectedRows, sensed: bool) -> SelectedRows:
     doubts = (
         half_stated_grousers(wheel),
         check_torque(table, wheel, reasons),
+        check_by_forces(table, balanced(reasons)) if sensed else None,
         check_pull(table, wheel, reasons) if sensed else None,
         load_in_kilograms(table, wheel, reasons),
         unit,
@@ -167,6 +182,7 @@ def _gather(table: WheelTable, vehicle: Vehicle, names: list[str | None], comput
     for name in names:
         wheel = vehicle.wheel(name)
         recorded = table if name is None else table.select(np.asarray(table.wheel) == name)
+        check_by_speeds(recorded, wheel)
         part = derive(recorded, wheel)
         doubts = _found(
             slip_disagreement(recorded, wheel),
@@ -185,7 +201,9 @@ def _gather(table: WheelTable, vehicle: Vehicle, names: list[str | None], comput
     if len(parts) == 1:
         return SelectedRows(parts[0], wheel, vehicle, reasons[0], tuple(findings))
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0].columns}
-    labels = np.concatenate([np.asarray(part.wheel) for part in parts])
-    runs = None if parts[0].run is None else np.concatenate([np.asarray(part.run) for part in parts])
-    together = WheelTable(columns, labels, runs, table.source)
+    labels, runs, soils = (
+        None if any(each is None for each in of_parts) else np.concatenate([np.asarray(each) for each in of_parts])
+        for of_parts in zip(*((part.wheel, part.run, part.soil) for part in parts), strict=True)
+    )
+    together = WheelTable(columns, labels, runs, table.source, soils)
     return SelectedRows(together, wheel, vehicle, np.concatenate(reasons), tuple(findings))

@@ -66,7 +66,7 @@ def without_stuck(table: WheelTable, computed: frozenset[str] = frozenset()) -> 
         elif len(values) and "time_s" in table and (held := _held(table[name])).any():
             columns[name] = np.where(held, math.nan, table[name])
             findings.append(note("stuck_rows", channel=name, n=int(held.sum())))
-    return WheelTable(columns, table.wheel, table.run, table.source), findings
+    return table.with_columns(columns), findings
 
 
 def _held(values: np.ndarray) -> np.ndarray:

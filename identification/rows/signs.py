@@ -8,6 +8,7 @@ import numpy as np
 
 from ...framework.core.errors import InputError
 from ...framework.core.findings import Finding, warning
+from ...framework.core.recording.mends import TURNED, mend
 from ...framework.core.recording.types import WheelTable
 from ...framework.core.vehicle import Wheel
 from .gate import balanced
@@ -66,7 +67,7 @@ def check_signs(table: WheelTable, wheel: Wheel) -> None:
         if share > _REVERSED:
             raise InputError(
                 table.source, f"{np.median(seen):.3g} (median), {100.0 * share:.0f} % of the rows below 0",
-                expected=expected, place=f"column {name}",
+                expected=f"{expected}: {mend(table, name, TURNED)}", place=f"column {name}",
             )  # fmt: skip
 
 
@@ -98,14 +99,14 @@ def check_torque(table: WheelTable, wheel: Wheel, reasons: np.ndarray) -> Findin
     driven, braked = (reasons == "") & (slip > _DRIVEN) & seen, balanced(reasons) & (slip < _BRAKED) & seen
     clearly = _CLEARLY * wheel.radius_m * load
     if _mostly_below(torque[driven], clearly[driven]):
-        raise _contradiction(table, torque[driven], f"above {_DRIVEN:g} below 0", "column torque_Nm")
+        raise _contradiction(table, torque[driven], f"above {_DRIVEN:g} below 0", "torque_Nm")
     if not _mostly_below(-torque[braked], clearly[braked]):
         return None
     if braked.sum() > driven.sum():
-        raise _contradiction(table, torque[braked], f"below {_BRAKED:g} above 0", "columns torque_Nm and slip")
+        raise _contradiction(table, torque[braked], f"below {_BRAKED:g} above 0", "slip")
     return warning(
         "torque_sign", torque_Nm=float(np.median(torque[braked])), share=float(np.mean(torque[braked] > 0.0)),
-        slip=_BRAKED,
+        slip=_BRAKED, mend=mend(table, "torque_Nm", TURNED),
     )  # fmt: skip
 
 
@@ -118,12 +119,14 @@ def _mostly_below(values: np.ndarray, clearly: np.ndarray) -> bool:
     )
 
 
-def _contradiction(table: WheelTable, torque: np.ndarray, rows: str, place: str) -> InputError:
-    """Make the error that torques (n,) [N m] and slips have not the same sign."""
+def _contradiction(table: WheelTable, torque: np.ndarray, rows: str, turned: str) -> InputError:
+    """Make the error that torques (n,) [N m] and slips have not the same sign, and say which is likely turned."""
     share = 100.0 * max(float(np.mean(torque < 0.0)), float(np.mean(torque > 0.0)))
     return InputError(
         table.source, f"{np.median(torque):.3g} (median), {share:.0f} % of the rows with a slip {rows}",
-        expected="torque and slip both positive where the wheel drives, both negative where it is braked", place=place,
+        expected="torque and slip both positive where the wheel drives, both negative where it is braked: "
+        f"{mend(table, turned, TURNED)}",
+        place="column torque_Nm" if turned == "torque_Nm" else "columns torque_Nm and slip",
     )  # fmt: skip
 
 
@@ -178,9 +181,11 @@ def check_pull(table: WheelTable, wheel: Wheel, reasons: np.ndarray) -> Finding 
             table.source, place="column drawbar_pull_N",
             problem=f"falls by {-slope:.2g} N for each newton that torque over radius rises by (correlation "
             f"{correlation:.2f})",
-            expected="positive forwards: a wheel that is driven harder pulls more",
+            expected="positive forwards, for a wheel that is driven harder pulls more: "
+            f"{mend(table, 'drawbar_pull_N', TURNED)}",
         )  # fmt: skip
-    return warning("pull_sign", slope=slope, correlation=correlation)
+    mended = mend(table, "drawbar_pull_N", TURNED)
+    return warning("pull_sign", slope=slope, correlation=correlation, mend=mended)
 
 
 def _impossible(thrust: np.ndarray, pulled: np.ndarray, depth_m: np.ndarray, wheel: Wheel) -> bool:
@@ -208,4 +213,4 @@ def _by_slip(table: WheelTable, rows: np.ndarray) -> Finding | None:
     turned = np.median(pulled[first]) > 0.0 > np.median(pulled[last])
     if not turned or np.corrcoef(slips, pulled)[0, 1] > _WITHOUT_TORQUE:
         return None
-    return warning("pull_sign_by_slip")
+    return warning("pull_sign_by_slip", mend=mend(table, "drawbar_pull_N", TURNED))

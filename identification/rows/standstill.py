@@ -54,7 +54,7 @@ def with_standstill(table: WheelTable) -> WheelTable:
     changed = {name: np.where(still, 0.0, table[name]) for name in names}
     if slip is not None:
         changed["slip"] = np.where(still, math.nan, slip)
-    return WheelTable({**table.columns, **changed}, table.wheel, table.run, table.source)
+    return table.with_columns({**table.columns, **changed})
 
 
 def stands(table: WheelTable) -> np.ndarray:

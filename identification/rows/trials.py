@@ -8,7 +8,7 @@ from ...framework.core.findings import Finding, note, warning
 from ...framework.core.recording.types import WheelTable
 
 AS_TRIALS = note("steady_trials")
-"""Slip or load jump from each row to the next: each row is taken as a steady trial, whatever its time."""
+"""Each row is taken as a steady trial, whatever its time."""
 
 _UNRELATED, _FAR_APART = 1.2, {"slip": 0.05, "load_N": 0.1}
 """Least ratio of the mean square step to the variance (2 in random order) of rows that do not follow one another, and
@@ -20,12 +20,18 @@ one that is so unsteady is logged more often."""
 
 
 def is_of_trials(table: WheelTable) -> bool:
-    """Say whether rows with a time, in its order, are steady trials: slip or load jump from each to the next.
+    """Say whether rows with a time, in its order, are steady trials: they are farther apart than a drive's, and slip or
+    load jump from each to the next, or they are too few for a drive.
 
     The measure is that of J. von Neumann, Ann. Math. Stat. 12 (1941), 367-395.
     """
-    if "time_s" not in table or len(table) < 2 or not np.median(np.diff(table["time_s"])) > _SLOWEST_S:
+    if "time_s" not in table:
         return False
+    instants = np.unique(table["time_s"])  # wheels share them
+    if len(instants) < 2 or not np.median(np.diff(instants)) > _SLOWEST_S:
+        return False
+    if len(instants) < _ROWS_OF_A_DRIVE:
+        return True
     for name, far in _FAR_APART.items():
         values = table.get(name)
         if values is None or not np.isfinite(np.diff(values)).any():
@@ -63,4 +69,4 @@ def missing_clock(table: WheelTable) -> Finding | None:
 def without_time(table: WheelTable) -> WheelTable:
     """Give the rows without the time of each."""
     columns = {name: values for name, values in table.columns.items() if name != "time_s"}
-    return WheelTable(columns, table.wheel, table.run, table.source)
+    return table.with_columns(columns)

@@ -141,17 +141,20 @@ SENTENCES: dict[str, Sentence] = {
     "with it, which passes for soil: c and phi are not determined; record the attitude (an IMU with orientation)",
     "pull_computed": _pull_computed,
     "pull_sign": "drawbar_pull_N falls as torque over radius rises (slope {slope:.2g}, correlation {correlation:.2f}): "
-    "it may be measured the other way round (positive forwards)",
+    "it may be measured the other way round (positive forwards): {mend}",
     "pull_sign_by_slip": "drawbar_pull_N is forwards where slip is least and backwards where it is largest: it, or "
-    "slip, may be measured the other way round (positive forwards)",
+    "slip, may be measured the other way round (positive forwards): {mend}",
     "pull_unit": _pull_units,
     "rows_without_time": _without_time,
     "settling_rows": _settling,
+    "slip_definition": "{channel} falls at like loads as slip rises: check how slip is defined; if it is V/(r omega): "
+    "{mend}",
     "slip_disagrees": _slip,
     "speed_unit": _speed_units,
     "stated_noise": "the noise stated of {channel}, {stated:.3g}, is less than a hundredth of what neighbours differ "
     "by ({shown:.2g}): check it; without it the noise is estimated from the data",
-    "steady_trials": "slip or load jump from each row to the next: each row is taken as a steady trial",
+    "steady_trials": "rows lie too far apart in time for a drive, and are few or jump in slip or load from one to the "
+    "next: each row is taken as a steady trial",
     "stop_rows": _stops,
     "stuck_rows": "{channel} repeats one value in {n} rows, longer than chance allows: they are left out of it, as its "
     "sensor may hang",
@@ -168,7 +171,7 @@ SENTENCES: dict[str, Sentence] = {
     "time_unit": "rows lie {step_s:.3g} s apart (median), yet slip and load go on from row to row: check that time_s "
     "is in seconds",
     "torque_sign": "torque_Nm is {torque_Nm:.3g} (median), {share:.0%} of the rows with a slip below {slip:g} above 0, "
-    "as if a braked wheel were driven: check its sign there, and that of the slip",
+    "as if a braked wheel were driven: check its sign there, and that of the slip; it is turned by {mend}",
 }  # fmt: skip
 """A template for `str.format`, or a function of the values, by code."""
 

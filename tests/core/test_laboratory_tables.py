@@ -93,22 +93,63 @@ def test_layouts_and_locales(layout, write):
 
 
 def test_the_table_of_a_laboratory_and_what_is_said_of_it(write):
-    table, problems, (read, assumed) = read_wheel(write(ISSUE))
+    table, problems, (read, defined, assumed) = read_wheel(write(ISSUE))
     np.testing.assert_array_equal(table["sinkage_m"], [0.0125, 0.0135, 0.015])
     np.testing.assert_array_equal(table["slip"], [0.1, 0.2, 0.4])
     assert table.run.tolist() == ["2", "3", "4"]
     assert read.endswith("slip = Slip [%] / 100; sinkage_m = Sinkage [mm] / 1000")
     assert assumed.endswith("each row is a steady-state trial, for there is neither time nor run")
     assert problems == ()
-    assert read_recording(write(ISSUE)).notes == (read, assumed)
+    assert read_recording(write(ISSUE)).notes == (read, defined, assumed)
     with pytest.warns(UserWarning, match="lab.csv: ") as warned:
         read_wheel_file(write(ISSUE))
-    assert [str(each.message) for each in warned] == [read, assumed]
+    assert [str(each.message) for each in warned] == [read, defined, assumed]
 
 
 def test_rows_are_counted_as_in_the_file(write):
     with pytest.raises(InputError, match=r"row 7, column Fz \[N\]: 'x' .expected a number"):
         read_wheel(write("Test 5\n\nTime [s],Fz [N]\n0,1\n# remark\n\n1,x\n"))
+
+
+TRIALS = "Test,Fz [N],DP [N],Slip [%]\n1,100,10,5\n2,110,25,20\n3,150,40,40\n4,160,35,60\n"
+
+
+@pytest.mark.parametrize(
+    "footer",
+    ["Mean,130,27.5,31.25\nSD,29.4,13.2,24\nmin,100,10,5\nMaximum,160,40,60\n",
+     "\n,130,27.5,31.3\n", "\n,520,110,125\n,1,2,3\n", "Mittelwert (n = 4):,130,27.5,31.25\n",
+     ",Summe,110,125\n", "5,130,27.5,std dev\n"],
+)  # fmt: skip
+def test_rows_of_means_sums_and_scatter_are_no_trials(footer, write):
+    table, _, notes = read_wheel(write(TRIALS + footer))
+    assert table["load_N"].tolist() == [100, 110, 150, 160]
+    first = 6 + footer.startswith("\n")
+    assert f"rows of means, sums, extremes or remarks left out: {first}" in notes[0]
+    kept, _, notes = read_wheel(write(TRIALS + "5,131,27,40\n6,130,20,32\nmaximal,170,50,70\n"))
+    assert len(kept) == 7
+    assert not any("left out" in note for note in notes)
+
+
+def test_of_means_and_deviations_of_repeats_the_means_are_trials(write):
+    rows = "".join(f"mean,{100 + 10 * i},{10 * i},{5 * i}\nstd,5,1,2\n" for i in range(1, 5))
+    table = read_wheel(write("Statistic,Fz [N],DP [N],Slip [%]\n" + rows)).table
+    assert table["load_N"].tolist() == [110, 120, 130, 140]
+
+
+def test_the_cell_that_differs_is_blamed_and_not_the_others(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.active.append(["Fz [N]", "DP [N]", "Slip [%]"])
+    for row in range(6):
+        book.active.append([100.0 + row, 10.0 + row * row, 0.05 + 0.1 * row])
+        if row < 5:
+            book.active.cell(row + 2, 3).number_format = "0.0%"
+    book.save(tmp_path / "lab.xlsx")
+    with pytest.raises(InputError, match=r"row 7, column Slip \[%\]: '0.55' .*per cent sign, as in the other rows"):
+        read_wheel(tmp_path / "lab.xlsx")
+    book.active["A7"] = "Mean"
+    book.save(tmp_path / "lab.xlsx")
+    np.testing.assert_allclose(read_wheel(tmp_path / "lab.xlsx").table["slip"], [0.05, 0.15, 0.25, 0.35, 0.45])
 
 
 def test_marks_of_missing_values_are_counted(write):
@@ -146,7 +187,8 @@ def test_all_faults_come_at_once_each_with_its_mend(write):
     with pytest.raises(InputErrors) as error:
         read_wheel(path)
     first, *lines = str(error.value).splitlines()
-    assert first == f"{path}: {len(lines)} faults"
+    assert first == f"{path}: {len(lines) - 1} faults, and 1 in doubt"
+    assert 'column Sample: not known by its name (expected nothing, or CHANNEL = { column = "Sample", unit' in lines[-1]
     for said in (
         "column Torqe [Nm]: no column of a wheel file (expected torque_Nm)",
         "column Fz [foo]: unit 'foo' (expected load_N",

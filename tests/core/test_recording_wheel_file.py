@@ -129,9 +129,12 @@ def test_columns_that_nothing_reads_are_named(names, said, wheel_csv):
     assert problem.startswith(f"wheel.csv: {said}")
 
 
-def test_a_column_of_numbers_with_their_unit_is_named_and_remarks_are_not(wheel_csv):
-    _, (problem,), _ = read_wheel(wheel_csv("time_s,load_N,DP,remark\n0,1,3.2 N,dry\n1,2,-0.4 N,2 stones\n2,3,,\n"))
+def test_columns_of_numbers_with_their_unit_and_of_remarks_are_named(wheel_csv):
+    _, (problem, words), _ = read_wheel(
+        wheel_csv("time_s,load_N,DP,remark\n0,1,3.2 N,dry\n1,2,-0.4 N,2 stones\n2,3,,\n")
+    )
     assert problem.startswith("wheel.csv: columns not used: DP; ")
+    assert words == "wheel.csv: columns of text not used: remark"
 
 
 def test_columns_that_are_known_or_read_are_not_named(wheel_csv):

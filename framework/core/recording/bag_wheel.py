@@ -15,9 +15,9 @@ from ..errors import InputError
 from ..vehicle import Vehicle
 from .bag_places import reading
 from .clock import interpolate, nearest
+from .slip_definitions import SLIP_TOLERANCE
 from .topic_map import WheelTopic
 from .types import WheelTable
-from .wheel_file import SLIP_TOLERANCE
 
 _KEPT = (0.0, *np.linspace(0.1, 0.98, 45).tolist())
 """Share of its last value that a filter of the first order keeps from one sample to the next [-]."""

@@ -8,26 +8,31 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from ..errors import InputError
 from ..files import load_toml
 from ..models import FileModel, Finite, checked
-from .types import WHEEL_COLUMNS
+from .slip_definitions import Definition
+from .types import TEXT_COLUMNS, WHEEL_COLUMNS
 
 
 class MappedColumn(FileModel):
-    """A column of the table: its name, its unit, and what makes it SI: scale times value in SI plus offset."""
+    """A column of the table: its name, its unit, and what makes it SI: scale times value in SI plus offset; of slip
+    how it is defined.
+    """
 
     column: str
     unit: str | None = None
     scale: Finite | None = None
     offset: Finite = 0.0
+    definition: Definition | None = None
 
 
 def _channel(name: str) -> str:
-    if name not in (*WHEEL_COLUMNS, "wheel", "run"):
-        raise ValueError(f"no column of a wheel file, expected one of {', '.join((*WHEEL_COLUMNS, 'wheel', 'run'))}")
+    known = (*WHEEL_COLUMNS, *TEXT_COLUMNS)
+    if name not in known:
+        raise ValueError(f"no column of a wheel file, expected one of {', '.join(known)}")
     return name
 
 
@@ -47,6 +52,14 @@ class ColumnMap(FileModel):
     wheels: dict[str, _Columns] = Field(default_factory=dict)
     decimal: Literal[".", ","] | None = None
     sheet: str | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> ColumnMap:
+        for part in (self.columns, *self.wheels.values()):
+            for channel, entry in part.items():
+                if entry.definition is not None and channel != "slip":
+                    raise ValueError(f"{channel} has a definition, expected one of slip only")
+        return self
 
     @property
     def named(self) -> frozenset[str]:

@@ -115,10 +115,23 @@ QUANTITIES = (
         "essai",
     ),
     Quantity("wheel", "text", "wheel, wheel name, wheel id, Rad, roue"),
+    Quantity(
+        "soil", "text",
+        "soil, soil type, soil name, soil id, soil class, test soil, sand, sand type, sand name, terrain, "
+        "terrain type, terrain class, ground, ground type, ground class, material, soil material, simulant, substrate, "
+        "medium, surface, surface type, Boden, Bodenart, Bodentyp, Sandart, Untergrund, Substrat, Gelände, sol, "
+        "type de sol, matériau, terreno, suelo",
+    ),
 )  # fmt: skip
 
 ONLY_WITH_UNIT = frozenset({"radius_m", "width_m", "grouser_height_m"})
 """Columns of other quantities than the wheel's channels, such as a plot's width: taken where they say their unit."""
+
+_TRACTION = (
+    "two forces are called so. The net pull at the hook: "
+    'drawbar_pull_N = { column = "...", unit = "N" } under [columns] in a column map. The gross thrust, torque '
+    'over radius: torque_Nm = { column = "...", unit = "Nm", scale = RADIUS }, the radius in m'
+)
 
 HINTS = {
     "diameter": "radius_m = diameter / 2, in vehicle.toml or as a column",
@@ -127,9 +140,9 @@ HINTS = {
     "grouserspacing": "grouser_count = circumference / spacing, in vehicle.toml",
     "lugspacing": "grouser_count = circumference / spacing, in vehicle.toml",
     "force": "load_N or drawbar_pull_N: which force it is",
-    "tractiveforce": "drawbar_pull_N, which is the net pull; gross tractive effort is torque over radius",
-    "tractiveeffort": "drawbar_pull_N, which is the net pull; gross tractive effort is torque over radius",
-    "tractionforce": "drawbar_pull_N, which is the net pull; gross tractive effort is torque over radius",
+    "tractiveforce": _TRACTION,
+    "tractiveeffort": _TRACTION,
+    "tractionforce": _TRACTION,
     "motortorque": "torque_Nm, the torque at the wheel's axle: after the gear",
     "motorspeed": "wheel_speed_rad_s, the wheel's own: after the gear",
     "rimspeed": "wheel_speed_rad_s = rim speed / radius",
@@ -318,7 +331,7 @@ def _with_unit(
             yield Meaning(channel, 1.0, None, dimension, certain)
     elif end:
         for joined in ("/".join(end), "".join(end)):
-            if (factor := units.factor(joined, dimension)) is not None:
+            if not joined.isdigit() and (factor := units.factor(joined, dimension)) is not None:
                 yield Meaning(channel, factor, joined, dimension, certain)
                 return
     else:

@@ -51,7 +51,8 @@ class StreamDigest:
 
     def add_wheel(self, table: WheelTable) -> None:
         """Add a wheel table as it was read."""
-        self.add_columns("wheel", {**table.columns, "wheel": table.wheel, "run": table.run})
+        soil = {} if table.soil is None else {"soil": table.soil}
+        self.add_columns("wheel", {**table.columns, "wheel": table.wheel, "run": table.run, **soil})
 
     def add_vibration(self, run: VibrationRun) -> None:
         """Add a vibration run."""

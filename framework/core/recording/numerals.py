@@ -17,11 +17,13 @@ import pyarrow.compute as pc
 # pyright: reportAttributeAccessIssue=false
 from .tables import EMPTY_CELLS, is_number, numbers_or_none
 
-_MISSING = [
+MISSING = [
     *EMPTY_CELLS, "-", "--", "---", "–", "—", "?", ".", "n/a", "n.a.", "NULL", "none", "missing", "#N/A", "#NV", "#N/D",
     "#VALUE!", "#WERT!", "#VALEUR!", "#DIV/0!", "#REF!", "#NUM!", "#ZAHL!", "1.#QNAN", "-1.#IND", "1.#IND", "1,#QNAN",
     "-1,#IND", "-nan", "+nan", "-NaN",
 ]  # fmt: skip
+"""Cells that stand for no value."""
+
 _EXPONENT = r"([eE][-+]?\d+)?"
 
 
@@ -137,14 +139,20 @@ def read_numbers(
 
 def _tidied(cells: pa.ChunkedArray, found: Numbers, name: str) -> pa.ChunkedArray:
     """Replace marks of missing values by ``nan``; leave out per cent signs, and blanks between thousands."""
-    missing = pc.is_in(cells, value_set=pa.array(_MISSING))
+    missing = pc.is_in(cells, value_set=pa.array(MISSING))
     others = pc.and_(missing, pc.invert(pc.is_in(cells, value_set=pa.array(EMPTY_CELLS))))
     if (count := pc.sum(others).as_py()) and count < len(cells):
         mark = cells[pc.index(others, True).as_py()].as_py()
         found.notes.append(f"{name}: {count} cell{'s' * (count > 1)} such as {mark!r} taken for no value")
     cells = pc.if_else(missing, "nan", pc.replace_substring(cells, "−", "-"))
-    if pc.all(pc.or_(missing, pc.match_substring_regex(cells, r"\d\s*%$"))).as_py() and not pc.all(missing).as_py():
+    signed = pc.match_substring_regex(cells, r"\d\s*%$")
+    bare = pc.invert(pc.or_(missing, signed))
+    if 2 * pc.sum(signed).as_py() > len(cells) - pc.sum(missing).as_py():
         found.percent.add(name)
+        if count := pc.sum(bare).as_py():
+            row = pc.index(bare, True).as_py()
+            expected = "a number with a per cent sign, as in the other rows"
+            found.bad.append(BadCell(name, row, cells[row].as_py(), count, expected))
         cells = pc.replace_substring_regex(cells, r"[\s\x{a0}\x{202f}]*%$", "")
     spaced = pc.match_substring_regex(cells, _SPACED)
     if pc.any(spaced).as_py():

@@ -6,15 +6,18 @@ import codecs
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.compute as pc
 
 from ..errors import InputError
 from ..files import file_size
 from . import numerals
 from .layout import BLANKS, Layout, find_layout, is_comment, is_number, is_unit_row, split
+from .summary_rows import summaries, unnamed_means, words_only
 from .tables import Table, csv_rows, from_parquet, parquet_names, read_bytes
 
 TEXT_ENDINGS = (".csv", ".tsv", ".txt", ".dat", ".lvm", ".asc")
@@ -23,6 +26,9 @@ ENDINGS = (*TEXT_ENDINGS, *(ending + ".gz" for ending in TEXT_ENDINGS), ".parque
 
 _LONGEST = 200
 """Longest name of a column [characters]."""
+
+_MOST_SAID = 8
+"""Rows left out whose numbers are said [-]."""
 
 _BEGINNING = 2**18
 """So much of a text is looked at for its header [bytes]."""
@@ -104,10 +110,16 @@ class Sheet:
 
         delimiter = "\t" if self.delimiter == BLANKS else self.delimiter
         cells, problems = csv_rows(self.source, body, self.names, number=number, delimiter=delimiter)
-        found = numerals.read_numbers(
-            {name: pc.utf8_trim_whitespace(cells[name]) for name in self.names},  # pyright: ignore[reportAttributeAccessIssue]
-            wanted=numbers, text=text, clocks=clocks, decimal=decimal,
-        )  # fmt: skip
+        trimmed = {name: pc.utf8_trim_whitespace(cells[name]) for name in self.names}  # pyright: ignore[reportAttributeAccessIssue]
+        read = partial(numerals.read_numbers, wanted=numbers, text=text, clocks=clocks, decimal=decimal)
+        found = read(trimmed)
+        if (none := self._no_trials(trimmed, found, numbers)).any():
+            kept, leaving = np.flatnonzero(~none), [number(row) for row in np.flatnonzero(none).tolist()]
+            said = ", ".join(map(str, leaving[:_MOST_SAID])) + " ..." * (len(leaving) > _MOST_SAID)
+            left_out.append(f"rows of means, sums, extremes or remarks left out: {said}")
+            rows = np.array([number(row) for row in kept.tolist()])
+            trimmed = {name: column.take(pa.array(kept)) for name, column in trimmed.items()}
+            found = read(trimmed)
         self.notes.extend([*left_out, *found.notes])
         for bad in found.bad:
             more = f" and {bad.count - 1} more rows" if bad.count > 1 else ""
@@ -117,9 +129,22 @@ class Sheet:
             values, words = found.numbers.pop(name, np.empty(0)), found.text.pop(name, np.empty(0))
             if np.isfinite(values).any() or any(words):
                 self.notes.append(f"{name} has no name, left out")
-        rows = None if rows is None else rows[: len(cells)]
+        rows = None if rows is None else rows[: len(trimmed[self.names[0]])]
         table = _with_rows(Table(found.numbers, found.text, self.source, self.first, problems, rows))
         return table, frozenset(found.percent), frozenset(found.dated)
+
+    def _no_trials(
+        self, cells: dict[str, pa.ChunkedArray], found: numerals.Numbers, numbers: frozenset[str]
+    ) -> np.ndarray:
+        """Find rows, (n,) of bool, that are statistics of others, or remarks."""
+        wrong = {bad.column for bad in found.bad}
+        words = [cells[name] for name in self.names if name in found.text or name in wrong]
+        none = summaries(words, len(cells[self.names[0]]))
+        if wrong:
+            none |= words_only([cells[name] for name in self.names if name in numbers])
+        elif numbers and not none.any():
+            none |= unnamed_means([found.numbers[name] for name in self.names if name in numbers])
+        return none
 
     def _body(self) -> tuple[bytes, np.ndarray | None, list[str]]:
         """Give the rows without what is none, their numbers in the file where rows were left out, and what was."""

@@ -10,9 +10,9 @@ from ..errors import InputError
 from ..files import toml_string
 from ..vehicle import Vehicle
 from .contents import Contents, Source, contents_of, ends_of
-from .types import WHEEL_COLUMNS, Recording, WheelTable
+from .types import TEXT_COLUMNS, WHEEL_COLUMNS, Recording, WheelTable
 from .vehicle_text import vehicle_text
-from .wheel_columns import ALSO_READ, TEXT_COLUMNS, Column
+from .wheel_columns import ALSO_READ, Column, map_line
 from .wheel_file import OpenedTable, open_wheel
 from .wide_table import joints_in
 
@@ -25,6 +25,8 @@ _HEAD = """\
 #   {channels}
 # SI = scale times the value in SI, plus offset; a scale says the sign, too:
 #   torque_Nm = {{ column = "M1", unit = "Nm", scale = -1.0, offset = 0.2 }}
+# The definition of slip is slip (1 - V/(r omega) when driving), relative_to_rim, relative_to_travel ((r omega - V)/V),
+# speed_ratio (V/(r omega)) or rim_to_travel.
 {decimal}
 [columns]
 """
@@ -57,19 +59,21 @@ def inspect_table(
     by_name = {column.name: column for column in opened.found.values()}
     wide = {} if columns is not None else joints_in([name for name in opened.sheet.names if name not in by_name])
     by_wheel = {name: (wheel, channel) for wheel, own in wide.items() for channel, name in own.items()}
-    by_wheel |= {
+    of_wheels = {
         each.column: (wheel, channel) for wheel, own in opened.mapped.wheels.items() for channel, each in own.items()
     }
     faults = {error.place: error for error in opened.faults}
     n, ends = (None, (None, None)) if table is None else (len(table), ends_of(table.observed("time_s")))
     sources = tuple(
         Source(name, "column", n, *ends, *(
-            _of_wheel(*by_wheel[name], mapped=not wide) if name in by_wheel
+            _of_wheel(*of_wheels[name], "by its name" if columns is None else "as the column map says")
+            if name in of_wheels
+            else _of_joint(*by_wheel[name]) if name in by_wheel
             else _use(name, by_name.get(name), faults.get(f"column {name}"), table)
         ))
         for name in opened.sheet.names
     )  # fmt: skip
-    wheels = dict.fromkeys(wheel for wheel, _ in by_wheel.values())
+    wheels = dict.fromkeys(wheel for wheel, _ in (*by_wheel.values(), *of_wheels.values()))
     own = all(name in ALSO_READ or (name in by_name and by_name[name].source == "own") for name in opened.sheet.names)
     files = {} if columns is not None or own else {"columns.toml": _map_text(path, opened, by_name, wide)}
     if vehicle is None and (camera or not {"radius_m", "width_m"} <= set(opened.sheet.names)):
@@ -77,9 +81,11 @@ def inspect_table(
     return replace(contents, sources=sources, files=files, map_name="columns.toml", folder=path.parent)
 
 
-def _of_wheel(wheel: str, channel: str, *, mapped: bool) -> tuple[str, str]:
-    if mapped:
-        return f"{channel} of {wheel}", "as the column map says"
+def _of_wheel(wheel: str, channel: str, how: str) -> tuple[str, str]:
+    return f"{channel} of {wheel}", how
+
+
+def _of_joint(wheel: str, channel: str) -> tuple[str, str]:
     return "", f"{channel} of {wheel} by its name: a column map with [wheels.{wheel}] reads it"
 
 
@@ -104,11 +110,17 @@ def _map_text(
 ) -> str:
     """Write the column map; the file's own columns and those of no channel are in comments."""
     decimal = f'decimal = "{opened.mapped.decimal}"\n' if opened.mapped.decimal else ""
-    channels = ", ".join((*WHEEL_COLUMNS, *sorted(TEXT_COLUMNS)))
+    channels = ", ".join((*WHEEL_COLUMNS, *TEXT_COLUMNS))
     lines = [_HEAD.format(name=toml_string(path.name), channels=channels, decimal=decimal)]
-    of_wheels = {name for own in wide.values() for name in own.values()}
+    lines_of = {
+        wheel: [f"{channel} = {toml_string(name)}    # {UNITS[channel]}\n" for channel, name in own.items()]
+        for wheel, own in wide.items()
+    }
+    for wheel, own in opened.mapped.wheels.items():
+        lines_of[wheel] = [f"{_line(channel, each.column, each.unit)}\n" for channel, each in own.items()]
+    named = {name for own in wide.values() for name in own.values()} | opened.mapped.named
     for name in opened.sheet.names:
-        if name in of_wheels:
+        if name in named:
             continue
         column, quoted = by_name.get(name), toml_string(name)
         if column is None:
@@ -118,9 +130,12 @@ def _map_text(
         elif column.source == "own":
             lines.append(f"# {column.channel} = {quoted}    # by its name, SI\n")
         else:
-            unit = "" if column.unit is None else f", unit = {toml_string(column.unit)}"
-            lines.append(f"{column.channel} = {{ column = {quoted}{unit} }}\n")
-    for wheel, own in wide.items():
-        lines.append(f"\n[wheels.{toml_string(wheel)}]\n")
-        lines += [f"{channel} = {toml_string(name)}    # {UNITS[channel]}\n" for channel, name in own.items()]
+            lines.append(f"{_line(column.channel, name, column.unit)}\n")
+    for wheel, own in lines_of.items():
+        lines += [f"\n[wheels.{toml_string(wheel)}]\n", *own]
     return "".join(lines)
+
+
+def _line(channel: str, name: str, unit: str | None) -> str:
+    defined = ['definition = "slip"'] if channel == "slip" else []
+    return map_line(channel, name, *([] if unit is None else [f"unit = {toml_string(unit)}"]), *defined)

@@ -7,12 +7,17 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..errors import InputError
+from .slip_definitions import FORMULAS, SLIP_TOLERANCE, Definition, to_slip
 from .tables import Table
-from .wheel_columns import TEXT_COLUMNS, Column
+from .types import TEXT_COLUMNS
+from .wheel_columns import Column
 
 _FRACTION, _PERCENT = 1.02, 10.0
 """Slip without a unit: a fraction up to the former, in per cent from the latter on [-]. A driven wheel's slip is at
 most 1 by every definition; in between it may be a few per cent, or a ratio whose denominator is the rim's speed."""
+
+_NEAR = 0.05
+"""How far below 1 a ratio of speeds may lie by noise [-]."""
 
 _REVERSED, _FEWEST = 0.9, 3
 """Share of the values that are not zero from which on a channel has the opposite sign, and fewest of them [-]."""
@@ -67,7 +72,8 @@ def to_si(
         values = table.numbers.get(column.name)
         if values is None:
             continue
-        as_slip = channel == "slip" and column.unit is None and column.source != "own" and column.name not in percent
+        by_size = column.unit is None and column.name not in percent and column.definition == "slip"
+        as_slip = channel == "slip" and by_size and column.source != "own"
         if column.source == "own" and column.name not in percent:
             channels[channel] = values
         elif as_slip:
@@ -82,6 +88,11 @@ def to_si(
             read.append(_said(column, column.name in percent))
             if column.unit is None and column.name not in percent | dated:
                 bare += _assumed(table, column, channels[channel], faults)
+    slip = found.get("slip")
+    if slip is not None and slip.source != "own" and "slip" in channels:
+        channels["slip"] = to_slip(channels["slip"], slip.definition)
+        said = f'slip is {FORMULAS[slip.definition]} (definition = "{slip.definition}")'
+        (assumed if slip.definition == "slip" else read).append(said)
     assumed += [f"SI units where none is given: {', '.join(bare)}"] if bare else []
     _turn(channels, found, assumed)
     name = table.source.name
@@ -128,14 +139,21 @@ def _assumed(table: Table, column: Column, values: np.ndarray, faults: list[Inpu
     seen = np.abs(values[np.isfinite(values)])
     middle = float(np.median(seen)) if len(seen) else 0.0
     if middle > most:
-        expected = f"its unit in the name, such as {column.name} [{_OTHER[column.channel]}], or unit in a column map"
+        unit_line = column.line(f'unit = "{OTHER_UNITS[column.channel]}"')
+        expected = f"its unit in the name, such as {column.name} [{OTHER_UNITS[column.channel]}], or {unit_line}"
         problem = f"no unit, and {middle:.6g} {unit} (median) cannot be"
         faults.append(InputError(table.source, problem, expected=expected, place=f"column {column.name}"))
         return []
     return [f"{column.name} [{_SI.get(column.channel, '-')}]"]
 
 
-_OTHER = {"sinkage_m": "mm", "pitch_rad": "deg", "slip_angle_rad": "deg", "time_s": "ns"}
+OTHER_UNITS = {
+    "sinkage_m": "mm", "pitch_rad": "deg", "slip_angle_rad": "deg", "time_s": "ns", "load_N": "kN", "torque_Nm": "Nmm",
+    "drawbar_pull_N": "kN", "wheel_speed_rad_s": "rpm", "travel_speed_m_s": "mm/s", "wheel_angle_rad": "deg",
+    "x_m": "mm", "y_m": "mm",
+}  # fmt: skip
+"""A usual unit of each channel besides SI, for lines of a column map."""
+
 _SI = {
     "time_s": "s", "load_N": "N", "torque_Nm": "N m", "sinkage_m": "m", "drawbar_pull_N": "N",
     "wheel_speed_rad_s": "rad/s", "travel_speed_m_s": "m/s", "wheel_angle_rad": "rad", "pitch_rad": "rad",
@@ -164,11 +182,29 @@ def _slip(
     faults.append(
         InputError(
             table.source, f"no unit, and values up to {largest:.4g} and down to {np.min(seen, initial=0.0):.4g}",
-            expected="Slip [%], or Slip [-] in [-1, 1], i = 1 - V/(r omega) when driving",
+            expected="Slip [%], or Slip [-] in [-1, 1], i = 1 - V/(r omega) when driving"
+            + _other_definition(column, seen),
             place=f"column {column.name}",
         )
     )  # fmt: skip
     return np.full(len(values), np.nan)
+
+
+def check_slip(table: Table, column: Column, values: np.ndarray) -> None:
+    """Refuse slip (n,) beyond [-1, 1], and say how it may be defined."""
+    outside = np.abs(values) > 1.0 + SLIP_TOLERANCE  # False for NaN
+    more = f" and {outside.sum() - 1} more rows" if outside.sum() > 1 else ""
+    expected = "slip in [-1, 1]; of one in per cent the column is called Slip [%]"
+    if column.definition == "slip":
+        expected += _other_definition(column, values)
+    table.refuse(outside, column.name, lambda row: f"{values[row]:g}{more}", expected)
+
+
+def _other_definition(column: Column, seen: np.ndarray) -> str:
+    """Say for an error how slip beyond 1 (n,) may be defined, with the line of a column map that says so."""
+    name: Definition = "rim_to_travel" if np.nanmin(seen, initial=np.inf) >= 1.0 - _NEAR else "relative_to_travel"
+    entries = ([] if column.unit else ['unit = "-"']) + [f'definition = "{name}"']
+    return f"; if it is {FORMULAS[name]}: {column.line(*entries)}"
 
 
 def _turn(channels: dict[str, np.ndarray], found: Mapping[str, Column], assumed: list[str]) -> None:

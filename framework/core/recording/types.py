@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Protocol
@@ -17,8 +17,11 @@ WHEEL_COLUMNS = (
     "time_s", "load_N", "torque_Nm", "sinkage_m", "slip", "drawbar_pull_N", "wheel_speed_rad_s", "travel_speed_m_s",
     "wheel_angle_rad", "pitch_rad", "pass", "x_m", "y_m", "slip_angle_rad",
 )  # fmt: skip
-"""Numeric wheel columns (CONTRACTS.md); text columns are `wheel` and `run`. Columns ``<channel>_sd_<unit>`` hold the
+"""Numeric wheel columns (CONTRACTS.md). Columns ``<channel>_sd_<unit>`` hold the
 scatter within a steady-state trial."""
+
+TEXT_COLUMNS = ("wheel", "run", "soil")
+"""Wheel columns of names: of the wheel, of the trial, and of the soil that a row is on."""
 
 
 @dataclass(frozen=True)
@@ -35,12 +38,18 @@ class WheelTable:
         (n,) names of steady-state trials, or None; rows of different runs are not neighbours in time.
     source
         The file they came from.
+    soil
+        (n,) names of the soil that each row is on, or None where the table does not say it.
+    column_names
+        Of each channel of a table, the name of its column; ``""`` where each wheel has one of its own.
     """
 
     columns: Mapping[str, np.ndarray]
     wheel: np.ndarray | None
     run: np.ndarray | None
     source: Path
+    soil: np.ndarray | None = None
+    column_names: Mapping[str, str] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values()))) if self.columns else 0
@@ -62,12 +71,13 @@ class WheelTable:
 
     def select(self, rows: np.ndarray) -> WheelTable:
         """Give the rows of a boolean mask or an index array, as a new table."""
-        return WheelTable(
-            {name: values[rows] for name, values in self.columns.items()},
-            None if self.wheel is None else self.wheel[rows],
-            None if self.run is None else self.run[rows],
-            self.source,
-        )
+        wheel, run, soil = (None if each is None else each[rows] for each in (self.wheel, self.run, self.soil))
+        columns = {name: values[rows] for name, values in self.columns.items()}
+        return replace(self, columns=columns, wheel=wheel, run=run, soil=soil)
+
+    def with_columns(self, columns: Mapping[str, np.ndarray]) -> WheelTable:
+        """Give the same rows with other channels, each (n,)."""
+        return replace(self, columns=columns)
 
 
 @dataclass(frozen=True)

@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
+from ..files import toml_string
 from . import units
 from .column_map import ColumnMap
 from .column_names import HINTS, QUANTITIES, Meaning, key, meaning, names_of_channels, stem_of, written
-from .types import WHEEL_COLUMNS
+from .slip_definitions import Definition
+from .types import TEXT_COLUMNS, WHEEL_COLUMNS
 
-TEXT_COLUMNS = frozenset({"wheel", "run"})
-OWN = frozenset(WHEEL_COLUMNS) | TEXT_COLUMNS
+OWN = frozenset((*WHEEL_COLUMNS, *TEXT_COLUMNS))
 """The wheel file's own columns."""
 
 ALSO_READ = ("radius_m", "width_m", "grouser_height_m", "grouser_count", "yaw_rad", "roll_rad", "current_A")
@@ -52,6 +53,10 @@ class Column:
         ``own`` for a column of the contract, ``name`` where its name was recognised, ``map`` by a column map.
     signed
         Whether a column map says the sign.
+    definition
+        Of slip: how it is defined.
+    wheel
+        The wheel that it is of, in a table with columns for each; ``""`` in others.
     """
 
     channel: str
@@ -61,11 +66,18 @@ class Column:
     unit: str | None = None
     source: str = "own"
     signed: bool = False
+    definition: Definition = "slip"
+    wheel: str = ""
+
+    def line(self, *entries: str) -> str:
+        """Give the line of a column map that says of the column what is not to be guessed, and where it stands."""
+        where = f"[wheels.{self.wheel}]" if self.wheel else "[columns]"
+        return f"{map_line(self.channel, self.name, *entries)} under {where} in a column map (--columns)"
 
     def to_si(self, values: np.ndarray, percent: bool) -> np.ndarray:
         """Give values (n,) in SI; `percent` says that the cells had per cent signs."""
         factor = _PERCENT if percent and self.unit is None else self.factor
-        inverse = round(1.0 / factor) if 0.0 < factor < 1.0 else 0
+        inverse = round(1.0 / factor) if 0.0 < abs(factor) < 1.0 else 0
         # 12.5 mm are 0.0125 m to the last bit by division only
         scaled = values / inverse if inverse and factor == 1.0 / inverse else values * factor
         return scaled + self.offset if self.offset else scaled
@@ -126,14 +138,15 @@ def assign(
                 problem = f"the row of units says {unit}"
                 faults.append(InputError(source, problem, expected="the unit of its name", place=f"column {name}"))
     # A table in SI with columns of the user's own: a name without a unit there is no channel.
-    in_si = any(column.source == "own" and channel not in _UNITLESS | TEXT_COLUMNS for channel, column in found.items())
+    others = {*_UNITLESS, *TEXT_COLUMNS}
+    in_si = any(column.source == "own" and channel not in others for channel, column in found.items())
     taken: dict[str, list[Meaning]] = {}
     places: dict[str, list[str]] = {}
     for name, unit in zip(names, given, strict=True):
-        if name in used or name in ALSO_READ or _is_scatter(name):
+        if name in used or name in ALSO_READ or is_scatter(name):
             continue
         read = meaning(name, unit)
-        if read is not None and (read.unit is not None or not in_si):
+        if read is not None and (read.unit is not None or read.channel == "soil" or not in_si):
             taken.setdefault(read.channel, []).append(read)
             places.setdefault(read.channel, []).append(name)
         elif len(names) <= _MOST_COMPARED and (right := misspelt(name)) is not None:
@@ -181,8 +194,9 @@ def _mapped(
             continue
         scale = 1.0 if entry.scale is None else entry.scale
         found[channel] = Column(
-            channel, entry.column, factor * scale, entry.offset, unit, "map", signed=entry.scale is not None
-        )
+            channel, entry.column, factor * scale, entry.offset, unit, "map", entry.scale is not None,
+            entry.definition or "slip",
+        )  # fmt: skip
     return found
 
 
@@ -195,12 +209,13 @@ def _chosen(
     if not usable:
         read, name = readings[0], names[0]
         why = "no unit" if read.unit is None else f"unit {read.unit!r}"
-        expected = f"{channel}: one of {units.spelt(read.dimension)} in brackets, or unit or scale in a column map"
+        line = Column(channel, name).line('unit = "..."')
+        expected = f"{channel}: one of {units.spelt(read.dimension)} in brackets, or {line}"
         faults.append(InputError(source, why, expected=expected, place=f"column {name}"))
         return None
     if len(certain) > 1:
         all_names = ", ".join(name for _, name in certain)
-        expected = f"one column of it: rename the others, or columns.{channel} in a column map"
+        expected = f"one column of it: {Column(channel, certain[0][1]).line()}, or of another of them"
         faults.append(InputError(source, f"{len(certain)} columns mean {channel}: {all_names}", expected=expected))
         return None
     read, name = certain[0]
@@ -244,8 +259,14 @@ def hints(names: Sequence[str]) -> dict[str, str]:
     return found
 
 
-def _is_scatter(name: str) -> bool:
+def is_scatter(name: str) -> bool:
+    """Say whether a column is the contract's for the scatter of a channel within a trial, such as `load_sd_N`."""
     return name in {f"{stem}_sd_{unit}" if unit else f"{stem}_sd" for stem, unit in map(stem_of, WHEEL_COLUMNS)}
+
+
+def map_line(channel: str, column: str, *entries: str) -> str:
+    """Give the line of a column map that says of a channel's column what is not to be guessed."""
+    return f"{channel} = {{ {', '.join((f'column = {toml_string(column)}', *entries))} }}"
 
 
 def _si(dimension: str) -> str:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import re
 import warnings
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,16 +15,14 @@ from ..errors import InputError, collected, raise_all
 from ..files import whole
 from ..vehicle import Vehicle, Wheel
 from .column_map import ColumnMap, load_column_map
-from .column_names import stem_of
 from .sheet import Sheet, open_sheet
 from .tables import Table
-from .to_si import rows_as_runs, to_si
-from .types import WHEEL_COLUMNS, WheelTable
-from .wheel_columns import ALSO_READ, OWN, TEXT_COLUMNS, Column, assign, hints, is_known
-from .wheel_names import of_a_joint
-
-SLIP_TOLERANCE = 0.02
-"""How far beyond [-1, 1] a recorded slip may lie, by the noise of the two speeds it was made of [-]."""
+from .to_si import check_slip, rows_as_runs, to_si
+from .types import TEXT_COLUMNS, WHEEL_COLUMNS, WheelTable
+from .unused_columns import OF_JOINTS, are_groups, doubts, not_used
+from .wheel_columns import OWN, Column, assign, is_known
+from .wheel_labels import is_of_a_wheel, wheels_in
+from .wheel_names import of_a_joint, wheel_called
 
 STANDSTILL_M_S = 1e-3
 """Below this, both the rim's speed r omega and the travel speed V count as zero and slip is not defined [m/s]."""
@@ -32,16 +30,8 @@ STANDSTILL_M_S = 1e-3
 _ABSURD = 1e12
 """Size that no channel has: what is beyond stands for a missing value, or overflows where it is squared [SI]."""
 
-_ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
-_MOST_NAMED = 6
-"""Columns that a note names; the others are counted."""
-
 _MOST_LISTED = 30
 """Columns that an error names."""
-
-_OF_JOINTS = "columns of wheels' joints need a column map, which `bevameter inspect {} --write` writes"
-
-_NUMBER = re.compile(r"[-+]?\.?\d").match
 
 
 def read_wheel_file(path: str | Path, columns: str | Path | ColumnMap | None = None) -> WheelTable:
@@ -109,31 +99,64 @@ def open_wheel(path: str | Path, columns: str | Path | ColumnMap | None = None) 
     map_source = None if columns is None or isinstance(columns, ColumnMap) else Path(columns)
     mapped = load_column_map(map_source) if map_source is not None else columns or ColumnMap()
     assert isinstance(mapped, ColumnMap)
-    return _open(path, mapped, map_source, mapped.named)
+    return _open(path, mapped, map_source)
 
 
-def _open(path: Path, mapped: ColumnMap, map_source: Path | None, named: frozenset[str]) -> OpenedTable:
-    sheet = open_sheet(path, lambda cell: cell in named or is_known(cell), own=OWN | named, sheet=mapped.sheet)
-    faults: list[InputError] = []
-    elsewhere = named - {entry.column for entry in mapped.columns.values()}
+def _open(path: Path, mapped: ColumnMap, map_source: Path | None) -> OpenedTable:
+    named, faults = mapped.named, list[InputError]()
+    sheet = open_sheet(
+        path, lambda cell: cell in named or is_known(cell) or is_of_a_wheel(cell), own=OWN | named, sheet=mapped.sheet
+    )
+    mapped = _with_wheels(mapped, sheet, faults)
+    return _assigned(sheet, mapped, map_source, mapped, faults)
+
+
+def _assigned(
+    sheet: Sheet, mapped: ColumnMap, map_source: Path | None, whole_map: ColumnMap,
+    faults: list[InputError], wheel: str = "",
+) -> OpenedTable:  # fmt: skip
+    """Say which columns are the channels of a map; those of other wheels in the whole map are none."""
+    elsewhere = whole_map.named - {entry.column for entry in mapped.columns.values()}
     ours = {name: unit for name, unit in zip(sheet.names, sheet.units, strict=True) if name not in elsewhere}
-    found = assign([*ours], [*ours.values()], mapped, path, map_source, faults)
+    found = assign([*ours], [*ours.values()], mapped, sheet.source, map_source, faults)
+    shared = {entry.column for entry in whole_map.columns.values()} if wheel else set()
+    own = {column.name for column in found.values() if column.name in mapped.named - shared}
+    found = {channel: replace(c, wheel=wheel if c.name in own else "") for channel, c in found.items()}
     return OpenedTable(sheet, found, mapped, elsewhere, faults)
+
+
+def _with_wheels(mapped: ColumnMap, sheet: Sheet, faults: list[InputError]) -> ColumnMap:
+    """Add to a map the columns that are of a wheel by their names."""
+    by_name = wheels_in(sheet.names, sheet.units, mapped.named)
+    for wheel, own in by_name.items():
+        for channel, columns in own.items():
+            if len(columns) > 1:
+                all_names = ", ".join(each.column for each in columns)
+                expected = f"one column of it: {channel} = {{ column = ... }} under [wheels.{wheel}] in a column map"
+                problem = f"{len(columns)} columns mean {channel} of {wheel}: {all_names}"
+                faults.append(InputError(sheet.source, problem, expected=expected))
+    wheels = {wheel: {channel: columns[0] for channel, columns in own.items()} for wheel, own in by_name.items()}
+    wheels = {name: {**wheels.get(name, {}), **mapped.wheels.get(name, {})} for name in (*wheels, *mapped.wheels)}
+    return mapped.model_copy(update={"wheels": wheels})
 
 
 def read_wheel(path: str | Path, columns: str | Path | ColumnMap | None = None) -> WheelFile:
     """Read a wheel file as `read_wheel_file` does, and say what was made of it instead of warning."""
     path, opened = Path(path), open_wheel(path, columns)
-    if not opened.mapped.wheels:
+    sheet, mapped = opened.sheet, opened.mapped
+    if not mapped.wheels:
         return _read(path, opened)
     from .wide_table import merged  # which reads wheel files
 
     source = None if columns is None or isinstance(columns, ColumnMap) else Path(columns)
-    named = opened.mapped.named
-    return merged(
-        {name: _read(path, _open(path, opened.mapped.of_wheel(name), source, named)) for name in opened.mapped.wheels},
-        opened.mapped, path,
-    )  # fmt: skip
+    raise_all(path, opened.faults)
+    parts, faults = dict[str, WheelFile](), list[InputError]()
+    for name in mapped.wheels:
+        own = replace(sheet, notes=[*sheet.notes])
+        with collected(faults):
+            parts[name] = _read(path, _assigned(own, mapped.of_wheel(name), source, mapped, [], name))
+    raise_all(path, faults)
+    return merged(parts, mapped, path)
 
 
 def _read(path: Path, opened: OpenedTable) -> WheelFile:
@@ -149,9 +172,13 @@ def _read(path: Path, opened: OpenedTable) -> WheelFile:
     table, percent, dated = sheet.read(
         numbers=frozenset(by_name) - text, text=text, clocks=clock, decimal=mapped.decimal, faults=faults
     )
+    soils = found.get("soil")
+    if soils is not None and soils.source != "map" and not are_groups(table.text[soils.name]):
+        found = {channel: column for channel, column in found.items() if channel != "soil"}
+        del by_name[soils.name]
     channels, converted = to_si(table, found, percent, dated, faults)
     others = {name: values for name, values in table.numbers.items() if name not in by_name and name not in elsewhere}
-    wheel, run = (_names(table, found.get(name), faults) for name in ("wheel", "run"))
+    wheel, run, soil = (_names(table, found.get(name), faults) for name in TEXT_COLUMNS)
     if "time_s" not in found and "run" not in found:
         run, said = rows_as_runs(table, found, sheet.names)
         converted += said
@@ -162,6 +189,8 @@ def _read(path: Path, opened: OpenedTable) -> WheelFile:
         with collected(faults):
             where = found[name].name if name in found else name
             _check_values(table, name, where, values)
+            if name == "slip" and name in found:
+                check_slip(table, found[name], values)
         if np.isnan(values).all() and name != "time_s":
             where = found[name].name if name in found else name
             problems.append(f"{path.name}, column {where}: no value in any row, left out")
@@ -172,11 +201,13 @@ def _read(path: Path, opened: OpenedTable) -> WheelFile:
             _check_time(table, found["time_s"].name, channels["time_s"], wheel, run)
     if not set(columns_read) - {"time_s"} and not faults:
         faults.append(InputError(path, "no wheel channel has a value", expected="columns such as load_N and slip"))
-    raise_all(path, faults)
+    raise_all(path, faults, doubts(table, found, percent | dated, {*by_name, *elsewhere}))
     layout = [f"{path.name}: {', '.join(sheet.notes)}"] if sheet.notes else []
-    problems += _not_used(table, columns_read, {*by_name, *elsewhere})
+    problems += not_used(table, columns_read, {*by_name, *elsewhere}, grouped=soil is not None)
     ordered = {name: columns_read[name] for name in _in_order(sheet.names, by_name) if name in columns_read}
-    return WheelFile(WheelTable(ordered, wheel, run, path), tuple(problems), (*layout, *converted))
+    column_names = {channel: column.name for channel, column in found.items()}
+    table_read = WheelTable(ordered, wheel, run, path, soil, column_names)
+    return WheelFile(table_read, tuple(problems), (*layout, *converted))
 
 
 def _in_order(names: Sequence[str], by_name: Mapping[str, Column]) -> list[str]:
@@ -204,6 +235,8 @@ def write_wheel_file(table: WheelTable, path: str | Path) -> None:
         columns["run"] = table.run
     if table.wheel is not None:
         columns["wheel"] = table.wheel
+    if table.soil is not None:
+        columns["soil"] = table.soil
     frame = pd.DataFrame({**columns, **table.columns})
     if not path.name.endswith((".csv", ".csv.gz", ".parquet")):
         raise InputError(path, f"ending {path.suffix!r}", expected=".csv, .csv.gz or .parquet")
@@ -253,15 +286,27 @@ def derive_all(table: WheelTable, vehicle: Vehicle) -> WheelTable:
     if len(vehicle.wheels) == 1 and for_all:
         return derive(table, first)
     radius = {wheel.name: wheel.radius_m for wheel in vehicle.wheels}
+    table = _named_as(table, vehicle)
     known = "one of the vehicle's wheels, " + ", ".join(radius)
     if table.wheel is None:
-        joints = f"; {_OF_JOINTS.format(table.source)}" if any(map(of_a_joint, table.columns)) else ""
+        joints = f"; {OF_JOINTS.format(table.source)}" if any(map(of_a_joint, table.columns)) else ""
         raise InputError(table.source, "no column wheel", expected=known + joints)
     names, rows, inverse = np.unique(table.wheel.astype(str), return_index=True, return_inverse=True)
     for name, row in zip(names, rows, strict=True):
         if name not in radius:
             raise InputError(table.source, repr(str(name)), expected=known, place=f"sample {row + 1}, column wheel")
     return _with_slip(table, np.array([radius[name] for name in names])[inverse])
+
+
+def _named_as(table: WheelTable, vehicle: Vehicle) -> WheelTable:
+    """Give rows of wheels that are called otherwise than the vehicle's (FL, front_left) the vehicle's names."""
+    known = {wheel.name for wheel in vehicle.wheels}
+    names_of_rows = [] if table.wheel is None else list(map(str, table.wheel))
+    names = dict.fromkeys(names_of_rows)
+    called = {name: name if name in known else wheel_called(name, vehicle.wheels) or name for name in names}
+    if len(set(called.values())) < len(called) or all(name == new for name, new in called.items()):
+        return table
+    return replace(table, wheel=np.array([called[name] for name in names_of_rows], dtype=object))
 
 
 def _with_slip(table: WheelTable, radius_m: np.ndarray) -> WheelTable:
@@ -274,7 +319,7 @@ def _with_slip(table: WheelTable, radius_m: np.ndarray) -> WheelTable:
         slip = np.where(np.isnan(recorded), slip, recorded)
     if np.isnan(slip).all():
         return table
-    return WheelTable({**table.columns, "slip": slip}, table.wheel, table.run, table.source)
+    return table.with_columns({**table.columns, "slip": slip})
 
 
 def slip_from_speeds(rim_m_s: np.ndarray, travel_m_s: np.ndarray) -> np.ndarray:
@@ -288,29 +333,6 @@ def slip_from_speeds(rim_m_s: np.ndarray, travel_m_s: np.ndarray) -> np.ndarray:
     return np.where(defined, np.clip(slip, -1.0, 1.0), np.nan)
 
 
-def _not_used(table: Table, columns: Mapping[str, np.ndarray], used: Collection[str]) -> list[str]:
-    """Say which columns of numbers nothing reads, and of what answers there is none: they may be meant for these."""
-    scatter = {f"{stem}_sd_{unit}" if unit else f"{stem}_sd" for stem, unit in map(stem_of, WHEEL_COLUMNS)}
-    known = {*OWN, *ALSO_READ, *scatter}
-    # "3.2 N" makes a column of text; what was written about a row is no channel.
-    text = [name for name, cells in table.text.items() if name not in {*known, *used} and _mostly_numbers(cells)]
-    others = [name for name in columns if name not in known] + text
-    if not others:
-        return []
-    more = f" and {len(others) - _MOST_NAMED} more" if len(others) > _MOST_NAMED else ""
-    missing = [name for name in _ANSWERS if name not in columns]
-    none = f"; there is no {', '.join(missing)}" if missing else ""
-    said = [f"{table.source.name}: columns not used: {', '.join(others[:_MOST_NAMED])}{more}{none}"]
-    said += [f"{table.source.name}: {_OF_JOINTS.format(table.source)}"] if any(map(of_a_joint, others)) else []
-    return said + [f"{table.source.name}, column {name}: not used; {text}" for name, text in hints(others).items()]
-
-
-def _mostly_numbers(cells: np.ndarray) -> bool:
-    """Say whether most cells (n,) of text that are not empty begin with a number."""
-    seen = [str(cell) for cell in cells if cell]
-    return bool(seen) and sum(_NUMBER(cell) is not None for cell in seen) > len(seen) / 2
-
-
 def _check_values(table: Table, name: str, column: str, values: np.ndarray) -> None:
     """Refuse values (n,) that a channel cannot have."""
     missing = np.isinf(values) if name != "time_s" else ~np.isfinite(values)
@@ -320,11 +342,6 @@ def _check_values(table: Table, name: str, column: str, values: np.ndarray) -> N
     if name in WHEEL_COLUMNS and name != "time_s":
         expected = f"a number between {-_ABSURD:g} and {_ABSURD:g}, SI"
         table.refuse(np.abs(values) > _ABSURD, column, lambda row: f"{values[row]:g}", expected)
-    if name == "slip":
-        outside = np.abs(values) > 1.0 + SLIP_TOLERANCE  # False for NaN
-        more = f" and {outside.sum() - 1} more rows" if outside.sum() > 1 else ""
-        expected = "slip in [-1, 1]; of one in per cent the column is called Slip [%]"
-        table.refuse(outside, column, lambda row: f"{values[row]:g}{more}", expected)
     if name == "pass":
         expected = "1 on fresh ground, 2 in the first wheel's rut, and so on"
         table.refuse(values < 1.0, column, lambda row: f"{values[row]:g}", expected)

@@ -38,11 +38,13 @@ def merged(parts: Mapping[str, WheelFile], mapped: ColumnMap, path: Path) -> Whe
     Raises
     ------
     InputError
-        There is no time, or there are several runs.
+        No channel has a value.
     """
     first = next(iter(parts.values())).table
-    if "time_s" not in first or first.run is not None:
-        raise InputError(path, "columns of several wheels without time, or with runs", expected="one run, with time_s")
+    notes = dict.fromkeys(line for part in parts.values() for line in part.notes)
+    if "time_s" not in first or first.run is not None or first.soil is not None:
+        said = dict.fromkeys(line for part in parts.values() for line in part.problems)
+        return WheelFile(_stacked({name: part.table for name, part in parts.items()}), tuple(said), tuple(notes))
     origin_s = float(np.min(first["time_s"]))
     every = {channel for own in mapped.wheels.values() for channel in own}
     shared = [channel for channel in first.columns if channel in COLUMNS and channel not in every]
@@ -53,9 +55,26 @@ def merged(parts: Mapping[str, WheelFile], mapped: ColumnMap, path: Path) -> Whe
     if table is None or table.wheel is None:
         raise InputError(path, "no wheel channel has a value", expected="columns of the wheels, with values")
     said = [*(line for part in parts.values() for line in part.problems), *problems]
-    notes = dict.fromkeys(line for part in parts.values() for line in part.notes)
     columns = {**table.columns, "time_s": table["time_s"] + origin_s}
-    return WheelFile(WheelTable(columns, table.wheel, None, path), tuple(dict.fromkeys(said)), tuple(notes))
+    names = dict.fromkeys(every, "") | {name: first.column_names.get(name, "") for name in shared}
+    whole = WheelTable(columns, table.wheel, None, path, column_names=names)
+    return WheelFile(whole, tuple(dict.fromkeys(said)), tuple(notes))
+
+
+def _stacked(tables: Mapping[str, WheelTable]) -> WheelTable:
+    """Put the rows of trials of all wheels below one another."""
+    names = dict.fromkeys(name for table in tables.values() for name in table.columns)
+    columns = {
+        name: np.concatenate([table.columns.get(name, np.full(len(table), np.nan)) for table in tables.values()])
+        for name in names
+    }
+    wheel = np.concatenate([np.full(len(table), name, dtype=object) for name, table in tables.items()])
+    first = next(iter(tables.values()))
+    run, soil = (
+        None if getattr(first, each) is None else np.concatenate([getattr(t, each) for t in tables.values()])
+        for each in ("run", "soil")
+    )
+    return WheelTable(columns, wheel, run, first.source, soil, dict.fromkeys(first.column_names, ""))
 
 
 def _channels(table: WheelTable, wheel: str | None, names: Iterable[str], origin_s: float) -> Iterator[WheelChannels]:

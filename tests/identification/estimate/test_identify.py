@@ -40,6 +40,7 @@ def test_an_unstated_change_of_soil_is_found_from_the_wheels(rng):
         assert abs(phi.value - soil.phi_rad) < 4.0 * phi.sd
         assert phi.sd < np.radians(2.0)
     assert codes(result.findings) == ["mixed_soils"]
+    assert result.overall is None
 
 
 @pytest.mark.parametrize(
@@ -190,6 +191,19 @@ def test_soils_that_differ_between_stretches_are_not_passed_off_as_one(rng):
     result = identify(recording(WheelTable(columns, None, None, sand.source)), soil=KNOWN)
     assert sum(segment.used for segment in result.segments) == 2
     assert codes(result.findings) == ["mixed_soils"]
+    assert result.overall is None
+
+
+def test_progress_names_the_stretch_and_the_stage(rng):
+    sand, gap, clay = drive(rng, stretch_s=6.0), drive(rng, stretch_s=6.0, speed=2.5), drive(rng, stretch_s=6.0)
+    columns = {name: np.concatenate([part[name] for part in (sand, gap, clay)]) for name in sand.columns}
+    columns["time_s"] = np.arange(180) / 10.0
+    said = []
+    identify(recording(WheelTable(columns, None, None, sand.source)), soil=KNOWN, progress=said.append)
+    assert {"stretch 1 of 2: looking for changes of soil", "stretch 2 of 2: computing intervals, part 1 of 1"} <= {
+        *said
+    }
+    assert said[-1] == "estimating one soil over all stretches"
 
 
 def test_the_linear_method_needs_torque_and_never_reports_negative_cohesion(rng):
