@@ -26,8 +26,8 @@ def grounds_of(
 ) -> tuple[tuple[Ground, ...], str]:
     """Find the grounds of a drive, and say what showed them.
 
-    Labels of the recording come first, then the map of a database that knows the track, then the senses, of which those
-    that know synthetic ground only count at synthetic sites only. A stretch whose class is not sure has none.
+    Labels of the recording come first, then the map of a database that knows the track, then the senses, by the models
+    of `find_models`. A stretch whose class is not sure has none.
 
     Parameters
     ----------
@@ -62,14 +62,12 @@ def grounds_of(
         return (), ""
     report = progress or (lambda _: None)
     report("recognising the ground")
-    models = find_models(None, database, senses=names)
-    classifiers = models.classifiers
-    if "synthetic" not in recording.site.lower():
-        classifiers = {name: each for name, each in classifiers.items() if name not in models.synthetic}
-    records = observe(recording, track, classifiers, CELL_SIZE_M)
+    models = find_models(None, database, synthetic=recording.synthetic, senses=names)
+    records = observe(recording, track, models.classifiers, CELL_SIZE_M)
     belief = believe(records, track, recording.vehicle, CELL_SIZE_M)
     grounds = stretches(classes_along(belief, track, recording.vehicle, CELL_SIZE_M))
-    return grounds, " and ".join(name for name in names if name in classifiers) if grounds else ""
+    used = (f"{name} ({models.cautions.get(name, models.notes[name])})" for name in models.classifiers)
+    return grounds, " and ".join(used) if grounds else ""
 
 
 def _labelled(labels: Labels, source: Path) -> tuple[Ground, ...]:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import bevameter
 import pytest
+from bevameter.framework.core.classifier.shipped import shipped_models
 
 ROOT = Path(__file__).resolve().parents[1]
 OUTSIDE_THE_PACKAGE = {"tests", "docs", "build", "dist", "demo"}
@@ -76,6 +77,15 @@ def test_the_wheel_holds_the_code_and_nothing_else(wheel_names):
     assert packed == code | templates | {"bevameter/py.typed"}
     assert "bevameter/database/migrations/versions/r0001_observations.py" in packed
     assert not [name for name in wheel_names if "test" in name.lower()]
+
+
+def test_the_wheel_brings_the_models_with_their_cards_and_examples(wheel_names):
+    folder = "bevameter/framework/core/trained"
+    brought = {name.removeprefix(f"{folder}/") for name in wheel_names if name.startswith(folder)}
+    listed = shipped_models()
+    assert brought == {"index.json"} | {
+        file for name, one in listed.items() for file in (f"{name}.skops", f"{name}.md", one.example)
+    }
 
 
 def test_the_wheel_brings_the_command(wheel_names, checkout):

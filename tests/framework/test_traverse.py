@@ -310,10 +310,12 @@ def test_soil_that_cannot_be_identified_is_reported(world, tmp_path, monkeypatch
 
 
 def test_models_of_synthetic_ground_are_warned_about(world, tmp_path):
-    models = Models(MODELS.classifiers, MODELS.origins, ("vision", "audio"))
+    said = {"vision": "vision-synthetic knows synthetic ground only"}
+    models = Models(MODELS.classifiers, MODELS.origins, ("vision", "audio"), {"audio": "which and why"}, said)
     summary = run_traverse(recording(), tmp_path / "t.db", models=models)
     assert summary.synthetic
-    assert "synthetic ground only" in summary.warnings[0]
+    assert summary.warnings[0] == said["vision"]
+    assert "which and why" in summary.notes
     assert summary.senses[0].synthetic_model
 
 

@@ -12,17 +12,16 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-
-from ...audio.augment import NOISES, sounding_power
-from ...audio.features import RATE_HZ, WINDOW_S, resample
-from ...audio.quality import NOISE_FREE_DB
-from ...vision.project import GroundPatches, ground_patches
-from ..core.recording.camera import decode_image
-from .contact_sound import VOICES, contact_sound, engine, motor_whine, wind
-from .ground import PAINTERS, paint_tile
-from .presets import PRESETS
-from .seeing import TARGET_LEVEL, jpeg
-from .view import GroundSite, View
+from bevameter.audio.augment import NOISES, sounding_power
+from bevameter.audio.features import RATE_HZ, WINDOW_S, resample
+from bevameter.audio.quality import NOISE_FREE_DB
+from bevameter.framework.core.recording.camera import decode_image
+from bevameter.framework.scenario.contact_sound import VOICES, contact_sound, engine, motor_whine, wind
+from bevameter.framework.scenario.ground import PAINTERS, paint_tile
+from bevameter.framework.scenario.presets import PRESETS
+from bevameter.framework.scenario.seeing import TARGET_LEVEL, jpeg
+from bevameter.framework.scenario.view import GroundSite, View
+from bevameter.vision.project import GroundPatches, ground_patches
 
 SAMPLE_CLASSES = tuple(sorted(PAINTERS))
 """Classes of the synthetic world."""
