@@ -8,7 +8,7 @@ its drive's whine, wind and engines. Only the sites, and how the camera is mount
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,10 +109,27 @@ def labelled_looks(
     progress
         Called with the share done, 0 to 1.
     """
+    tiles = (
+        (name, f"{name}-{index:03d}", paint_tile(name, rng, size=_TILE_PX.get(name, _USUAL_TILE_PX)))
+        for name, index in _sites(sites_per_class, progress)
+    )
+    return looks_at(tiles, rng)
+
+
+def looks_at(tiles: Iterable[tuple[str, str, np.ndarray]], rng: np.random.Generator) -> LookSamples:
+    """Make looks at ground that is paved with tiles.
+
+    Parameters
+    ----------
+    tiles
+        Class, group and picture (s, s, 3) of each, blue, green, red; `RESOLUTION_M` a pixel.
+    rng
+        Source of randomness.
+    """
     eyes = [_eye(rng) for _ in range(_EYES)]
     patches, labels, groups, blurred = [], [], [], []
-    for name, index in _sites(sites_per_class, progress):
-        site = GroundSite.make(paint_tile(name, rng, size=_TILE_PX.get(name, _USUAL_TILE_PX)), rng, None)
+    for name, group, tile in tiles:
+        site = GroundSite.make(tile, rng, None)
         level = TARGET_LEVEL
         for number in rng.integers(len(eyes), size=_FRAMES_PER_SITE):
             eye = eyes[number]
@@ -121,7 +138,7 @@ def labelled_looks(
             cut = eye.layout.cut(image)
             patches.append(cut)
             labels += [name] * len(cut)
-            groups += [f"{name}-{index:03d}"] * len(cut)
+            groups += [group] * len(cut)
             blurred.append(np.full(len(cut), travel_m > _SHARP * eye.layout.side_m))
     return LookSamples(np.concatenate(patches), labels, groups, np.concatenate(blurred))
 
