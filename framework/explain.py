@@ -85,7 +85,9 @@ def explain(
     answer = explain_wheel(
         opened, soil=soil, simulated=simulated, seed=seed, catalogue=catalogue, grounds=grounds, progress=progress
     )
-    if known_by:
+    if known_by and not grounds:
+        answer = replace(answer, notes=(known_by, *answer.notes))
+    elif known_by:
         names = list(dict.fromkeys(each.class_name or "not sure" for each in answer.grounds))
         answer = replace(answer, notes=(f"classes of ground: {', '.join(names)}, by {known_by}", *answer.notes))
     if opened.sound is None:

@@ -26,8 +26,10 @@ def grounds_of(
 ) -> tuple[tuple[Ground, ...], str]:
     """Find the grounds of a drive, and say what showed them.
 
-    Labels of the recording come first, then the map of a database that knows the track, then the senses, by the models
-    of `find_models`. A stretch whose class is not sure has none.
+    Labels of the recording come first, then the map of a database that knows the track, then the senses, by a user's
+    own models, and at synthetic sites by those of synthetic ground. Models of real ground that come with the package
+    are too often wrong: two grounds that they take for one would look like missing physics. A stretch whose class is
+    not sure has none.
 
     Parameters
     ----------
@@ -41,7 +43,7 @@ def grounds_of(
     Returns
     -------
     grounds, source
-        In order of time; empty, with an empty source, where nothing says what the ground was.
+        In order of time, and what showed them; no grounds, and why or nothing, where nothing says what the ground was.
     """
     wheel = recording.wheel
     if wheel is None or wheel.run is not None or "time_s" not in wheel:
@@ -63,11 +65,13 @@ def grounds_of(
     report = progress or (lambda _: None)
     report("recognising the ground")
     models = find_models(None, database, synthetic=recording.synthetic, senses=names)
-    records = observe(recording, track, models.classifiers, CELL_SIZE_M)
+    classifiers = {name: each for name, each in models.classifiers.items() if name not in models.cautions}
+    if not classifiers:
+        return (), f"{' and '.join(names)}: no model of your own, so grounds are not told apart by them"
+    records = observe(recording, track, classifiers, CELL_SIZE_M)
     belief = believe(records, track, recording.vehicle, CELL_SIZE_M)
     grounds = stretches(classes_along(belief, track, recording.vehicle, CELL_SIZE_M))
-    used = (f"{name} ({models.cautions.get(name, models.notes[name])})" for name in models.classifiers)
-    return grounds, " and ".join(used) if grounds else ""
+    return grounds, " and ".join(models.origins[name] for name in classifiers) if grounds else ""
 
 
 def _labelled(labels: Labels, source: Path) -> tuple[Ground, ...]:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from bevameter import InputError, TerrainDatabase, explain
 from bevameter.database.observations import Drive, TerrainObservations
+from bevameter.framework.core.classifier.shipped import shipped_model
 from bevameter.framework.core.evidence import ClassEvidence
+from bevameter.framework.core.recording.camera import read_camera
 from bevameter.framework.core.recording.types import Labels
 from bevameter.framework.explain import store
 from bevameter.framework.grounds import grounds_of
@@ -122,3 +125,14 @@ def test_labels_that_contradict_each_other_are_refused():
         replace(DRIVE, labels=Labels(times[0], np.array([10.0, 30.0]), ("sand", "unknown")))
     )
     assert (first.class_name, second.class_name) == ("sand", "")
+
+
+def test_models_of_real_ground_that_come_with_the_package_do_not_tell_grounds_apart(tmp_path):
+    shutil.copyfile(shipped_model("vision-real").example_file(), tmp_path / "0.png")
+    (tmp_path / "camera.csv").write_text("time_s,file\n0.0,0.png\n")
+    stream, _ = read_camera(tmp_path)
+    seen = replace(DRIVE, labels=None, site="pit", camera=stream)
+    grounds, why = grounds_of(seen)
+    assert grounds == ()
+    assert why == "vision: no model of your own, so grounds are not told apart by them"
+    assert grounds_of(replace(seen, site="synthetic pit"))[1] != why

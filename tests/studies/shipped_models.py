@@ -122,7 +122,7 @@ def vision_real(data: Path) -> Made:
         (others, looks, unknown),
         looks,
         f"balanced accuracy {scored(others.balanced)} on {others.what}, n = {others.n}",
-        f"{scored(looks.balanced)} on {looks.n} {looks.what}",
+        f"{scored(looks.balanced)} on looks of a moving camera (simulated), n = {looks.n}",
         (
             f"Ground of another class: {unknown.unknown:.0%} of {unknown.n} photographs of such were unknown, the "
             f"others were named as one of these classes with a mean probability of {unknown.said:.2f}.",
@@ -174,8 +174,8 @@ def audio_real(data: Path) -> Made:
         (others, wheels, noise),
         wheels,
         f"balanced accuracy {scored(others.balanced)} on {others.what}, n = {others.n}",
-        f"trained on footsteps: of {wheels.n} windows of simulated wheels it called {wheels.unknown:.0%} unknown and "
-        f"was right on {wheels.right:.0%} of the others, to which it gave a mean probability of {wheels.said:.2f}",
+        f"trained on footsteps, and of its answers to simulated wheels {wheels.right:.0%} are right, at a mean "
+        f"probability of {wheels.said:.2f}",
         (
             "The sound of wheels or tracks: no free recording of a wheel on labelled ground was found, to train on or "
             f"to measure with. On simulated wheels {wheels.right:.0%} of the answers were right.",
