@@ -17,6 +17,7 @@ from bevameter.framework.core.classifier.shipped import shipped_models
 
 ROOT = Path(__file__).resolve().parents[1]
 OUTSIDE_THE_PACKAGE = {"tests", "docs", "build", "dist", "demo"}
+TRAINED = "bevameter/framework/core/trained/"
 HEAVY = (
     "numpy", "scipy", "pandas", "pyarrow", "cv2", "librosa", "soundfile", "sklearn", "skops", "numba", "matplotlib",
     "sqlalchemy", "alembic", "pydantic", "pint", "rosbags", "mcap", "rich",
@@ -70,7 +71,7 @@ def test_every_folder_with_code_is_listed():
 def test_the_wheel_holds_the_code_and_nothing_else(wheel_names):
     code = {Path("bevameter", *folder.parts, file.name).as_posix() for folder in code_folders(ROOT)
             for file in (ROOT / folder).glob("*.py")}  # fmt: skip
-    packed = {name for name in wheel_names if ".dist-info/" not in name}
+    packed = {name for name in wheel_names if ".dist-info/" not in name and not name.startswith(TRAINED)}
     templates = {f"bevameter/framework/core/vehicles/{file.name}"
                  for file in (ROOT / "framework" / "core" / "vehicles").glob("*.toml")}  # fmt: skip
     assert len(templates) > 4
@@ -80,12 +81,10 @@ def test_the_wheel_holds_the_code_and_nothing_else(wheel_names):
 
 
 def test_the_wheel_brings_the_models_with_their_cards_and_examples(wheel_names):
-    folder = "bevameter/framework/core/trained"
-    brought = {name.removeprefix(f"{folder}/") for name in wheel_names if name.startswith(folder)}
-    listed = shipped_models()
-    assert brought == {"index.json"} | {
-        file for name, one in listed.items() for file in (f"{name}.skops", f"{name}.md", one.example)
-    }
+    brought = {name.removeprefix(TRAINED) for name in wheel_names if name.startswith(TRAINED)}
+    models = shipped_models().values()
+    files = {file for one in models for file in (one.file.name, f"{one.name}.md", one.example)}
+    assert brought == files | {"index.json"}
 
 
 def test_the_wheel_brings_the_command(wheel_names, checkout):
