@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
 import shipped_models
+from bevameter.framework.core.classifier import shipped
 from bevameter.framework.core.classifier.classifier import TerrainClassifier
 from bevameter.framework.core.classifier.shipped import shipped_model
 
@@ -25,6 +27,14 @@ def made_again(name, tmp_path, *arguments):
     np.testing.assert_array_equal(one.unknown, other.unknown)
     listed = shipped_model(name)
     assert (entry["measured"], entry["limits"], entry["default"]) == (listed.measured, listed.limits, listed.default)
+
+
+def test_the_documentation_gives_the_figures_of_the_training():
+    text = (shipped_models.ROOT / "docs" / "models.md").read_text(encoding="utf-8")
+    for one in shipped.shipped_models().values():
+        score = re.search(r"0\.\d{3} \(.*?\)", one.measured)
+        assert score is not None
+        assert score.group() in text
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from functools import cache
 from pathlib import Path
 from typing import Literal
@@ -106,7 +107,7 @@ def shipped_model(name: str) -> ShippedModel:
 
 def named(model: str | Path) -> ShippedModel | None:
     """Give the model of that name; None where it is the path of a file or folder, or of neither."""
-    return None if Path(model).exists() else shipped_models().get(str(model))
+    return None if os.path.exists(model) else shipped_models().get(str(model))
 
 
 def load_model(model: str | Path, sense: str) -> TerrainClassifier:
