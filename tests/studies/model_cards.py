@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -10,7 +10,9 @@ from pathlib import Path
 
 import numpy as np
 from bevameter.framework.core.classifier.classifier import TerrainClassifier
+from bevameter.framework.core.classifier.labelled import LabelledFile
 from bevameter.framework.core.classifier.scores import accuracy_intervals, confusion_by_unit
+from bevameter.framework.senses import sense_named
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,17 @@ class Made:
     limits: str
     never: tuple[str, ...]
     example: Callable[[Path], Path]
+
+
+def classified(sense: str, model: TerrainClassifier, items: Iterable[LabelledFile], what: str) -> Measured:
+    """Measure answers to labelled files."""
+    rows, truth, groups = [], [], []
+    for item in items:
+        found = sense_named(sense).classify([item.file], model)
+        rows += found
+        truth += [item.class_name] * len(found)
+        groups += [item.group] * len(found)
+    return Measured.of(what, rows, truth, groups)
 
 
 def scored(score: dict) -> str:

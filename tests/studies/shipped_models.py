@@ -16,7 +16,7 @@ import hashlib
 import json
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -31,11 +31,13 @@ from bevameter.framework.core.classifier.classifier import TerrainClassifier, Tr
 from bevameter.framework.core.classifier.labelled import LabelledFile, read_labelled
 from bevameter.framework.core.recording.camera import read_image
 from bevameter.framework.core.recording.vibration import read_vibration_run
+from bevameter.framework.fusion import fuse
+from bevameter.framework.sense_map import SenseMap
 from bevameter.framework.senses import sense_named
 from bevameter.vision.classify import patch_evidence
 from bevameter.vision.measures import measures_of
 from bevameter.vision.train import train_vision_patches
-from model_cards import Made, Measured, card, scored
+from model_cards import Made, Measured, card, classified, scored
 from scipy.signal import iirpeak, lfilter
 from sklearn.model_selection import StratifiedGroupKFold
 from synthetic_samples import labelled_looks, labelled_sounds, looks_at
@@ -51,17 +53,6 @@ FREE = ("CC0", "CC0-1.0")
 VIBRATION_CLASSES = {"ASPHALT": "asphalt", "FLOORING": "floor", "ICE": "ice", "SANDY_LOAM": "soil", "SNOW": "snow"}
 SOUND_CLASSES = {"dirt": "soil"}
 """Names that the senses share, so that their evidence can be fused."""
-
-
-def classified(sense: str, model: TerrainClassifier, items: Iterable[LabelledFile], what: str) -> Measured:
-    """Measure answers to labelled files."""
-    rows, truth, groups = [], [], []
-    for item in items:
-        found = sense_named(sense).classify([item.file], model)
-        rows += found
-        truth += [item.class_name] * len(found)
-        groups += [item.group] * len(found)
-    return Measured.of(what, rows, truth, groups)
 
 
 def trained(sense: str, items: Sequence[LabelledFile], notes: Sequence[str] = ()) -> TerrainClassifier:
@@ -89,7 +80,7 @@ def vision_real(data: Path) -> Made:
     left_out = Counter(str(item.extra["licence"]) for item in labelled if item.extra["licence"] not in FREE)
     notes += [f"Left out for their licence, {licence}: {count} photographs." for licence, count in left_out.items()]
     model = trained("vision", items, notes)
-    known, strange, seen = [], [], []
+    known, strange, seen, fused = [], [], [], []
     rng = np.random.default_rng(REAL_SEED)
     sources = Counter(str(item.extra["source"]) for item in items)
     parts: list[tuple[TerrainClassifier, list[LabelledFile]]] = []
@@ -103,12 +94,15 @@ def vision_real(data: Path) -> Made:
         for item in test:
             (row,) = sense_named("vision").classify([item.file], other)
             (known if item.class_name in other.classes else strange).append((row, item.class_name, item.group))
-        seen += looked_at([item for item in test if item.class_name in other.classes], other, rng)
-    others, looks, unknown = (
+        looks, cells = looked_at([item for item in test if item.class_name in other.classes], other, rng)
+        seen += looks
+        fused += cells
+    others, looks, cells, unknown = (
         Measured.of(what, *zip(*rows, strict=True))
         for what, rows in (
             ("photographs of a source not trained on", known),
             ("looks of a moving camera (simulated) at ground paved with these", seen),
+            ("the same, all looks at a photograph fused as those at a cell are", fused),
             ("photographs of a source and a class not trained on", strange),
         )
     )
@@ -119,10 +113,11 @@ def vision_real(data: Path) -> Made:
             f"- {count} photographs of github.com/{name}, commit {commits[name]}, CC0"
             for name, count in sources.most_common()
         ),
-        (others, looks, unknown),
-        looks,
+        (others, looks, cells, unknown),
+        cells,
         f"balanced accuracy {scored(others.balanced)} on {others.what}, n = {others.n}",
-        f"{scored(looks.balanced)} on looks of a moving camera (simulated), n = {looks.n}",
+        f"{scored(cells.balanced)} on cells of ground paved with these, seen by a moving camera (simulated), "
+        f"n = {cells.n}",
         (
             f"Ground of another class: {unknown.unknown:.0%} of {unknown.n} photographs of such were unknown, the "
             f"others were named as one of these classes with a mean probability of {unknown.said:.2f}.",
@@ -136,8 +131,11 @@ def vision_real(data: Path) -> Made:
 
 def looked_at(
     items: Sequence[LabelledFile], model: TerrainClassifier, rng: np.random.Generator
-) -> list[tuple[dict, str, str]]:
-    """Have a camera that drives over ground paved with photographs look at it: answers, classes and groups."""
+) -> tuple[list[tuple[dict, str, str]], list[tuple[dict, str, str]]]:
+    """Have a camera that drives over ground paved with photographs look at it: answers, classes and groups.
+
+    Those of single looks; and those of photographs, of which all looks are fused as those at a cell are in a run.
+    """
 
     def tile(item: LabelledFile) -> np.ndarray:
         image = read_image(item.file)
@@ -146,8 +144,16 @@ def looked_at(
         return np.asarray(cv2.resize(image[:side, :side], (TILE_PX, TILE_PX), interpolation=how))
 
     looks = looks_at(((item.class_name, item.group, tile(item)) for item in items), rng)
-    rows = patch_evidence(model, measures_of(model), looks.patches).as_rows("")
-    return list(zip(rows, looks.labels, looks.groups, strict=True))
+    evidence = patch_evidence(model, measures_of(model), looks.patches)
+    groups, first, number = np.unique(looks.groups, return_index=True, return_inverse=True)
+    seen = SenseMap("camera")
+    seen.add(np.column_stack([number, np.zeros_like(number)]), evidence, np.arange(float(len(number))))
+    belief = fuse([seen])
+    truths = np.asarray(looks.labels)[first[belief.cells[:, 0]]]
+    return (
+        list(zip(evidence.as_rows(""), looks.labels, looks.groups, strict=True)),
+        list(zip(belief.as_rows(""), truths, groups[belief.cells[:, 0]], strict=True)),
+    )
 
 
 def audio_real(data: Path) -> Made:
