@@ -191,8 +191,8 @@ def check_shipped(model: ShippedModel) -> TerrainClassifier:
     Raises
     ------
     InputError
-        A file is missing or is not the one that was made; or the answer is another one than at training, as where a
-        library of this machine makes other features.
+        A file is missing or is not the one that was made, its card included; or the answer is another one than at
+        training, as where a library of this machine makes other features.
     """
     classifier = model.load()
     rows = sense_named(model.sense).classify([model.example_file()], classifier)
@@ -204,4 +204,6 @@ def check_shipped(model: ShippedModel) -> TerrainClassifier:
     )
     if not agree:
         raise InputError(model.file, f"another answer to {model.example} than at training", expected="the same answer")
+    if model.version not in model.card:
+        raise InputError(model.file.with_suffix(".md"), "the card of another version", expected=model.version)
     return classifier

@@ -259,17 +259,17 @@ def _models(database: str | Path | None) -> Iterator[Check]:
     for sense in senses():
         if isinstance(path := own.get(sense.name), Path):
             yield _model(path, sense.name)
+    for path in sorted(unread):
+        problem = "there is no sense of this name: no run uses it"
+        yield Check(
+            "model", str(path), "not read", "", problem, f"call it {' or '.join(f'{s.name}.skops' for s in senses())}"
+        )
     try:
         shipped = shipped_models()
     except InputError as error:
         yield Check("model", "those of the package", "not read", "", str(error), REINSTALL)
         return
     yield from map(check_of_shipped, shipped.values())
-    for path in sorted(unread):
-        problem = "there is no sense of this name: no run uses it"
-        yield Check(
-            "model", str(path), "not read", "", problem, f"call it {' or '.join(f'{s.name}.skops' for s in senses())}"
-        )
 
 
 def _model(path: Path, sense: str) -> Check:

@@ -107,7 +107,7 @@ def card(name: str, made: Made, default: bool, seed: int) -> str:
     )
     elsewhere = (
         f"""
-## On what it was not made for
+## On what it was not trained on
 
 "Unknown" counts as wrong in the balanced accuracy. The last columns are of the other answers.
 

@@ -237,16 +237,17 @@ def vibration_real(data: Path) -> Made:
             ("the same as another mounting might show them (simulated)", other),
         )
     )
+    fastest = f"{max(float(str(item.extra['max_abs_vel'])) for item in items):.2f} m/s"
     groups_score = model.report["by_group"]
     return Made(
         model,
-        f"- {len(items)} runs of a Clearpath Husky A200 (inertial sensor, wheel current and speed; up to 0.79 m/s), "
+        f"- {len(items)} runs of a Clearpath Husky A200 (inertial sensor, wheel current and speed; up to {fastest}), "
         "BorealTC, github.com/norlab-ulaval/BorealTC commit fe64e386, CC0 1.0",
         (alone, mounted),
         None,
         f"balanced accuracy {scored(groups_score['balanced_accuracy'])} on runs of the same vehicle not trained on, "
         f"n = {groups_score['n']}",
-        "trained on one vehicle at up to 0.79 m/s, and never tried on another",
+        f"trained on one vehicle at up to {fastest}, and never tried on another",
         (
             "Another vehicle, load, tyre, speed or sensor: no recording of one was at hand. Of windows as other "
             "mountings of the sensor might show them (simulated: gain, axes, resonance) "
