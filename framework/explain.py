@@ -80,7 +80,7 @@ def explain(
     seed, report = whole("seed", seed), progress or (lambda _: None)
     report("reading the recording")
     recorded = open_recording(recording, vehicle)
-    grounds, known_by = grounds_of(recorded, database, progress)
+    grounds, known_by = grounds_of(recorded, database, progress, doubtful=on is not None)
     opened = part_of(recorded, from_s=from_s, to_s=to_s, on=on, wheels=wheels, grounds=grounds)
     answer = explain_wheel(
         opened, soil=soil, simulated=simulated, seed=seed, catalogue=catalogue, grounds=grounds, progress=progress
