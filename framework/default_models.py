@@ -8,7 +8,7 @@ names it.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -179,6 +179,12 @@ def models_of(database: str | Path | None) -> Path | None:
         text = str(url.database)
     path = Path(text)
     return path.with_name(f"{path.stem}.models")
+
+
+def of_real_ground(versions: Iterable[str]) -> tuple[str, ...]:
+    """Name the package's own models of real ground among some versions: their classes are often wrong."""
+    used = set(versions)
+    return tuple(one.name for one in shipped_models().values() if one.ground == "real" and one.version in used)
 
 
 ANSWER_TOLERANCE = 0.01

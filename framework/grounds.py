@@ -10,13 +10,12 @@ import numpy as np
 from ..database.drive_rows import drive_rows
 from ..database.store import TerrainDatabase
 from .core.class_names import check_class_names
-from .core.classifier.shipped import shipped_models
 from .core.errors import InputError
 from .core.evidence import UNKNOWN
 from .core.recording.types import Labels, Recording
 from .core.track.grounds import Ground
 from .core.track.way import RECORDED, Track, track_of
-from .default_models import find_models
+from .default_models import find_models, of_real_ground
 from .placement import place_as_stored
 from .segments import CELL_SIZE_M, LEAST_KNOWN_SHARE, ClassTrack, believe, class_track, classes_along, stretches
 from .sense_map import observe
@@ -116,12 +115,8 @@ def _on_map(recording: Recording, track: Track, database: str | Path | None) -> 
             return None, ""
         snapshot = store.snapshot(recording.site)
         with store.reading() as connection:
-            used = {
-                version
-                for row in drive_rows(connection, recording.site, newest=True)
-                for version in row.models.values()
-            }
-    doubts = (one.name for one in shipped_models().values() if one.ground == "real" and one.version in used)
+            rows = drive_rows(connection, recording.site, newest=True)
+    doubts = of_real_ground(version for row in rows for version in row.models.values())
     track = track_of(recording) or track
     times = track.every(CELL_SIZE_M)
     x_m, y_m, _ = track.place_at(0.5 * (times[1:] + times[:-1]))

@@ -21,7 +21,7 @@ from .core.origin import Offset, Origin
 from .core.recording.types import Recording
 from .core.track.way import DEAD_RECKONING, Track, track_of
 from .core.vehicle import Vehicle
-from .default_models import Models, ModelsGiven, find_models
+from .default_models import Models, ModelsGiven, find_models, of_real_ground
 from .fusion import Belief
 from .known_physics import KnownPhysics
 from .placement import Claim, Frames, Placement, moved, placement_of
@@ -175,7 +175,7 @@ def process(
     check_storable(drive)
     seconds = time.monotonic() - began
     summary = TraverseSummary(
-        **_with_mismatch(about, soil),
+        **_with_mismatch(about, soil, drive),
         known=False,
         cells=count_cells(belief),
         track_m=along.metres() if along else {},
@@ -263,8 +263,11 @@ def _about(
     }
 
 
-def _with_mismatch(about: Mapping[str, Any], soil: SoilAlong) -> Mapping[str, Any]:
-    """Add a warning where the simulation does not agree with the wheels, with the command that says why."""
+def _with_mismatch(about: Mapping[str, Any], soil: SoilAlong, drive: Drive) -> Mapping[str, Any]:
+    """Add a warning where the simulation does not agree with the wheels, with the command that says why.
+
+    It stores what it finds by class, unless the classes are too doubtful for that (`grounds.grounds_of`).
+    """
     classes = {
         each.class_name or "ground of no class"
         for each in soil.learnt
@@ -272,9 +275,10 @@ def _with_mismatch(about: Mapping[str, Any], soil: SoilAlong) -> Mapping[str, An
     }
     if not classes:
         return about
+    by_class = "" if of_real_ground(drive.models.values()) else f" --db {shlex.quote(about['database'])}"
     text = (
         f"the simulation lacks something on {', '.join(sorted(classes))}: "
-        f"`bevameter explain {shlex.quote(about['source'])} --db {shlex.quote(about['database'])}` says what"
+        f"`bevameter explain {shlex.quote(about['source'])}{by_class}` says what"
     )
     return {**about, "warnings": (*about["warnings"], text)}
 
@@ -283,7 +287,7 @@ def _recalled_summary(stored: Drive, added: Added, processed: Processed, seconds
     """Sum up a drive from what the database holds of it; how the senses did on the way is not kept there."""
     soil = recall_soil(stored.soils)
     return TraverseSummary(
-        **_with_mismatch(processed.about, soil),
+        **_with_mismatch(processed.about, soil, stored),
         known=True,
         cells=count_cells(stored.terrain.evidence),
         track_m={},
