@@ -1,6 +1,7 @@
 # make demo : the main job on a synthetic traverse, a few queries, a picture of the map, what the simulation lacks, all in demo/
 # make test : the tests; make slow : those marked slow, on real recordings (../shared/data)
-# Both make their own virtual environment in .venv and install there; a second call installs only what changed.
+# make models : train the models that come with the package anew, from the recordings in ../shared/data (four minutes)
+# All make their own virtual environment in .venv and install there; a second call installs only what changed.
 # PYTHON=python3.12 takes another Python, VENV=folder another environment.
 
 PYTHON ?= python3
@@ -8,10 +9,10 @@ VENV ?= .venv
 WORKERS ?= auto
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check -q
-CODE := $(shell find __init__.py framework vision audio identification database -name '*.py')
+CODE := $(shell find __init__.py framework vision audio identification database -name '*.py') $(wildcard framework/core/trained/*)
 ABOUT := pyproject.toml requirements.lock
 
-.PHONY: demo test slow benchmark lint clean
+.PHONY: demo test slow benchmark models lint clean
 .DEFAULT_GOAL := demo
 
 demo: $(VENV)/.installed
@@ -42,6 +43,10 @@ slow: $(VENV)/.installed-for-tests
 benchmark: $(VENV)/.installed-for-tests
 	@echo "==> benchmarks, which want a quiet machine"
 	@$(BIN)/python -P -m pytest tests/benchmarks -m "" --benchmark-only
+
+models: $(VENV)/.installed
+	@echo "==> the models that come with the package: framework/core/trained"
+	@OMP_NUM_THREADS=1 $(BIN)/python tests/studies/shipped_models.py
 
 lint: $(VENV)/.installed-for-tests
 	@echo "==> ruff, pyright, import-linter"

@@ -18,7 +18,7 @@ from .core.errors import BevameterError, InputError
 from .core.origin import Offset, Origin
 from .core.recording.types import Recording
 from .core.vehicle import Vehicle
-from .default_models import Models, at_hand, find_models
+from .default_models import Models, ModelsGiven, find_models
 from .placement import Claim, Frames, Placement
 from .segments import CELL_SIZE_M
 from .sense_map import Progress
@@ -68,7 +68,7 @@ def run_traverses(
     *,
     vehicle: Vehicle | str | Path | None = None,
     topics: str | Path | None = None,
-    models: Models | str | Path | None = None,
+    models: Models | ModelsGiven = None,
     cell_size_m: float = CELL_SIZE_M,
     site: str | None = None,
     origin: Origin | None = None,
@@ -94,8 +94,7 @@ def run_traverses(
     vehicle, topics
         For all of them, instead of their own: the vehicle, or its TOML file; and the topic map of bags.
     models
-        The classifiers, or the folder that holds them, as in `run_traverse`. Other processes are sent those that this
-        one finds.
+        The classifiers, or where they are, as in `run_traverse`. Other processes are sent those that this one finds.
     cell_size_m
         Edge of a ground cell [m].
     site, origin, offset
@@ -129,7 +128,7 @@ def run_traverses(
         database, vehicle=vehicle, topics=topics, cell_size_m=cell_size_m, site=site, origin=origin, offset=offset,
         several=len(given) > 1,
     )  # fmt: skip
-    found = FoundModels(models, url_of(database), report)
+    found = FoundModels.find(models, url_of(database))
     if client is not None:
         given = [each.absolute() for each in given if isinstance(each, Path)]  # workers have other working folders
         if conditions.topics is not None:
@@ -170,63 +169,28 @@ def _checked(
     return given
 
 
+@dataclass(frozen=True)
 class FoundModels:
-    """The models of a run over several recordings, each looked for once.
+    """The models of a run over several recordings, as they are sent to other processes.
 
-    Those that are there are read at the beginning; one that is to be trained is when a recording first needs it.
+    Parameters
+    ----------
+    by_world
+        Those of recordings that call themselves synthetic (True), and of others (False).
     """
 
-    def __init__(self, models: Models | str | Path | None, database: str | Path, progress: Progress):
-        given = models if isinstance(models, Models) else None
-        self._folder = None if isinstance(models, Models) else models
-        self._database, self._progress = database, progress
-        self.ready = ReadyModels(given, {})
-        if given is None:
-            self.look_for(at_hand(self._folder, database))
+    by_world: Mapping[bool, Models]
 
-    def look_for(self, senses: Sequence[str]) -> bool:
-        """Find the models of senses, or train them; False where all of them were looked for before.
+    @staticmethod
+    def find(models: Models | ModelsGiven, database: str | Path) -> FoundModels:
+        """Find those of all senses; raises `InputError` where one cannot be read."""
+        if isinstance(models, Models):
+            return FoundModels({True: models, False: models})
+        return FoundModels({world: find_models(models, database, synthetic=world) for world in (True, False)})
 
-        Raises
-        ------
-        InputError
-            A model is damaged, or one that was trained cannot be kept.
-        """
-        missing = [sense for sense in senses if sense not in self.ready.by_sense]
-        if missing:
-            found = {
-                each: find_models(self._folder, self._database, senses=(each,), progress=self._progress)
-                for each in missing
-            }
-            self.ready = ReadyModels(None, {**self.ready.by_sense, **found})
-        return bool(missing)
-
-    def of(self, senses: Sequence[str]) -> Models:
+    def of(self, senses: Sequence[str], synthetic: bool) -> Models:
         """Give the models of a recording's senses."""
-        if self.ready.given is None:
-            self.look_for(senses)
-        return self.ready.of(senses)
-
-
-@dataclass(frozen=True)
-class ReadyModels:
-    """Models as they are sent to other processes: those that a user gave, or those that were found by sense."""
-
-    given: Models | None
-    by_sense: Mapping[str, Models]
-
-    def of(self, senses: Sequence[str]) -> Models:
-        """Give the models of a recording's senses; raises `_Lacking` where one of them was not looked for yet."""
-        if self.given is not None:
-            return self.given
-        missing = tuple(sense for sense in senses if sense not in self.by_sense)
-        if missing:
-            raise _Lacking(missing)
-        return Models.joined([self.by_sense[sense] for sense in senses])
-
-
-class _Lacking(Exception):
-    """Models of the senses (`args`) were not looked for yet."""
+        return self.by_world[synthetic].of(senses)
 
 
 class _Open(Exception):
@@ -271,7 +235,7 @@ def _by_workers(
     unread, frames = set(range(len(given))), Frames(conditions.frames)
     begun = following = 0
     with started as workers:
-        sent = workers.shared((conditions, found.ready))
+        sent = workers.shared((conditions, found))
 
         def send(number: int) -> None:
             pending[workers.submit(_attempt, given[number], sent, placements.get(number))] = number
@@ -285,11 +249,6 @@ def _by_workers(
             for future in done:
                 number = pending.pop(future)
                 result = _result(future, given[number])
-                if isinstance(result, _Lacking):
-                    if found.look_for(result.args[0]):
-                        sent = workers.shared((conditions, found.ready))
-                    send(number)
-                    continue
                 unread.discard(number)
                 if isinstance(result, _Open):
                     claims[number] = result.args[0]
@@ -305,7 +264,7 @@ def _by_workers(
                 following += 1
 
 
-def _result(future: Future[Any], recording: Recording | Path) -> Processed | FailedRecording | _Lacking | _Open:
+def _result(future: Future[Any], recording: Recording | Path) -> Processed | FailedRecording | _Open:
     """Give what a worker returned; where it was lost, the recording has failed."""
     try:
         return future.result()
@@ -319,8 +278,8 @@ def _result(future: Future[Any], recording: Recording | Path) -> Processed | Fai
 
 
 def _attempt(
-    recording: Path, sent: tuple[Conditions, ReadyModels], placement: Placement | None
-) -> Processed | FailedRecording | _Lacking | _Open:
+    recording: Path, sent: tuple[Conditions, FoundModels], placement: Placement | None
+) -> Processed | FailedRecording | _Open:
     """Process a recording, in another process; an error is returned as text, which any process can read."""
     conditions, models = sent
 
@@ -332,8 +291,8 @@ def _attempt(
 
     try:
         return process(recording, conditions, models.of, placed)
-    except (_Lacking, _Open) as lacking:
-        return lacking
+    except _Open as claim:
+        return claim
     except Exception as error:
         return _failed(recording, error)
 

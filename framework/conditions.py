@@ -99,11 +99,13 @@ class Conditions:
         )  # fmt: skip
 
     def read(self, recording: Recording | str | Path) -> Recording:
-        """Read a recording, and give it what is stated instead of its own; raises `InputError` where it cannot be."""
+        """Read a recording; raises `InputError` where it cannot be read."""
         if not isinstance(recording, Recording):
-            recording = read_recording(recording, vehicle=self.vehicle, topics=self.topics)
-        elif self.vehicle is not None:
-            recording = replace(recording, vehicle=self.vehicle)
+            return read_recording(recording, vehicle=self.vehicle, topics=self.topics)
+        return recording if self.vehicle is None else replace(recording, vehicle=self.vehicle)
+
+    def stated(self, recording: Recording) -> Recording:
+        """Give a recording the frame that is stated instead of its own; raises `InputError` where it cannot be."""
         if self.site is not None:
             moved = None if self.site.strip() != recording.site else recording.offset  # it was stated for that site
             recording = replace(recording, site=self.site.strip(), offset=moved)

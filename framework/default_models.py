@@ -1,135 +1,164 @@
-"""The models a run uses: those that a user trained, or small ones trained here on synthetic ground.
+"""Which models a recording is recognised by, and why: those of the user, else those that come with the package.
 
-The default models are trained the first time they are needed, on samples of the package's own synthetic world, and
-cached. They know synthetic ground only, of which each run warns.
+On recordings that call themselves synthetic the package's models of synthetic ground are taken; on others those of real
+ground, as far as they are defaults: a model that may be confidently wrong on another vehicle is taken only where a user
+names it.
 """
 
 from __future__ import annotations
 
-import hashlib
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import cache
-from importlib.metadata import version
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-import platformdirs
 from sqlalchemy.engine import make_url
 from sqlalchemy.exc import ArgumentError
 
 from .core.arguments import path_of
 from .core.classifier.classifier import TerrainClassifier
-from .core.classifier.store import FORMAT_VERSION
+from .core.classifier.shipped import ShippedModel, named, shipped_models
 from .core.errors import InputError
+from .senses import Sense, sense_named
 from .senses import senses as all_senses
 
-CACHE_VARIABLE = "BEVAMETER_CACHE"
-"""Environment variable that names another folder for the cache."""
-
-SYNTHETIC_WARNING = (
-    "models of {senses} know synthetic ground only: on real ground their classes mean nothing; "
-    "make your own with `bevameter train`, and give them with --models"
-)
-
-_SEED = 20021
-_SITES_PER_CLASS = 24
-_CANDIDATES = ("logistic",)
-"""On synthetic sites of its own it beats trees and kernels, whose training would make the first run wait."""
+ModelsGiven = str | Path | Sequence[str | Path] | None
+"""What a user gives as models: a folder that holds them, the name of one that comes with the package, or several."""
 
 
 @dataclass(frozen=True)
 class Models:
-    """The classifiers of a run, and where each is from.
+    """The classifiers of a run, where each is from, and why it is taken.
 
     Parameters
     ----------
     classifiers
         By name of the sense: ``"vision"``, ``"audio"`` ...
     origins
-        By sense: the file that a model was read from.
+        By sense: the file that a model was read from, or its name where it came with the package.
     synthetic
         Senses whose model knows synthetic ground only.
+    notes
+        By sense: which model is taken and why, or why none is.
+    cautions
+        By sense: what to mind in using what its model says.
     """
 
     classifiers: dict[str, TerrainClassifier]
     origins: dict[str, str]
-    synthetic: tuple[str, ...]
+    synthetic: tuple[str, ...] = ()
+    notes: dict[str, str] = field(default_factory=dict)
+    cautions: dict[str, str] = field(default_factory=dict)
 
-    @staticmethod
-    def joined(parts: Sequence[Models]) -> Models:
-        """Put models of several senses together."""
+    def of(self, senses: Sequence[str]) -> Models:
+        """Give those of some senses."""
         return Models(
-            {name: each for part in parts for name, each in part.classifiers.items()},
-            {name: each for part in parts for name, each in part.origins.items()},
-            tuple(sense for part in parts for sense in part.synthetic),
+            {name: each for name, each in self.classifiers.items() if name in senses},
+            {name: each for name, each in self.origins.items() if name in senses},
+            tuple(name for name in self.synthetic if name in senses),
+            {name: each for name, each in self.notes.items() if name in senses},
+            {name: each for name, each in self.cautions.items() if name in senses},
         )
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Warnings to the user."""
-        return (SYNTHETIC_WARNING.format(senses=" and ".join(self.synthetic)),) if self.synthetic else ()
 
 
 def find_models(
-    folder: str | Path | None = None,
+    given: ModelsGiven = None,
     database: str | Path | None = None,
     *,
-    senses: Sequence[str] = ("audio", "vision"),
-    progress: Callable[[str, float], None] | None = None,
+    synthetic: bool = False,
+    senses: Sequence[str] | None = None,
 ) -> Models:
     """Find the model of each sense.
 
-    Looked for in `folder` if given; else next to the database, in ``terrain.models`` for ``terrain.db``; a sense that
-    has no ``vision.skops``, say, there gets the default model, trained now if it is not in the cache, or none where it
-    is a sense that the synthetic world has nothing for.
+    Those that are given come first, of a folder ``vision.skops``, say; where nothing is given, those next to the
+    database, in ``terrain.models`` for ``terrain.db``. A sense that has none there gets the package's own of synthetic
+    or of real ground, if that is a default.
 
     Parameters
     ----------
-    folder
-        Where a user put models. Then at least one must be there.
+    given
+        Folders where a user put models, each holding at least one, and names of models that come with the package. Of
+        two of one sense the later counts.
     database
         Path or SQLAlchemy URL of the terrain database.
+    synthetic
+        Whether the recording calls itself synthetic (`Recording.synthetic`).
     senses
-        Names of those that are needed: no model is trained for nothing.
-    progress
-        Called with the name of a model in training and the share of it that is done, in [0, 1].
+        Names of those that are needed; all by default.
 
     Raises
     ------
     InputError
-        `folder` is missing or holds no model; a model there is damaged or of another sense.
+        A folder is missing or holds no model; a model is damaged or of another sense.
     """
-    found = own_models(folder, database)
-    own = [sense for sense in senses if sense in found]
-    synthetic = tuple(sense for sense in senses if sense not in found and sense in TRAINERS)
-    # A damaged model is found out before others are trained.
-    classifiers = {sense: TerrainClassifier.load(found[sense], modality=sense) for sense in own}
-    classifiers |= {sense: default_model(sense, progress=progress) for sense in synthetic}
-    origins = {sense: str(found[sense]) for sense in own} | {sense: str(cached_path(sense)) for sense in synthetic}
-    return Models(classifiers, origins, synthetic)
+    own, found = own_models(given, database), Models({}, {})
+    folder = models_of(database) or Path("MODELS")
+    for sense in all_senses() if senses is None else map(sense_named, senses):
+        name, model = sense.name, own.get(sense.name)
+        if isinstance(model, Path):
+            found.classifiers[name] = TerrainClassifier.load(model, modality=name)
+            found.origins[name] = str(model)
+            found.notes[name] = f"{sense.instrument}: {model}, a model of your own"
+            continue
+        shipped = model or shipped_models().get(f"{name}-{'synthetic' if synthetic else 'real'}")
+        if shipped is None:
+            continue
+        found.notes[name] = f"{sense.instrument}: {_reason(shipped, model is not None, synthetic)}"
+        if model is None and not shipped.default:
+            continue
+        found.classifiers[name] = shipped.load()
+        found.origins[name] = shipped.name
+        if not synthetic:
+            found.cautions[name] = _caution(shipped, sense, folder)
+    known = shipped_models()
+    of_synthetic = (n for n, each in found.origins.items() if each in known and known[each].ground == "synthetic")
+    return Models(found.classifiers, found.origins, tuple(of_synthetic), found.notes, found.cautions)
 
 
-def at_hand(folder: str | Path | None, database: str | Path | None) -> tuple[str, ...]:
-    """Name the senses whose model `find_models` need not train; raises `InputError` as it does."""
-    found = own_models(folder, database)
-    return tuple(
-        sense.name
-        for sense in all_senses()
-        if sense.name in found or (sense.name in TRAINERS and cached_path(sense.name).is_file())
-    )
+def _reason(model: ShippedModel, is_named: bool, synthetic: bool) -> str:
+    """Say why a model that comes with the package is taken, or why not."""
+    if is_named:
+        return f"{model.name}, as it was named"
+    if not model.default:
+        return f"no model of your own, and {model.name} is not taken by itself: {model.limits}; --models {model.name}"
+    why = "the recording calls itself synthetic" if synthetic else "there is no model of your own"
+    return f"{model.name}, which comes with the package, as {why}"
 
 
-def own_models(folder: str | Path | None, database: str | Path | None) -> dict[str, Path]:
-    """Give the files of a user's models by sense; raises `InputError` where a folder is named that holds none."""
-    where = path_of("models", folder, "the folder that holds them") if folder is not None else models_of(database)
-    paths = {} if where is None else {sense.name: where / f"{sense.name}.skops" for sense in all_senses()}
-    found = {name: path for name, path in paths.items() if path.is_file()}
-    if folder is not None and not found:
-        names = " or ".join(path.name for path in paths.values())
-        raise InputError(Path(folder), "no model", expected=f"a folder with {names}")
+def _caution(model: ShippedModel, sense: Sense, folder: Path) -> str:
+    if model.ground == "synthetic":
+        return f"{model.name} knows synthetic ground only: on real ground its classes mean nothing"
+    better = f"bevameter train {sense.name} LABELLED --out {folder / f'{sense.name}.skops'}"
+    return f"{model.name} knows {', '.join(model.classes)}: {model.measured}; {model.limits}; better: `{better}`"
+
+
+def own_models(given: ModelsGiven, database: str | Path | None) -> dict[str, Path | ShippedModel]:
+    """Give a user's models by sense, files or such as come with the package.
+
+    Raises
+    ------
+    InputError
+        A folder that is given holds none, or is none.
+    """
+    if given is None:
+        folder = models_of(database)
+        return {} if folder is None else dict(_files_in(folder))
+    found: dict[str, Path | ShippedModel] = {}
+    for each in [given] if isinstance(given, str | os.PathLike) else given:
+        where = path_of("models", each, "the folder that holds them, or the name of a model")
+        shipped = named(where)
+        there = {shipped.sense: shipped} if shipped is not None else _files_in(where)
+        if not there:
+            files = " or ".join(f"{sense.name}.skops" for sense in all_senses())
+            expected = f"a folder with {files}, or one of {', '.join(shipped_models())}"
+            raise InputError(where, "no model", expected=expected)
+        found |= there
     return found
+
+
+def _files_in(folder: Path) -> dict[str, Path]:
+    paths = {sense.name: folder / f"{sense.name}.skops" for sense in all_senses()}
+    return {name: path for name, path in paths.items() if path.is_file()}
 
 
 def models_of(database: str | Path | None) -> Path | None:
@@ -152,91 +181,35 @@ def models_of(database: str | Path | None) -> Path | None:
     return path.with_name(f"{path.stem}.models")
 
 
-def cache_folder() -> Path:
-    """Give the folder of the default models."""
-    other = os.environ.get(CACHE_VARIABLE)
-    return Path(other) if other else Path(platformdirs.user_cache_dir("bevameter", appauthor=False)) / "models"
+def of_real_ground(versions: Iterable[str]) -> tuple[str, ...]:
+    """Name the package's own models of real ground among some versions: their classes are often wrong."""
+    used = set(versions)
+    return tuple(one.name for one in shipped_models().values() if one.ground == "real" and one.version in used)
 
 
-def cached_path(sense: str) -> Path:
-    """Give the file of a default model: named by the package's version and by all code that shapes the model."""
-    return cache_folder() / f"{sense}-{version('bevameter')}-{_recipe(sense)}.skops"
+ANSWER_TOLERANCE = 0.01
+"""Most that a probability may differ from that at training [-]: other versions of libraries round otherwise."""
 
 
-@cache
-def _recipe(sense: str) -> str:
-    """Hash of the settings and of the sources that make samples and features: a change of either is another model."""
-    digest = hashlib.sha256(repr((_SEED, _SITES_PER_CLASS, FORMAT_VERSION)).encode())
-    own = Path(__file__).resolve().parent
-    files = [*(own / "core").rglob("*.py"), *(own / "scenario").glob("*.py"), *(own.parent / sense).glob("*.py")]
-    for file in sorted(files):
-        digest.update(file.name.encode() + file.read_bytes())
-    return digest.hexdigest()[:12]
-
-
-def default_model(sense: str, *, progress: Callable[[str, float], None] | None = None) -> TerrainClassifier:
-    """Give the default model of a sense from the cache; train it first where it is missing or damaged.
+def check_shipped(model: ShippedModel) -> TerrainClassifier:
+    """Read a model that comes with the package, and have it answer its example.
 
     Raises
     ------
     InputError
-        The cache cannot be written.
+        A file is missing or is not the one that was made, its card included; or the answer is another one than at
+        training, as where a library of this machine makes other features.
     """
-    path = cached_path(sense)
-    if path.is_file():
-        try:
-            return TerrainClassifier.load(path, modality=sense)
-        except InputError:
-            path.unlink(missing_ok=True)  # damaged: trained again below
-    classifier = train_default(sense, progress=progress)
-    classifier.save(path)
+    classifier = model.load()
+    rows = sense_named(model.sense).classify([model.example_file()], classifier)
+    agree = len(rows) == len(model.answers) and all(
+        set(now["probabilities"]) == set(then["probabilities"])
+        and now["unknown"] == then["unknown"]
+        and all(abs(now["probabilities"][name] - p) <= ANSWER_TOLERANCE for name, p in then["probabilities"].items())
+        for now, then in zip(rows, model.answers, strict=True)
+    )
+    if not agree:
+        raise InputError(model.file, f"another answer to {model.example} than at training", expected="the same answer")
+    if model.version not in model.card:
+        raise InputError(model.file.with_suffix(".md"), "the card of another version", expected=model.version)
     return classifier
-
-
-def train_default(
-    sense: str, *, sites_per_class: int = _SITES_PER_CLASS, progress: Callable[[str, float], None] | None = None
-) -> TerrainClassifier:
-    """Train the default model of a sense on synthetic ground.
-
-    Parameters
-    ----------
-    sense
-        ``"vision"`` or ``"audio"``.
-    sites_per_class
-        Sites of each class of the synthetic world.
-    progress
-        Called with what is trained and the share of it that is done, in [0, 1].
-    """
-
-    def report(share: float) -> None:
-        if progress is not None:
-            progress(f"training {sense}", share)
-
-    report(0.0)
-    return TRAINERS[sense](np.random.default_rng(_SEED), sites_per_class, report)
-
-
-def _vision(rng: np.random.Generator, sites: int, report: Callable[[float], None]) -> TerrainClassifier:
-    from ..vision.train import train_vision_patches
-    from .scenario.samples import labelled_looks
-
-    looks = labelled_looks(rng, sites, progress=lambda share: report(0.8 * share))
-    return train_vision_patches(
-        looks.patches, looks.labels, looks.groups, looks.blurred, rng, lambda share: report(0.8 + 0.2 * share),
-        candidates=_CANDIDATES,
-    ).classifier  # fmt: skip
-
-
-def _audio(rng: np.random.Generator, sites: int, report: Callable[[float], None]) -> TerrainClassifier:
-    from ..audio.train import train_audio_windows
-    from .scenario.samples import labelled_sounds
-
-    sounds = labelled_sounds(rng, sites, progress=lambda share: report(0.8 * share))
-    return train_audio_windows(
-        sounds.windows, sounds.labels, sounds.groups, sounds.snr_dB, rng,
-        progress=lambda share: report(0.8 + 0.2 * share), candidates=_CANDIDATES,
-    ).classifier  # fmt: skip
-
-
-TRAINERS = {"vision": _vision, "audio": _audio}
-"""What the synthetic world has samples for."""

@@ -6,7 +6,6 @@ imported here before they are known to be in order: what is broken is to be name
 
 from __future__ import annotations
 
-import os
 import platform
 import warnings
 from collections import Counter
@@ -15,7 +14,7 @@ from dataclasses import asdict, dataclass
 from importlib import import_module, metadata
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
@@ -25,7 +24,12 @@ from packaging.version import InvalidVersion
 from .core.errors import InputError
 from .core.plugins import import_fault
 
+if TYPE_CHECKING:
+    from .core.classifier.shipped import ShippedModel
+
 _NAME = "bevameter"
+REINSTALL = f"python -m pip install --force-reinstall --no-deps {_NAME}"
+"""What mends a file of the package."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +39,7 @@ class Check:
     Parameters
     ----------
     subject
-        Its kind: ``"installation"``, ``"dependency"``, ``"extra"``, ``"plug-in"``, ``"cache"``, ``"model"`` or
-        ``"database"``.
+        Its kind: ``"installation"``, ``"dependency"``, ``"extra"``, ``"plug-in"``, ``"model"`` or ``"database"``.
     name
         Which one.
     found
@@ -97,7 +100,7 @@ def diagnose(database: str | Path | None = None, *, progress: Callable[[str, flo
     else:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of plug-ins that are left out, which have lines of their own
-            checks += [*_plugins(), _cache(), *_models(database)]
+            checks += [*_plugins(), *_models(database)]
         if database is not None:
             checks.append(_database(database, progress))
     return Diagnosis(tuple(checks))
@@ -240,22 +243,9 @@ def _plugins() -> Iterator[Check]:
         yield Check("plug-in", f"{point.group} {point.name}", owner, "", problem, remedy)
 
 
-def _cache() -> Check:
-    from .default_models import CACHE_VARIABLE, cache_folder
-
-    folder = cache_folder().absolute()
-    there = next(part for part in (folder, *folder.parents) if os.path.lexists(part))
-    problem = ""
-    if not there.is_dir():
-        problem = f"{there} is no folder"
-    elif not os.access(there, os.W_OK | os.X_OK):
-        problem = f"{there} may not be written to"
-    remedy = f"name another folder in the environment variable {CACHE_VARIABLE}" if problem else ""
-    return Check("cache", str(folder), "there" if there == folder else "made by the first run", "", problem, remedy)
-
-
 def _models(database: str | Path | None) -> Iterator[Check]:
-    from .default_models import TRAINERS, cached_path, models_of, own_models
+    from .core.classifier.shipped import shipped_models
+    from .default_models import models_of, own_models
     from .senses import senses
 
     folder = models_of(database)
@@ -267,45 +257,45 @@ def _models(database: str | Path | None) -> Iterator[Check]:
         yield Check("model", str(folder), "unknown", "", problem, "make the folder readable")
         return
     for sense in senses():
-        train = f"bevameter train {sense.name}"
-        if sense.name in own:
-            yield _model(own[sense.name], sense.name, train)
-        elif sense.name in TRAINERS:
-            yield _default_model(cached_path(sense.name), sense.name, train)
-        else:
-            yield Check("model", sense.name, "none", remedy=f"{train} makes one")
+        if isinstance(path := own.get(sense.name), Path):
+            yield _model(path, sense.name)
     for path in sorted(unread):
         problem = "there is no sense of this name: no run uses it"
         yield Check(
             "model", str(path), "not read", "", problem, f"call it {' or '.join(f'{s.name}.skops' for s in senses())}"
         )
-
-
-def _model(path: Path, sense: str, train: str) -> Check:
     try:
-        return Check("model", sense, _described(path, sense))
+        shipped = shipped_models()
     except InputError as error:
-        return Check("model", sense, str(path), "", str(error), f"make it again with {train}")
+        yield Check("model", "those of the package", "not read", "", str(error), REINSTALL)
+        return
+    yield from map(check_of_shipped, shipped.values())
 
 
-def _default_model(path: Path, sense: str, train: str) -> Check:
-    remedy = f"{train} makes one of your ground"
-    if not path.is_file():
-        return Check("model", sense, "default (synthetic ground only), trained by the first run", remedy=remedy)
-    try:
-        return Check("model", sense, f"default (synthetic ground only), {_described(path, sense)}", remedy=remedy)
-    except InputError:
-        return Check("model", sense, "default, damaged: the next run trains it again", remedy=remedy)
-
-
-def _described(path: Path, sense: str) -> str:
-    """Read a model as a run does; give its version and file. Raises `InputError` where a run could not use it."""
+def _model(path: Path, sense: str) -> Check:
+    """Read a user's model as a run does."""
     from .core.classifier.classifier import TerrainClassifier
     from .senses import sense_named
 
-    model = TerrainClassifier.load(path, modality=sense)
-    sense_named(sense).classify([], model)  # refuses a model whose features are not those of this version
-    return f"version {model.version}, {len(model.classes)} classes, {path}"
+    try:
+        model = TerrainClassifier.load(path, modality=sense)
+        sense_named(sense).classify([], model)  # refuses a model whose features are not those of this version
+    except InputError as error:
+        return Check("model", sense, str(path), "", str(error), f"make it again with bevameter train {sense}")
+    return Check("model", sense, f"version {model.version}, {len(model.classes)} classes, {path}")
+
+
+def check_of_shipped(model: ShippedModel) -> Check:
+    """Check a model that comes with the package: its files' digests, that it loads, and how it answers its example."""
+    from .default_models import check_shipped
+
+    try:
+        check_shipped(model)
+    except InputError as error:
+        return Check("model", model.name, str(model.file), "", str(error), REINSTALL)
+    return Check(
+        "model", model.name, f"version {model.version[:12]}, {len(model.classes)} classes, {model.ground} ground"
+    )
 
 
 def _database(database: str | Path, progress: Callable[[str, float], None] | None) -> Check:

@@ -80,12 +80,14 @@ def explain(
     seed, report = whole("seed", seed), progress or (lambda _: None)
     report("reading the recording")
     recorded = open_recording(recording, vehicle)
-    grounds, known_by = grounds_of(recorded, database, progress)
+    grounds, known_by = grounds_of(recorded, database, progress, doubtful=on is not None)
     opened = part_of(recorded, from_s=from_s, to_s=to_s, on=on, wheels=wheels, grounds=grounds)
     answer = explain_wheel(
         opened, soil=soil, simulated=simulated, seed=seed, catalogue=catalogue, grounds=grounds, progress=progress
     )
-    if known_by:
+    if known_by and not grounds:
+        answer = replace(answer, notes=(known_by, *answer.notes))
+    elif known_by:
         names = list(dict.fromkeys(each.class_name or "not sure" for each in answer.grounds))
         answer = replace(answer, notes=(f"classes of ground: {', '.join(names)}, by {known_by}", *answer.notes))
     if opened.sound is None:

@@ -98,8 +98,8 @@ def class_map(recording: Recording, mends: Mends) -> Answer:
         return Answer(False, _lacking(missing), tuple(missing))
     return Answer(
         True, f"{_names([*able, 'places'])} are there", tuple(missing),
-        ("classes of real ground need models trained on it: bevameter train vision PHOTOS --out MODELS/vision.skops, "
-         "then bevameter run with --models MODELS",),
+        ("what the models that come with the package know, and how well, says bevameter models; for your own ground: "
+         "bevameter train vision PHOTOS --out MODELS/vision.skops, then bevameter run with --models MODELS",),
     )  # fmt: skip
 
 

@@ -71,7 +71,7 @@ def part_of(
         if grounds is None:
             from .grounds import grounds_of  # a second of imports, mostly not needed
 
-            grounds, _ = grounds_of(recording, database)
+            grounds, _ = grounds_of(recording, database, doubtful=True)
         kept &= _on_class(recording, table, on, grounds)
     if from_s is not None or to_s is not None:
         kept &= _between(recording, table, from_s, to_s)

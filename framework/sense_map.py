@@ -75,7 +75,7 @@ def observe(
     for sense in senses():
         absent = sense.absence(recording) or ("no places in the recording" if track is None else "")
         if not absent and sense.name not in models:
-            absent = f"no model: {sense.name}.skops is not among the models"
+            absent = "no model"
         record = SenseRecord(sense.instrument, sense.name, SenseMap(sense.instrument), absent=absent)
         records.append(record)
         if not absent and track is not None:

@@ -28,6 +28,7 @@ import numpy as np
 
 from .core.classifier.classifier import TerrainClassifier, TrainingOutcome
 from .core.classifier.labelled import LabelledFile, read_labelled
+from .core.classifier.shipped import load_model
 from .core.errors import InputError
 from .core.evidence import ClassEvidence
 from .core.plugins import load_plugins, once
@@ -213,7 +214,12 @@ def train_sense(name: str, folder: str | Path, *, seed: int = 0, backbone: str |
 
 
 def classify_files(name: str, files: Sequence[str | Path], model: str | Path) -> list[dict]:
-    """Classify files by a sense's model: one row for each file and window.
+    """Classify files by a sense's model, its file or the name of one that comes with the package.
+
+    Returns
+    -------
+    list of dict
+        One row for each file and window.
 
     Raises
     ------
@@ -221,4 +227,4 @@ def classify_files(name: str, files: Sequence[str | Path], model: str | Path) ->
         There is no such sense, the model is not one of it, or a file cannot be read.
     """
     sense = sense_named(name)
-    return sense.classify([Path(file) for file in files], TerrainClassifier.load(Path(model), modality=name))
+    return sense.classify([Path(file) for file in files], load_model(model, name))

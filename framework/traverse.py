@@ -21,7 +21,7 @@ from .core.origin import Offset, Origin
 from .core.recording.types import Recording
 from .core.track.way import DEAD_RECKONING, Track, track_of
 from .core.vehicle import Vehicle
-from .default_models import Models, find_models
+from .default_models import Models, ModelsGiven, find_models, of_real_ground
 from .fusion import Belief
 from .known_physics import KnownPhysics
 from .placement import Claim, Frames, Placement, moved, placement_of
@@ -36,7 +36,7 @@ def run_traverse(
     database: TerrainDatabase | str | Path,
     *,
     vehicle: Vehicle | str | Path | None = None,
-    models: Models | str | Path | None = None,
+    models: Models | ModelsGiven = None,
     cell_size_m: float = CELL_SIZE_M,
     site: str | None = None,
     origin: Origin | None = None,
@@ -61,8 +61,8 @@ def run_traverse(
     vehicle
         Instead of the recording's own: the vehicle, or its TOML file.
     models
-        The classifiers, or the folder that holds them; looked for next to the database where None, and else the
-        defaults, which know synthetic ground only (`default_models.find_models`).
+        The classifiers, folders that hold them, or names of models that come with the package; looked for next to the
+        database where None, and else those that come with the package (`default_models.find_models`).
     cell_size_m
         Edge of a ground cell [m].
     site, origin, offset
@@ -87,12 +87,10 @@ def run_traverse(
         database, vehicle=vehicle, cell_size_m=cell_size_m, site=site, origin=origin, offset=offset
     )
 
-    def found(senses: Sequence[str]) -> Models:
-        return (
-            models
-            if isinstance(models, Models)
-            else find_models(models, url_of(database), senses=senses, progress=report)
-        )
+    def found(senses: Sequence[str], synthetic: bool) -> Models:
+        if isinstance(models, Models):
+            return models.of(senses)
+        return find_models(models, url_of(database), synthetic=synthetic, senses=senses)
 
     return store(process(recording, conditions, found, Frames(conditions.frames).place, report), database, report)
 
@@ -123,7 +121,7 @@ class Processed:
 def process(
     recording: Recording | str | Path,
     conditions: Conditions,
-    models: Callable[[Sequence[str]], Models],
+    models: Callable[[Sequence[str], bool], Models],
     placed: Callable[[Claim], Placement],
     progress: Progress | None = None,
 ) -> Processed:
@@ -136,7 +134,8 @@ def process(
     conditions
         What it is processed with.
     models
-        Called with the names of the senses that the recording has something for; gives their classifiers.
+        Called with the names of the senses that the recording has something for, and whether it calls itself
+        synthetic; gives their classifiers.
     placed
         Called with what the recording says of its frame; gives where its places are put.
     progress
@@ -155,10 +154,12 @@ def process(
         )
     report("reading", 0.0)
     recording = conditions.read(recording)
+    synthetic = recording.synthetic  # whatever site is stated for it
+    recording = conditions.stated(recording)
     placement = placement_of(recording, placed)
     recording = moved(recording, placement)
     report("reading", 1.0)
-    found = models(senses_of(recording))
+    found = models(senses_of(recording), synthetic)
     cell_size_m, track = conditions.cell_size_m, track_of(recording)
     physics = KnownPhysics.of(conditions.physics, recording)
     drive = _to_be_observed(recording, found, cell_size_m, track, physics)
@@ -174,7 +175,7 @@ def process(
     check_storable(drive)
     seconds = time.monotonic() - began
     summary = TraverseSummary(
-        **_with_mismatch(about, soil),
+        **_with_mismatch(about, soil, drive),
         known=False,
         cells=count_cells(belief),
         track_m=along.metres() if along else {},
@@ -254,12 +255,19 @@ def _about(
         "places": track.origin if track else "",
         "cell_size_m": drive.terrain.cell_size_m,
         "warnings": (*_warnings(recording, models, track), *([placement.note] if placement.apart else [])),
-        "notes": (*recording.notes, *([placement.note] if placement.note and not placement.apart else [])),
+        "notes": (
+            *recording.notes,
+            *models.notes.values(),
+            *([placement.note] if placement.note and not placement.apart else []),
+        ),
     }
 
 
-def _with_mismatch(about: Mapping[str, Any], soil: SoilAlong) -> Mapping[str, Any]:
-    """Add a warning where the simulation does not agree with the wheels, with the command that says why."""
+def _with_mismatch(about: Mapping[str, Any], soil: SoilAlong, drive: Drive) -> Mapping[str, Any]:
+    """Add a warning where the simulation does not agree with the wheels, with the command that says why.
+
+    It stores what it finds by class, unless the classes are too doubtful for that (`grounds.grounds_of`).
+    """
     classes = {
         each.class_name or "ground of no class"
         for each in soil.learnt
@@ -267,9 +275,10 @@ def _with_mismatch(about: Mapping[str, Any], soil: SoilAlong) -> Mapping[str, An
     }
     if not classes:
         return about
+    by_class = "" if of_real_ground(drive.models.values()) else f" --db {shlex.quote(about['database'])}"
     text = (
         f"the simulation lacks something on {', '.join(sorted(classes))}: "
-        f"`bevameter explain {shlex.quote(about['source'])} --db {shlex.quote(about['database'])}` says what"
+        f"`bevameter explain {shlex.quote(about['source'])}{by_class}` says what"
     )
     return {**about, "warnings": (*about["warnings"], text)}
 
@@ -278,7 +287,7 @@ def _recalled_summary(stored: Drive, added: Added, processed: Processed, seconds
     """Sum up a drive from what the database holds of it; how the senses did on the way is not kept there."""
     soil = recall_soil(stored.soils)
     return TraverseSummary(
-        **_with_mismatch(processed.about, soil),
+        **_with_mismatch(processed.about, soil, stored),
         known=True,
         cells=count_cells(stored.terrain.evidence),
         track_m={},
@@ -362,7 +371,7 @@ def _sense_summary(record: SenseRecord, belief: Belief, models: Models) -> Sense
 
 def _warnings(recording: Recording, models: Models, track: Track | None) -> tuple[str, ...]:
     used = track is not None and bool(senses_of(recording))
-    warnings = list(models.warnings) if used else []
+    warnings = list(models.cautions.values()) if used else []
     for name in senses_of(recording) if used else ():
         if name in models.classifiers:
             warnings += sense_named(name).remarks(models.classifiers[name])

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
+import shutil
 import time
 from pathlib import Path
 
@@ -94,16 +94,10 @@ def short_drive(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="session")
 def small_models(tmp_path_factory) -> Path:
-    """The default models from a sixth of their material: a folder for --models, trained by the first worker."""
-    from bevameter.framework.default_models import train_default
+    """A folder for --models that holds the package's models of synthetic ground as a user's own."""
+    from bevameter.framework.core.classifier.shipped import shipped_model
 
-    base = tmp_path_factory.getbasetemp()
-    trained = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "small-models"
-    if not trained.is_dir():
-        folder = tmp_path_factory.mktemp("models")
-        for sense in ("vision", "audio"):
-            train_default(sense, sites_per_class=4).save(folder / f"{sense}.skops")
-        # Refused where another worker was faster.
-        with contextlib.suppress(OSError):
-            folder.rename(trained)
-    return trained
+    folder = tmp_path_factory.mktemp("models")
+    for sense in ("vision", "audio"):
+        shutil.copyfile(shipped_model(f"{sense}-synthetic").file, folder / f"{sense}.skops")
+    return folder

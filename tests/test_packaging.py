@@ -13,9 +13,11 @@ from pathlib import Path
 
 import bevameter
 import pytest
+from bevameter.framework.core.classifier.shipped import shipped_models
 
 ROOT = Path(__file__).resolve().parents[1]
 OUTSIDE_THE_PACKAGE = {"tests", "docs", "build", "dist", "demo"}
+TRAINED = "bevameter/framework/core/trained/"
 HEAVY = (
     "numpy", "scipy", "pandas", "pyarrow", "cv2", "librosa", "soundfile", "sklearn", "skops", "numba", "matplotlib",
     "sqlalchemy", "alembic", "pydantic", "pint", "rosbags", "mcap", "rich",
@@ -69,13 +71,20 @@ def test_every_folder_with_code_is_listed():
 def test_the_wheel_holds_the_code_and_nothing_else(wheel_names):
     code = {Path("bevameter", *folder.parts, file.name).as_posix() for folder in code_folders(ROOT)
             for file in (ROOT / folder).glob("*.py")}  # fmt: skip
-    packed = {name for name in wheel_names if ".dist-info/" not in name}
+    packed = {name for name in wheel_names if ".dist-info/" not in name and not name.startswith(TRAINED)}
     templates = {f"bevameter/framework/core/vehicles/{file.name}"
                  for file in (ROOT / "framework" / "core" / "vehicles").glob("*.toml")}  # fmt: skip
     assert len(templates) > 4
     assert packed == code | templates | {"bevameter/py.typed"}
     assert "bevameter/database/migrations/versions/r0001_observations.py" in packed
     assert not [name for name in wheel_names if "test" in name.lower()]
+
+
+def test_the_wheel_brings_the_models_with_their_cards_and_examples(wheel_names):
+    brought = {name.removeprefix(TRAINED) for name in wheel_names if name.startswith(TRAINED)}
+    models = shipped_models().values()
+    files = {file for one in models for file in (one.file.name, f"{one.name}.md", one.example)}
+    assert brought == files | {"index.json"}
 
 
 def test_the_wheel_brings_the_command(wheel_names, checkout):

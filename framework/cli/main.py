@@ -19,7 +19,22 @@ from typer.core import TyperGroup
 
 from ... import __version__
 from ..core.errors import BevameterError
-from . import classify, db, doctor, draw_map, explain, identify, inspect, query, run, scenario, simulate, train, vehicle
+from . import (
+    classify,
+    db,
+    doctor,
+    draw_map,
+    explain,
+    identify,
+    inspect,
+    models,
+    query,
+    run,
+    scenario,
+    simulate,
+    train,
+    vehicle,
+)
 from .printing import show_progress
 
 BAD_INPUT = 2
@@ -129,6 +144,7 @@ app.command("explain", help="What the simulation of a recorded wheel lacks.")(ex
 app.command("simulate", help="Simulate the wheel on a soil.")(simulate.command)
 app.command("train", help="Train a classifier from labelled files.")(train.command)
 app.command("classify", help="Classify files with a trained model.")(classify.command)
+app.command("models", help="The models that come with the package.")(models.command)
 app.command("doctor", help="Whether the installation, the models and a database are in order.")(doctor.command)
 
 

@@ -63,6 +63,9 @@ def print_outcomes(outcomes: Sequence[Outcome]) -> None:
     for summary in summaries:
         for problem in summary.problems:
             print(f"not usable: {summary.source}: {problem}")
+    models = dict.fromkeys(f"{one.sense} {one.model}" for each in summaries for one in each.senses if one.model)
+    if models:
+        print(f"models: {', '.join(models)}")
     for warning in dict.fromkeys(warning for summary in summaries for warning in summary.warnings):
         print(f"warning: {warning}")
     new, known = (sum(getattr(each, name) for each in summaries) for name in ("observations_new", "observations_known"))

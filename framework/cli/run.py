@@ -35,11 +35,11 @@ def command(
     ] = None,
     topics: Annotated[Path | None, typer.Option("--topics", "--columns", help=TOPICS)] = None,
     models: Annotated[
-        Path | None,
+        list[str] | None,
         typer.Option(
             "--models",
-            help="Folder with vision.skops, audio.skops ...; default: NAME.models next to NAME.db, else small "
-            "models of synthetic ground.",
+            help="Folder with vision.skops, audio.skops ..., or the name of a model that comes with the package "
+            "(bevameter models); may be repeated. Default: NAME.models next to NAME.db, else the package's own.",
         ),
     ] = None,
     site: Annotated[str | None, typer.Option("--site", help="Site, instead of the recordings' own.")] = None,
@@ -81,8 +81,8 @@ def command(
 
 
 def _run_one(
-    recording: Path, db: str, vehicle: Path | None, topics: Path | None, models: Path | None, frame: dict[str, Any],
-    json: Path | None,
+    recording: Path, db: str, vehicle: Path | None, topics: Path | None, models: list[str] | None,
+    frame: dict[str, Any], json: Path | None,
 ) -> None:  # fmt: skip
     from ..core.recording.readers import read_recording
     from .printing import progress_bars, write_json
@@ -101,7 +101,7 @@ def _run_one(
 
 
 def _run_several(
-    recordings: list[Path], db: str, vehicle: Path | None, topics: Path | None, models: Path | None,
+    recordings: list[Path], db: str, vehicle: Path | None, topics: Path | None, models: list[str] | None,
     frame: dict[str, Any], json: Path | None, workers: int, dask: str | None,
 ) -> None:  # fmt: skip
     """Run over recordings; raises `BevameterError` in the end where one of them failed."""

@@ -7,7 +7,6 @@ import subprocess
 import sys
 
 import pytest
-from bevameter.framework.default_models import default_model
 from bevameter.framework.scenario.write import write_scenario
 
 DRIVEN_S = 60.0
@@ -36,8 +35,6 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory):
-    for sense in ("vision", "audio"):
-        default_model(sense)
     return write_scenario("demo", tmp_path_factory.mktemp("drive") / "demo", seed=1, duration_s=DRIVEN_S)
 
 

@@ -28,7 +28,6 @@ def needs(tmp_path, monkeypatch):
         monkeypatch.syspath_prepend(tmp_path / "site")
         monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path / "site"), os.environ.get("PYTHONPATH", "")]))
 
-    monkeypatch.setenv("BEVAMETER_CACHE", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)
     return install
 

@@ -327,3 +327,12 @@ def test_progress_rises_to_one(rng):
     train(*blobs(rng), progress=reported.append)
     assert reported == sorted(reported)
     assert reported[-1] == 1.0
+
+
+def test_a_kernel_machine_answers_the_same_once_its_matrix_is_folded_away(rng):
+    x, y = rng.normal(size=(300, 6)), rng.integers(3, size=300)
+    machine = fitting.CANDIDATES["kernel"](6, 1).fit(x, y)
+    before = machine.predict_proba(x)
+    fitting._fold(machine)
+    np.testing.assert_allclose(machine.predict_proba(x), before, rtol=0, atol=1e-9)
+    assert not np.any(machine.named_steps["map"].normalization_ - np.eye(250))

@@ -21,7 +21,6 @@ from bevameter import FailedRecording, InputError, TerrainDatabase, read_recordi
 from bevameter.framework import batch, workers
 from bevameter.framework.cli.main import app
 from bevameter.framework.core.recording.readers import load_readers
-from bevameter.framework.default_models import find_models
 from bevameter.framework.scenario.write import write_scenario
 from bevameter.identification.effects.stored import AugmentedSimulator, Estimated, StoredEffect
 from refusals import VEHICLE, WHEEL, picture, sound
@@ -260,25 +259,19 @@ class Threads:
         self.pool.shutdown()
 
 
-def test_a_model_that_must_be_trained_is_so_once_and_here(folder, small_models, tmp_path, monkeypatch):
-    looked = []
-
-    def find(models, database, *, senses, progress):
-        looked.extend(senses)
-        return find_models(small_models, database, senses=senses)
-
-    monkeypatch.setattr(batch, "find_models", find)
-    monkeypatch.setattr(batch, "at_hand", lambda *where: ())
+def test_each_recording_gets_the_models_of_its_world(folder, tmp_path, monkeypatch):
     monkeypatch.setattr(batch, "LocalWorkers", Threads)
-    shutil.copytree(folder / "senses", tmp_path / "other")
-    (tmp_path / "other" / "pose.csv").write_text("time_s,x_m,y_m,yaw_rad\n0,5,0,0\n2,5.5,0,0\n4,6,0,0\n")
-    given = [folder / "senses", folder / "wheels1", tmp_path / "other"]
-    by_threads = run_traverses(given, tmp_path / "t.db", workers=3)
-    assert sorted(looked) == ["audio", "vision"]
-    looked.clear()
-    one_by_one = run_traverses(given, tmp_path / "o.db")
-    assert sorted(looked) == ["audio", "vision"]
-    assert list(map(said, by_threads)) == list(map(said, one_by_one))
+    given = [tmp_path / "made", tmp_path / "real"]
+    for path, site in zip(given, ("synthetic pit", "quarry"), strict=True):
+        shutil.copytree(folder / "senses", path)
+        (path / "recording.toml").write_text(f'site = "{site}"\nstart_time = 2025-06-01T09:00:00Z\n')
+    for at_once, name in ((2, "t.db"), (1, "o.db")):
+        synthetic, real = run_traverses(given, tmp_path / name, workers=at_once)
+        used = [{each.sense: each.model for each in one.senses if each.model} for one in (synthetic, real)]
+        assert used[0] == {"camera": "vision-synthetic", "microphone": "audio-synthetic"}
+        assert used[1]["camera"] == "vision-real"
+        assert any(warning.startswith("vision-real knows ") for warning in real.warnings)
+        assert not any("vision" in warning for warning in synthetic.warnings)
     assert rows(tmp_path / "t.db") == rows(tmp_path / "o.db")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sqlite3
 from contextlib import closing
 from importlib import metadata
@@ -10,6 +11,8 @@ from pathlib import Path
 import bevameter
 import pytest
 from bevameter import InputError, TerrainDatabase
+from bevameter.framework.core.classifier import shipped
+from bevameter.framework.core.classifier.shipped import shipped_models
 from bevameter.framework.doctor import Check, diagnose
 
 
@@ -30,8 +33,7 @@ def install(
 
 @pytest.fixture
 def site(tmp_path, monkeypatch) -> Path:
-    """A folder of packages that comes first, and a cache without models."""
-    monkeypatch.setenv("BEVAMETER_CACHE", str(tmp_path / "cache"))
+    """A folder of packages that comes first, without more."""
     (tmp_path / "site").mkdir()
     monkeypatch.syspath_prepend(tmp_path / "site")
     return tmp_path / "site"
@@ -73,7 +75,7 @@ def test_a_package_that_is_missing_old_or_broken_is_named_with_what_to_do(site):
     assert found.problems[0].remedy == 'python -m pip install "their-absent>=2"'
     assert found.problems[2].remedy.endswith('--force-reinstall --no-deps "their-broken"')
     assert found.checks[-1].found.startswith("not looked at")
-    assert not [each for each in found.checks if each.subject in ("model", "cache", "plug-in")]
+    assert not [each for each in found.checks if each.subject in ("model", "plug-in")]
 
 
 def test_two_packages_that_bring_the_same_module_are_named_and_a_shared_namespace_is_not(site):
@@ -112,11 +114,9 @@ def test_another_python_or_code_of_another_version_is_a_problem(site):
     assert (code.name, code.found) == ("bevameter", "0.0.1")
 
 
-def test_plug_in_cache_models_and_database_that_are_not_in_order_are_named(site, tmp_path, monkeypatch):
+def test_plug_in_models_and_database_that_are_not_in_order_are_named(site, tmp_path, monkeypatch):
     needing(site)
     install(site, "their-plugin", "1.0", points="[bevameter.tests]\nlost = no_such_module_of_theirs\n")
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv("BEVAMETER_CACHE", str(tmp_path / "file" / "cache"))
     (tmp_path / "t.models").mkdir()
     for name in ("vision", "visoin"):
         (tmp_path / "t.models" / f"{name}.skops").write_text("no model")
@@ -128,25 +128,34 @@ def test_plug_in_cache_models_and_database_that_are_not_in_order_are_named(site,
     found = diagnose(tmp_path / "t.db")
     problems = {check.subject + " " + Path(check.name).name: check.problem for check in found.problems}
     assert "no_such_module_of_theirs cannot be imported" in problems["plug-in bevameter.tests lost"]
-    assert problems["cache cache"] == f"{tmp_path / 'file'} is no folder"
     assert "vision.skops" in problems["model vision"]
     assert "no sense of this name" in problems["model visoin.skops"]
     assert "class_physics: the table is not there" in problems["database t.db"]
-    assert len(problems) == len(found.problems) == 5
+    assert len(problems) == len(found.problems) == 4
     assert before == {path: path.read_bytes() for path in before}
     assert not (tmp_path / "t.db-wal").exists()
 
 
-def test_a_database_that_is_well_and_models_that_are_not_there_need_no_attention(site, tmp_path):
+def test_a_database_that_is_well_and_the_models_of_the_package_need_no_attention(site, tmp_path):
     needing(site)
     with TerrainDatabase(tmp_path / "t.db") as database:
         database.make()
     found = by_name(tmp_path / "t.db")
     assert not any(check.problem for check in found.values())
     assert found[str(tmp_path / "t.db")].found.startswith("sound; schema")
-    assert "trained by the first run" in found["vision"].found
-    assert found["vibration"].found == "none"
-    assert not (tmp_path / "cache").exists()
+    for name, model in shipped_models().items():
+        assert model.version[:12] in found[name].found
+
+
+def test_a_model_of_the_package_that_is_damaged_is_named_with_what_to_do(site, tmp_path, monkeypatch):
+    needing(site)
+    shutil.copytree(shipped.FOLDER, tmp_path / "trained")
+    (tmp_path / "trained" / "audio-synthetic.skops").write_bytes(b"no model")
+    monkeypatch.setattr(shipped, "FOLDER", tmp_path / "trained")
+    (problem,) = diagnose().problems
+    assert (problem.subject, problem.name) == ("model", "audio-synthetic")
+    assert "SHA-256" in problem.problem
+    assert problem.remedy == "python -m pip install --force-reinstall --no-deps bevameter"
 
 
 def test_no_database_is_bad_input(site, tmp_path):

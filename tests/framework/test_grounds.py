@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from bevameter import InputError, TerrainDatabase, explain
 from bevameter.database.observations import Drive, TerrainObservations
+from bevameter.framework.core.classifier.shipped import shipped_model
 from bevameter.framework.core.evidence import ClassEvidence
+from bevameter.framework.core.recording.camera import read_camera
 from bevameter.framework.core.recording.types import Labels
 from bevameter.framework.explain import store
 from bevameter.framework.grounds import grounds_of
@@ -40,6 +43,10 @@ def test_where_nothing_says_it_there_are_none():
 @pytest.fixture
 def map_of_the_track(tmp_path):
     """A database that knows the cells of the track, sand before the border and loam behind it."""
+    return track_map(tmp_path, "a" * 64)
+
+
+def track_map(tmp_path, model):
     cell_x = np.arange(-2, 20)
     p = np.where((0.5 * (cell_x + 0.5) < BORDER_M)[:, None], [0.03, 0.97], [0.97, 0.03])
     count = len(cell_x)
@@ -49,7 +56,7 @@ def map_of_the_track(tmp_path):
     )
     path = tmp_path / "terrain.db"
     with TerrainDatabase(path) as database:
-        database.add_drive(Drive("e" * 64, "before", "pit", "rover", None, {"camera": "a" * 64}, "test", terrain, ()))
+        database.add_drive(Drive("e" * 64, "before", "pit", "rover", None, {"camera": model}, "test", terrain, ()))
     return path
 
 
@@ -58,6 +65,15 @@ def test_without_labels_the_map_of_the_site_says_it(map_of_the_track):
     assert [each.class_name for each in grounds] == ["sand", "loam"]
     assert grounds[0].end_s == pytest.approx(20.0, abs=2.6)
     assert "terrain.db" in source
+
+
+def test_a_map_by_the_packages_own_model_of_real_ground_counts_only_where_a_class_was_asked_for(tmp_path):
+    path = track_map(tmp_path, shipped_model("vision-real").version)
+    seen = replace(DRIVE, labels=None, site="pit")
+    grounds, why = grounds_of(seen, path)
+    assert grounds == ()
+    assert why == f"the map of {path} has classes by vision-real, too often wrong to tell grounds apart: not used"
+    assert [each.class_name for each in grounds_of(seen, path, doubtful=True)[0]] == ["sand", "loam"]
 
 
 def test_the_map_of_another_site_says_nothing(map_of_the_track):
@@ -122,3 +138,14 @@ def test_labels_that_contradict_each_other_are_refused():
         replace(DRIVE, labels=Labels(times[0], np.array([10.0, 30.0]), ("sand", "unknown")))
     )
     assert (first.class_name, second.class_name) == ("sand", "")
+
+
+def test_models_of_real_ground_that_come_with_the_package_do_not_tell_grounds_apart(tmp_path):
+    shutil.copyfile(shipped_model("vision-real").example_file(), tmp_path / "0.png")
+    (tmp_path / "camera.csv").write_text("time_s,file\n0.0,0.png\n")
+    stream, _ = read_camera(tmp_path)
+    seen = replace(DRIVE, labels=None, site="pit", camera=stream)
+    grounds, why = grounds_of(seen)
+    assert grounds == ()
+    assert why == "vision: no model of your own, so grounds are not told apart by them"
+    assert grounds_of(replace(seen, site="synthetic pit"))[1] != why

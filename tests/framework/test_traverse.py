@@ -15,6 +15,7 @@ from bevameter.audio import listen as listening
 from bevameter.database.store import TerrainDatabase
 from bevameter.framework import segments
 from bevameter.framework.cli.printing import write_json
+from bevameter.framework.core.classifier.shipped import shipped_model
 from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.evidence import ClassEvidence
 from bevameter.framework.core.findings import warning
@@ -192,6 +193,9 @@ def test_where_the_simulation_lacks_something_a_run_names_the_class_and_the_comm
     assert again.known
     for summary in (first, again):
         assert "on sand: `bevameter explain drive --db" in summary.warnings[-1]
+    weak = {**MODELS.classifiers, "vision": SimpleNamespace(version=shipped_model("vision-real").version, settings={})}
+    summary = run_traverse(recording(), tmp_path / "w.db", models=Models(weak, MODELS.origins))  # pyright: ignore
+    assert "on sand: `bevameter explain drive` says" in summary.warnings[-1]  # classes are too doubtful to store by
 
 
 def test_a_second_run_adds_nothing(world, tmp_path):
@@ -310,10 +314,12 @@ def test_soil_that_cannot_be_identified_is_reported(world, tmp_path, monkeypatch
 
 
 def test_models_of_synthetic_ground_are_warned_about(world, tmp_path):
-    models = Models(MODELS.classifiers, MODELS.origins, ("vision", "audio"))
+    said = {"vision": "vision-synthetic knows synthetic ground only"}
+    models = Models(MODELS.classifiers, MODELS.origins, ("vision", "audio"), {"audio": "which and why"}, said)
     summary = run_traverse(recording(), tmp_path / "t.db", models=models)
     assert summary.synthetic
-    assert "synthetic ground only" in summary.warnings[0]
+    assert summary.warnings[0] == said["vision"]
+    assert "which and why" in summary.notes
     assert summary.senses[0].synthetic_model
 
 

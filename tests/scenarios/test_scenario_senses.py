@@ -7,17 +7,17 @@ import math
 import cv2
 import numpy as np
 import pytest
+import synthetic_samples as samples
 from bevameter.audio.quality import NOISE_FREE_DB
 from bevameter.framework.core.vehicle import Camera
-from bevameter.framework.scenario import samples
 from bevameter.framework.scenario.contact_sound import VOICES, contact_sound, engine, motor_whine, wind
 from bevameter.framework.scenario.ground import PAINTERS, paint_tile
 from bevameter.framework.scenario.hearing import heard
 from bevameter.framework.scenario.plan import make_plan
 from bevameter.framework.scenario.presets import PRESETS
-from bevameter.framework.scenario.samples import SAMPLE_CLASSES, labelled_looks, labelled_sounds
 from bevameter.framework.scenario.seeing import ground_sites
 from bevameter.framework.scenario.view import GroundSite, View
+from synthetic_samples import SAMPLE_CLASSES, labelled_looks, labelled_sounds
 
 RATE = 22050
 

@@ -1,4 +1,4 @@
-"""What camera and microphone state on whole drives with the default models: accuracy and calibration.
+"""What the package's models of synthetic ground state on whole drives: accuracy and calibration.
 
 Seeds 1 and 2 of `demo`, `short` and `rover4` were used in development; seeds from 101 on were not. Scores are
 those of `drive_scores`, pooled by the rows that are known.
@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 
 import numpy as np
-from bevameter.framework.default_models import default_model
+from bevameter.framework.core.classifier.shipped import shipped_model
 from bevameter.framework.scenario.plan import make_plan
 from bevameter.framework.scenario.presets import PRESETS
 from drive_scores import judge_camera, judge_microphone
@@ -31,8 +31,8 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=2, help="drives of each scenario")
     arguments = parser.parse_args()
     judges = {
-        "camera": (judge_camera, default_model("vision")),
-        "microphone": (judge_microphone, default_model("audio")),
+        "camera": (judge_camera, shipped_model("vision-synthetic").load()),
+        "microphone": (judge_microphone, shipped_model("audio-synthetic").load()),
     }
     scores: dict[str, list[dict[str, float]]] = {sense: [] for sense in judges}
     for name in NAMES:

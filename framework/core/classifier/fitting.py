@@ -40,6 +40,17 @@ def _reduced(seed: int, components: int, freedom: float) -> Pipeline:
     return Pipeline([("map", reduce), ("logistic", LogisticRegression(C=freedom, max_iter=500))])
 
 
+def _fold(machine: Pipeline) -> None:
+    """Fold the square matrix of a Nystroem map into the linear model behind it: the same answers, a fifth of the file.
+
+    The map of x is k(x) N', k being the kernel with its components; so that of the logistic model C is k(x) (C N)'.
+    """
+    mapping, linear = machine.named_steps["map"], machine.named_steps["logistic"]
+    if isinstance(mapping, Nystroem):
+        linear.coef_ = linear.coef_ @ mapping.normalization_
+        mapping.normalization_ = np.eye(len(mapping.normalization_))
+
+
 CANDIDATES: dict[str, Callable[[int, int], LogisticRegression | Pipeline | ExtraTreesClassifier]] = {
     "logistic": lambda d, seed: LogisticRegression(C=0.1, max_iter=500),
     "stiff logistic": lambda d, seed: LogisticRegression(C=0.02, max_iter=500),
@@ -181,6 +192,7 @@ def _base(rows: Rows, names: Sequence[str], seed: int):
             most = min(seen.shape) if isinstance(mapping, PCA) else len(seen)
             mapping.set_params(n_components=min(mapping.n_components, most))
             member.fit(seen, rows.y, logistic__sample_weight=rows.weight)
+            _fold(member)
         else:
             member.fit(seen, rows.y, sample_weight=rows.weight)
         members[name] = member

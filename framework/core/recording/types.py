@@ -244,6 +244,11 @@ class Recording:
     part: str = ""
 
     @property
+    def synthetic(self) -> bool:
+        """Whether it calls itself synthetic: the name of its site says so."""
+        return "synthetic" in self.site.lower()
+
+    @property
     def described(self) -> str:
         """Where it came from, and which part of that it is."""
         return f"{self.source}, {self.part}" if self.part else str(self.source)

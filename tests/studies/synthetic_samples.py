@@ -8,21 +8,20 @@ its drive's whine, wind and engines. Only the sites, and how the camera is mount
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-
-from ...audio.augment import NOISES, sounding_power
-from ...audio.features import RATE_HZ, WINDOW_S, resample
-from ...audio.quality import NOISE_FREE_DB
-from ...vision.project import GroundPatches, ground_patches
-from ..core.recording.camera import decode_image
-from .contact_sound import VOICES, contact_sound, engine, motor_whine, wind
-from .ground import PAINTERS, paint_tile
-from .presets import PRESETS
-from .seeing import TARGET_LEVEL, jpeg
-from .view import GroundSite, View
+from bevameter.audio.augment import NOISES, sounding_power
+from bevameter.audio.features import RATE_HZ, WINDOW_S, resample
+from bevameter.audio.quality import NOISE_FREE_DB
+from bevameter.framework.core.recording.camera import decode_image
+from bevameter.framework.scenario.contact_sound import VOICES, contact_sound, engine, motor_whine, wind
+from bevameter.framework.scenario.ground import PAINTERS, paint_tile
+from bevameter.framework.scenario.presets import PRESETS
+from bevameter.framework.scenario.seeing import TARGET_LEVEL, jpeg
+from bevameter.framework.scenario.view import GroundSite, View
+from bevameter.vision.project import GroundPatches, ground_patches
 
 SAMPLE_CLASSES = tuple(sorted(PAINTERS))
 """Classes of the synthetic world."""
@@ -110,10 +109,27 @@ def labelled_looks(
     progress
         Called with the share done, 0 to 1.
     """
+    tiles = (
+        (name, f"{name}-{index:03d}", paint_tile(name, rng, size=_TILE_PX.get(name, _USUAL_TILE_PX)))
+        for name, index in _sites(sites_per_class, progress)
+    )
+    return looks_at(tiles, rng)
+
+
+def looks_at(tiles: Iterable[tuple[str, str, np.ndarray]], rng: np.random.Generator) -> LookSamples:
+    """Make looks at ground that is paved with tiles.
+
+    Parameters
+    ----------
+    tiles
+        Class, group and picture (s, s, 3) of each, blue, green, red; `RESOLUTION_M` a pixel.
+    rng
+        Source of randomness.
+    """
     eyes = [_eye(rng) for _ in range(_EYES)]
     patches, labels, groups, blurred = [], [], [], []
-    for name, index in _sites(sites_per_class, progress):
-        site = GroundSite.make(paint_tile(name, rng, size=_TILE_PX.get(name, _USUAL_TILE_PX)), rng, None)
+    for name, group, tile in tiles:
+        site = GroundSite.make(tile, rng, None)
         level = TARGET_LEVEL
         for number in rng.integers(len(eyes), size=_FRAMES_PER_SITE):
             eye = eyes[number]
@@ -122,7 +138,7 @@ def labelled_looks(
             cut = eye.layout.cut(image)
             patches.append(cut)
             labels += [name] * len(cut)
-            groups += [f"{name}-{index:03d}"] * len(cut)
+            groups += [group] * len(cut)
             blurred.append(np.full(len(cut), travel_m > _SHARP * eye.layout.side_m))
     return LookSamples(np.concatenate(patches), labels, groups, np.concatenate(blurred))
 
