@@ -144,7 +144,7 @@ def own_models(given: ModelsGiven, database: str | Path | None) -> dict[str, Pat
         folder = models_of(database)
         return {} if folder is None else dict(_files_in(folder))
     found: dict[str, Path | ShippedModel] = {}
-    for each in [given] if isinstance(given, str | os.PathLike) else given:
+    for each in [given] if isinstance(given, str | os.PathLike) or not isinstance(given, Sequence) else given:
         where = path_of("models", each, "the folder that holds them, or the name of a model")
         shipped = named(where)
         there = {shipped.sense: shipped} if shipped is not None else _files_in(where)

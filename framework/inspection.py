@@ -112,7 +112,8 @@ def inspect_recording(
         remedy = f"{contents.map_name}, which `{write}` writes, can say it" if drafted else "what the line says"
         fault = Answer(False, "it cannot be read", (Missing(str(contents.fault), remedy),))
         return Inspection(Path(path), fault, fault, fault, contents)
-    mends = Mends(contents.map_name, write if "vehicle.toml" in contents.files else "")
+    intrinsics = any("camera's intrinsics" in each.feeds for each in contents.sources)
+    mends = Mends(contents.map_name, write if "vehicle.toml" in contents.files else "", intrinsics)
     of_soil = soil(contents.recording, mends)
     return Inspection(
         Path(path), class_map(contents.recording, mends), of_soil, explain(contents.recording, mends, of_soil), contents

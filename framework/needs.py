@@ -61,10 +61,13 @@ class Mends:
         ``topics.toml`` of a bag, ``columns.toml`` of a table, or empty.
     write
         The command that writes a vehicle file to complete; empty where there is one.
+    intrinsics
+        Whether the recording states the camera's matrix.
     """
 
     map_name: str
     write: str
+    intrinsics: bool = False
 
     def stream(self, name: str, otherwise: str) -> str:
         """Say how a stream is named."""
@@ -87,7 +90,9 @@ def class_map(recording: Recording, mends: Mends) -> Answer:
     missing, able = [], [sense.instrument for sense in senses() if not sense.absence(recording)]
     for sense in senses():
         if sense.recorded(recording) and (reason := sense.absence(recording)):
-            geometry = "height_m and pitch_rad under [camera_mount], or all of [camera],"
+            geometry = "height_m and pitch_rad under [camera_mount]"
+            if not mends.intrinsics:
+                geometry = "matrix, width_px and height_px (calibrate: OpenCV), height_m and pitch_rad under [camera]"
             missing.append(Missing(f"{sense.instrument}: {reason}", mends.vehicle(geometry)))
     if not (able or missing):
         folder = "record images in camera/ with camera.csv, or sound.wav"
@@ -193,7 +198,7 @@ def _missing_of_wheels(recording: Recording, mends: Mends) -> Iterator[Missing]:
     if not made.observed("slip").size:
         yield from _missing_for_slip(made, mends, described=described, placed=recording.pose is not None)
     if not any(made.observed(name).size for name in _ANSWERS):
-        sensor = "record the joints' effort, the motors' current, a pull or a sinkage"
+        sensor = "current_A so, with [motor] in vehicle.toml; else record an effort, a current, a pull or a sinkage"
         other = Missing("torque, drawbar pull or sinkage", mends.channel("torque_Nm", sensor))
         yield from _missing_torque(table, vehicle) or (other,)
 

@@ -10,6 +10,7 @@ from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.recording import bag_files
 from bevameter.framework.core.recording.readers import read_recording
 from bevameter.framework.core.vehicle import Vehicle, Wheel
+from bevameter.framework.inspection import inspect_recording
 from every_bag import KINDS, RATE, SECONDS, START_NS, write_bag
 from mcap.writer import Writer as McapWriter
 
@@ -211,6 +212,72 @@ def test_json_messages_of_mcap_are_read(tmp_path, rng):
     np.testing.assert_array_equal(good.image, image)
     assert bad.image is None
     assert "base64" in bad.problem
+
+
+def write_json(path, topics):
+    """Write topics, each (name, type, messages), one message each tenth of a second, as JSON in an MCAP file."""
+    with path.open("wb") as file:
+        writer = McapWriter(file)
+        writer.start()
+        for name, kind, messages in topics:
+            schema = writer.register_schema(kind, "jsonschema", b'{"type": "object"}')
+            channel = writer.register_channel(name, "json", schema)
+            for i, message in enumerate(messages):
+                writer.add_message(channel, i * 10**8, json.dumps(message).encode(), i * 10**8)
+        writer.finish()
+    return path
+
+
+def test_foxglove_s_poses_fixes_and_transforms_are_read(tmp_path):
+    level = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
+    poses = [
+        {"frame_id": "map", "pose": {"position": {"x": 2.0 * i, "y": 0.0, "z": 0.0}, "orientation": level}}
+        for i in range(20)
+    ]
+    fixes = [{"latitude": 47.0, "longitude": 15.0 + 2.635e-5 * i, "altitude": 300.0} for i in range(20)]
+    step = {"parent_frame_id": "base_footprint", "child_frame_id": "base_link", "rotation": level,
+            "translation": {"x": 0.0, "y": 0.0, "z": 0.2}}  # fmt: skip
+    path = write_json(
+        tmp_path / "f.mcap",
+        [("/pose", "foxglove.PoseInFrame", poses), ("/gps", "foxglove.LocationFix", fixes),
+         ("/tf", "foxglove.FrameTransforms", [{"transforms": [step]}])],
+    )  # fmt: skip
+    recording = read_recording(path)
+    np.testing.assert_allclose(recording.pose.x_m, 2.0 * np.arange(20))
+    assert (recording.frame, recording.problems) == ("map", ())
+    assert recording.origin.latitude_deg == pytest.approx(47.0, abs=1e-5)
+    assert recording.origin.heading_deg == pytest.approx(0.0, abs=0.1)  # x points east, y north
+    feeds = {each.name: each.feeds for each in inspect_recording(path).contents.sources}
+    assert feeds == {"/pose": "pose; pitch_rad, roll_rad", "/gps": "origin on Earth", "/tf": "mounting of sensors"}
+
+
+def test_a_topic_map_states_units(tmp_path):
+    path = write_json(tmp_path / "u.mcap", [("/drive", "Drive", [{"rpm": 30.0, "mA": 1500.0, "tick": 2.0}] * 5)])
+    text = (
+        '[wheel]\ntopic = "/drive"\n[wheel.fields]\nwheel_speed_rad_s = { field = "rpm", unit = "rpm", scale = -1.0 }\n'
+    )
+    (tmp_path / "t.toml").write_text(text + 'current_A = { field = "mA", unit = "mA" }\n')
+    table = read_recording(path, topics=tmp_path / "t.toml").wheel
+    assert table["wheel_speed_rad_s"] == pytest.approx(np.full(5, -np.pi))
+    assert table["current_A"] == pytest.approx(np.full(5, 1.5))
+    (tmp_path / "t.toml").write_text(text.replace('"rpm",', '"Nm",'))
+    with pytest.raises(InputError, match=r"wheel_speed_rad_s in 'Nm', expected one of rad/s, .*rpm"):
+        read_recording(path, topics=tmp_path / "t.toml")
+
+
+def test_topics_that_nothing_names_say_how_a_map_names_them(tmp_path):
+    turning = {"orientation_covariance": [-1.0] + 8 * [0.0], "angular_velocity": {"x": 0.0, "y": 0.0, "z": 0.1}}
+    path = write_json(
+        tmp_path / "n.mcap",
+        [("/wheel/load_N", "Number", [{"data": 50.0}] * 5), ("/imu", "sensor_msgs/Imu", [turning] * 5),
+         ("/motor_currents", "Numbers", [{"data": [1.0, 2.0]}] * 5), ("/text", "Text", [{"data": "on"}] * 5)],
+    )  # fmt: skip
+    remarks = {each.name: each.remark for each in inspect_recording(path).contents.sources}
+    assert remarks["/motor_currents"] == (
+        '2 numbers without names: in a topic map [[wheel]] wheel = "NAME", fields = { current_A = "data[0]" }'
+    )
+    assert "a topic map can name its fields" in remarks["/text"]
+    assert remarks["/imu"].startswith("an inertial sensor without an orientation")
 
 
 def test_code_hidden_in_a_message_definition_is_not_run(tmp_path):

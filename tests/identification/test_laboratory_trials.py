@@ -115,10 +115,10 @@ def test_trials_with_the_time_of_each_are_trials_however_slip_goes_on(loads, wri
     assert inspect_recording(path, vehicle=path.parent / "vehicle.toml").soil.possible
 
 
-def test_where_no_row_can_be_used_the_status_is_1_and_the_next_command_is_said(write):
+def test_where_no_row_can_be_used_the_next_command_is_said(write):
     path = write(trials().assign(**{"Sinkage [mm]": 0.1}))
     result = CliRunner().invoke(app, ["identify", str(path), "--vehicle", str(path.parent / "vehicle.toml")])
-    assert result.exit_code == 1
+    assert result.exit_code == 0
     assert "ground too hard to sink into" in result.output
     assert f"next: bevameter inspect {path} --vehicle" in result.output.replace("\n", " ")
     missing = inspect_recording(path, vehicle=path.parent / "vehicle.toml").soil.missing

@@ -24,7 +24,6 @@ from typer.testing import CliRunner
 pytestmark = pytest.mark.filterwarnings("error")
 
 WHEEL_FAULTS = {
-    "no time": (WHEEL.replace("time_s", "clock", 1), ("neither column time_s nor column run", "clock")),
     "unit misspelt": (WHEEL.replace("load_N", "load_rpm", 1), ("column load_rpm", "expected load_N")),
     "another unit": (WHEEL.replace("torque_Nm", "torque_kN", 1), ("column torque_kN", "expected torque_Nm")),
     "column misspelt": (WHEEL.replace("sinkage_m", "sinkgae_m", 1), ("column sinkgae_m", "expected sinkage_m")),
@@ -50,6 +49,17 @@ def test_a_bad_wheel_file(fault, command, drive, tmp_path):
     text, said = WHEEL_FAULTS[fault]
     (drive / "wheel.csv").write_text(text)
     refused(tmp_path, command(tmp_path, drive), "wheel.csv", *said)
+
+
+@pytest.mark.parametrize("command", [run, identify])
+def test_a_wheel_file_without_time_names_the_columns_that_may_be_it(command, drive, tmp_path):
+    (drive / "wheel.csv").write_text(WHEEL.replace("time_s", "clock", 1))
+    result = CliRunner().invoke(app, [str(argument) for argument in command(tmp_path, drive)])
+    first, *others = result.stderr.splitlines()
+    assert result.exit_code == 2
+    assert first.endswith("wheel.csv: 1 fault, and 1 in doubt")
+    assert others[0].startswith("  neither column time_s nor column run")
+    assert 'CHANNEL = { column = "clock"' in others[1]
 
 
 @pytest.mark.parametrize("command", [run, identify])

@@ -7,17 +7,21 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..errors import InputError
 from ..vehicle import Vehicle
 from .bag_camera import camera_info
+from .bag_files import Topic
 from .bag_frames import Frames
 from .bag_index import BagExcerpt
-from .bag_messages import DecodeError, decode, field
+from .bag_messages import DecodeError, decode, field, fields_of
+from .bag_places import is_oriented
 from .bags import Decided, read_streams
 from .column_names import stem_of
 from .contents import Contents, Source
 from .opened_bag import OpenedBag, Samples, open_bag, take_samples
-from .recognition import short_type
+from .recognition import TRANSFORMS, short_type
 from .topic_map import COLUMNS, WheelTopic, load_topic_map
 from .topic_map_text import topic_map_text
 from .types import Recording
@@ -29,10 +33,15 @@ _CHANNELS = {column.casefold() for column in COLUMNS} | {"current"}
 _FRAMES = 2000
 """Most messages of transforms that are looked at: all frames of a robot come in a second."""
 
+_MEANT = (("current", "current_A"), ("torque", "torque_Nm"), ("effort", "torque_Nm"), ("sink", "sinkage_m"),
+          ("load", "load_N"), ("speed", "wheel_speed_rad_s"), ("vel", "wheel_speed_rad_s"))  # fmt: skip
+"""What a topic of numbers may be, by a word in its name."""
+
 _READ_AS = {
     "WrenchStamped": "N, N m; force x forward, force z made positive, torque y",
     "Wrench": "N, N m; force x forward, force z made positive, torque y",
     "NavSatFix": "degrees, WGS 84",
+    "LocationFix": "degrees, WGS 84",
 }
 
 
@@ -63,10 +72,11 @@ def inspect_bag(path: Path, *, vehicle: Vehicle | None = None, topics: Path | No
         problems, notes = [*problems, *opened.known.assumed], opened.known.chosen
     start = min(each.first_ns for each in bag.index.values())
     said = (*problems, *notes)
+    leans = recording is None or recording.wheel is None or "pitch_rad" in recording.wheel
     sources = tuple(
         Source(
             name, each.topic.message_type, each.n_messages, (each.first_ns - start) * 1e-9,
-            (each.last_ns - start) * 1e-9, *_use(name, samples, opened, decided.speed, frames, said),
+            (each.last_ns - start) * 1e-9, *_use(name, samples, opened, decided.speed, frames, said, leans=leans),
         )
         for name, each in sorted(bag.index.items())
     )  # fmt: skip
@@ -110,7 +120,7 @@ def _joints(wheels: tuple[WheelTopic, ...]) -> dict[str, str]:
 def _frames(bag: BagExcerpt, samples: Samples) -> Frames:
     """Take the frames of a robot, those that move as they are in the beginning."""
     frames = Frames()
-    names = {name for name, topic in samples.topics.items() if short_type(topic).casefold() == "tfmessage"}
+    names = {name for name, topic in samples.topics.items() if short_type(topic) in TRANSFORMS}
     static = {name for name in names if name.endswith("static")}
     for wanted in (names - static, static):  # what is fixed is believed
         for message in islice(bag.messages(wanted) if wanted else (), _FRAMES):
@@ -122,8 +132,9 @@ def _frames(bag: BagExcerpt, samples: Samples) -> Frames:
 
 
 def _use(
-    name: str, samples: Samples, opened: OpenedBag | None, speed: str, frames: Frames, said: tuple[str, ...]
-) -> tuple[str, str]:
+    name: str, samples: Samples, opened: OpenedBag | None, speed: str, frames: Frames, said: tuple[str, ...], *,
+    leans: bool,
+) -> tuple[str, str]:  # fmt: skip
     """Say what a topic feeds, and in which unit and frame it is taken; or nothing, and why it is not used."""
     topic, content = samples.topics.get(name), samples.content.get(name)
     if topic is None:
@@ -131,7 +142,7 @@ def _use(
     if opened is not None:
         if name in opened.known.topics.ignore:
             return "", "the topic map ignores it"
-        feeds = _feeds(name, opened, speed)
+        feeds = _feeds(name, opened, speed, leans=leans)
         if feeds:
             return "; ".join(feeds), _read_as(short_type(topic), content, feeds, frames)
     if content is None:
@@ -143,10 +154,25 @@ def _use(
         return "", "another topic gives the travel speed"
     if name.rsplit("/", 1)[-1].casefold() in _CHANNELS:
         return "", "a wheel's by its name; vehicle.toml has to name that wheel"
-    return "", "not known by its name or type; a topic map can name its fields"
+    return "", _unknown(topic, content)
 
 
-def _feeds(name: str, opened: OpenedBag, speed: str) -> list[str]:
+def _unknown(topic: Topic, content: Any) -> str:
+    """Say why a topic is not used that nothing names, and how a topic map can name it."""
+    if short_type(topic) == "Imu" and not is_oriented(content):
+        return (
+            "an inertial sensor without an orientation, which pitch and roll need; a filter such as Madgwick's adds it"
+        )
+    values = field(content, "data") if "data" in fields_of(content) else None
+    if values is None or isinstance(values, str | bytes):
+        return "not known by its name or type; a topic map can name its fields"
+    quantity = next((each for word, each in _MEANT if word in topic.name.casefold()), "CHANNEL")
+    where = "data" if np.ndim(values) == 0 else "data[0]"
+    whose = "a number" if np.ndim(values) == 0 else f"{len(values)} numbers without names"
+    return f'{whose}: in a topic map [[wheel]] wheel = "NAME", fields = {{ {quantity} = "{where}" }}'
+
+
+def _feeds(name: str, opened: OpenedBag, speed: str, *, leans: bool) -> list[str]:
     known, topics = opened.known, opened.known.topics
     wheels: dict[tuple[str, ...], list[str]] = {}
     for source in topics.wheel:
@@ -158,7 +184,7 @@ def _feeds(name: str, opened: OpenedBag, speed: str) -> list[str]:
     uses = {
         "travel_speed_m_s": name == speed,
         "pose": topics.pose is not None and topics.pose.topic == name,
-        "pitch_rad, roll_rad": topics.attitude is not None and topics.attitude.topic == name,
+        "pitch_rad, roll_rad": leans and topics.attitude is not None and topics.attitude.topic == name,
         "camera": camera == name,
         "camera's intrinsics": camera is not None
         and camera_info(camera, opened.samples.topics, opened.samples.content) == name,
@@ -204,7 +230,7 @@ def _read_as(kind: str, content: Any, feeds: list[str], frames: Frames) -> str:
     if "pose" in feeds:
         return f"m in frame {frame}"
     columns = [column for each in feeds for column in each.split(" of ")[0].split(", ")]
-    units = dict.fromkeys("A" if column == "current_A" else stem_of(column)[1].replace("_", "/") for column in columns)
+    units = dict.fromkeys(stem_of(column)[1].replace("_", "/") for column in columns)
     return f"{', '.join(units)}, by its name" if all(units) else ""
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from .bag_messages import DecodeError, field, number
+from .bag_messages import DecodeError, field, fields_of, number
 
 GROUND_FRAMES = ("base_footprint",)
 BASE_FRAMES = ("base_link", "base", "chassis")
@@ -28,15 +28,18 @@ class Frames:
         return iter(self._edges)
 
     def add(self, content: Any) -> None:
-        """Add the transforms of a message; raises `DecodeError` where one is no transform."""
-        for each in field(content, "transforms"):
-            parent, child = (_name(str(field(each, name))) for name in ("header.frame_id", "child_frame_id"))
-            turn = [number(each, f"transform.rotation.{axis}") for axis in "xyzw"]
+        """Add the transforms of a message, ROS's or Foxglove's; raises `DecodeError` where one is no transform."""
+        for each in field(content, "transforms") if "transforms" in fields_of(content) else [content]:
+            ros = "transform" in fields_of(each)
+            names = ("header.frame_id" if ros else "parent_frame_id", "child_frame_id")
+            parent, child = (_name(str(field(each, name))) for name in names)
+            of_it = field(each, "transform") if ros else each
+            turn = [number(of_it, f"rotation.{axis}") for axis in "xyzw"]
             if not np.linalg.norm(turn) > 0.5:
                 raise DecodeError(f"the rotation from {parent} to {child} is no quaternion")
             pose = np.eye(4)
             pose[:3, :3] = Rotation.from_quat(turn).as_matrix()
-            pose[:3, 3] = [number(each, f"transform.translation.{axis}") for axis in "xyz"]
+            pose[:3, 3] = [number(of_it, f"translation.{axis}") for axis in "xyz"]
             self._edges.setdefault(parent, {})[child] = pose
             self._edges.setdefault(child, {})[parent] = np.linalg.inv(pose)
 

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..origin import ECCENTRICITY2, SEMI_MAJOR_M, Origin
-from .bag_messages import DecodeError, number
+from .bag_messages import DecodeError, fields_of, number
 from .bag_messages import field as field_of
 from .clock import interpolate
 from .topic_map import PoseTopic, Reading
@@ -56,6 +56,19 @@ def frame_of(content: Any) -> str:
     return ""
 
 
+def is_oriented(sample: Any) -> bool:
+    """Say whether a message of an inertial sensor has an orientation; a covariance of -1 says that it has none."""
+    if sample is None:
+        return True
+    with suppress(DecodeError):
+        if number(sample, "orientation_covariance[0]") == -1.0:
+            return False
+    try:
+        return any(number(sample, f"orientation.{axis}") for axis in "xyzw")
+    except DecodeError:
+        return False
+
+
 def stays(frame: str) -> bool:
     """Say whether a frame of this name is the same in each recording; those of odometry start with the recording."""
     return frame.strip("/").rpartition("/")[2] in _STAYING
@@ -63,7 +76,7 @@ def stays(frame: str) -> bool:
 
 @dataclass
 class Fixes:
-    """Places of a satellite receiver (sensor_msgs/NavSatFix), collected message by message."""
+    """Places of a satellite receiver (sensor_msgs/NavSatFix, foxglove.LocationFix), collected message by message."""
 
     time_ns: list[int] = field(default_factory=list)
     latitude_deg: list[float] = field(default_factory=list)
@@ -75,7 +88,8 @@ class Fixes:
     def add(self, time_ns: int, content: Any) -> None:
         """Add a message that has a place: without satellites it has none. Raises `DecodeError` where it is no fix."""
         latitude, longitude = number(content, "latitude"), number(content, "longitude")
-        if number(content, "status.status") >= 0 and math.isfinite(latitude) and math.isfinite(longitude):
+        without = "status" in fields_of(content) and number(content, "status.status") < 0
+        if not without and math.isfinite(latitude) and math.isfinite(longitude):
             self.time_ns.append(time_ns)
             self.latitude_deg.append(latitude)
             self.longitude_deg.append(longitude)

@@ -342,7 +342,7 @@ def _with_unit(
 
 def stem_of(column: str) -> tuple[str, str]:
     """Part a column of the contract into quantity and unit: drawbar_pull, N."""
-    for unit in ("rad_s", "m_s", "rad", "Nm", "N", "m", "s"):
+    for unit in ("rad_s", "m_s", "rad", "Nm", "N", "m", "s", "A"):
         if column.endswith("_" + unit):
             return column.removesuffix("_" + unit), unit
     return column, ""

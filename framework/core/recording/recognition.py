@@ -4,11 +4,11 @@ A topic is recognised
 
 - by its name, ``/wheel/load_N`` or ``/wheel/front_left/load_N``, if it is a number (std_msgs/Float64, Float32); so is
   the current of a wheel's motor, ``/front_left/current``;
-- by its type: Odometry, PoseStamped and NavSatFix are the pose, Odometry and TwistStamped the travel speed, Imu and
-  Odometry the attitude; a WrenchStamped whose name has `wheel` in it is the wheel's (force x is the pull, force z the
-  load, its sign made positive, torque y the torque); the joints of a JointState that are named after the vehicle's
-  wheels, or have `wheel` in their names, are wheels; images (Image, CompressedImage, RawImage) and video
-  (CompressedVideo, FFMPEGPacket) are the camera, and audio is the sound.
+- by its type, ROS's or Foxglove's: Odometry, PoseStamped, PoseInFrame, NavSatFix and LocationFix are the pose, Odometry
+  and TwistStamped the travel speed, Imu and Odometry the attitude; a WrenchStamped whose name has `wheel` in it is the
+  wheel's (force x is the pull, force z the load, its sign made positive, torque y the torque); the joints of a
+  JointState that are named after the vehicle's wheels, or have `wheel` in their names, are wheels; images (Image,
+  CompressedImage, RawImage) and video (CompressedVideo, FFMPEGPacket) are the camera, and audio is the sound.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from ..errors import InputError
 from ..vehicle import Wheel
 from .bag_files import Topic
 from .bag_images import no_picture
+from .bag_places import is_oriented
 from .topic_map import (
     AttitudeTopic,
     CameraTopic,
@@ -38,14 +39,16 @@ from .wheel_names import JOINT_PARTS, drives, unknown_joints, wheel_called, whee
 
 _NUMBERS = {"Float64", "Float32", "Float64Stamped", "Float32Stamped", "Int32", "Int64", "UInt8", "UInt16", "UInt32"}
 _POSES = {
-    "Odometry": "pose.pose", "PoseStamped": "pose", "PoseWithCovarianceStamped": "pose.pose", "NavSatFix": "",
+    "Odometry": "pose.pose", "PoseStamped": "pose", "PoseWithCovarianceStamped": "pose.pose", "PoseInFrame": "pose",
+    "NavSatFix": "", "LocationFix": "",
 }  # fmt: skip
 _SPEEDS = {"Odometry": "twist.twist.linear.x", "TwistStamped": "twist.linear.x", "Twist": "linear.x"}
 _ATTITUDES = {
     "Imu": "orientation", "Odometry": "pose.pose.orientation", "PoseStamped": "pose.orientation",
-    "PoseWithCovarianceStamped": "pose.pose.orientation",
+    "PoseWithCovarianceStamped": "pose.pose.orientation", "PoseInFrame": "pose.orientation",
 }  # fmt: skip
-_TRANSFORMS = ("TFMessage", "tfMessage")
+_FIXES = [kind for kind, pose in _POSES.items() if not pose]
+TRANSFORMS = ("TFMessage", "tfMessage", "FrameTransforms", "FrameTransform")
 _NO_PICTURE = re.compile("depth|disparity|confidence|infra|thermal")
 _IMAGES = ["CompressedImage", "Image", "RawImage", "FFMPEGPacket", "CompressedVideo"]
 _SOUNDS: dict[str, tuple[str, SoundFormat]] = {
@@ -150,8 +153,12 @@ def recognise(
         }
     )
     wrenches = frozenset(s.topic for s in guessed if "load_N" in s.fields and s.fields["load_N"].field.endswith("e.z"))
-    frames = frozenset(n for n, t in bag.topics.items() if short_type(t) in _TRANSFORMS and n.endswith("static"))
-    receivers = [n for n, t in bag.topics.items() if short_type(t) == "NavSatFix"]
+    # Foxglove's transforms have no topic of those that stay.
+    frames = frozenset(
+        name for name, topic in bag.topics.items()
+        if short_type(topic) in TRANSFORMS and (name.endswith("static") or short_type(topic).startswith("Frame"))
+    )  # fmt: skip
+    receivers = [n for n, t in bag.topics.items() if short_type(t) in _FIXES]
     if pose is not None and pose.topic in receivers:
         receivers = [pose.topic]
     fixes = frozenset(receivers if len(receivers) == 1 else ())
@@ -246,24 +253,17 @@ def _pictures(bag: _Bag) -> list[Topic]:
 
 def _attitude(bag: _Bag) -> AttitudeTopic | None:
     """Guess what gives pitch and roll: an inertial sensor that knows its orientation comes before odometry."""
-    able = [topic for topic in bag.topics.values() if short_type(topic) in _ATTITUDES and _is_oriented(topic, bag)]
+    able = [
+        topic
+        for topic in bag.topics.values()
+        if short_type(topic) in _ATTITUDES and (short_type(topic) != "Imu" or is_oriented(bag.samples.get(topic.name)))
+    ]
     kinds = list(_ATTITUDES)
     able.sort(key=lambda topic: (kinds.index(short_type(topic)), _is_of_wheels(topic.name), topic.name))
     same = [topic.name for topic in able if short_type(topic) == short_type(able[0])]
     if len(same) > 1:
         bag.chosen.append(f"pitch and roll are taken from {same[0]}, of {', '.join(same)}")
     return AttitudeTopic(topic=able[0].name) if able else None
-
-
-def _is_oriented(topic: Topic, bag: _Bag) -> bool:
-    """Say whether a message of an inertial sensor has an orientation; a covariance of -1 says that it has none."""
-    sample = bag.samples.get(topic.name)
-    covariance = getattr(sample, "orientation_covariance", ())
-    turn = getattr(sample, "orientation", None)
-    if short_type(topic) != "Imu" or sample is None:
-        return True
-    zero = turn is not None and not any(getattr(turn, axis, 0.0) for axis in "xyzw")
-    return not (zero or (len(covariance) > 0 and covariance[0] == -1.0))
 
 
 def _sound(bag: _Bag) -> SoundTopic | None:

@@ -31,6 +31,9 @@ _WORDS = {word.casefold(): words is _MEANS for words in (_MEANS, _OTHERS) for wo
 """Words for statistics, and whether they are of the middle of the trials."""
 
 _SCREENED = r"(?i)^[\s(\[]*(" + "|".join(re.escape(word) for word in _WORDS) + r")\b"
+_BEYOND = 1e12
+"""Numbers so large stand for missing values [SI]."""
+
 _LAST, _NEAR, _VARIES = 8, 0.005, 0.02
 """Rows at the end of a table that may be a summary without a word, how near to the mean each of their values is, and
 from which scatter on a channel counts, both as a share of the largest value [-]."""
@@ -91,6 +94,7 @@ def unnamed_means(numbers: Sequence[np.ndarray]) -> np.ndarray:
         Columns of channels, each (n,); NaN where there is no value.
     """
     table = np.column_stack(numbers)
+    table = np.where(np.abs(table) < _BEYOND, table, np.nan)
     found = np.zeros(len(table), dtype=bool)
     for row in range(max(len(table) - _LAST, _FEWEST), len(table)):
         above, seen = table[:row], np.isfinite(table[row])

@@ -7,27 +7,47 @@ The map is TOML, each part of it optional; ``docs/recording.md`` shows it. Field
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
 from ..files import load_toml
 from ..models import FileModel, Finite, Positive, StatedOrigin, Whole, checked
+from . import units
 from .camera import BitDepth
+from .column_names import stem_of
 from .types import WHEEL_COLUMNS
 
 SoundFormat = Literal["pcm8", "pcm16", "pcm24", "pcm32", "float32", "mp3"]
 
 
 class Reading(FileModel):
-    """A number of a message: the path of its field, and what makes it SI: scale times value plus offset."""
+    """A number of a message: the path of its field, its unit where that is not SI, and what makes it the channel: scale
+    times the value in SI, plus offset.
+    """
 
     field: str
+    unit: str | None = None
     scale: Finite = 1.0
     offset: Finite = 0.0
 
 
 AnyReading = Annotated[Reading, BeforeValidator(lambda value: {"field": value} if isinstance(value, str) else value)]
+
+_Fields = TypeVar("_Fields", bound=dict[str, Reading])
+
+
+def _in_si(fields: _Fields) -> _Fields:
+    """Put units into the scales."""
+    for channel, reading in fields.items():
+        if reading.unit is None:
+            continue
+        dimension = stem_of(channel)[1].replace("_", "/") or "1"
+        factor = units.factor(reading.unit, dimension)
+        if factor is None:
+            raise ValueError(f"{channel} in {reading.unit!r}, expected one of {units.spelt(dimension)}")
+        fields[channel] = reading.model_copy(update={"unit": None, "scale": reading.scale * factor})
+    return fields
 
 
 COLUMNS = (*WHEEL_COLUMNS[1:], "current_A", "roll_rad")
@@ -45,14 +65,18 @@ class WheelTopic(FileModel):
 
     topic: str
     wheel: str | None = None
-    fields: dict[Annotated[str, AfterValidator(_wheel_column)], AnyReading] = Field(default_factory=dict)
+    fields: Annotated[
+        dict[Annotated[str, AfterValidator(_wheel_column)], AnyReading], AfterValidator(_in_si)
+    ] = Field(default_factory=dict)  # fmt: skip
 
 
 class PoseTopic(FileModel):
     """A topic with poses; the path of its pose, or of x_m, y_m and yaw_rad; the origin of its metres."""
 
     topic: str
-    fields: dict[Literal["x_m", "y_m", "yaw_rad"], AnyReading] = Field(default_factory=dict)
+    fields: Annotated[
+        dict[Literal["x_m", "y_m", "yaw_rad"], AnyReading], AfterValidator(_in_si)
+    ] = Field(default_factory=dict)  # fmt: skip
     pose: str | None = None
     frame: str | None = None
     """Name of the poses' frame, where their messages do not say the right one."""

@@ -54,6 +54,7 @@ _FACTORS: dict[str, dict[float, str]] = {
         1.0 / 60.0: "m/min", 1e-3 / 60.0: "mm/min", 1e-2 / 60.0: "cm/min", _FOOT: "ft/s fps", 0.44704: "mph mi/h",
         _INCH: "in/s",
     },
+    "A": {1.0: "A amp amps ampere amperes", 1e-3: "mA"},
     "count": {1.0: "- -- 1 # no none"},
 }  # fmt: skip
 """Factor to SI and spellings, by the SI unit. A mass is taken for the weight that it has on Earth."""
@@ -86,7 +87,7 @@ def factor(unit: str, dimension: str) -> float | None:
     unit
         As written: ``kN``, ``N·m``, ``rad s^-1``, ``U/min``, ``%``.
     dimension
-        The SI unit: ``N``, ``Nm``, ``m``, ``1``, ``s``, ``rad``, ``rad/s``, ``m/s`` or ``count``.
+        The SI unit: ``N``, ``Nm``, ``m``, ``1``, ``s``, ``rad``, ``rad/s``, ``m/s``, ``A`` or ``count``.
     """
     exact, folded = _spellings(dimension)
     text = _plain(unit)
@@ -97,8 +98,8 @@ def factor(unit: str, dimension: str) -> float | None:
 
 @cache
 def is_unit(text: str) -> bool:
-    """Say whether a text, without brackets, is a unit of any kind."""
-    return bool(text.strip()) and any(factor(text, dimension) is not None for dimension in _FACTORS)
+    """Say whether a text, without brackets, is a unit of any kind but the ampere, which is a letter of remarks, too."""
+    return bool(text.strip()) and any(factor(text, each) is not None for each in _FACTORS if each != "A")
 
 
 def spelt(dimension: str) -> str:

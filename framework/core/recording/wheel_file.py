@@ -201,7 +201,8 @@ def _read(path: Path, opened: OpenedTable) -> WheelFile:
             _check_time(table, found["time_s"].name, channels["time_s"], wheel, run)
     if not set(columns_read) - {"time_s"} and not faults:
         faults.append(InputError(path, "no wheel channel has a value", expected="columns such as load_N and slip"))
-    raise_all(path, faults, doubts(table, found, percent | dated, {*by_name, *elsewhere}))
+    again = {f"{name} (2)" for name in sheet.twice}  # which is a fault of its own
+    raise_all(path, faults, doubts(table, found, percent | dated, {*by_name, *elsewhere, *again}))
     layout = [f"{path.name}: {', '.join(sheet.notes)}"] if sheet.notes else []
     problems += not_used(table, columns_read, {*by_name, *elsewhere}, grouped=soil is not None)
     ordered = {name: columns_read[name] for name in _in_order(sheet.names, by_name) if name in columns_read}
