@@ -151,6 +151,15 @@ def test_the_files_written_read_as_the_bag_does_without_them(frames, driven, ima
         inspect_recording(path).write(tmp_path / "files")
 
 
+def test_a_castor_among_the_frames_is_part_of_the_vehicle_file(driven, tmp_path):
+    text = inspect_recording(RobotBag(driven, castor=True).write(tmp_path / "bag")).contents.files["vehicle.toml"]
+    castor = text.partition('name = "rear_caster"')[2]
+    assert castor.splitlines()[1:2] == ["driven = false"]
+    assert 'radius_m = 0.05    # height of "rear_caster_wheel_link" over the ground' in castor
+    assert "position_m = [-0.45, 0.0]" in castor
+    assert text.count("driven = false") == 1
+
+
 def test_joints_of_unknown_names_are_offered_and_named_wheels_get_a_vehicle(driven, tmp_path):
     path = RobotBag(driven, joints=("motor_a", "motor_b", "motor_c", "motor_d")).write(tmp_path / "bag")
     found = inspect_recording(path)

@@ -120,6 +120,8 @@ class RobotBag:
         Whether `/wheel/<name>/sinkage_m` is measured.
     start_deg
         Latitude and longitude of the start, and the direction driven, clockwise from north [deg].
+    castor
+        Whether the transforms have one.
     mirrored
         Signs of the joints' axes.
     wheel_frames
@@ -136,6 +138,7 @@ class RobotBag:
     start_deg: tuple[float, float, float] = (47.0707, 15.4395, 90.0)
     wheels: bool = True
     wheel_frames: bool = False
+    castor: bool = False
     mirrored: Sequence[float] = (1.0, 1.0, 1.0, 1.0)
     per_ampere: float = 0.06 * 50 * 0.8
     friction_Nm: float = 1.5
@@ -270,6 +273,9 @@ class RobotBag:
         axles = [("base_link", f"{name}_wheel_link", (*place, 0.0), (0.0, 0.5, 0.0)) for name, place in zip(
             NAMES, PLACES.tolist(), strict=True)]  # fmt: skip
         parts += axles if self.wheel_frames else []
+        castor = ("base_link", "rear_caster_swivel_link", (-0.4, 0.0, 0.0), (0.0, 0.0, 0.0))
+        wheel = ("rear_caster_swivel_link", "rear_caster_wheel_link", (-0.05, 0.0, -0.1), (0.0, 0.0, 0.0))
+        parts += [castor, wheel] if self.castor else []
         return self.make("tf2_msgs/msg/TFMessage", transforms=[
             self.make(
                 "geometry_msgs/msg/TransformStamped", header=self.header(0.0, parent), child_frame_id=child,

@@ -26,6 +26,7 @@ from .topic_map import COLUMNS, WheelTopic, load_topic_map
 from .topic_map_text import topic_map_text
 from .types import Recording
 from .vehicle_text import vehicle_text
+from .wheel_names import castors
 
 _CHANNELS = {column.casefold() for column in COLUMNS} | {"current"}
 """What topics of wheels end in."""
@@ -101,8 +102,8 @@ def _files(
         topics, samples = opened.known.topics, opened.samples
         info = topics.camera and camera_info(topics.camera.topic, samples.topics, samples.content)
         files["vehicle.toml"] = vehicle_text(
-            recording, joints=_joints(topics.wheel), frames=frames, camera=topics.camera is not None,
-            intrinsics=info is not None,
+            recording, joints=_joints(topics.wheel), castors=castors([*frames, *_named(samples)]), frames=frames,
+            camera=topics.camera is not None, intrinsics=info is not None,
         )  # fmt: skip
     return files
 
@@ -115,6 +116,11 @@ def _joints(wheels: tuple[WheelTopic, ...]) -> dict[str, str]:
             called = [match[1] for each in source.fields.values() if (match := re.search(r"\[(.+)\]$", each.field))]
             found.setdefault(source.wheel, called[0] if called else source.wheel)
     return found
+
+
+def _named(samples: Samples) -> list[str]:
+    """Names of joints."""
+    return [str(each) for content in samples.content.values() for each in getattr(content, "name", ())]
 
 
 def _frames(bag: BagExcerpt, samples: Samples) -> Frames:

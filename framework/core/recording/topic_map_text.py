@@ -16,7 +16,7 @@ from .wheel_names import JOINT_PARTS
 _HEAD = """\
 # Which topic is which stream in {name}, as `bevameter inspect` recognised it: edit what is wrong.
 # What is left out here is recognised by name and type. Numbers are SI; where a topic's are not, say
-#   torque_Nm = {{ field = "effort[joint]", scale = 50.0, offset = 0.0 }}     # SI = scale times value, plus offset
+#   torque_Nm = {{ field = "effort[joint]", unit = "Nmm", scale = -1.0, offset = 0.0 }}    # scale times it, plus offset
 
 # name = "first run"
 # site = "sand pit"                # drives of one site, whose poses are in one frame, share a map

@@ -32,6 +32,9 @@ _LUGS = """\
 # grouser_height_m = 0.01              # measure: of the lugs of each wheel, where there are any [m]
 # grouser_count = 24
 """
+_CASTOR = """\
+# Carries a share of the weight; where there is no such castor, remove this.
+"""
 _MOTOR = """\
 # Torque of the motors' current, where none is sensed:
 # [motor]
@@ -69,6 +72,7 @@ def vehicle_text(
     recording: Recording | None,
     *,
     joints: Mapping[str, str] | None = None,
+    castors: Mapping[str, str] | None = None,
     frames: Frames | None = None,
     camera: bool = False,
     intrinsics: bool = False,
@@ -81,12 +85,14 @@ def vehicle_text(
         What was read; None where it cannot be.
     joints
         The joint, or what else names it, of each wheel that has a name.
+    castors
+        The joint or frame of each castor.
     frames
         The frames of the robot's parts.
     camera, intrinsics
         Whether there are images, and whether the recording states the camera's matrix.
     """
-    joints, frames = joints or {}, frames or Frames()
+    joints, castors, frames = joints or {}, castors or {}, frames or Frames()
     table = None if recording is None else recording.wheel
     geometry = None if recording is None or recording.vehicle is None else recording.vehicle.camera
     wheels = bool(joints) or has_wheels(table) or not camera
@@ -100,6 +106,7 @@ def vehicle_text(
         of_each = [_wheel(each, joint, frames) for each, joint in joints.items()]
         parts += of_each if len(joints) > 1 else [_wheel(weighed=weighed)]
         parts[-1] += _LUGS
+        parts += [_CASTOR + _wheel(each, part, frames, castor=True) for each, part in castors.items() if not weighed]
     if table is not None and "current_A" in table and "torque_Nm" not in table:
         parts.append(_MOTOR)
     if geometry is not None:
@@ -110,10 +117,14 @@ def vehicle_text(
     return "\n".join(parts)
 
 
-def _wheel(name: str | None = None, joint: str = "", frames: Frames | None = None, *, weighed: bool = True) -> str:
+def _wheel(
+    name: str | None = None, joint: str = "", frames: Frames | None = None, *,
+    weighed: bool = True, castor: bool = False,
+) -> str:  # fmt: skip
     """One wheel: its name, and place and radius where frames say them."""
     lines = ["[wheel]"] if name is None else ["[[wheels]]", f"name = {toml_string(name)}"]
-    frame = next((each for each in frames or () if same_part(joint, each)), None)
+    lines += ["driven = false"] if castor else []
+    frame = next((each for each in frames or () if each == joint or same_part(joint, each)), None)
     place = None if frame is None or frames is None or frames.base is None else frames.pose(frame, frames.base)
     ground = None if frame is None or frames is None or frames.ground is None else frames.pose(frame, frames.ground)
     if ground is not None and ground[2, 3] > 0.0:

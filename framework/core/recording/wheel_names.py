@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,6 +109,14 @@ def place_of(name: str) -> tuple[int, int]:
     """Give where a name says that a wheel is: 1 in front, -1 in the rear; 1 left, -1 right; 0 where it does not say."""
     key = _key(name)
     return {"front": 1, "rear": -1}.get(key.axle, 0), {"left": 1, "right": -1}.get(key.side, 0)
+
+
+def castors(names: Iterable[str]) -> dict[str, str]:
+    """Give the castors among names of joints and frames, each by a short name: their wheels, where these are named."""
+    found = [name for name in names if re.search("cast[eo]r", name.casefold())]
+    wheels = [name for name in found if "wheel" in name.casefold()] or found
+    called = {re.sub(r"(?i)_?(wheel|link|joint|frame|swivel|rotation)", "", name).strip("_/"): name for name in wheels}
+    return {short or name: name for short, name in called.items()}
 
 
 def drives(name: str) -> bool:
