@@ -108,10 +108,15 @@ def inspect_recording(
     contents = read_contents(path, vehicle=vehicle, topics=topics)
     write = f"bevameter inspect {shlex.quote(str(path))} --write"
     if contents.recording is None:
-        drafted = contents.map_name in contents.files
-        remedy = f"{contents.map_name}, which `{write}` writes, can say it" if drafted else "what the line says"
-        fault = Answer(False, "it cannot be read", (Missing(str(contents.fault), remedy),))
-        return Inspection(Path(path), fault, fault, fault, contents)
+        fault = contents.fault
+        what, remedy = str(fault), "a file that can be read"
+        if contents.map_name in contents.files:
+            remedy = f"{contents.map_name}, which `{write}` writes, can say it"
+        elif fault is not None and fault.expected is not None:
+            what = ": ".join(each for each in (fault.place, fault.problem) if each)
+            remedy = f"expected: {fault.expected}"
+        answer = Answer(False, "it cannot be read", (Missing(what, remedy),))
+        return Inspection(Path(path), answer, answer, answer, contents)
     intrinsics = any("camera's intrinsics" in each.feeds for each in contents.sources)
     mends = Mends(contents.map_name, write if "vehicle.toml" in contents.files else "", intrinsics)
     of_soil = soil(contents.recording, mends)
