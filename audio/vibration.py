@@ -12,6 +12,7 @@ from ..framework.core.classifier.classifier import TerrainClassifier, TrainingOu
 from ..framework.core.classifier.labelled import LabelledFile, readable
 from ..framework.core.errors import InputError
 from ..framework.core.evidence import ClassEvidence
+from ..framework.core.recording.readers import read_recording
 from ..framework.core.recording.tables import read_table
 from ..framework.core.recording.types import VibrationRun
 from ..framework.core.recording.vibration import SAMPLE_RATE_HZ, read_vibration_run
@@ -26,8 +27,21 @@ STILL = np.log(2.0)
 """So far below the quietest training windows the vehicle is at standstill: half their amplitude."""
 
 
+_BAGS = (".bag", ".mcap", ".db3")
+
+
 def _read(item: LabelledFile) -> VibrationRun:
-    return read_vibration_run(item.file, item.extra.get("wheel_file") or None)
+    return _run_of(item.file, item.extra.get("wheel_file") or None)
+
+
+def _run_of(file: Path, wheel_file: str | Path | None) -> VibrationRun:
+    """Read a vibration file with that of its wheels, or the inertial sensor and wheels of a bag."""
+    if file.suffix.lower() not in _BAGS:
+        return read_vibration_run(file, wheel_file)
+    run = read_recording(file).vibration
+    if run is None:
+        raise InputError(file, "no inertial sensor of 20 Hz or more in it", expected="a topic of sensor_msgs/Imu")
+    return run
 
 
 def train_vibration(
@@ -46,7 +60,7 @@ def train_vibration(
     Parameters
     ----------
     labelled
-        Vibration files with class and group (`bevameter.framework.core.classifier.labelled.read_labelled`).
+        Vibration files, or bags, with class and group (`bevameter.framework.core.classifier.labelled.read_labelled`).
     rng
         Draws the splits.
     progress
@@ -119,7 +133,7 @@ def classify_vibration(files: Iterable[str | Path], model: TerrainClassifier) ->
     channels, *_ = _opened(model)
     rows: list[dict] = []
     for file in map(Path, files):
-        run = read_vibration_run(file, wheel_file_of(file) if channels.drive or channels.speed else None)
+        run = _run_of(file, wheel_file_of(file) if channels.drive or channels.speed else None)
         start_s, end_s, evidence = vibration_evidence(run, model)
         rows += evidence.as_rows(file, start_s, end_s)
     return rows

@@ -21,6 +21,7 @@ from ..identification.rows.select import SelectedRows, as_trials, select_wheel_r
 from ..identification.rows.travel import with_travel_speed
 from ..identification.rows.weight import with_loads, with_pull
 from ..identification.rows.words import sentence
+from .core.classifier.shipped import shipped_models
 from .core.errors import InputError
 from .core.recording.types import Pose, Recording, WheelTable
 from .core.recording.vehicle_text import has_wheels
@@ -86,25 +87,33 @@ class Mends:
 
 
 def class_map(recording: Recording, mends: Mends) -> Answer:
-    """Say whether `run` can put classes of ground on a map."""
-    missing, able = [], [sense.instrument for sense in senses() if not sense.absence(recording)]
+    """Say whether `run` can put classes of ground on a map, by the models that come with the package."""
+    missing, able, own = list[Missing](), list[str](), list[Missing]()
+    ground, shipped = "synthetic" if recording.synthetic else "real", shipped_models()
     for sense in senses():
-        if sense.recorded(recording) and (reason := sense.absence(recording)):
+        model, reason = shipped.get(f"{sense.name}-{ground}"), sense.absence(recording)
+        if not reason and model is not None and model.default:
+            able.append(sense.instrument)
+        elif not reason:
+            train = f"bevameter train {sense.name} LABELLED --out MODELS/{sense.name}.skops, then run --models MODELS"
+            own.append(Missing(f"a model of your own for the {sense.instrument}", train))
+        elif sense.recorded(recording):
             geometry = "height_m and pitch_rad under [camera_mount]"
             if not mends.intrinsics:
                 geometry = "matrix, width_px and height_px (calibrate: OpenCV), height_m and pitch_rad under [camera]"
             missing.append(Missing(f"{sense.instrument}: {reason}", mends.vehicle(geometry)))
     if not (able or missing):
-        folder = "record images in camera/ with camera.csv, or sound.wav"
-        missing.append(Missing("images of the ground ahead, or sound", mends.stream("camera", folder)))
+        folder = "record images in camera/ with camera.csv"
+        missing += [Missing("images of the ground ahead", mends.stream("camera", folder)), *own]
     if lost := _places_missing(recording, mends):
         missing.append(lost)
     if not able or lost:
         return Answer(False, _lacking(missing), tuple(missing))
+    more = tuple(f"{each.what} would be used, too: {each.mend}" for each in own)
     return Answer(
         True, f"{_names([*able, 'places'])} are there", tuple(missing),
         ("what the models that come with the package know, and how well, says bevameter models; for your own ground: "
-         "bevameter train vision PHOTOS --out MODELS/vision.skops, then bevameter run with --models MODELS",),
+         "bevameter train vision PHOTOS --out MODELS/vision.skops, then bevameter run with --models MODELS", *more),
     )  # fmt: skip
 
 

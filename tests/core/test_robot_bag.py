@@ -58,6 +58,19 @@ def test_wheels_attitude_camera_and_origin_are_found_without_a_map(driven, vehic
     assert camera.matrix[0] == (420.0, 0.0, 319.5)
 
 
+def test_the_inertial_sensor_is_heard_with_the_wheels_current_and_speed(driven, vehicle, tmp_path):
+    bag = RobotBag(driven, effort=False, gps=False)
+    run = read_recording(bag.write(tmp_path / "bag"), vehicle=vehicle).vibration
+    assert run.names == ("wx", "wy", "wz", "ax", "ay", "az")
+    assert run.wheel_names == tuple(f"{what}_{name}" for what in ("current", "speed") for name in sorted(NAMES))
+    assert run.sample_rate_Hz == 100.0  # recorded at 25 Hz
+    assert run.time_s[-1] - run.time_s[0] == pytest.approx(driven.time_s[-1], abs=0.05)
+    speed = run.wheel[:, run.wheel_names.index("speed_rear_left")] * RADIUS_M
+    np.testing.assert_allclose(speed, np.interp(run.time_s, driven.time_s, driven.rim_m_s), atol=0.01)
+    (tmp_path / "t.toml").write_text('ignore = ["/imu/data"]\n')
+    assert read_recording(tmp_path / "bag", vehicle=vehicle, topics=tmp_path / "t.toml").vibration is None
+
+
 def test_joints_of_unknown_names_are_listed_with_what_to_write(driven, vehicle, tmp_path):
     joints = ("motor_a", "motor_b", "motor_c", "motor_d")
     path = RobotBag(driven, joints=joints).write(tmp_path / "bag")

@@ -14,6 +14,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -269,7 +270,11 @@ app(["--quiet", "db", "push", *sys.argv[1:]])
 
 def test_ctrl_c_is_one_line_and_the_same_command_goes_on(server, vehicle):
     command = [sys.executable, "-P", "-c", _PUSHING, str(vehicle), server]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    # a shell's background job ignores SIGINT, and so would what it starts
+    listens = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=listens
+    )  # fmt: skip
     assert process.stdout is not None
     assert process.stdout.readline() == "in a portion\n"
     process.send_signal(signal.SIGINT)

@@ -52,7 +52,7 @@ def test_a_robots_bag_lacks_its_vehicle_and_nothing_else(driven, image, vehicle,
         "/camera/camera_info": "camera's intrinsics",
         "/camera/image/compressed": "camera",
         "/fix": "origin on Earth",
-        "/imu/data": "pitch_rad, roll_rad",
+        "/imu/data": "pitch_rad, roll_rad; vibration",
         "/joint_states": f"wheel_speed_rad_s, wheel_angle_rad, torque_Nm of {', '.join(NAMES)}",
         "/odom": "travel_speed_m_s; pose",
         "/tf_static": "mounting of sensors",
@@ -113,7 +113,8 @@ def test_each_thing_that_lacks_is_named(bag, ignored, soil, ground, driven, vehi
     path = RobotBag(driven, **bag).write(tmp_path / "bag")
     found = inspect_recording(path, vehicle=vehicle, topics=topics)
     assert lacking(found.soil) == soil
-    assert lacking(found.class_map) == ["images of the ground ahead, or sound", *ground]
+    without = ["images of the ground ahead", "a model of your own for the vibration sensor"]
+    assert lacking(found.class_map) == [*without, *ground]
     assert all(each.mend for each in (*found.soil.missing, *found.class_map.missing))
 
 

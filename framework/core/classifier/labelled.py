@@ -18,6 +18,7 @@ from .labelled_copies import without_copies
 
 MEDIA_SUFFIXES = (
     ".jpg", ".jpeg", ".png", ".wav", ".flac", ".ogg", ".aif", ".aiff", ".csv", ".csv.gz", ".parquet",
+    ".bag", ".mcap", ".db3",
 )  # fmt: skip
 """Files that count where sub-folders name the classes; others, such as a licence, are passed over."""
 

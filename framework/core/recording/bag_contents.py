@@ -38,6 +38,8 @@ _MEANT = (("current", "current_A"), ("torque", "torque_Nm"), ("effort", "torque_
           ("load", "load_N"), ("speed", "wheel_speed_rad_s"), ("vel", "wheel_speed_rad_s"))  # fmt: skip
 """What a topic of numbers may be, by a word in its name."""
 
+_NO_ORIENTATION = "without an orientation, which pitch and roll need; a filter such as Madgwick's adds it"
+
 _READ_AS = {
     "WrenchStamped": "N, N m; force x forward, force z made positive, torque y",
     "Wrench": "N, N m; force x forward, force z made positive, torque y",
@@ -73,11 +75,10 @@ def inspect_bag(path: Path, *, vehicle: Vehicle | None = None, topics: Path | No
         problems, notes = [*problems, *opened.known.assumed], opened.known.chosen
     start = min(each.first_ns for each in bag.index.values())
     said = (*problems, *notes)
-    leans = recording is None or recording.wheel is None or "pitch_rad" in recording.wheel
     sources = tuple(
         Source(
             name, each.topic.message_type, each.n_messages, (each.first_ns - start) * 1e-9,
-            (each.last_ns - start) * 1e-9, *_use(name, samples, opened, decided.speed, frames, said, leans=leans),
+            (each.last_ns - start) * 1e-9, *_use(name, samples, opened, decided.speed, frames, said, recording),
         )
         for name, each in sorted(bag.index.items())
     )  # fmt: skip
@@ -138,8 +139,8 @@ def _frames(bag: BagExcerpt, samples: Samples) -> Frames:
 
 
 def _use(
-    name: str, samples: Samples, opened: OpenedBag | None, speed: str, frames: Frames, said: tuple[str, ...], *,
-    leans: bool,
+    name: str, samples: Samples, opened: OpenedBag | None, speed: str, frames: Frames, said: tuple[str, ...],
+    recording: Recording | None,
 ) -> tuple[str, str]:  # fmt: skip
     """Say what a topic feeds, and in which unit and frame it is taken; or nothing, and why it is not used."""
     topic, content = samples.topics.get(name), samples.content.get(name)
@@ -148,7 +149,7 @@ def _use(
     if opened is not None:
         if name in opened.known.topics.ignore:
             return "", "the topic map ignores it"
-        feeds = _feeds(name, opened, speed, leans=leans)
+        feeds = _feeds(name, opened, speed, recording)
         if feeds:
             return "; ".join(feeds), _read_as(short_type(topic), content, feeds, frames)
     if content is None:
@@ -166,9 +167,7 @@ def _use(
 def _unknown(topic: Topic, content: Any) -> str:
     """Say why a topic is not used that nothing names, and how a topic map can name it."""
     if short_type(topic) == "Imu" and not is_oriented(content):
-        return (
-            "an inertial sensor without an orientation, which pitch and roll need; a filter such as Madgwick's adds it"
-        )
+        return _NO_ORIENTATION
     values = field(content, "data") if "data" in fields_of(content) else None
     if values is None or isinstance(values, str | bytes):
         return "not known by its name or type; a topic map can name its fields"
@@ -178,13 +177,15 @@ def _unknown(topic: Topic, content: Any) -> str:
     return f'{whose}: in a topic map [[wheel]] wheel = "NAME", fields = {{ {quantity} = "{where}" }}'
 
 
-def _feeds(name: str, opened: OpenedBag, speed: str, *, leans: bool) -> list[str]:
+def _feeds(name: str, opened: OpenedBag, speed: str, recording: Recording | None) -> list[str]:
     known, topics = opened.known, opened.known.topics
     wheels: dict[tuple[str, ...], list[str]] = {}
     for source in topics.wheel:
         if source.topic == name:
             wheels.setdefault(tuple(source.fields), []).append(source.wheel or "")
     feeds = [", ".join(columns) + _of(names) for columns, names in wheels.items()]
+    leans = recording is None or recording.wheel is None or "pitch_rad" in recording.wheel
+    shakes = recording is not None and recording.vibration is not None
     camera = None if topics.camera is None else topics.camera.topic
     kind = short_type(opened.samples.topics[name])
     uses = {
@@ -194,6 +195,7 @@ def _feeds(name: str, opened: OpenedBag, speed: str, *, leans: bool) -> list[str
         "camera": camera == name,
         "camera's intrinsics": camera is not None
         and camera_info(camera, opened.samples.topics, opened.samples.content) == name,
+        "vibration": shakes and topics.vibration is not None and topics.vibration.topic == name,
         "sound": topics.sound is not None and topics.sound.topic == name,
         "sound's rate and format": topics.sound is not None and kind == "AudioInfo",
         "mounting of sensors": name in known.frames,
@@ -223,7 +225,8 @@ def _read_as(kind: str, content: Any, feeds: list[str], frames: Frames) -> str:
         mounted = (
             f"mounted as frame {frame} in {frames.base}" if placed else "taken as mounted along the vehicle's axes"
         )
-        return f"orientation, z up; {mounted}"
+        turned = "; ".join(["orientation, z up", mounted] if is_oriented(content) else [_NO_ORIENTATION])
+        return f"rad/s, m/s^2; {turned}"
     if kind in ("CompressedImage", "Image", "RawImage", "CompressedVideo", "FFMPEGPacket"):
         coded = _text(content, "format") or _text(content, "encoding")
         return ", ".join(part for part in (coded, f"frame {frame}" if frame else "") if part)

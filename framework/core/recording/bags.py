@@ -24,6 +24,7 @@ from .bag_messages import DecodeError, decode, number, stamp_ns
 from .bag_messages import field as field_of
 from .bag_places import FAR_M, FIXES, MISFIT_M, UNNAMED, Fixes, frame_of, in_order, pitch_and_roll, pose_of, stays
 from .bag_streams import BagCamera, BagSound, SoundLayout
+from .bag_vibration import shaken, vibration_of
 from .bag_wheel import WheelChannels, follows_the_wheels, merge
 from .clock import interpolate
 from .digest import StreamDigest
@@ -51,6 +52,7 @@ class _Gathered:
     speeds: list[WheelChannels]
     frames: Frames = field(default_factory=Frames)
     fixes: Fixes = field(default_factory=Fixes)
+    shaken: list[tuple[float, ...]] = field(default_factory=list)
     attitude: list[tuple[float, ...]] = field(default_factory=list)
     attitude_frame: str = ""
     poses: list[tuple[int, float, float, float]] = field(default_factory=list)
@@ -136,6 +138,8 @@ def read_streams(opened: OpenedBag, vehicle: Vehicle | None) -> tuple[Recording,
             vehicle, known.topics.camera.topic, samples.topics, samples.content, gathered.frames
         )
         notes += geometry
+    vibration, found = vibration_of(gathered.shaken, origin, wheel, known.topics.vibration, path)
+    problems += found
     recording = Recording(
         name=known.topics.name or path.resolve().name.split(".")[0],
         source=path,
@@ -148,6 +152,7 @@ def read_streams(opened: OpenedBag, vehicle: Vehicle | None) -> tuple[Recording,
         camera=camera,
         sound=_sound(bag, heard, gathered, origin, problems),
         problems=tuple(problems),
+        vibration=vibration,
         origin=place,
         frame=gathered.pose_frame,
         notes=tuple(notes),
@@ -184,7 +189,9 @@ def _gather(bag: BagFile, known: Recognised, heard: SoundReader | None, digest: 
         by_topic.setdefault(channels.source.topic, []).append(channels)
     camera = None if topics.camera is None else topics.camera.topic
     sound = None if heard is None else heard.source.topic
+    vibration = None if topics.vibration is None else topics.vibration.topic
     streams = {part.topic for part in (topics.pose, topics.attitude, topics.camera, heard and heard.source) if part}
+    streams |= {vibration} - {None}
     wanted = {*by_topic, *streams}
     for message in bag.messages({*wanted, *known.about}):
         topic = message.topic.name
@@ -193,6 +200,8 @@ def _gather(bag: BagFile, known: Recognised, heard: SoundReader | None, digest: 
             content = decode(message)
             time_ns = stamp_ns(message, content)
             _add_about(gathered, known, topic, time_ns, content)
+            if topic == vibration:
+                gathered.shaken.append((time_ns, *shaken(content)))
             for channels in by_topic.get(topic, ()):
                 channels.add(time_ns, content)
             if topics.pose is not None and topic == topics.pose.topic and topics.pose.pose != "":
@@ -211,7 +220,7 @@ def _gather(bag: BagFile, known: Recognised, heard: SoundReader | None, digest: 
                 heard.count(time_ns, content)
             except DecodeError as error:
                 gathered.fail(topic, str(error))
-    _refuse_empty(gathered, {camera, sound}, path)
+    _refuse_empty(gathered, {camera, sound, vibration}, path)
     return gathered
 
 

@@ -32,10 +32,11 @@ from .topic_map import (
     SoundFormat,
     SoundTopic,
     TopicMap,
+    VibrationTopic,
     WheelTopic,
 )
 from .types import WHEEL_COLUMNS
-from .wheel_names import JOINT_PARTS, drives, unknown_joints, wheel_called, wheel_of
+from .wheel_names import of_joints, wheel_called
 
 _NUMBERS = {"Float64", "Float32", "Float64Stamped", "Float32Stamped", "Int32", "Int64", "UInt8", "UInt16", "UInt32"}
 _POSES = {
@@ -126,7 +127,7 @@ def recognise(
         one topic is recognised.
     """
     stated = given or TopicMap()
-    named = [part.topic for part in (*stated.wheel, stated.pose, stated.attitude, stated.camera, stated.sound) if part]
+    named = [part.topic for part in stated.parts]
     for name in (*named, *stated.ignore):
         if name not in topics:
             raise InputError(path, f"no topic {name}", expected="one of " + listing(topics))
@@ -150,6 +151,7 @@ def recognise(
             "attitude": _with_orientation(attitude, topics, path),
             "camera": camera,
             "sound": _with_format(sound, topics),
+            "vibration": stated.vibration or _vibration(bag, attitude),
         }
     )
     wrenches = frozenset(s.topic for s in guessed if "load_N" in s.fields and s.fields["load_N"].field.endswith("e.z"))
@@ -266,6 +268,17 @@ def _attitude(bag: _Bag) -> AttitudeTopic | None:
     return AttitudeTopic(topic=able[0].name) if able else None
 
 
+def _vibration(bag: _Bag, attitude: AttitudeTopic | None) -> VibrationTopic | None:
+    """Guess the inertial sensor that hears the ground: that of the attitude, if it is one, else the first by name."""
+    found = sorted(topic.name for topic in bag.topics.values() if short_type(topic) == "Imu")
+    if not found:
+        return None
+    topic = attitude.topic if attitude is not None and attitude.topic in found else found[0]
+    if len(found) > 1:
+        bag.chosen.append(f"vibration is taken from {topic}, of {', '.join(found)}")
+    return VibrationTopic(topic=topic)
+
+
 def _sound(bag: _Bag) -> SoundTopic | None:
     topic = _one([topic for topic in bag.topics.values() if _is_sound(topic)], "sound", bag, [])
     return None if topic is None else SoundTopic(topic=topic.name)
@@ -348,7 +361,9 @@ def _by_type(topic: Topic, bag: _Bag, wheel: str | None, *, guess: bool = False)
     """Read a topic by its type; where nobody named it (`guess`), only if its name does not speak against it."""
     kind, name = short_type(topic), topic.name.casefold()
     if kind == "JointState":
-        return _joints(topic, bag, wheel)
+        found, unknown = of_joints(topic.name, bag.samples.get(topic.name), bag.wheels, wheel)
+        bag.assumed += [unknown] if unknown else []
+        return found
     if kind in _SPEEDS and not (guess and ("cmd" in name or "command" in name)):
         if guess and kind != "Odometry" and re.search("gps|gnss|fix", name):
             bag.assumed.append(f"{topic.name}: a receiver's velocity, east and north, is not used as travel speed")
@@ -365,29 +380,3 @@ def _by_type(topic: Topic, bag: _Bag, wheel: str | None, *, guess: bool = False)
             WheelTopic(topic=topic.name, wheel=wheel, fields={c: Reading(field=stem + f) for c, f in fields.items()})
         ]
     return []
-
-
-def _joints(topic: Topic, bag: _Bag, wheel: str | None) -> list[WheelTopic]:
-    """Take the joints that are wheels: those named after the vehicle's, else with `wheel` in their name, or the only
-    one.
-    """
-    sample = bag.samples.get(topic.name)
-    names = [str(name) for name in getattr(sample, "name", ())]
-    parts = {column: part for column, part in JOINT_PARTS.items() if len(getattr(sample, part, ())) == len(names)}
-    if not names or not parts:
-        return []
-    if len(names) == 1:
-        called: dict[str, str | None] = {names[0]: wheel}
-    elif len(bag.wheels) > 1:
-        matched = {name: wheel_called(name, bag.wheels) for name in names}
-        called = {n: w for n, w in matched.items() if w and list(matched.values()).count(w) == 1}
-    else:
-        called = {name: wheel_of(name) for name in names if drives(name)}
-        called = {name: wheel for name in called} if len(called) == 1 else called
-    if not called:
-        bag.assumed.append(unknown_joints(topic.name, names, list(parts.items()), bag.wheels))
-    answer = []
-    for name, of in called.items():
-        fields = {column: Reading(field=f"{part}[{name}]") for column, part in parts.items()}
-        answer.append(WheelTopic(topic=topic.name, wheel=of, fields=fields))
-    return answer

@@ -98,6 +98,12 @@ class CameraTopic(FileModel):
     bit_depth: BitDepth | None = None
 
 
+class VibrationTopic(FileModel):
+    """A topic of an inertial sensor that hears the ground."""
+
+    topic: str
+
+
 class SoundTopic(FileModel):
     """A topic with sound, and how its samples are written."""
 
@@ -119,8 +125,15 @@ class TopicMap(FileModel):
     attitude: AttitudeTopic | None = None
     camera: CameraTopic | None = None
     sound: SoundTopic | None = None
+    vibration: VibrationTopic | None = None
     ignore: tuple[str, ...] = ()
     """Topics that are not used, whatever they are."""
+
+    @property
+    def parts(self) -> tuple[WheelTopic | PoseTopic | AttitudeTopic | CameraTopic | SoundTopic | VibrationTopic, ...]:
+        """All topics that it names, with what is said of them."""
+        streams = (self.pose, self.attitude, self.camera, self.sound, self.vibration)
+        return (*self.wheel, *(each for each in streams if each is not None))
 
 
 def load_topic_map(path: Path) -> TopicMap:

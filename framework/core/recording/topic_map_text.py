@@ -49,7 +49,7 @@ def topic_map_text(opened: OpenedBag, decided: Decided) -> str:
         What its messages say besides: the topic of the travel speed, loads and wheels whose sign is turned.
     """
     known, topics = opened.known, opened.known.topics
-    used = {part.topic for part in (*topics.wheel, topics.pose, topics.attitude, topics.camera, topics.sound) if part}
+    used = {part.topic for part in topics.parts}
     others = [name for name in opened.samples.first if name not in used | known.about | {decided.speed}]
     lines = [_HEAD.format(name=toml_string(opened.bag.path.resolve().name))]
     lines += ["# Topics that are not to be used:", f"ignore = [{', '.join(map(toml_string, topics.ignore))}]", ""]
@@ -74,6 +74,9 @@ def topic_map_text(opened: OpenedBag, decided: Decided) -> str:
     lines += _stream("pose", topics.pose and topics.pose.topic, _POSE)
     lines += _stream("attitude", topics.attitude and topics.attitude.topic, "pitch and roll, by a quaternion, z up")
     lines += _stream("camera", topics.camera and topics.camera.topic, "images or video")
+    lines += _stream(
+        "vibration", topics.vibration and topics.vibration.topic, "an inertial sensor that hears the ground"
+    )
     lines += _stream("sound", topics.sound and topics.sound.topic, "by its messages or an AudioInfo, where not stated:")
     lines += [] if topics.sound is None else ["# sample_rate_Hz = 16000", '# format = "pcm16"', "# channels = 1"]
     return "\n".join(lines).rstrip("\n") + "\n"

@@ -59,7 +59,7 @@ def read_vibration_run(imu_file: str | Path, wheel_file: str | Path | None = Non
     if rate < 0.9 * SAMPLE_RATE_HZ:
         problems.append(f"{table.source.name}: recorded at {rate:.3g} Hz, nothing above {rate / 2:.3g} Hz is in it")
     gap = _GAP_SAMPLES * period
-    channels = np.column_stack([_on_clock(time, table.numbers[name], clock, rate, gap) for name in names])
+    channels = np.column_stack([on_clock(time, table.numbers[name], clock, rate, gap) for name in names])
     lost = float(np.isnan(channels).any(axis=1).mean())
     if lost:
         problems.append(f"{table.source.name}: {100 * lost:.2g} % of the time without a value")
@@ -91,7 +91,7 @@ def _read(path: Path) -> tuple[Table, np.ndarray, tuple[str, ...]]:
     return table, time, names
 
 
-def _on_clock(time: np.ndarray, values: np.ndarray, clock: np.ndarray, rate: float, gap: float) -> np.ndarray:
+def on_clock(time: np.ndarray, values: np.ndarray, clock: np.ndarray, rate: float, gap: float) -> np.ndarray:
     """Bring one channel onto the clock (n,), low-passed where it was sampled faster than the clock runs."""
     if rate <= 1.1 * SAMPLE_RATE_HZ:
         return interpolate(time, values, clock, gap)

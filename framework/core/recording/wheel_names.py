@@ -5,10 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ..vehicle import Wheel
+from .topic_map import Reading, WheelTopic
 
 _WHEEL = {"wheel", "wheels", "joint", "joints", "link", "drive", "driven", "motor", "hub", "axle", "tyre", "tire"}
 _STEERS = {"steer", "steering", "steered", "caster", "castor", "suspension", "swivel", "rocker", "bogie"}
@@ -147,7 +149,7 @@ def wheel_called(name: str, wheels: Sequence[Wheel]) -> str | None:
     return None
 
 
-def unknown_joints(topic: str, names: list[str], parts: list[tuple[str, str]], wheels: Sequence[Wheel]) -> str:
+def _unknown_joints(topic: str, names: list[str], parts: list[tuple[str, str]], wheels: Sequence[Wheel]) -> str:
     """Say that no joint is known as a wheel, and what to write in a topic map."""
     of = wheels[0].name if len(wheels) > 1 else "NAME"
     fields = ", ".join(f'{column} = "{part}[{names[0]}]"' for column, part in parts)
@@ -159,3 +161,28 @@ def unknown_joints(topic: str, names: list[str], parts: list[tuple[str, str]], w
         f"{topic}: of the joints {listed} none {lacks}; name them in a topic map, for each wheel "
         f'[[wheel]] topic = "{topic}" wheel = "{of}" fields = {{ {fields} }}'
     )
+
+
+def of_joints(
+    topic: str, sample: Any, wheels: Sequence[Wheel], wheel: str | None
+) -> tuple[list[WheelTopic], str]:  # fmt: skip
+    """Take the joints that are wheels: those named after the vehicle's, else with `wheel` in their name, or the only
+    one, which is the `wheel`; and say what to write where none is, else nothing.
+    """
+    names = [str(name) for name in getattr(sample, "name", ())]
+    parts = {column: part for column, part in JOINT_PARTS.items() if len(getattr(sample, part, ())) == len(names)}
+    if not names or not parts:
+        return [], ""
+    if len(names) == 1:
+        called: dict[str, str | None] = {names[0]: wheel}
+    elif len(wheels) > 1:
+        matched = {name: wheel_called(name, wheels) for name in names}
+        called = {n: w for n, w in matched.items() if w and list(matched.values()).count(w) == 1}
+    else:
+        called = {name: wheel_of(name) for name in names if drives(name)}
+        called = {name: wheel for name in called} if len(called) == 1 else called
+    answer = []
+    for name, of in called.items():
+        fields = {column: Reading(field=f"{part}[{name}]") for column, part in parts.items()}
+        answer.append(WheelTopic(topic=topic, wheel=of, fields=fields))
+    return answer, "" if called else _unknown_joints(topic, names, list(parts.items()), wheels)
