@@ -76,6 +76,7 @@ class LocalWorkers:
         self._lock = threading.Lock()
         self._processes: dict[int, ProcessPoolExecutor] = {}
         self._threads = ThreadPoolExecutor(count, initializer=_leave_interrupts)
+        _start_tracker()
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Have a function called; the future raises `WorkerLost` where its process died."""
@@ -119,6 +120,21 @@ class LocalWorkers:
             process.shutdown(kill_workers=True)
         self._threads.shutdown()
         self._read.close()
+
+
+def _start_tracker() -> None:
+    """Start the process that removes what killed workers leave behind, without its warnings of what it removes."""
+    from loky.backend.resource_tracker import ensure_running
+
+    before = os.environ.get("PYTHONWARNINGS")
+    os.environ["PYTHONWARNINGS"] = "ignore"
+    try:
+        ensure_running()
+    finally:
+        if before is None:
+            del os.environ["PYTHONWARNINGS"]
+        else:
+            os.environ["PYTHONWARNINGS"] = before
 
 
 def _leave_interrupts() -> None:
