@@ -226,7 +226,7 @@ def _missing_torque(table: WheelTable | None, vehicle: Vehicle | None) -> tuple[
 def _missing_for_slip(table: WheelTable, mends: Mends, *, described: bool, placed: bool) -> Iterator[Missing]:
     """Name the speeds that lack; where there are poses, and no radius yet, they may show the travel speed."""
     if not table.observed("wheel_speed_rad_s").size:
-        yield Missing("the wheels' speed", mends.channel("wheel_speed_rad_s", "record the joints' velocity"))
+        yield Missing("the wheels' speed", mends.channel("wheel_speed_rad_s", "wheel_angle_rad so, of an encoder"))
     if not table.observed("travel_speed_m_s").size:
         if placed and not described:
             return

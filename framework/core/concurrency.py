@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from multiprocessing.pool import ThreadPool
 from typing import TypeVar
 
 THREADS = 2
@@ -14,6 +14,8 @@ _Answer = TypeVar("_Answer")
 
 
 def together(function: Callable[[_Given], _Answer], given: Iterable[_Given]) -> list[_Answer]:
-    """Call a function with each of what is given; its answers in that order."""
-    with ThreadPoolExecutor(THREADS) as pool:
-        return list(pool.map(function, given))
+    """Call a function with each of what is given; its answers in that order. Ctrl-C does not wait for a call to end:
+    threads of such a pool end with the process.
+    """
+    with ThreadPool(THREADS) as pool:
+        return pool.map_async(function, given, chunksize=1).get()

@@ -58,7 +58,10 @@ def likelihood_ratio(
     most = []
     for kept in (soil, len(slope)):
         given = slope[:kept], curvature[:kept, :kept], apart, soil
-        most.append(-minimize(_loss, begun, given, "L-BFGS-B", jac=True, bounds=bounds).fun)
+        try:
+            most.append(-minimize(_loss, begun, given, "L-BFGS-B", jac=True, bounds=bounds).fun)
+        except np.linalg.LinAlgError:
+            return 0.0  # a matrix that is singular to rounding: the samples say nothing of the soil, nor of its form
     return 2.0 * (most[1] - most[0])
 
 

@@ -298,7 +298,9 @@ def measured_rows(rows: SelectedRows, chosen: np.ndarray) -> Measured:
     if "time_s" not in table:
         return Measured(channels, noise, table["slip"], timed=False, computed=computed)
     stated = np.array([name in rows.vehicle.noise for name in CHANNELS])
-    return Measured(channels, noise, table["time_s"], stated, computed=computed)
+    # Clocks of runs may overlap: one run comes after the other.
+    order = table["time_s"] if table.run is None else np.arange(len(table), dtype=float)
+    return Measured(channels, noise, order, stated, computed=computed)
 
 
 def _with_computed(rows: SelectedRows, table: WheelTable) -> tuple[np.ndarray, Computed | None]:

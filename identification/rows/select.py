@@ -14,6 +14,7 @@ from ...framework.core.recording.mends import missing
 from ...framework.core.recording.types import Recording, WheelTable
 from ...framework.core.recording.wheel_file import derive
 from ...framework.core.vehicle import Vehicle, Wheel
+from .bends import with_bends
 from .duplicates import without_duplicates
 from .gate import Stretch, balanced, find_stretches, quasi_static
 from .geometry import by_geometry, half_stated_grousers, of_driven, of_vehicle
@@ -21,7 +22,7 @@ from .kinematics import angle_disagreement, slip_disagreement
 from .motor import with_torque
 from .sensors import check_stated_noise, without_stuck
 from .settling import only_steady
-from .signs import check_pull, check_signs, check_torque
+from .signs import check_pull, check_signs, check_torque, check_torque_carries
 from .slip_definition import check_by_forces, check_by_speeds
 from .standstill import with_standstill
 from .travel import with_travel_speed
@@ -52,8 +53,10 @@ class SelectedRows:
     def stretches(self, boundaries_s: np.ndarray | None = None) -> list[Stretch]:
         """Cut into stretches by time; steady-state trials make one used stretch and one for each reason not to."""
         boundaries = np.empty(0) if boundaries_s is None else boundaries_s
-        if "time_s" in self.table:
-            return find_stretches(self.table["time_s"], self.reasons, boundaries)
+        timed = find_stretches(self.table["time_s"], self.reasons, boundaries) if "time_s" in self.table else []
+        # Trials are short by themselves, and one soil's together.
+        if timed and (self.table.run is None or any(not each.reason for each in timed)):
+            return timed
         return [
             Stretch(math.nan, math.nan, np.flatnonzero(self.reasons == reason), reason)
             for reason in sorted(set(self.reasons), key=lambda text: (text != "", text))
@@ -114,10 +117,15 @@ def _of_vehicle(recording: Recording, every_row: bool) -> SelectedRows:
         )  # fmt: skip
     table, driven = with_torque(table, vehicle)
     table, vehicle, placed = with_travel_speed(table, vehicle, recording.pose)
+    bent = None
+    if recording.shared_speed or (placed is not None and placed.code == "travel_speed_computed"):
+        table, bent = with_bends(table, vehicle, recording.pose)
     table, vehicle, weighed = with_loads(table, vehicle, recording.pose)
     pulled = None
     if weighed is not None and not every_row:
         table, vehicle, pulled = with_pull(table, vehicle, recording.pose)
+        if pulled is not None:
+            check_torque_carries(table, next(each for each in vehicle.wheels if each.driven is not False))
     table, duplicates, unsteady = with_standstill(table), None, list[Finding]()
     if not every_row:
         table, duplicates = without_duplicates(table)
@@ -146,7 +154,7 @@ def _of_vehicle(recording: Recording, every_row: bool) -> SelectedRows:
     return replace(
         best,
         findings=(
-            *_found(towed, others, driven, placed, weighed, pulled, duplicates, *unsteady, radii),
+            *_found(towed, others, driven, placed, bent, weighed, pulled, duplicates, *unsteady, radii),
             *best.findings,
         ),
     )

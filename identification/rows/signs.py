@@ -35,6 +35,9 @@ correlation of pull and slip where there is no torque. Of 511 recordings by othe
 torque below -0.04; of 3000 textbook wheels that slip-sinkage buries 59 are doubted, and none refused [-].
 """
 
+_CLIMBS, _TOO_LITTLE = 0.05, 0.5
+"""Least pull over load of a wheel that climbs, and share of it below which torque over radius cannot be right [-]."""
+
 _NEARLY_ALL = 0.9
 """Share of rows in which a pull of the other sign would leave the ground a resistance, as it does [-]."""
 
@@ -128,6 +131,37 @@ def _contradiction(table: WheelTable, torque: np.ndarray, rows: str, turned: str
         f"{mend(table, turned, TURNED)}",
         place="column torque_Nm" if turned == "torque_Nm" else "columns torque_Nm and slip",
     )  # fmt: skip
+
+
+def check_torque_carries(table: WheelTable, wheel: Wheel) -> None:
+    """Refuse a torque that cannot make the pull which carries the vehicle: no wheel pulls more than T/r.
+
+    Parameters
+    ----------
+    table
+        Rows with `torque_Nm` [N m], `load_N` [N], and `drawbar_pull_N` as computed from the weight [N].
+    wheel
+        Its radius [m].
+
+    Raises
+    ------
+    InputError
+        T/r is less than half of the pull in most rows that climb or accelerate.
+    """
+    torque, pull, load = (table.get(name) for name in ("torque_Nm", "drawbar_pull_N", "load_N"))
+    if torque is None or pull is None or load is None:
+        return
+    rows = np.isfinite(torque) & (pull > _CLIMBS * load)
+    if rows.sum() < _FEWEST_PULLS:
+        return
+    thrust = torque[rows] / wheel.radius_m
+    if float(np.median(thrust / pull[rows])) < _TOO_LITTLE:
+        raise InputError(
+            table.source, place="torque_Nm",
+            problem=f"over the radius it is {np.median(thrust):.3g} N (median) in rows in which the wheel pulls "
+            f"{np.median(pull[rows]):.3g} N uphill",
+            expected=f"the torque at the axle, N m, after the gear: {mend(table, 'torque_Nm', 'scale = RATIO')}",
+        )  # fmt: skip
 
 
 def check_pull(table: WheelTable, wheel: Wheel, reasons: np.ndarray) -> Finding | None:

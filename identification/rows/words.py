@@ -123,6 +123,8 @@ def _driven_not_known(values: Values) -> str:
 
 SENTENCES: dict[str, Sentence] = {
     "angle_disagrees": _angle,
+    "bends": "in bends a wheel's travel speed is the vehicle's less the rate of turning times the wheel's distance "
+    "from the centre line: up to {most_m_s:.2g} m/s, in {n} rows by more than a hundredth",
     "driven_not_known": _driven_not_known,
     "duplicate_rows": _duplicates,
     "grouser_count_missing": "the vehicle states lugs of {height_m:g} m without their number: their forces are "

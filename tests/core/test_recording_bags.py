@@ -265,6 +265,17 @@ def test_a_topic_map_states_units(tmp_path):
         read_recording(path, topics=tmp_path / "t.toml")
 
 
+def test_encoders_give_the_wheels_speed(tmp_path):
+    """4096 ticks a turn, counted while the wheel turns at 3 rad/s."""
+    ticks = [{"data": [int(3.0 * 0.02 * i / (2 * np.pi) * 4096)]} for i in range(200)]
+    path = write_json(tmp_path / "e.mcap", [("/ticks", "Ticks", ticks)], step_ns=2 * 10**7)
+    (tmp_path / "t.toml").write_text(
+        '[wheel]\ntopic = "/ticks"\nfields = { wheel_angle_rad = { field = "data[0]", scale = 0.001533980788 } }\n'
+    )
+    table = read_recording(path, topics=tmp_path / "t.toml").wheel
+    np.testing.assert_allclose(table["wheel_speed_rad_s"], 3.0, rtol=0.02)
+
+
 def test_topics_that_nothing_names_say_how_a_map_names_them(tmp_path):
     turning = {"x": 0.0, "y": 0.0, "z": 0.1}
     turning = {
@@ -280,7 +291,8 @@ def test_topics_that_nothing_names_say_how_a_map_names_them(tmp_path):
     )  # fmt: skip
     remarks = {each.name: each.remark for each in inspect_recording(path).contents.sources}
     assert remarks["/motor_currents"] == (
-        '2 numbers without names: in a topic map [[wheel]] wheel = "NAME", fields = { current_A = "data[0]" }'
+        '2 numbers without names: in a topic map [[wheel]] topic = "/motor_currents", wheel = "NAME", '
+        'fields = { current_A = "data[0]" }'
     )
     assert "a topic map can name its fields" in remarks["/text"]
     assert "without an orientation, which pitch and roll need" in remarks["/imu"]

@@ -8,7 +8,11 @@ import pytest
 from bevameter import identify, inspect_recording, read_recording
 from bevameter.framework.cli.main import app
 from bevameter.framework.core.errors import InputError, InputErrors
+from bevameter.framework.core.recording.types import Recording, WheelTable
 from bevameter.framework.core.recording.wheel_file import read_wheel
+from bevameter.framework.core.vehicle import Vehicle
+from bevameter.identification.mechanics.soil import Soil
+from bevameter.identification.simulate import simulate
 from trial_table import LOAM, SAND, VEHICLE, trials
 from typer.testing import CliRunner
 
@@ -113,6 +117,29 @@ def test_trials_with_the_time_of_each_are_trials_however_slip_goes_on(loads, wri
     assert found.overall is not None
     assert found.overall.parameters == _identified(write(table, "plain.csv")).overall.parameters
     assert inspect_recording(path, vehicle=path.parent / "vehicle.toml").soil.possible
+
+
+def test_trials_that_last_seconds_are_one_soils_together(tmp_path):
+    """Each is shorter than a stretch of a drive may be, and starts its clock anew."""
+    wheel, count, rng = {"radius_m": 0.15, "width_m": 0.12}, 40, np.random.default_rng(2)
+    slips, loads = np.meshgrid(np.linspace(0.1, 0.5, 4), [80.0, 120.0, 160.0])
+    columns = {
+        "time_s": np.tile(0.1 * np.arange(count), 12), "slip": np.repeat(slips.ravel(), count),
+        "load_N": np.repeat(loads.ravel(), count),
+    }  # fmt: skip
+    run = np.repeat([f"t{each}" for each in range(12)], count).astype(object)
+    vehicle, soil = Vehicle.model_validate({"wheel": wheel}), Soil(900.0, 0.5, 0.015, 2e5, 1.0)
+    table = simulate(vehicle, soil, WheelTable(columns, None, run, tmp_path / "w.csv"))
+    noisy = {
+        name: values if name == "time_s" else values * (1.0 + 0.01 * rng.standard_normal(len(values)))
+        for name, values in table.columns.items()
+    }
+    found = identify(
+        Recording("r", tmp_path, vehicle, None, "", "0" * 64, wheel=WheelTable(noisy, None, run, tmp_path))
+    )
+    assert [each.n for each in found.segments if each.used] == [480]
+    for name in ("c_Pa", "phi_rad"):
+        assert found.overall.parameters[name].low <= getattr(soil, name) <= found.overall.parameters[name].high
 
 
 def test_where_no_row_can_be_used_the_next_command_is_said(write):

@@ -34,8 +34,11 @@ _CHANNELS = {column.casefold() for column in COLUMNS} | {"current"}
 _FRAMES = 2000
 """Most messages of transforms that are looked at: all frames of a robot come in a second."""
 
-_MEANT = (("current", "current_A"), ("torque", "torque_Nm"), ("effort", "torque_Nm"), ("sink", "sinkage_m"),
-          ("load", "load_N"), ("speed", "wheel_speed_rad_s"), ("vel", "wheel_speed_rad_s"))  # fmt: skip
+_MEANT = (
+    ("current", "current_A"), ("torque", "torque_Nm"), ("effort", "torque_Nm"), ("sink", "sinkage_m"),
+    ("load", "load_N"), ("tick", "wheel_angle_rad"), ("encoder", "wheel_angle_rad"), ("speed", "wheel_speed_rad_s"),
+    ("vel", "wheel_speed_rad_s"),
+)  # fmt: skip
 """What a topic of numbers may be, by a word in its name."""
 
 _NO_ORIENTATION = "without an orientation, which pitch and roll need; a filter such as Madgwick's adds it"
@@ -174,7 +177,10 @@ def _unknown(topic: Topic, content: Any) -> str:
     quantity = next((each for word, each in _MEANT if word in topic.name.casefold()), "CHANNEL")
     where = "data" if np.ndim(values) == 0 else "data[0]"
     whose = "a number" if np.ndim(values) == 0 else f"{len(values)} numbers without names"
-    return f'{whose}: in a topic map [[wheel]] wheel = "NAME", fields = {{ {quantity} = "{where}" }}'
+    read = f'{{ field = "{where}", scale = RADIANS }}' if quantity == "wheel_angle_rad" else f'"{where}"'
+    return (
+        f'{whose}: in a topic map [[wheel]] topic = "{topic.name}", wheel = "NAME", fields = {{ {quantity} = {read} }}'
+    )
 
 
 def _feeds(name: str, opened: OpenedBag, speed: str, recording: Recording | None) -> list[str]:

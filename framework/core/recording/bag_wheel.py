@@ -31,6 +31,9 @@ _EXACTLY, _NEARLY = 1e-3, 2e-3
 _FEWEST = 50
 """Fewest readings that say whether it does."""
 
+_HALF_S = 0.1
+"""A speed is the change of the angle from so long before to so long after [s]."""
+
 _FEW = 0.1  # a channel that is missing for less than this share of the samples is not worth a word
 
 
@@ -122,6 +125,24 @@ def merge(
     _check_slip(table, path)
     wheel = np.concatenate([np.full(len(time), name, dtype=object) for time, _, name in parts])[order]
     return WheelTable(table, wheel if names else None, None, path), problems
+
+
+def with_speed_of_angle(table: WheelTable) -> WheelTable:
+    """Give wheels their speed by the change of their angle, as of encoders, where no wheel's speed was recorded."""
+    angle = table.get("wheel_angle_rad")
+    if angle is None or table.observed("wheel_speed_rad_s").size:
+        return table
+    speed = np.full(len(table), np.nan)
+    for name in [None] if table.wheel is None else sorted(set(table.wheel)):
+        rows = np.flatnonzero(np.isfinite(angle) & (True if name is None else table.wheel == name))
+        time_s = table["time_s"][rows]
+        if len(rows) < 3:
+            continue
+        turned, half_s = np.unwrap(angle[rows]), max(_HALF_S, 1.5 * float(np.median(np.diff(time_s))))
+        ends = [np.clip(time_s + sign * half_s, time_s[0], time_s[-1]) for sign in (-1.0, 1.0)]
+        before, after = (np.interp(each, time_s, turned) for each in ends)
+        speed[rows] = (after - before) / (ends[1] - ends[0])
+    return WheelTable({**table.columns, "wheel_speed_rad_s": speed}, table.wheel, table.run, table.source)
 
 
 def _refuse_double(sources: Sequence[WheelChannels], name: str | None, path: Path) -> None:

@@ -25,7 +25,7 @@ from .bag_messages import field as field_of
 from .bag_places import FAR_M, FIXES, MISFIT_M, UNNAMED, Fixes, frame_of, in_order, pitch_and_roll, pose_of, stays
 from .bag_streams import BagCamera, BagSound, SoundLayout
 from .bag_vibration import shaken, vibration_of
-from .bag_wheel import WheelChannels, follows_the_wheels, merge
+from .bag_wheel import WheelChannels, follows_the_wheels, merge, with_speed_of_angle
 from .clock import interpolate
 from .digest import StreamDigest
 from .mirrored import about_axes, with_axes_forward
@@ -115,10 +115,9 @@ def read_streams(opened: OpenedBag, vehicle: Vehicle | None) -> tuple[Recording,
     digest = StreamDigest()
     gathered = _gather(bag, known, heard, digest, path)
     problems, notes = [*bag.problems, *known.assumed, *unheard, *_undecoded(gathered)], [*known.chosen]
-    every = [time for times in gathered.times.values() for time in times]
-    if not every:
+    origin = min((time for times in gathered.times.values() for time in times), default=None)
+    if origin is None:
         raise InputError(path, "no message of the streams can be read", expected="a bag with messages")
-    origin = min(every)
     turned = [
         channels.source.topic
         for channels in gathered.wheel
@@ -155,6 +154,7 @@ def read_streams(opened: OpenedBag, vehicle: Vehicle | None) -> tuple[Recording,
         vibration=vibration,
         origin=place,
         frame=gathered.pose_frame,
+        shared_speed=any(each.source.shares_speed for each in (*gathered.wheel, *gathered.speeds)),
         notes=tuple(notes),
     )
     return recording, Decided(gathered.speed, frozenset(turned), gathered.mirrored)
@@ -259,13 +259,13 @@ def _wheel(
     """Merge the wheels' channels, axes forwards, with the first travel speed that is independent of them, and with the
     attitude.
     """
-    wheel, against = None, tuple[str, ...]()
+    wheel, against = None, ()
     for speed in (*gathered.speeds, None):
         wheel, found = merge(
             [*gathered.wheel, *([speed] if speed else [])], origin, known.topics.max_gap_s, path
         )  # fmt: skip
         if wheel is not None:
-            wheel, against = with_axes_forward(wheel, pose)
+            wheel, against = with_axes_forward(with_speed_of_angle(wheel), pose)
         follows = "" if speed is None or wheel is None else follows_the_wheels(wheel, vehicle)
         if not follows:
             problems += found

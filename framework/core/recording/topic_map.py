@@ -69,6 +69,11 @@ class WheelTopic(FileModel):
         dict[Annotated[str, AfterValidator(_wheel_column)], AnyReading], AfterValidator(_in_si)
     ] = Field(default_factory=dict)  # fmt: skip
 
+    @property
+    def shares_speed(self) -> bool:
+        """Whether it gives the travel speed of the vehicle, and not of a wheel."""
+        return self.wheel is None and "travel_speed_m_s" in self.fields
+
 
 class PoseTopic(FileModel):
     """A topic with poses; the path of its pose, or of x_m, y_m and yaw_rad; the origin of its metres."""

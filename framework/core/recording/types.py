@@ -221,7 +221,8 @@ class Recording:
     `frame` names the frame of the places as it was recorded, empty where nothing says it. `origin` says where on Earth
     its x = y = 0 lies, where a satellite receiver was recorded or it is stated; `offset` where it lies in the site's
     frame, where that is stated. `part` says which part of what was recorded the wheel rows are, in words
-    (`framework.part`); empty where they are all of it.
+    (`framework.part`); empty where they are all of it. `shared_speed` says that the wheel rows' travel speed is that of
+    the vehicle's reference point.
     """
 
     name: str
@@ -242,6 +243,7 @@ class Recording:
     offset: Offset | None = None
     frame: str = ""
     part: str = ""
+    shared_speed: bool = False
 
     @property
     def synthetic(self) -> bool:

@@ -15,6 +15,7 @@ ROOMS = [Path(bevameter.identification.__file__).parent / room for room in ("row
 VALUES = {
     "angle_disagrees": {"factor": 57.3, "speed": "wheel_speed_rad_s", "n": 90, "channel": None, "unit": None},
     "autocorrelated_noise": {"rows": 5.2, "larger": True},
+    "bends": {"most_m_s": 0.04, "n": 200},
     "driven_not_known": {"wheels": ["castor"]},
     "duplicate_rows": {"n": 6, "rows": ["run a", "run b"], "more": 4},
     "grouser_count_missing": {"height_m": 0.012},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -110,6 +111,14 @@ def test_no_pull_is_made_up_where_nobody_says_whether_a_wheel_is_driven():
     # rows of one wheel chosen: the other is known to be driven from the whole
     rows = select_wheel_rows(part_of(recording(0.2, vehicle(driven=False)), wheels="left"))
     assert "drawbar_pull_N" in rows.table
+
+
+def test_a_torque_before_the_gear_is_refused():
+    drive = recording(0.2, vehicle(driven=False))
+    small = {**drive.wheel.columns, "torque_Nm": drive.wheel["torque_Nm"] / 34.0}
+    table = WheelTable(small, drive.wheel.wheel, None, Path("w.csv"))
+    with pytest.raises(InputError, match=r"torque_Nm: over the radius it is .* N uphill .* after the gear"):
+        select_wheel_rows(replace(drive, wheel=table))
 
 
 def test_rows_of_a_castor_are_left_out():
