@@ -158,6 +158,9 @@ def soil(recording: Recording, mends: Mends) -> Answer:
             (Missing("the slope", f"{slope}, of an inertial sensor with an orientation"),), notes,
         )  # fmt: skip
     better = _missing_torque(recording.wheel, recording.vehicle)
+    if not (better or rows.table.observed("torque_Nm").size):
+        sensor = "current_A so, with [motor] in vehicle.toml; else record an effort or a current"
+        better = (Missing("torque, which says most of cohesion and friction", mends.channel("torque_Nm", sensor)),)
     counts = Counter(str(reason) for reason in rows.reasons if reason)
     there = [name for name in ("load_N", *_ANSWERS, "slip") if rows.table.observed(name).size]
     text = f"{used} of {len(rows.reasons)} wheel rows can be used, with {_names(there)}"

@@ -28,7 +28,7 @@ from .bag_vibration import shaken, vibration_of
 from .bag_wheel import WheelChannels, follows_the_wheels, merge, with_speed_of_angle
 from .clock import interpolate
 from .digest import StreamDigest
-from .mirrored import about_axes, with_axes_forward
+from .mirrored import about_axes, mirrored_of, with_axes_forward
 from .opened_bag import OpenedBag, Samples, open_bag, take_samples
 from .recognition import Recognised
 from .sound_messages import READERS, SoundReader
@@ -61,8 +61,8 @@ class _Gathered:
     reasons: dict[str, str] = field(default_factory=dict)
     speed: str = ""
     """The topic from which the travel speed is taken, where no wheel topic gives it."""
-    mirrored: frozenset[str] = frozenset()
-    """Wheels whose signs were turned."""
+    against: tuple[str, ...] = ()
+    """Wheels that turn against the vehicle's travel; where all do their signs are not turned."""
 
     def fail(self, topic: str, reason: str) -> None:
         self.undecoded[topic] += 1
@@ -126,6 +126,9 @@ def read_streams(opened: OpenedBag, vehicle: Vehicle | None) -> tuple[Recording,
     problems += [f"{topic}: force z is negative, taken as a load with its sign turned" for topic in turned]
     pose, place = _pose(gathered, origin, known, path, problems, notes)
     wheel = _wheel(gathered, origin, known, vehicle, pose, path, problems)
+    mirrored = mirrored_of(wheel, gathered.against)
+    if gathered.against:
+        (notes if mirrored else problems).append(about_axes(gathered.against, every=not mirrored))
     if wheel is not None and vehicle is not None and (wheel.wheel is not None or len(vehicle.wheels) == 1):
         wheel = derive_all(wheel, vehicle)
     if wheel is not None and pose is None:
@@ -157,7 +160,7 @@ def read_streams(opened: OpenedBag, vehicle: Vehicle | None) -> tuple[Recording,
         shared_speed=any(each.source.shares_speed for each in (*gathered.wheel, *gathered.speeds)),
         notes=tuple(notes),
     )
-    return recording, Decided(gathered.speed, frozenset(turned), gathered.mirrored)
+    return recording, Decided(gathered.speed, frozenset(turned), mirrored)
 
 
 def _sound_reader(
@@ -275,10 +278,7 @@ def _wheel(
             f"{speed.source.topic if speed else ''}: not used as travel speed, for it is made from the wheels' own "
             f"({follows}): slip would be zero on any ground; record visual odometry or a satellite receiver's speed"
         )
-    if against:
-        every = wheel is not None and wheel.wheel is not None and len(against) == len(set(wheel.wheel))
-        gathered.mirrored = frozenset(() if every else against)
-        problems.append(about_axes(against, every=every))
+    gathered.against = against
     if wheel is None or not gathered.attitude:
         return wheel
     return _with_attitude(wheel, gathered, origin, known)

@@ -56,6 +56,12 @@ def with_axes_forward(table: WheelTable, pose: Pose | None = None) -> tuple[Whee
     return WheelTable({**table.columns, **turned}, table.wheel, table.run, table.source), tuple(against)
 
 
+def mirrored_of(table: WheelTable | None, against: Sequence[str]) -> frozenset[str]:
+    """Give the wheels whose signs were turned, of those that turn against the travel."""
+    every = table is not None and table.wheel is not None and len(against) == len(set(table.wheel))
+    return frozenset(() if every else against)
+
+
 def about_axes(against: Sequence[str], *, every: bool) -> str:
     """Say which wheels turn against the vehicle's travel, and what was made of it or is to be done."""
     if every:
