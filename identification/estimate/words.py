@@ -17,8 +17,8 @@ def _wrong_form(values: Values) -> str:
     if values["misfit"] < 1.05:
         misses = "a freer form fits better than chance allows, though by less than the sensors' noise"
     return (
-        f"the textbook's form does not hold: {misses}; c and phi hold only for what was driven. The intervals include a free form's "
-        f"{values['c_Pa'] / 1e3:.2f} kPa and {math.degrees(values['phi_rad']):.1f} deg"
+        f"the textbook's form does not hold: {misses}; c and phi hold only for what was driven. The intervals include "
+        f"a free form's {values['c_Pa'] / 1e3:.2f} kPa and {math.degrees(values['phi_rad']):.1f} deg"
     )
 
 
