@@ -79,7 +79,7 @@ def _scores(title: str, classes: Sequence[str], score: dict) -> str:
     return (
         f"<h2>{escape(title)}</h2><p>n = {score['n']}; balanced accuracy {_interval(score['balanced_accuracy'])}; "
         f"accuracy {_interval(score['accuracy'])}; log loss {score['log_loss']:.3f} nat; "
-        f"calibration error {score['calibration_error']:.3f}. Error, classes counted evenly: {risk[-1]['error']:.3f} "
+        f"calibration error {score['calibration_error']:.3f}. Error: {risk[-1]['error']:.3f} "
         f"where all are answered, {most:.3f} among the surest 80&nbsp;%.</p>"
         f"{_confusion(classes, score['confusion'])}"
         f"<div class=row>{_reliability(score['reliability'])}{_risk(risk)}</div>"
@@ -164,7 +164,7 @@ def _risk(risk: Sequence[dict]) -> str:
 def _learning(curve: LearningCurve | None) -> str:
     title = "<h2>What more data would bring</h2>"
     if curve is None:
-        return f"{title}<p>Not measured: it takes five groups or more of each class, and a report that asks for it.</p>"
+        return f"{title}<p>Not measured: that takes five groups or more of each class.</p>"
     most, across = max(curve.error), max(curve.groups)
     points = [(number / across, error / most) for number, error in zip(curve.groups, curve.error, strict=True)]
     dots = "".join(
