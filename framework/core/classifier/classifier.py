@@ -48,6 +48,8 @@ class Material:
         The n rows, and the kinds of classifiers to choose from.
     held
         Predictions of the rows by models that had not seen their group.
+    quality : (n,)
+        Score of each row's image or sound, less what its distance from the training leaves of it [-].
     original : (n,)
         True for items as they came, False for degraded copies.
     samples
@@ -59,6 +61,7 @@ class Material:
     rows: Rows
     candidates: tuple[str, ...]
     held: HeldOut
+    quality: np.ndarray
     original: np.ndarray
     samples: tuple[LabelledFile, ...]
     sample_of: np.ndarray
@@ -192,7 +195,7 @@ class TerrainClassifier:
         model = TerrainClassifier(modality, classes, tuple(feature_names), dict(settings), report, fitted)
         object.__setattr__(model, "version", content_digest(model))
         owner = np.arange(len(labels)) if sample_of is None else sample_of
-        material = Material(rows, names, held, ~made | made.all(), tuple(samples), owner[kept])
+        material = Material(rows, names, held, rated, ~made | made.all(), tuple(samples), owner[kept])
         return TrainingOutcome(model, report, material)
 
     def evidence(
