@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
+import soundfile
 
 from ..framework.core.classifier.classifier import TerrainClassifier
 from ..framework.core.errors import InputError
 from ..framework.core.evidence import ClassEvidence
 from ..framework.core.recording.channels import mixed
-from ..framework.core.recording.sound import read_channels
+from ..framework.core.recording.sound import read_channels, read_sound
 from .features import FEATURE_NAMES, HOP_S, RATE_HZ, WINDOW_S, cut_windows, resample, window_features
 from .quality import MEASURES, NoiseModel, assess, noise_measures, recording_faults
 
@@ -96,3 +98,19 @@ def classify_sounds(files: Iterable[str | Path] | Sequence[Path], model: Terrain
         start_s, end_s, evidence = sound_evidence(samples, rate_hz, model, noise)
         rows += evidence.as_rows(file, start_s, end_s)
     return rows
+
+
+def clip(file: str | Path, start_s: float, end_s: float | None) -> bytes:
+    """Give a stretch of a sound file as WAV at the working rate, its peak at half of full scale.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read.
+    """
+    sound = resample(*read_sound(Path(file), start_s, end_s))
+    stream = BytesIO()
+    soundfile.write(
+        stream, 0.5 * sound / max(float(np.abs(sound).max(initial=0.0)), 1e-9), RATE_HZ, "PCM_16", format="WAV"
+    )
+    return stream.getvalue()

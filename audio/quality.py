@@ -193,7 +193,9 @@ class NoiseModel:
     usual_sd: np.ndarray
 
     @staticmethod
-    def fit(inputs: np.ndarray, snr_dB: np.ndarray, groups: np.ndarray, as_recorded: np.ndarray) -> NoiseModel:
+    def fit(
+        inputs: np.ndarray, snr_dB: np.ndarray, groups: np.ndarray, as_recorded: np.ndarray
+    ) -> tuple[NoiseModel, np.ndarray]:
         """Fit to training sound with known noise added.
 
         Strength of the regularisation and both thresholds come from groups held out of the fit.
@@ -208,6 +210,13 @@ class NoiseModel:
             What must stay on one side of a split.
         as_recorded : (n,)
             True for training sound as it came.
+
+        Returns
+        -------
+        model
+            Fitted to all of it.
+        held_dB : (n,)
+            What models that have not seen its group estimate of each [dB].
         """
         from sklearn.linear_model import Ridge
         from sklearn.model_selection import GroupKFold
@@ -229,14 +238,19 @@ class NoiseModel:
         high = float(np.quantile(held[alpha][free], 0.25))
         low = float(np.median(held[alpha][drowned])) if drowned.any() else high - 20.0
         usual = inputs[as_recorded, -len(MEASURES) :]
-        return NoiseModel(
+        model = NoiseModel(
             mean, scale, ridge.coef_, float(ridge.intercept_), min(low, high - 3.0), high,
             usual.mean(axis=0), np.maximum(usual.std(axis=0), 0.1),
         )  # fmt: skip
+        return model, held[alpha]
 
     def estimate(self, inputs: np.ndarray) -> np.ndarray:
         """Estimate the signal-to-noise ratio [dB] of windows from their inputs (n, d): (n,), NaN where one is."""
         return np.clip((inputs - self.mean) / self.scale, -_LIMIT, _LIMIT) @ self.coefficient + self.intercept
+
+    def clear(self, ratio_dB: np.ndarray) -> np.ndarray:
+        """Give the share of the quality that noise leaves at these ratios (n,) [dB], (n,); 0 where one is NaN."""
+        return np.nan_to_num(np.clip((ratio_dB - self.low_dB) / (self.high_dB - self.low_dB), 0.0, 1.0))
 
     def kind(self, measures: np.ndarray) -> list[str]:
         """Name the noise by what stands out most from training sound: n phrases for measures (n, 5)."""
@@ -295,8 +309,7 @@ def assess(
     recorded = np.clip((0.5 - faults.missing) / 0.45, 0.0, 1.0)
     clear = np.clip((0.1 - faults.clipped) / 0.095, 0.0, 1.0)
     ratio = model.estimate(noise_inputs(features, measures))
-    above = np.clip((ratio - model.low_dB) / (model.high_dB - model.low_dB), 0.0, 1.0)
-    above = np.where(np.isfinite(above), above, 0.0)
+    above = model.clear(ratio)
     quality = np.where(silent, 0.0, recorded * clear * above)
     kinds = model.kind(measures)
     reasons: list[tuple[str, ...]] = [()] * len(quality)

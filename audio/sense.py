@@ -9,6 +9,7 @@ import numpy as np
 
 from ..framework.core.classifier.classifier import TerrainClassifier, TrainingOutcome
 from ..framework.core.classifier.labelled import LabelledFile
+from ..framework.core.html import player
 from ..framework.core.recording.types import Recording
 from ..framework.core.track.way import Track
 from ..framework.senses import Observation, Sense, register
@@ -34,6 +35,12 @@ class Audio(Sense):
         from .classify import classify_sounds
 
         return classify_sounds(files, model)
+
+    def excerpt(self, sample: LabelledFile) -> str:
+        """Play the stretch, as loud as the others."""
+        from .classify import clip
+
+        return player(clip(sample.file, sample.start_s or 0.0, sample.end_s))
 
     def absence(self, recording: Recording) -> str:
         """Say that there is no sound."""

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -67,7 +69,7 @@ def train_audio(
     rest = None if progress is None else (lambda share: progress(0.2 + 0.8 * share))
     return train_audio_arrays(
         waves, [item.class_name for item in kept], [item.group for item in kept], rng,
-        progress=rest, source=source, notes=said,
+        progress=rest, source=source, notes=said, samples=kept,
     )  # fmt: skip
 
 
@@ -84,6 +86,7 @@ def train_audio_arrays(
     progress: Callable[[float], None] | None = None,
     source: str | Path = "labelled sounds",
     notes: Sequence[str] = (),
+    samples: Sequence[LabelledFile] = (),
 ) -> TrainingOutcome:
     """Train a sound classifier on sounds in memory.
 
@@ -97,6 +100,8 @@ def train_audio_arrays(
         What to name in an error.
     notes
         What the report is to say of the material among its warnings.
+    samples
+        The n labelled files, where they came from such.
 
     Raises
     ------
@@ -110,7 +115,10 @@ def train_audio_arrays(
     windows, origin, snr_dB = material.varied(rng)
     label, group = np.asarray(material.labels)[origin], np.asarray(material.groups)[origin]
     as_recorded = np.arange(len(windows)) < len(material.pieces)
-    return _train(windows, label, group, snr_dB, as_recorded, rng, progress, source, notes=notes)
+    return _train(
+        windows, label, group, snr_dB, as_recorded, rng, progress, source, notes=notes,
+        samples=material.stretches(samples), sample_of=origin,
+    )  # fmt: skip
 
 
 def _silence(silent: Counter[str], there: Counter[str], source: str | Path) -> list[str]:
@@ -167,16 +175,23 @@ def _train(
     source: str | Path,
     candidates: Sequence[str] | None = None,
     notes: Sequence[str] = (),
+    samples: Sequence[LabelledFile] = (),
+    sample_of: np.ndarray | None = None,
 ) -> TrainingOutcome:
     features, measures = window_features(windows), noise_measures(windows)
     usable = np.isfinite(features).all(axis=1)
-    noise = NoiseModel.fit(noise_inputs(features, measures)[usable], snr_dB[usable], group[usable], as_recorded[usable])
+    noise, held_dB = NoiseModel.fit(
+        noise_inputs(features, measures)[usable], snr_dB[usable], group[usable], as_recorded[usable]
+    )
+    quality = np.zeros(len(windows))
+    quality[usable] = noise.clear(held_dB)
     taught = snr_dB >= USABLE_DB
     return TerrainClassifier.train(
         features[taught], label[taught], group[taught],
         modality="audio", feature_names=FEATURE_NAMES, settings=SETTINGS | {"noise": noise.settings()},
-        rng=rng, candidates=candidates or CANDIDATES, degraded=~as_recorded[taught], source=source, notes=notes,
-        progress=progress,
+        rng=rng, candidates=candidates or CANDIDATES, degraded=~as_recorded[taught], quality=quality[taught],
+        samples=samples, sample_of=None if sample_of is None else sample_of[taught],
+        source=source, notes=notes, progress=progress,
     )  # fmt: skip
 
 
@@ -190,19 +205,35 @@ class _Material:
         self.pieces: list[np.ndarray] = []
         self.labels: list[str] = []
         self.groups: list[str] = []
+        self.owners: list[int] = []
+        self.starts_s: list[float] = []
         self.silent: Counter[str] = Counter()
 
     @staticmethod
     def gather(waves: Sequence[tuple[np.ndarray, float]], labels: Sequence[str], groups: Sequence[str]) -> _Material:
         material = _Material()
-        for (samples, rate_hz), label, group in zip(waves, labels, groups, strict=True):
-            pieces = _loud_pieces(resample(samples, rate_hz))
+        for index, ((samples, rate_hz), label, group) in enumerate(zip(waves, labels, groups, strict=True)):
+            starts_s, pieces = _loud_pieces(resample(samples, rate_hz))
             material.pieces += pieces
+            material.starts_s += starts_s
+            material.owners += [index] * len(pieces)
             material.labels += [label] * len(pieces)
             material.groups += [group] * len(pieces)
             if not pieces:
                 material.silent[label] += 1
         return material
+
+    def stretches(self, samples: Sequence[LabelledFile]) -> list[LabelledFile]:
+        """Give the stretch of its file that each piece is; none where there are no files."""
+        if not samples:
+            return []
+        found = []
+        for owner, start_s, piece in zip(self.owners, self.starts_s, self.pieces, strict=True):
+            begin = (samples[owner].start_s or 0.0) + start_s
+            # To the millisecond below: resampled sound may be part of a sample longer than the file.
+            end = begin + min(WINDOW_S, math.floor(1e3 * piece.size / RATE_HZ) / 1e3)
+            found.append(replace(samples[owner], start_s=begin, end_s=end))
+        return found
 
     def varied(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Windows as recorded, then varied copies: (n, window), index of the piece (n,), noise added [dB] (n,)."""
@@ -225,12 +256,13 @@ class _Material:
         return windows, origin, snr_dB
 
 
-def _loud_pieces(sound: np.ndarray) -> list[np.ndarray]:
-    """Cut sound (m,) at the working rate where its windows begin, and leave out what is silent."""
+def _loud_pieces(sound: np.ndarray) -> tuple[list[float], list[np.ndarray]]:
+    """Cut sound (m,) at the working rate where its windows begin [s], and leave out what is silent."""
     if sound.size == 0:
-        return []
+        return [], []
     window = round(WINDOW_S * RATE_HZ)
     starts = np.round(cut_windows(sound)[1] * RATE_HZ).astype(int)
     keep = np.unique(np.linspace(0, starts.size - 1, min(starts.size, FILE_WINDOWS)).astype(int))
-    pieces = [sound[start : start + window + window // 3] for start in starts[keep]]
-    return [piece for piece in pieces if np.sqrt(np.mean(np.square(piece))) >= SILENT_RMS]
+    found = [(start / RATE_HZ, sound[start : start + window + window // 3]) for start in starts[keep].tolist()]
+    loud = [(start_s, piece) for start_s, piece in found if np.sqrt(np.mean(np.square(piece))) >= SILENT_RMS]
+    return [start_s for start_s, _ in loud], [piece for _, piece in loud]

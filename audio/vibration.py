@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -83,13 +84,15 @@ def train_vibration(
         if progress:
             progress(0.3 * len(kept) / len(labelled))
     channels = _shared_channels(runs)
-    blocks, label, group = [], [], []
+    blocks, label, group, samples = [], [], [], []
     for run, item in zip(runs, kept, strict=True):
         rows, first = vibration_features(run, channels)
         start = first / run.sample_rate_Hz
         low, high = item.start_s or 0.0, np.inf if item.end_s is None else item.end_s
-        rows = rows[(start >= low - 1e-9) & (start + WINDOW_S <= max(high, low + WINDOW_S) + 1e-6)]
+        inside = (start >= low - 1e-9) & (start + WINDOW_S <= max(high, low + WINDOW_S) + 1e-6)
+        rows = rows[inside]
         blocks.append(rows)
+        samples += [replace(item, start_s=at, end_s=at + WINDOW_S) for at in start[inside].tolist()]
         label += [item.class_name] * len(rows)
         group += [item.group] * len(rows)
     _refuse_without_window(kept, set(label))
@@ -108,8 +111,9 @@ def train_vibration(
     return TerrainClassifier.train(
         np.concatenate([full, without]), np.asarray(label)[order], np.asarray(group)[order],
         modality="vibration", feature_names=channels.names, settings=settings, rng=rng, candidates=CANDIDATES,
-        degraded=np.arange(len(order)) >= len(features), source=Path(labelled[0].file).parent,
-        notes=said, progress=None if progress is None else (lambda share: progress(0.3 + 0.7 * share)),
+        degraded=np.arange(len(order)) >= len(features), samples=samples, sample_of=order,
+        source=Path(labelled[0].file).parent, notes=said,
+        progress=None if progress is None else (lambda share: progress(0.3 + 0.7 * share)),
     )  # fmt: skip
 
 

@@ -10,7 +10,8 @@ How the evidence is put together, for one cell:
    quality, and n is Kish's ``(sum q)^2 / sum q^2``. rho is estimated from the data (`look_correlation`).
 2. **Senses** err independently of each other given the class. They are joined by a logarithmic opinion pool
    (Genest & Zidek 1986, *Statistical Science* 1(1), 114-135, Eq. 3.9, doi:10.1214/ss/1177013825) whose weights are
-   their qualities: a sense of quality 1 counts as in Bayes' rule, one of quality 0 or unknown not at all.
+   their qualities, as learnt when the model was trained (`core.classifier.trust`): a sense of quality 1 counts as in
+   Bayes' rule, one of quality 0 or unknown not at all.
 3. **Class sets are united.** A class that a sense does not know gets no vote from it: its mass against that of the
    classes the sense knows is left as it was (Jeffrey's rule). It is not set to zero.
    Before any vote a class has the weight of the best sense here that knows it; so where one sense alone is open its

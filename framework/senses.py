@@ -112,6 +112,10 @@ class Sense(ABC):
             A file cannot be read, or the model is not of this version.
         """
 
+    def excerpt(self, sample: LabelledFile) -> str:
+        """Show a labelled sample in a report, as HTML that needs nothing from elsewhere; empty where it cannot be."""
+        return ""
+
     def remarks(self, model: TerrainClassifier) -> tuple[str, ...]:
         """Say what a user should know of a model before a run, such as what it costs; raises `InputError`."""
         return ()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from ..framework.core.classifier.classifier import TerrainClassifier
@@ -14,9 +15,10 @@ from ..framework.core.recording.camera import read_image
 from .crops import image_patches
 from .features import FEATURE_NAMES
 from .measures import Measures, measures_of
-from .quality import patch_quality
+from .quality import light, rated
 from .train import MIN_SIDE_PX
 
+THUMBNAIL_PX = 160
 NO_COLOUR = "no colour in the image, and the model was trained on colour"
 _COLOURED = 0.02
 """Mean saturation of training patches above which a model goes by colour [-]; that of grey is 0."""
@@ -36,9 +38,9 @@ def misses_colour(model: TerrainClassifier, image: np.ndarray) -> bool:
 def patch_evidence(
     model: TerrainClassifier, measures: Measures, patches: np.ndarray, **known: np.ndarray
 ) -> ClassEvidence:
-    """Say what patches (n, s, s, 3) show, all in one batch; `known` is passed on to `patch_quality`."""
+    """Say what patches (n, s, s, 3) show, all in one batch; `known` is passed on to `rated`."""
     small, features = measures.of(patches)
-    quality, reasons = patch_quality(small, features, model.settings["limits"], **known)
+    quality, reasons = rated(light(small), features, model.settings["limits"], **known)
     return model.evidence(features, quality, reasons)
 
 
@@ -88,3 +90,11 @@ def classify_images(files: Sequence[str | Path], model: TerrainClassifier) -> li
             )
         rows += image_evidence(model, [image]).as_rows(file)
     return rows
+
+
+def thumbnail(file: str | Path) -> bytes:
+    """Give a photograph as a JPEG of at most `THUMBNAIL_PX` on each side; raises `InputError` where it is none."""
+    image = read_image(file)
+    factor = min(1.0, THUMBNAIL_PX / max(image.shape[:2]))
+    size = (max(1, round(image.shape[1] * factor)), max(1, round(image.shape[0] * factor)))
+    return cv2.imencode(".jpg", cv2.resize(image, size, interpolation=cv2.INTER_AREA))[1].tobytes()

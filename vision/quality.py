@@ -64,8 +64,17 @@ def check_limits(limits: object) -> None:
         raise ValueError(f"sharp, {limits['sharp']:g}, is not above blurred, {limits['blurred']:g}")
 
 
-def patch_quality(
-    patches: np.ndarray,
+def light(patches: np.ndarray) -> np.ndarray:
+    """Measure the light of patches (n, s, s, 3): share of clipped pixels, mean and spread of grey levels, (n, 3)."""
+    grey = patches[:, ::2, ::2].reshape(len(patches), -1, 3)
+    top, bottom = grey.max(axis=2), grey.min(axis=2)
+    level = grey[:, :, 1].astype(np.float32)
+    clipped = ((top >= 253) | ((top <= 2) & (bottom <= 2))).mean(axis=1)
+    return np.column_stack([clipped, level.mean(axis=1), level.std(axis=1)])
+
+
+def rated(
+    lights: np.ndarray,
     features: np.ndarray,
     limits: dict[str, float],
     *,
@@ -76,10 +85,10 @@ def patch_quality(
 
     Parameters
     ----------
-    patches : (n, s, s, 3)
-        uint8, blue, green, red.
+    lights : (n, 3)
+        Of `light`.
     features : (n, d)
-        Of these patches.
+        Of the same patches.
     limits
         Of `learn_limits`.
     resolution_px : (n,)
@@ -94,18 +103,14 @@ def patch_quality(
     reasons
         n tuples: the faults that cost a fifth or more.
     """
-    grey = patches[:, ::2, ::2].reshape(len(patches), -1, 3)
-    top, bottom = grey.max(axis=2), grey.min(axis=2)
-    level = grey[:, :, 1].astype(np.float32)
-    clipped = ((top >= 253) | ((top <= 2) & (bottom <= 2))).mean(axis=1)
     value = np.nan_to_num(
         sharpness(features), nan=limits["blurred"], posinf=limits["blurred"], neginf=limits["blurred"]
     )
     sharp = BLUR_QUALITY + (1 - BLUR_QUALITY) * _ramp(value, limits["sharp"], limits["blurred"])
     faults = [
-        ("overexposed or underexposed", _ramp(clipped, *CLIPPED)),
-        ("dark", _ramp(level.mean(axis=1), *DARK)),
-        ("no texture", _ramp(level.std(axis=1), *FLAT)),
+        ("overexposed or underexposed", _ramp(lights[:, 0], *CLIPPED)),
+        ("dark", _ramp(lights[:, 1], *DARK)),
+        ("no texture", _ramp(lights[:, 2], *FLAT)),
         ("blurred", sharp),
     ]
     if resolution_px is not None:
@@ -114,7 +119,7 @@ def patch_quality(
         faults.append(("moving fast for the exposure", _ramp(np.nan_to_num(blur_share), 0.2, 1.0)))
     kept = np.stack([share for _, share in faults], axis=1)
     names = [name for name, _ in faults]
-    reasons: list[tuple[str, ...]] = [()] * len(patches)
+    reasons: list[tuple[str, ...]] = [()] * len(lights)
     for index in np.flatnonzero((kept < 0.8).any(axis=1)):
         reasons[index] = tuple(name for name, share in zip(names, kept[index], strict=True) if share < 0.8)
     return kept.prod(axis=1), reasons

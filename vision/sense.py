@@ -9,6 +9,7 @@ import numpy as np
 
 from ..framework.core.classifier.classifier import TerrainClassifier, TrainingOutcome
 from ..framework.core.classifier.labelled import LabelledFile
+from ..framework.core.html import picture
 from ..framework.core.pooling import cells_of
 from ..framework.core.recording.types import Recording
 from ..framework.core.track.way import Track
@@ -37,6 +38,12 @@ class Vision(Sense):
 
         network = None if backbone is None else open_backbone(backbone)
         return train_vision(labelled, rng, notes=notes, backbone=network)
+
+    def excerpt(self, sample: LabelledFile) -> str:
+        """Show the photograph, small."""
+        from .classify import thumbnail
+
+        return picture(thumbnail(sample.file), "jpeg", sample.file.name)
 
     def remarks(self, model: TerrainClassifier) -> tuple[str, ...]:
         """Say what a backbone costs."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from .backbone import Backbone
 from .crops import IMAGE_PX, SIDES
 from .features import FEATURE_NAMES, PATCH_PX, patch_features
 from .measures import MODALITY, Measures, feature_names
-from .quality import learn_limits
+from .quality import learn_limits, light, rated
 
 ROWS_WANTED = 6000
 PATCHES = (8, 40)
@@ -60,8 +60,14 @@ def train_vision(
         two classes.
     """
     said = list(notes)
-    images = ((image, item.class_name, item.group) for item, image in readable(labelled, _image, said))
-    return _train(images, len(labelled), rng, progress, said, backbone)
+    samples: list[LabelledFile] = []
+
+    def images() -> Iterator[tuple[np.ndarray, str, str]]:
+        for item, image in readable(labelled, _image, said):
+            samples.append(item)
+            yield image, item.class_name, item.group
+
+    return _train(images(), len(labelled), rng, progress, said, backbone, samples)
 
 
 def train_vision_arrays(
@@ -107,15 +113,18 @@ def _train(
     progress: Progress | None,
     notes: list[str],
     backbone: Backbone | None,
+    samples: Sequence[LabelledFile] = (),
 ) -> TrainingOutcome:
-    """Train on images with class and group, `count` at most; `notes` may grow until the last was read."""
+    """Train on images with class and group, `count` at most; `notes` and `samples` may grow until the last was read."""
     report = progress or (lambda share: None)
     measures = Measures(backbone)
     each = int(np.clip(ROWS_WANTED // max(count, 1), *PATCHES))
-    features, kinds, labels, groups = [], [], [], []
+    features, lights, kinds, labels, groups = [], [], [], [], []
     for index, (image, label, group) in enumerate(images):
         patches, kind = training_patches(image, each, rng, measures.side_px)
-        features.append(measures.of(patches)[1])
+        small, values = measures.of(patches)
+        features.append(values)
+        lights.append(light(small))
         kinds.append(kind)
         labels.append(label)
         groups.append(group)
@@ -132,6 +141,7 @@ def _train(
         "grey_share": GREY_SHARE,
     }
     built_in, d = len(FEATURE_NAMES), rows.shape[1]
+    limits = learn_limits(rows, kind != DEGRADED)
     if backbone is not None:
         made["backbone"] = backbone.record()
         notes += [text for text in (backbone.assumed, f"Features beside the built-in ones: {backbone.cost()}.") if text]
@@ -141,12 +151,15 @@ def _train(
         np.repeat(np.asarray(groups, dtype=str), each),
         modality=MODALITY,
         feature_names=feature_names(d),
-        settings={"patch_px": PATCH_PX, "limits": learn_limits(rows, kind != DEGRADED)} | made,
+        settings={"patch_px": PATCH_PX, "limits": limits} | made,
         rng=rng,
         candidates=BACKBONE_CANDIDATES if backbone else CANDIDATES,
         columns=dict(zip(BACKBONE_CANDIDATES, ((0, built_in), (0, built_in), (built_in, d)), strict=True)),
         gate_columns=built_in,
         degraded=kind != AS_IT_IS,
+        quality=rated(np.concatenate(lights), rows, limits)[0],
+        samples=samples,
+        sample_of=np.repeat(np.arange(len(labels)), each),
         source="labelled photographs",
         notes=notes,
         progress=lambda share: report(0.5 + 0.5 * share),
@@ -184,6 +197,7 @@ def train_vision_patches(
         There are fewer than two classes.
     """
     rows = patch_features(patches)
+    limits = learn_limits(rows, ~np.asarray(blurred, dtype=bool))
     if progress is not None:
         progress(0.2)
     return TerrainClassifier.train(
@@ -192,10 +206,11 @@ def train_vision_patches(
         groups,
         modality=MODALITY,
         feature_names=FEATURE_NAMES,
-        settings={"patch_px": PATCH_PX, "limits": learn_limits(rows, ~np.asarray(blurred, dtype=bool))},
+        settings={"patch_px": PATCH_PX, "limits": limits},
         rng=rng,
         candidates=candidates or PATCH_CANDIDATES,
         degraded=blurred,
+        quality=rated(light(patches), rows, limits)[0],
         source="labelled patches",
         progress=None if progress is None else (lambda share: progress(0.2 + 0.8 * share)),
     )

@@ -25,8 +25,8 @@ class ClassEvidence:
     probabilities : (n, k)
         Calibrated class probabilities [-]. A row of an ``unknown`` item is uniform.
     quality : (n,)
-        How far the item may be trusted, in [0, 1] [-]: 0 when a gate closed, 1 for a sharp, unclipped,
-        in-distribution item.
+        Weight of the item in an opinion pool, in [0, 1] [-]: 0 when a gate closed, 1 where its probabilities are right
+        as they stand.
     unknown : (n,)
         True where a gate closed: no class may be named.
     reasons

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Iterable, Sequence
 from html import escape
 
@@ -12,7 +13,8 @@ th{background:#f4f4f4}th:first-child{text-align:left}.note{color:#555}.warn{colo
 td.text,th.text{text-align:left}.wide{overflow-x:auto}
 .verdict{font-size:1.3rem;font-weight:600;border-left:.4rem solid #0072b2;padding:.5rem 1rem;background:#f2f7fb}
 code{font:.95em ui-monospace,monospace;background:#f4f4f4;padding:0 .25em}
-figure{margin:1rem 0}figure img{max-width:100%;height:auto}figcaption{color:#555;font-size:.93em}
+figure{margin:1rem 0}.row{display:flex;flex-wrap:wrap;gap:1.2rem}.row figure{margin:.3rem 0;max-width:17rem}
+figure img{max-width:100%;height:auto}figcaption{color:#555;font-size:.93em}
 @media print{body{max-width:none;margin:0;font-size:11pt}.wide{overflow:visible}figure,tr,h2,h3{break-inside:avoid}
 h2,h3{break-after:avoid}.wide table{font-size:8.5pt}.wide td,.wide th{padding:.1rem .3rem}}"""
 
@@ -50,3 +52,13 @@ def table(headers: Sequence[str], rows: Iterable[Sequence[str]], text_columns: S
 def unbroken(text: str) -> str:
     """Escape text; a number stays on one line with its unit, its bound and its standard deviation."""
     return escape(text).replace(" %", "&nbsp;%").replace("&lt; ", "&lt;&nbsp;").replace(" ± ", "&nbsp;±&nbsp;")
+
+
+def picture(data: bytes, kind: str, description: str) -> str:
+    """Give an image that is in the page itself; `kind` is ``"png"`` or ``"jpeg"``."""
+    return f'<img alt="{escape(description)}" src="data:image/{kind};base64,{b64encode(data).decode()}">'
+
+
+def player(wav: bytes) -> str:
+    """Give a control that plays a WAV that is in the page itself."""
+    return f'<audio controls preload=none src="data:audio/wav;base64,{b64encode(wav).decode()}"></audio>'

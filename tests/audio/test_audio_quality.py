@@ -103,7 +103,7 @@ def fitted():
     snr = np.concatenate([np.full(60, NOISE_FREE_DB), rng.uniform(-10, 30, 240)])
     windows = np.concatenate([clean, [add_noise(clean[i % 60], snr[60 + i], rng) for i in range(240)]])
     inputs = noise_inputs(window_features(windows), noise_measures(windows))
-    return NoiseModel.fit(inputs, snr, np.arange(300) % 60 % 6, np.arange(300) < 60)
+    return NoiseModel.fit(inputs, snr, np.arange(300) % 60 % 6, np.arange(300) < 60)[0]
 
 
 def rate(model, windows):

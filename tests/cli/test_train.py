@@ -62,6 +62,7 @@ def test_the_report_states_its_data(trained):
     assert "truth \\ said" in result.output
     html = (folder / "audio.html").read_text()
     assert html.startswith("<!doctype html>")
+    assert "16 more groups" in html
     assert "bright" in html
 
 

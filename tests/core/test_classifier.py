@@ -9,7 +9,7 @@ from bevameter.framework.core.classifier.calibration import joined
 from bevameter.framework.core.classifier.classifier import TerrainClassifier
 from bevameter.framework.core.classifier.fitting import row_weights
 from bevameter.framework.core.classifier.gate import Gate
-from bevameter.framework.core.classifier.report import report_html
+from bevameter.framework.core.classifier.page import report_html
 from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.evidence import ClassEvidence
 

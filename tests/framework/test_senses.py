@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import json
 import sys
 import warnings
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
+import soundfile
 from bevameter import InputError, Recording, TerrainDatabase, run_traverse
 from bevameter.framework import senses
 from bevameter.framework.cli.main import app
+from bevameter.framework.core.classifier.labelled import LabelledFile
 from bevameter.framework.core.recording.types import Pose, VibrationRun
+from bevameter.framework.senses import sense_named
 from typer.testing import CliRunner
 
 SENSE = """
@@ -174,3 +180,21 @@ def test_a_sense_of_an_entry_point_is_loaded_and_a_broken_one_is_left_out(thermo
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # said once
         assert {sense.name for sense in senses.senses()} >= {"warmth", "vision", "audio", "vibration"}
+
+
+def test_samples_are_shown_in_reports_as_pictures_and_sounds(tmp_path, rng):
+    """What stands in the page is whole: a small JPEG, and the stretch of sound that was misheard."""
+    image, sound = tmp_path / "a.png", tmp_path / "a.flac"
+    cv2.imwrite(str(image), rng.integers(0, 256, (300, 600, 3)).astype(np.uint8))
+    soundfile.write(sound, 0.01 * rng.normal(size=44100 * 3), 44100)
+
+    def content(name, sample):
+        shown = sense_named(name).excerpt(sample)
+        return base64.b64decode(shown.split("base64,")[1].split('"')[0])
+
+    shown = cv2.imdecode(np.frombuffer(content("vision", LabelledFile(image, "sand", "a")), np.uint8), cv2.IMREAD_COLOR)
+    assert shown.shape == (80, 160, 3)
+    heard, rate = soundfile.read(io.BytesIO(content("audio", LabelledFile(sound, "sand", "a", 1.0, 1.5))))
+    assert len(heard) == pytest.approx(0.5 * rate, abs=2)
+    assert np.abs(heard).max() == pytest.approx(0.5, abs=0.01)
+    assert sense_named("vibration").excerpt(LabelledFile(sound, "sand", "a")) == ""

@@ -108,11 +108,11 @@ def judge_camera(plan: Plan, model: TerrainClassifier, cell_size_m: float = 0.5)
     parts = list(observe_ground(_Film(plan), camera, pose_at, speed_at, model, cell_size_m))
     time_s, x, y = (np.concatenate([getattr(part, name) for part in parts]) for name in ("time_s", "x_m", "y_m"))
     sites = ground_sites(plan, tile_px=64)
-    owner = _stretch_of(sites, x, y)
+    owner = stretch_of(sites, x, y)
     reach = 0.4 * cell_size_m
     whole = np.ones(len(x), dtype=bool)
     for dx, dy in ((reach, reach), (reach, -reach), (-reach, reach), (-reach, -reach)):
-        whole &= _stretch_of(sites, x + dx, y + dy) == owner
+        whole &= stretch_of(sites, x + dx, y + dy) == owner
     faults = ("camera_black", "camera_truncated", "camera_overexposed")
     return _judged(plan, ClassEvidence.concatenate([part.evidence for part in parts]), owner, time_s, faults, whole)
 
@@ -165,7 +165,7 @@ class _Film:
                 yield Frame(picture.time_s, None, str(error))
 
 
-def _stretch_of(sites: Sequence[GroundSite], x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+def stretch_of(sites: Sequence[GroundSite], x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
     """Number of the stretch that places of the site frame belong to, as the renderer draws them: (n,)."""
     owner = np.zeros(len(x_m), dtype=int)
     for number, site in enumerate(sites[1:], start=1):

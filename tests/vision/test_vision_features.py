@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from bevameter.vision.augment import cut_patch, motion_blur, training_patches
 from bevameter.vision.features import FEATURE_NAMES, PATCH_PX, patch_features
-from bevameter.vision.quality import learn_limits, patch_quality, sharpness
+from bevameter.vision.quality import learn_limits, light, rated, sharpness
 
 
 def textures(rng, n=6, sigma=1.0, size=PATCH_PX):
@@ -101,7 +101,7 @@ def test_quality_names_what_is_wrong(rng):
     blurred = np.stack([motion_blur(patch, 25, 0.0) for patch in sharp])
     rows = patch_features(np.concatenate([sharp, blurred]))
     limits = learn_limits(rows, np.arange(80) < 40)
-    good, reasons = patch_quality(sharp, rows[:40], limits)
+    good, reasons = rated(light(sharp), rows[:40], limits)
     assert np.mean(good > 0.9) > 0.8
     assert sum(bool(reason) for reason in reasons) < 8
     faulty = {
@@ -111,7 +111,7 @@ def test_quality_names_what_is_wrong(rng):
         "no texture": (120 + (sharp[:4].astype(int) - 120) // 20).astype(np.uint8),
     }
     for name, patches in faulty.items():
-        quality, said = patch_quality(patches, patch_features(patches), limits)
+        quality, said = rated(light(patches), patch_features(patches), limits)
         assert (quality < 0.8).all(), name
         assert all(name in reason for reason in said), (name, said)
 
@@ -121,9 +121,9 @@ def test_quality_falls_with_distance_and_speed(rng):
     rows = patch_features(patches)
     limits = {"sharp": -9.0, "blurred": -12.0}
     pixels, share = np.array([100.0, 26.0, 10.0]), np.array([0.0, 0.5, np.nan])
-    far, said = patch_quality(patches, rows, limits, resolution_px=pixels)
+    far, said = rated(light(patches), rows, limits, resolution_px=pixels)
     assert far == pytest.approx([1.0, 0.5, 0.0])
     assert said[2] == ("too few pixels on the ground",)
-    fast, said = patch_quality(patches, rows, limits, blur_share=share)
+    fast, said = rated(light(patches), rows, limits, blur_share=share)
     assert fast == pytest.approx([1.0, 0.625, 1.0])
     assert said[1] == ("moving fast for the exposure",)

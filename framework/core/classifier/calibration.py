@@ -33,9 +33,9 @@ def _spread(probabilities: np.ndarray) -> np.ndarray:
     return (1 - SPREAD_MASS) * probabilities + SPREAD_MASS / probabilities.shape[1]
 
 
-def _loss(raw: np.ndarray, y: np.ndarray, weight: np.ndarray, temperature: float) -> float:
-    """Weighted log loss [nat]."""
-    chosen = calibrated(raw, temperature)[np.arange(len(y)), y]
+def log_loss(probabilities: np.ndarray, y: np.ndarray, weight: np.ndarray) -> float:
+    """Weighted log loss [nat] of probabilities (n, k) of classes y (n,)."""
+    chosen = np.maximum(probabilities[np.arange(len(y)), y], 1e-12)
     return float(-(weight * np.log(chosen)).sum() / weight.sum())
 
 
@@ -43,7 +43,7 @@ def _temperature(raw: np.ndarray, y: np.ndarray, weight: np.ndarray, n_units: in
     """The maximum-a-posteriori temperature, where each of the units that rows come from counts as one item."""
 
     def loss(log_t: float) -> float:
-        return n_units * _loss(raw, y, weight, np.exp(log_t)) + 0.5 * (log_t / LOG_TEMPERATURE_SD) ** 2
+        return n_units * log_loss(calibrated(raw, np.exp(log_t)), y, weight) + 0.5 * (log_t / LOG_TEMPERATURE_SD) ** 2
 
     best = minimize_scalar(loss, bounds=(-2.0, 3.0), method="bounded")
     return float(np.exp(best.x))
@@ -57,7 +57,7 @@ def choose(
     if len(raw) > 1:
         raw = raw | {COMMITTEE: np.mean([softened(raw[name], t) for name, t in temperatures.items()], axis=0)}
         temperatures[COMMITTEE] = _temperature(raw[COMMITTEE], y, weight, n_units)
-    losses = {name: _loss(values, y, weight, temperatures[name]) for name, values in raw.items()}
+    losses = {name: log_loss(calibrated(values, temperatures[name]), y, weight) for name, values in raw.items()}
     return raw, temperatures, losses
 
 

@@ -9,7 +9,7 @@ doi:10.1186/1471-2105-7-91).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,17 +19,62 @@ from ..errors import InputError
 from ..evidence import ClassEvidence
 from .calibration import joined
 from .fitting import CANDIDATES, USUAL, Fitted, Rows, fit, folds, row_weights
+from .gate import room
+from .labelled import LabelledFile
+from .learning import LearningCurve, learning_curve
+from .mistakes import Mistake, worst_mistakes
 from .report import HeldOut, training_report
+from .trust import learn_trust
 
 _BATCH_ROWS = 8192
 
 
 @dataclass(frozen=True)
 class TrainingOutcome:
-    """A trained classifier, and how well it does on groups it has not seen (JSON-able)."""
+    """A trained classifier, how well it does on groups it has not seen (JSON-able), and what it was trained on."""
 
     classifier: TerrainClassifier
     report: dict
+    material: Material | None = None
+
+
+@dataclass(frozen=True)
+class Material:
+    """What a classifier was trained on and how it did there, for a closer look.
+
+    Parameters
+    ----------
+    rows, candidates
+        The n rows, and the kinds of classifiers to choose from.
+    held
+        Predictions of the rows by models that had not seen their group.
+    quality : (n,)
+        Score of each row's image or sound, less what its distance from the training leaves of it [-].
+    original : (n,)
+        True for items as they came, False for degraded copies.
+    samples
+        The labelled files, or stretches of files, that rows are of; none where rows came without.
+    sample_of : (n,)
+        Index of the sample that a row is of.
+    """
+
+    rows: Rows
+    candidates: tuple[str, ...]
+    held: HeldOut
+    quality: np.ndarray
+    original: np.ndarray
+    samples: tuple[LabelledFile, ...]
+    sample_of: np.ndarray
+
+    def learning_curve(
+        self, rng: np.random.Generator, progress: Callable[[float], None] | None = None
+    ) -> LearningCurve | None:
+        """Measure what further groups would bring, which takes about as long as the training; see `learning_curve`."""
+        return learning_curve(self.rows, self.candidates, self.held, self.original, rng, progress)
+
+    def mistakes(self, classes: Sequence[str]) -> tuple[Mistake, ...]:
+        """Give the samples that were got wrong most surely; see `worst_mistakes`."""
+        return worst_mistakes(self.samples, self.sample_of, self.held, self.original, classes)
 
 
 @dataclass(frozen=True)
@@ -82,6 +127,9 @@ class TerrainClassifier:
         columns: Mapping[str, tuple[int, int]] | None = None,
         gate_columns: int | None = None,
         degraded: np.ndarray | None = None,
+        quality: np.ndarray | None = None,
+        samples: Sequence[LabelledFile] = (),
+        sample_of: np.ndarray | None = None,
         source: str | Path = "training data",
         notes: Sequence[str] = (),
         progress: Callable[[float], None] | None = None,
@@ -103,6 +151,11 @@ class TerrainClassifier:
         degraded : (n,)
             True for rows that are no items as they came but made from them: with blur, noise or a channel less. They
             teach as all rows do; their scores are reported apart, under ``"degraded"``.
+        quality : (n,)
+            How far the sense trusts each row by what the image or sound is like, in [0, 1]. From it and groups held out
+            the weight of an item at each quality is learnt (`trust`).
+        samples, sample_of : (n,)
+            Labelled files or stretches of files, and the index of the one that each row is of: for a report's mistakes.
         source
             What to name in an error.
         notes
@@ -119,7 +172,9 @@ class TerrainClassifier:
         from .store import content_digest
 
         made = np.zeros(len(labels), dtype=bool) if degraded is None else np.asarray(degraded, dtype=bool)
-        x, y, group, made, classes, dropped = _checked(features, labels, groups, made, feature_names, source)
+        rated = np.zeros(len(labels)) if quality is None else np.asarray(quality, dtype=float)
+        x, y, group, kept, classes = _checked(features, labels, groups, feature_names, source)
+        made, rated = made[kept], rated[kept]
         names = tuple(candidates or USUAL)
         if unknown := set(names) - set(CANDIDATES):
             raise InputError(source, f"no candidate {sorted(unknown)}", expected="of " + ", ".join(CANDIDATES))
@@ -128,10 +183,20 @@ class TerrainClassifier:
         held = _outer_predictions(rows, names, rng, step)
         fitted, chosen, losses = fit(rows, names, rng)
         step(1.0)
+        rated = rated * room(held.distance)
+        open_ = held.scored & (rated > 0)
+        weight = row_weights(y[open_], group[open_]) if open_.any() else np.zeros(0)
+        trust, table = learn_trust(held.probabilities[open_], y[open_], group[open_], rated[open_], weight)
+        fitted = replace(fitted, trust=trust)
+        dropped = int((~kept).sum())
         report = training_report(rows, classes, modality, held, made, fitted, chosen, losses, dropped, notes)
+        if table:
+            report["trust"] = table
         model = TerrainClassifier(modality, classes, tuple(feature_names), dict(settings), report, fitted)
         object.__setattr__(model, "version", content_digest(model))
-        return TrainingOutcome(model, report)
+        owner = np.arange(len(labels)) if sample_of is None else sample_of
+        material = Material(rows, names, held, rated, ~made | made.all(), tuple(samples), owner[kept])
+        return TrainingOutcome(model, report, material)
 
     def evidence(
         self, features: np.ndarray, quality: np.ndarray, reasons: Sequence[tuple[str, ...]] | None = None
@@ -151,7 +216,8 @@ class TerrainClassifier:
         ClassEvidence
             Calibrated probabilities. An item is unknown where its quality is 0, a feature is not finite, or it is
             unlike anything trained on; quality falls to 0 over the last fifth before that gate, with a reason
-            where that costs a fifth of it or more.
+            where that costs a fifth of it or more. The quality given is the weight that was learnt for it, where
+            one was (`trust.Trust`).
 
         Raises
         ------
@@ -179,13 +245,15 @@ class TerrainClassifier:
                 probabilities[index[inside]] = self.fitted.probabilities(z[inside])
         outside = distance > self.fitted.threshold
         unknown = outside | ~finite | (trusted <= 0)
-        room = np.clip(5.0 * (1.0 - distance / self.fitted.threshold), 0.0, 1.0)
-        trusted *= np.where(unknown, 0.0, room)
+        inner = room(distance / self.fitted.threshold)
+        trusted *= np.where(unknown, 0.0, inner)
+        if self.fitted.trust is not None:
+            trusted = self.fitted.trust.at(trusted)
         for index in np.flatnonzero(~finite):
             said[index] = (*said[index], "features are not finite")
         for index in np.flatnonzero(outside & np.isfinite(distance)):
             said[index] = (*said[index], f"unlike anything trained on ({self._place(distance[index])})")
-        for index in np.flatnonzero(~unknown & (room < 0.8)):
+        for index in np.flatnonzero(~unknown & (inner < 0.8)):
             said[index] = (*said[index], f"nearly unlike anything trained on ({self._place(distance[index])})")
         for index in np.flatnonzero(finite & unknown):
             said[index] = said[index] or ("quality is 0",)
@@ -250,11 +318,11 @@ class TerrainClassifier:
         return load(Path(path), modality)
 
 
-def _checked(features, labels, groups, made, feature_names, source):
+def _checked(features, labels, groups, feature_names, source):
     x = np.asarray(features, dtype=float)
     labels = np.asarray(labels, dtype=str)
     groups = np.asarray(groups, dtype=str)
-    if x.ndim != 2 or x.shape[1] != len(feature_names) or not len(x) == len(labels) == len(groups) == len(made):
+    if x.ndim != 2 or x.shape[1] != len(feature_names) or not len(x) == len(labels) == len(groups):
         raise InputError(
             source,
             f"features {x.shape}, {len(labels)} labels, {len(groups)} groups",
@@ -272,13 +340,13 @@ def _checked(features, labels, groups, made, feature_names, source):
         )  # fmt: skip
     check_class_names(map(str, classes), source)
     _, group = np.unique(groups[finite], return_inverse=True)
-    return x[finite], y, group, made[finite], tuple(str(name) for name in classes), int((~finite).sum())
+    return x[finite], y, group, finite, tuple(str(name) for name in classes)
 
 
 def _outer_predictions(rows: Rows, names: Sequence[str], rng: np.random.Generator, step) -> HeldOut:
     """Predict each group by a model whose every choice was made without it."""
     n = len(rows.y)
-    held = HeldOut(np.zeros((n, rows.n_classes)), np.ones(n), np.zeros(n, dtype=bool), np.zeros(n, dtype=bool))
+    held = HeldOut(np.zeros((n, rows.n_classes)), np.ones(n), np.zeros(n, dtype=bool), np.zeros(n), np.full(n, -1))
     splits = folds(rows, rng)
     for index, (train, test) in enumerate(splits):
         part = rows.take(train)
@@ -286,7 +354,8 @@ def _outer_predictions(rows: Rows, names: Sequence[str], rng: np.random.Generato
         z = fitted.standardise(rows.x[test])
         held.probabilities[test] = fitted.probabilities(z)
         held.correlation[test] = fitted.correlation
-        held.rejected[test] = fitted.gate.distance(z) > fitted.threshold
+        held.distance[test] = fitted.gate.distance(z) / fitted.threshold
+        held.fold[test] = index
         held.scored[test] = np.isin(rows.y[test], part.y)
         step((index + 1) / (len(splits) + 1))
     return held

@@ -16,6 +16,7 @@ from sklearn.pipeline import Pipeline
 
 from .calibration import COMMITTEE, calibrated, choose, likeliest_correlation, softened
 from .gate import Gate, gate_threshold
+from .trust import Trust
 
 FOLDS = 5
 INNER_FOLDS = 4
@@ -71,7 +72,8 @@ class Fitted:
     """What was learnt: standardisation, members whose probabilities are averaged, temperatures, gate.
 
     Each member has its own temperature, so that none shouts the others down, and sees its own columns, from the first
-    to before the last of `member_columns`; `temperature` is for their mean.
+    to before the last of `member_columns`; `temperature` is for their mean. `trust` gives the weight of an item by its
+    quality; without it that is the quality itself.
     """
 
     mean: np.ndarray
@@ -84,6 +86,7 @@ class Fitted:
     temperature: float
     threshold: float
     correlation: float
+    trust: Trust | None = None
 
     def standardise(self, features: np.ndarray) -> np.ndarray:
         """Give features (n, d) as standard scores, limited to where arithmetic stays finite."""

@@ -11,6 +11,11 @@ FALSE_REJECTION_RATE = 0.02
 """Share of held-out, in-distribution items that the gate may turn away."""
 
 
+def room(distance: np.ndarray) -> np.ndarray:
+    """Share of the quality that is left to items at distances (n,) over the gate's threshold: less from 0.8 on."""
+    return np.clip(5.0 * (1.0 - distance), 0.0, 1.0)
+
+
 @dataclass(frozen=True)
 class Gate:
     """Distance in standardised feature space to the nearest class, with the covariance within classes (shrunk).

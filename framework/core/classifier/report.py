@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 
 import numpy as np
 
-from ..html import page
 from .calibration import joined
 from .fitting import FOLDS, Fitted, Rows, row_weights, units
 from .gate import FALSE_REJECTION_RATE, Gate
@@ -29,14 +27,22 @@ class HeldOut:
         Within groups, as learnt without the row's own.
     scored : (n,)
         True where the row's class was known to the model that predicted it.
-    rejected : (n,)
-        True where the gate turned it away.
+    distance : (n,)
+        From what was trained on, over the gate's threshold [-].
+    fold : (n,)
+        Number of the fold that held the row out; -1 where none did.
     """
 
     probabilities: np.ndarray
     correlation: np.ndarray
     scored: np.ndarray
-    rejected: np.ndarray
+    distance: np.ndarray
+    fold: np.ndarray
+
+    @property
+    def rejected(self) -> np.ndarray:
+        """True where the gate turns the row away, (n,)."""
+        return self.distance > 1.0
 
 
 def training_report(
@@ -164,92 +170,3 @@ def _scores_by_group(rows: Rows, held: HeldOut, part: np.ndarray, classes: Seque
         own = correlation[first] == rho
         together[own] = joined(held.probabilities[part], inverse, np.ones(len(y)), len(first), rho)[own]
     return scores(together, y[first], group[first], np.ones(len(first)), classes)
-
-
-def _percent(score: dict) -> str:
-    return f"{score['value']:.3f} (95 %: {score['low']:.3f} to {score['high']:.3f})"
-
-
-def _confusion_table(classes: Sequence[str], confusion: Sequence[Sequence[int]]) -> str:
-    head = "".join(f"<th>{escape(name)}</th>" for name in classes)
-    body = []
-    for name, row in zip(classes, confusion, strict=True):
-        total = max(sum(row), 1)
-        cells = "".join(f'<td style="background:rgba(40,110,180,{n / total * 0.7:.2f})">{int(n)}</td>' for n in row)
-        body.append(f"<tr><th>{escape(name)}</th>{cells}<td>{row[len(body)] / total:.2f}</td></tr>")
-    return f"<table><tr><th>truth \\ said</th>{head}<th>recall</th></tr>{''.join(body)}</table>"
-
-
-def _reliability_chart(table: Sequence[dict]) -> str:
-    """An inline drawing of how often the top class was right against the probability given to it."""
-    size = 220
-
-    def place(x: float, y: float) -> str:
-        return f"{20 + x * size:.1f},{20 + (1 - y) * size:.1f}"
-
-    dots = ""
-    for row in table:
-        x, y = place(row["said"], row["was_right"]).split(",")
-        title = f"said {row['said']:.2f}, right {row['was_right']:.2f}, n = {row['n']}"
-        radius = 3 + min(row["n"], 400) ** 0.5 / 3
-        dots += f'<circle cx="{x}" cy="{y}" r="{radius:.1f}" fill="#286eb4"><title>{title}</title></circle>'
-    return (
-        f'<svg width="{size + 40}" height="{size + 40}" role="img" aria-label="reliability">'
-        f'<polyline points="{place(0, 0)} {place(0, 1)} {place(1, 1)} {place(1, 0)} {place(0, 0)}" fill="none" '
-        f'stroke="#999"/><polyline points="{place(0, 0)} {place(1, 1)}" stroke="#bbb" fill="none"/>{dots}</svg>'
-    )
-
-
-def _score_section(title: str, classes: Sequence[str], score: dict) -> str:
-    return (
-        f"<h2>{escape(title)}</h2><p>n = {score['n']}; balanced accuracy {_percent(score['balanced_accuracy'])}; "
-        f"accuracy {_percent(score['accuracy'])}; log loss {score['log_loss']:.3f} nat; "
-        f"calibration error {score['calibration_error']:.3f}.</p>"
-        f"{_confusion_table(classes, score['confusion'])}"
-        f"<p class=note>Probability given to the top class (across) against how often it was right (up):</p>"
-        f"{_reliability_chart(score['reliability'])}"
-    )
-
-
-def report_html(report: dict) -> str:
-    """Show a training report as one page of HTML that needs nothing from elsewhere.
-
-    Parameters
-    ----------
-    report
-        As `TerrainClassifier.train` gives it; every name in it is escaped.
-    """
-    classes = report["classes"]
-    counts = "".join(
-        f"<tr><th>{escape(name)}</th><td>{report['rows_by_class'][name]}</td><td>{report['groups_by_class'][name]}</td></tr>"
-        for name in classes
-    )
-    warnings = "".join(f"<p class=warn>{escape(text)}</p>" for text in report["warnings"])
-    if report["validated"]:
-        shown = report | {"n": report["n_scored"]}
-        sections = _score_section("Per item as it came, held out by group", classes, shown)
-        sections += _score_section("Per group: its items pooled", classes, report["by_group"])
-        if "degraded" in report:
-            title = "Per degraded item (blur, noise or a channel less was added), held out by group"
-            sections += _score_section(title, classes, report["degraded"])
-    else:
-        sections = ""
-    selection = "".join(
-        f"<tr><th>{escape(name)}</th><td>{loss:.3f}</td></tr>" for name, loss in report["selection"].items()
-    )
-    gate = report["gate"]
-    rejected, others = gate["held_out_rejection"], gate["other_ground_rejection"]
-    gate_text = f"Items further than {gate['threshold']:.2f} from what was trained on are answered 'unknown'" + (
-        "." if rejected is None else f": {rejected:.1%} of held-out items were."
-    )
-    if others is not None:
-        gate_text += f" Of classes that the gate had not seen, each left out in turn, {others:.1%} of items were."
-    body = (
-        f"<h1>Terrain classifier: {escape(report['modality'])}</h1>"
-        f"<p>{report['n']} items ({report['n_degraded']} of them degraded copies), {report['groups']} groups, "
-        f"{len(classes)} classes. {escape(report['split'])}</p>"
-        f"{warnings}{sections}<h2>Material</h2><table><tr><th>class</th><th>items</th><th>groups</th></tr>{counts}</table>"
-        f"<h2>Model</h2><p>Chosen on inner folds: {escape(report['model'])}; temperature {report['temperature']:.2f}. "
-        f"{escape(gate_text)}</p><table><tr><th>candidate</th><th>inner log loss [nat]</th></tr>{selection}</table>"
-    )
-    return page(f"Bevameter: {report['modality']}", body)

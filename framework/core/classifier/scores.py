@@ -8,6 +8,8 @@ import numpy as np
 from scipy.stats import beta, t
 
 CALIBRATION_BINS = 10
+COVERAGES = tuple(round(0.05 * step, 2) for step in range(1, 21))
+"""Shares of the items that are answered, the surest first, at which the error is reported [-]."""
 _TAIL = 0.025
 
 
@@ -59,6 +61,33 @@ def calibration_error(probabilities: np.ndarray, truth: np.ndarray, weight: np.n
     return float(np.abs(said - was).sum() / mass.sum()), table
 
 
+def risk_by_coverage(probabilities: np.ndarray, truth: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Give the error among the items that are most sure, for each share of them that is answered.
+
+    Parameters
+    ----------
+    probabilities : (n, k)
+    truth, weight : (n,)
+
+    Returns
+    -------
+    coverage, error : (n,)
+        Items of one probability are answered together: they have the same coverage and error.
+    """
+    top = probabilities.max(axis=1)
+    order = np.argsort(-top, kind="stable")
+    coverage = np.cumsum(weight[order])
+    error = np.cumsum(weight[order] * (probabilities.argmax(axis=1) != truth)[order]) / coverage
+    last = np.searchsorted(-top[order], -top[order], side="right") - 1
+    return coverage[last] / coverage[-1], error[last]
+
+
+def selective_error(probabilities: np.ndarray, truth: np.ndarray, weight: np.ndarray, coverage: float) -> float:
+    """Give the error where at least this share of the items, the surest ones, is answered; see `risk_by_coverage`."""
+    share, error = risk_by_coverage(probabilities, truth, weight)
+    return float(error[min(np.searchsorted(share, coverage - 1e-9), len(share) - 1)])
+
+
 def scores(
     probabilities: np.ndarray,
     truth: np.ndarray,
@@ -80,7 +109,7 @@ def scores(
     -------
     dict
         JSON-able: n, accuracy and balanced_accuracy (value, low, high: 95 %), log_loss [nat], calibration_error,
-        reliability, recall by class, confusion (rows are the truth).
+        reliability, recall by class, confusion (rows are the truth), risk (error by coverage).
     """
     predicted = probabilities.argmax(axis=1)
     _, unit = np.unique(unit, return_inverse=True)
@@ -95,6 +124,9 @@ def scores(
         "log_loss": float(-(weight * np.log(chosen)).sum() / weight.sum()),
         "calibration_error": error,
         "reliability": table,
+        "risk": [
+            {"coverage": share, "error": selective_error(probabilities, truth, weight, share)} for share in COVERAGES
+        ],
         "recall": {name: float(confusion[i, i] / totals[i]) if totals[i] else None for i, name in enumerate(classes)},
         "confusion": confusion.astype(int).tolist(),
     }

@@ -8,6 +8,7 @@ import json
 import warnings
 import zipfile
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -27,6 +28,7 @@ from ..models import checked
 from .classifier import TerrainClassifier
 from .fitting import Fitted
 from .gate import Gate
+from .trust import Trust
 
 FORMAT = "bevameter terrain classifier"
 FORMAT_VERSION = 1
@@ -73,6 +75,7 @@ class Metadata(BaseModel):
     temperature: _Temperature
     threshold: Annotated[float, Field(gt=0, lt=1e6)]
     correlation: Annotated[float, Field(ge=0, le=1)]
+    trust: dict[str, list[float]] | None = None
 
 
 def checked_metadata(meta: dict, path: Path) -> Metadata:
@@ -113,6 +116,7 @@ def _metadata(model: TerrainClassifier) -> str:
             "temperature": model.fitted.temperature,
             "threshold": model.fitted.threshold,
             "correlation": model.fitted.correlation,
+            "trust": None if model.fitted.trust is None else asdict(model.fitted.trust),
         },
         sort_keys=True,
         allow_nan=False,
@@ -273,6 +277,7 @@ def _rebuild(payload: dict, path: Path, version: str) -> TerrainClassifier:
         meta.temperature,
         meta.threshold,
         meta.correlation,
+        _trust(meta.trust, path),
     )
     probe = fitted.probabilities(np.zeros((1, d)))
     if probe.shape != (1, k) or not np.isfinite(probe).all():
@@ -287,6 +292,18 @@ def _rebuild(payload: dict, path: Path, version: str) -> TerrainClassifier:
         version,
         path,
     )
+
+
+def _trust(stored: dict[str, list[float]] | None, path: Path) -> Trust | None:
+    """The weights by quality; None in files of before there were any."""
+    if stored is None:
+        return None
+    try:
+        points = {name: tuple(values) for name, values in stored.items()}
+        return Trust(points.pop("quality"), points.pop("weight"), tuple(int(n) for n in points.pop("groups")), **points)
+    except (KeyError, TypeError, ValueError) as error:
+        problem = f"damaged: {error}"
+        raise InputError(path, problem, expected="a model that `bevameter train` wrote", place="key trust") from None
 
 
 def _check_member(member: Any, k: int, d: int) -> None:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from base64 import b64encode
 from html import escape
 from importlib.metadata import version
 from pathlib import Path
 
 from ....framework.core.files import write_text
-from ....framework.core.html import page, table, unbroken
+from ....framework.core.html import page, picture, table, unbroken
 from ..explanation import Candidate, Explanation
 from ..quantities import capital, effect, listed, shown, signed, with_sd
 from ..words import details, headline, predicted_worse
@@ -168,6 +167,4 @@ def _note(text: str) -> str:
 
 
 def _figure(png: bytes, caption: str) -> str:
-    data = b64encode(png).decode("ascii")
-    picture = f'<img alt="{escape(caption)}" src="data:image/png;base64,{data}">'
-    return f"<figure>{picture}<figcaption>{unbroken(caption)}</figcaption></figure>"
+    return f"<figure>{picture(png, 'png', caption)}<figcaption>{unbroken(caption)}</figcaption></figure>"
