@@ -20,6 +20,9 @@ _LEAST_SHARE = 2e-3
 
 _FEWEST_NEIGHBOURS, _FEWEST_DIFFERENCES = 7, 30
 
+_FEWEST_FREE = 8
+"""Degrees of freedom from which on the scatter about a surface is known well enough, to a quarter."""
+
 
 def sensor_noise(table: WheelTable, vehicle: Vehicle) -> np.ndarray:
     """Standard deviation of each channel of `textbook.CHANNELS`, (5,), NaN where the channel is absent.
@@ -98,7 +101,27 @@ def _from_repeats(table: WheelTable, values: np.ndarray, name: str) -> float:
     other = np.where(nearest[:, 0] == np.arange(len(place)), nearest[:, 1], nearest[:, 0])
     difference = (values - values[other])[apart[:, 1] < 0.1]
     difference = difference[np.isfinite(difference)]
-    return NORMAL_MAD * float(np.median(np.abs(difference))) / np.sqrt(2.0) if difference.size else 0.0
+    of_nearest = NORMAL_MAD * float(np.median(np.abs(difference))) / np.sqrt(2.0) if difference.size else np.inf
+    of_surface = _about_a_surface(place[:, 0], place[:, 1], values)
+    # The lesser of two is too small where one of them follows from a few trials.
+    few = difference.size < _FEWEST_DIFFERENCES and np.isfinite(of_surface)
+    noise = of_surface if few else min(of_nearest, of_surface)
+    return noise if np.isfinite(noise) else 0.0
+
+
+def _about_a_surface(load: np.ndarray, slip: np.ndarray, values: np.ndarray) -> float:
+    """Scatter of values (n,) about a polynomial in load, over the largest, and slip; infinite where they are few.
+
+    Of the textbook's wheel such a surface is right to about a hundredth of what an answer varies by.
+    """
+    seen = np.isfinite(values)
+    load, slip, values = load[seen], slip[seen], values[seen]
+    terms = np.column_stack([np.ones(len(load)), slip, slip**2, slip**3, load, load * slip, load * slip**2, load**2])
+    coefficients, _, rank, _ = np.linalg.lstsq(terms, values, rcond=1e-6)
+    free = len(values) - int(rank)
+    if free < _FEWEST_FREE:
+        return np.inf
+    return float(np.sqrt(np.sum((values - terms @ coefficients) ** 2) / free))
 
 
 def in_time(values: np.ndarray, stretch: np.ndarray) -> list[np.ndarray]:
