@@ -16,7 +16,7 @@ _CLEARLY = 0.95
 """Share of the way of a wheel's rim on which it turns against the vehicle's travel, from which on its axis does [-]."""
 
 _FEWEST = 20
-"""Fewest rows that say so."""
+"""Least number of rows for a decision."""
 
 _SLOWEST_M_S = 0.02
 """Slower travel may be noise of a speed [m/s]."""

@@ -201,7 +201,7 @@ def check_slip(table: Table, column: Column, values: np.ndarray) -> None:
 
 
 def _other_definition(column: Column, seen: np.ndarray) -> str:
-    """Say for an error how slip beyond 1 (n,) may be defined, with the line of a column map that says so."""
+    """Suggest a definition for slip beyond 1 (n,), with the line of a column map that states it."""
     name: Definition = "rim_to_travel" if np.nanmin(seen, initial=np.inf) >= 1.0 - _NEAR else "relative_to_travel"
     entries = ([] if column.unit else ['unit = "-"']) + [f'definition = "{name}"']
     return f"; if it is {FORMULAS[name]}: {column.line(*entries)}"
