@@ -9,7 +9,8 @@ from bevameter import read_recording
 from bevameter.framework.core.errors import InputError, InputErrors
 from bevameter.framework.core.recording.column_map import load_column_map
 from bevameter.framework.core.recording.column_names import meaning
-from bevameter.framework.core.recording.wheel_file import read_wheel, read_wheel_file
+from bevameter.framework.core.recording.wheel_file import derive, read_wheel, read_wheel_file
+from bevameter.framework.core.vehicle import Wheel
 
 ROOT = Path(__file__).parents[2]
 
@@ -31,6 +32,9 @@ def write(tmp_path):
         ("Vertical force", "load_N", 1.0), ("Normal load, W (N)", "load_N", 1.0), ("Radlast [kg]", "load_N", 9.80665),
         ("Charge verticale (daN)", "load_N", 10.0), ("load_n", "load_N", 1.0), ("load std [kN]", "load_sd_N", 1e3),
         ("DP [N]", "drawbar_pull_N", 1.0), ("Drawbar pull (DP) [lbf]", "drawbar_pull_N", 4.4482216152605),
+        ("Drawbar pull DP [N]", "drawbar_pull_N", 1.0), ("Radlast Fz (N)", "load_N", 1.0),
+        ("DP/W", "drawbar_pull_N", 1.0), ("P / W [%]", "drawbar_pull_N", 1e-2), ("M/(W·r)", "torque_Nm", 1.0),
+        ("Drawbar coefficient", "drawbar_pull_N", 1.0), ("Fx/Fz (-)", "drawbar_pull_N", 1.0),
         ("DBP", "drawbar_pull_N", 1.0), ("drawbarPull", "drawbar_pull_N", 1.0), ("Zugkraft / N", "drawbar_pull_N", 1.0),
         ("T [Nm]", "torque_Nm", 1.0), ("Torque Nm", "torque_Nm", 1.0), ("T_w [N·mm]", "torque_Nm", 1e-3),
         ("Torque (ft-lb)", "torque_Nm", 1.3558179483314003), ("wheelTorque_kNm", "torque_Nm", 1e3),
@@ -128,6 +132,39 @@ def test_rows_of_means_sums_and_scatter_are_no_trials(footer, write):
     kept, _, notes = read_wheel(write(TRIALS + "5,131,27,40\n6,130,20,32\nmaximal,170,50,70\n"))
     assert len(kept) == 7
     assert not any("left out" in note for note in notes)
+
+
+def test_means_below_each_block_of_trials_are_none(write):
+    block = ",120,25,21.67\n,26.5,15,20.2\n"
+    table, _, notes = read_wheel(write(TRIALS.replace("4,160", f"{block}4,160") + "5,170,30,80\n6,190,20,90\n"))
+    assert table["load_N"].tolist() == [100, 110, 150, 160, 170, 190]
+    assert "remarks left out: 5, 6" in notes[0]
+    # A trial without its number is one, and so is a dropout of a sensor.
+    trials = TRIALS.replace("Test", "No").replace("4,160", "5,,25,21\n,121,31,22\n4,160")
+    table = read_wheel(write(trials)).table
+    assert len(table) == 6
+
+
+def test_coefficients_of_pull_and_torque_are_shares_of_the_load(write, tmp_path):
+    path = write("W (N),Torque coefficient T/(W r),DP/W [%],Slip [%]\n100,0.2,5,10\n200,0.3,-10,20\n")
+    table, _, notes = read_wheel(path)
+    assert table["drawbar_pull_N"].tolist() == pytest.approx([5, -20])
+    assert "torque_Nm = Torque coefficient T/(W r) * W r; drawbar_pull_N = DP/W [%] / 100 * W" in notes[0]
+    wheel = Wheel(radius_m=0.5, width_m=0.1)
+    derived = derive(table, wheel)
+    assert derived["torque_Nm"].tolist() == pytest.approx([10, 30])
+    (tmp_path / "map.toml").write_text('[columns]\ntorque_Nm = { column = "mu", unit = "W r" }\n')
+    mapped = read_wheel(write("Fz [N],mu,Slip [%]\n100,0.2,10\n"), tmp_path / "map.toml").table
+    assert derive(mapped, wheel)["torque_Nm"].tolist() == pytest.approx([10])
+    own = read_wheel(write("Fz [N],M/(W r),Slip [%],Wheel radius [mm]\n100,0.2,10,250\n")).table
+    assert own["torque_Nm"].tolist() == pytest.approx([5])
+    with pytest.raises(InputError, match=r"a share of the load .expected a column load_N"):
+        read_wheel(write("DP/W,Slip [%],Sinkage [mm]\n0.2,10,5\n"))
+
+
+@pytest.mark.parametrize("name", ["h/W", "Sinkage z/W", "Torque/W", "Load/W", "T/(W k)"])
+def test_other_quotients_are_no_coefficients(name):
+    assert meaning(name) is None
 
 
 def test_of_means_and_deviations_of_repeats_the_means_are_trials(write):

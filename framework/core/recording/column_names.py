@@ -124,6 +124,18 @@ QUANTITIES = (
     ),
 )  # fmt: skip
 
+PER_LOAD = {"drawbar_pull_N": "W", "torque_Nm": "W r"}
+"""What the coefficients of pull and of torque, DP/W and T/(W r), are to be multiplied by; a unit of the column map."""
+
+_COEFFICIENTS = {
+    "drawbar_pull_N": "drawbar coefficient, drawbar pull coefficient, pull coefficient, pull ratio, "
+    "drawbar pull ratio, "
+    "coefficient of drawbar pull, coefficient of net traction, net traction coefficient, net traction ratio, "
+    "dynamic traction ratio, Triebkraftbeiwert, Zugkraftbeiwert",
+    "torque_Nm": "torque coefficient, coefficient of torque, gross traction ratio, gross traction coefficient, "
+    "coefficient of gross traction, Drehmomentbeiwert, Umfangskraftbeiwert",
+}
+
 ONLY_WITH_UNIT = frozenset({"radius_m", "width_m", "grouser_height_m"})
 """Columns of other quantities than the wheel's channels, such as a plot's width: taken where they say their unit."""
 
@@ -160,6 +172,9 @@ _ADDED = {"measured", "mean", "average", "avg", "averaged", "filtered", "actual"
 _UNIT_BY_NAME = {"rpm": "rpm", "wheelrpm": "rpm", "seconds": "s"}
 _NEED_UNIT = {"drehzahl", "raddrehzahl", "vitessederotation", "rotationalspeed", "rotationspeed", "rotaryspeed", "n"}
 """Of these nobody can say whether they are turns or radians."""
+
+_OVER_LOAD = re.compile(r"\s*/\s*\(?\s*(?:W|Fz|F_z|Fn|Fv)\s*[*·.]?\s*(?:(?P<radius>r|R|rw|r_w)\s*)?\)?(?![\w/])")
+_SHARE = re.compile(r"(?i)\b(coefficient|coeff|coef|ratio|beiwert)\b\.?")
 
 _WHEEL_FIELDS = {"load", "torque", "sinkage", "slip"}
 """Fields of topics that need no more than their name."""
@@ -276,6 +291,8 @@ def meaning(name: str, unit: str | None = None) -> Meaning | None:
     unit
         As it stands in a row of units, which is believed where the name has none.
     """
+    if (share := _share_of_load(name, unit)) is not None:
+        return share
     parted = written(name)
     found = [*_readings(parted.words, parted.unit if parted.unit is not None else unit)]
     for other in parted.others:
@@ -294,6 +311,31 @@ def meaning(name: str, unit: str | None = None) -> Meaning | None:
     return first if len(others) == 1 or first.certain else None
 
 
+def _share_of_load(name: str, unit: str | None) -> Meaning | None:
+    """Read a coefficient of pull or torque: by a word for it, or a quotient such as DP/W and T/(W r)."""
+    text = unicodedata.normalize("NFKC", name)
+    over = _OVER_LOAD.search(text)
+    rest = text if over is None else f"{text[: over.start()]} {text[over.end() :]}"
+    parted = written(rest)
+    channels = {channel for channel, words in _COEFFICIENTS.items() if key("".join(parted.words)) in _folded(words)}
+    if over is not None:
+        meant, force = ("torque_Nm", "Nm") if over["radius"] else ("drawbar_pull_N", "N")
+        words = written(_SHARE.sub(" ", rest)).words
+        readings = [*_readings(words, force), *_readings(words[:-1], force)]
+        channels |= {each.channel for each in readings} & {meant}
+        channels |= {"drawbar_pull_N"} if words == ("P",) and not over["radius"] else set()
+    share = units.factor(next((each for each in (parted.unit, unit) if each is not None), "-"), "1")
+    if len(channels) != 1 or share is None:
+        return None
+    (channel,) = channels
+    return Meaning(channel, share, PER_LOAD[channel], "1", certain=True)
+
+
+@cache
+def _folded(names: str) -> frozenset[str]:
+    return frozenset(key(name) for name in names.split(", "))
+
+
 def _readings(words: tuple[str, ...], unit: str | None) -> Iterator[Meaning]:
     """Yield what words can mean: as they are, without what was added to them, with a unit or a symbol at their end."""
     scatter = any(word.casefold() in _SCATTER for word in words)
@@ -307,7 +349,8 @@ def _readings(words: tuple[str, ...], unit: str | None) -> Iterator[Meaning]:
             stem, end = each[:length], each[length:]
             for quantity, certain in _quantities(stem):
                 if end and unit is not None:
-                    if "".join(end) not in quantity.symbols.split():
+                    called = {each for each, _ in _quantities(end)}
+                    if quantity not in called:
                         continue
                     yield from _with_unit(quantity, stem, certain, unit, (), scatter)
                 else:

@@ -17,7 +17,7 @@ from ..errors import InputError
 from ..files import file_size
 from . import numerals
 from .layout import BLANKS, Layout, find_layout, is_comment, is_number, is_unit_row, split
-from .summary_rows import summaries, unnamed_means, words_only
+from .summary_rows import gaps, summaries, unnamed_means, words_only
 from .tables import Table, csv_rows, from_parquet, parquet_names, read_bytes
 
 TEXT_ENDINGS = (".csv", ".tsv", ".txt", ".dat", ".lvm", ".asc")
@@ -143,7 +143,9 @@ class Sheet:
         if wrong:
             none |= words_only([cells[name] for name in self.names if name in numbers])
         elif numbers and not none.any():
-            none |= unnamed_means([found.numbers[name] for name in self.names if name in numbers])
+            none |= unnamed_means(
+                [found.numbers[name] for name in self.names if name in numbers], gaps(list(cells.values()))
+            )
         return none
 
     def _body(self) -> tuple[bytes, np.ndarray | None, list[str]]:

@@ -38,6 +38,10 @@ _LAST, _NEAR, _VARIES = 8, 0.005, 0.02
 """Rows at the end of a table that may be a summary without a word, how near to the mean each of their values is, and
 from which scatter on a channel counts, both as a share of the largest value [-]."""
 
+_SELDOM, _MOST_ROWS = 1.0 / 3.0, 5000
+"""Below this share of empty cells a column is one that trials have filled [-]; and the most rows of a table that has
+means between its trials, beyond which it is a recording."""
+
 _FEWEST, _FEWEST_CHANNELS = 3, 3
 """Fewest trials, and channels that vary, for a summary without a word."""
 
@@ -85,25 +89,61 @@ def words_only(columns: Sequence[pa.ChunkedArray]) -> np.ndarray:
     return words & ~digits
 
 
-def unnamed_means(numbers: Sequence[np.ndarray]) -> np.ndarray:
-    """Find rows at the end, (n,) of bool, from one on whose every value is the mean, or the sum, of those above.
+def gaps(columns: Sequence[pa.ChunkedArray]) -> np.ndarray:
+    """Find rows, (n,) of bool, with an empty cell in a column that is filled in most rows.
+
+    Parameters
+    ----------
+    columns
+        Of text without blanks around it, each (n,).
+    """
+    if not 0 < len(columns[0]) <= _MOST_ROWS:
+        return np.zeros(len(columns[0]), dtype=bool)
+    empty = np.array([pc.equal(pc.fill_null(column, ""), "").to_numpy() for column in columns])
+    return empty[empty.mean(axis=1) < _SELDOM].any(axis=0)
+
+
+def unnamed_means(numbers: Sequence[np.ndarray], gap: np.ndarray) -> np.ndarray:
+    """Find rows, (n,) of bool, whose every value is the mean, or the sum, of those above; and the rows of statistics
+    behind them.
+
+    They stand at the table's end, or below each block of trials with an empty cell where trials have a number or a
+    name.
 
     Parameters
     ----------
     numbers
         Columns of channels, each (n,); NaN where there is no value.
+    gap : (n,)
+        Whether the row has such an empty cell.
     """
     table = np.column_stack(numbers)
     table = np.where(np.abs(table) < _BEYOND, table, np.nan)
     found = np.zeros(len(table), dtype=bool)
-    for row in range(max(len(table) - _LAST, _FEWEST), len(table)):
-        above, seen = table[:row], np.isfinite(table[row])
-        above = above[:, seen & np.isfinite(above).any(axis=0)]
-        values = table[row][seen & np.isfinite(table[:row]).any(axis=0)]
-        size = np.nanmax(np.abs(above), axis=0, initial=0.0)
-        varying = np.nanstd(above, axis=0) > _VARIES * size
-        for statistic in (np.nanmean(above, axis=0), np.nansum(above, axis=0)):
-            if varying.sum() >= _FEWEST_CHANNELS and np.all(np.abs(values - statistic) <= _NEAR * np.abs(statistic)):
+    end = max(len(table) - _LAST, _FEWEST)
+    block = 0
+    for row in np.flatnonzero(gap | (np.arange(len(table)) >= end)).tolist():
+        trials = table[:row][~found[:row]]
+        above = table[block:row]
+        if (row > block and _summed_up(above, table[row])) or _summed_up(trials, table[row]):
+            if row >= end and not gap[row]:
                 found[row:] = True
                 return found
+            found[row] = True
+        found[row] |= gap[row] and row > 0 and found[row - 1]
+        block = row + 1 if found[row] else block
     return found
+
+
+def _summed_up(above: np.ndarray, values: np.ndarray) -> bool:
+    """Say whether every value of a row, (k,), is the mean or the sum of the rows above, (m, k)."""
+    both = np.isfinite(values) & np.isfinite(above).any(axis=0)
+    if len(above) < _FEWEST or both.sum() < _FEWEST_CHANNELS:
+        return False
+    above, values = above[:, both], values[both]
+    size = np.nanmax(np.abs(above), axis=0)
+    varying = np.nanstd(above, axis=0) > _VARIES * size
+    return bool(varying.sum() >= _FEWEST_CHANNELS) and any(
+        bool(np.all(np.abs(values - statistic) <= _NEAR * np.abs(statistic)))
+        for statistic in (np.nanmean(above, axis=0), np.nansum(above, axis=0))
+    )

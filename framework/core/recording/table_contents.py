@@ -94,13 +94,15 @@ def _use(name: str, column: Column | None, fault: InputError | None, table: Whee
         return "", f"{fault.problem}; expected {fault.expected}"
     if column is None:
         return (name, "") if name in ALSO_READ else ("", "not known by its name")
-    if table is not None and column.channel not in (*table.columns, *TEXT_COLUMNS):
+    if table is not None and not column.per_load and column.channel not in (*table.columns, *TEXT_COLUMNS):
         return "", f"{column.channel}, but no value in any row"
     if column.channel in TEXT_COLUMNS:
         return column.channel, "names"
     if column.source == "own":
         return column.channel, "SI, by its name"
     unit = f"in {column.unit}" if column.unit else "no unit: see notes"
+    if column.per_load:
+        unit = f"a coefficient, times {column.unit}"
     sign = "" if column.factor == 1.0 and not column.offset else f", times {column.factor:.6g}"
     return column.channel, unit + sign + (f" plus {column.offset:g}" if column.offset else "")
 

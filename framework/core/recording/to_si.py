@@ -10,7 +10,7 @@ from ..errors import InputError
 from .slip_definitions import FORMULAS, SLIP_TOLERANCE, Definition, to_slip
 from .tables import Table
 from .types import TEXT_COLUMNS
-from .wheel_columns import Column
+from .wheel_columns import TORQUE_OVER_RADIUS, Column
 
 _FRACTION, _PERCENT = 1.02, 10.0
 """Slip without a unit: a fraction up to the former, in per cent from the latter on [-]. A driven wheel's slip is at
@@ -88,6 +88,7 @@ def to_si(
             read.append(_said(column, column.name in percent))
             if column.unit is None and column.name not in percent | dated:
                 bare += _assumed(table, column, channels[channel], faults)
+    _of_load(table, channels, found, faults)
     slip = found.get("slip")
     if slip is not None and slip.source != "own" and "slip" in channels:
         channels["slip"] = to_slip(channels["slip"], slip.definition)
@@ -130,7 +131,24 @@ def _said(column: Column, percent: bool) -> str:
     if factor != 1.0:
         inverse = round(1.0 / factor) if 0.0 < abs(factor) < 1.0 else 0
         text += f" / {inverse}" if inverse and factor == 1.0 / inverse else f" * {factor:.6g}"
+    if column.per_load:
+        text += f" * {column.unit}"
     return text + (f" + {column.offset:g}" if column.offset else "")
+
+
+def _of_load(
+    table: Table, channels: dict[str, np.ndarray], found: Mapping[str, Column], faults: list[InputError]
+) -> None:
+    """Make forces of coefficients; a torque waits for the wheel's radius (`wheel_file.derive`)."""
+    for channel, column in found.items():
+        if not column.per_load or channel not in channels:
+            continue
+        if "load_N" in channels:
+            name = TORQUE_OVER_RADIUS if channel == "torque_Nm" else channel
+            channels[name] = channels.pop(channel) * np.abs(channels["load_N"])
+        else:
+            place = f"column {column.name}"
+            faults.append(InputError(table.source, "a share of the load", expected="a column load_N", place=place))
 
 
 def _assumed(table: Table, column: Column, values: np.ndarray, faults: list[InputError]) -> list[str]:

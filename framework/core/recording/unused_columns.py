@@ -11,7 +11,7 @@ from ..errors import InputError
 from ..files import toml_string
 from .tables import Table
 from .to_si import OTHER_UNITS
-from .wheel_columns import ALSO_READ, OWN, Column, hints, is_scatter, map_line
+from .wheel_columns import ALSO_READ, OWN, TORQUE_OVER_RADIUS, Column, hints, is_scatter, map_line
 from .wheel_names import of_a_joint
 
 _ANSWERS = ("torque_Nm", "sinkage_m", "drawbar_pull_N")
@@ -52,7 +52,9 @@ def not_used(table: Table, columns: Mapping[str, np.ndarray], used: Collection[s
     others = [name for name in (*columns, *text) if name not in {*known, *words}]
     if not others:
         return left_out
-    missing = [name for name in _ANSWERS if name not in columns]
+    missing = [name for name in _ANSWERS if name not in columns and not (
+        name == "torque_Nm" and TORQUE_OVER_RADIUS in columns
+    )]  # fmt: skip
     none = f"; there is no {', '.join(missing)}" if missing else ""
     said = [f"{table.source.name}: columns not used: {_listed(others)}{none}"]
     said += [f"{table.source.name}: {OF_JOINTS.format(table.source)}"] if any(map(of_a_joint, others)) else []

@@ -13,16 +13,21 @@ from ..errors import InputError
 from ..files import toml_string
 from . import units
 from .column_map import ColumnMap
-from .column_names import HINTS, QUANTITIES, Meaning, key, meaning, names_of_channels, stem_of, written
+from .column_names import HINTS, PER_LOAD, QUANTITIES, Meaning, key, meaning, names_of_channels, stem_of, written
 from .slip_definitions import Definition
 from .types import TEXT_COLUMNS, WHEEL_COLUMNS
 
 OWN = frozenset((*WHEEL_COLUMNS, *TEXT_COLUMNS))
 """The wheel file's own columns."""
 
-ALSO_READ = ("radius_m", "width_m", "grouser_height_m", "grouser_count", "yaw_rad", "roll_rad", "current_A")
+TORQUE_OVER_RADIUS = "torque_over_radius_N"
+"""Column of torque over the wheel's radius, which the table does not know."""
+
+ALSO_READ = (
+    "radius_m", "width_m", "grouser_height_m", "grouser_count", "yaw_rad", "roll_rad", "current_A", TORQUE_OVER_RADIUS,
+)  # fmt: skip
 """Columns beyond the contract's that something reads: the wheel that a row is of, the vehicle's heading and roll,
-and the current of the wheel's motor."""
+the current of the wheel's motor, and torque over the wheel's radius."""
 
 _UNITLESS = frozenset({"time_s", "slip", "pass"})
 """Own columns that a laboratory's table may have by chance, or by its clock: they do not make it one in SI units."""
@@ -68,6 +73,11 @@ class Column:
     signed: bool = False
     definition: Definition = "slip"
     wheel: str = ""
+
+    @property
+    def per_load(self) -> bool:
+        """Whether it is a coefficient, such as DP/W, which is to be multiplied by the load."""
+        return self.unit is not None and self.unit == PER_LOAD.get(self.channel)
 
     def line(self, *entries: str) -> str:
         """Give the line of a column map that says of the column what is not to be guessed, and where it stands."""
@@ -187,9 +197,12 @@ def _mapped(
         read = meaning(entry.column, rows[entry.column])
         if unit is None and read is not None and read.channel == channel:
             unit = read.unit
-        factor = 1.0 if unit is None or dimension == "text" else units.factor(unit, dimension)
+        factor = _factor(channel, unit, read)
         if factor is None:
-            expected = f"one of {units.spelt(dimension)}; or scale, the factor to SI, with unit = {_si(dimension)!r}"
+            share = f", {PER_LOAD[channel]} of a coefficient" if channel in PER_LOAD else ""
+            expected = (
+                f"one of {units.spelt(dimension)}{share}; or scale, the factor to SI, with unit = {_si(dimension)!r}"
+            )
             faults.append(InputError(said, f"unit {unit!r}", expected=expected, place=place))
             continue
         scale = 1.0 if entry.scale is None else entry.scale
@@ -200,12 +213,23 @@ def _mapped(
     return found
 
 
+def _factor(channel: str, unit: str | None, read: Meaning | None) -> float | None:
+    """Give the factor to SI of a column that a map names, None where the channel has no such unit."""
+    dimension = _DIMENSIONS.get(channel, "text")
+    if unit is None or dimension == "text":
+        return 1.0
+    if unit == PER_LOAD.get(channel):
+        return read.factor if read is not None and read.unit == unit else 1.0
+    return units.factor(unit, dimension)
+
+
 def _chosen(
     channel: str, readings: Sequence[Meaning], names: Sequence[str], source: Path, faults: list[InputError]
 ) -> Column | None:
     """Take the column of a channel; of several, the only one that a word and no letter names."""
     usable = [(read, name) for read, name in zip(readings, names, strict=True) if read.factor is not None]
-    certain = [(read, name) for read, name in usable if read.certain] or usable
+    measured = [(read, name) for read, name in usable if read.unit != PER_LOAD.get(channel)] or usable
+    certain = [(read, name) for read, name in measured if read.certain] or measured
     if not usable:
         read, name = readings[0], names[0]
         why = "no unit" if read.unit is None else f"unit {read.unit!r}"

@@ -20,7 +20,7 @@ from .tables import Table
 from .to_si import check_slip, rows_as_runs, to_si
 from .types import TEXT_COLUMNS, WHEEL_COLUMNS, WheelTable
 from .unused_columns import OF_JOINTS, are_groups, doubts, not_used
-from .wheel_columns import OWN, Column, assign, is_known
+from .wheel_columns import OWN, TORQUE_OVER_RADIUS, Column, assign, is_known
 from .wheel_labels import is_of_a_wheel, wheels_in
 from .wheel_names import of_a_joint, wheel_called
 
@@ -208,12 +208,14 @@ def _read(path: Path, opened: OpenedTable) -> WheelFile:
     ordered = {name: columns_read[name] for name in _in_order(sheet.names, by_name) if name in columns_read}
     column_names = {channel: column.name for channel, column in found.items()}
     table_read = WheelTable(ordered, wheel, run, path, soil, column_names)
+    if "radius_m" in table_read:
+        table_read = _with_torque(table_read, table_read["radius_m"])
     return WheelFile(table_read, tuple(problems), (*layout, *converted))
 
 
 def _in_order(names: Sequence[str], by_name: Mapping[str, Column]) -> list[str]:
     """Channels in the order of the table's columns."""
-    return [by_name[name].channel if name in by_name else name for name in names]
+    return [*(by_name[name].channel if name in by_name else name for name in names), TORQUE_OVER_RADIUS]
 
 
 def _no_clock(path: Path, names: Sequence[str]) -> InputError:
@@ -249,7 +251,8 @@ def write_wheel_file(table: WheelTable, path: str | Path) -> None:
 
 
 def derive(table: WheelTable, wheel: Wheel) -> WheelTable:
-    """Fill in what can be derived: slip from the speeds of rim and travel, where it was not recorded.
+    """Fill in what can be derived: slip from the speeds of rim and travel, where it was not recorded; torque from its
+    coefficient T/(W r).
 
     Slip is i = 1 - V/(r omega) where the wheel drives (r omega >= V) and i = r omega/V - 1 where it brakes (Wong 2010,
     Eq. 4.44 and 4.47; CONTRACTS.md), both for a wheel that rolls forwards; one that rolls backwards is taken as
@@ -268,7 +271,7 @@ def derive(table: WheelTable, wheel: Wheel) -> WheelTable:
     WheelTable
         With `slip` where both speeds are there; rows that had a recorded slip keep it.
     """
-    return _with_slip(table, np.full(len(table), wheel.radius_m))
+    return _derived(table, np.full(len(table), wheel.radius_m))
 
 
 def derive_all(table: WheelTable, vehicle: Vehicle) -> WheelTable:
@@ -296,7 +299,7 @@ def derive_all(table: WheelTable, vehicle: Vehicle) -> WheelTable:
     for name, row in zip(names, rows, strict=True):
         if name not in radius:
             raise InputError(table.source, repr(str(name)), expected=known, place=f"sample {row + 1}, column wheel")
-    return _with_slip(table, np.array([radius[name] for name in names])[inverse])
+    return _derived(table, np.array([radius[name] for name in names])[inverse])
 
 
 def _named_as(table: WheelTable, vehicle: Vehicle) -> WheelTable:
@@ -310,7 +313,16 @@ def _named_as(table: WheelTable, vehicle: Vehicle) -> WheelTable:
     return replace(table, wheel=np.array([called[name] for name in names_of_rows], dtype=object))
 
 
-def _with_slip(table: WheelTable, radius_m: np.ndarray) -> WheelTable:
+def _with_torque(table: WheelTable, radius_m: np.ndarray) -> WheelTable:
+    force = table.get(TORQUE_OVER_RADIUS)
+    if force is None:
+        return table
+    columns = {name: values for name, values in table.columns.items() if name != TORQUE_OVER_RADIUS}
+    return table.with_columns({**columns, "torque_Nm": force * radius_m})
+
+
+def _derived(table: WheelTable, radius_m: np.ndarray) -> WheelTable:
+    table = _with_torque(table, radius_m)
     rim, travel = table.get("wheel_speed_rad_s"), table.get("travel_speed_m_s")
     if rim is None or travel is None:
         return table
