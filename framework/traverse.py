@@ -80,7 +80,7 @@ def run_traverse(
     Raises
     ------
     InputError
-        The recording, a model or the database cannot be used.
+        The recording is no drive; it, a model or the database cannot be used.
     """
     report: Progress = progress or (lambda stage, share: None)
     conditions = Conditions.of(
@@ -158,6 +158,7 @@ def process(
     recording = conditions.stated(recording)
     placement = placement_of(recording, placed)
     recording = moved(recording, placement)
+    _check_is_a_drive(recording)
     report("reading", 1.0)
     found = models(senses_of(recording), synthetic)
     cell_size_m, track = conditions.cell_size_m, track_of(recording)
@@ -221,6 +222,15 @@ def store(
         return _recalled_summary(stored, added, processed, seconds)
     assert processed.summary is not None
     return replace(processed.summary, observations_new=added.new, observations_known=added.known, seconds=seconds)
+
+
+def _check_is_a_drive(recording: Recording) -> None:
+    """Refuse a laboratory's table of trials, of which nothing can be put on a map."""
+    wheel = recording.wheel
+    trials = wheel is not None and (wheel.run is not None or "time_s" not in wheel)
+    if trials and recording.pose is None and not senses_of(recording):
+        problem = "steady-state trials have no time and place"
+        raise InputError(recording.source, problem, expected="a drive; bevameter identify takes trials")
 
 
 def _learn_soil(

@@ -54,8 +54,9 @@ def _print(found: Inspection) -> None:
     for name, answer in answers.items():
         print(f"{name}: {'yes' if answer.possible else 'no'}, {answer.because}")
     missing = dict.fromkeys(each for answer in answers.values() for each in answer.missing)
+    heading = "missing" if found.contents.recording is not None else "fault"
     for each in missing:
-        print(f"missing: {each.what}\n    {each.mend}")
+        print(f"{heading}: {each.what}\n    {each.mend}")
     print()
     rows = [
         (each.name, each.kind.rsplit("/", 1)[-1], *map(_text, (each.n, each.rate_Hz, each.start_s, each.end_s)),

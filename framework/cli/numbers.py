@@ -24,7 +24,7 @@ def figures(value: float) -> str:
 
 
 def value_and_interval(value: float, low: float, high: float, *, low_open: bool, high_open: bool) -> tuple[str, str]:
-    """Give a value and its interval in words.
+    """Give a value and its interval in words; a value of which nothing is known is unknown.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def value_and_interval(value: float, low: float, high: float, *, low_open: bool,
     size = max(abs(each) for each, is_open in ((value, False), (low, low_open), (high, high_open)) if not is_open)
     shown, first, last = (figures(each if abs(each) >= _NOTHING * size else 0.0) for each in (value, low, high))
     if high_open and (low_open or first == "0"):
-        return shown, NOT_BOUNDED
+        return "unknown", NOT_BOUNDED
     if high_open:
         return shown, f"above {first}"
     return shown, f"below {last}" if low_open else f"{first} to {last}"

@@ -144,18 +144,22 @@ def _print_estimate(found: SoilEstimate, name: str = "Soil") -> None:
     _print_findings(found.findings)
 
 
-def interval_text(quantities: Mapping[str, Quantity], name: str, digits: int = 2) -> str:
-    """Give a quantity with its 95 % interval in the unit that people read; empty where there is none."""
+def interval_text(
+    quantities: Mapping[str, Quantity], name: str, determined: Mapping[str, bool], digits: int = 2
+) -> str:
+    """Give a quantity with its 95 % interval in the unit that people read; of one that is not determined the interval
+    alone, and nothing where there is no quantity.
+    """
     from ...identification.estimate.identifiability import is_search_limit
 
     if name not in quantities:
         return ""
     one, scale = quantities[name], _SOIL[name][2]
-    if is_search_limit(name, one.high):
-        least = f"{one.low * scale:.{digits}f}"
-        return f"{one.value * scale:.{digits}f} ({'not bounded' if float(least) == 0.0 else f'above {least}'})"
     value, low, high = (f"{each * scale:.{digits}f}" for each in (one.value, one.low, one.high))
-    return f"{value} ({low} to {high})"
+    interval = f"{low} to {high}"
+    if is_search_limit(name, one.high):
+        interval = f"above {low}" if float(low) else "not bounded"
+    return f"{value} ({interval})" if determined.get(name, True) else f"not determined: {interval}"
 
 
 def _segment_row(segment: Segment) -> list[str]:
@@ -163,8 +167,9 @@ def _segment_row(segment: Segment) -> list[str]:
     where = ", ".join(filter(None, (where, segment.wheel, segment.soil)))
     if segment.estimate is None:
         return [where, str(segment.n), "", "", segment.reason]
-    found = segment.estimate.parameters
-    return [where, str(segment.estimate.n), interval_text(found, "c_Pa"), interval_text(found, "phi_rad", 1), ""]
+    found, determined = segment.estimate.parameters, segment.estimate.separable
+    learnt = [interval_text(found, name, determined, digits) for name, digits in (("c_Pa", 2), ("phi_rad", 1))]
+    return [where, str(segment.estimate.n), *learnt, ""]
 
 
 def print_explanation(answer: Explanation) -> None:

@@ -104,7 +104,10 @@ def _print_ground(summary: TraverseSummary) -> None:
     for name in names:
         soils = by_class.get(name, [])
         best = min(soils, key=_width, default=None)
-        learnt = ["", ""] if best is None else [_learnt(best, "c_Pa", 2), _learnt(best, "phi_rad", 1)]
+        learnt = ["", ""]
+        if best is not None:
+            digits = {"c_Pa": 2, "phi_rad": 1}
+            learnt = [interval_text(best.parameters, each, best.separable, n) for each, n in digits.items()]
         metres = [f"{summary.track_m.get(name, 0.0):.1f}"] if summary.track_m else []
         rows.append([name, *metres, str(summary.cells.get(name, 0)), str(len(soils) or ""), *learnt])
     headers = ["ground", *(["m of track"] if summary.track_m else []), f"cells of {summary.cell_size_m:g} m"]
@@ -116,11 +119,6 @@ def _print_ground(summary: TraverseSummary) -> None:
 def _width(soil: LearntSoil) -> float:
     found = soil.parameters.get("c_Pa")
     return float("inf") if found is None else found.high - found.low
-
-
-def _learnt(soil: LearntSoil, name: str, digits: int) -> str:
-    text = interval_text(soil.parameters, name, digits)
-    return text if not text or soil.separable.get(name, True) else f"{text}, not determined"
 
 
 def _print_soil_notes(soils: Sequence[LearntSoil]) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...framework.core.concurrency import together
 from ...framework.core.soil import Quantity
 from ..mechanics.flexible import FlexibleWheel
 from ..mechanics.soil import from_internal, slope_of_internal
@@ -95,19 +96,23 @@ def parameter_intervals(solution: Solution, covariance: np.ndarray, model: Textb
     model
         The forward model.
     """
-    quantities, ends = {}, {}
-    for index, name in enumerate(model.names):
-        if not solution.free[index]:
-            value = from_internal(name, float(solution.fit.vector[index]))
-            quantities[name] = Quantity(value, 0.0, value, value)
-            continue
+
+    def profiled(index: int) -> tuple[np.ndarray, np.ndarray]:
         sd = math.sqrt(max(covariance[index, index], 0.0))
         ridge = covariance[:, index] / max(covariance[index, index], 1e-300)
         path = ProfilePath(solution.fit.vector, index, ridge)
-        low = profile_end(solution, index, sd, path, -1.0)
-        high = profile_end(solution, index, sd, path, 1.0)
-        ends[index] = low, high
-        quantities[name] = _quantity(solution, index, name, low, high)
+        low, high = (profile_end(solution, index, sd, path, direction) for direction in (-1.0, 1.0))
+        return low, high
+
+    free = np.flatnonzero(solution.free[: len(model.names)]).tolist()
+    ends = dict(zip(free, together(profiled, free), strict=True))
+    quantities = {}
+    for index, name in enumerate(model.names):
+        if index in ends:
+            quantities[name] = _quantity(solution, index, name, *ends[index])
+        else:
+            value = from_internal(name, float(solution.fit.vector[index]))
+            quantities[name] = Quantity(value, 0.0, value, value)
     return Intervals(quantities, ends)
 
 

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from bevameter.framework.cli.numbers import figures, value_and_interval
+from bevameter.framework.cli.results import interval_text
 from bevameter.framework.core.errors import InputError
-from bevameter.framework.core.soil import Quantity, ShearStrength
+from bevameter.framework.core.soil import PLAUSIBLE, Quantity, ShearStrength
 from bevameter.framework.core.vehicle_templates import vehicle_template
 from bevameter.identification.estimate.identifiability import advise, is_unbounded
 
@@ -20,13 +21,22 @@ def test_three_figures(value, text):
 
 @pytest.mark.parametrize(
     ("numbers", "low_open", "high_open", "shown"),
-    [((1.733e-5, 0.0, 5.39), False, False, ("0", "0 to 5.39")), ((1.087, 0.1, 200.0), True, True,
-      ("1.09", "not bounded by these data")), ((0.0, 0.0, 200.0), False, True, ("0", "not bounded by these data")),
-     ((0.961, 0.1531, 3.0), False, True, ("0.961", "above 0.153")), ((0.5, 0.1, 0.9), True, False,
-      ("0.5", "below 0.9")), ((0.8, 1e-9, 2.49), False, False, ("0.8", "0 to 2.49"))],
+    [((1.733e-5, 0.0, 5.39), False, False, ("0", "0 to 5.39")),
+     ((1.087, 0.1, 200.0), True, True, ("unknown", "not bounded by these data")),
+     ((0.0, 0.0, 200.0), False, True, ("unknown", "not bounded by these data")),
+     ((0.961, 0.1531, 3.0), False, True, ("0.961", "above 0.153")),
+     ((0.5, 0.1, 0.9), True, False, ("0.5", "below 0.9")), ((0.8, 1e-9, 2.49), False, False, ("0.8", "0 to 2.49"))],
 )  # fmt: skip
 def test_values_with_their_intervals(numbers, low_open, high_open, shown):
     assert value_and_interval(*numbers, low_open=low_open, high_open=high_open) == shown
+
+
+def test_a_parameter_that_is_not_determined_is_an_interval_alone():
+    found = {"c_Pa": Quantity(0.0, 1e3, 0.0, 5e3), "phi_rad": Quantity(1.0, 0.1, 0.0, PLAUSIBLE["phi_rad"][1])}
+    assert interval_text(found, "c_Pa", {"c_Pa": False}) == "not determined: 0.00 to 5.00"
+    assert interval_text(found, "c_Pa", {"c_Pa": True}) == "0.00 (0.00 to 5.00)"
+    assert interval_text(found, "phi_rad", {"phi_rad": False}) == "not determined: not bounded"
+    assert interval_text(found, "k_m", {}) == ""
 
 
 def _advice(low_Pa, high_Pa, *, loads=(80.0, 80.0), slips=(0.03, 0.55), determined=()):

@@ -71,6 +71,24 @@ def test_the_inertial_sensor_is_heard_with_the_wheels_current_and_speed(driven, 
     assert read_recording(tmp_path / "bag", vehicle=vehicle, topics=tmp_path / "t.toml").vibration is None
 
 
+def test_of_several_robots_one_is_read_and_the_map_chooses(driven, vehicle, tmp_path):
+    one = read_recording(RobotBag(driven).write(tmp_path / "one"), vehicle=vehicle)
+    path = RobotBag(driven, robots=("/r1", "/r2")).write(tmp_path / "two")
+    found = read_recording(path, vehicle=vehicle)
+    assert len(found.wheel) == len(one.wheel)
+    assert found.pose is not None
+    said = 'topics of 2 robots, r1, r2: those of r1 are read; for r2 state ignore = ["/r1/*"] in a topic map'
+    assert said in found.notes
+    topics = tmp_path / "topics.toml"
+    topics.write_text('ignore = ["/r1/*"]\n')
+    other = read_recording(path, vehicle=vehicle, topics=topics)
+    assert len(other.wheel) == len(one.wheel)
+    assert said not in other.notes
+    topics.write_text('ignore = ["/r3/*"]\n')
+    with pytest.raises(InputError, match=r"no topic /r3/\*"):
+        read_recording(path, vehicle=vehicle, topics=topics)
+
+
 def test_joints_of_unknown_names_are_listed_with_what_to_write(driven, vehicle, tmp_path):
     joints = ("motor_a", "motor_b", "motor_c", "motor_d")
     path = RobotBag(driven, joints=joints).write(tmp_path / "bag")

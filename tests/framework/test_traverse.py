@@ -286,6 +286,13 @@ def test_without_places_nothing_is_mapped_and_that_is_reported(world, tmp_path):
     assert summary.senses[0].absent == "no places in the recording"
 
 
+def test_trials_are_refused(world, tmp_path):
+    table = WheelTable({"slip": np.ones(3), "load_N": np.ones(3)}, None, np.array(["1", "2", "3"]), Path("trials.csv"))
+    with pytest.raises(InputError, match="steady-state trials have no time and place"):
+        run_traverse(recording(pose=None, wheel=table, camera=None, sound=None), tmp_path / "t.db", models=MODELS)
+    assert not (tmp_path / "t.db").exists()
+
+
 def test_dead_reckoning_is_reported(world, tmp_path):
     summary = run_traverse(recording(pose=None), tmp_path / "t.db", models=MODELS)
     assert summary.places == "dead reckoning"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -126,6 +127,8 @@ class RobotBag:
         Signs of the joints' axes.
     wheel_frames
         Whether the transforms have the wheels' axles, too.
+    robots
+        Namespaces of robots that all do the same, such as ``/r1``.
     """
 
     driven: Drive
@@ -144,6 +147,7 @@ class RobotBag:
     friction_Nm: float = 1.5
     optical: tuple[float, float, float] = (0.4, 0.9, math.radians(25.0))
     seed: int = 1
+    robots: Sequence[str] = ("",)
     types: object = field(default_factory=lambda: get_typestore(Stores.ROS2_HUMBLE))
 
     def make(self, kind: str, **fields):
@@ -289,7 +293,8 @@ class RobotBag:
     def write(self, path: Path) -> Path:
         with Writer(path, version=9) as writer:
             connections: dict[str, object] = {}
-            for topic, kind, time, message in self.messages():
+            for robot, (name, kind, time, message) in product(self.robots, [*self.messages()]):
+                topic = robot + name
                 if topic not in connections:
                     connections[topic] = writer.add_connection(topic, kind, typestore=self.types)
                 writer.write(connections[topic], self.ns(time), self.types.serialize_cdr(message, kind))

@@ -22,6 +22,7 @@ from .column_names import stem_of
 from .contents import Contents, Source
 from .opened_bag import OpenedBag, Samples, open_bag, take_samples
 from .recognition import TRANSFORMS, short_type
+from .robots import matches
 from .topic_map import COLUMNS, WheelTopic, load_topic_map
 from .topic_map_text import topic_map_text
 from .types import Recording
@@ -150,8 +151,9 @@ def _use(
     if topic is None:
         return "", "its first message cannot be found"
     if opened is not None:
-        if name in opened.known.topics.ignore:
-            return "", "the topic map ignores it"
+        if matches(name, opened.known.topics.ignore):
+            given = opened.given is not None and matches(name, opened.given.ignore)
+            return "", "the topic map ignores it" if given else "of another robot"
         feeds = _feeds(name, opened, speed, recording)
         if feeds:
             return "; ".join(feeds), _read_as(short_type(topic), content, feeds, frames)

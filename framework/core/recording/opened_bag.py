@@ -12,6 +12,7 @@ from ..vehicle import Vehicle
 from .bag_files import BagFile, Message, Topic
 from .bag_messages import DecodeError, decode
 from .recognition import Recognised, recognise
+from .robots import matches
 from .topic_map import TopicMap, load_topic_map
 
 
@@ -28,8 +29,10 @@ class Samples:
         return {name: message.topic for name, message in self.first.items()}
 
     def without(self, ignored: tuple[str, ...]) -> Samples:
-        """Leave topics out."""
-        return Samples(*({n: each for n, each in part.items() if n not in ignored} for part in vars(self).values()))
+        """Leave topics out, by names in which ``*`` stands for anything."""
+        return Samples(
+            *({n: each for n, each in part.items() if not matches(n, ignored)} for part in vars(self).values())
+        )
 
 
 @dataclass(frozen=True)

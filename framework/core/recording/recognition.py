@@ -24,6 +24,7 @@ from ..vehicle import Wheel
 from .bag_files import Topic
 from .bag_images import no_picture
 from .bag_places import is_oriented
+from .robots import matches, of_one_robot
 from .topic_map import (
     AttitudeTopic,
     CameraTopic,
@@ -128,10 +129,13 @@ def recognise(
     """
     stated = given or TopicMap()
     named = [part.topic for part in stated.parts]
-    for name in (*named, *stated.ignore):
-        if name not in topics:
-            raise InputError(path, f"no topic {name}", expected="one of " + listing(topics))
-    bag = _Bag({n: topic for n, topic in topics.items() if n not in stated.ignore}, samples, wheels, [], [])
+    absent = [name for name in named if name not in topics]
+    absent += [pattern for pattern in stated.ignore if not any(matches(name, [pattern]) for name in topics)]
+    if absent:
+        raise InputError(path, f"no topic {absent[0]}", expected="one of " + listing(topics))
+    stated, chosen = of_one_robot(stated, {name: short_type(topic) for name, topic in topics.items()})
+    kept = {name: topic for name, topic in topics.items() if not matches(name, stated.ignore)}
+    bag = _Bag(kept, samples, wheels, [], [*chosen])
     wheel = _stated_wheels(stated, bag, path)
     guessed, speeds = _guessed_wheels({source.topic for source in stated.wheel}, wheel, bag)
     pose = stated.pose or _pose(bag)

@@ -100,7 +100,7 @@ def gaps(columns: Sequence[pa.ChunkedArray]) -> np.ndarray:
     if not 0 < len(columns[0]) <= _MOST_ROWS:
         return np.zeros(len(columns[0]), dtype=bool)
     empty = np.array([pc.equal(pc.fill_null(column, ""), "").to_numpy() for column in columns])
-    return empty[empty.mean(axis=1) < _SELDOM].any(axis=0)
+    return np.any(empty[empty.mean(axis=1) < _SELDOM], axis=0)
 
 
 def unnamed_means(numbers: Sequence[np.ndarray], gap: np.ndarray) -> np.ndarray:

@@ -132,7 +132,7 @@ class TopicMap(FileModel):
     sound: SoundTopic | None = None
     vibration: VibrationTopic | None = None
     ignore: tuple[str, ...] = ()
-    """Topics that are not used, whatever they are."""
+    """Topics that are not used, whatever they are; ``*`` in a name stands for anything."""
 
     @property
     def parts(self) -> tuple[WheelTopic | PoseTopic | AttitudeTopic | CameraTopic | SoundTopic | VibrationTopic, ...]:

@@ -9,6 +9,8 @@ import numpy as np
 
 from ..errors import InputError
 from ..files import toml_string
+from . import units
+from .column_names import stem_of, written
 from .tables import Table
 from .to_si import OTHER_UNITS
 from .wheel_columns import ALSO_READ, OWN, TORQUE_OVER_RADIUS, Column, hints, is_scatter, map_line
@@ -27,7 +29,14 @@ OF_JOINTS = "columns of wheels' joints need a column map, which `bevameter inspe
 _NUMBER = re.compile(r"[-+]?\.?\d").match
 
 
-def not_used(table: Table, columns: Mapping[str, np.ndarray], used: Collection[str], *, grouped: bool) -> list[str]:
+def not_used(
+    table: Table,
+    columns: Mapping[str, np.ndarray],
+    used: Collection[str],
+    given: Mapping[str, str | None],
+    *,
+    grouped: bool,
+) -> list[str]:
     """Say which columns nothing reads, and of what answers there is none: they may be meant for these.
 
     Parameters
@@ -38,6 +47,8 @@ def not_used(table: Table, columns: Mapping[str, np.ndarray], used: Collection[s
         What was read, by channel, and columns of numbers beyond.
     used
         Names of columns that channels come from.
+    given
+        The unit of each column by a row of units.
     grouped
         Whether a column names the soil of each row.
     """
@@ -52,14 +63,25 @@ def not_used(table: Table, columns: Mapping[str, np.ndarray], used: Collection[s
     others = [name for name in (*columns, *text) if name not in {*known, *words}]
     if not others:
         return left_out
-    missing = [name for name in _ANSWERS if name not in columns and not (
-        name == "torque_Nm" and TORQUE_OVER_RADIUS in columns
-    )]  # fmt: skip
+    torque = {"torque_Nm"} if TORQUE_OVER_RADIUS in columns else set[str]()
+    missing = [name for name in _ANSWERS if name not in {*columns, *torque}]
     none = f"; there is no {', '.join(missing)}" if missing else ""
-    said = [f"{table.source.name}: columns not used: {_listed(others)}{none}"]
+    said = [f"{table.source.name}: columns not used: {_listed(others)}{none}{_may_be(missing, others, given)}"]
     said += [f"{table.source.name}: {OF_JOINTS.format(table.source)}"] if any(map(of_a_joint, others)) else []
     near = [f"{table.source.name}, column {name}: not used; {text}" for name, text in hints(others).items()]
     return [*said, *near, *left_out]
+
+
+def _may_be(missing: Sequence[str], names: Sequence[str], given: Mapping[str, str | None]) -> str:
+    """Name for each missing channel a column that has its unit, with the line of a column map that makes it the one."""
+    lines = []
+    for channel in missing:
+        for name in names:
+            unit = written(name).unit or given.get(name)
+            if unit is not None and units.factor(unit, stem_of(channel)[1]) is not None:
+                lines.append(f"if {name} is one, {map_line(channel, name, f'unit = {toml_string(unit)}')}")
+                break
+    return f"; {'; '.join(lines)} under [columns] in a column map" if lines else ""
 
 
 def doubts(

@@ -204,7 +204,8 @@ def _read(path: Path, opened: OpenedTable) -> WheelFile:
     again = {f"{name} (2)" for name in sheet.twice}  # which is a fault of its own
     raise_all(path, faults, doubts(table, found, percent | dated, {*by_name, *elsewhere, *again}))
     layout = [f"{path.name}: {', '.join(sheet.notes)}"] if sheet.notes else []
-    problems += not_used(table, columns_read, {*by_name, *elsewhere}, grouped=soil is not None)
+    given = dict(zip(sheet.names, sheet.units, strict=True))
+    problems += not_used(table, columns_read, {*by_name, *elsewhere}, given, grouped=soil is not None)
     ordered = {name: columns_read[name] for name in _in_order(sheet.names, by_name) if name in columns_read}
     column_names = {channel: column.name for channel, column in found.items()}
     table_read = WheelTable(ordered, wheel, run, path, soil, column_names)
