@@ -7,6 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from scipy.ndimage import median_filter
 from scipy.spatial import KDTree
+from scipy.stats import binom, norm
 
 from ...framework.core.recording.types import WheelTable
 from ...framework.core.vehicle import Vehicle
@@ -19,6 +20,9 @@ _LEAST_SHARE = 2e-3
 """No sensor is taken to be better than this share of the channel's largest value [-]."""
 
 _FEWEST_NEIGHBOURS, _FEWEST_DIFFERENCES = 7, 30
+
+_BY_CHANCE = 0.01
+"""Probability below which trials that lie together differ by less than chance [-]."""
 
 _FEWEST_FREE = 8
 """Degrees of freedom from which on the scatter about a surface is known well enough, to a quarter."""
@@ -99,20 +103,30 @@ def _from_repeats(table: WheelTable, values: np.ndarray, name: str) -> float:
     apart, nearest = map(np.asarray, KDTree(place).query(place, k=2))
     # Of trials at one load and slip either may be the nearer one.
     other = np.where(nearest[:, 0] == np.arange(len(place)), nearest[:, 1], nearest[:, 0])
-    difference = (values - values[other])[apart[:, 1] < 0.1]
-    difference = difference[np.isfinite(difference)]
-    of_nearest = NORMAL_MAD * float(np.median(np.abs(difference))) / np.sqrt(2.0) if difference.size else np.inf
+    near = (apart[:, 1] < 0.1) & np.isfinite(values - values[other])
+    pairs = np.unique(np.sort(np.column_stack([np.arange(len(place)), other])[near], axis=1), axis=0)
+    of_pairs = values[pairs[:, 0]] - values[pairs[:, 1]]
     of_surface = _about_a_surface(place[:, 0], place[:, 1], values)
-    # The lesser of two is too small where one of them follows from a few trials.
-    few = difference.size < _FEWEST_DIFFERENCES and np.isfinite(of_surface)
-    noise = of_surface if few else min(of_nearest, of_surface)
-    return noise if np.isfinite(noise) else 0.0
+    if not np.isfinite(of_surface) or _are_small(of_pairs, of_surface):
+        return NORMAL_MAD * float(np.median(np.abs(of_pairs))) / np.sqrt(2.0) if len(of_pairs) else 0.0
+    return of_surface
+
+
+def _are_small(differences: np.ndarray, noise: float) -> bool:
+    """Say whether differences (m,) of pairs are smaller than noise of a standard deviation makes them by chance."""
+    if not len(differences):
+        return False
+    middle = float(np.median(np.abs(differences)))
+    below = 2.0 * float(norm.cdf(middle / (np.sqrt(2.0) * max(noise, 1e-300)))) - 1.0
+    half = (len(differences) + 1) // 2
+    return float(binom.sf(half - 1, len(differences), below)) < _BY_CHANCE
 
 
 def _about_a_surface(load: np.ndarray, slip: np.ndarray, values: np.ndarray) -> float:
     """Scatter of values (n,) about a polynomial in load, over the largest, and slip; infinite where they are few.
 
-    Of the textbook's wheel such a surface is right to about a hundredth of what an answer varies by.
+    Of the textbook's driven wheel such a surface is right to about a hundredth of what an answer varies by; of others
+    it may not be, and then repeated trials show the noise.
     """
     seen = np.isfinite(values)
     load, slip, values = load[seen], slip[seen], values[seen]

@@ -42,6 +42,7 @@ def report_html(explanation: Explanation) -> str:
     """Give the report as a page of HTML; text from files is escaped."""
     sections = [
         _answer(explanation),
+        _channels(explanation),
         _located(explanation),
         _missing(explanation),
         _predictions(explanation),
@@ -60,6 +61,19 @@ def _answer(explanation: Explanation) -> str:
         f"<p class=verdict>{unbroken(headline(explanation))}</p>"
         + (f"<p>{unbroken(said)}</p>" if said else "")
         + f"<p>{unbroken(explanation.trust)}</p>"
+    )
+
+
+def _channels(explanation: Explanation) -> str:
+    drawn = pictures.channels_over(explanation)
+    if drawn is None:
+        return ""
+    png, variables = drawn
+    over = listed(list(dict.fromkeys(shown(each).words for each in variables)))
+    return _figure(
+        png,
+        f"Measured and simulated on held-out rows, over {over}. Points: rows; black: means of bins with 95 % "
+        "intervals. Line: simulated, mean of the same bins; band: plus and minus one noise of a row.",
     )
 
 

@@ -66,6 +66,58 @@ def _residual_map(explanation: Explanation, channel: str, variable: str) -> byte
         return _png(figure)
 
 
+def channels_over(explanation: Explanation) -> tuple[bytes, list[str]] | None:
+    """Draw each channel, measured and simulated on held-out rows, over slip or the variable that it differs on most.
+
+    Returns
+    -------
+    png, variables
+        The picture, one row a channel, before and after side by side; what each row is drawn over. None where nothing
+        varies that it could be drawn over.
+    """
+    rows, sides = explanation.rows, _sides(explanation)
+    # Over an answer of the ground, itself simulated with an error, a curve would say little.
+    first = dict(reversed([pair for pair in _pairs(explanation) if pair[1] not in rows.channels]))
+    first |= {channel: usual for channel in rows.channels if channel not in first and (usual := _usual(explanation))}
+    channels = [channel for channel in rows.channels if channel in first]
+    if not channels:
+        return None
+    with rc_context(_STYLE):
+        figure = Figure(figsize=(4.5 * len(sides), 2.7 * len(channels) + 0.5), layout="constrained")
+        grid = figure.subplots(len(channels), len(sides), squeeze=False, sharey="row", sharex="row")
+        for panels, channel in zip(grid, channels, strict=True):
+            _channel_row(panels, explanation, channel, first[channel])
+        _head(grid, sides)
+        for panel in grid[0]:
+            if panel.has_data():
+                panel.legend(frameon=False, fontsize="small")
+        return _png(figure), [first[channel] for channel in channels]
+
+
+def _channel_row(panels: np.ndarray, explanation: Explanation, channel: str, variable: str) -> None:
+    """Draw the measurements as points, the simulation as the means of bins with the noise as a band."""
+    rows, how = explanation.rows, shown(channel)
+    column = rows.channels.index(channel)
+    regions = [each for each in explanation.located if (each.channel, each.variable) == (channel, variable)]
+    along, by, _ = _along(rows.variables[variable], variable, regions)
+    measured, noise = rows.measured[:, column] * how.scale, float(rows.noise[column]) * how.scale
+    for panel, name in zip(panels, _sides(explanation), strict=True):
+        simulated = getattr(rows, name)[:, column] * how.scale
+        seen = np.isfinite(along) & np.isfinite(measured) & np.isfinite(simulated)
+        place = along[seen] * by.scale
+        panel.set_xlabel(by.label)
+        if not len(place):
+            continue
+        colour, mark = _MARKS[name]
+        panel.plot(place, measured[seen], "o", color=_GREY, ms=2.6, alpha=_opacity(len(place)), mew=0, label="measured")
+        middle, mean, half = bin_means(place, measured[seen])
+        panel.errorbar(middle, mean, yerr=half, fmt="k.", ms=6, lw=1.2, capsize=2.5, label="its mean", zorder=4)
+        _, mean, _ = bin_means(place, simulated[seen])
+        panel.fill_between(middle, mean - noise, mean + noise, color=colour, alpha=0.2, lw=0, label="noise")
+        panel.plot(middle, mean, mark + "-", color=colour, ms=3.5, lw=1.6, label="simulated, mean")
+    panels[0].set_ylabel(how.label)
+
+
 def predicted_against_measured(explanation: Explanation) -> bytes:
     """Draw held-out predictions against measurements, before and after, one row a channel."""
     rows = explanation.rows
@@ -138,11 +190,16 @@ def _pairs(explanation: Explanation) -> list[tuple[str, str]]:
     pairs = [(region.channel, region.variable) for region in explanation.located]
     pairs = [pair for pair in dict.fromkeys(pairs) if pair[0] in rows.channels and _varies(rows.variables.get(pair[1]))]
     pairs = pairs[:MOST_MAPS]
-    usual = next((name for name in ("slip", *rows.variables) if _varies(rows.variables.get(name))), None)
-    if usual is not None:
+    if (usual := _usual(explanation)) is not None:
         drawn = {channel for channel, _ in pairs}
         pairs += [(channel, usual) for channel in rows.channels if channel not in drawn]
     return pairs
+
+
+def _usual(explanation: Explanation) -> str | None:
+    """Give the variable to draw channels over that differ nowhere: slip, or what else varies."""
+    variables = explanation.rows.variables
+    return next((name for name in ("slip", *variables) if _varies(variables.get(name))), None)
 
 
 def _varies(values: np.ndarray | None) -> bool:

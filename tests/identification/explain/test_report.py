@@ -72,6 +72,7 @@ def page(html) -> Page:
 def undrawn(monkeypatch):
     """Leave the pictures out, which take longest."""
     monkeypatch.setattr(pictures, "residual_maps", lambda _: [])
+    monkeypatch.setattr(pictures, "channels_over", lambda _: None)
     for name in ("held_out_errors", "predicted_against_measured"):
         monkeypatch.setattr(pictures, name, lambda _: b"")
 
@@ -86,7 +87,7 @@ def test_the_page_is_self_contained(html, page):
 
 
 def test_the_pictures_in_the_page_are_pictures(page):
-    assert len(page.links) == 5, "three channels' residuals, errors, predictions"
+    assert len(page.links) == 6, "the channels, three channels' residuals, errors, predictions"
     for link in page.links:
         data = base64.b64decode(link.split(",")[1])
         assert data.startswith(b"\x89PNG")
@@ -228,6 +229,18 @@ def test_unknown_values_are_drawn_and_shown():
 def test_every_located_channel_and_variable_is_drawn_and_every_other_channel_too():
     drawn = [(channel, variable) for channel, variable, _ in pictures.residual_maps(explanation())]
     assert drawn == [("sinkage_m", "slip"), ("torque_Nm", "wheel_angle_rad"), ("drawbar_pull_N", "slip")]
+
+
+def test_the_first_picture_is_measured_against_simulated(monkeypatch):
+    answer = explanation()
+    over = dict(zip(answer.rows.channels, pictures.channels_over(answer)[1], strict=True))
+    assert over == {"torque_Nm": "wheel_angle_rad", "sinkage_m": "slip", "drawbar_pull_N": "slip"}
+    located = replace(answer, located=(Region("sinkage_m", "torque_Nm", 1.0, 2.0, 1.0, 0.01, 3.0),))
+    assert set(pictures.channels_over(located)[1]) == {"slip"}, "no answer is drawn over another one"
+    page = report_html(answer)
+    assert page.index("<figure>") < page.index("Where simulation and recording differ")
+    still = {name: np.full(len(values), 0.2) for name, values in answer.rows.variables.items()}
+    assert pictures.channels_over(replace(answer, rows=replace(answer.rows, variables=still))) is None
 
 
 def test_bins_hold_their_rows_mean_and_interval(rng):

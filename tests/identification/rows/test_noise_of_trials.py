@@ -55,3 +55,12 @@ def test_a_factorial_table_determines_the_soil():
         assert found[name].low <= getattr(SOIL, name) <= found[name].high, name
     assert found["c_Pa"].high - found["c_Pa"].low < 2000.0
     assert np.degrees(found["phi_rad"].high - found["phi_rad"].low) < 4.0
+
+
+def test_repeated_trials_have_the_noise_where_no_polynomial_is_right():
+    rng = np.random.default_rng(3)
+    slip = np.repeat(np.linspace(-1.0, 0.9, 9), 3)
+    torque = 10.0 * np.tanh(8.0 * slip) + rng.normal(0.0, 0.2, len(slip))
+    columns = {"slip": slip, "load_N": np.full(len(slip), 25.0), "torque_Nm": torque}
+    table = WheelTable(columns, None, np.arange(len(slip)).astype(str).astype(object), Path("w.csv"))
+    assert measured_noise(table, "torque_Nm") == pytest.approx(0.2, rel=0.5)
