@@ -84,16 +84,25 @@ def draw_map(
         No such site, nothing to draw, or a format that matplotlib does not write.
     """
     out = Path(out)
+    known = FigureCanvasAgg(Figure()).get_supported_filetypes()
+    if out.suffix.lstrip(".").lower() not in known:
+        expected = f"one of {', '.join(sorted(known))}"
+        raise InputError(out, f"no picture format {out.suffix!r}", expected=expected)
+    figure = map_figure(database, site=site, tracks=tracks)
+    with whole(out) as part:
+        figure.savefig(part)
+
+
+def map_figure(
+    database: TerrainDatabase, *, site: str | None = None, tracks: Sequence[Recording] = ()
+) -> Figure:  # fmt: skip
+    """Give the picture of `draw_map`."""
     snapshot = database.snapshot(site)
     if not len(snapshot.cells.key):
         raise InputError(database.name, "no ground in it yet", expected="a database that `bevameter run` has filled")
     drives = database.drives(snapshot.site, newest=True)
     stretches = _stretches(drives)
     figure = Figure(figsize=_size(snapshot, len(stretches)), dpi=150, layout="constrained")
-    canvas = FigureCanvasAgg(figure)
-    if out.suffix.lstrip(".").lower() not in canvas.get_supported_filetypes():
-        known = ", ".join(sorted(canvas.get_supported_filetypes()))
-        raise InputError(out, f"no picture format {out.suffix!r}", expected=f"one of {known}")
     axes = figure.add_subplot()
     colours = _colours(snapshot.class_names)
     _draw_cells(axes, snapshot, colours)
@@ -106,8 +115,7 @@ def draw_map(
         _draw_track(axes, recording, [soil for drive in drives for soil in drive.soils])
     _draw_stretches(axes, stretches)
     _decorate(figure, axes, snapshot, drives, colours, stretches, drawn_track=bool(tracks))
-    with whole(out) as part:
-        figure.savefig(part)
+    return figure
 
 
 def _stretches(drives: Sequence[Drive]) -> list[_Stretch]:

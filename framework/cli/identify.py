@@ -42,6 +42,7 @@ def command(
         str | None, typer.Option("--db", help="Terrain database: read for where the ground is of the class --on.")
     ] = None,
     json: Annotated[Path | None, typer.Option("--json", help="Write the result as JSON.")] = None,
+    report: Annotated[Path | None, typer.Option("--report", help="Write the result as an HTML page.")] = None,
     plot: Annotated[
         Path | None, typer.Option("--plot", help="Draw the estimates along the drive and the regions of c and phi.")
     ] = None,
@@ -57,7 +58,7 @@ def command(
     from .printing import status, write_json
     from .results import print_identification
 
-    check_outputs([json, plot], [recording, vehicle, topics, soil])
+    check_outputs([json, plot, report], [recording, vehicle, topics, soil])
     if plot is not None and (method is not Method.ML or plot.suffix.lower() not in PICTURES):
         raise InputError("--plot", str(plot), expected="the method ml, and a file ending in " + ", ".join(PICTURES))
     with status(f"identifying the soil of {recording}") as progress:
@@ -71,6 +72,11 @@ def command(
 
         with status(f"drawing {plot}"):
             draw_identification(opened, result, plot, soil=known)
+    if report is not None:
+        from ...identification.estimate.page import write_report
+
+        with status(f"drawing {report}"):
+            write_report(opened, result, report, soil=known)
     if json is not None:
         write_json(identification_json(result), json)
     print_identification(result)

@@ -7,28 +7,18 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
 
-from .numbers import figures, value_and_interval
 from .printing import print_line, print_table
 
 if TYPE_CHECKING:
-    from ...identification.estimate.identify import Identification, Segment
+    from ...identification.estimate.identify import Identification
     from ...identification.explain.explanation import Explanation
     from ..core.findings import Finding
-    from ..core.soil import Quantity, SoilEstimate
-
-_SOIL = {
-    "c_Pa": ("cohesion c", "kPa", 1e-3),
-    "phi_rad": ("friction angle phi", "deg", 180.0 / math.pi),
-    "k_m": ("shear modulus k", "mm", 1e3),
-    "stiffness_Pa": ("stiffness k1 + k2 b", "kPa", 1e-3),
-    "n": ("sinkage exponent n", "-", 1.0),
-}
-"""By name: in words, unit, and how many of it are one in SI."""
+    from ..core.soil import SoilEstimate
 
 _CANDIDATES_PRINTED = 5
 
@@ -99,12 +89,11 @@ def _print_findings(findings: tuple[Finding, ...]) -> None:
 
 def print_identification(result: Identification) -> None:
     """Print what became of each stretch, then the estimate over all of them, where one soil explains them."""
+    from ...identification.estimate.tables import stretch_table
+
     if not any(segment.used for segment in result.segments):
         print("No row could be used:")
-    rows = [_segment_row(segment) for segment in result.segments]
-    print_table(
-        ["stretch", "rows", "c [kPa]", "phi [deg]", "why not"], rows, title="Soil by stretch, with 95 % intervals"
-    )
+    print_table(*stretch_table(result), title="Soil by stretch, with 95 % intervals")
     if result.overall is not None:
         print()
         _print_estimate(result.overall)
@@ -116,60 +105,14 @@ def print_identification(result: Identification) -> None:
 
 
 def _print_estimate(found: SoilEstimate, name: str = "Soil") -> None:
-    from ...identification.estimate.identifiability import is_search_limit, is_unbounded
+    from ...identification.estimate.tables import parameter_table, strength_table
 
     print(f"{name} from {found.n} rows of {', '.join(found.channels)} (method {found.method})")
-    rows = []
-    for name, quantity in found.parameters.items():
-        label, unit, scale = _SOIL[name]
-        ends_open = [is_search_limit(name, end) for end in (quantity.low, quantity.high)]
-        value, interval = value_and_interval(
-            *(each * scale for each in (quantity.value, quantity.low, quantity.high)),
-            low_open=ends_open[0], high_open=ends_open[1],
-        )  # fmt: skip
-        determined = "given" if quantity.low == quantity.high else "yes" if found.separable[name] else "no"
-        rows.append([label, unit, value, interval, determined])
-    print_table(["parameter", "unit", "value", "95 % interval", "determined"], rows)
-    strengths = [
-        [figures(each.normal_stress_Pa / 1e3), *value_and_interval(
-            *(1e-3 * stress for stress in (each.value_Pa, each.low_Pa, each.high_Pa)),
-            low_open=False, high_open=is_unbounded(each, found.parameters),
-        )]
-        for each in found.shear_strength
-    ]  # fmt: skip
-    headers = ["normal stress [kPa]", "shear strength [kPa]", "95 % interval"]
-    print_table(headers, strengths, title="Shear strength over the stresses driven")
+    print_table(*parameter_table(found))
+    print_table(*strength_table(found), title="Shear strength over the stresses driven")
     if found.advice:
         print(f"Advice: {found.advice}.")
     _print_findings(found.findings)
-
-
-def interval_text(
-    quantities: Mapping[str, Quantity], name: str, determined: Mapping[str, bool], digits: int = 2
-) -> str:
-    """Give a quantity with its 95 % interval in the unit that people read; of one that is not determined the interval
-    alone, and nothing where there is no quantity.
-    """
-    from ...identification.estimate.identifiability import is_search_limit
-
-    if name not in quantities:
-        return ""
-    one, scale = quantities[name], _SOIL[name][2]
-    value, low, high = (f"{each * scale:.{digits}f}" for each in (one.value, one.low, one.high))
-    interval = f"{low} to {high}"
-    if is_search_limit(name, one.high):
-        interval = f"above {low}" if float(low) else "not bounded"
-    return f"{value} ({interval})" if determined.get(name, True) else f"not determined: {interval}"
-
-
-def _segment_row(segment: Segment) -> list[str]:
-    where = "steady-state trials" if math.isnan(segment.start_s) else f"{segment.start_s:.1f} to {segment.end_s:.1f} s"
-    where = ", ".join(filter(None, (where, segment.wheel, segment.soil)))
-    if segment.estimate is None:
-        return [where, str(segment.n), "", "", segment.reason]
-    found, determined = segment.estimate.parameters, segment.estimate.separable
-    learnt = [interval_text(found, name, determined, digits) for name, digits in (("c_Pa", 2), ("phi_rad", 1))]
-    return [where, str(segment.estimate.n), *learnt, ""]
 
 
 def print_explanation(answer: Explanation) -> None:

@@ -59,6 +59,9 @@ def command(
         ),
     ] = None,
     json: Annotated[Path | None, typer.Option("--json", help="Write the summary as JSON.")] = None,
+    report: Annotated[
+        Path | None, typer.Option("--report", help="Write what was found of one recording as an HTML page.")
+    ] = None,
     workers: Annotated[
         int | None, typer.Option("--workers", min=1, help="Recordings at once, each in a process of its own; 1.")
     ] = None,
@@ -70,22 +73,24 @@ def command(
     """Recognise the ground of recordings, identify its soil, store both, and print a summary."""
     from ..core.files import check_outputs
 
-    check_outputs([json], [*recordings, vehicle, topics])
+    check_outputs([json, report], [*recordings, vehicle, topics])
+    if report is not None and (len(recordings) > 1 or dask is not None):
+        raise InputError("--report", f"{len(recordings)} recordings", expected="one recording, on this machine")
     if workers is not None and dask is not None:
         raise InputError("--workers", f"{workers}, and --dask, too", expected="one of them")
     frame = {"site": site, "origin": stated_origin(origin, heading), "offset": _offset(offset)}
     if len(recordings) == 1 and dask is None:
-        _run_one(recordings[0], db, vehicle, topics, models, frame, json)
+        _run_one(recordings[0], db, vehicle, topics, models, frame, json, report)
     else:
         _run_several(recordings, db, vehicle, topics, models, frame, json, workers or 1, dask)
 
 
 def _run_one(
     recording: Path, db: str, vehicle: Path | None, topics: Path | None, models: list[str] | None,
-    frame: dict[str, Any], json: Path | None,
+    frame: dict[str, Any], json: Path | None, report: Path | None,
 ) -> None:  # fmt: skip
     from ..core.recording.readers import read_recording
-    from .printing import progress_bars, write_json
+    from .printing import progress_bars, status, write_json
     from .results_run import print_summary
 
     with progress_bars() as progress:
@@ -97,6 +102,11 @@ def _run_one(
         summary = run_traverse(drive, db, models=models, progress=progress, **frame)
     if json is not None:
         write_json(summary.as_dict(), json)
+    if report is not None:
+        from ..summary_page import write_report
+
+        with status(f"drawing {report}"):
+            write_report(summary, drive, report)
     print_summary(summary)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from base64 import b64encode
 from collections.abc import Iterable, Sequence
 from html import escape
@@ -54,9 +55,24 @@ def unbroken(text: str) -> str:
     return escape(text).replace(" %", "&nbsp;%").replace("&lt; ", "&lt;&nbsp;").replace(" ± ", "&nbsp;±&nbsp;")
 
 
+def marked(text: str) -> str:
+    """Escape a sentence; what stands between backticks is a command."""
+    return re.sub(r"`([^`]+)`", r"<code>\1</code>", unbroken(text[:1].upper() + text[1:]))
+
+
 def picture(data: bytes, kind: str, description: str) -> str:
     """Give an image that is in the page itself; `kind` is ``"png"`` or ``"jpeg"``."""
     return f'<img alt="{escape(description)}" src="data:image/{kind};base64,{b64encode(data).decode()}">'
+
+
+def figure(png: bytes, caption: str) -> str:
+    """Give a picture with its caption, which describes it, too."""
+    return f"<figure>{picture(png, 'png', caption)}<figcaption>{unbroken(caption)}</figcaption></figure>"
+
+
+def bullets(texts: Iterable[str]) -> str:
+    """Give a list of sentences; they are escaped here."""
+    return f"<ul>{''.join(f'<li>{marked(text)}</li>' for text in texts)}</ul>"
 
 
 def player(wav: bytes) -> str:

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from bevameter.framework.cli.numbers import figures, value_and_interval
-from bevameter.framework.cli.results import interval_text
 from bevameter.framework.core.errors import InputError
+from bevameter.framework.core.numbers import figures, value_and_interval
 from bevameter.framework.core.soil import PLAUSIBLE, Quantity, ShearStrength
 from bevameter.framework.core.vehicle_templates import vehicle_template
 from bevameter.identification.estimate.identifiability import advise, is_unbounded
+from bevameter.identification.estimate.tables import interval_text
 
 
 @pytest.mark.parametrize(

@@ -36,6 +36,18 @@ def test_identify_uses_the_part_and_says_which(folder):
     assert page["overall"]["c_Pa"]["low"] < CLAY.c_Pa < page["overall"]["c_Pa"]["high"]
 
 
+def test_the_report_of_identify_is_one_page(folder):
+    out = folder / "soil.html"
+    arguments = ["identify", folder, "--from", 48, "--to", 55, "--report", out]
+    result = CliRunner().invoke(app, [str(each) for each in arguments])
+    assert result.exit_code == 0, result.output
+    page = out.read_text()
+    value = next(line for line in result.stdout.splitlines() if line.startswith("cohesion")).split()[3]
+    assert f"cohesion c {float(value):.2f}" in page.replace("&nbsp;", " ")
+    assert page.count("data:image/png;base64,") == 2
+    assert 'src="http' not in page
+
+
 @pytest.mark.parametrize("command", ["identify", "explain"])
 def test_a_class_that_is_not_there_is_one_line(folder, command):
     result = CliRunner().invoke(app, [command, str(folder), "--on", "peat"])

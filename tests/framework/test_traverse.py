@@ -23,6 +23,7 @@ from bevameter.framework.core.recording.types import Pose, Recording, WheelTable
 from bevameter.framework.core.soil import Quantity, ShearStrength, SoilEstimate
 from bevameter.framework.core.vehicle import Camera, Vehicle, Wheel
 from bevameter.framework.default_models import Models
+from bevameter.framework.summary_page import write_report
 from bevameter.framework.traverse import run_traverse
 from bevameter.identification.estimate.identify import Segment
 from bevameter.vision import observe as looking
@@ -136,6 +137,20 @@ def test_a_drive_gives_a_map(world, tmp_path):
     assert "blurred" in str(ahead.reason[3])
     assert ahead.known[:3].all()
     assert not ahead.known[3:].any()
+
+
+def test_the_report_is_one_page_of_what_the_summary_says(world, tmp_path):
+    driven = recording()
+    for known in (False, True):
+        summary = run_traverse(driven, tmp_path / "t.db", models=MODELS)
+        assert summary.known == known
+        write_report(summary, driven, tmp_path / "run.html")
+        page = (tmp_path / "run.html").read_text().replace("&nbsp;", " ")
+        assert ("Cells seen: " if known else "Driven: ") in page
+        assert page.count("data:image/png;base64,") == 1
+        for soil in summary.soils:
+            assert f"{soil.parameters['c_Pa'].value / 1e3:.2f} (" in page
+        assert "bevameter query classes" in page
 
 
 def test_gaps_of_the_poses_are_left_off_the_map_and_reported(world, tmp_path):

@@ -7,7 +7,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from ....framework.core.files import write_text
-from ....framework.core.html import page, picture, table, unbroken
+from ....framework.core.html import figure, page, table, unbroken
 from ..explanation import Candidate, Explanation
 from ..quantities import capital, effect, listed, shown, signed, with_sd
 from ..words import details, headline, predicted_worse
@@ -70,7 +70,7 @@ def _channels(explanation: Explanation) -> str:
         return ""
     png, variables = drawn
     over = listed(list(dict.fromkeys(shown(each).words for each in variables)))
-    return _figure(
+    return figure(
         png,
         f"Measured and simulated on held-out rows, over {over}. Points: rows; black: means of bins with 95 % "
         "intervals. Line: simulated, mean of the same bins; band: plus and minus one noise of a row.",
@@ -90,7 +90,7 @@ def _located(explanation: Explanation) -> str:
         body += "<p>No channel departs from the simulation over an interval of any variable.</p>"
     maps = pictures.residual_maps(explanation)
     for channel, variable, png in maps:
-        body += _figure(png, f"Residuals of {shown(channel).words} on held-out rows against {shown(variable).words}.")
+        body += figure(png, f"Residuals of {shown(channel).words} on held-out rows against {shown(variable).words}.")
     if maps:
         body += _note(
             "Noise: of sensors, load and slip, and the ground's variation. Grey: plus and minus one noise. Black: "
@@ -112,7 +112,7 @@ def _predictions(explanation: Explanation) -> str:
     if explanation.verdict != "none":
         gain = explanation.heldout_nats
         body += f"<p>Log-likelihood of held-out rows gained: {unbroken(with_sd(gain.value, gain.sd))} nats.</p>"
-    body += _figure(
+    body += figure(
         pictures.held_out_errors(explanation),
         "Root-mean-square error of held-out rows, with 95 % intervals from resampling blocks. Dashed: the noise, as "
         "estimated for sensors, load and slip, and the ground's variation.",
@@ -120,7 +120,7 @@ def _predictions(explanation: Explanation) -> str:
     body += table(*fit_table(explanation))
     if worse := predicted_worse(explanation):
         body += f"<p class=warn>Predicted worse than before: {escape(listed(worse))}.</p>"
-    return body + _figure(
+    return body + figure(
         pictures.predicted_against_measured(explanation),
         "Held-out predictions against measurements. Line: equality. Grey: plus and minus two noises.",
     )
@@ -178,7 +178,3 @@ def _origin(explanation: Explanation) -> str:
 
 def _note(text: str) -> str:
     return f"<p class=note>{unbroken(text)}</p>"
-
-
-def _figure(png: bytes, caption: str) -> str:
-    return f"<figure>{picture(png, 'png', caption)}<figcaption>{unbroken(caption)}</figcaption></figure>"
