@@ -141,9 +141,10 @@ def soil(recording: Recording, mends: Mends) -> Answer:
     stretches = rows.stretches()
     chosen = [stretch.rows for stretch in stretches if not stretch.reason]
     if not chosen:
-        counts = Counter[str]()
+        counts = Counter(str(reason) for reason in rows.reasons if reason)
         for stretch in stretches:
-            counts[stretch.reason] += len(stretch.rows)
+            if stretch.reason not in counts:
+                counts[stretch.reason] += len(stretch.rows)
         mends_of_rows = tuple(dict.fromkeys(_mend_of(reason, rows) for reason, _ in counts.most_common(_SAID_REASONS)))
         return Answer(False, f"no row can be used: {_most(counts)}", mends_of_rows, notes)
     try:
@@ -236,7 +237,10 @@ def _missing_for_slip(table: WheelTable, mends: Mends, *, described: bool, place
         sensor = "record visual or lidar odometry, or a receiver's speed: one made from the wheels gives no slip"
         yield Missing("a travel speed of its own, for slip", mends.channel("travel_speed_m_s", sensor))
     elif table.observed("wheel_speed_rad_s").size and described:
-        yield Missing("slip", "speeds at which the wheels turn and the vehicle moves: it stands still throughout")
+        against = float(np.nanmedian(table["wheel_speed_rad_s"] * table["travel_speed_m_s"])) < 0.0
+        why = "the wheels turn against the travel speed: one of the two has the other sign"
+        still = "the wheels or the vehicle stand still throughout"
+        yield Missing("slip", f"speeds at which the wheels turn and the vehicle moves: {why if against else still}")
 
 
 def _with_computed(table: WheelTable, vehicle: Vehicle, pose: Pose | None) -> WheelTable:

@@ -240,7 +240,9 @@ def _soils(rows: SelectedRows, stretch: Stretch, known: SoilKnowledge, report: R
     report("fitting the soil and the sensors' noise")
     kept, whole, notes = solve_with_noise(usable(measured_rows(rows, stretch.rows)), rows.wheel, known)
     report("looking for changes of soil")
-    parts = split_soils(kept, rows.wheel, known, whole, LIMITS)
+    parts = [(slice(0, len(kept.channels)), with_autocorrelated_noise(kept, whole, rows.wheel, known))]
+    if rows.table.run is None:  # of runs that share a clock, rows are in no order of time
+        parts = split_soils(kept, rows.wheel, known, whole, LIMITS)
     borders = [float(kept.order[part.start]) for part, _ in parts[1:]]
     starts, ends = [stretch.start_s, *borders], [*borders, stretch.end_s]
     segments = []

@@ -183,8 +183,11 @@ def speeds_in_another_unit(table: WheelTable, wheel: Wheel) -> Finding | None:
     wheel
         Its radius [m].
     """
-    rim, travel = table.get("wheel_speed_rad_s"), table.get("travel_speed_m_s")
-    if "slip" in table or rim is None or travel is None:
+    rim, travel, recorded = (table.get(name) for name in ("wheel_speed_rad_s", "travel_speed_m_s", "slip"))
+    if rim is None or travel is None:
+        return None
+    made = slip_from_speeds(rim * wheel.radius_m, travel)
+    if recorded is not None and not np.allclose(recorded, made, rtol=1e-9, atol=1e-12, equal_nan=True):
         return None
 
     def slips(speeds: dict[str, np.ndarray]) -> np.ndarray:

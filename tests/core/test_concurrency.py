@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+import threading
 from functools import partial
 
 import pytest
@@ -38,3 +39,10 @@ def test_ctrl_c_waits_for_no_call():
         assert process.wait(timeout=30) != 0  # the calls take twice as long
     finally:
         process.kill()
+
+
+def test_calls_within_calls_take_no_more_threads():
+    def nested(value):
+        return {threading.get_ident()} | set(together(lambda _: threading.get_ident(), range(4)))
+
+    assert all(len(threads) == 1 for threads in together(nested, range(2)))

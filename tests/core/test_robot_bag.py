@@ -71,22 +71,46 @@ def test_the_inertial_sensor_is_heard_with_the_wheels_current_and_speed(driven, 
     assert read_recording(tmp_path / "bag", vehicle=vehicle, topics=tmp_path / "t.toml").vibration is None
 
 
-def test_of_several_robots_one_is_read_and_the_map_chooses(driven, vehicle, tmp_path):
+@pytest.mark.parametrize(
+    ("robots", "said", "ignore"),
+    [(("/r1", "/r2"), "topics of 2 robots, /r1, /r2: those of /r1 are read; for /r2 state", '"/r1/*"'),
+     (("/fleet/r1", "/fleet/r2"), "topics of 2 robots, /fleet/r1, /fleet/r2", '"/fleet/r1/*"'),
+     (("", "/r2"), "topics of 2 robots, /, /r2", '"/joint_states", "/odom", "/imu/data"')],
+)  # fmt: skip
+def test_of_several_robots_one_is_read_and_the_map_chooses(robots, said, ignore, driven, vehicle, tmp_path):
     one = read_recording(RobotBag(driven).write(tmp_path / "one"), vehicle=vehicle)
-    path = RobotBag(driven, robots=("/r1", "/r2")).write(tmp_path / "two")
+    path = RobotBag(driven, robots=robots).write(tmp_path / "two")
     found = read_recording(path, vehicle=vehicle)
     assert len(found.wheel) == len(one.wheel)
     assert found.pose is not None
-    said = 'topics of 2 robots, r1, r2: those of r1 are read; for r2 state ignore = ["/r1/*"] in a topic map'
-    assert said in found.notes
+    note = next(note for note in found.notes if said in note)
+    assert note.endswith(" in a topic map")
     topics = tmp_path / "topics.toml"
-    topics.write_text('ignore = ["/r1/*"]\n')
+    topics.write_text(f"ignore = [{ignore}]\n")
     other = read_recording(path, vehicle=vehicle, topics=topics)
     assert len(other.wheel) == len(one.wheel)
-    assert said not in other.notes
+    assert not any("robots" in note for note in other.notes)
+    written = inspect_recording(path, vehicle=vehicle).contents.files["topics.toml"]
+    topics.write_text(written)
+    again = read_recording(path, vehicle=vehicle, topics=topics)
+    np.testing.assert_array_equal(again.wheel["torque_Nm"], found.wheel["torque_Nm"])
     topics.write_text('ignore = ["/r3/*"]\n')
     with pytest.raises(InputError, match=r"no topic /r3/\*"):
         read_recording(path, vehicle=vehicle, topics=topics)
+
+
+def test_a_robot_without_joints_is_another_one(driven, vehicle, tmp_path):
+    """A drone above the rover has an inertial sensor and an odometry, too."""
+    bag = RobotBag(driven, robots=("/rover", "/drone"))
+    messages = [each for each in bag.messages() if each[1] != "nav_msgs/msg/Odometry"]
+    of_rover = [each for each in messages if each[1] == "sensor_msgs/msg/JointState"]
+    of_drone = [each for each in bag.messages() if each[1] in ("sensor_msgs/msg/Imu", "nav_msgs/msg/Odometry")]
+    path = bag.write(tmp_path / "bag", {"/rover": of_rover, "/drone": of_drone})
+    found = read_recording(path, vehicle=vehicle)
+    assert found.pose is None
+    assert "pitch_rad" not in found.wheel
+    assert "travel_speed_m_s" not in found.wheel
+    assert any("topics of /drone may be of another robot than that of /rover" in text for text in found.problems)
 
 
 def test_joints_of_unknown_names_are_listed_with_what_to_write(driven, vehicle, tmp_path):

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -290,11 +289,14 @@ class RobotBag:
             for parent, child, at, turned in parts
         ])  # fmt: skip
 
-    def write(self, path: Path) -> Path:
+    def write(self, path: Path, messages: dict[str, Iterable] | None = None) -> Path:
+        """Write the bag; each robot's own messages where they are given."""
+        given = messages or {robot: [*self.messages()] for robot in self.robots}
         with Writer(path, version=9) as writer:
             connections: dict[str, object] = {}
-            for robot, (name, kind, time, message) in product(self.robots, [*self.messages()]):
-                topic = robot + name
+            for topic, kind, time, message in (
+                (space + name, *rest) for space in given for name, *rest in given[space]
+            ):
                 if topic not in connections:
                     connections[topic] = writer.add_connection(topic, kind, typestore=self.types)
                 writer.write(connections[topic], self.ns(time), self.types.serialize_cdr(message, kind))

@@ -25,6 +25,9 @@ _KEPT = (0.0, *np.linspace(0.1, 0.98, 45).tolist())
 _MOST_LATE = 10
 """Samples by which a filter is late at most."""
 
+_CALIBRATED = 0.1
+"""How far from 1 the factor lies by which an odometry made from the wheels is corrected [-]."""
+
 _EXACTLY, _NEARLY = 1e-3, 2e-3
 """How closely a speed made from the wheels keeps to them, reading by reading and in means over a second [-]."""
 
@@ -205,7 +208,7 @@ def follows_the_wheels(table: WheelTable, vehicle: Vehicle | None) -> str:
 
     Slip from such a speed is zero whatever the ground. An independent speed has noise of its own, and keeps to no
     multiple of the mean speed of the rims within `_EXACTLY`, as it is or as a filter passes it on: late by some
-    samples, or smoothed with a lag of first order.
+    samples, or smoothed with a lag of first order; nor to one near to 1 in its means over a second within `_NEARLY`.
 
     Parameters
     ----------
@@ -237,7 +240,9 @@ def follows_the_wheels(table: WheelTable, vehicle: Vehicle | None) -> str:
     apart = min(float(np.quantile(np.abs(each / np.median(each) - 1.0), 0.8)) for each in ratios)
     width = max(round(1.0 / max(float(np.median(np.diff(clock))), 1e-6)), 1)
     means = [np.convolve(each[moving], np.ones(width) / width, mode="valid") for each in (travel, mean)]
-    nearly = float(np.quantile(np.abs(means[0] / means[1] - 1.0), 0.8)) if len(means[0]) and radius else math.inf
+    nearly = math.inf
+    if len(means[0]) and radius and abs(factor - 1.0) < _CALIBRATED:
+        nearly = float(np.quantile(np.abs(means[0] / (factor * means[1]) - 1.0), 0.8))
     if apart > _EXACTLY and nearly > _NEARLY:
         return ""
     what = "the mean speed of the rims" if radius else "the wheels' mean rate of turning"

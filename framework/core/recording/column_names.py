@@ -25,12 +25,15 @@ class Quantity:
         Words that leave no doubt about it.
     symbols
         Letters that stand for it, by which a table is not recognised; upper and lower case differ.
+    share
+        What the named quantity is multiplied by to be the channel: a radius is half of a diameter [-].
     """
 
     channel: str
     dimension: str
     names: str
     symbols: str = ""
+    share: float = 1.0
 
 
 QUANTITIES = (
@@ -45,7 +48,8 @@ QUANTITIES = (
         "load, normal load, vertical load, wheel load, vertical force, normal force, normal reaction, force z, "
         "z force, "
         "vertical wheel load, weight on wheel, vertical reaction, vertical contact force, normal contact force, "
-        "Radlast, Aufstandskraft, Normalkraft, Vertikalkraft, Vertikallast, Auflast, charge verticale, charge, "
+        "Radlast, Last, Normallast, Aufstandskraft, Normalkraft, Vertikalkraft, Vertikallast, Auflast, "
+        "charge verticale, charge, "
         "charge normale, force verticale, force normale, effort vertical, carga vertical, carga normal, fz, f z, fn",
         "W w Wz Fv",
     ),
@@ -105,6 +109,7 @@ QUANTITIES = (
     Quantity("x_m", "m", "x position, pos x, position x", "x X"),
     Quantity("y_m", "m", "y position, pos y, position y", "y Y"),
     Quantity("radius_m", "m", "wheel radius, radius, Radradius"),
+    Quantity("radius_m", "m", "wheel diameter, diameter, Raddurchmesser, diamètre de la roue, diamètre", share=0.5),
     Quantity("width_m", "m", "wheel width, width, Radbreite"),
     Quantity("grouser_height_m", "m", "grouser height, lug height, Steghöhe"),
     Quantity("grouser_count", "count", "grouser count, number of grousers, number of lugs"),
@@ -112,7 +117,7 @@ QUANTITIES = (
         "run", "text",
         "run, run id, run no, run number, run nr, run name, trial, trial no, trial number, trial id, test, test no, "
         "test number, test id, test name, test nr, experiment, experiment no, Versuch, Versuch Nr, Versuchsnummer, "
-        "essai",
+        "essai, n° essai, no essai, numéro d'essai, Lauf, Lauf Nr",
     ),
     Quantity("wheel", "text", "wheel, wheel name, wheel id, Rad, roue"),
     Quantity(
@@ -146,9 +151,6 @@ _TRACTION = (
 )
 
 HINTS = {
-    "diameter": "radius_m = diameter / 2, in vehicle.toml or as a column",
-    "wheeldiameter": "radius_m = diameter / 2, in vehicle.toml or as a column",
-    "raddurchmesser": "radius_m = diameter / 2, in vehicle.toml or as a column",
     "grouserspacing": "grouser_count = circumference / spacing, in vehicle.toml",
     "lugspacing": "grouser_count = circumference / spacing, in vehicle.toml",
     "force": "load_N or drawbar_pull_N: which force it is",
@@ -348,11 +350,10 @@ def _readings(words: tuple[str, ...], unit: str | None) -> Iterator[Meaning]:
         for length in range(len(each), max(len(each) - 4, 0), -1):
             stem, end = each[:length], each[length:]
             for quantity, certain in _quantities(stem):
-                if end and unit is not None:
-                    called = {each for each, _ in _quantities(end)}
-                    if quantity not in called:
-                        continue
+                if end and quantity in {each for each, _ in _quantities(end)}:
                     yield from _with_unit(quantity, stem, certain, unit, (), scatter)
+                elif end and unit is not None:
+                    continue
                 else:
                     yield from _with_unit(quantity, stem, certain, unit, end, scatter)
 
@@ -375,12 +376,15 @@ def _with_unit(
     elif end:
         for joined in ("/".join(end), "".join(end)):
             if not joined.isdigit() and (factor := units.factor(joined, dimension)) is not None:
-                yield Meaning(channel, factor, joined, dimension, certain)
+                yield Meaning(channel, factor * quantity.share, joined, dimension, certain)
                 return
     else:
         unit = _UNIT_BY_NAME.get(folded) if unit is None else unit
         factor = 1.0 if unit is None else units.factor(unit, dimension)
-        yield Meaning(channel, None if unit is None and folded in _NEED_UNIT else factor, unit, dimension, certain)
+        if factor is None or (unit is None and folded in _NEED_UNIT):
+            yield Meaning(channel, None, unit, dimension, certain)
+        else:
+            yield Meaning(channel, factor * quantity.share, unit, dimension, certain)
 
 
 def stem_of(column: str) -> tuple[str, str]:

@@ -110,6 +110,8 @@ def read_numbers(
     plain = {name: None if name in text else numbers_or_none(column) for name, column in cells.items()}
     failing = [name for name, values in plain.items() if values is None and name in wanted]
     tidied = {name: _tidied(cells[name], found, name) for name in failing}
+    if decimal is None and not failing:
+        _refuse_thousands({name: cells[name] for name in plain if name in wanted}, found)
     if failing or decimal == ",":
         numeric = {name: tidied.get(name, cells[name]) for name in plain if name in wanted}
         decimal = decimal or _decimal_mark(numeric, found)
@@ -180,6 +182,21 @@ def _decimal_mark(columns: Mapping[str, pa.ChunkedArray], found: Numbers) -> str
         found.bad.append(BadCell(name, row, cell, count, expected))
         return None
     return "."
+
+
+def _refuse_thousands(columns: Mapping[str, pa.ChunkedArray], found: Numbers) -> None:
+    """Refuse columns such as 802, 1.252: every point may be one between thousands, and a number without one is as large
+    as that.
+    """
+    for name, cells in columns.items():
+        pointed = pc.match_substring(cells, ".")
+        grouped = pc.match_substring_regex(cells, r"^[-+]?[1-9]\d{0,2}\.\d{3}$")
+        large = pc.match_substring_regex(cells, r"^[-+]?[1-9]\d{2}$")
+        if pc.any(pointed).as_py() and pc.all(pc.equal(pointed, grouped)).as_py() and pc.any(large).as_py():
+            row = pc.index(grouped, True).as_py()
+            cell = cells[row].as_py()
+            expected = f"{cell.replace('.', '')} or {cell}: decimal = ',' or '.' in a column map says which"
+            found.bad.append(BadCell(name, row, cell, pc.sum(grouped).as_py(), expected))
 
 
 def _first(columns: Mapping[str, pa.ChunkedArray], pattern: str) -> tuple[str, int, str, int] | None:

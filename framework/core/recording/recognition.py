@@ -37,7 +37,7 @@ from .topic_map import (
     WheelTopic,
 )
 from .types import WHEEL_COLUMNS
-from .wheel_names import of_joints, wheel_called
+from .wheel_names import has_wheels, of_joints, wheel_called
 
 _NUMBERS = {"Float64", "Float32", "Float64Stamped", "Float32Stamped", "Int32", "Int64", "UInt8", "UInt16", "UInt32"}
 _POSES = {
@@ -133,9 +133,11 @@ def recognise(
     absent += [pattern for pattern in stated.ignore if not any(matches(name, [pattern]) for name in topics)]
     if absent:
         raise InputError(path, f"no topic {absent[0]}", expected="one of " + listing(topics))
-    stated, chosen = of_one_robot(stated, {name: short_type(topic) for name, topic in topics.items()})
+    kinds = {name: short_type(topic) for name, topic in topics.items()}
+    joints = [name for name, kind in kinds.items() if kind == "JointState" and has_wheels(samples.get(name), wheels)]
+    stated, chosen, doubts = of_one_robot(stated, kinds, joints)
     kept = {name: topic for name, topic in topics.items() if not matches(name, stated.ignore)}
-    bag = _Bag(kept, samples, wheels, [], [*chosen])
+    bag = _Bag(kept, samples, wheels, [*doubts], [*chosen])
     wheel = _stated_wheels(stated, bag, path)
     guessed, speeds = _guessed_wheels({source.topic for source in stated.wheel}, wheel, bag)
     pose = stated.pose or _pose(bag)

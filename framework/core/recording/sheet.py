@@ -17,7 +17,7 @@ from ..errors import InputError
 from ..files import file_size
 from . import numerals
 from .layout import BLANKS, Layout, find_layout, is_comment, is_number, is_unit_row, split
-from .summary_rows import gaps, summaries, unnamed_means, words_only
+from .summary_rows import gaps, headings, summaries, unnamed_means, words_only
 from .tables import Table, csv_rows, from_parquet, parquet_names, read_bytes
 
 TEXT_ENDINGS = (".csv", ".tsv", ".txt", ".dat", ".lvm", ".asc")
@@ -113,6 +113,16 @@ class Sheet:
         trimmed = {name: pc.utf8_trim_whitespace(cells[name]) for name in self.names}  # pyright: ignore[reportAttributeAccessIssue]
         read = partial(numerals.read_numbers, wanted=numbers, text=text, clocks=clocks, decimal=decimal)
         found = read(trimmed)
+        heads = headings(list(trimmed.values()))
+        trials = np.flatnonzero(~heads)
+        for row in np.flatnonzero(heads).tolist():
+            if len(trials) and trials[0] < row < trials[-1]:
+                text, expected = (
+                    trimmed[self.names[0]][row].as_py(),
+                    "a column that names each row's block, such as soil",
+                )
+                place = f"row {number(row)}"
+                faults.append(InputError(self.source, f"{text!r} heads a block", expected=expected, place=place))
         if (none := self._no_trials(trimmed, found, numbers)).any():
             kept, leaving = np.flatnonzero(~none), [number(row) for row in np.flatnonzero(none).tolist()]
             said = ", ".join(map(str, leaving[:_MOST_SAID])) + " ..." * (len(leaving) > _MOST_SAID)
@@ -139,7 +149,7 @@ class Sheet:
         """Find rows, (n,) of bool, that are statistics of others, or remarks."""
         wrong = {bad.column for bad in found.bad}
         words = [cells[name] for name in self.names if name in found.text or name in wrong]
-        none = summaries(words, len(cells[self.names[0]]))
+        none = summaries(words, len(cells[self.names[0]])) | headings(list(cells.values()))
         if wrong:
             none |= words_only([cells[name] for name in self.names if name in numbers])
         elif numbers and not none.any():
@@ -278,7 +288,8 @@ def _named(
         if not name:
             if place and any(names_in_header[place:]):
                 problem = f"column {place + 1} has no name"
-                raise InputError(path, problem, expected="a name", place=f"row {header}")
+                expected = "each column's name in that row alone, one a column"
+                raise InputError(path, problem, expected=expected, place=f"row {header}")
             name = f"column {place + 1}"
             unnamed.append(name)
         if len(name) > _LONGEST:

@@ -89,6 +89,21 @@ def words_only(columns: Sequence[pa.ChunkedArray]) -> np.ndarray:
     return words & ~digits
 
 
+def headings(columns: Sequence[pa.ChunkedArray]) -> np.ndarray:
+    """Find rows, (n,) of bool, of which the first cell has words and no other has anything: headings of blocks.
+
+    Parameters
+    ----------
+    columns
+        Of text without blanks around it, each (n,).
+    """
+    first, *others = columns
+    if len(others) < _FEWEST_CHANNELS - 1 or not len(first):
+        return np.zeros(len(first), dtype=bool)
+    blank = np.all([pc.equal(pc.fill_null(column, ""), "").to_numpy() for column in others], axis=0)
+    return blank & _matches(first, r"\p{L}")
+
+
 def gaps(columns: Sequence[pa.ChunkedArray]) -> np.ndarray:
     """Find rows, (n,) of bool, with an empty cell in a column that is filled in most rows.
 

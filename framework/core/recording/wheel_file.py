@@ -364,9 +364,18 @@ def _check_values(table: Table, name: str, column: str, values: np.ndarray) -> N
 def _names(table: Table, column: Column | None, faults: list[InputError]) -> np.ndarray | None:
     names = None if column is None else table.text.get(column.name)
     if column is not None and names is not None:
+        names = _filled_down(names) if column.channel == "soil" else names
         with collected(faults):
             table.refuse(names == "", column.name, lambda row: "an empty cell", f"the name of the {column.channel}")
     return names
+
+
+def _filled_down(names: np.ndarray) -> np.ndarray:
+    """Give empty cells (n,) the name above in a column that is filled in each block's first row only."""
+    filled = np.flatnonzero(names != "")
+    if not len(filled) or filled[0] or 2 * len(filled) > len(names):
+        return names
+    return names[filled][np.searchsorted(filled, np.arange(len(names)), side="right") - 1]
 
 
 def _check_time(table: Table, column: str, time: np.ndarray, wheel: np.ndarray | None, run: np.ndarray | None) -> None:

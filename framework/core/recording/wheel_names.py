@@ -126,6 +126,13 @@ def drives(name: str) -> bool:
     return "wheel" in name.casefold() and not _key(name).steers
 
 
+def has_wheels(sample: Any, wheels: Sequence[Wheel]) -> bool:
+    """Say whether a JointState has joints of several wheels, or of the vehicle's."""
+    names = [str(name) for name in getattr(sample, "name", ())]
+    found = [name for name in names if drives(name) or (len(wheels) > 1 and wheel_called(name, wheels))]
+    return len(found) > 1
+
+
 def wheel_called(name: str, wheels: Sequence[Wheel]) -> str | None:
     """Give the name of the wheel that a joint or topic's part is named after, or None.
 
