@@ -21,7 +21,7 @@ from .vibration_features import HOP_S, WINDOW_S, VibrationChannels, vibration_fe
 
 SETTINGS = {"rate_hz": SAMPLE_RATE_HZ, "window_s": WINDOW_S, "hop_s": HOP_S}
 """How features are made; a model that was trained otherwise is refused."""
-CANDIDATES = ("free logistic", "fine kernel")
+CANDIDATES = ("logistic", "whitened logistic")
 SPARED = 0.4
 """Share of the training windows that are shown a second time without what the wheels recorded."""
 STILL = np.log(2.0)

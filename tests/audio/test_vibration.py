@@ -76,6 +76,32 @@ def test_level_and_spectrum_are_those_of_the_signal(labelled):
     assert by_name["az_crossings"] == pytest.approx(0.5, abs=0.03)  # of white noise
 
 
+def test_left_and_right_and_the_direction_of_travel_do_not_matter(labelled):
+    run = read_vibration_run(labelled / "imu_0.csv.gz", labelled / "pro_0.csv")
+    left_right = [run.wheel_names.index(name) for name in ("curR", "curL", "velR", "velL")]
+    wheel = run.wheel[:, left_right] * [1, 1, -1, -1]
+    mirrored = replace(run, channels=run.channels * [-1, 1, -1, 1], wheel=wheel)
+    uneven = run.wheel * [1, 1.5, 1, 1.2]
+    for one, other in ((run, mirrored), (replace(run, wheel=uneven), replace(mirrored, wheel=uneven[:, left_right]))):
+        features, again = (vibration_features(each, VibrationChannels.of(each))[0] for each in (one, other))
+        np.testing.assert_allclose(features, again, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(("turned", "response"), [(0.98, np.log(1.0 / 0.42)), (0.0, np.log(0.02 / 0.42))])
+def test_turning_in_place_is_set_against_what_the_wheels_command(labelled, turned, response):
+    run = read_vibration_run(labelled / "imu_0.csv.gz", labelled / "pro_0.csv")
+    wheel, shaken = run.wheel.copy(), 0.01 * run.channels
+    wheel[:, 2:] = [0.2, -0.2]  # m/s
+    shaken[:, 0] += turned  # rad/s
+    channels = VibrationChannels.of(run)
+    features, _ = vibration_features(replace(run, channels=shaken, wheel=wheel), channels)
+    by_name = dict(zip(channels.names, features[0], strict=True))
+    assert by_name["forward"] == pytest.approx(np.log(0.02))
+    assert by_name["turning"] == pytest.approx(np.log(0.42))
+    assert by_name["turning_response"] == pytest.approx(response, abs=0.2)
+    assert by_name["turning_load"] == pytest.approx(np.log(12), abs=0.1)  # A
+
+
 def test_runs_are_classified_with_and_without_their_wheels(outcome, tmp_path):
     assert outcome.report["balanced_accuracy"]["value"] > 0.9
     rng = np.random.default_rng(3)
