@@ -91,13 +91,15 @@ def _flattened(side: np.ndarray, alike: np.ndarray) -> np.ndarray:
     it; `alike` are the samples that equal a neighbour.
     """
     level, count = np.unique(alike[alike > 0.0], return_counts=True)
-    piled = (level > _LEAST_CLIP) & (count > np.append(0, count[:-1]))
-    if piled.any():
-        beyond = np.sort(side[side > level[piled][0]])
-        piled &= count >= 10 * (beyond.size - np.searchsorted(beyond, level, side="right"))
-    if not piled.any():
-        return np.zeros(side.shape, bool)
-    return side == level[np.argmax(np.where(piled, count, 0))]
+    piled = np.flatnonzero((level > _LEAST_CLIP) & (count > np.append(0, count[:-1])))
+    cut_off, shared, most = np.inf, 0, count[piled].max(initial=0)
+    for index in piled[::-1]:
+        beyond = np.count_nonzero(side > level[index])
+        if 10 * beyond > most:
+            break  # and no lower level has fewer
+        if count[index] >= max(10 * beyond, shared):
+            cut_off, shared = level[index], count[index]
+    return side == cut_off
 
 
 def _held(samples: np.ndarray) -> np.ndarray:

@@ -111,6 +111,7 @@ def train_vibration(
     return TerrainClassifier.train(
         np.concatenate([full, without]), np.asarray(label)[order], np.asarray(group)[order],
         modality="vibration", feature_names=channels.names, settings=settings, rng=rng, candidates=CANDIDATES,
+        columns=dict.fromkeys(CANDIDATES, (0, len(channels.names) - channels.of_mounting)),
         degraded=np.arange(len(order)) >= len(features), samples=samples, sample_of=order,
         source=Path(labelled[0].file).parent, notes=said,
         progress=None if progress is None else (lambda share: progress(0.3 + 0.7 * share)),

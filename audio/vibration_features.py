@@ -7,15 +7,16 @@ missing, which is not the same as zero: a wheel speed that is zero throughout wh
 Ground resists turning, too. How much of the rotation that the wheels command the vehicle makes, and what load it costs
 the drives, are features: ice lets a skid-steered vehicle spin on at little current, snow holds it at a high one.
 
-No feature has a sign that depends on the side or the direction of travel (correlations between axes, skewness, left
-against right), since such a number tells one run from another and says nothing of the ground.
+No feature has a sign that depends on the side or the direction of travel (skewness, left against right), since such a
+number tells one run from another and says nothing of the ground. Correlations between axes tell how the sensor is
+mounted: by them the gate sees that a model was trained on another vehicle, and the classifier does not see them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 import scipy.fft
@@ -63,13 +64,18 @@ class VibrationChannels:
         for block, measures in wheels.items():
             answer += [f"{block}_{name}" for name in measures] + [f"{block}_{name}_differs" for name in measures]
             answer += [*(_TURN if measures and block == "speed" else ()), *([f"{block}_known"] if measures else [])]
-        return tuple(answer)
+        return (*answer, *(f"{a}_with_{b}" for a, b in combinations(self.inertial, 2)))
+
+    @property
+    def of_mounting(self) -> int:
+        """How many features, the last ones, are of the sensor's mounting: only the gate is to see them."""
+        return len(self.inertial) * (len(self.inertial) - 1) // 2
 
     def blocks(self) -> dict[str, slice]:
         """Columns of the blocks that may be missing: ``drive`` and ``speed``."""
         inertial = len(self.inertial) * (len(_SHAPE) + len(BAND_EDGES_HZ) - 1)
         drive = inertial + (2 * len(_DRIVE) + 1 if self.drive else 0)
-        return {"drive": slice(inertial, drive), "speed": slice(drive, len(self.names))}
+        return {"drive": slice(inertial, drive), "speed": slice(drive, len(self.names) - self.of_mounting)}
 
 
 def cut_run(count: int, rate_hz: float) -> np.ndarray:
@@ -113,7 +119,7 @@ def vibration_features(run: VibrationRun, channels: VibrationChannels) -> tuple[
             no_drive = np.full(len(rows), np.nan)
             load = np.abs(drive[rows].mean(axis=1)).mean(axis=1) if channels.drive else no_drive
             parts.append(_speed(speed[rows], level, rotation, load))
-        batches.append(np.concatenate(parts, axis=1))
+        batches.append(np.concatenate([*parts, _correlations(inertial[rows])], axis=1))
     return np.concatenate(batches), first
 
 
@@ -158,6 +164,14 @@ def _inertial(x: np.ndarray, rate_hz: float) -> np.ndarray:
         for low, high in pairwise(index)
     ]
     return np.stack(shape + bands, axis=2).reshape(n, -1)
+
+
+def _correlations(x: np.ndarray) -> np.ndarray:
+    """Correlation of each pair of channels of windows (n, m, c)."""
+    z = x - x.mean(axis=1, keepdims=True)
+    z /= np.sqrt(np.maximum(np.sum(z**2, axis=1, keepdims=True), 1e-16))
+    upper = np.triu_indices(x.shape[2], 1)
+    return np.einsum("nta,ntb->nab", z, z)[:, upper[0], upper[1]]
 
 
 def _finish(measures: Sequence[np.ndarray], more: Sequence[np.ndarray], whole: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bevameter.audio.vibration import classify_vibration, train_vibration
+from bevameter.audio.vibration import classify_vibration, train_vibration, vibration_evidence
 from bevameter.audio.vibration_features import VibrationChannels, vibration_features
 from bevameter.framework.core.classifier.labelled import read_labelled
 from bevameter.framework.core.errors import InputError
@@ -83,8 +83,20 @@ def test_left_and_right_and_the_direction_of_travel_do_not_matter(labelled):
     mirrored = replace(run, channels=run.channels * [-1, 1, -1, 1], wheel=wheel)
     uneven = run.wheel * [1, 1.5, 1, 1.2]
     for one, other in ((run, mirrored), (replace(run, wheel=uneven), replace(mirrored, wheel=uneven[:, left_right]))):
-        features, again = (vibration_features(each, VibrationChannels.of(each))[0] for each in (one, other))
+        channels = VibrationChannels.of(one)
+        features, again = (vibration_features(each, channels)[0][:, : -channels.of_mounting] for each in (one, other))
         np.testing.assert_allclose(features, again, rtol=1e-9, atol=1e-9)
+
+
+def test_another_mounting_of_the_sensor_shuts_the_gate(outcome, labelled):
+    run = read_vibration_run(labelled / "imu_0.csv.gz", labelled / "pro_0.csv")
+    tied = run.channels.copy()
+    tied[:, 1] = tied[:, 0]  # two axes that feel one axis
+    for channels, shut in ((run.channels, 0.0), (tied, 1.0)):
+        _, _, evidence = vibration_evidence(replace(run, channels=channels), outcome.classifier)
+        assert evidence.unknown.mean() == shut
+    seen = outcome.classifier.fitted.member_columns
+    assert {last for _, last in seen} == {len(outcome.classifier.feature_names) - VibrationChannels.of(run).of_mounting}
 
 
 @pytest.mark.parametrize(("turned", "response"), [(0.98, np.log(1.0 / 0.42)), (0.0, np.log(0.02 / 0.42))])
