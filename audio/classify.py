@@ -14,8 +14,8 @@ from ..framework.core.errors import InputError
 from ..framework.core.evidence import ClassEvidence
 from ..framework.core.recording.channels import mixed
 from ..framework.core.recording.sound import read_channels, read_sound
-from .features import FEATURE_NAMES, HOP_S, RATE_HZ, WINDOW_S, cut_windows, resample, window_features
-from .quality import MEASURES, NoiseModel, assess, noise_measures, recording_faults
+from .features import FEATURE_NAMES, HOP_S, RATE_HZ, WINDOW_S, cut_windows, resample
+from .quality import MEASURES, NoiseModel, assess, features_and_noise, recording_faults
 
 SETTINGS = {"rate_hz": RATE_HZ, "window_s": WINDOW_S, "hop_s": HOP_S}
 """How features are made; a model that was trained otherwise is refused."""
@@ -71,7 +71,7 @@ def sound_evidence(
     noise = noise or noise_model(model)
     windows, start_s = cut_windows(resample(mixed(samples), rate_hz))
     end_s = np.minimum(start_s + WINDOW_S, len(samples) / rate_hz)
-    features, measures = window_features(windows), noise_measures(windows)
+    features, measures = features_and_noise(windows)
     quality, reasons = assess(features, measures, recording_faults(samples, rate_hz, start_s, end_s), noise)
     # A silent window has no features: it is unknown because it is silent, and for no other reason.
     features = np.where((quality > 0)[:, None], features, 0.0)

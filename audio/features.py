@@ -9,7 +9,7 @@ batches of windows, ten times as fast as librosa's own spectra.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from itertools import pairwise
 
@@ -29,10 +29,11 @@ LOW_HZ = 60.0
 """Below this lie wind, handling and suspension [Hz]: nothing of it enters the features."""
 MEL_BANDS = 40
 CEPSTRA = 16
-_BATCH = 64
+_BATCH = 16  # their spectra fit into the processor's cache
 _DYNAMIC_RANGE = 1e-6
 _ACTIVE = 1e-3
 _HEARD = 1e-5
+_SILENT = 1e-10
 _GRAIN_EDGES_HZ = (60.0, 300.0, 1000.0, 3000.0, 8000.0)
 _MODULATION_EDGES_HZ = (2.0, 6.0, 12.0, 25.0, 50.0)
 _CONTRAST_EDGES_HZ = (100.0, 300.0, 800.0, 1800.0, 3500.0, 7800.0)
@@ -103,6 +104,13 @@ def power_spectra(windows: np.ndarray) -> np.ndarray:
     return np.square(np.abs(spectra))
 
 
+def spectra_in_batches(windows: np.ndarray) -> Iterator[tuple[slice, np.ndarray]]:
+    """Give `power_spectra` of windows (n, m) a few at a time, each with the rows that they are of."""
+    windows = np.asarray(windows, dtype=np.float32)
+    for at in range(0, len(windows), _BATCH):
+        yield slice(at, at + _BATCH), power_spectra(windows[at : at + _BATCH])
+
+
 def _weighted(values: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean and standard deviation over frames of values (n, frames, d) with weights (n, frames), each (n, d)."""
     mean = np.einsum("ntd,nt->nd", values, weight)
@@ -141,21 +149,18 @@ def _shape(mel: np.ndarray, weight: np.ndarray, heard: np.ndarray) -> list[tuple
 
 
 def _moments(power: np.ndarray, weight: np.ndarray) -> list[tuple[list[str], np.ndarray]]:
-    """Centroid, spread, roll-off, flatness and contrast of the spectrum: means and deviations over frames."""
+    """Centroid, spread, flatness and contrast of the spectrum: means and deviations over frames."""
     used = slice(int(np.searchsorted(frequencies(), LOW_HZ)), None)
     power, frequency = power[:, :, used], frequencies()[used]
     octave = np.log2(frequency / 1000.0)
-    total = power.sum(axis=2)
-    centroid = power @ octave / total
-    spread = np.sqrt(np.maximum(power @ octave**2 / total - centroid**2, 0.0))
-    share = np.cumsum(power, axis=2) / total[:, :, None]
-    rolled = octave[np.minimum(np.sum(share < 0.85, axis=2), octave.size - 1)]
-    rising = octave[np.minimum(np.sum(share < 0.15, axis=2), octave.size - 1)]
-    logs = np.log(power)
-    flatness = logs.mean(axis=2) - np.log(power.mean(axis=2))
-    values = np.stack([centroid, spread, rolled, rising, flatness], axis=2)
+    moments = power @ np.stack([octave, octave**2, np.ones_like(octave)], axis=1)
+    total = moments[:, :, 2]
+    centroid = moments[:, :, 0] / total
+    spread = np.sqrt(np.maximum(moments[:, :, 1] / total - centroid**2, 0.0))
+    flatness = np.log(power).mean(axis=2) - np.log(total / octave.size)
+    values = np.stack([centroid, spread, flatness], axis=2)
     mean, deviation = _weighted(values, weight)
-    names = ["centroid", "spread", "rolloff", "rise", "flatness"]
+    names = ["centroid", "spread", "flatness"]
     contrast = []
     for band in _bands(_CONTRAST_EDGES_HZ):
         part = np.log(np.einsum("ntf,nt->nf", power[:, :, band.start - used.start : band.stop - used.start], weight))
@@ -201,8 +206,11 @@ def _grain(power: np.ndarray, active: np.ndarray) -> list[tuple[list[str], np.nd
     ]
 
 
-def _batch_features(windows: np.ndarray) -> tuple[list[str], np.ndarray]:
-    power = power_spectra(windows)
+def batch_features(power: np.ndarray) -> tuple[list[str], np.ndarray]:
+    """Give names and values (n, d) of the features of windows with these `power_spectra` (n, frames, bins).
+
+    A row of silence, or with a sample that is not finite, is NaN.
+    """
     low = int(np.searchsorted(frequencies(), LOW_HZ))
     energy = power[:, :, low:].sum(axis=2)
     loudest = np.maximum(energy.max(axis=1, keepdims=True), 1e-20)
@@ -212,34 +220,14 @@ def _batch_features(windows: np.ndarray) -> tuple[list[str], np.ndarray]:
     weight = np.where(active, np.sqrt(energy), 0.0).astype(np.float32)
     weight /= np.maximum(weight.sum(axis=1, keepdims=True), 1e-12)
     mel = power @ mel_filters()
-    parts = _shape(mel, weight, (energy > _HEARD).astype(np.float32)) + _moments(power, weight) + _grain(power, active)
-    return [name for names, _ in parts for name in names], np.concatenate([values for _, values in parts], axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):  # of silent windows
+        parts = _shape(mel, weight, (energy > _HEARD).astype(np.float32))
+        parts += _moments(power, weight) + _grain(power, active)
+    values = np.concatenate([values for _, values in parts], axis=1)
+    values[~(loudest[:, 0] > _SILENT)] = np.nan
+    return [name for names, _ in parts for name in names], values
 
 
-def window_features(windows: np.ndarray) -> np.ndarray:
-    """Describe windows of sound.
-
-    Parameters
-    ----------
-    windows : (n, m)
-        Mono sound at `RATE_HZ`, one window a row.
-
-    Returns
-    -------
-    (n, d)
-        Features [-], columns as `FEATURE_NAMES`; a row of silence, or with a sample that is not finite, is NaN.
-    """
-    windows = np.asarray(windows, dtype=np.float32)
-    answer = np.full((len(windows), len(FEATURE_NAMES)), np.nan)
-    peak = np.abs(windows).max(axis=1, initial=0.0)
-    usable = np.flatnonzero(np.isfinite(peak) & (peak > 1e-6))
-    for at in range(0, usable.size, _BATCH):
-        rows = usable[at : at + _BATCH]
-        answer[rows] = _batch_features(windows[rows] / peak[rows, None])[1]
-    return answer
-
-
-FEATURE_NAMES: tuple[str, ...] = tuple(
-    _batch_features(np.random.default_rng(0).normal(size=(1, round(WINDOW_S * RATE_HZ))).astype(np.float32))[0]
-)
+_NOISE = np.random.default_rng(0).normal(size=(1, round(WINDOW_S * RATE_HZ))).astype(np.float32)
+FEATURE_NAMES: tuple[str, ...] = tuple(batch_features(power_spectra(_NOISE))[0])
 """Names of the features, in the order of the columns."""

@@ -8,12 +8,13 @@ sound, and how much of it there is is estimated by a regression fitted on traini
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..framework.core.recording.channels import mixed
-from .features import frequencies, power_spectra
+from .features import FEATURE_NAMES, batch_features, frequencies, spectra_in_batches
 
 SILENT_RMS = 1e-4
 """Root mean square below which a window holds nothing but the rounding of a 16-bit recorder: -80 dB of full scale."""
@@ -25,7 +26,7 @@ _WIND_HZ = 150.0
 _TONE_BINS = slice(1, 97)
 _LIMIT = 6.0
 MEASURES = ("low_share_dB", "low_fluctuation", "tonality_dB", "floor_dB", "flatness_dB")
-"""Measures of background noise, columns of `noise_measures`."""
+"""Measures of background noise, columns of what `features_and_noise` gives."""
 
 
 @dataclass(frozen=True)
@@ -55,44 +56,50 @@ def recording_faults(samples: np.ndarray, rate_hz: float, start_s: np.ndarray, e
     finite = np.isfinite(sound)
     sound[~finite] = 0.0
 
-    def share(flags: np.ndarray) -> np.ndarray:
-        total = np.concatenate([[0.0], np.cumsum(flags, dtype=np.float64)])
-        return (total[last] - total[first]) / np.maximum(last - first, 1)
-
-    clipped = [
-        max(_clipped_share(channel, rate_hz) for channel in channels[begin:end].T)
-        for begin, end in zip(first.tolist(), last.tolist(), strict=True)
-    ]
-    return RecordingFaults(
-        np.sqrt(share(sound**2)), np.array(clipped, dtype=float), share(_in_gap(_held(sound), rate_hz) | ~finite)
-    )
+    windows = [slice(*ends) for ends in zip(first.tolist(), last.tolist(), strict=True)]
+    missing = _in_gap(_held(sound), rate_hz) | ~finite
+    clipped = np.max([_clipped_shares(channel, windows, rate_hz) for channel in channels.T], axis=0)
+    return RecordingFaults(np.sqrt(_shares(sound**2, windows)), clipped, _shares(missing, windows))
 
 
-def _clipped_share(window: np.ndarray, rate_hz: float) -> float:
-    """Give the share of the samples of one channel (m,) that stand at full scale or at a level that cut them off."""
-    window = np.nan_to_num(window.astype(np.float64), nan=0.0, posinf=0.0, neginf=0.0)
-    if not window.size:
-        return 0.0
-    cut = np.abs(window) >= _FULL_SCALE
-    held = _held(window)
+def _shares(values: np.ndarray, windows: Sequence[slice]) -> np.ndarray:
+    """Give the mean of values or flags (m,) in each window, (n,); 0 in one without samples."""
+    sums, sizes = np.array([(values[each].sum(), values[each].size) for each in windows], dtype=float).reshape(-1, 2).T
+    return sums / np.maximum(sizes, 1)
+
+
+def _clipped_shares(channel: np.ndarray, windows: Sequence[slice], rate_hz: float) -> np.ndarray:
+    """Give the share of samples of one channel (m,) at full scale or at a level that cut them off, by window (n,)."""
+    channel = np.nan_to_num(channel.astype(np.float64), nan=0.0, posinf=0.0, neginf=0.0)
+    held = _held(channel)
     equal = (held | np.append(held[1:], False)) & ~_in_gap(held, rate_hz)
-    swing = window - window.mean()
-    return float(np.mean(cut | _flattened(swing, equal) | _flattened(-swing, equal)))
+    cut = np.abs(channel) >= _FULL_SCALE
+    shares = _shares(cut, windows)
+    for index, window in enumerate(windows):
+        alike = channel[window][equal[window]]
+        if alike.size:
+            swing, mean = channel[window], channel[window].mean()
+            flat = [_flattened(sign * (swing - mean), sign * (alike - mean)) for sign in (1, -1)]
+            shares[index] = np.mean(cut[window] | flat[0] | flat[1])
+    return shares
 
 
-def _flattened(side: np.ndarray, equal: np.ndarray) -> np.ndarray:
+def _flattened(side: np.ndarray, alike: np.ndarray) -> np.ndarray:
     """Mark where a recorder cut off one side of a swing (m,), before or after a louder sound went through whole.
 
     There neighbours share one level, more than share the level below, and ten times as many as there are samples beyond
-    it; `equal` marks samples that equal a neighbour.
+    it; `alike` are the samples that equal a neighbour.
     """
-    above = np.sort(side[side > 0.0])
-    level, count = np.unique(side[equal & (side > 0.0)], return_counts=True)
-    piled = (level > _LEAST_CLIP) & (count > np.append(0, count[:-1]))
-    piled &= count >= 10 * (above.size - np.searchsorted(above, level, side="right"))
-    if not piled.any():
-        return np.zeros(side.shape, bool)
-    return side == level[np.argmax(np.where(piled, count, 0))]
+    level, count = np.unique(alike[alike > 0.0], return_counts=True)
+    piled = np.flatnonzero((level > _LEAST_CLIP) & (count > np.append(0, count[:-1])))
+    cut_off, shared, most = np.inf, 0, count[piled].max(initial=0)
+    for index in piled[::-1]:
+        beyond = np.count_nonzero(side > level[index])
+        if 10 * beyond > most:
+            break  # and no lower level has fewer
+        if count[index] >= max(10 * beyond, shared):
+            cut_off, shared = level[index], count[index]
+    return side == cut_off
 
 
 def _held(samples: np.ndarray) -> np.ndarray:
@@ -104,15 +111,14 @@ def _in_gap(held: np.ndarray, rate_hz: float) -> np.ndarray:
     """Mark the samples that lie in a run of unchanged samples of at least `GAP_S`."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], held, [False]]).astype(np.int8)))
     begin, end = edges[::2], edges[1::2]
-    long = end - begin >= GAP_S * rate_hz
-    marks = np.zeros(held.size + 1, dtype=int)
-    np.add.at(marks, begin[long], 1)
-    np.add.at(marks, end[long], -1)
-    return np.cumsum(marks[:-1]) > 0
+    marks = np.zeros(held.size, dtype=bool)
+    for index in np.flatnonzero(end - begin >= GAP_S * rate_hz):
+        marks[begin[index] : end[index]] = True
+    return marks
 
 
-def noise_measures(windows: np.ndarray) -> np.ndarray:
-    """Measure what wind, engines and hiss do to a window.
+def features_and_noise(windows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Describe windows, and measure what wind, engines and hiss do to them.
 
     Parameters
     ----------
@@ -121,31 +127,31 @@ def noise_measures(windows: np.ndarray) -> np.ndarray:
 
     Returns
     -------
-    (n, 5)
+    features : (n, d)
+        Columns as `features.FEATURE_NAMES` [-]; a row of silence, or with a sample that is not finite, is NaN.
+    measures : (n, 5)
         Columns as `MEASURES`: power below 150 Hz against the rest [dB]; how that low power fluctuates from frame to
         frame (standard deviation of its logarithm) [-]; how far the strongest lines stand above the spectrum around
         them [dB]; the quietest tenth of the frames against the loudest [dB]; flatness of the mean spectrum [dB].
     """
-    windows = np.asarray(windows, dtype=np.float32)
-    answer = np.empty((len(windows), len(MEASURES)))
-    for at in range(0, len(windows), 64):
-        answer[at : at + 64] = _batch_measures(windows[at : at + 64])
-    return answer
+    features, measures = np.empty((len(windows), len(FEATURE_NAMES))), np.empty((len(windows), len(MEASURES)))
+    for rows, power in spectra_in_batches(windows):
+        features[rows], measures[rows] = batch_features(power)[1], _batch_measures(power)
+    return features, measures
 
 
-def _batch_measures(windows: np.ndarray) -> np.ndarray:
-    power = power_spectra(windows)
+def _batch_measures(power: np.ndarray) -> np.ndarray:
     power = power / np.maximum(power.max(axis=(1, 2), keepdims=True), 1e-20) + np.float32(1e-9)
-    low = frequencies() < _WIND_HZ
-    rumble, rest = power[:, :, low].sum(axis=2), power[:, :, ~low].sum(axis=2)
-    frames = np.sort(rest, axis=1)
+    split = int(np.searchsorted(frequencies(), _WIND_HZ))
+    rumble, rest = power[:, :, :split].sum(axis=2), power[:, :, split:].sum(axis=2)
+    order = np.argsort(rest, axis=1)
+    frames = np.take_along_axis(rest, order, axis=1)
     tenth = max(1, frames.shape[1] // 10)
     floor = frames[:, :tenth].mean(axis=1) / frames[:, -tenth:].mean(axis=1)
     # Lines show where the quietest frames, which no contact disturbs, still hold a comb of peaks.
-    order = np.argsort(rest, axis=1)[:, : power.shape[1] // 3]
-    steady = np.log(np.take_along_axis(power, order[:, :, None], axis=1).mean(axis=1))
-    ratio = np.abs(np.diff(steady[:, _TONE_BINS], n=2, axis=1))
-    spectrum = power[:, :, ~low].mean(axis=1)
+    quiet = np.take_along_axis(power[:, :, _TONE_BINS], order[:, : power.shape[1] // 3, None], axis=1)
+    ratio = np.abs(np.diff(np.log(quiet.mean(axis=1)), n=2, axis=1))
+    spectrum = power[:, :, split:].mean(axis=1)
     return np.stack(
         [
             10 * np.log10(rumble.mean(axis=1) / rest.mean(axis=1)),
@@ -180,7 +186,7 @@ class NoiseModel:
     low_dB, high_dB
         Estimates at which the quality reaches 0 and 1.
     usual_mean, usual_sd : (5,)
-        `noise_measures` of training sound as it came: what is more than usual names the noise.
+        Noise measures of training sound as it came: what is more than usual names the noise.
     """
 
     mean: np.ndarray

@@ -21,7 +21,7 @@ from .vibration_features import HOP_S, WINDOW_S, VibrationChannels, vibration_fe
 
 SETTINGS = {"rate_hz": SAMPLE_RATE_HZ, "window_s": WINDOW_S, "hop_s": HOP_S}
 """How features are made; a model that was trained otherwise is refused."""
-CANDIDATES = ("free logistic", "fine kernel")
+CANDIDATES = ("logistic", "whitened logistic")
 SPARED = 0.4
 """Share of the training windows that are shown a second time without what the wheels recorded."""
 STILL = np.log(2.0)
@@ -111,6 +111,7 @@ def train_vibration(
     return TerrainClassifier.train(
         np.concatenate([full, without]), np.asarray(label)[order], np.asarray(group)[order],
         modality="vibration", feature_names=channels.names, settings=settings, rng=rng, candidates=CANDIDATES,
+        columns=dict.fromkeys(CANDIDATES, (0, len(channels.names) - channels.of_mounting)),
         degraded=np.arange(len(order)) >= len(features), samples=samples, sample_of=order,
         source=Path(labelled[0].file).parent, notes=said,
         progress=None if progress is None else (lambda share: progress(0.3 + 0.7 * share)),

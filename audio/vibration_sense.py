@@ -42,11 +42,14 @@ class Vibration(Sense):
     def observe(
         self, recording: Recording, track: Track, model: TerrainClassifier, cell_size_m: float
     ) -> Iterator[Observation]:
-        """Classify the whole run, which is in memory."""
+        """Classify the whole run, which is in memory; a window tells of the ground below its middle half."""
         from .vibration import vibration_evidence
 
         run = recording.vibration
         assert run is not None  # see `absence`
         start_s, end_s, evidence = vibration_evidence(run, model)
+        quarter_s = 0.25 * (end_s - start_s)
+        start_s[1:] += quarter_s[1:]
+        end_s[:-1] -= quarter_s[:-1]
         began = float(run.time_s[0])
         yield Observation.under_wheels(evidence, began + start_s, began + end_s, recording, track, cell_size_m)

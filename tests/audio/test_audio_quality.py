@@ -3,15 +3,15 @@ import json
 import numpy as np
 import pytest
 from bevameter.audio.augment import NOISES, add_noise, sounding_power
-from bevameter.audio.features import RATE_HZ, window_features
+from bevameter.audio.features import RATE_HZ
 from bevameter.audio.quality import (
     MEASURES,
     NOISE_FREE_DB,
     NoiseModel,
     RecordingFaults,
     assess,
+    features_and_noise,
     noise_inputs,
-    noise_measures,
     recording_faults,
 )  # fmt: skip
 
@@ -102,13 +102,13 @@ def fitted():
     clean = steps(rng, 60)
     snr = np.concatenate([np.full(60, NOISE_FREE_DB), rng.uniform(-10, 30, 240)])
     windows = np.concatenate([clean, [add_noise(clean[i % 60], snr[60 + i], rng) for i in range(240)]])
-    inputs = noise_inputs(window_features(windows), noise_measures(windows))
+    inputs = noise_inputs(*features_and_noise(windows))
     return NoiseModel.fit(inputs, snr, np.arange(300) % 60 % 6, np.arange(300) < 60)[0]
 
 
 def rate(model, windows):
     faults = RecordingFaults(np.full(len(windows), 0.1), np.zeros(len(windows)), np.zeros(len(windows)))
-    return assess(window_features(windows), noise_measures(windows), faults, model)
+    return assess(*features_and_noise(windows), faults, model)
 
 
 def test_quality_falls_with_noise_that_was_not_trained_on(fitted):
@@ -138,7 +138,7 @@ def test_reasons_name_the_noise(fitted):
 def test_faults_cost_quality_and_are_named(fitted):
     windows = steps(np.random.default_rng(6), 3)
     faults = RecordingFaults(np.array([0.0, 0.1, 0.1]), np.array([0.0, 0.2, 0.0]), np.array([1.0, 0.0, 0.7]))
-    quality, reasons = assess(window_features(windows), noise_measures(windows), faults, fitted)
+    quality, reasons = assess(*features_and_noise(windows), faults, fitted)
     assert (quality == 0).all()
     assert reasons[0][0] == "silent"
     assert reasons[1][0].startswith("clipped")

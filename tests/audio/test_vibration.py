@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bevameter.audio.vibration import classify_vibration, train_vibration
+from bevameter.audio.vibration import classify_vibration, train_vibration, vibration_evidence
 from bevameter.audio.vibration_features import VibrationChannels, vibration_features
 from bevameter.framework.core.classifier.labelled import read_labelled
 from bevameter.framework.core.errors import InputError
@@ -74,6 +74,44 @@ def test_level_and_spectrum_are_those_of_the_signal(labelled):
     by_name = dict(zip(channels.names, features.mean(axis=0), strict=True))
     assert by_name["az_level"] == pytest.approx(np.log(run.channels[:, 3].std()), abs=0.05)
     assert by_name["az_crossings"] == pytest.approx(0.5, abs=0.03)  # of white noise
+
+
+def test_left_and_right_and_the_direction_of_travel_do_not_matter(labelled):
+    run = read_vibration_run(labelled / "imu_0.csv.gz", labelled / "pro_0.csv")
+    left_right = [run.wheel_names.index(name) for name in ("curR", "curL", "velR", "velL")]
+    wheel = run.wheel[:, left_right] * [1, 1, -1, -1]
+    mirrored = replace(run, channels=run.channels * [-1, 1, -1, 1], wheel=wheel)
+    uneven = run.wheel * [1, 1.5, 1, 1.2]
+    for one, other in ((run, mirrored), (replace(run, wheel=uneven), replace(mirrored, wheel=uneven[:, left_right]))):
+        channels = VibrationChannels.of(one)
+        features, again = (vibration_features(each, channels)[0][:, : -channels.of_mounting] for each in (one, other))
+        np.testing.assert_allclose(features, again, rtol=1e-9, atol=1e-9)
+
+
+def test_another_mounting_of_the_sensor_shuts_the_gate(outcome, labelled):
+    run = read_vibration_run(labelled / "imu_0.csv.gz", labelled / "pro_0.csv")
+    tied = run.channels.copy()
+    tied[:, 1] = tied[:, 0]  # two axes that feel one axis
+    for channels, shut in ((run.channels, 0.0), (tied, 1.0)):
+        _, _, evidence = vibration_evidence(replace(run, channels=channels), outcome.classifier)
+        assert evidence.unknown.mean() == shut
+    seen = outcome.classifier.fitted.member_columns
+    assert {last for _, last in seen} == {len(outcome.classifier.feature_names) - VibrationChannels.of(run).of_mounting}
+
+
+@pytest.mark.parametrize(("turned", "response"), [(0.98, np.log(1.0 / 0.42)), (0.0, np.log(0.02 / 0.42))])
+def test_turning_in_place_is_set_against_what_the_wheels_command(labelled, turned, response):
+    run = read_vibration_run(labelled / "imu_0.csv.gz", labelled / "pro_0.csv")
+    wheel, shaken = run.wheel.copy(), 0.01 * run.channels
+    wheel[:, 2:] = [0.2, -0.2]  # m/s
+    shaken[:, 0] += turned  # rad/s
+    channels = VibrationChannels.of(run)
+    features, _ = vibration_features(replace(run, channels=shaken, wheel=wheel), channels)
+    by_name = dict(zip(channels.names, features[0], strict=True))
+    assert by_name["forward"] == pytest.approx(np.log(0.02))
+    assert by_name["turning"] == pytest.approx(np.log(0.42))
+    assert by_name["turning_response"] == pytest.approx(response, abs=0.2)
+    assert by_name["turning_load"] == pytest.approx(np.log(12), abs=0.1)  # A
 
 
 def test_runs_are_classified_with_and_without_their_wheels(outcome, tmp_path):

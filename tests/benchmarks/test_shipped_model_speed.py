@@ -1,4 +1,4 @@
-"""How long the models that come with the package take: a frame, and a second of sound beside librosa's features."""
+"""How long the models that come with the package take: a frame, a prediction, a second of sound beside librosa's."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from bevameter.audio.classify import sound_evidence
 from bevameter.audio.features import RATE_HZ
-from bevameter.framework.core.classifier.shipped import shipped_model
+from bevameter.framework.core.classifier.shipped import shipped_model, shipped_models
 from bevameter.framework.scenario.presets import PRESETS
 from bevameter.vision.classify import patch_evidence
 from bevameter.vision.measures import measures_of
@@ -16,6 +16,9 @@ from bevameter.vision.project import ground_patches
 
 FRAME_ALLOWED_S = 0.015
 SOUND_S = 30.0
+SOUND_ALLOWED = 1e-3
+"""Time that a second of sound may take [s]."""
+PREDICTION_ALLOWED_S = 0.3e-3
 
 pytestmark = pytest.mark.slow
 
@@ -55,3 +58,13 @@ def test_sound(benchmark, way):
     benchmark.pedantic(once, rounds=5, warmup_rounds=1)
     if benchmark.enabled:
         benchmark.extra_info["ms_a_second_of_sound"] = 1e3 * benchmark.stats.stats.min / SOUND_S
+        assert way == "librosa" or benchmark.stats.stats.min < SOUND_ALLOWED * SOUND_S
+
+
+@pytest.mark.parametrize("name", shipped_models())
+def test_one_prediction(benchmark, name):
+    model = shipped_model(name).load()
+    row, quality = model.fitted.mean[None] + 0.3 * model.fitted.scale, np.ones(1)
+    benchmark.pedantic(lambda: model.evidence(row, quality), rounds=500, warmup_rounds=20)
+    if benchmark.enabled:
+        assert benchmark.stats.stats.min < PREDICTION_ALLOWED_S

@@ -329,10 +329,36 @@ def test_progress_rises_to_one(rng):
     assert reported[-1] == 1.0
 
 
-def test_a_kernel_machine_answers_the_same_once_its_matrix_is_folded_away(rng):
-    x, y = rng.normal(size=(300, 6)), rng.integers(3, size=300)
-    machine = fitting.CANDIDATES["kernel"](6, 1).fit(x, y)
-    before = machine.predict_proba(x)
-    fitting._fold(machine)
-    np.testing.assert_allclose(machine.predict_proba(x), before, rtol=0, atol=1e-9)
-    assert not np.any(machine.named_steps["map"].normalization_ - np.eye(250))
+@pytest.mark.parametrize("name", fitting.CANDIDATES)
+@pytest.mark.parametrize("classes", [2, 3])
+def test_members_answer_as_scikit_learn_does(name, classes, rng):
+    x, y = rng.normal(size=(300, 6)), rng.integers(classes, size=300)
+    member = fitting.CANDIDATES[name](6, 1)
+    if name == "reduced logistic":
+        member.set_params(map__n_components=4)
+    before = member.fit(x, y).predict_proba(x)
+    if hasattr(member, "steps"):
+        fitting.fold_map(member)
+        np.testing.assert_allclose(member.predict_proba(x), before, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(fitting._predicted(member, x), before, rtol=0, atol=1e-9)
+
+
+def test_a_whitened_member_passes_over_what_varies_from_group_to_group():
+    """Each class has its direction; a second one, ten times as strong, differs from group to group."""
+    rng = np.random.default_rng(5)
+    direction = rng.normal(size=(2, D))
+
+    def drawn(groups):
+        y = np.arange(groups) % 2
+        centre = (0.1 - 0.2 * y)[:, None] * direction[0] + 10 * rng.normal(size=(groups, 1)) * direction[1]
+        x = (centre[:, None] + 0.1 * rng.normal(size=(groups, 10, D))).reshape(-1, D)
+        return x, np.repeat(y, 10), np.repeat(np.arange(groups), 10)
+
+    x, y, g = drawn(40)
+    rows = fitting.Rows(x, y, g, row_weights(y, g), 2)
+    fresh, truth, _ = drawn(200)
+    right = {}
+    for name in ("stiff logistic", "whitened logistic"):  # of one strength of regularisation
+        model, _, _ = fitting.fit(rows, (name,), np.random.default_rng(0))
+        right[name] = np.mean(model.probabilities(model.standardise(fresh)).argmax(axis=1) == truth)
+    assert right["whitened logistic"] > 0.95 > right["stiff logistic"]

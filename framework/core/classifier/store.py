@@ -26,7 +26,7 @@ from ..errors import InputError
 from ..files import whole
 from ..models import checked
 from .classifier import TerrainClassifier
-from .fitting import Fitted
+from .fitting import Fitted, fold_map
 from .gate import Gate
 from .trust import Trust
 
@@ -266,6 +266,8 @@ def _rebuild(payload: dict, path: Path, version: str) -> TerrainClassifier:
         if not first < last <= d:
             raise InputError(path, f"{first} to {last}", expected=f"some of {d} columns", place="key member_columns")
         _check_member(member, k, last - first)
+        if isinstance(member, Pipeline):
+            fold_map(member)  # done already in files of today
     fitted = Fitted(
         arrays["mean"],
         arrays["scale"],
