@@ -1,6 +1,7 @@
 # make demo : the main job on a synthetic traverse, a few queries, a picture of the map, what the simulation lacks, all in demo/
 # make test : the tests; make slow : those marked slow, on real recordings (../shared/data)
 # make models : train the models that come with the package anew, from the recordings in ../shared/data (four minutes)
+# make docs : the documentation site, in docs/_build
 # All make their own virtual environment in .venv and install there; a second call installs only what changed.
 # PYTHON=python3.12 takes another Python, VENV=folder another environment.
 
@@ -12,7 +13,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check -q
 CODE := $(shell find __init__.py framework vision audio identification database -name '*.py') $(wildcard framework/core/trained/*)
 ABOUT := pyproject.toml requirements.lock
 
-.PHONY: demo test slow benchmark models lint clean
+.PHONY: demo test slow benchmark models lint docs clean
 .DEFAULT_GOAL := demo
 
 demo: $(VENV)/.installed
@@ -55,8 +56,13 @@ lint: $(VENV)/.installed-for-tests
 	@$(BIN)/pyright --pythonpath $(BIN)/python
 	@$(BIN)/lint-imports
 
+docs: $(VENV)/.installed-for-tests
+	@echo "==> the documentation site: docs/_build/index.html"
+	@rm -rf docs/_generated
+	@$(BIN)/python -P -m sphinx -W --keep-going -q -b html docs docs/_build
+
 clean:
-	rm -rf $(VENV) build demo
+	rm -rf $(VENV) build demo docs/_build docs/_generated
 
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Bevameter needs Python 3.11 or later, this is " + sys.version.split()[0] + ": give another with PYTHON=...")'
@@ -76,6 +82,6 @@ $(VENV)/.installed-for-tests: $(BIN)/python $(CODE) $(ABOUT)
 	@echo "==> installing Bevameter, what it needs and what its tests need (minutes, the first time)"
 	@$(PIP) install -c requirements.lock setuptools
 	@rm -rf build
-	@$(PIP) install --no-build-isolation -c requirements.lock '.[dev,excel,fleet,geo,onnx,postgres,video]'
+	@$(PIP) install --no-build-isolation -c requirements.lock '.[dev,docs,excel,fleet,geo,onnx,postgres,video]'
 	@rm -rf build
 	@touch $(VENV)/.installed $@
