@@ -1,4 +1,10 @@
-"""Close the loop: learn several sites slowly, then drive them fast with the database, without it, and with the truth.
+"""
+Planning with and without a terrain database
+============================================
+
+Close the loop: learn several sites slowly, then drive them fast with the database, without it, and with the truth.
+
+::
 
     python docs/gallery/closed_loop.py OUT.png --routes 200
 
@@ -7,6 +13,8 @@ soils, a classifier with errors the classes of the cells, and both go into a ter
 believe different things about the same ground plan the same routes, which are driven on the true ground
 (`proving_ground`). The table printed, and what was assumed, are explained on the page docs/planning.md.
 """
+
+# sphinx_gallery_thumbnail_path = 'images/closed-loop.png'
 
 from __future__ import annotations
 
@@ -174,7 +182,7 @@ def example(driven: list[Driven]) -> tuple[Driven, int]:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[1])
     parser.add_argument("out", type=Path, help="PNG file to write")
     parser.add_argument("--routes", type=int, default=200, help="pairs of start and goal, over all sites")
     parser.add_argument("--sites", type=int, default=8)

@@ -1,7 +1,13 @@
-"""What Fig. 10 and 11 of Iagnemma & Dubowsky (2002) show, on a real recording: soil of dry sand, and its drawbar pull.
+"""
+Soil of dry sand and its drawbar pull (real recording)
+======================================================
+
+What Fig. 10 and 11 of Iagnemma & Dubowsky (2002) show, on a real recording: soil of dry sand, and its drawbar pull.
 
 The paper's testbed data were not published; this uses the single-wheel recording in dry sand of Pavlov (Carnegie
 Mellon Robomechanics Lab, MIT licence): steady-state trials without torque, so that the paper's Eq. 22 does not apply.
+
+::
 
     python docs/gallery/fig10_fig11_real_sand.py WHEEL.csv OUT.png
 """

@@ -1,6 +1,12 @@
-"""Remake Fig. 6 of Iagnemma & Dubowsky (2002): stresses along the rim for two slips and three sinkage exponents.
+"""
+Stresses along the rim
+======================
 
-python docs/gallery/fig6_stress_distributions.py OUT.png
+Remake Fig. 6 of Iagnemma & Dubowsky (2002): stresses along the rim for two slips and three sinkage exponents.
+
+::
+
+    python docs/gallery/fig6_stress_distributions.py OUT.png
 """
 
 from __future__ import annotations

@@ -1,7 +1,13 @@
-"""Remake Fig. 7 and 8 of Iagnemma & Dubowsky (2002): estimates along a simulated drive, and the drawbar pull predicted.
+"""
+Estimates along a simulated drive
+=================================
+
+Remake Fig. 7 and 8 of Iagnemma & Dubowsky (2002): estimates along a simulated drive, and the drawbar pull predicted.
 
 The paper's simulated wheel with 10 % noise and k assumed at 300 %. Two estimators run side by side: the paper's linear
 least squares (Eq. 22), and maximum likelihood with errors in all channels.
+
+::
 
     python docs/gallery/fig7_fig8_simulated_estimates.py OUT.png
 """

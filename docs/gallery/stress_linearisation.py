@@ -1,4 +1,8 @@
-"""Remake the comparison of linear and full stresses of Iagnemma & Dubowsky (2002), Sec. 3.1.
+"""
+Linear and full stresses
+========================
+
+Remake the comparison of linear and full stresses of Iagnemma & Dubowsky (2002), Sec. 3.1.
 
 The paper reports an average difference of 9.34 % (normal) and 12.15 % (shear) over about 60,000 simulations, without
 saying how the difference was defined. Three definitions are given here, each averaged over the simulations:
@@ -6,6 +10,8 @@ saying how the difference was defined. Three definitions are given here, each av
 - mean absolute difference along the contact, over the largest stress;
 - root of the mean squared difference along the contact, over the largest stress;
 - mean absolute difference along the contact, over the mean stress.
+
+::
 
     python docs/gallery/stress_linearisation.py [SIMULATIONS]
 """
