@@ -69,15 +69,17 @@ def summarise(solution: Solution, kept: Measured, wheel: Wheel, *, notes: tuple[
     """
     model = TextbookWheel(wheel)
     covariance, bounded = solution.covariance(), physical(solution)
-    intervals = parameter_intervals(bounded, covariance, model)
     findings: tuple[Finding, ...] = ()
+    other = None
     if form_error.rejected(solution, WRONG_FORM):
         freed = physical(_freed(solution, kept, wheel))
-        # The textbook's values stand, for they predict best with the textbook; the intervals hold both readings.
-        intervals = hull(bounded, intervals, parameter_intervals(freed, freed.covariance(), model))
+        other = parameter_intervals(freed, freed.covariance(), model)
         findings = (_wrong_form(solution, freed),)
     elif solution.misfit > WRONG_FORM:
         findings = (warning("ground_variation", misfit=solution.misfit),)
+    intervals = parameter_intervals(bounded, covariance, model, other)
+    # The textbook's values stand, for they predict best with the textbook; the intervals hold both readings.
+    intervals = intervals if other is None else hull(bounded, intervals, other)
     strength = strengths(bounded, covariance, intervals, model)
     covariance = consistent(covariance, bounded, intervals)
     determined = separable(intervals.quantities, strength, solution.free, solution.misfit)

@@ -84,7 +84,9 @@ class Intervals:
     ends: dict[int, tuple[np.ndarray, np.ndarray]]
 
 
-def parameter_intervals(solution: Solution, covariance: np.ndarray, model: TextbookWheel | FlexibleWheel) -> Intervals:
+def parameter_intervals(
+    solution: Solution, covariance: np.ndarray, model: TextbookWheel | FlexibleWheel, other: Intervals | None = None
+) -> Intervals:
     """Give value, standard deviation and 95 % interval of each parameter in SI.
 
     Parameters
@@ -101,7 +103,11 @@ def parameter_intervals(solution: Solution, covariance: np.ndarray, model: Textb
         sd = math.sqrt(max(covariance[index, index], 0.0))
         ridge = covariance[:, index] / max(covariance[index, index], 1e-300)
         path = ProfilePath(solution.fit.vector, index, ridge)
-        low, high = (profile_end(solution, index, sd, path, direction) for direction in (-1.0, 1.0))
+        known = (None, None) if other is None else (float(end[index]) for end in other.ends[index])
+        low, high = (
+            profile_end(solution, index, sd, path, direction, end)
+            for direction, end in zip((-1.0, 1.0), known, strict=True)
+        )
         return low, high
 
     free = np.flatnonzero(solution.free[: len(model.names)]).tolist()
@@ -163,10 +169,13 @@ def consistent(covariance: np.ndarray, solution: Solution, intervals: Intervals)
     return covariance * np.outer(factor, factor)
 
 
-def profile_end(solution: Solution, index: int, sd: float, path: ProfilePath, direction: float) -> np.ndarray:
+def profile_end(
+    solution: Solution, index: int, sd: float, path: ProfilePath, direction: float, known: float | None = None
+) -> np.ndarray:
     """Walk out along the profile to where it has fallen by the critical value, or to the bound: the vector there.
 
-    Each fit starts on the `path`, which learns from it.
+    Each fit starts on the `path`, which learns from it. An end within a `known` one is not looked for: the best stands
+    for it.
     """
     best, problem = solution.fit, solution.problem
     centre = float(best.vector[index])
@@ -181,7 +190,9 @@ def profile_end(solution: Solution, index: int, sd: float, path: ProfilePath, di
     if solution.widening is not None:
         walk = _WINDING_FAR if len(problem.measured) <= _FEW else _WINDING
     at = min(max(walk.first * sd * solution.quantile, 1e-9 * reach), reach)
-    for _ in range(walk.trials):
+    least = 0.0 if known is None else min((known - centre) * direction, reach)
+    at = least if least > 0.0 else at
+    for trial in range(walk.trials):
         value = centre + direction * at
         # From the last foothold: where a bound has stopped another parameter the path from the best leads astray.
         vector = point.vector + path.ridge * (value - point.vector[index])
@@ -194,6 +205,8 @@ def profile_end(solution: Solution, index: int, sd: float, path: ProfilePath, di
             foreseen=min(walk.foreseen * critical - _UNFORESEEN, walk.foreseen_at_most),
         )  # fmt: skip
         fall = max(2.0 * (best.log_likelihood - profiled.log_likelihood), 1e-6)
+        if trial == 0 and least > 0.0 and fall >= critical:
+            return best.vector
         found = profiled.vector
         if fall <= _CLIFF * critical and np.all(((found > problem.lower) & (found < problem.upper)) | ~solution.free):
             path.lead_through(found)

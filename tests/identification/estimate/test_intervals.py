@@ -33,7 +33,7 @@ class At:
     vector: np.ndarray
 
 
-def end(monkeypatch, profile, direction: float = 1.0, bound: float = 100.0) -> np.ndarray:
+def end(monkeypatch, profile, direction: float = 1.0, bound: float = 100.0, known: float | None = None) -> np.ndarray:
     """Where a profile (log-likelihood of the first parameter, best at 0) has fallen far enough."""
 
     def fit(problem: Held, point: At, **stopping: float):
@@ -46,7 +46,7 @@ def end(monkeypatch, profile, direction: float = 1.0, bound: float = 100.0) -> n
     solution = SimpleNamespace(fit=best, problem=problem, quantile=QUANTILE, widening=None, widened=lambda index: 1.0)
     solution.free = np.ones(2, dtype=bool)
     return intervals.profile_end(
-        solution, 0, 1.0, intervals.ProfilePath(np.zeros(2), 0, np.array([1.0, 0.5])), direction
+        solution, 0, 1.0, intervals.ProfilePath(np.zeros(2), 0, np.array([1.0, 0.5])), direction, known
     )
 
 
@@ -88,3 +88,16 @@ def test_a_friction_with_a_wide_interval_is_not_determined_even_if_strength_is()
     assert determined == {"c_Pa": True, "phi_rad": False, "k_m": True, "stiffness_Pa": True, "n": True}
     narrow = {**quantities, "phi_rad": Quantity(0.2, 0.1, 0.0, 0.39)}
     assert separable(narrow, strength, np.ones(5, dtype=bool), 1.0)["phi_rad"]
+
+
+def test_an_end_within_a_known_one_is_not_looked_for(monkeypatch):
+    tried = []
+
+    def profile(at):
+        tried.append(at)
+        return -0.5 * at**2
+
+    assert end(monkeypatch, profile, known=3.0)[0] == 0.0, "the best stands for it"
+    assert tried == [0.0, 3.0]
+    assert end(monkeypatch, lambda at: -0.5 * at**2, known=1.0)[0] == pytest.approx(QUANTILE, rel=0.1)
+    assert end(monkeypatch, lambda at: -0.5 * at**2, known=-1.0)[0] == pytest.approx(QUANTILE, rel=1e-6)
