@@ -57,6 +57,10 @@ class MapFigure:
         closed = draw.scatter("x", "y", marker="x", source=self._closed, **style)
         for colour, width in (("white", 5.0), ("#d50000", 2.5)):
             draw.rect("x", "y", "side", "side", fill_alpha=0.0, line_color=colour, line_width=width, source=self._mark)
+            draw.scatter(
+                "x", "y", marker="square", size=14, fill_alpha=0.0, line_color=colour, line_width=width,
+                source=self._mark,
+            )  # fmt: skip
         self.figure.add_tools(HoverTool(renderers=[self._rect], tooltips=_TIP, description="value under the pointer"))
         self.figure.add_tools(HoverTool(renderers=[measured, closed], tooltips="@text"))
 
@@ -78,9 +82,10 @@ class MapFigure:
     def size(self) -> tuple[int, int]:
         """Width and height of the map without its axes [px]."""
         try:
-            return self.figure.inner_width, self.figure.inner_height
-        except UnsetValueError:  # the browser has not drawn it yet
-            return _WIDTH, _HEIGHT
+            width, height = self.figure.inner_width, self.figure.inner_height
+        except UnsetValueError:
+            width = height = 0
+        return (width, height) if width > 0 and height > 0 else (_WIDTH, _HEIGHT)  # the browser has not drawn it yet
 
     def fit(self, corners: tuple[float, float, float, float], margin: float) -> None:
         """Bring a region [m] and a margin around it [-] into view."""
@@ -196,4 +201,5 @@ class RegionFigure:
             "name": [f"95 % region if {name} ({100 * shares[name]:.1f} % probable)" for name in names],
         }
         self._mean.data = {"x": [], "y": []} if mean is None else {"x": [mean[0] / 1e3], "y": [math.degrees(mean[1])]}
+        self.figure.height = 230 + 22 * len(names)
         self.figure.visible = bool(names)

@@ -63,6 +63,7 @@ class MapPage:
 
     def add_to(self, document: Document) -> None:
         """Fill a document."""
+        self.document = document
         keys = Div(text="", visible=False, name="key")
         keys.on_change("text", lambda attr, old, new: self.press(new.partition(" ")[0]))
         mirrored = (self.legend, self.details, self.observations)
@@ -178,8 +179,7 @@ class MapPage:
         )
 
         def asked(attr: str, old: object, new: object) -> None:
-            self.layer_name = colour.value
-            stress.visible = colour.value == "strength" or self.selected is not None
+            self.layer_name = colour.value if colour.value in LAYERS else self.layer_name
             for each in of_speed:
                 each.visible = colour.value == "speed"
             if stress.value is not None and sight.value is not None and most.value is not None:
@@ -187,6 +187,10 @@ class MapPage:
                     self.question, normal_stress=1e3 * stress.value, vehicle=self.shared.vehicles.get(vehicle.value),
                     sight_m=float(sight.value), most_m_s=float(most.value),
                 )  # fmt: skip
+            self.legend.text = "<p class=note>Computing ...</p>"
+            self.document.add_next_tick_callback(answered)
+
+        def answered() -> None:
             self.update()
             self._show_details()
 
@@ -267,6 +271,6 @@ def legend_html(shown: Layer, class_names: tuple[str, ...], block: int, widened:
             "half of them are unknown."
         )
     unknown = int(shown.unknown.sum())
-    counted = f"{len(shown.values)} cells, {unknown} of them unknown."
+    counted = f"{len(shown.values):,} cells, {unknown:,} of them unknown."
     parts.append(f"<p class=note>Colour: {escape(shown.title)}. {counted}{several}</p>")
     return "".join(parts)

@@ -15,7 +15,6 @@ from ...database.observations import Drive
 from ...database.posterior import ClassSoil, measured_class
 from ...database.snapshot import Snapshot
 from ..core.html import picture, table
-from .explanations import explanations
 from .layers import DEFAULT_CONFIDENCE, Question
 from .pictures import tightening, timeline
 from .site import Site
@@ -179,7 +178,13 @@ def _reasons(drive: Drive) -> str:
     )
 
 
+def _explanations(site: Site, shared: Shared) -> str:
+    from .explanations import explanations  # with the mechanics of wheels, which take a second to import
+
+    return explanations(site, shared)
+
+
 PAGE_BODIES: Mapping[str, Callable[[Site, Shared], str]] = {
-    "classes": classes, "drives": drives, "physics": explanations,
+    "classes": classes, "drives": drives, "physics": _explanations,
 }  # fmt: skip
 """The pages' bodies as HTML, by path."""

@@ -216,7 +216,10 @@ class View:
         except OSError as error:
             taken = "is taken" if error.errno == errno.EADDRINUSE else str(error.strerror)
             raise InputError("--port", f"{port} {taken}", expected="a free port; 0 finds one") from error
-        logging.getLogger("tornado.access").setLevel(logging.ERROR)
+        for name in ("tornado.access", "tornado.general"):  # what browsers ask for in vain is no news
+            logging.getLogger(name).setLevel(logging.ERROR)
+        # It names an option that this command has not got.
+        logging.getLogger("bokeh.server.views.ws").addFilter(lambda record: "Refusing" not in str(record.msg))
 
     @property
     def url(self) -> str:
