@@ -10,9 +10,11 @@ from urllib.parse import urlencode
 import numpy as np
 from scipy.stats import f as fisher
 
+from ...database.answer import GroundAnswer
 from ...database.exports import answer_rows
 from ...database.posterior import ClassSoil
 from ...database.snapshot import Snapshot
+from ...database.speed import speed_limit_of_each
 from ..core.html import table
 from .layers import Question
 from .recordings import Recordings
@@ -33,15 +35,19 @@ def cell_html(site: Site, cell: tuple[int, int], question: Question) -> str:
     parts = [
         f"<h2>Cell at x = {x:.2f} m, y = {y:.2f} m</h2>",
         f"<p class=verdict>{escape(_verdict(row, question))}</p>",
-        _strength(row, question),
+        _strength(row, _speed(answer, question), question),
         _classes(row),
     ]
     return "".join(parts)
 
 
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
 def _verdict(row: dict, question: Question) -> str:
     name = row["class"]
-    of_class = f"{name}, {100 * row['class_probabilities'][name]:.1f} % probable" if name else "class unknown"
+    of_class = f"{_capital(name)}, {100 * row['class_probabilities'][name]:.1f} % probable" if name else "Class unknown"
     if not row["known"]:
         return f"{of_class}. Soil unknown: {row['unknown']}."
     return (
@@ -50,7 +56,15 @@ def _verdict(row: dict, question: Question) -> str:
     )
 
 
-def _strength(row: dict, question: Question) -> str:
+def _speed(answer: GroundAnswer, question: Question) -> tuple[tuple[str, str], ...]:
+    """Give the row of the speed limit, where a vehicle was chosen, with what binds it."""
+    if question.vehicle is None:
+        return ()
+    found = speed_limit_of_each(answer, question.vehicle, sight_m=question.sight_m, most_m_s=question.most_m_s)
+    return ((f"speed limit of {question.vehicle.name}: {found.reason[0]}", number(float(found.limit_m_s[0]), "m/s")),)
+
+
+def _strength(row: dict, speed: tuple[tuple[str, str], ...], question: Question) -> str:
     def scaled(key: str, scale: float) -> float | None:
         return None if row[key] is None else row[key] * scale
 
@@ -69,10 +83,11 @@ def _strength(row: dict, question: Question) -> str:
         (f"shear strength at {stress}, expected", number(scaled("shear_strength_Pa", 1e-3), "kPa")),
         ("cohesion c", cohesion),
         ("friction angle phi", friction),
+        *speed,
         ("age of the newest look", age(row["age_s"])),
         ("drives that recognised it", str(row["observations"])),
     ]
-    note = f"<p class=note>{escape(row['note'])}.</p>" if row["note"] else ""
+    note = f"<p class=note>{escape(_capital(row['note']))}.</p>" if row["note"] else ""
     return table(("", "value"), rows) + note
 
 

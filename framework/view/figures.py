@@ -42,16 +42,17 @@ class MapFigure:
         none: dict[str, list] = {"x": [], "y": []}
         self._image = ColumnDataSource({"image": [], "x": [], "y": [], "dw": [], "dh": []})
         self._squares = ColumnDataSource({**none, "fill": [], "hatch": [], "text": []})
-        self._side = 1.0
+        self.drawn_side = 0.0
         self._measured, self._closed = ColumnDataSource({**none, "text": []}), ColumnDataSource({**none, "text": []})
         self._tracks = ColumnDataSource({"xs": [], "ys": []})
         self._mark = ColumnDataSource({**none, "side": []})
         draw.image_rgba("image", "x", "y", "dw", "dh", source=self._image)
         self._rect = draw.rect(
             "x", "y", 1.0, 1.0, fill_color="fill", line_color=None, hatch_pattern="hatch", hatch_color=HATCH_COLOUR,
-            hatch_weight=1.5, hatch_scale=8.0, source=self._squares,
+            hatch_weight=1.0, hatch_scale=8.0, source=self._squares,
         )  # fmt: skip
-        draw.multi_line("xs", "ys", color="#111111", line_width=1.2, source=self._tracks)
+        for colour, width in (("white", 3.5), ("#111111", 1.2)):
+            draw.multi_line("xs", "ys", color=colour, line_width=width, source=self._tracks)
         style = {"size": 7, "line_color": "#111111", "line_width": 1.5}
         measured = draw.scatter("x", "y", marker="circle", fill_color="white", source=self._measured, **style)
         closed = draw.scatter("x", "y", marker="x", source=self._closed, **style)
@@ -119,7 +120,7 @@ class MapFigure:
         """Draw cells one by one; say whether they are drawn wider than they are, to be seen."""
         names, size = site.snapshot.class_names, site.snapshot.cell_size_m
         x0, _, x1, _ = self.view
-        side = max(size, _LEAST_PX * (x1 - x0) / self.size[0])
+        self.drawn_side = side = max(size, _LEAST_PX * (x1 - x0) / self.size[0])
         values = layer.values[rows]
         colours = colours_of(layer, names, values)
         if layer.shown == "most":

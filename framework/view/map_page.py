@@ -157,7 +157,14 @@ class MapPage:
             self.map.fit(self.site.snapshot.extent, _MARGIN)
 
     def _tapped(self, event: Any) -> None:
-        self.select(self.site.cell_at(event.x, event.y))
+        cell, near = self.site.cell_at(event.x, event.y), self.site.nearest(event.x, event.y)
+        if near is not None and near != cell:
+            # Cells are drawn wider than they are where they would be too small to be seen.
+            x, y = self.site.centre_of(near)
+            reach = 0.5 * max(self.map.drawn_side, self.site.snapshot.cell_size_m)
+            if max(abs(x - event.x), abs(y - event.y)) <= reach:
+                cell = near
+        self.select(cell)
 
     def _resized(self) -> None:
         self.map.keep_square()

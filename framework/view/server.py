@@ -42,6 +42,9 @@ if TYPE_CHECKING:
 ADDRESS = "127.0.0.1"
 """Nobody but users of this machine gets at the pages."""
 
+_DAY_S = 86400
+"""A page that was loaded so long ago still gets its numbers, as after the computer slept [s]."""
+
 _MAP = Template(
     """{% extends base %}
 {% block postamble %}<style>{{ style }}</style>{% endblock %}
@@ -212,6 +215,7 @@ class View:
             self._server = Server(
                 {"/": Application(FunctionHandler(partial(_open_map, shared)))}, address=ADDRESS, port=port,
                 allow_websocket_origin=list(hosts), extra_patterns=patterns, keep_alive_milliseconds=10_000,
+                session_token_expiration=_DAY_S,
             )  # fmt: skip
         except OSError as error:
             taken = "is taken" if error.errno == errno.EADDRINUSE else str(error.strerror)

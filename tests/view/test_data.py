@@ -85,13 +85,17 @@ def test_what_is_known_of_a_cell(site):
     html = cell_html(site, (2, 1), Question())
     answer = site.snapshot.at(*site.centre_of((2, 1)))
     assert f"{answer.shear_strength_lower[0] / 1e3:.3g} kPa" in html
-    assert "sand, 100.0 % probable" in html
+    assert "Sand, 100.0 % probable" in html
     assert "drives that recognised it</td><td>3" in html
     assert "Soil unknown: no soil data for class asphalt" in cell_html(site, (2, 3), Question())
     dark = cell_html(site, (9, 0), Question())
     assert "too &lt;dark&gt;" in dark
     assert "<dark>" not in dark
     assert dark.count(">unknown<") == 4, "strength, its bound, c and phi"
+    with_vehicle = cell_html(site, (2, 1), Question(vehicle=ROVER))
+    limit = speed_limit_of_each(answer, ROVER, sight_m=6.0, most_m_s=5.0)
+    assert f"speed limit of rover: {limit.reason[0]}" in with_vehicle
+    assert f"{limit.limit_m_s[0]:.3g} m/s" in with_vehicle
     assert "nobody has seen this ground" in cell_html(site, (500, 0), Question())
     assert "nan" not in (html + dark).lower()
     looks = site.looks_at((2, 1))

@@ -160,7 +160,7 @@ def test_in_a_browser(running, browser):
     x, y = browser.js(IN_VIEW.replace("X", "1.2").replace("Y", "0.7"))
     browser.click(x, y)
     browser.wait("document.getElementById('details').innerText.includes('Cell at x = 1.25 m, y = 0.75 m')")
-    assert "sand, 100.0 % probable. It bears at least" in shown(browser)
+    assert "Sand, 100.0 % probable. It bears at least" in shown(browser)
     assert "drive 2, 2026-03-03 09:00:00 UTC" in shown(browser, "observations")
     assert "no recording that could be read in" in shown(browser, "observations")
     regions = "Bokeh.documents[0].get_model_by_name('regions').visible"
