@@ -15,6 +15,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
 
 from ..database.observations import Drive, SoilObservation
 from ..database.snapshot import Snapshot
@@ -181,7 +182,8 @@ def _draw_track(axes: Axes, recording: Recording, soils: Sequence[SoilObservatio
         return
     holes = np.searchsorted(track.time_s, track.holes_s[:, 0], side="right")
     x_m, y_m = (np.insert(values, holes, np.nan) for values in (track.x_m, track.y_m))  # no line leads over a hole
-    axes.plot(x_m, y_m, color=_SLOW_COLOUR, linewidth=0.8, alpha=0.8, zorder=3)
+    edged = [withStroke(linewidth=2.4, foreground="white")]  # seen on dark ground, too
+    axes.plot(x_m, y_m, color=_SLOW_COLOUR, linewidth=0.8, zorder=3, path_effects=edged)
     used = [soil for soil in soils if soil.estimate is not None and not soil.gate_reason]
     lines = []
     for soil in used:
