@@ -109,7 +109,7 @@ def looks_html(looks: Sequence[Look], recordings: Recordings) -> str:
 
 def _look(look: Look, recordings: Recordings) -> str:
     best = sorted(look.probabilities.items(), key=lambda each: -each[1])[:3]
-    said = ", ".join(f"{name} {100 * share:.1f} %" for name, share in best) or "not recognised"
+    said = ", ".join(f"{name} {100 * share:.1f} %" for name, share in best if share >= 5e-4) or "not recognised"
     clock = f"{look.time_s:.1f} s on the recording's clock"
     when = clock if look.when is None else f"{moment(look.when)}, {clock}"
     reasons = f"<p class=note>{escape('; '.join(look.reasons))}</p>" if look.reasons else ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
@@ -18,12 +18,15 @@ from ..core.html import picture, table
 from .layers import DEFAULT_CONFIDENCE, Question
 from .pictures import tightening, timeline
 from .site import Site
-from .words import UNKNOWN, interval, moment, number, with_sd
+from .words import UNKNOWN, interval, moment, number, titled, with_sd
 
 if TYPE_CHECKING:
     from .server import Shared
 
 _CLASS_COLUMNS = ("class", "cells", "stretches", "c [kPa]", "phi [deg]", "strength, expected", "lower bound (95 %)")
+_MOST_DETAILED = 8
+"""Drives that are shown in detail at once."""
+
 _MODEL_LETTERS = 8
 """Letters of a model's digest that are shown."""
 
@@ -33,7 +36,7 @@ _TIMELINE = (
 )
 
 
-def classes(site: Site, shared: Shared) -> str:
+def classes(site: Site, shared: Shared, drive: str) -> str:
     """Say what is known of every class, and how that came drive by drive."""
     stress = Question().normal_stress
     rows = class_rows(site.snapshot, normal_stress=stress, confidence=DEFAULT_CONFIDENCE)
@@ -103,22 +106,38 @@ def _phi(tan_phi: float, sd: float) -> str:
     return with_sd(math.degrees(math.atan(tan_phi)), math.degrees(sd / (1.0 + tan_phi**2)), "")
 
 
-def drives(site: Site, shared: Shared) -> str:
-    """List the drives, and say of each what was seen and measured when, and why the rest was not."""
+def drives(site: Site, shared: Shared, drive: str) -> str:
+    """List the drives, and say of one, or of the newest, what was seen and measured when, and why the rest was not."""
     found = list(reversed(site.drives))
     if not found:
         return "<h1>Drives</h1><p>The database holds no drive yet.</p>"
     head = ("drive", "when", "vehicle", "models", "cells", "recognised", "stretches", "with soil", "recording")
     rows = [_drive_row(drive, shared) for drive in found]
     body = ["<h1>Drives</h1>", table(head, rows, text_columns=(0, 1, 2, 3, 8))]
-    for drive in found:
-        body.append(f"<h2>{escape(drive.name)}</h2>")
-        drawn = timeline(drive)
+    shown = [each for each in found if str(each.id) == drive] or found[:_MOST_DETAILED]
+    if len(found) > _MOST_DETAILED:
+        body.append(_choice(found, shown, site))
+    for each in shown:
+        body.append(f"<h2>{escape(each.name)}</h2>")
+        drawn = timeline(each)
         if drawn is not None:
-            drawn = picture(drawn, "png", f"what {drive.name} recognised and measured, over time")
+            drawn = picture(drawn, "png", f"what {each.name} recognised and measured, over time")
             body.append(f"<figure>{drawn}<figcaption>{_TIMELINE}</figcaption></figure>")
-        body += [_stretches(drive), _reasons(drive), f"<p class=note>Method: {escape(drive.method)}.</p>"]
+        body += [_stretches(each), _reasons(each), f"<p class=note>Method: {escape(each.method)}.</p>"]
     return "".join(body)
+
+
+def _choice(found: Sequence[Drive], shown: Sequence[Drive], site: Site) -> str:
+    """Let one drive be chosen, where there are too many to show all."""
+    newest = f"the newest {_MOST_DETAILED}"
+    options = [f"<option value=''>{newest}</option>"]
+    for each in found:
+        chosen = " selected" if [each] == list(shown) else ""
+        options.append(f"<option value='{each.id}'{chosen}>{escape(titled(each))}</option>")
+    return (
+        f"<form method=get><input type=hidden name=site value='{escape(site.name)}'><label>Details of "
+        f'<select name=drive onchange="this.form.submit()">{"".join(options)}</select></label></form>'
+    )
 
 
 def _drive_row(drive: Drive, shared: Shared) -> tuple[str, ...]:
@@ -178,13 +197,13 @@ def _reasons(drive: Drive) -> str:
     )
 
 
-def _explanations(site: Site, shared: Shared) -> str:
+def _explanations(site: Site, shared: Shared, drive: str) -> str:
     from .explanations import explanations  # with the mechanics of wheels, which take a second to import
 
     return explanations(site, shared)
 
 
-PAGE_BODIES: Mapping[str, Callable[[Site, Shared], str]] = {
+PAGE_BODIES: Mapping[str, Callable[[Site, Shared, str], str]] = {
     "classes": classes, "drives": drives, "physics": _explanations,
 }  # fmt: skip
-"""The pages' bodies as HTML, by path."""
+"""The pages' bodies as HTML by path, of a site, and of the drive of an identity where one was chosen."""

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
+from uuid import UUID
 
 import numpy as np
 from bokeh.application import Application
@@ -25,8 +26,10 @@ from tornado.web import HTTPError, RequestHandler
 
 from ...database.drive_rows import drive_rows
 from ...database.observations import Drive
+from ...database.reader import SiteReader
 from ...database.store import TerrainDatabase
 from ..core.errors import BevameterError, InputError
+from ..core.recording.types import Recording
 from ..core.track.way import track_of
 from ..core.vehicle import Vehicle
 from ..placement import Placement, moved
@@ -87,6 +90,8 @@ class Shared:
 
     def __post_init__(self) -> None:
         self._sites: dict[str, Site] = {}
+        self._readers: dict[str, SiteReader] = {}
+        self._tracks: dict[UUID, tuple[np.ndarray, np.ndarray] | None] = {}
 
     def site(self, name: str | None) -> Site:
         """Give a site as the database has it now; the first one where none is named.
@@ -99,10 +104,8 @@ class Shared:
         names = self.database.sites()
         if name is None:
             name = self.first or (names[0] if names else "")
-        if name in self._sites:
-            self._sites[name].refresh()
-        else:
-            self._sites[name] = Site(self.database, name)
+        reader = self._readers.setdefault(name, self.database.reader(name or None))
+        self._sites[name] = Site.read(self.database, reader, self._sites.get(name))
         return self._sites[name]
 
     def digests(self) -> frozenset[str]:
@@ -115,11 +118,18 @@ class Shared:
         recording = self.recordings.of(drive.recording_digest)
         if recording is None:
             return None
-        track = track_of(moved(recording, Placement(drive.site, drive.origin, drive.offset)))
-        if track is None:
-            return None
-        holes = np.searchsorted(track.time_s, track.holes_s[:, 0], side="right")
-        return np.insert(track.x_m, holes, np.nan), np.insert(track.y_m, holes, np.nan)
+        if drive.id not in self._tracks:
+            self._tracks[drive.id] = _track(recording, drive)
+        return self._tracks[drive.id]
+
+
+def _track(recording: Recording, drive: Drive) -> tuple[np.ndarray, np.ndarray] | None:
+    """Give the way of a recording in the frame of its drive's site, without lines over holes."""
+    track = track_of(moved(recording, Placement(drive.site, drive.origin, drive.offset)))
+    if track is None:
+        return None
+    holes = np.searchsorted(track.time_s, track.holes_s[:, 0], side="right")
+    return np.insert(track.x_m, holes, np.nan), np.insert(track.y_m, holes, np.nan)
 
 
 class _Handler(RequestHandler):
@@ -139,7 +149,7 @@ class _Page(_Handler):
     def get(self) -> None:
         try:
             site = self.shared.site(self.get_argument("site", None))
-            body = PAGE_BODIES[self.which](site, self.shared)
+            body = PAGE_BODIES[self.which](site, self.shared, self.get_argument("drive", ""))
         except BevameterError as error:
             raise HTTPError(HTTPStatus.NOT_FOUND, reason=str(error).encode("ascii", "replace").decode()) from error
         self.finish(page(f"{PAGES[self.which]}: {site.name}", self.which, site, self.shared.database.sites(), body))
@@ -238,7 +248,7 @@ class View:
                 asyncio.get_event_loop_policy().get_event_loop().add_signal_handler(number, loop.stop)
         self._server.start()
         if show:
-            loop.add_callback(webbrowser.open, self.url)
+            loop.run_in_executor(None, webbrowser.open, self.url)
         with suppress(KeyboardInterrupt):
             loop.start()
         self._server.stop()

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
 import numpy as np
 
 from ...database.belief import cells_on_grid
-from ...database.observations import Drive
-from ...database.posterior import ClassSoil, class_soils
+from ...database.observations import Drive, SoilObservation
+from ...database.posterior import ClassSoil, class_soils, measured_class
+from ...database.reader import SiteReader
 from ...database.snapshot import Snapshot
 from ...database.store import TerrainDatabase
 from ..core.pooling import cells_from_keys
+
+MOST_STEPS = 20
+"""Most steps in which a class is shown to become known."""
 
 
 @dataclass(frozen=True)
@@ -48,30 +52,31 @@ class Look:
 
 
 class Site:
-    """One site of a database; for one thread.
+    """One site of a database, as it was when it was read.
 
     Parameters
     ----------
     database
         The database.
-    name
-        The site; empty for a database that holds no drive.
+    snapshot
+        What is known of the site.
+    drives
+        The drives that it rests on, with their fused looks.
     """
 
-    def __init__(self, database: TerrainDatabase, name: str) -> None:
-        self.database = database
-        self._reader = database.reader(name or None)
-        self._of: Snapshot | None = None
-        self.refresh()
+    def __init__(self, database: TerrainDatabase, snapshot: Snapshot, drives: Sequence[Drive]) -> None:
+        self.database, self.snapshot = database, snapshot
+        early = datetime.min.replace(tzinfo=UTC)
+        # In order of time; those of which nobody knows when they were come first, as imported.
+        self.drives = sorted(drives, key=lambda drive: drive.started or early)
+        columns, rows = cells_from_keys(snapshot.cells.key).T
+        self.columns, self.rows = np.ascontiguousarray(columns), np.ascontiguousarray(rows)
 
-    def refresh(self) -> Snapshot:
-        """Read what is new in the database; the same snapshot again where nothing is."""
-        self.snapshot = self._reader.snapshot()
-        if self.snapshot is not self._of:
-            self._of = self.snapshot
-            columns, rows = cells_from_keys(self.snapshot.cells.key).T
-            self.columns, self.rows = np.ascontiguousarray(columns), np.ascontiguousarray(rows)
-        return self.snapshot
+    @staticmethod
+    def read(database: TerrainDatabase, reader: SiteReader, known: Site | None = None) -> Site:
+        """Read a site; the known one again where nothing is new. Raises `InputError` where it cannot be read."""
+        snapshot = reader.snapshot()
+        return known if known is not None and known.snapshot is snapshot else Site(database, snapshot, reader.drives)
 
     @property
     def name(self) -> str:
@@ -79,15 +84,9 @@ class Site:
         return self.snapshot.site
 
     @property
-    def drives(self) -> list[Drive]:
-        """Its drives in order of time; those of which nobody knows when they were come first, as imported."""
-        early = datetime.min.replace(tzinfo=UTC)
-        return sorted(self._reader.drives, key=lambda drive: drive.started or early)
-
-    @property
     def synthetic(self) -> bool:
         """Whether any drive is of a synthetic world."""
-        return any(drive.synthetic for drive in self._reader.drives)
+        return any(drive.synthetic for drive in self.drives)
 
     def cell_at(self, x: float, y: float) -> tuple[int, int]:
         """Give column and row of the cell that a place [m] lies in."""
@@ -115,17 +114,24 @@ class Site:
         return found
 
     def soil_history(self) -> dict[str, list[tuple[Drive, ClassSoil]]]:
-        """Give by class what was known of its soil after each drive that measured it, in order of time."""
-        history: dict[str, list[tuple[Drive, ClassSoil]]] = {}
-        soils = []
+        """Give by class what was known of its soil after each drive that measured it, in order of time.
+
+        Of more than `MOST_STEPS` drives some are left out, evenly, and neither the first nor the last.
+        """
+        measured: dict[str, list[tuple[Drive, list[SoilObservation]]]] = {}
         for drive in self.drives:
-            if not drive.soils:
-                continue
-            soils += drive.soils
-            for name, soil in class_soils(soils).items():
-                known = history.setdefault(name, [])
-                if not known or soil.stretches != known[-1][1].stretches:
-                    known.append((drive, soil))
+            own: dict[str, list[SoilObservation]] = {}
+            for soil in drive.soils:
+                if (name := measured_class(soil)) is not None:
+                    own.setdefault(name, []).append(soil)
+            for name, soils in own.items():
+                measured.setdefault(name, []).append((drive, soils))
+        history: dict[str, list[tuple[Drive, ClassSoil]]] = {}
+        for name, steps in measured.items():
+            last = len(steps) - 1
+            for step in np.unique(np.linspace(0, last, min(len(steps), MOST_STEPS)).astype(int)).tolist():
+                soils = [soil for _, some in steps[: step + 1] for soil in some]
+                history.setdefault(name, []).append((steps[step][0], class_soils(soils)[name]))
         return history
 
 

@@ -35,7 +35,7 @@ def stretch(start_s: float, c_Pa: float, phi_deg: float, gate: str = "") -> Soil
     )  # fmt: skip
 
 
-def drive(number: int, site: str = "quarry", soils: tuple[SoilObservation, ...] = ()) -> Drive:
+def a_drive(number: int, site: str = "quarry", soils: tuple[SoilObservation, ...] = ()) -> Drive:
     """Ten by four cells of half a metre: sand, asphalt in the top row, and one in the corner that is too dark."""
     x, y = (each.ravel() for each in np.meshgrid(np.arange(10), np.arange(4)))
     sand = np.where(y == 3, 0.02, 0.98)
@@ -56,10 +56,10 @@ def path(tmp_path_factory) -> Path:
     """The database's file."""
     path = tmp_path_factory.mktemp("view") / "terrain.db"
     with TerrainDatabase(path) as database:
-        database.add_drive(drive(1, soils=(stretch(0.0, 800.0, 29.0), stretch(10.0, 0.0, 0.0, "in the rut"))))
-        database.add_drive(drive(2, soils=(stretch(0.0, 900.0, 30.0), stretch(20.0, 850.0, 31.0))))
-        database.add_drive(drive(3))
-        database.add_drive(drive(4, site="beach <1>"))
+        database.add_drive(a_drive(1, soils=(stretch(0.0, 800.0, 29.0), stretch(10.0, 0.0, 0.0, "in the rut"))))
+        database.add_drive(a_drive(2, soils=(stretch(0.0, 900.0, 30.0), stretch(20.0, 850.0, 31.0))))
+        database.add_drive(a_drive(3))
+        database.add_drive(a_drive(4, site="beach <1>"))
     return path
 
 
@@ -67,3 +67,13 @@ def path(tmp_path_factory) -> Path:
 def database(path):
     with TerrainDatabase(path, must_exist=True) as database:
         yield database
+
+
+@pytest.fixture
+def drive():
+    """Makes drives at the quarry: of a number, with stretches on classes."""
+
+    def make(number: int, measured: tuple[str, ...] = ()) -> Drive:
+        return a_drive(number, soils=tuple(stretch(0.0, 800.0 + 5.0 * number, 30.0) for _ in measured))
+
+    return make

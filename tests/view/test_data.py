@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from html import escape
+
 import numpy as np
 import pytest
 
@@ -11,15 +14,18 @@ try:
 except ModuleNotFoundError:
     pytest.skip("the extra view is not installed", allow_module_level=True)
 
-from bevameter import InputError, Vehicle, Wheel
+from bevameter import InputError, TerrainDatabase, Vehicle, Wheel
 from bevameter.database.speed import speed_limit_of_each
 from bevameter.framework.colours import UNKNOWN_COLOUR
 from bevameter.framework.view.cell import cell_html, looks_html, region_of, regions
 from bevameter.framework.view.layers import LAYERS, Question, layer
-from bevameter.framework.view.map_page import legend_html
+from bevameter.framework.view.map_page import MapPage, legend_html
+from bevameter.framework.view.pages import PAGE_BODIES
 from bevameter.framework.view.raster import HATCH_COLOUR, colours_of, image_of
 from bevameter.framework.view.recordings import Recordings
+from bevameter.framework.view.server import Shared
 from bevameter.framework.view.site import Site
+from bokeh.document import Document
 from matplotlib.colors import to_hex
 from scipy.stats import chi2, multivariate_t
 
@@ -28,7 +34,7 @@ ROVER = Vehicle(name="rover", wheels=(Wheel(radius_m=0.15, width_m=0.12),))
 
 @pytest.fixture
 def site(database) -> Site:
-    return Site(database, "quarry")
+    return Site.read(database, database.reader("quarry"))
 
 
 def row_of(site, column, row) -> int:
@@ -94,7 +100,7 @@ def test_what_is_known_of_a_cell(site):
     assert dark.count(">unknown<") == 4, "strength, its bound, c and phi"
     with_vehicle = cell_html(site, (2, 1), Question(vehicle=ROVER))
     limit = speed_limit_of_each(answer, ROVER, sight_m=6.0, most_m_s=5.0)
-    assert f"speed limit of rover: {limit.reason[0]}" in with_vehicle
+    assert f"speed limit of rover: {escape(limit.reason[0])}" in with_vehicle
     assert f"{limit.limit_m_s[0]:.3g} m/s" in with_vehicle
     assert "nobody has seen this ground" in cell_html(site, (500, 0), Question())
     assert "nan" not in (html + dark).lower()
@@ -129,3 +135,34 @@ def test_a_class_becomes_known_drive_by_drive(site):
     first, last = (soil.strength.predictive_covariance for _, soil in history["sand"])
     assert np.linalg.det(last) < np.linalg.det(first)
     np.testing.assert_array_equal(last, site.snapshot.soils["sand"].strength.predictive_covariance)
+
+
+def test_a_database_that_grows_and_a_page_that_is_open_meanwhile(tmp_path, drive, monkeypatch):
+    monkeypatch.setattr("bevameter.framework.view.site.MOST_STEPS", 4)
+    with TerrainDatabase(tmp_path / "terrain.db") as database:
+        database.make()
+        shared = Shared(database, Recordings())
+        empty = shared.site(None)
+        for path, body in PAGE_BODIES.items():
+            assert "no drive" in body(empty, shared, "").lower() or path == "physics"
+        MapPage(empty, shared).add_to(Document())
+        database.add_drive(drive(1))
+        first = shared.site(None)
+        page, document = MapPage(first, shared), Document()
+        page.add_to(document)
+        assert shared.site("quarry") is shared.site("quarry")
+        for number in range(2, 11):
+            one = drive(number, ("sand",))
+            database.add_drive(replace(one, terrain=replace(one.terrain, cell_x=one.terrain.cell_x + number)))
+        now = shared.site("quarry")
+        assert (len(now.drives), len(first.drives)) == (10, 1)
+        assert len(now.columns) > len(first.columns)
+        page.press("0")  # draws what it knows
+        steps = now.soil_history()["sand"]
+        assert len(steps) == 4
+        assert [steps[at][0].name for at in (0, -1)] == ["drive 2", "drive 10"]
+        everything = PAGE_BODIES["drives"](now, shared, "")
+        assert everything.count("<h2>") == 8
+        chosen = PAGE_BODIES["drives"](now, shared, str(now.drives[3].id))
+        assert chosen.count("<h2>") == 1
+        assert "<h2>drive 4</h2>" in chosen

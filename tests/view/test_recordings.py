@@ -96,8 +96,8 @@ def test_what_is_missing_in_words_and_curves(folder, tmp_path):
     table = recording.wheel
     soil = SoilObservation(2.0, 12.0, math.nan, math.nan, {"sand": 0.97}, estimate(), (5e3, 3e4), 110.0)
     with stored(tmp_path / "terrain.db", recording.digest, soil) as database:
-        site = Site(database, "quarry")
-        alone = PAGE_BODIES["physics"](site, Shared(database, Recordings()))
+        site = Site.read(database, database.reader("quarry"))
+        alone = PAGE_BODIES["physics"](site, Shared(database, Recordings()), "")
         assert "Missing: slip-sinkage (98 %)" in alone
         assert "A slipping wheel carries soil out from under itself" in alone
         assert "n = n0 + n1 |i|" in alone
