@@ -19,7 +19,7 @@ from ..core.html import table
 from .layers import Question
 from .recordings import Recordings
 from .site import Look, Site
-from .words import UNKNOWN, age, moment, number, titled, with_sd
+from .words import UNKNOWN, age, capital, moment, number, titled, with_sd
 
 LEAST_SHOWN = 0.05
 """Classes of less probability have no region of their own in the picture of c and phi [-]."""
@@ -41,13 +41,9 @@ def cell_html(site: Site, cell: tuple[int, int], question: Question) -> str:
     return "".join(parts)
 
 
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
-
-
 def _verdict(row: dict, question: Question) -> str:
     name = row["class"]
-    of_class = f"{_capital(name)}, {100 * row['class_probabilities'][name]:.1f} % probable" if name else "Class unknown"
+    of_class = f"{capital(name)}, {100 * row['class_probabilities'][name]:.1f} % probable" if name else "Class unknown"
     if not row["known"]:
         return f"{of_class}. Soil unknown: {row['unknown']}."
     return (
@@ -87,7 +83,7 @@ def _strength(row: dict, speed: tuple[tuple[str, str], ...], question: Question)
         ("age of the newest look", age(row["age_s"])),
         ("drives that recognised it", str(row["observations"])),
     ]
-    note = f"<p class=note>{escape(_capital(row['note']))}.</p>" if row["note"] else ""
+    note = f"<p class=note>{escape(capital(row['note']))}.</p>" if row["note"] else ""
     return table(("", "value"), rows) + note
 
 

@@ -18,7 +18,7 @@ from ...identification.effects.catalogue import effect_class, forms_by_name
 from ...identification.effects.effect import Effect
 from ...identification.effects.parse import lugs_of, specimen
 from ...identification.effects.stored import StoredEffect
-from ...identification.explain.quantities import capital, percent
+from ...identification.explain.quantities import percent
 from ...identification.simulate import simulate
 from ..core.errors import InputError
 from ..core.html import picture, table
@@ -26,7 +26,7 @@ from ..core.recording.types import WheelTable
 from ..core.vehicle import Vehicle
 from .pictures import curves
 from .site import Site
-from .words import moment, number, with_sd
+from .words import capital, moment, number, with_sd
 
 if TYPE_CHECKING:
     from .server import Shared

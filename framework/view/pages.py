@@ -18,7 +18,7 @@ from ..core.html import picture, table
 from .layers import DEFAULT_CONFIDENCE, Question
 from .pictures import tightening, timeline
 from .site import Site
-from .words import UNKNOWN, interval, moment, number, titled, with_sd
+from .words import UNKNOWN, capital, interval, moment, number, titled, with_sd
 
 if TYPE_CHECKING:
     from .server import Shared
@@ -62,7 +62,7 @@ def classes(site: Site, shared: Shared, drive: str) -> str:
         bounds = [_lower_bound(site.snapshot, name, soil, stress) for _, soil in steps]
         drawn = tightening(name, steps, soils, stress, bounds)
         body += [
-            f"<p class=note>{escape(row['note'])}.</p>" if row["note"] else "",
+            f"<p class=note>{escape(capital(row['note']))}.</p>" if row["note"] else "",
             picture(drawn, "png", f"region of c and phi of {name}, and its strength, after each drive"),
             table(
                 ("after the drive", "when", "stretches", "c [kPa]", "phi [deg]", "lower bound of strength"),
@@ -111,9 +111,9 @@ def drives(site: Site, shared: Shared, drive: str) -> str:
     found = list(reversed(site.drives))
     if not found:
         return "<h1>Drives</h1><p>The database holds no drive yet.</p>"
-    head = ("drive", "when", "vehicle", "models", "cells", "recognised", "stretches", "with soil", "recording")
+    head = ("drive", "when", "vehicle", "cells", "recognised", "stretches", "with soil", "recording")
     rows = [_drive_row(drive, shared) for drive in found]
-    body = ["<h1>Drives</h1>", table(head, rows, text_columns=(0, 1, 2, 3, 8))]
+    body = ["<h1>Drives</h1>", table(head, rows, text_columns=(0, 1, 2, 7))]
     shown = [each for each in found if str(each.id) == drive] or found[:_MOST_DETAILED]
     if len(found) > _MOST_DETAILED:
         body.append(_choice(found, shown, site))
@@ -123,7 +123,7 @@ def drives(site: Site, shared: Shared, drive: str) -> str:
         if drawn is not None:
             drawn = picture(drawn, "png", f"what {each.name} recognised and measured, over time")
             body.append(f"<figure>{drawn}<figcaption>{_TIMELINE}</figcaption></figure>")
-        body += [_stretches(each), _reasons(each), f"<p class=note>Method: {escape(each.method)}.</p>"]
+        body += [_stretches(each), _reasons(each), f"<p class=note>{escape(_made_by(each))}</p>"]
     return "".join(body)
 
 
@@ -142,14 +142,18 @@ def _choice(found: Sequence[Drive], shown: Sequence[Drive], site: Site) -> str:
 
 def _drive_row(drive: Drive, shared: Shared) -> tuple[str, ...]:
     evidence = drive.terrain.evidence
-    models = ", ".join(f"{sense} {_short(version)}" for sense, version in sorted(drive.models.items()))
     measured = sum(measured_class(soil) is not None for soil in drive.soils)
     share = f"{100 * np.mean(~evidence.unknown):.1f} %" if len(evidence) else "none seen"
     there = "found" if shared.recordings.of(drive.recording_digest) is not None else "not found"
     return (
-        drive.name, moment(drive.started), drive.vehicle_name or UNKNOWN, models or "none", str(len(evidence)), share,
+        drive.name, moment(drive.started), drive.vehicle_name or UNKNOWN, str(len(evidence)), share,
         str(len(drive.soils)), str(measured), there,
     )  # fmt: skip
+
+
+def _made_by(drive: Drive) -> str:
+    models = ", ".join(f"{sense} {_short(version)}" for sense, version in sorted(drive.models.items()))
+    return f"Models: {models or 'none'}. Method: {drive.method}."
 
 
 def _short(version: str) -> str:

@@ -159,10 +159,11 @@ def _recognised(axes: Any, drive: Drive, end_s: float, colours: Mapping[str, str
     shares = np.divide(counts, total[:, None], out=np.zeros_like(counts), where=total[:, None] > 0)
     base = np.full(_BINS, 0.65)
     for index, name in enumerate(names):
-        height = 0.7 * shares[:, index]
-        style = {"color": colours[name], "lw": 0} if name else {"color": UNKNOWN_COLOUR, "hatch": "////", "lw": 0}
-        axes.bar(edges[:-1], height, np.diff(edges), base, align="edge", **style)
-        base += height
+        top = base + 0.7 * shares[:, index]
+        style = {"facecolor": colours[name]} if name else {"facecolor": UNKNOWN_COLOUR, "hatch": "////"}
+        low, high = (np.append(each, each[-1]) for each in (base, top))
+        axes.fill_between(edges, low, high, step="post", lw=0, **style)
+        base = top
     return {name for index, name in enumerate(names) if name and counts[:, index].any()}
 
 

@@ -52,3 +52,8 @@ def age(seconds: float | None) -> str:
 def titled(drive: Drive) -> str:
     """Name a drive, and say when it was."""
     return f"{drive.name}, {moment(drive.started)}"
+
+
+def capital(text: str) -> str:
+    """Begin a sentence."""
+    return text[:1].upper() + text[1:]
