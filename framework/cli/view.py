@@ -33,7 +33,5 @@ def command(
     except ModuleNotFoundError as missing:
         if missing.name is None or missing.name.partition(".")[0] not in ("bokeh", "datashader", "jinja2", "tornado"):
             raise
-        raise InputError(
-            "bevameter view", f"{missing.name} is not installed", expected='pip install "bevameter[view]"'
-        ) from None
+        raise InputError("view", f"{missing.name} is not installed", expected='pip install "bevameter[view]"') from None
     serve(db, site=site, vehicle=vehicle, recordings=recordings, port=port, show=browser, say=print)

@@ -250,7 +250,7 @@ _NOTHING_SELECTED = (
 def legend_html(shown: Layer, class_names: tuple[str, ...], block: int, widened: bool = False) -> str:
     """Say what the colours mean.
 
-    `block` is how many cells a pixel covers along each edge, `widened` whether cells are drawn wider than they are.
+    `block` is how many cells along each edge are drawn as one, `widened` whether cells are drawn wider than they are.
     """
     if shown.shown == "most":
         present = set(np.unique(shown.values[~shown.unknown]).astype(int).tolist())
@@ -274,8 +274,8 @@ def legend_html(shown: Layer, class_names: tuple[str, ...], block: int, widened:
     several = " Cells are drawn wider than they are." if widened else ""
     if block > 1:
         several = (
-            f" One pixel covers {block} by {block} cells and shows {what[shown.shown]}; it is hatched where at least "
-            "half of them are unknown."
+            f" {block} by {block} cells are drawn as one, which shows {what[shown.shown]}; it is hatched where at "
+            "least half of them are unknown."
         )
     unknown = int(shown.unknown.sum())
     counted = f"{len(shown.values):,} cells, {unknown:,} of them unknown."

@@ -18,6 +18,10 @@ HATCH_COLOUR = "#8c8c8c"
 _HATCH_PX, _LINE_PX = 8, 2
 """Distance and width of the lines [px]."""
 
+_SPARSE, _LEAST_PX = 0.05, 4
+"""Where less than this share of the picture is ground that was seen, such as the track of one drive [-], blocks of
+cells are at least so wide [px]: narrower lines are hardly seen."""
+
 _UNKNOWN_SHARE = 0.5
 """A pixel is unknown from this share of its cells on [-]."""
 
@@ -34,7 +38,7 @@ class Image:
     rgba : (h, w) uint32
         Row 0 in the south; nothing (transparent) where nobody has been.
     cells
-        Cells along each edge of a pixel's block [-]; 1 where each cell is shown by itself.
+        Cells along each edge of the blocks that are shown as one [-]; 1 where each cell is shown by itself.
     """
 
     rgba: np.ndarray
@@ -61,12 +65,15 @@ def image_of(
     """
     x0, y0, x1, y1 = view
     width, height = size
-    block = max(1, int(np.ceil(max((x1 - x0) / width, (y1 - y0) / height) - 1e-9)))
-    first = np.floor(np.array([x0, y0]) / block).astype(int) * block
-    shape = np.maximum(np.ceil((np.array([x1, y1]) - first) / block).astype(int), 1)
-    last = first + shape * block
-    within = slice(*np.searchsorted(columns, (first[0], last[0])))
-    colours, unknown = _blocks(layer, class_names, columns, rows, within, first, last, shape)
+    for pixels in (1, _LEAST_PX):
+        block = max(1, int(np.ceil(pixels * max((x1 - x0) / width, (y1 - y0) / height) - 1e-9)))
+        first = np.floor(np.array([x0, y0]) / block).astype(int) * block
+        shape = np.maximum(np.ceil((np.array([x1, y1]) - first) / block).astype(int), 1)
+        last = first + shape * block
+        within = slice(*np.searchsorted(columns, (first[0], last[0])))
+        colours, unknown = _blocks(layer, class_names, columns, rows, within, first, last, shape)
+        if np.mean(colours[..., 3] > 0) >= _SPARSE:
+            break
     # Each pixel shows the block that its centre lies in.
     x = ((x0 + (np.arange(width) + 0.5) * (x1 - x0) / width - first[0]) // block).astype(int)
     y = ((y0 + (np.arange(height) + 0.5) * (y1 - y0) / height - first[1]) // block).astype(int)

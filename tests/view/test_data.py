@@ -81,10 +81,20 @@ def test_a_pixel_is_a_cell_or_says_what_it_shows_of_many(site):
     far = image_of(strength, names, site.columns, site.rows, view, (5, 2))
     assert far.cells == 2
     assert strength.shown == "least"
-    assert "2 by 2 cells" in legend_html(strength, names, far.cells)
+    assert "2 by 2 cells are drawn as one" in legend_html(strength, names, far.cells)
     strength.values[row_of(site, 0, 0)] = 0.5 * np.nanmin(strength.values)
     weakest = image_of(strength, names, site.columns, site.rows, view, (5, 2)).rgba.view(np.uint8).reshape(2, 5, 4)
     assert (weakest[0, 0] == colours_of(strength, names, np.nanmin(strength.values)[None])[0]).all()
+
+
+def test_a_narrow_track_is_seen_from_far(site):
+    along = np.arange(30_000)
+    known = layer(site.snapshot, "confidence", Question())
+    track = replace(known, values=np.where(along < 15_000, 90.0, np.nan))
+    image = image_of(track, site.snapshot.class_names, along, along // 2, (0.0, 0.0, 30_000.0, 20_000.0), (900, 600))
+    drawn = image.rgba.view(np.uint8).reshape(600, 900, 4)[..., 3] > 0
+    assert drawn.sum(axis=0).min() >= 4
+    assert image.cells == pytest.approx(4 * 30_000 / 900, abs=1)
 
 
 def test_what_is_known_of_a_cell(site):
