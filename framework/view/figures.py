@@ -138,8 +138,9 @@ class MapFigure:
         }
         return side > size
 
-    def show_image(self, rgba: np.ndarray) -> None:
-        """Draw an image of what is in view."""
+    def show_image(self, rgba: np.ndarray, side: float) -> None:
+        """Draw an image of what is in view, in which a cell may be drawn as wide as `side` [m]."""
+        self.drawn_side = side
         x0, y0, x1, y1 = self.view
         _show(self._squares, {name: [] for name in self._squares.data})
         self._image.data = {"image": [rgba], "x": [x0], "y": [y0], "dw": [x1 - x0], "dh": [y1 - y0]}

@@ -114,7 +114,7 @@ class MapPage:
         else:
             image = image_of(self.layer, site.snapshot.class_names, site.columns, site.rows, view, self.map.size)
             block = image.cells
-            self.map.show_image(image.rgba)
+            self.map.show_image(image.rgba, 2.0 * block * size if block > 1 else size)
         legend = legend_html(self.layer, site.snapshot.class_names, block, widened)
         if legend != self.legend.text:
             self.legend.text = legend
@@ -129,6 +129,17 @@ class MapPage:
             self.map.centre(x, y)
             self.draw()
         self._show_details()
+
+    def hit(self, x: float, y: float) -> None:
+        """Select the cell that is drawn at a place [m]; where none is, the unseen one that it lies in."""
+        cell, near = self.site.cell_at(x, y), self.site.nearest(x, y)
+        if near is not None and near != cell:
+            # Cells are drawn wider than they are where they would be too small to be seen.
+            near_x, near_y = self.site.centre_of(near)
+            reach = 0.5 * max(self.map.drawn_side, self.site.snapshot.cell_size_m)
+            if max(abs(near_x - x), abs(near_y - y)) <= reach:
+                cell = near
+        self.select(cell)
 
     def press(self, key: str) -> None:
         """Do what a key is for."""
@@ -157,14 +168,7 @@ class MapPage:
             self.map.fit(self.site.snapshot.extent, _MARGIN)
 
     def _tapped(self, event: Any) -> None:
-        cell, near = self.site.cell_at(event.x, event.y), self.site.nearest(event.x, event.y)
-        if near is not None and near != cell:
-            # Cells are drawn wider than they are where they would be too small to be seen.
-            x, y = self.site.centre_of(near)
-            reach = 0.5 * max(self.map.drawn_side, self.site.snapshot.cell_size_m)
-            if max(abs(x - event.x), abs(y - event.y)) <= reach:
-                cell = near
-        self.select(cell)
+        self.hit(event.x, event.y)
 
     def _resized(self) -> None:
         self.map.keep_square()

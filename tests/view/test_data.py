@@ -168,6 +168,13 @@ def test_a_database_that_grows_and_a_page_that_is_open_meanwhile(tmp_path, drive
         assert (len(now.drives), len(first.drives)) == (10, 1)
         assert len(now.columns) > len(first.columns)
         page.press("0")  # draws what it knows
+        for _ in range(12):
+            page.press("-")
+        x0, _, x1, _ = page.map.view
+        page.hit(-1.5 * (x1 - x0) / page.map.size[0], 0.1)
+        assert page.selected == (0, 0), "a cell is hit where it is drawn, wider than it is"
+        page.hit(-0.1 * (x1 - x0), 0.1)
+        assert page.selected[0] < -10, "ground that nobody has seen can be selected, too"
         steps = now.soil_history()["sand"]
         assert len(steps) == 4
         assert [steps[at][0].name for at in (0, -1)] == ["drive 2", "drive 10"]
