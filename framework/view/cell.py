@@ -15,6 +15,7 @@ from ...database.exports import answer_rows
 from ...database.posterior import ClassSoil
 from ...database.snapshot import Snapshot
 from ...database.speed import speed_limit_of_each
+from ..core.errors import InputError
 from ..core.html import table
 from .layers import Question
 from .recordings import Recordings
@@ -56,8 +57,12 @@ def _speed(answer: GroundAnswer, question: Question) -> tuple[tuple[str, str], .
     """Give the row of the speed limit, where a vehicle was chosen, with what binds it."""
     if question.vehicle is None:
         return ()
-    found = speed_limit_of_each(answer, question.vehicle, sight_m=question.sight_m, most_m_s=question.most_m_s)
-    return ((f"speed limit of {question.vehicle.name}: {found.reason[0]}", number(float(found.limit_m_s[0]), "m/s")),)
+    name = f"speed limit of {question.vehicle.name}"
+    try:
+        found = speed_limit_of_each(answer, question.vehicle, sight_m=question.sight_m, most_m_s=question.most_m_s)
+    except InputError as error:  # such as a vehicle of unknown weight where no load was recorded
+        return ((f"{name}: {error}", UNKNOWN),)
+    return ((f"{name}: {found.reason[0]}", number(float(found.limit_m_s[0]), "m/s")),)
 
 
 def _strength(row: dict, speed: tuple[tuple[str, str], ...], question: Question) -> str:

@@ -177,7 +177,12 @@ class MapPage:
     def _make_controls(self) -> None:
         colour = Select(title="Colour by", value="class", options=list(LAYERS.items()), width=230)
         stress = NumericInput(
-            title="Normal stress [kPa]", value=self.question.normal_stress / 1e3, mode="float", low=0.0, width=130
+            title="Normal stress [kPa]",
+            value=self.question.normal_stress / 1e3,
+            mode="float",
+            low=0.0,
+            high=1e6,
+            width=130,
         )
         vehicles: list[str | None] = [_NO_VEHICLE, *self.shared.vehicles]
         vehicle = Select(title="Vehicle", value=self.shared.vehicle or _NO_VEHICLE, options=vehicles, width=180)

@@ -63,6 +63,11 @@ measured. Crosses: soil not measured; point at one to read why.</p></section>
 <div id=observations></div>{{ embed(roots.hidden) }}</aside></main>{% endblock %}"""
 )
 
+_PROBLEM = Template(
+    "{% extends base %}{% block postamble %}<style>{{ style }}</style>{% endblock %}"
+    "{% block contents %}<main><h1>Bevameter</h1><p class=warn>{{ problem | e }}</p></main>{% endblock %}"
+)
+
 
 @dataclass
 class Shared:
@@ -181,16 +186,22 @@ class _Nothing(RequestHandler):
         self.set_status(HTTPStatus.NO_CONTENT)
 
 
-def _open_map(shared: Shared, document: Document) -> None:
+def open_map(shared: Shared, document: Document) -> None:
     """Fill the document of one browser tab."""
     context: Any = document.session_context
     arguments = context.request.arguments if context is not None else {}
     name = arguments["site"][0].decode() if arguments.get("site") else None
-    names = shared.database.sites()
-    site = shared.site(name if name in names else None)
+    document.template_variables["style"] = VIEW_STYLE
+    try:
+        names = shared.database.sites()
+        site = shared.site(name if name in names else None)
+    except BevameterError as error:
+        document.title, document.template = "Bevameter", _PROBLEM
+        document.template_variables["problem"] = str(error)
+        return
     document.title = f"Map: {site.name}" if site.name else "Map"
     document.template = _MAP
-    document.template_variables.update(style=VIEW_STYLE, header=header("", site, names))
+    document.template_variables["header"] = header("", site, names)
     MapPage(site, shared).add_to(document)
 
 
@@ -223,7 +234,7 @@ class View:
         patterns.append(("/favicon.ico", _Nothing))
         try:
             self._server = Server(
-                {"/": Application(FunctionHandler(partial(_open_map, shared)))}, address=ADDRESS, port=port,
+                {"/": Application(FunctionHandler(partial(open_map, shared)))}, address=ADDRESS, port=port,
                 allow_websocket_origin=list(hosts), extra_patterns=patterns, keep_alive_milliseconds=10_000,
                 session_token_expiration=_DAY_S,
             )  # fmt: skip

@@ -17,18 +17,22 @@ except ModuleNotFoundError:
 from bevameter import InputError, TerrainDatabase, Vehicle, Wheel
 from bevameter.database.speed import speed_limit_of_each
 from bevameter.framework.colours import UNKNOWN_COLOUR
+from bevameter.framework.core.vehicle import Camera
 from bevameter.framework.view.cell import cell_html, looks_html, region_of, regions
 from bevameter.framework.view.layers import LAYERS, Question, layer
 from bevameter.framework.view.map_page import MapPage, legend_html
 from bevameter.framework.view.pages import PAGE_BODIES
 from bevameter.framework.view.raster import HATCH_COLOUR, colours_of, image_of
 from bevameter.framework.view.recordings import Recordings
-from bevameter.framework.view.server import Shared
+from bevameter.framework.view.server import Shared, open_map
 from bevameter.framework.view.site import Site
 from bokeh.document import Document
 from matplotlib.colors import to_hex
 from scipy.stats import chi2, multivariate_t
 
+CAMERA = Camera(
+    matrix=((500, 0, 320), (0, 500, 240), (0, 0, 1)), width_px=640, height_px=480, height_m=1.0, pitch_rad=0.3
+)
 ROVER = Vehicle(name="rover", wheels=(Wheel(radius_m=0.15, width_m=0.12),))
 
 
@@ -112,6 +116,7 @@ def test_what_is_known_of_a_cell(site):
     limit = speed_limit_of_each(answer, ROVER, sight_m=6.0, most_m_s=5.0)
     assert f"speed limit of rover: {escape(limit.reason[0])}" in with_vehicle
     assert f"{limit.limit_m_s[0]:.3g} m/s" in with_vehicle
+    assert "no wheels" in cell_html(site, (2, 1), Question(vehicle=Vehicle(name="cart", camera=CAMERA)))
     assert "nobody has seen this ground" in cell_html(site, (500, 0), Question())
     assert "nan" not in (html + dark).lower()
     looks = site.looks_at((2, 1))
@@ -183,3 +188,7 @@ def test_a_database_that_grows_and_a_page_that_is_open_meanwhile(tmp_path, drive
         chosen = PAGE_BODIES["drives"](now, shared, str(now.drives[3].id))
         assert chosen.count("<h2>") == 1
         assert "<h2>drive 4</h2>" in chosen
+        (tmp_path / "terrain.db").unlink()
+        document = Document()
+        open_map(shared, document)
+        assert "no such file" in document.template_variables["problem"]
