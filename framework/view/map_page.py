@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import replace
 from html import escape
 from typing import TYPE_CHECKING, Any
@@ -229,7 +230,8 @@ class MapPage:
 
     def _show_details(self) -> None:
         if self.selected is None:
-            self.details.text, self.observations.text = _NOTHING_SELECTED, ""
+            self.details.text = _NOTHING_SELECTED if len(self.site.columns) else _no_ground(self.site)
+            self.observations.text = ""
             self.regions.show({}, {}, {}, None)
             return
         x, y = self.site.centre_of(self.selected)
@@ -254,6 +256,13 @@ _NOTHING_SELECTED = (
     "<h2>No cell selected</h2><p>Click a cell, or press an arrow key while the map has the focus. Then the classes, "
     "the soil and the observations of that cell are shown here.</p>"
 )
+
+
+def _no_ground(site: Site) -> str:
+    command = f"bevameter run RECORDING --db {shlex.quote(site.database.name)}"
+    return (
+        f"<h2>No ground yet</h2><p>No drive has brought a place. To add one:</p><p><code>{escape(command)}</code></p>"
+    )
 
 
 def legend_html(shown: Layer, class_names: tuple[str, ...], block: int, widened: bool = False) -> str:

@@ -179,7 +179,7 @@ def curves(
     slip : (n,)
         [-].
     before, after : (n,)
-        Simulated by the textbook wheel, and with what was found.
+        Simulated by the textbook wheel on the soil that was fitted with what was found, and with that.
     measured : (n,)
         Measured in the same rows; None where no recording is there, and the simulations are curves.
     """
@@ -187,17 +187,17 @@ def curves(
     with _drawn(4.4, 3.0, done) as figure:
         axes = figure.subplots()
         if measured is None:
-            axes.plot(slip, before, "--", color="#d55e00", label="simulated, textbook")
-            axes.plot(slip, after, "-", color="#0072b2", label="simulated, with what was found")
+            axes.plot(slip, before, "--", color="#d55e00", label="textbook wheel, same soil")
+            axes.plot(slip, after, "-", color="#0072b2", label="with what was found")
         else:
             axes.plot(slip, measured, ".", color="#888888", ms=2.5, label="measured")
             for values, colour, mark, label in (
-                (before, "#d55e00", "o--", "simulated, textbook"), (after, "#0072b2", "s-", "with what was found"),
+                (before, "#d55e00", "o--", "textbook wheel, same soil"), (after, "#0072b2", "s-", "with what was found"),
             ):  # fmt: skip
                 axes.plot(*_medians(slip, values), mark, color=colour, ms=4, label=label)
             axes.plot(*_medians(slip, measured), "k^-", ms=4, lw=1.0, label="measured, median")
         axes.set(xlabel="slip [-]", ylabel=f"{title} [{unit}]")
-        axes.legend(fontsize=7.5, frameon=False)
+        axes.legend(fontsize=7.5, framealpha=0.85, edgecolor="white")
     return done[0]
 
 

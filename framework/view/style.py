@@ -56,6 +56,8 @@ def header(current: str, site: Site, sites: Sequence[str]) -> str:
         '<form method=get><label>Site <select name=site onchange="this.form.submit()">'
         f"{options}</select></label><noscript><button>Show</button></noscript></form>"
     )
+    if not sites:
+        chosen = ""
     mark = "<span class=synthetic>synthetic</span>" if site.synthetic else ""
     return (
         f"<header><b>Bevameter</b><nav aria-label=Pages>{links}</nav>{mark}<span>{escape(site.database.name)}</span>"

@@ -160,7 +160,9 @@ def test_a_database_that_grows_and_a_page_that_is_open_meanwhile(tmp_path, drive
         empty = shared.site(None)
         for path, body in PAGE_BODIES.items():
             assert "no drive" in body(empty, shared, "").lower() or path == "physics"
-        MapPage(empty, shared).add_to(Document())
+        page = MapPage(empty, shared)
+        page.add_to(Document())
+        assert "bevameter run RECORDING --db" in page.details.text
         database.add_drive(drive(1))
         first = shared.site(None)
         page, document = MapPage(first, shared), Document()
