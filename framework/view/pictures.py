@@ -192,7 +192,8 @@ def curves(
         else:
             axes.plot(slip, measured, ".", color="#888888", ms=2.5, label="measured")
             for values, colour, mark, label in (
-                (before, "#d55e00", "o--", "textbook wheel, same soil"), (after, "#0072b2", "s-", "with what was found"),
+                (before, "#d55e00", "o--", "textbook wheel, same soil"),
+                (after, "#0072b2", "s-", "with what was found"),
             ):  # fmt: skip
                 axes.plot(*_medians(slip, values), mark, color=colour, ms=4, label=label)
             axes.plot(*_medians(slip, measured), "k^-", ms=4, lw=1.0, label="measured, median")
