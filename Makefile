@@ -82,6 +82,6 @@ $(VENV)/.installed-for-tests: $(BIN)/python $(CODE) $(ABOUT)
 	@echo "==> installing Bevameter, what it needs and what its tests need (minutes, the first time)"
 	@$(PIP) install -c requirements.lock setuptools
 	@rm -rf build
-	@$(PIP) install --no-build-isolation -c requirements.lock '.[dev,docs,excel,fleet,geo,onnx,postgres,video]'
+	@$(PIP) install --no-build-isolation -c requirements.lock '.[dev,docs,excel,fleet,geo,onnx,postgres,video,view]'
 	@rm -rf build
 	@touch $(VENV)/.installed $@

@@ -59,6 +59,11 @@ class SiteReader:
         self._last, self._physics = before, ids
         return before
 
+    @property
+    def drives(self) -> tuple[Drive, ...]:
+        """The drives that the last snapshot rests on, with their fused looks, in the order of their last import."""
+        return tuple(held.drive for held in self._drives.values())
+
     def _held(self, connection: Connection, row: Any, count: tuple[int, ...]) -> _Held:
         there = self._drives.get(row.id)
         if there is not None and there.count == count:

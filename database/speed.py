@@ -94,6 +94,30 @@ def speed_limit(
     return limits(ground, bend, step_m, sight_m=sight, most_m_s=most, unknown_m_s=unknown, reaction_s=reaction)
 
 
+def speed_limit_of_each(
+    answer: GroundAnswer, vehicle: Vehicle | str | Path, *, sight_m: float, most_m_s: float, reaction_s: float = 0.0,
+    load_N: float | Sequence[float] | None = None,
+) -> SpeedLimit:  # fmt: skip
+    """Find the greatest speed at each place by itself, as on level, straight ground that is everywhere like it.
+
+    For maps: places that are no path. The parameters are those of `speed_limit`; NaN where the ground is not known.
+    """
+    sight, most, reaction = (
+        _not_negative(*each) for each in (("sight_m", sight_m), ("most_m_s", most_m_s), ("reaction_s", reaction_s))
+    )
+    for name, given in (("sight_m", sight), ("reaction_s", reaction)):
+        if not math.isfinite(given):
+            raise refused(name, given, "a finite number")
+    ground = traction(answer, vehicle, load_N=load_N)
+    braking = np.where(ground.known, np.maximum(ground.braking_lower, 0.0), 0.0)
+    apart = np.full(max(len(answer) - 1, 0), math.inf)  # no place is within sight of another
+    stopping = _stopping(braking, braking, ground.known, np.zeros(len(answer)), apart, sight, reaction)
+    stuck = ground.known & ~(ground.acceleration_lower > 0.0)
+    limit = np.where(stuck, 0.0, np.minimum(stopping, most))
+    reason = np.where(stuck, STUCK, np.where(stopping < most, SIGHT, VEHICLE)).astype(object)
+    return SpeedLimit(np.where(ground.known, limit, np.nan), np.where(ground.known, reason, ground.reason))
+
+
 def limits(
     ground: Traction, bend: np.ndarray, step_m: np.ndarray, *, sight_m: float, most_m_s: float, unknown_m_s: float,
     reaction_s: float,

@@ -15,10 +15,12 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
 
 from ..database.observations import Drive, SoilObservation
 from ..database.snapshot import Snapshot
 from ..database.store import TerrainDatabase
+from .colours import UNKNOWN_COLOUR, class_colours
 from .core.errors import InputError
 from .core.files import whole
 from .core.pooling import cells_from_keys
@@ -26,15 +28,6 @@ from .core.recording.types import Recording
 from .core.track.way import track_of
 from .placement import Claim, place_as_stored
 
-COLOURS = {
-    "sand": "#d9b44a", "loam": "#8a5a2b", "gravel": "#7d8a94", "grass": "#4f9a3d", "clay": "#c8553d",
-    "asphalt": "#3f3f46",
-}  # fmt: skip
-"""Colours of the synthetic world's classes; other classes get the next of `FURTHER_COLOURS`."""
-
-FURTHER_COLOURS = ("#3b76b0", "#8f6bb3", "#d77fb4", "#3aa6a0", "#b5bd61", "#e0873a", "#6a4c93", "#a0a0a0")
-
-_UNKNOWN_COLOUR = "#e4e4e4"
 _LEAST_OPACITY = 0.15
 _MOST_PIXELS = 4000
 _CELLS_PLAIN_TO_SEE, _WIDEST = 200, 3
@@ -104,7 +97,7 @@ def map_figure(
     stretches = _stretches(drives)
     figure = Figure(figsize=_size(snapshot, len(stretches)), dpi=150, layout="constrained")
     axes = figure.add_subplot()
-    colours = _colours(snapshot.class_names)
+    colours = class_colours(snapshot.class_names)
     _draw_cells(axes, snapshot, colours)
     for track in tracks:
         recording = place_as_stored(track, database)
@@ -148,18 +141,12 @@ def _size(snapshot: Snapshot, stretches: int) -> tuple[float, float]:
     return width, float(np.clip(picture, 1.2, 11.0)) + 1.8 + 0.2 * math.ceil(listed / 2)
 
 
-def _colours(names: Sequence[str]) -> dict[str, str]:
-    others = [name for name in names if name not in COLOURS]
-    further = {name: FURTHER_COLOURS[index % len(FURTHER_COLOURS)] for index, name in enumerate(others)}
-    return {name: COLOURS.get(name, further.get(name, "")) for name in names}
-
-
 def _draw_cells(axes: Axes, snapshot: Snapshot, colours: dict[str, str]) -> None:
     cells = snapshot.cells
     cell_x, cell_y = cells_from_keys(cells.key).T
     known = np.isfinite(cells.probability).all(axis=1) & (cells.looks > 0)
     k = max(len(snapshot.class_names), 2)
-    palette = np.array([*(to_rgb(colours[name]) for name in snapshot.class_names), to_rgb(_UNKNOWN_COLOUR)])
+    palette = np.array([*(to_rgb(colours[name]) for name in snapshot.class_names), to_rgb(UNKNOWN_COLOUR)])
     filled = np.where(known[:, None], cells.probability, 0.0)
     best = np.argmax(filled, axis=1) if len(snapshot.class_names) else np.zeros(len(known), dtype=int)
     sure = np.clip((filled.max(axis=1, initial=0.0) - 1.0 / k) / (1.0 - 1.0 / k), 0.0, 1.0)
@@ -195,7 +182,8 @@ def _draw_track(axes: Axes, recording: Recording, soils: Sequence[SoilObservatio
         return
     holes = np.searchsorted(track.time_s, track.holes_s[:, 0], side="right")
     x_m, y_m = (np.insert(values, holes, np.nan) for values in (track.x_m, track.y_m))  # no line leads over a hole
-    axes.plot(x_m, y_m, color=_SLOW_COLOUR, linewidth=0.8, alpha=0.8, zorder=3)
+    edged = [withStroke(linewidth=2.4, foreground="white")]  # seen on dark ground, too
+    axes.plot(x_m, y_m, color=_SLOW_COLOUR, linewidth=0.8, zorder=3, path_effects=edged)
     used = [soil for soil in soils if soil.estimate is not None and not soil.gate_reason]
     lines = []
     for soil in used:
@@ -243,7 +231,7 @@ def _decorate(
         if index in present
     ]
     if not seen.all():
-        handles.append(Patch(facecolor=_UNKNOWN_COLOUR, label="seen, not recognised"))
+        handles.append(Patch(facecolor=UNKNOWN_COLOUR, label="seen, not recognised"))
     if drawn_track:
         handles.append(Line2D([], [], color=_SLOW_COLOUR, linewidth=0.8, label="track"))
         handles.append(Line2D([], [], color=_SLOW_COLOUR, linewidth=3.0, label="slow: soil measured"))

@@ -122,14 +122,19 @@ def test_the_lock_holds_names_and_versions_only_and_all_that_is_needed():
 
 def test_every_library_imported_is_a_dependency():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    needed = {normal(re.split(r"[\[<>=~!; ]", need)[0]) for need in project["dependencies"]}
+    needed, of_view = (
+        {normal(re.split(r"[\[<>=~!; ]", need)[0]) for need in needs}
+        for needs in (project["dependencies"], project["optional-dependencies"]["view"])
+    )
     called = {"cv2": "opencv-python-headless", "PIL": "pillow", "sklearn": "scikit-learn"}
-    imported = set()
+    imported: dict[bool, set[str]] = {False: set(), True: set()}
     for folder in code_folders(ROOT):
         for file in (ROOT / folder).glob("*.py"):
-            imported |= set(re.findall(r"^\s*(?:from|import) ([A-Za-z_]\w*)", _code(file), re.MULTILINE))
-    others = imported - set(sys.stdlib_module_names)
-    assert {normal(called.get(name, name)) for name in others} == needed
+            found = re.findall(r"^\s*(?:from|import) ([A-Za-z_]\w*)", _code(file), re.MULTILINE)
+            others = set(found) - set(sys.stdlib_module_names)
+            imported[folder == Path("framework/view")] |= {normal(called.get(name, name)) for name in others}
+    assert imported[False] == needed
+    assert of_view <= imported[True] <= of_view | needed
 
 
 def _code(file: Path) -> str:

@@ -34,6 +34,7 @@ from . import (
     simulate,
     train,
     vehicle,
+    view,
 )
 from .printing import show_progress
 
@@ -139,6 +140,7 @@ app.command("run", help="Process a recording into a terrain database.")(run.comm
 app.add_typer(query.app, name="query", help="Query the terrain database.")
 app.add_typer(db.app, name="db", help="Look after the terrain database.")
 app.command("map", help="Draw what the terrain database knows.")(draw_map.command)
+app.command("view", help="Show the terrain database in a browser on this machine.")(view.command)
 app.command("identify", help="Soil parameters from the wheel channels of a recording.")(identify.command)
 app.command("explain", help="What the simulation of a recorded wheel lacks.")(explain.command)
 app.command("simulate", help="Simulate the wheel on a soil.")(simulate.command)

@@ -23,6 +23,7 @@ COMMANDS = (
     "query",
     "db",
     "map",
+    "view",
     "identify",
     "explain",
     "simulate",

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bevameter import InputError, Vehicle, Wheel
 from bevameter.database.snapshot import Snapshot
-from bevameter.database.speed import AHEAD, CURVE, SIGHT, STUCK, VEHICLE
+from bevameter.database.speed import AHEAD, CURVE, SIGHT, STUCK, VEHICLE, speed_limit_of_each
 from bevameter.identification.mechanics.soil import Soil
 from bevameter.identification.mechanics.textbook import equilibrium
 from scipy.constants import g
@@ -239,3 +239,21 @@ def test_questions_that_make_no_sense(view, options, said):
     answer = view.along(lane(SAND, np.linspace(0.0, 5.0, 11)))
     with pytest.raises(InputError, match=said):
         answer.speed_limit(ROVER, **{"sight_m": 5.0, "most_m_s": 3.0, **options})
+
+
+def test_the_limit_of_each_place_is_that_of_a_long_straight_path_over_its_like(view):
+    x = np.arange(-30.0, 100.0, 0.5)
+    rest = {"sight_m": 6.0, "most_m_s": 8.0, "reaction_s": 0.3, "load_N": 80.0}
+    places = np.array([lane(name, np.array([5.0]))[0] for name in (SAND, CLAY, MUD, DARK)])
+    found = speed_limit_of_each(view.along(places), ROVER, **rest)
+    for at, name in enumerate((SAND, CLAY, MUD)):
+        path = view.along(lane(name, x)).speed_limit(ROVER, **rest)
+        middle = len(x) // 2
+        assert found.limit_m_s[at] == pytest.approx(path.limit_m_s[middle], rel=1e-6)
+        assert found.reason[at] == path.reason[middle]
+    assert np.isnan(found.limit_m_s[3])
+    assert "not recognised" in found.reason[3]
+    reversed_ = speed_limit_of_each(view.along(places[::-1]), ROVER, **rest)
+    np.testing.assert_array_equal(found.limit_m_s[::-1], reversed_.limit_m_s)  # no place counts for another
+    with pytest.raises(InputError, match="sight_m"):
+        speed_limit_of_each(view.along(places), ROVER, sight_m=math.inf, most_m_s=8.0)
