@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.stats import t as t_distribution
 
 from ...framework.core.findings import Finding, note
 from ...framework.core.recording.types import WheelTable
@@ -21,12 +22,12 @@ _STEPS = 5.0
 _FIRST = 0.05
 """Share of a run that is tested for first rows that are off [-]."""
 
-_OFF, _ALIKE, _SURE = 2.0, 0.6, 2.4
+_OFF, _ALIKE, _BY_CHANCE = 2.0, 0.6, 0.01
 """Least root mean square of the first rows' deviations [standard deviations], share of it that is common to all runs,
-and that share's standard errors [-]."""
+and the probability below which what they have in common is no chance [-]."""
 
-_SETTLED = 0.3
-"""Standard deviations from which on a row is off [-]."""
+_SETTLED, _OVER_NOISE = 0.3, 3.0
+"""Standard deviations from which on a row is off [-]: of a row, and at least of the mean course."""
 
 _FLAT, _SHORTEST = 0.12, 5
 """Largest change over the rest of the run, as of a sensor that drifts, as a share of the first deviation [-]; fewest
@@ -34,6 +35,9 @@ rows of a settling."""
 
 _STAYS = 1.2
 """Least length of a patch of other ground at the start of a run, in widths of its edge [-]."""
+
+_NOTHING = 0.3
+"""Share of its level below which an answer begins as at rest [-]: the mean of first rows in which it already grows."""
 
 _LEAST, _LEAST_IMPOSED = 1e-4, 0.01
 """Least scatter of an answer and of what is imposed, as shares of their levels, for channels without noise [-]."""
@@ -158,29 +162,43 @@ def _settling(values: np.ndarray, after: np.ndarray, least: float = _LEAST) -> i
     away = ((values - level[:, None]) * way[:, None])[usable]
     began = np.nanmean(away[:, :first], axis=1) / sd
     size = math.sqrt(float(np.mean(began**2)))
-    if size < _OFF or abs(float(began.mean())) / size < max(_ALIKE, _SURE / math.sqrt(len(began))):
+    if size < _OFF:
+        return 0
+    begin = np.abs(np.nanmean(values[usable, :first], axis=1))
+    at_rest = not (after >= 0).any() and bool(np.all(begin < _NOTHING * np.abs(level[usable])))
+    alike = at_rest or (abs(float(began.mean())) / size >= _ALIKE and _are_alike(began))
+    if not alike:
         return 0
     # Each run by how far off it begins: what they share counts, and their noise averages out.
     weight = np.sum(began[:, None] ** 2 * there[usable], axis=0)
     course = np.nansum(began[:, None] * away / sd, axis=0) / np.maximum(weight, 1e-9)
-    return _length(course, size, first)
+    return _length(course, size, first, at_rest)
 
 
-def _length(course: np.ndarray, size: float, first: int) -> int:
+def _are_alike(began: np.ndarray) -> bool:
+    """Say whether runs begin off their levels (s,) by more in common than chance makes them, by Student's t."""
+    error = float(np.std(began, ddof=1)) / math.sqrt(len(began))
+    return abs(float(began.mean())) > error * float(t_distribution.ppf(1.0 - 0.5 * _BY_CHANCE, len(began) - 1))
+
+
+def _length(course: np.ndarray, size: float, first: int, at_rest: bool) -> int:
     """Count the rows until the mean course of a channel (k,) settles; 0 where it does not.
 
-    It begins at one, in the `first` rows, and is there off by the `size`, in standard deviations.
+    It begins at one, in the `first` rows, and is there off by the `size`, in standard deviations; `at_rest` where the
+    channel itself begins near zero, as on no ground that is driven.
     """
     half = len(course) // 2
     middle, end = (float(part.mean()) for part in np.array_split(course[half:], 2))
     smooth = np.convolve(course, np.ones(3) / 3.0, mode="same")
-    off = np.flatnonzero(size * np.abs(smooth[:half]) >= _SETTLED)
+    # Few runs leave noise in their mean, which the rest of it shows.
+    noise = size * float(np.std(smooth[half:-1]))
+    off = np.flatnonzero(size * np.abs(smooth[:half]) >= max(_SETTLED, _OVER_NOISE * noise))
     if abs(middle - end) > _FLAT or not len(off):
         return 0
     length = int(off[np.argmax(np.diff(off, append=len(course)) > first)]) + 1
     if length < _SHORTEST or math.ceil(_MARGIN * length) > half:
         return 0
-    return length if _dies_away(course[:half]) else 0
+    return length if at_rest or _dies_away(course[:half]) else 0
 
 
 def _dies_away(course: np.ndarray) -> bool:

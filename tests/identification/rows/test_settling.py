@@ -80,6 +80,20 @@ def test_transients_are_left_out(share):
     assert first < 0.5 * ROWS * STEP_S
 
 
+@pytest.mark.parametrize("slips", [(0.05, 0.1, 0.2, 0.3, 0.45, 0.6), (0.1, 0.3)])
+def test_a_start_at_rest_is_left_out_whatever_its_course(slips):
+    """All answers grow in a straight line from nothing, as no other ground makes them."""
+    ramp = np.minimum(np.arange(ROWS) / 15.0, 1.0)[:, None]
+
+    def from_rest(_, answers):
+        answers *= ramp
+
+    table, found = without_settling(runs(from_rest, slips=slips))
+    assert found is not None
+    assert 15 <= found.values["seconds"] / STEP_S <= 24
+    assert len(table) == 3 * len(slips) * (ROWS - round(found.values["seconds"] / STEP_S))
+
+
 def test_transients_are_found_without_names_of_runs_and_in_any_order_of_rows():
     table = runs(starts())
     shuffled = table.select(np.random.default_rng(1).permutation(len(table)))
