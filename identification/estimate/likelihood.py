@@ -157,6 +157,12 @@ class State:
     information: np.ndarray
     theta_1: np.ndarray
 
+    @property
+    def slips(self) -> tuple[np.ndarray, np.ndarray]:
+        """Slips (n, s) at which there are nodes of all loads, and the posterior weights of these together, (n, s)."""
+        weights = self.responsibility.reshape(len(self.nodes), -1, len(_SLIPS)).sum(axis=1)
+        return self.nodes[:, : len(_SLIPS), 1], weights
+
 
 def evaluate(problem: Problem, point: Point) -> State:
     """Marginal log-likelihood, score and information at a point, its quadrature nodes held."""
@@ -232,7 +238,8 @@ def _score(
     away, root = (each.reshape(*nodes.shape[:2], *each.shape[1:]) for each in population.nearby(nodes.reshape(-1, 2)))
     load, slip = away[..., 0], away[..., 1]
     of_load, by_slip, of_slip = root[..., 0, 0], root[..., 0, 1], root[..., 1, 1]
-    curve = (load / of_load)[..., None] * population.basis(nodes[..., 1])[0]
+    basis = population.basis(nodes[:, : len(_SLIPS), 1])[0]  # at the same slips for all loads
+    curve = (load / of_load)[..., None] * np.tile(basis, (1, len(_LOADS), 1))
     normal = [load / of_load, (slip - load * by_slip / of_load) / of_slip, load**2 - 1.0, slip**2 - 1.0]
     of_noise = residuals[..., answers] ** 2 - problem.seen[:, None, answers]
     of_vector = np.einsum("nqmp,nqm->nqp", by_parameter, residuals)

@@ -268,7 +268,7 @@ def _moved(
     """Move level, shift and deviation by a step (3,), and the curve (k,): all of it, or the part that gains most where
     each sample's nodes are, which costs no mechanics.
     """
-    shared = population.improved(state.nodes, state.responsibility, state.weights)
+    shared = population.improved(*state.slips, state.weights)
     before = population.log_density(state.nodes)
 
     def gain(moved: Population) -> float:

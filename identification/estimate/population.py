@@ -121,8 +121,8 @@ class Population:
 
     def load_by_slip(self, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean load at slips (...) [N], and its slope by slip [N]: (...) each."""
-        basis, slope = self.basis(slip)
-        return self.level + basis @ self.curve, slope @ self.curve
+        load, slope = self.grid.spline.curve(self.curve, slip - self.shift)
+        return self.level - float(self._mean_basis @ self.curve) + load, slope
 
     def log_density(self, nodes: np.ndarray) -> np.ndarray:
         """Logarithm of the density at loads and slips (..., 2): (...)."""
@@ -213,17 +213,17 @@ class Population:
             self, level=self.level + level, shift=self.shift + shift, curve=self.curve + curve, deviation=deviation
         )
 
-    def improved(self, nodes: np.ndarray, responsibility: np.ndarray, weights: np.ndarray) -> Population:
+    def improved(self, slips: np.ndarray, responsibility: np.ndarray, weights: np.ndarray) -> Population:
         """Give the population after some rounds of expectation and maximisation of the shares.
 
         Parameters
         ----------
-        nodes, responsibility : (n, q, 2), (n, q)
-            Latents of each sample and their posterior weights under the present population.
+        slips, responsibility : (n, q)
+            Latent slips of each sample, and their posterior weights under the present population.
         weights : (n,)
             Probability that a sample is no gross error.
         """
-        slip = nodes[..., 1] - self.shift
+        slip = slips - self.shift
         kernels = np.exp(-0.5 * ((slip[..., None] - self.grid.places) / self.grid.widths) ** 2) / self.grid.widths
         shares, worth = self.shares, _WORTH * self.grid.normal
         kernels = kernels.reshape(-1, len(shares))

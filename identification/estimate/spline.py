@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PPoly
 
 _MOST_KNOTS, _SAMPLES_PER_KNOT, _APART = 7, 15, 4.0
 """Knots at most, samples to each at least, and slip between them at least [noise]."""
@@ -55,13 +55,18 @@ class Spline:
         straight = _PSEUDO_SAMPLES * mix.T @ (bends.T @ bends / len(slip) + level) @ mix
         return cls(CubicSpline(knots, values @ mix, bc_type="natural"), straight)
 
+    def curve(self, coefficients: np.ndarray, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Sum of the terms times coefficients (k,) at slips (...), and its derivative by slip: (...) each."""
+        return _at(PPoly.construct_fast(self.terms.c @ coefficients, self.terms.x), slip)
+
     def basis(self, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Terms at slips (...), and their derivatives by slip: (..., k) each."""
         return _at(self.terms, slip)
 
 
-def _at(terms: CubicSpline, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _at(terms: PPoly, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Values and derivatives of splines at slips (...), which go on as straight lines beyond the outermost knots."""
     inside = np.clip(slip, terms.x[0], terms.x[-1])
     slopes = terms(inside, 1)
-    return terms(inside) + slopes * (slip - inside)[..., None], slopes
+    beyond = (slip - inside).reshape(*slip.shape, *[1] * (slopes.ndim - slip.ndim))
+    return terms(inside) + slopes * beyond, slopes

@@ -83,7 +83,7 @@ def test_it_learns_that_slips_come_in_two(two_habits):
     for _ in range(20):
         density = np.exp(population.log_density(nodes) - 0.5 * offsets**2)
         responsibility = density / density.sum(axis=1, keepdims=True)
-        population = population.improved(nodes, responsibility, np.ones(400))
+        population = population.improved(nodes[..., 1], responsibility, np.ones(400))
     at = np.exp(population.log_density(np.array([[800.0, 0.1], [800.0, 0.3], [800.0, 0.5]])))
     assert at[0] > 3.0 * at[1]
     assert at[2] > 3.0 * at[1]
@@ -94,7 +94,7 @@ def test_a_few_samples_leave_it_nearly_normal(two_habits):
     grid = Grid.over(two_habits, 0.05)
     normal = Population.beginning(grid, np.full(400, 800.0), 20.0, 2.0)
     nodes = np.array([[[800.0, 0.1]], [[800.0, 0.5]], [[800.0, 0.5]]])
-    learnt = normal.improved(nodes, np.ones((3, 1)), np.ones(3))
+    learnt = normal.improved(nodes[..., 1], np.ones((3, 1)), np.ones(3))
     assert np.abs(learnt.shares - normal.shares).max() < 0.15
 
 
