@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,7 +11,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -20,7 +19,7 @@ from matplotlib.patheffects import withStroke
 from ..database.observations import Drive, SoilObservation
 from ..database.snapshot import Snapshot
 from ..database.store import TerrainDatabase
-from .colours import UNKNOWN_COLOUR, class_colours
+from .colours import UNKNOWN_COLOUR, cell_colours, class_colours
 from .core.errors import InputError
 from .core.files import whole
 from .core.pooling import cells_from_keys
@@ -28,8 +27,9 @@ from .core.recording.types import Recording
 from .core.track.way import track_of
 from .placement import Claim, place_as_stored
 
-_LEAST_OPACITY = 0.15
-_MOST_PIXELS = 4000
+MOST_PIXELS = 4000
+"""Of a picture on a side; several cells share a pixel where there are more [-]."""
+
 _CELLS_PLAIN_TO_SEE, _WIDEST = 200, 3
 _SLOW_COLOUR = "#111111"
 _SOILS_SHOWN = 24
@@ -141,25 +141,36 @@ def _size(snapshot: Snapshot, stretches: int) -> tuple[float, float]:
     return width, float(np.clip(picture, 1.2, 11.0)) + 1.8 + 0.2 * math.ceil(listed / 2)
 
 
-def _draw_cells(axes: Axes, snapshot: Snapshot, colours: dict[str, str]) -> None:
+def cells_picture(
+    snapshot: Snapshot, colours: Mapping[str, str]
+) -> tuple[np.ndarray, tuple[float, float], float]:  # fmt: skip
+    """Give the cells as a picture of no more than `MOST_PIXELS` on a side.
+
+    Returns
+    -------
+    picture : (h, w, 4)
+        Red, green, blue and opacity in [0, 1], the row of the least y first; where cells share a pixel, the surest.
+    corner
+        Least x and y [m].
+    step
+        Edge of a pixel [m].
+    """
     cells = snapshot.cells
     cell_x, cell_y = cells_from_keys(cells.key).T
     known = np.isfinite(cells.probability).all(axis=1) & (cells.looks > 0)
-    k = max(len(snapshot.class_names), 2)
-    palette = np.array([*(to_rgb(colours[name]) for name in snapshot.class_names), to_rgb(UNKNOWN_COLOUR)])
-    filled = np.where(known[:, None], cells.probability, 0.0)
-    best = np.argmax(filled, axis=1) if len(snapshot.class_names) else np.zeros(len(known), dtype=int)
-    sure = np.clip((filled.max(axis=1, initial=0.0) - 1.0 / k) / (1.0 - 1.0 / k), 0.0, 1.0)
-    stride = max(1, math.ceil(max(np.ptp(cell_x), np.ptp(cell_y)) / _MOST_PIXELS))
+    rgba = cell_colours(snapshot.class_names, np.where(known[:, None], cells.probability, 0.0), known, colours)
+    stride = max(1, math.ceil(max(np.ptp(cell_x), np.ptp(cell_y)) / MOST_PIXELS))
     column, row = (cell_x - cell_x.min()) // stride, (cell_y - cell_y.min()) // stride
     picture = np.zeros((int(row.max()) + 1, int(column.max()) + 1, 4))
-    order = np.argsort(np.where(known, sure, -1.0), kind="stable")  # where cells share a pixel, the surest shows
-    picture[row[order], column[order], :3] = palette[np.where(known, best, len(snapshot.class_names))[order]]
-    opacity = np.where(known, _LEAST_OPACITY + (1.0 - _LEAST_OPACITY) * sure, 1.0)
-    picture[row[order], column[order], 3] = opacity[order]
-    _widen(picture, max(picture.shape[:2]) // _CELLS_PLAIN_TO_SEE)
+    order = np.argsort(np.where(known, rgba[:, 3], -1.0), kind="stable")
+    picture[row[order], column[order]] = rgba[order]
     x0, _, y0, _ = _bounds(snapshot)
-    step = stride * snapshot.cell_size_m
+    return picture, (x0, y0), stride * snapshot.cell_size_m
+
+
+def _draw_cells(axes: Axes, snapshot: Snapshot, colours: dict[str, str]) -> None:
+    picture, (x0, y0), step = cells_picture(snapshot, colours)
+    _widen(picture, max(picture.shape[:2]) // _CELLS_PLAIN_TO_SEE)
     extent = (x0, x0 + step * picture.shape[1], y0, y0 + step * picture.shape[0])
     axes.imshow(picture, extent=extent, origin="lower", interpolation="nearest", aspect="equal")
 

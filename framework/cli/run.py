@@ -62,6 +62,12 @@ def command(
     report: Annotated[
         Path | None, typer.Option("--report", help="Write what was found of one recording as an HTML page.")
     ] = None,
+    rerun: Annotated[
+        Path | None,
+        typer.Option(
+            "--rerun", metavar="FILE.rrd", help="Write one recording and what was found for the Rerun viewer."
+        ),
+    ] = None,
     workers: Annotated[
         int | None, typer.Option("--workers", min=1, help="Recordings at once, each in a process of its own; 1.")
     ] = None,
@@ -73,26 +79,31 @@ def command(
     """Recognise the ground of recordings, identify its soil, store both, and print a summary."""
     from ..core.files import check_outputs
 
-    check_outputs([json, report], [*recordings, vehicle, topics])
-    if report is not None and (len(recordings) > 1 or dask is not None):
-        raise InputError("--report", f"{len(recordings)} recordings", expected="one recording, on this machine")
+    check_outputs([json, report, rerun], [*recordings, vehicle, topics])
+    for option, given in (("--report", report), ("--rerun", rerun)):
+        if given is not None and (len(recordings) > 1 or dask is not None):
+            raise InputError(option, f"{len(recordings)} recordings", expected="one recording, on this machine")
     if workers is not None and dask is not None:
         raise InputError("--workers", f"{workers}, and --dask, too", expected="one of them")
     frame = {"site": site, "origin": stated_origin(origin, heading), "offset": _offset(offset)}
     if len(recordings) == 1 and dask is None:
-        _run_one(recordings[0], db, vehicle, topics, models, frame, json, report)
+        _run_one(recordings[0], db, vehicle, topics, models, frame, json, report, rerun)
     else:
         _run_several(recordings, db, vehicle, topics, models, frame, json, workers or 1, dask)
 
 
 def _run_one(
     recording: Path, db: str, vehicle: Path | None, topics: Path | None, models: list[str] | None,
-    frame: dict[str, Any], json: Path | None, report: Path | None,
+    frame: dict[str, Any], json: Path | None, report: Path | None, rerun: Path | None,
 ) -> None:  # fmt: skip
     from ..core.recording.readers import read_recording
     from .printing import progress_bars, status, write_json
     from .results_run import print_summary
 
+    if rerun is not None:
+        from ..rerun_stream import check_rerun
+
+        check_rerun(rerun)
     with progress_bars() as progress:
         progress("reading", 0.0)
         drive = read_recording(recording, vehicle=vehicle, topics=topics)
@@ -107,6 +118,11 @@ def _run_one(
 
         with status(f"drawing {report}"):
             write_report(summary, drive, report)
+    if rerun is not None:
+        from ..rerun_log import write_rerun
+
+        with status(f"writing {rerun}"):
+            write_rerun(summary, drive, rerun, models=models)
     print_summary(summary)
 
 

@@ -14,7 +14,7 @@ from typing import Any, TextIO
 
 from .errors import InputError, reading
 
-_RESULTS = (".json", ".html", ".skops", ".png", ".svg", ".pdf")
+_RESULTS = (".json", ".html", ".skops", ".png", ".svg", ".pdf", ".rrd")
 """Endings of results, which may be written again where they lie within a recording."""
 
 

@@ -233,12 +233,12 @@ def _track(
     else:
         travel = np.abs(np.interp(time_s, *speed))
     yaw_rad = np.unwrap(yaw_rad)
-    hole = _too_far_apart(time_s) & ~_stood(time_s, x_m, y_m, yaw_rad, speed)
+    hole = too_far_apart(time_s) & ~_stood(time_s, x_m, y_m, yaw_rad, speed)
     holes_s = np.column_stack([time_s[:-1][hole], time_s[1:][hole]])
     return Track(time_s, x_m, y_m, yaw_rad, travel, origin, holes_s)
 
 
-def _too_far_apart(time_s: np.ndarray) -> np.ndarray:
+def too_far_apart(time_s: np.ndarray) -> np.ndarray:
     """Between which neighbours too much time passed for a straight line, (n - 1,), by the usual step of all."""
     step = np.diff(time_s)
     return step > max(_BRIDGED_S, _BRIDGED_STEPS * float(np.quantile(step, 0.5, method="lower")))

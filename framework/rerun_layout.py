@@ -1,0 +1,85 @@
+"""The views that the Rerun viewer opens on a drive; nothing but what the file holds has one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from typing import Any
+
+WHITE = (255, 255, 255)
+"""As in the other maps: classes are told apart on it."""
+
+SOIL_TITLES = {"c_kPa": "cohesion c [kPa], 95 % interval", "phi_deg": "friction angle phi [deg], 95 % interval"}
+
+
+def layout(
+    image: str, instruments: Sequence[str], channels: Mapping[str, str], soils: Sequence[str], *, mapped: bool
+) -> Any:
+    """Arrange the views: places and camera on the left, what was found in the middle, the wheels on the right.
+
+    Parameters
+    ----------
+    image
+        Entity of the camera's frames; empty where there are none.
+    instruments
+        Those whose quality was written.
+    channels
+        Titles of the wheel channels, by name.
+    soils
+        Names of the estimates.
+    mapped
+        Whether cells and the site's map were written.
+    """
+    rrb: Any = import_module("rerun.blueprint")
+    path = import_module("rerun").new_entity_path
+
+    def plot(origin: str, title: str, **settings: Any) -> Any:
+        return rrb.TimeSeriesView(origin=origin, name=title, **settings)
+
+    # A cell that was written once stays: all up to the time that is looked at is shown.
+    past = [
+        rrb.VisibleTimeRange(
+            timeline, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative(seconds=0.0)
+        )
+        for timeline in ("recording", "utc")
+    ]
+    drive = rrb.Spatial3DView(
+        origin="/world", name="drive: cells as they were last seen", time_ranges=past, background=WHITE,
+        contents=["+ /world/**", "- /world/site_map", "- /world/vehicle/camera/image"],
+    )  # fmt: skip
+    site = rrb.Spatial3DView(
+        origin="/world", name="site: all that the database knows", background=WHITE,
+        contents=["+ /world/**", "- /world/cells/**", "- /world/soil", "- /world/vehicle/camera/image"],
+    )  # fmt: skip
+    below: list[Any] = [rrb.Spatial2DView(origin="/legend", name="legend")]
+    if image:
+        below.insert(0, rrb.Spatial2DView(origin=f"/{image}", name="camera"))
+    shares = [4.0, 1.0] if image else None
+    left = rrb.Vertical(
+        rrb.Tabs(drive, site) if mapped else drive, rrb.Horizontal(*below, column_shares=shares), row_shares=[3.0, 2.0]
+    )
+    whole_range = rrb.ScalarAxis(range=(0.0, 1.0))
+    middle = [
+        rrb.Tabs(
+            rrb.TextDocumentView(origin="/summary", name="summary"),
+            rrb.TextLogView(origin="/log", name="findings"),
+            *(
+                rrb.TextLogView(origin=path(["senses", name, "log"]), name=f"{name}: why not trusted")
+                for name in instruments
+            ),
+        ),
+        *(
+            plot(path(["senses", name, "quality"]), f"{name}: quality [-], 0 not trusted", axis_y=whole_range)
+            for name in instruments
+        ),
+        *(plot(f"/soil/{name}", SOIL_TITLES[name]) for name in soils),
+    ]
+    columns = [left, rrb.Vertical(*middle)]
+    if channels:
+        columns.append(rrb.Vertical(*(plot(f"/wheels/{name}", title) for name, title in channels.items())))
+    return rrb.Blueprint(
+        rrb.Horizontal(*columns, column_shares=[3.0, 2.0, 2.0][: len(columns)]),
+        rrb.TimePanel(timeline="recording", state="collapsed"),
+        auto_views=False,
+        collapse_panels=True,
+    )
