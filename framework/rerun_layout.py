@@ -13,14 +13,14 @@ SOIL_TITLES = {"c_kPa": "cohesion c [kPa], 95 % interval", "phi_deg": "friction 
 
 
 def layout(
-    image: str, instruments: Sequence[str], channels: Mapping[str, str], soils: Sequence[str], *, mapped: bool
+    camera: str, instruments: Sequence[str], channels: Mapping[str, str], soils: Sequence[str], *, mapped: bool
 ) -> Any:
     """Arrange the views: places and camera on the left, what was found in the middle, the wheels on the right.
 
     Parameters
     ----------
-    image
-        Entity of the camera's frames; empty where there are none.
+    camera
+        Entity above the camera's frames; empty where there are none.
     instruments
         Those whose quality was written.
     channels
@@ -52,9 +52,9 @@ def layout(
         contents=["+ /world/**", "- /world/cells/**", "- /world/soil", "- /world/vehicle/camera/image"],
     )  # fmt: skip
     below: list[Any] = [rrb.Spatial2DView(origin="/legend", name="legend")]
-    if image:
-        below.insert(0, rrb.Spatial2DView(origin=f"/{image}", name="camera"))
-    shares = [4.0, 1.0] if image else None
+    if camera:
+        below.insert(0, rrb.Spatial2DView(origin=f"/{camera}", name="camera"))
+    shares = [4.0, 1.0] if camera else None
     left = rrb.Vertical(
         rrb.Tabs(drive, site) if mapped else drive, rrb.Horizontal(*below, column_shares=shares), row_shares=[3.0, 2.0]
     )

@@ -118,7 +118,7 @@ def _write_all(
     if mapped:
         _write_cells(log, drive, colours)
         texts += _write_site_map(log, snapshot, colours)
-    image = _write_camera(log, recording, mapped)
+    camera = _write_camera(log, recording, mapped)
     heard, untold = _write_senses(log, recording, track, drive, summary.database, models)
     channels = [] if recording.wheel is None else _write_wheels(log, recording.wheel)
     estimated = _write_soils(log, drive)
@@ -126,7 +126,7 @@ def _write_all(
     present = {*drive.terrain.evidence.labels(), *(each.class_name for each in summary.soils)}
     _write_legend(log, {name: colours[name] for name in names if name in present})
     shown = {name: CHANNELS[name] for name in channels}
-    log.stream.send_blueprint(layout(image, heard, shown, estimated, mapped=mapped))
+    log.stream.send_blueprint(layout(camera, heard, shown, estimated, mapped=mapped))
 
 
 def _write_track(log: Log, track: Track) -> None:
@@ -180,11 +180,11 @@ def _write_site_map(log: Log, snapshot: Snapshot, colours: Mapping[str, str]) ->
 
 
 def _write_camera(log: Log, recording: Recording, mapped: bool) -> str:
-    """Write frames, thinned and made smaller; return where, or nothing where there are none."""
+    """Write frames, thinned and made smaller; return the entity above them, or nothing where there are none."""
     if recording.camera is None:
         return ""
     camera = recording.vehicle.camera if recording.vehicle is not None and mapped else None
-    last, path = -np.inf, ""
+    last, origin = -np.inf, ""
 
     def wanted(time_s: float) -> bool:
         return time_s >= last + FRAME_PERIOD_S
@@ -197,14 +197,14 @@ def _write_camera(log: Log, recording: Recording, mapped: bool) -> str:
         image = frame.image
         if scale < 1.0:
             image = cv2.resize(image, (WIDEST_PX, max(1, round(scale * height))), interpolation=cv2.INTER_AREA)
-        if not path:
-            path = "camera/image"
+        if not origin:
+            origin = "camera"
             if camera is not None and (camera.width_px, camera.height_px) == (width, height):
-                path = "world/vehicle/camera/image"
+                origin = "world/vehicle/camera"
                 _write_lens(log, camera, image.shape[1] / width, image.shape[0] / height)
         _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-        log.at(frame.time_s, path, log.rr.EncodedImage(contents=data.tobytes(), media_type="image/jpeg"))
-    return path
+        log.at(frame.time_s, f"{origin}/image", log.rr.EncodedImage(contents=data.tobytes(), media_type="image/jpeg"))
+    return origin
 
 
 def _write_lens(log: Log, camera: Camera, across: float, down: float) -> None:
@@ -217,7 +217,7 @@ def _write_lens(log: Log, camera: Camera, across: float, down: float) -> None:
     lens = rr.Pinhole(
         image_from_camera=matrix, resolution=resolution, camera_xyz=rr.ViewCoordinates.RDF, image_plane_distance=1.0
     )
-    log.static("world/vehicle/camera/image", lens)
+    log.static("world/vehicle/camera", lens)
 
 
 def _write_senses(

@@ -33,7 +33,12 @@ class File:
 
     def __init__(self, path):
         reader = pytest.importorskip("rerun.chunk", reason=WITHOUT).RrdReader(str(path))
-        self.views = len(reader.blueprints())
+        self.views = [
+            batch.column("ViewBlueprint:space_origin")[0].as_py()[0]
+            for views in reader.blueprints()
+            for batch in (chunk.to_record_batch() for chunk in reader.stream(store=views))
+            if "ViewBlueprint:space_origin" in batch.schema.names
+        ]
         self.rows = defaultdict(list)
         self.timelines = set()
         for chunk in reader.stream():
@@ -150,7 +155,14 @@ def test_wheels_track_and_findings_are_those_of_the_recording(driven):
     assert file.timelines == {"recording", "utc"}
     absolute, since_s = file.utc
     assert (absolute.replace(tzinfo=UTC) - recording.start_time).total_seconds() == pytest.approx(since_s, abs=1e-6)
-    assert file.views == 1
+
+
+def test_every_view_shows_something_and_everything_is_in_a_view(driven):
+    file = driven[-1]
+    assert len(file.views) == len(set(file.views)) + 1  # /world is in two
+    entities = [entity for entity in file.rows if entity != "/__properties"]
+    assert all(any(f"{each}/".startswith(f"{view}/") for each in entities) for view in file.views)
+    assert all(any(f"{each}/".startswith(f"{view}/") for view in file.views) for each in entities)
 
 
 def test_the_camera_looks_from_where_it_is_at_two_frames_a_second(driven):
@@ -163,7 +175,7 @@ def test_the_camera_looks_from_where_it_is_at_two_frames_a_second(driven):
     # Rerun's own convention, columns first: a point in front, by its matrices, and by those of the projection.
     turn = np.array(file.one("/world/vehicle/camera", "mat3x3")[0]).reshape(3, 3).T
     place = np.array(file.one("/world/vehicle/camera", "translation")[0])
-    matrix = np.array(file.one("/world/vehicle/camera/image", "image_from_camera")[0]).reshape(3, 3).T
+    matrix = np.array(file.one("/world/vehicle/camera", "image_from_camera")[0]).reshape(3, 3).T
     np.testing.assert_allclose(turn, camera_axes(camera)[0].T, atol=1e-6)
     seen = matrix @ turn.T @ (np.array([4.0, 0.5, 0.0]) - place)
     flat = camera.model_copy(update={"distortion": ()})
