@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 import sys
 from collections import defaultdict
+from dataclasses import replace
 from datetime import UTC, datetime
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -14,6 +16,7 @@ from bevameter.database.store import TerrainDatabase
 from bevameter.framework.cli.main import app
 from bevameter.framework.core.errors import InputError
 from bevameter.framework.core.recording.readers import read_recording
+from bevameter.framework.core.soil import PLAUSIBLE
 from bevameter.framework.core.vehicle import Camera
 from bevameter.framework.default_models import Models
 from bevameter.framework.rerun_log import FRAME_PERIOD_S, WIDEST_PX, write_rerun
@@ -121,6 +124,23 @@ def test_soil_is_drawn_with_its_interval_on_its_stretch_and_nowhere_else(driven)
     assert file.rows["/world/soil"][0][1]["positions"][0][:2] == pytest.approx([stretch.x_m, stretch.y_m], abs=1e-4)
 
 
+def test_what_the_data_do_not_determine_has_no_value_and_an_open_end_none(driven, tmp_path):
+    recording, summary, drive, _ = driven
+    stretch = next(one for one in drive.soils if one.estimate is not None)
+    c = replace(stretch.estimate.parameters["c_Pa"], low=500.0, high=PLAUSIBLE["c_Pa"][1])
+    parameters = {**stretch.estimate.parameters, "c_Pa": c}
+    unsure = replace(stretch.estimate, parameters=parameters, separable={**stretch.estimate.separable, "c_Pa": False})
+    with TerrainDatabase(tmp_path / "u.db") as database:
+        database.add_drive(replace(drive, soils=(replace(stretch, estimate=unsure),)))
+    write_rerun(replace(summary, database=str(tmp_path / "u.db")), recording, tmp_path / "u.rrd")
+    file = File(tmp_path / "u.rrd")
+    assert "/soil/c_kPa/value" not in file.rows
+    assert "/soil/c_kPa/high" not in file.rows
+    assert file.series("/soil/c_kPa/low")[1][:2] == [0.5, 0.5]
+    assert "/soil/phi_deg/value" in file.rows
+    assert "c not determined: above 0.50" in file.one("/world/soil", "labels")[0]
+
+
 def test_the_quality_of_sound_is_that_of_the_run_and_the_log_says_why_it_is_low(driven):
     _, summary, _, file = driven
     (microphone,) = [one for one in summary.senses if one.sense == "microphone"]
@@ -215,7 +235,8 @@ def test_a_value_that_is_not_known_is_an_empty_row(tmp_path):
 
 def test_the_quality_is_not_that_of_another_model(driven, tmp_path):
     recording, summary, _, _ = driven
-    write_rerun(summary, recording, tmp_path / "d.rrd", models=Models({}, {}))
+    other = Models({"audio": SimpleNamespace(version="another")}, {"audio": "audio.skops"})  # pyright: ignore
+    write_rerun(summary, recording, tmp_path / "d.rrd", models=other)
     file = File(tmp_path / "d.rrd")
     assert "/senses/microphone/quality" not in file.rows
     assert any("the model of the run is not there" in row["text"][0] for _, row in file.rows["/log"])
