@@ -19,7 +19,7 @@ from .core.classifier.classifier import TerrainClassifier
 from .core.evidence import ClassEvidence
 from .core.pooling import cell_keys, centred_logs, sums_by
 from .core.recording.types import Recording
-from .core.track.way import Track
+from .core.track.way import Places, Track
 from .senses import Observation, senses
 
 Progress = Callable[[str, float], None]
@@ -71,24 +71,41 @@ def observe(
     tuple of SenseRecord
         One a sense, with the reason where it is absent.
     """
-    records, jobs = [], []
+    jobs = begin_observing(recording, track, models, cell_size_m)
+    if track is not None:
+        _run_concurrently([(record, given) for record, given in jobs if given is not None], track, progress)
+    return tuple(record for record, _ in jobs)
+
+
+def begin_observing(
+    recording: Recording, track: Places | None, models: Mapping[str, TerrainClassifier], cell_size_m: float
+) -> list[tuple[SenseRecord, Iterator[Observation] | None]]:
+    """Give what each sense will observe, for its record; None where it is absent, with the reason in the record.
+
+    Parameters
+    ----------
+    recording, track, models, cell_size_m
+        As in `observe`; of a recording that is being made the streams end with the drive.
+    """
+    jobs = list[tuple[SenseRecord, Iterator[Observation] | None]]()
     for sense in senses():
         absent = sense.absence(recording) or ("no places in the recording" if track is None else "")
         if not absent and sense.name not in models:
             absent = "no model"
         record = SenseRecord(sense.instrument, sense.name, SenseMap(sense.instrument), absent=absent)
-        records.append(record)
+        given = None
         if not absent and track is not None:
-            jobs.append((record, sense.observe(recording, track, models[sense.name], cell_size_m)))
-    if jobs and track is not None:
-        _run_concurrently(jobs, track, progress)
-    return tuple(records)
+            given = sense.observe(recording, track, models[sense.name], cell_size_m)
+        jobs.append((record, given))
+    return jobs
 
 
 def _run_concurrently(
     jobs: Sequence[tuple[SenseRecord, Iterator[Observation]]], track: Track, progress: Progress | None
 ) -> None:
     """One thread a sense: OpenCV, numpy and FFTs let go of the interpreter's lock, so two cores are used."""
+    if not jobs:
+        return
     stop = threading.Event()
     done = {record.sense: 0.0 for record, _ in jobs}
     start, length = float(track.time_s[0]), float(np.ptp(track.time_s))

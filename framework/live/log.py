@@ -1,0 +1,142 @@
+"""What a drive's wheels, places and inertial sensor gave, row by row, and the recording that it makes in the end."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..core.recording.bag_vibration import NAMES, vibration_of
+from ..core.recording.topic_map import VibrationTopic
+from ..core.recording.types import Frame, Pose, SoundBlock, VibrationRun, Wanted, WheelTable, always
+from ..core.recording.wheel_file import derive_all
+from ..core.vehicle import Vehicle
+from .streams import SOURCE
+
+POSE, WHEEL, IMU = "pose", "wheel", "imu"
+
+Part = tuple[str, dict[str, np.ndarray]]
+"""Rows of one stream: its name, and columns, each (n,)."""
+
+
+@dataclass(frozen=True)
+class WheelRow:
+    """One sample of a wheel: its name, empty where there is one, and its channels."""
+
+    wheel: str
+    channels: Mapping[str, float]
+
+
+@dataclass
+class Log:
+    """Rows in order of time, those since the last `cut` as they came, the others as `parts`."""
+
+    parts: list[Part] = field(default_factory=list)
+    _rows: dict[str, list[tuple[float, Any]]] = field(default_factory=lambda: {POSE: [], WHEEL: [], IMU: []})
+
+    def add(self, stream: str, time_s: float, row: Any) -> None:
+        """Add a row: numbers, or a `WheelRow`."""
+        self._rows[stream].append((time_s, row))
+
+    def cut(self) -> list[Part]:
+        """Make parts of the rows since the last time, and give these."""
+        cut: list[Part] = []
+        for stream, rows in self._rows.items():
+            if rows:
+                cut.append((stream, _wheel_columns(rows) if stream == WHEEL else _columns(rows)))
+        self._rows = {stream: [] for stream in self._rows}
+        self.parts += cut
+        return cut
+
+    def pose(self) -> Pose | None:
+        """Give the poses; None where there is none."""
+        columns = _joined(part for stream, part in self.parts if stream == POSE)
+        return Pose(*(columns[name] for name in ("time_s", "0", "1", "2"))) if columns else None
+
+    def wheel(self, vehicle: Vehicle) -> WheelTable | None:
+        """Give the wheels' rows, and what can be derived of them; None where there is none."""
+        columns = _joined(part for stream, part in self.parts if stream == WHEEL)
+        if not columns:
+            return None
+        wheel = columns.pop("wheel")
+        table = WheelTable(columns, wheel.astype(object) if (wheel != "").any() else None, None, SOURCE)
+        return derive_all(table, vehicle)
+
+    def vibration(self, wheel: WheelTable | None) -> tuple[VibrationRun | None, list[str]]:
+        """Give what the inertial sensor heard, as a bag's, and what is wrong with it."""
+        columns = _joined(part for stream, part in self.parts if stream == IMU)
+        if not columns:
+            return None, []
+        origin_s = float(columns["time_s"][0])
+        time_ns = np.round((columns["time_s"] - origin_s) * 1e9).astype(np.int64)
+        channels = (columns[str(number)].tolist() for number in range(len(NAMES)))
+        rows = list(zip(time_ns.tolist(), *channels, strict=True))
+        shifted = wheel
+        if wheel is not None:
+            shifted = wheel.with_columns({**wheel.columns, "time_s": wheel["time_s"] - origin_s})
+        run, problems = vibration_of(rows, 0, shifted, VibrationTopic(topic=IMU), SOURCE)
+        if run is not None:
+            run = VibrationRun(**{**vars(run), "time_s": run.time_s + origin_s})
+        return run, problems
+
+
+def _columns(rows: list[tuple[float, Any]]) -> dict[str, np.ndarray]:
+    values = np.array([row for _, row in rows], dtype=float)
+    return {"time_s": np.array([time_s for time_s, _ in rows])} | {
+        str(number): column for number, column in enumerate(values.T)
+    }
+
+
+def _wheel_columns(rows: list[tuple[float, Any]]) -> dict[str, np.ndarray]:
+    names = dict.fromkeys(name for _, row in rows for name in row.channels)
+    return {
+        "time_s": np.array([time_s for time_s, _ in rows]),
+        "wheel": np.array([row.wheel for _, row in rows]),
+        **{name: np.array([row.channels.get(name, np.nan) for _, row in rows]) for name in names},
+    }
+
+
+def _joined(parts: Iterator[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Put parts one after the other; a channel that one lacks is NaN there."""
+    given = list(parts)
+    names = dict.fromkeys(name for part in given for name in part)
+    return {
+        name: np.concatenate([part.get(name, np.full(len(part["time_s"]), np.nan)) for part in given]) for name in names
+    }
+
+
+@dataclass(frozen=True)
+class Taken:
+    """Images and sound that were taken during a drive and are not kept: how many, how long, at which rate."""
+
+    images: int
+    sound_s: float
+    sound_rate: int
+
+    def __len__(self) -> int:
+        return self.images
+
+    @property
+    def sample_rate(self) -> int:
+        """Samples a second [Hz]."""
+        return self.sound_rate
+
+    @property
+    def start_s(self) -> float:
+        """Time of the first sample [s]."""
+        return 0.0
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the sound [s]."""
+        return self.sound_s
+
+    def frames(self, wanted: Wanted = always) -> Iterator[Frame]:
+        """Yield nothing: they were looked at when they came."""
+        return iter(())
+
+    def blocks(self, block_s: float, hop_s: float) -> Iterator[SoundBlock]:
+        """Yield nothing: it was heard when it came."""
+        return iter(())
