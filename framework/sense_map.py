@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from .core.cell_sums import CLOSED, OPEN, QQ, SQUARES, CellSums, Q
 from .core.classifier.classifier import TerrainClassifier
 from .core.evidence import ClassEvidence
 from .core.pooling import cell_keys, centred_logs, sums_by
@@ -195,7 +196,7 @@ class SenseRecord:
 
 
 class SenseMap:
-    """What one sense saw of the ground, summed up cell by cell as it arrives.
+    """What one sense saw of the ground, summed up cell by cell as it arrives; threads may share it.
 
     Parameters
     ----------
@@ -203,20 +204,14 @@ class SenseMap:
         Its name in reasons: ``"camera"``.
     """
 
-    # Columns of the sums kept for a cell: open looks, closed looks, sum q, sum q^2, sum q |l|^2.
-    _OPEN, _CLOSED, _Q, _QQ, _SQUARES = range(5)
-
     def __init__(self, sense: str):
         self.sense = sense
         self.classes: tuple[str, ...] = ()
-        self._reason_names: list[str] = []
-        self._keys = np.empty(0, dtype=np.int64)
-        self._sums = np.empty((0, 5))
-        self._logs = np.empty((0, 0))
-        self._reason_counts = np.empty((0, 0))
-        self._last_s = np.empty(0)
+        self.reason_names: list[str] = []
+        self._settled, self._recent = CellSums.none(), CellSums.none()
         self._buffer: list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
         self._buffered = 0
+        self._lock = threading.RLock()
 
     def add(self, cells: np.ndarray, evidence: ClassEvidence, time_s: np.ndarray) -> None:
         """Take in m looks.
@@ -237,92 +232,95 @@ class SenseMap:
         """
         if not len(evidence):
             return
-        if not self.classes:
-            self.classes = evidence.classes
-        elif evidence.classes != self.classes:
-            raise ValueError(f"{self.sense}: evidence over {evidence.classes}, earlier over {self.classes}")
         quality = np.where(evidence.unknown, 0.0, evidence.quality)
         finite = np.isfinite(evidence.probabilities).all(axis=1) & np.isfinite(quality)
         quality = np.where(finite, np.clip(quality, 0.0, 1.0), 0.0)
         logs = centred_logs(np.where(finite[:, None], evidence.probabilities, 1.0))
-        reason = self._reason_ids(evidence.reasons, quality <= 0.0)
-        self._buffer.append((cell_keys(cells), quality, logs, reason, np.asarray(time_s, dtype=float)))
-        self._buffered += len(evidence)
-        if self._buffered >= _BUFFER_LOOKS:
-            self._merge()
+        with self._lock:
+            self._check_classes(evidence.classes)
+            reason = self._reason_ids(evidence.reasons, quality <= 0.0)
+            self._buffer.append((cell_keys(cells), quality, logs, reason, np.asarray(time_s, dtype=float)))
+            self._buffered += len(evidence)
+            if self._buffered >= _BUFFER_LOOKS:
+                self._sum_up()
+
+    def _check_classes(self, classes: tuple[str, ...]) -> None:
+        if not self.classes:
+            self.classes = classes
+        elif classes != self.classes:
+            raise ValueError(f"{self.sense}: evidence over {classes}, earlier over {self.classes}")
 
     def _reason_ids(self, reasons: Sequence[tuple[str, ...]], closed: np.ndarray) -> np.ndarray:
         ids = np.full(len(reasons), -1)
         for row in np.flatnonzero(closed).tolist():
             name = ", ".join(kind_of_reason(text) for text in reasons[row]) or "quality 0"
-            if name not in self._reason_names:
-                name = name if len(self._reason_names) < _MAX_REASONS - 1 else _OTHER
-                if name not in self._reason_names:
-                    self._reason_names.append(name)
-            ids[row] = self._reason_names.index(name)
+            if name not in self.reason_names:
+                name = name if len(self.reason_names) < _MAX_REASONS - 1 else _OTHER
+                if name not in self.reason_names:
+                    self.reason_names.append(name)
+            ids[row] = self.reason_names.index(name)
         return ids
 
-    def _merge(self) -> None:
+    def _sum_up(self) -> None:
+        """Add what is buffered to the recent sums."""
         if not self._buffer:
             return
         keys, quality, logs, reason, time_s = (np.concatenate(part) for part in zip(*self._buffer, strict=True))
         self._buffer, self._buffered = [], 0
-        n_reasons = len(self._reason_names)
-        union = np.union1d(self._keys, keys)
-        old, row = np.searchsorted(union, self._keys), np.searchsorted(union, keys)
-
-        def grown(values: np.ndarray, width: int) -> np.ndarray:
-            larger = np.zeros((len(union), width))
-            larger[old, : values.shape[1]] = values
-            return larger
-
-        sums = grown(self._sums, 5)
-        additions = np.column_stack(
+        union, row = np.unique(keys, return_inverse=True)
+        looks = np.column_stack(
             [quality > 0, quality <= 0, quality, quality**2, quality * np.sum(logs**2, axis=1)]
         ).astype(float)
-        sums += sums_by(row, additions, len(union))
-        weighted = grown(self._logs, len(self.classes)) + sums_by(row, quality[:, None] * logs, len(union))
-        counts = grown(self._reason_counts, n_reasons)
+        counts = np.zeros((len(union), len(self.reason_names)))
         closed = reason >= 0
         np.add.at(counts, (row[closed], reason[closed]), 1.0)
         last = np.full(len(union), -np.inf)
-        last[old] = self._last_s
         np.maximum.at(last, row, time_s)
-        self._keys, self._sums, self._logs, self._reason_counts, self._last_s = union, sums, weighted, counts, last
+        sums, weighted = (sums_by(row, each, len(union)) for each in (looks, quality[:, None] * logs))
+        self._recent = self._recent.plus(CellSums(union, sums, weighted, counts, last))
 
-    def summed(self) -> SummedLooks:
-        """Give the sums over all looks so far, one row a cell that was looked at."""
-        self._merge()
-        total = self._sums[:, self._Q]
+    def settle(self) -> CellSums:
+        """Give the sums over the looks since the last time that this was called."""
+        with self._lock:
+            self._sum_up()
+            recent, self._recent = self._recent, CellSums.none()
+            self._settled = self._settled.plus(recent)
+            return recent
+
+    def restore(self, sums: CellSums, classes: tuple[str, ...], reason_names: Sequence[str]) -> None:
+        """Take in sums that `settle` gave of another map of this sense, whose reasons these were."""
+        with self._lock:
+            self._check_classes(classes)
+            self.reason_names = list(reason_names)
+            self._settled = self._settled.plus(sums)
+
+    def summed(self, among: np.ndarray | None = None) -> SummedLooks:
+        """Give the sums over all looks so far, one row a cell that was looked at; only of those `among` keys if any."""
+        with self._lock:
+            self._sum_up()
+            settled, recent, names = self._settled, self._recent, tuple(self.reason_names)
+        if among is not None:
+            settled, recent = settled.among(among), recent.among(among)
+        cells = settled.plus(recent)
+        total = cells.sums[:, Q]
         safe = np.where(total > 0, total, 1.0)
-        mean_logs = np.where(total[:, None] > 0, self._logs / safe[:, None], 0.0)
-        kish = np.where(total > 0, total**2 / np.where(total > 0, self._sums[:, self._QQ], 1.0), 0.0)
-        within = self._sums[:, self._SQUARES] - total * np.sum(mean_logs**2, axis=1)
+        logs = cells.logs if len(cells.keys) else np.empty((0, len(self.classes)))
+        mean_logs = np.where(total[:, None] > 0, logs / safe[:, None], 0.0)
+        kish = np.where(total > 0, total**2 / np.where(total > 0, cells.sums[:, QQ], 1.0), 0.0)
+        within = cells.sums[:, SQUARES] - total * np.sum(mean_logs**2, axis=1)
         return SummedLooks(
             sense=self.sense,
             classes=self.classes,
-            keys=self._keys,
-            looks=self._sums[:, self._OPEN].astype(np.int64),
-            closed=self._sums[:, self._CLOSED].astype(np.int64),
-            weight=np.where(total > 0, self._sums[:, self._QQ] / safe, 0.0),
+            keys=cells.keys,
+            looks=cells.sums[:, OPEN].astype(np.int64),
+            closed=cells.sums[:, CLOSED].astype(np.int64),
+            weight=np.where(total > 0, cells.sums[:, QQ] / safe, 0.0),
             total_quality=total,
             kish=kish,
             mean_logs=mean_logs,
             within_squares=np.maximum(within, 0.0),
-            closed_reason=self._main_reasons(),
-            last_s=self._last_s,
-        )
-
-    def _main_reasons(self) -> tuple[str, ...]:
-        """Why most of the closed looks at each cell were closed; the first in the alphabet of equals."""
-        if not self._reason_names:
-            return ("",) * len(self._keys)
-        order = np.argsort(self._reason_names)
-        counts = self._reason_counts[:, order]
-        names = [self._reason_names[index] for index in order]
-        return tuple(
-            names[best] if total else ""
-            for best, total in zip(np.argmax(counts, axis=1).tolist(), counts.sum(axis=1).tolist(), strict=True)
+            closed_reason=cells.main_reasons(names),
+            last_s=cells.last_s,
         )
 
 

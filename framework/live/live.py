@@ -2,59 +2,61 @@
 
 from __future__ import annotations
 
-import math
 import secrets
 import threading
 import time
-from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
+from ...database.observations import Drive, TerrainObservations
+from ...database.snapshot import Snapshot
 from ...database.store import TerrainDatabase
-from ..conditions import Conditions, url_of
-from ..core.arguments import number, refused, shown
+from ..conditions import METHOD, Conditions, url_of
+from ..core.arguments import number
 from ..core.errors import InputError
 from ..core.origin import Offset, Origin
 from ..core.recording.bag_vibration import NAMES
-from ..core.recording.sound import MAX_CHANNELS, SAMPLE_RATES
-from ..core.recording.types import WHEEL_COLUMNS, Frame, Pose, Recording
+from ..core.recording.types import Pose, Recording
 from ..core.vehicle import Vehicle, as_vehicle
 from ..default_models import Models, ModelsGiven, find_models
 from ..engine import begin, conclude
-from ..placement import Claim, Frames, Placement
+from ..fusion import Belief
+from ..placement import Claim, Frames
 from ..segments import CELL_SIZE_M
 from ..sense_map import SenseRecord, begin_observing, observe
-from ..senses import senses
+from ..senses import sense_named
 from ..summary import TraverseSummary
 from ..traverse import store
-from .log import IMU, POSE, WHEEL, Log, Taken, WheelRow
+from .ground import UnderWheels
+from .intake import IMAGE, SOUND, Intake
+from .log import IMU, POSE, WHEEL, Taken
+from .now import Now, Trust
 from .observing import Observing, faults
-from .order import InOrder
-from .streams import SOURCE, LiveCamera, LiveSound
-from .track import LiveTrack
+from .samples import finite, image_of, sound_of, wheel_row
+from .soil import SoilByNow
+from .streams import SOURCE
+from .watch import Subscriber
 
 HORIZON_S = 0.05
 """Samples may come so much later than others that were taken after them, unless stated [s]."""
 
-_IMAGE, _SOUND = "image", "sound"
-_CHANNELS = frozenset((*WHEEL_COLUMNS, "yaw_rad", "roll_rad", "current_A")) - {"time_s"}
+_SOMEWHERE = Pose(*np.zeros((4, 1)))
+"""Stands for places that will come."""
 
 
 class LiveTraverse:
     """Turns a drive into observations of terrain and soil while it goes on; thread-safe.
 
     Samples of each sensor are handed over as they come, with times [s] on one clock. It is the engine of
-    `run_traverse`: a recording that is handed over sample by sample gives the same observations, but for what the
-    places of later times change. That is: where poses lie more than a second apart and the vehicle stood, or they come
-    more slowly than once in 0.3 s, images in between are laid on the ground by `run_traverse` and are left out here;
-    and the quality of images before the first travel speed is that of the speed by the poses.
+    `run_traverse`: a recording that is handed over sample by sample gives the same observations, but for what later
+    times say of the places (`docs/live.md`).
 
     Parameters
     ----------
@@ -99,51 +101,49 @@ class LiveTraverse:
         horizon_s: float = HORIZON_S,
         lossless: bool = False,
     ):
-        self._database = database
-        self._vehicle = as_vehicle(vehicle)
+        self._began = time.monotonic()
+        self._database, self._vehicle = database, as_vehicle(vehicle)
         self._conditions = Conditions.of(
             database, vehicle=self._vehicle, cell_size_m=cell_size_m, site=site or None, origin=origin, offset=offset
         )
-        self._horizon_s = number("horizon_s", horizon_s, "a time, not negative [s]")
-        self._lossless = lossless
-        self._began = time.monotonic()
-        self._changed = threading.Condition(threading.RLock())
-        self._track, self._log = LiveTrack(), Log()
-        self._waiting: dict[str, InOrder[Any]] = {each: InOrder() for each in (POSE, WHEEL, IMU, _IMAGE, _SOUND)}
-        self._clock_s = -math.inf
-        self._sound_rate: int | None = None
-        self._speed_of: str | None = None
-        self._is_closed = False
-        self._camera, self._sound = LiveCamera(self._changed, self._track), LiveSound(self._changed, self._track)
-        self._recording = Recording(
-            name, SOURCE, self._vehicle, start_time, site, secrets.token_hex(32), pose=_SOMEWHERE,
-            camera=self._camera, sound=self._sound,
-        )  # fmt: skip
-        self._placement = self._placed()
-        self._models = self._found(models)
-        self._observing = self._begin_observing()
-
-    def _placed(self) -> Placement:
-        """Decide where the drive's places are put, before the first of them."""
-        stated = self._conditions.stated(self._recording)
-        claim = Claim.of(stated)
+        drive = Recording(name, SOURCE, self._vehicle, start_time, site, secrets.token_hex(32), pose=_SOMEWHERE)
+        claim = Claim.of(self._conditions.stated(drive))
         assert claim is not None
-        return Frames(self._conditions.frames).place(claim)
-
-    def _found(self, models: Models | ModelsGiven) -> Models:
-        if isinstance(models, Models):
-            return models
-        return find_models(models, url_of(self._database), synthetic=self._recording.synthetic)
+        self._placement = Frames(self._conditions.frames).place(claim)
+        if not isinstance(models, Models):
+            models = find_models(models, url_of(database), synthetic=drive.synthetic)
+        self._models = models
+        self._intake = Intake(number("horizon_s", horizon_s, "a time [s]"), lossless, self._placement.offset)
+        self._recording = replace(drive, camera=self._intake.camera, sound=self._intake.sound)
+        self._sound_rate: int | None = None
+        self._closing = threading.Lock()
+        self._is_closed = False
+        self._blas = threadpool_limits(1)  # the senses' threads fill the cores by themselves
+        self._observing = self._begin_observing()
+        self._now = self._begin_now()
 
     def _begin_observing(self) -> dict[str, Observing]:
         """Have the senses that observe streams begin; the others observe the whole drive when it is closed."""
-        jobs = begin_observing(self._recording, self._track, self._models.classifiers, self._conditions.cell_size_m)
+        jobs = begin_observing(
+            self._recording, self._intake.track, self._models.classifiers, self._conditions.cell_size_m
+        )
         begun = {record.name: Observing(record, given) for record, given in jobs if given is not None}
-        self._blas = threadpool_limits(1)  # the senses' threads fill the cores by themselves
-        self._camera.is_used, self._sound.is_used = "vision" in begun, "audio" in begun
+        self._intake.camera.is_used, self._intake.sound.is_used = "vision" in begun, "audio" in begun
         for each in begun.values():
             each.begin()
         return begun
+
+    def _begin_now(self) -> Now:
+        own, placed = self._recording, self._placement
+        drive = Drive(
+            own.digest, own.name, placed.site, self._vehicle.name, own.start_time, {}, METHOD,
+            TerrainObservations.nothing(self._conditions.cell_size_m), origin=placed.origin, offset=placed.offset,
+        )  # fmt: skip
+        used = (self._models.classifiers[name] for name in self._observing)
+        classes = tuple(sorted({name for model in used for name in model.classes}))
+        given = self._database
+        with nullcontext(given) if isinstance(given, TerrainDatabase) else TerrainDatabase(given) as opened:
+            return Now(self._intake, self._observing, self._vehicle, opened, drive, classes)
 
     def __enter__(self) -> LiveTraverse:
         return self
@@ -171,8 +171,8 @@ class LiveTraverse:
         InputError
             One of them is no finite number, or the drive was closed.
         """
-        row = tuple(_finite("pose", each, value) for each, value in (("x", x), ("y", y), ("yaw", yaw)))
-        self._put(POSE, t, row)
+        row = tuple(finite("pose", each, value) for each, value in (("x", x), ("y", y), ("yaw", yaw)))
+        self._put(POSE, finite("pose", "t", t), row)
 
     def image(self, t: float, frame: np.ndarray | None, *, problem: str | None = None) -> None:
         """Hand over an image.
@@ -191,13 +191,7 @@ class LiveTraverse:
         InputError
             It is no image, or the drive was closed.
         """
-        if frame is not None:
-            image = np.asarray(frame)
-            if image.dtype != np.uint8 or image.ndim not in (2, 3) or image.shape[2:] not in ((), (3,)):
-                said = f"{image.dtype} of shape {image.shape}"
-                raise InputError("image", said, expected="uint8 of shape (height, width, 3) or (height, width)")
-            frame = np.array(image if image.ndim == 3 else np.repeat(image[:, :, None], 3, axis=2))
-        self._put(_IMAGE, t, (frame, problem), self._camera.is_full)
+        self._put(IMAGE, finite("image", "t", t), (None if frame is None else image_of(frame), problem))
 
     def sound(self, t: float, block: ArrayLike, sample_rate_Hz: float) -> None:
         """Hand over sound.
@@ -216,19 +210,12 @@ class LiveTraverse:
         InputError
             It is no sound, or of another rate than before; or the drive was closed.
         """
-        rate = number("sound", sample_rate_Hz, "a sample rate [Hz]")
-        low, high = SAMPLE_RATES
-        if not low <= rate <= high or rate != round(rate):
-            raise InputError("sound", f"{rate:g} Hz", expected=f"a whole number from {low} to {high} Hz")
-        samples = np.array(block, dtype=np.float32)
-        samples = samples[:, None] if samples.ndim == 1 else samples
-        if samples.ndim != 2 or samples.shape[1] > MAX_CHANNELS:
-            raise InputError("sound", f"shape {np.shape(block)}", expected="samples (m,), or (m, channels)")
-        with self._changed:
-            self._sound_rate = self._sound_rate or round(rate)
+        samples, rate = sound_of(block, sample_rate_Hz)
+        with self._intake.changed:
+            self._sound_rate = self._sound_rate or rate
         if self._sound_rate != rate:
-            raise InputError("sound", f"{rate:g} Hz", expected=f"{self._sound_rate} Hz, as before")
-        self._put(_SOUND, t, (samples, round(rate)), self._sound.is_full)
+            raise InputError("sound", f"{rate} Hz", expected=f"{self._sound_rate} Hz, as before")
+        self._put(SOUND, finite("sound", "t", t), (samples, rate))
 
     def imu(self, t: float, *, wx: float, wy: float, wz: float, ax: float, ay: float, az: float) -> None:
         """Hand over a sample of the inertial sensor that hears the ground.
@@ -248,7 +235,7 @@ class LiveTraverse:
             One of them is no finite number, or the drive was closed.
         """
         values = zip(NAMES, (wx, wy, wz, ax, ay, az), strict=True)
-        self._put(IMU, t, tuple(_finite("imu", name, value) for name, value in values))
+        self._put(IMU, finite("imu", "t", t), tuple(finite("imu", name, value) for name, value in values))
 
     def wheel(self, t: float, *, wheel: str = "", **channels: float) -> None:
         """Hand over a sample of a wheel.
@@ -268,86 +255,69 @@ class LiveTraverse:
         InputError
             There is no such wheel or channel, a value is no number, or the drive was closed.
         """
-        names = [each.name for each in self._vehicle.wheels]
-        if (wheel or len(names) > 1) and wheel not in names:
-            raise InputError("wheel", shown(wheel), expected=f"one of {', '.join(names)}")
-        for name, value in channels.items():
-            if name not in _CHANNELS:
-                raise InputError("wheel", f"channel {name}", expected=f"some of {', '.join(sorted(_CHANNELS))}")
-            value = channels[name] = number(f"wheel, {name}", value, "a number")
-            if math.isinf(value):
-                raise InputError("wheel", f"{name} {value}", expected="a finite number, or NaN")
-        self._put(WHEEL, t, WheelRow(wheel, channels))
+        self._put(WHEEL, finite("wheel", "t", t), wheel_row(self._vehicle, wheel, channels))
 
-    def _put(self, stream: str, t: float, sample: Any, is_full: Callable[[], bool] = lambda: False) -> None:
-        """Take in a sample, and give on what no earlier sample is waited for any more."""
-        time_s = _finite(stream, "t", t)
-        with self._changed:
-            while self._lossless and is_full() and not self._is_closed:
-                self._changed.wait()
-            if self._is_closed:
-                raise InputError("LiveTraverse", "a sample after the drive was closed", expected="a new one")
-            if self._recording.start_time is None:
-                self._recording = replace(self._recording, start_time=_start_time(time_s))
-            if self._waiting[stream].put(time_s, sample):
-                self._clock_s = max(self._clock_s, time_s)
-                self._give_on(self._clock_s - self._horizon_s)
+    def _put(self, stream: str, time_s: float, sample: object) -> None:
+        if self._recording.start_time is None:
+            self._recording = replace(self._recording, start_time=_start_time(time_s))
+        self._intake.put(stream, time_s, sample)
 
-    def _give_on(self, until_s: float) -> None:
-        """Give on all samples up to a time [s]: what says where the vehicle was before what was observed there."""
-        self._track.go_on(until_s)
-        offset = self._placement.offset
-        for time_s, row in self._waiting[POSE].until(until_s):
-            self._log.add(POSE, time_s, row)
-            x_m, y_m, yaw_rad = row
-            if offset is not None:
-                x_m, y_m = offset.moved(np.array(x_m), np.array(y_m))
-                yaw_rad += offset.yaw_rad
-            self._track.add_pose(time_s, float(x_m), float(y_m), yaw_rad)
-        for time_s, row in self._waiting[WHEEL].until(until_s):
-            self._log.add(WHEEL, time_s, row)
-            speed = row.channels.get("travel_speed_m_s", math.nan)
-            if self._speed_of is None:
-                self._speed_of = row.wheel  # the first one's, as of a recorded table
-            if math.isfinite(speed) and row.wheel == self._speed_of:
-                self._track.add_speed(time_s, speed)
-        for time_s, row in self._waiting[IMU].until(until_s):
-            self._log.add(IMU, time_s, row)
-        for time_s, (image, problem) in self._waiting[_IMAGE].until(until_s):
-            self._camera.put(Frame(time_s, image, problem, urgent=True))
-        for time_s, (samples, rate) in self._waiting[_SOUND].until(until_s):
-            self._sound.put(time_s, samples, rate)
-        self._changed.notify_all()
+    def ahead(self, length_m: float = 5.0, width_m: float = 2.0) -> Belief:
+        """Give what is believed by now of the ground ahead: of the cells of a strip that begins at the last pose.
+
+        Parameters
+        ----------
+        length_m, width_m
+            Of the strip [m].
+        """
+        return self._now.ahead(length_m, width_m)
+
+    def under_wheels(self) -> UnderWheels | None:
+        """Give the ground under the wheels by now; None before a cell's length of the way was driven."""
+        return self._now.under_wheels()
+
+    def trust(self) -> dict[str, Trust]:
+        """Say how far each sense that is at work is trusted by now and why not, by its name."""
+        return self._now.trust()
+
+    def soil(self) -> SoilByNow | None:
+        """Give the soil of the stretch in progress by now, and what driving would determine it better.
+
+        None before the first sample of a wheel. The estimate rests on the last `soil.WINDOW` samples; that of the whole
+        stretch is made when the drive is closed.
+        """
+        return self._now.soil()
+
+    def snapshot(self) -> Snapshot:
+        """Give the planner's view of the site: what was stored when the drive began, and what it has seen by now.
+
+        Soils are those that were stored. A cell is as it was believed to be when it was last seen.
+        """
+        return self._now.snapshot()
+
+    def subscribe(self, subscriber: Subscriber) -> None:
+        """Have a function called with each event from now on: `GroundChanged`, `SensesContradict`, `SoilDeparts` or
+        `Trouble` of `bevameter.framework.live.events`. It is called in a thread of the drive, and should return soon.
+        """
+        self._now.subscribe(subscriber)
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """What of the samples was left out by now, and which senses failed."""
-        late = (
-            f"{each.late} samples of {stream} came more than {self._horizon_s:g} s late and were left out"
-            for stream, each in self._waiting.items()
-            if each.late
-        )
-        dropped = (
-            f"{stream}: {each.dropped} of {each.count} were dropped, as they came faster than they could be processed"
-            for stream, each in (("images", self._camera), ("sound blocks", self._sound))
-            if each.dropped
-        )
-        return (*late, *dropped, *faults(tuple(self._observing.values())))
+        """What of the samples was left out by now, and what failed."""
+        return (*self._intake.problems, *faults(tuple(self._observing.values())), *self._now.problems)
 
-    def _end(self) -> None:
-        """Give on all that waits, and wait until it was observed."""
-        with self._changed:
+    def _end(self) -> bool:
+        """Give on all that waits, and wait until it was observed; False where that was done before."""
+        with self._closing:
             if self._is_closed:
-                return
+                return False
             self._is_closed = True
-            self._track.end()
-            self._give_on(math.inf)
-            self._camera.end()
-            self._sound.end()
-            self._changed.notify_all()
-        for each in self._observing.values():
-            each.end()
-        self._blas.restore_original_limits()
+            self._intake.end()
+            for each in self._observing.values():
+                each.end()
+            self._now.end()
+            self._blas.restore_original_limits()
+            return True
 
     def close(self, digest: str | None = None) -> TraverseSummary:
         """End the drive, identify its soil, and store it in one transaction.
@@ -361,56 +331,42 @@ class LiveTraverse:
         Raises
         ------
         InputError
-            Nothing came, or the database cannot be written.
+            The drive was closed before, or the database cannot be written.
         """
-        self._end()
-        recording = self._made(digest)
-        begun = begin(recording, self._conditions, self._models_of, lambda claim: self._placement)
-        records = list[SenseRecord]()
-        if begun.track is not None:
-            records += [
-                each.concluded(begun.recording, begun.track, begun.cell_size_m) for each in self._observing.values()
-            ]
-        done = {record.name: record for record in records}
-        rest = observe(
-            begun.recording, begun.track,
-            {name: each for name, each in begun.models.classifiers.items() if name not in done}, begun.cell_size_m,
+        if not self._end():
+            raise InputError("LiveTraverse", "closed before", expected="a drive that goes on")
+        begun = begin(
+            self._made(digest), self._conditions, lambda senses, synthetic: self._models.of(senses),
+            lambda claim: self._placement,
         )  # fmt: skip
-        records = tuple(_said(done.get(record.name, record), begun.recording) for record in rest)
+        done = dict[str, SenseRecord]()
+        if begun.track is not None:
+            done = {
+                name: each.concluded(begun.recording, begun.track, begun.cell_size_m)
+                for name, each in self._observing.items()
+            }
+        rest = {name: each for name, each in begun.models.classifiers.items() if name not in done}
+        records = observe(begun.recording, begun.track, rest, begun.cell_size_m)
+        records = tuple(_said(done.get(record.name, record), begun.recording) for record in records)
         return store(conclude(begun, records, self._began, lambda stage, share: None), self._database)
-
-    def _models_of(self, senses: Any, synthetic: bool) -> Models:
-        return self._models.of(senses)
 
     def _made(self, digest: str | None) -> Recording:
         """Give the recording that the samples made."""
-        self._log.cut()
-        wheel = self._log.wheel(self._vehicle)
-        vibration, problems = self._log.vibration(wheel)
-        taken = Taken(self._camera.count, self._sound.duration_s, self._sound_rate or 1)
+        own, log = self._intake, self._intake.log
+        log.cut()
+        wheel = log.wheel(self._vehicle)
+        vibration, problems = log.vibration(wheel)
+        taken = Taken(own.camera.count, own.sound.duration_s, self._sound_rate or 1)
         return replace(
-            self._recording, digest=digest or self._recording.digest, wheel=wheel, pose=self._log.pose(),
+            self._recording, digest=digest or self._recording.digest, wheel=wheel, pose=log.pose(),
             vibration=vibration, camera=taken if taken.images else None, sound=taken if taken.sound_s else None,
             problems=(*problems, *self.problems),
         )  # fmt: skip
 
 
-_SOMEWHERE = Pose(*np.zeros((4, 1)))
-"""Stands for places that will come."""
-
-
-def _finite(what: str, name: str, value: object) -> float:
-    """Give a number of a sample; raises `InputError` where it is none, or not finite."""
-    found = number(f"{what}, {name}", value, "a finite number")
-    if not math.isfinite(found):
-        raise refused(f"{what}, {name}", value, "a finite number")
-    return found
-
-
 def _said(record: SenseRecord, recording: Recording) -> SenseRecord:
     """Give a record the reason why the sense was absent, if nothing came for it."""
-    sense = next(each for each in senses() if each.name == record.name)
-    absent = sense.absence(recording)
+    absent = sense_named(record.name).absence(recording)
     return replace(record, absent=absent) if absent else record
 
 

@@ -58,11 +58,7 @@ class Log:
     def wheel(self, vehicle: Vehicle) -> WheelTable | None:
         """Give the wheels' rows, and what can be derived of them; None where there is none."""
         columns = _joined(part for stream, part in self.parts if stream == WHEEL)
-        if not columns:
-            return None
-        wheel = columns.pop("wheel")
-        table = WheelTable(columns, wheel.astype(object) if (wheel != "").any() else None, None, SOURCE)
-        return derive_all(table, vehicle)
+        return derive_all(_table(columns), vehicle) if columns else None
 
     def vibration(self, wheel: WheelTable | None) -> tuple[VibrationRun | None, list[str]]:
         """Give what the inertial sensor heard, as a bag's, and what is wrong with it."""
@@ -80,6 +76,17 @@ class Log:
         if run is not None:
             run = VibrationRun(**{**vars(run), "time_s": run.time_s + origin_s})
         return run, problems
+
+
+def table_of_rows(rows: list[tuple[float, WheelRow]]) -> WheelTable:
+    """Make a table of samples in order of time."""
+    return _table(_wheel_columns(rows))
+
+
+def _table(columns: dict[str, np.ndarray]) -> WheelTable:
+    numbers = {name: values for name, values in columns.items() if name != "wheel"}
+    wheel = columns["wheel"]
+    return WheelTable(numbers, wheel.astype(object) if (wheel != "").any() else None, None, SOURCE)
 
 
 def _columns(rows: list[tuple[float, Any]]) -> dict[str, np.ndarray]:

@@ -39,6 +39,7 @@ class Observing:
         self.last: Observation | None = None
         self.fault = ""
         self._windows: list[Observation] = []
+        self._touched: list[np.ndarray] = []
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._work, name=f"bevameter {record.sense}", daemon=True)
 
@@ -63,8 +64,15 @@ class Observing:
     def _add(self, observation: Observation) -> None:
         self.record.add(observation)
         self.last = observation
+        self._touched.append(observation.cells)
         if observation.window_s is not None:
             self._windows.append(observation)
+
+    def take_touched(self) -> np.ndarray:
+        """Give the cells (m, 2) that were observed since the last time that this was called."""
+        with self._lock:
+            touched, self._touched = self._touched, []
+        return np.unique(np.concatenate(touched), axis=0) if touched else np.empty((0, 2), dtype=np.int64)
 
     def concluded(self, recording: Recording, track: Track, cell_size_m: float) -> SenseRecord:
         """Give the record of the whole drive: what was observed under the wheels lies where they are known to have

@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+import time
+from dataclasses import dataclass, field, replace
+
 import numpy as np
 import pytest
 from bevameter import InputError, LiveTraverse, TerrainDatabase, Vehicle, Wheel, read_recording, run_traverse
+from bevameter.database.posterior import class_soils
+from bevameter.database.snapshot import Snapshot
+from bevameter.framework.live.events import GroundChanged
+from bevameter.framework.live.log import WheelRow
+from bevameter.framework.live.soil import SoilWatch
 from bevameter.framework.live.track import LiveTrack
 from live_drive import out_of_order, samples
 
@@ -30,17 +38,51 @@ def begun(recording, models, path, **options) -> LiveTraverse:
     )  # fmt: skip
 
 
+@dataclass
+class Seen:
+    """What a drive said of itself while it went on."""
+
+    events: list = field(default_factory=list)
+    ahead: list = field(default_factory=list)
+    trust: list = field(default_factory=list)
+    soils: list = field(default_factory=list)
+    snapshot: Snapshot | None = None
+
+
+def wait_for_soil(live, most_s=2.0):
+    """Leave the threads the time that they have where a drive is not replayed as fast as possible."""
+    until = time.monotonic() + most_s
+    while time.monotonic() < until:
+        soil, ground = live.soil(), live.under_wheels()
+        if soil is not None and ground is not None and min(soil.time_s, ground.time_s) > live._intake.clock_s - 4.0:
+            return
+        time.sleep(0.02)
+
+
 @pytest.fixture(scope="module")
-def replayed(recording, small_models, tmp_path_factory):
-    """The drive that `LiveTraverse` stores, and its summary; samples come up to 40 ms late."""
-    path = tmp_path_factory.mktemp("live") / "t.db"
+def driven(recording, small_models, tmp_path_factory):
+    """The drive that `LiveTraverse` stores, its summary, and what it said on the way; samples come up to 40 ms late."""
+    path, seen = tmp_path_factory.mktemp("live") / "t.db", Seen()
     live = begun(recording, small_models, path)
-    for hand_over in out_of_order(samples(recording), 0.04):
+    live.subscribe(seen.events.append)
+    for number, hand_over in enumerate(out_of_order(samples(recording), 0.04)):
         hand_over(live)
+        if number % 200 == 199:
+            wait_for_soil(live)
+            seen.ahead.append(live.ahead())
+            seen.trust.append(live.trust())
+            seen.soils.append(live.soil())
+            live.snapshot()
     assert live.problems == ()
     summary = live.close(recording.digest)
+    seen.snapshot = live.snapshot()
     with TerrainDatabase(path) as database:
-        return database.drives()[0], summary
+        return database.drives()[0], summary, seen, database.snapshot()
+
+
+@pytest.fixture(scope="module")
+def replayed(driven):
+    return driven[:2]
 
 
 def assert_same(one, other):
@@ -72,6 +114,73 @@ def test_a_replay_gives_the_observations_of_a_run(stored, replayed):
         assert (a.absent, a.items, dict(a.said), dict(a.closed)) == (b.absent, b.items, dict(b.said), dict(b.closed))
     assert again.problems == summary.problems
     assert again.track_m == pytest.approx(summary.track_m)
+
+
+def test_changes_of_the_ground_are_told_where_they_are(driven):
+    _, _, seen, _ = driven
+    changes = [each for each in seen.events if isinstance(each, GroundChanged)]
+    assert [each.after for each in changes] == ["sand", "loam", "grass"]
+    assert [each.before for each in changes] == ["", "sand", "loam"]
+    assert [each.time_s for each in changes] == pytest.approx([0.0, 32.0, 64.0], abs=3.0)  # a metre
+    assert all(each.probability >= 2.0 / 3.0 for each in changes)
+
+
+def test_the_ground_ahead_is_known_and_each_sense_is_trusted_or_not(driven):
+    _, _, seen, _ = driven
+    known = [(~belief.unknown).mean() for belief in seen.ahead if len(belief)]
+    assert np.median(known) > 0.2
+    assert {name for belief in seen.ahead for name in belief.labels()} >= {"sand", "loam"}
+    said = [trust["audio"] for trust in seen.trust]
+    assert any(each.is_trusted for each in said)
+    assert any(not each.is_trusted and each.reasons for each in said)
+
+
+def test_the_soil_in_progress_is_told_with_its_interval_and_what_would_help(driven):
+    drive, _, seen, _ = driven
+    found = [soil for soil in seen.soils if soil is not None and soil.n >= 100]
+    assert {soil.class_name for soil in found} == {"sand", "loam"}
+    for soil in found:
+        final = next(each for each in drive.soils if each.estimate is not None and max(
+            each.class_probabilities, key=each.class_probabilities.get) == soil.class_name)  # fmt: skip
+        phi, whole = soil.parameters["phi_rad"], final.estimate.parameters["phi_rad"]
+        assert phi.low < whole.high
+        assert whole.low < phi.high
+    fast = [soil for soil in seen.soils if soil is not None and soil.reason.startswith("too fast")]
+    assert all(soil.advice.startswith("drive more slowly") for soil in fast)
+    assert fast
+
+
+def test_the_snapshot_on_the_way_is_that_of_the_database_in_the_end(driven):
+    """But for looks that are laid elsewhere, and weighed otherwise, once the whole drive is known."""
+    _, _, seen, stored = driven
+    here, there = seen.snapshot, stored
+    common, a, b = np.intersect1d(here.cells.key, there.cells.key, return_indices=True)
+    assert len(common) > 0.97 * len(there.cells.key)
+    assert here.class_names == there.class_names
+    both = np.isfinite(here.cells.probability[a]).all(axis=1) & np.isfinite(there.cells.probability[b]).all(axis=1)
+    same = here.cells.probability[a][both].argmax(axis=1) == there.cells.probability[b][both].argmax(axis=1)
+    assert same.mean() > 0.98
+
+
+@pytest.mark.parametrize(("share", "departs"), [(1.0, False), (2.5, True)])
+def test_a_soil_that_is_not_that_of_its_class_is_told(recording, stored, share, departs):
+    """Sand that bears 1 / `share` of what is stored of it."""
+    sand = next(each for each in stored[0].soils if each.estimate is not None)
+    c, tan_phi = share * sand.estimate.mean_c_tan_phi
+    known = replace(sand, estimate=replace(sand.estimate, mean_c_tan_phi=np.array([c, tan_phi])))
+    places = [replace(known, start_s=1e3 * number, end_s=1e3 * number + 20.0) for number in range(8)]
+    told = []
+    watch = SoilWatch(recording.vehicle, class_soils(places), told.append)
+    watch.begin()
+    watch.begin_stretch(0.0, "sand")
+    names = [name for name in recording.wheel.columns if name != "time_s"]
+    for row, time_s in enumerate(recording.wheel["time_s"][:100].tolist()):
+        watch.put(time_s, WheelRow("", {name: float(recording.wheel[name][row]) for name in names}))
+    watch.end()
+    assert [each.class_name for each in told] == ["sand"] * departs
+    if departs:
+        assert told[0].strength_share == pytest.approx(1.0 / share, abs=0.15)
+    assert watch.now.n > 40
 
 
 def rover(**parts) -> Vehicle:

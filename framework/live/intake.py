@@ -1,0 +1,129 @@
+"""Where samples come in: put in order, kept, and given on to what waits for them."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..core.origin import Offset
+from ..core.recording.types import Frame
+from .log import IMU, POSE, WHEEL, Log, WheelRow
+from .order import InOrder
+from .streams import LiveCamera, LiveSound
+from .track import LiveTrack
+
+IMAGE, SOUND = "image", "sound"
+
+
+class Intake:
+    """Takes samples of all sensors, from any thread.
+
+    Parameters
+    ----------
+    horizon_s
+        How much later than another a sample may come that was taken before it [s].
+    lossless
+        Whether a caller who is faster than the senses has to wait.
+    offset
+        Where the frame of the poses lies in the site's; None where they are one.
+    follow_wheel
+        Called with each sample of a wheel, in order.
+
+    Attributes
+    ----------
+    changed
+        Guards all of it, and is notified of what comes.
+    clock_s
+        Time of the newest sample [s].
+    """
+
+    def __init__(self, horizon_s: float, lossless: bool, offset: Offset | None):
+        self.changed = threading.Condition(threading.RLock())
+        self.track, self.log = LiveTrack(), Log()
+        self.camera, self.sound = LiveCamera(self.changed, self.track), LiveSound(self.changed, self.track)
+        self.clock_s = -math.inf
+        self.has_ended = False
+        self.follow_wheel: Callable[[float, WheelRow], None] | None = None
+        self._horizon_s, self._lossless, self._offset = horizon_s, lossless, offset
+        self._waiting: dict[str, InOrder[Any]] = {each: InOrder() for each in (POSE, WHEEL, IMU, IMAGE, SOUND)}
+        self._newest: dict[str, float] = {}
+        self._speed_of: str | None = None
+
+    def put(self, stream: str, time_s: float, sample: Any) -> None:
+        """Take in a sample, and give on what no earlier one is waited for any more; raises `InputError` at the end."""
+        is_full = {IMAGE: self.camera.is_full, SOUND: self.sound.is_full}.get(stream)
+        with self.changed:
+            while self._lossless and is_full is not None and is_full() and not self.has_ended:
+                self.changed.wait()
+            if self.has_ended:
+                raise InputError("LiveTraverse", "a sample after the drive was closed", expected="a new one")
+            if self._waiting[stream].put(time_s, sample):
+                self._newest[stream] = max(time_s, self._newest.get(stream, time_s))
+                self.clock_s = max(self.clock_s, time_s)
+                self._give_on(self.clock_s - self._horizon_s)
+
+    def _give_on(self, until_s: float) -> None:
+        """Give on all samples up to a time [s]: what says where the vehicle was before what was observed there."""
+        self.track.go_on(until_s)
+        for time_s, row in self._waiting[POSE].until(until_s):
+            self.log.add(POSE, time_s, row)
+            self._add_pose(time_s, *row)
+        for time_s, row in self._waiting[WHEEL].until(until_s):
+            self.log.add(WHEEL, time_s, row)
+            self._add_wheel(time_s, row)
+        for time_s, row in self._waiting[IMU].until(until_s):
+            self.log.add(IMU, time_s, row)
+        for time_s, (image, problem) in self._waiting[IMAGE].until(until_s):
+            self.camera.put(Frame(time_s, image, problem, urgent=True))
+        for time_s, (samples, rate) in self._waiting[SOUND].until(until_s):
+            self.sound.put(time_s, samples, rate)
+        self.changed.notify_all()
+
+    def _add_pose(self, time_s: float, x_m: float, y_m: float, yaw_rad: float) -> None:
+        if self._offset is not None:
+            x, y = self._offset.moved(np.array(x_m), np.array(y_m))
+            x_m, y_m, yaw_rad = float(x), float(y), yaw_rad + self._offset.yaw_rad
+        self.track.add_pose(time_s, x_m, y_m, yaw_rad)
+
+    def _add_wheel(self, time_s: float, row: WheelRow) -> None:
+        if self._speed_of is None:
+            self._speed_of = row.wheel  # the travel speed is that of the first one, as of a recorded table
+        speed = row.channels.get("travel_speed_m_s", math.nan)
+        if math.isfinite(speed) and row.wheel == self._speed_of:
+            self.track.add_speed(time_s, speed)
+        if self.follow_wheel is not None:
+            self.follow_wheel(time_s, row)
+
+    def silent_s(self, stream: str) -> float:
+        """Time since the last sample of a stream, by the newest of any [s]; infinite where none has come."""
+        return self.clock_s - self._newest[stream] if stream in self._newest else math.inf
+
+    def end(self) -> None:
+        """Give on all that waits, and say that nothing more will come."""
+        with self.changed:
+            self.has_ended = True
+            self.track.end()
+            self._give_on(math.inf)
+            self.camera.end()
+            self.sound.end()
+            self.changed.notify_all()
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """What was left out by now."""
+        late = (
+            f"{each.late} samples of {stream} came more than {self._horizon_s:g} s late and were left out"
+            for stream, each in self._waiting.items()
+            if each.late
+        )
+        dropped = (
+            f"{stream}: {each.dropped} of {each.count} were dropped, as they came faster than they could be processed"
+            for stream, each in (("images", self.camera), ("blocks of sound", self.sound))
+            if each.dropped
+        )
+        return (*late, *dropped)

@@ -1,0 +1,86 @@
+"""Watches a drive: where the ground changes, where senses contradict each other, and what is to be told."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+from .events import Event, GroundChanged, SensesContradict, Trouble
+from .ground import GroundByNow, WayByNow
+from .soil import SoilWatch
+from .track import LiveTrack
+
+PERIOD_S = 0.1
+"""The way is looked at so often [s]."""
+
+Subscriber = Callable[[Event], None]
+
+
+class Watch:
+    """Looks at the way in a thread of its own, and tells subscribers.
+
+    Parameters
+    ----------
+    track
+        Where the vehicle is.
+    ground
+        What is believed of the ground.
+    way
+        The class along the way.
+    soil
+        Begins anew where the ground changes.
+    """
+
+    def __init__(self, track: LiveTrack, ground: GroundByNow, way: WayByNow, soil: SoilWatch | None):
+        self._track, self._ground, self._way, self._soil = track, ground, way, soil
+        self._subscribers: list[Subscriber] = []
+        self._ends = threading.Event()
+        self._contradicts = False
+        self.fault = ""
+        self._thread = threading.Thread(target=self._work, name="bevameter watch", daemon=True)
+
+    def subscribe(self, subscriber: Subscriber) -> None:
+        """Have a subscriber told from now on, in the watch's thread."""
+        self._subscribers.append(subscriber)
+
+    def tell(self, event: Event) -> None:
+        """Tell all subscribers; one that fails keeps nothing from the others."""
+        for each in list(self._subscribers):
+            try:
+                each(event)
+            except Exception as error:
+                self.fault = f"a subscriber failed: {type(error).__name__}: {error}"
+
+    def begin(self) -> None:
+        """Begin to watch."""
+        self._thread.start()
+
+    def end(self) -> None:
+        """Watch what is left of the way, and end."""
+        self._ends.set()
+        self._thread.join()
+
+    def _work(self) -> None:
+        while not self._ends.wait(PERIOD_S) and threading.main_thread().is_alive():
+            self._look()
+        self._look()
+
+    def _look(self) -> None:
+        track = self._track.now()
+        if track is None:
+            return
+        before = self._way.now.class_name if self._way.now is not None else ""
+        for new in self._way.go_on(track, self._ground):
+            if self._soil is not None:
+                self._soil.begin_stretch(new.since_s, new.class_name)
+            probability = new.probabilities.get(new.class_name, 0.0)
+            self.tell(GroundChanged(new.since_s, before, new.class_name, probability))
+            before = new.class_name
+        contradicts = bool(self._way.contradiction)
+        if contradicts and not self._contradicts and self._way.now is not None:
+            self.tell(SensesContradict(self._way.now.time_s, self._way.contradiction))
+        self._contradicts = contradicts
+
+    def trouble(self, time_s: float, text: str) -> None:
+        """Tell that something fails, or works again."""
+        self.tell(Trouble(time_s, text))
