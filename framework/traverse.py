@@ -16,9 +16,10 @@ from .core.recording.types import Recording
 from .core.vehicle import Vehicle
 from .default_models import Models, ModelsGiven, find_models
 from .engine import Processed, begin, conclude, with_mismatch
+from .observing import observe
 from .placement import Claim, Frames, Placement
 from .segments import CELL_SIZE_M, recall_soil
-from .sense_map import Progress, observe
+from .sense_map import Progress
 from .senses import senses_of
 from .summary import TraverseSummary, count_cells, count_contradictions
 

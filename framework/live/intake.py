@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -12,12 +12,17 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.origin import Offset
 from ..core.recording.types import Frame
-from .log import IMU, POSE, WHEEL, Log, WheelRow
+from .log import IMU, POSE, WHEEL, Log, Part, WheelRow
 from .order import InOrder
 from .streams import LiveCamera, LiveSound
 from .track import LiveTrack
 
 IMAGE, SOUND = "image", "sound"
+
+LONGEST_BLOCK_S = 1.0
+"""Blocks of sound are no longer, where a drive is resumed [s]."""
+
+Columns = dict[str, np.ndarray]
 
 
 class Intake:
@@ -103,6 +108,49 @@ class Intake:
         """Time since the last sample of a stream, by the newest of any [s]; infinite where none has come."""
         return self.clock_s - self._newest[stream] if stream in self._newest else math.inf
 
+    def take_unsaved(self) -> tuple[list[Part], dict[str, Any]]:
+        """Give the rows since the last time that this was called, to be written away, and the state."""
+        with self.changed:
+            passed = {stream: self._waiting[stream].passed_s for stream in (POSE, WHEEL, IMU)}
+            return self.log.cut(), {
+                "passed_s": {stream: time_s for stream, time_s in passed.items() if math.isfinite(time_s)},
+                "images": self.camera.count,
+                "sound_samples": self.sound.samples,
+                "sound_rate": self.sound.rate,
+            }
+
+    def restore(self, poses: Iterable[Columns], wheels: Iterable[Columns], state: Mapping[str, Any]) -> float:
+        """Take in what another one has written away, before anything comes; give from when on samples are needed [s].
+
+        Parameters
+        ----------
+        poses, wheels
+            Parts of the log.
+        state
+            Its state, with that of the senses by name.
+        """
+        for part in wheels:
+            for row, time_s in enumerate(part["time_s"].tolist()):
+                speed = float(part["travel_speed_m_s"][row]) if "travel_speed_m_s" in part else math.nan
+                self._add_wheel(time_s, WheelRow(str(part["wheel"][row]), {"travel_speed_m_s": speed}))
+        for part in poses:
+            for row in zip(*(part[name].tolist() for name in ("time_s", "0", "1", "2")), strict=True):
+                self._add_pose(*row)
+        needed = []
+        for stream, passed_s in state["passed_s"].items():
+            self._waiting[stream].passed_s = math.nextafter(passed_s, math.inf)
+            needed.append(passed_s)
+        images_s, sound_s = (state.get(name, {}).get("from_s", -math.inf) for name in ("vision", "audio"))
+        self._waiting[IMAGE].passed_s = images_s
+        self.sound.resume(sound_s, state["sound_samples"], state["sound_rate"])
+        if state["images"]:  # of which none was observed yet, if it does not say from when on
+            needed.append(images_s)
+        if state["sound_samples"]:
+            needed.append(sound_s - LONGEST_BLOCK_S)  # the block that holds a time begins before it
+        self.camera.count = state["images"]
+        self.track.go_on(max(needed, default=-math.inf))
+        return min(needed, default=-math.inf)
+
     def end(self) -> None:
         """Give on all that waits, and say that nothing more will come."""
         with self.changed:
@@ -111,6 +159,14 @@ class Intake:
             self._give_on(math.inf)
             self.camera.end()
             self.sound.end()
+            self.changed.notify_all()
+
+    def leave(self) -> None:
+        """Give nothing on any more, and forget what waits: the drive is to be resumed."""
+        with self.changed:
+            self.has_ended = True
+            self.camera.leave()
+            self.sound.leave()
             self.changed.notify_all()
 
     @property

@@ -2,53 +2,36 @@
 
 from __future__ import annotations
 
-import secrets
-import threading
-import time
-from contextlib import nullcontext
-from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 
 import numpy as np
 from numpy.typing import ArrayLike
-from threadpoolctl import threadpool_limits
 
-from ...database.observations import Drive, TerrainObservations
 from ...database.snapshot import Snapshot
 from ...database.store import TerrainDatabase
-from ..conditions import METHOD, Conditions, url_of
-from ..core.arguments import number
+from ..conditions import Conditions, url_of
+from ..core.arguments import number, path_of
 from ..core.errors import InputError
 from ..core.origin import Offset, Origin
 from ..core.recording.bag_vibration import NAMES
-from ..core.recording.types import Pose, Recording
 from ..core.vehicle import Vehicle, as_vehicle
 from ..default_models import Models, ModelsGiven, find_models
-from ..engine import begin, conclude
 from ..fusion import Belief
-from ..placement import Claim, Frames
 from ..segments import CELL_SIZE_M
-from ..sense_map import SenseRecord, begin_observing, observe
-from ..senses import sense_named
 from ..summary import TraverseSummary
-from ..traverse import store
+from .drive import LiveDrive, new_drive
 from .ground import UnderWheels
-from .intake import IMAGE, SOUND, Intake
-from .log import IMU, POSE, WHEEL, Taken
-from .now import Now, Trust
-from .observing import Observing, faults
+from .intake import IMAGE, SOUND
+from .log import IMU, POSE, WHEEL
+from .now import Trust
 from .samples import finite, image_of, sound_of, wheel_row
 from .soil import SoilByNow
-from .streams import SOURCE
 from .watch import Subscriber
 
 HORIZON_S = 0.05
 """Samples may come so much later than others that were taken after them, unless stated [s]."""
-
-_SOMEWHERE = Pose(*np.zeros((4, 1)))
-"""Stands for places that will come."""
 
 
 class LiveTraverse:
@@ -79,11 +62,13 @@ class LiveTraverse:
     lossless
         Whether a caller who is faster than the senses has to wait, as in a replay; else the oldest of what waits for
         them is dropped, and counted.
+    resume
+        The journal of a drive that was cut off (`unfinished`), to go on with it; the other arguments as then.
 
     Raises
     ------
     InputError
-        The vehicle, a model or the database cannot be used.
+        The vehicle, a model, the database or the journal cannot be used.
     """
 
     def __init__(
@@ -100,50 +85,28 @@ class LiveTraverse:
         offset: Offset | None = None,
         horizon_s: float = HORIZON_S,
         lossless: bool = False,
+        resume: str | Path | None = None,
     ):
-        self._began = time.monotonic()
-        self._database, self._vehicle = database, as_vehicle(vehicle)
-        self._conditions = Conditions.of(
+        self._vehicle = as_vehicle(vehicle)
+        conditions = Conditions.of(
             database, vehicle=self._vehicle, cell_size_m=cell_size_m, site=site or None, origin=origin, offset=offset
         )
-        drive = Recording(name, SOURCE, self._vehicle, start_time, site, secrets.token_hex(32), pose=_SOMEWHERE)
-        claim = Claim.of(self._conditions.stated(drive))
-        assert claim is not None
-        self._placement = Frames(self._conditions.frames).place(claim)
+        left = None if resume is None else path_of("resume", resume, "the path of a journal")
+        new = new_drive(name, self._vehicle, start_time, site)
         if not isinstance(models, Models):
-            models = find_models(models, url_of(database), synthetic=drive.synthetic)
-        self._models = models
-        self._intake = Intake(number("horizon_s", horizon_s, "a time [s]"), lossless, self._placement.offset)
-        self._recording = replace(drive, camera=self._intake.camera, sound=self._intake.sound)
-        self._sound_rate: int | None = None
-        self._closing = threading.Lock()
-        self._is_closed = False
-        self._blas = threadpool_limits(1)  # the senses' threads fill the cores by themselves
-        self._observing = self._begin_observing()
-        self._now = self._begin_now()
+            models = find_models(models, url_of(database), synthetic=new.synthetic)
+        horizon_s = number("horizon_s", horizon_s, "a time [s]")
+        self._drive = LiveDrive(database, conditions, new, models, horizon_s, lossless, left)
 
-    def _begin_observing(self) -> dict[str, Observing]:
-        """Have the senses that observe streams begin; the others observe the whole drive when it is closed."""
-        jobs = begin_observing(
-            self._recording, self._intake.track, self._models.classifiers, self._conditions.cell_size_m
-        )
-        begun = {record.name: Observing(record, given) for record, given in jobs if given is not None}
-        self._intake.camera.is_used, self._intake.sound.is_used = "vision" in begun, "audio" in begun
-        for each in begun.values():
-            each.begin()
-        return begun
+    @property
+    def journal(self) -> Path:
+        """The file that holds what a power cut leaves of the drive; it goes when the drive is stored."""
+        return self._drive.journal.path
 
-    def _begin_now(self) -> Now:
-        own, placed = self._recording, self._placement
-        drive = Drive(
-            own.digest, own.name, placed.site, self._vehicle.name, own.start_time, {}, METHOD,
-            TerrainObservations.nothing(self._conditions.cell_size_m), origin=placed.origin, offset=placed.offset,
-        )  # fmt: skip
-        used = (self._models.classifiers[name] for name in self._observing)
-        classes = tuple(sorted({name for model in used for name in model.classes}))
-        given = self._database
-        with nullcontext(given) if isinstance(given, TerrainDatabase) else TerrainDatabase(given) as opened:
-            return Now(self._intake, self._observing, self._vehicle, opened, drive, classes)
+    @property
+    def needed_s(self) -> float:
+        """Of a drive that is resumed: samples from this time on are taken once more, where the caller has them [s]."""
+        return self._drive.needed_s
 
     def __enter__(self) -> LiveTraverse:
         return self
@@ -154,7 +117,7 @@ class LiveTraverse:
         if kind is None:
             self.close()
         else:
-            self._end()
+            self._drive.end(to_be_resumed=True)
 
     def pose(self, t: float, x: float, y: float, yaw: float) -> None:
         """Hand over where the vehicle's reference point is.
@@ -211,10 +174,10 @@ class LiveTraverse:
             It is no sound, or of another rate than before; or the drive was closed.
         """
         samples, rate = sound_of(block, sample_rate_Hz)
-        with self._intake.changed:
-            self._sound_rate = self._sound_rate or rate
-        if self._sound_rate != rate:
-            raise InputError("sound", f"{rate} Hz", expected=f"{self._sound_rate} Hz, as before")
+        with self._drive.intake.changed:
+            known = self._drive.intake.sound.rate or rate
+        if known != rate:
+            raise InputError("sound", f"{rate} Hz", expected=f"{known} Hz, as before")
         self._put(SOUND, finite("sound", "t", t), (samples, rate))
 
     def imu(self, t: float, *, wx: float, wy: float, wz: float, ax: float, ay: float, az: float) -> None:
@@ -258,9 +221,8 @@ class LiveTraverse:
         self._put(WHEEL, finite("wheel", "t", t), wheel_row(self._vehicle, wheel, channels))
 
     def _put(self, stream: str, time_s: float, sample: object) -> None:
-        if self._recording.start_time is None:
-            self._recording = replace(self._recording, start_time=_start_time(time_s))
-        self._intake.put(stream, time_s, sample)
+        self._drive.started(time_s)
+        self._drive.intake.put(stream, time_s, sample)
 
     def ahead(self, length_m: float = 5.0, width_m: float = 2.0) -> Belief:
         """Give what is believed by now of the ground ahead: of the cells of a strip that begins at the last pose.
@@ -270,15 +232,15 @@ class LiveTraverse:
         length_m, width_m
             Of the strip [m].
         """
-        return self._now.ahead(length_m, width_m)
+        return self._drive.now.ahead(length_m, width_m)
 
     def under_wheels(self) -> UnderWheels | None:
         """Give the ground under the wheels by now; None before a cell's length of the way was driven."""
-        return self._now.under_wheels()
+        return self._drive.now.under_wheels()
 
     def trust(self) -> dict[str, Trust]:
         """Say how far each sense that is at work is trusted by now and why not, by its name."""
-        return self._now.trust()
+        return self._drive.now.trust()
 
     def soil(self) -> SoilByNow | None:
         """Give the soil of the stretch in progress by now, and what driving would determine it better.
@@ -286,41 +248,31 @@ class LiveTraverse:
         None before the first sample of a wheel. The estimate rests on the last `soil.WINDOW` samples; that of the whole
         stretch is made when the drive is closed.
         """
-        return self._now.soil()
+        return self._drive.now.soil()
 
     def snapshot(self) -> Snapshot:
         """Give the planner's view of the site: what was stored when the drive began, and what it has seen by now.
 
         Soils are those that were stored. A cell is as it was believed to be when it was last seen.
         """
-        return self._now.snapshot()
+        return self._drive.now.snapshot()
 
     def subscribe(self, subscriber: Subscriber) -> None:
         """Have a function called with each event from now on: `GroundChanged`, `SensesContradict`, `SoilDeparts` or
         `Trouble` of `bevameter.framework.live.events`. It is called in a thread of the drive, and should return soon.
         """
-        self._now.subscribe(subscriber)
+        self._drive.now.subscribe(subscriber)
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """What of the samples was left out by now, and what failed."""
-        return (*self._intake.problems, *faults(tuple(self._observing.values())), *self._now.problems)
-
-    def _end(self) -> bool:
-        """Give on all that waits, and wait until it was observed; False where that was done before."""
-        with self._closing:
-            if self._is_closed:
-                return False
-            self._is_closed = True
-            self._intake.end()
-            for each in self._observing.values():
-                each.end()
-            self._now.end()
-            self._blas.restore_original_limits()
-            return True
+        """What of the samples was left out by now, what failed, and drives that were cut off and wait to be resumed."""
+        return self._drive.problems
 
     def close(self, digest: str | None = None) -> TraverseSummary:
         """End the drive, identify its soil, and store it in one transaction.
+
+        Where the database cannot be written the drive stays in its journal: `close` can be called again, now, or after
+        the drive was resumed.
 
         Parameters
         ----------
@@ -331,48 +283,6 @@ class LiveTraverse:
         Raises
         ------
         InputError
-            The drive was closed before, or the database cannot be written.
+            The drive was stored before, or the database cannot be written.
         """
-        if not self._end():
-            raise InputError("LiveTraverse", "closed before", expected="a drive that goes on")
-        begun = begin(
-            self._made(digest), self._conditions, lambda senses, synthetic: self._models.of(senses),
-            lambda claim: self._placement,
-        )  # fmt: skip
-        done = dict[str, SenseRecord]()
-        if begun.track is not None:
-            done = {
-                name: each.concluded(begun.recording, begun.track, begun.cell_size_m)
-                for name, each in self._observing.items()
-            }
-        rest = {name: each for name, each in begun.models.classifiers.items() if name not in done}
-        records = observe(begun.recording, begun.track, rest, begun.cell_size_m)
-        records = tuple(_said(done.get(record.name, record), begun.recording) for record in records)
-        return store(conclude(begun, records, self._began, lambda stage, share: None), self._database)
-
-    def _made(self, digest: str | None) -> Recording:
-        """Give the recording that the samples made."""
-        own, log = self._intake, self._intake.log
-        log.cut()
-        wheel = log.wheel(self._vehicle)
-        vibration, problems = log.vibration(wheel)
-        taken = Taken(own.camera.count, own.sound.duration_s, self._sound_rate or 1)
-        return replace(
-            self._recording, digest=digest or self._recording.digest, wheel=wheel, pose=log.pose(),
-            vibration=vibration, camera=taken if taken.images else None, sound=taken if taken.sound_s else None,
-            problems=(*problems, *self.problems),
-        )  # fmt: skip
-
-
-def _said(record: SenseRecord, recording: Recording) -> SenseRecord:
-    """Give a record the reason why the sense was absent, if nothing came for it."""
-    absent = sense_named(record.name).absence(recording)
-    return replace(record, absent=absent) if absent else record
-
-
-def _start_time(time_s: float) -> datetime | None:
-    """When second 0 was, where it is `time_s` [s] now by this computer's clock; None where that is no time."""
-    try:
-        return datetime.now(UTC) - timedelta(seconds=time_s)
-    except OverflowError:
-        return None
+        return self._drive.close(digest)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,53 +29,55 @@ class WheelRow:
     channels: Mapping[str, float]
 
 
-@dataclass
 class Log:
-    """Rows in order of time, those since the last `cut` as they came, the others as `parts`."""
+    """Rows of the streams in order of time, as they come; `cut` makes parts of them, to be written away."""
 
-    parts: list[Part] = field(default_factory=list)
-    _rows: dict[str, list[tuple[float, Any]]] = field(default_factory=lambda: {POSE: [], WHEEL: [], IMU: []})
+    def __init__(self) -> None:
+        self._rows: dict[str, list[tuple[float, Any]]] = {POSE: [], WHEEL: [], IMU: []}
 
     def add(self, stream: str, time_s: float, row: Any) -> None:
         """Add a row: numbers, or a `WheelRow`."""
         self._rows[stream].append((time_s, row))
 
     def cut(self) -> list[Part]:
-        """Make parts of the rows since the last time, and give these."""
-        cut: list[Part] = []
-        for stream, rows in self._rows.items():
-            if rows:
-                cut.append((stream, _wheel_columns(rows) if stream == WHEEL else _columns(rows)))
+        """Make parts of the rows that came since the last time."""
+        cut = [
+            (stream, _wheel_columns(rows) if stream == WHEEL else _columns(rows))
+            for stream, rows in self._rows.items()
+            if rows
+        ]
         self._rows = {stream: [] for stream in self._rows}
-        self.parts += cut
         return cut
 
-    def pose(self) -> Pose | None:
-        """Give the poses; None where there is none."""
-        columns = _joined(part for stream, part in self.parts if stream == POSE)
-        return Pose(*(columns[name] for name in ("time_s", "0", "1", "2"))) if columns else None
 
-    def wheel(self, vehicle: Vehicle) -> WheelTable | None:
-        """Give the wheels' rows, and what can be derived of them; None where there is none."""
-        columns = _joined(part for stream, part in self.parts if stream == WHEEL)
-        return derive_all(_table(columns), vehicle) if columns else None
+def pose_of(parts: Iterable[dict[str, np.ndarray]]) -> Pose | None:
+    """Give the poses of parts; None where there is none."""
+    columns = _joined(parts)
+    return Pose(*(columns[name] for name in ("time_s", "0", "1", "2"))) if columns else None
 
-    def vibration(self, wheel: WheelTable | None) -> tuple[VibrationRun | None, list[str]]:
-        """Give what the inertial sensor heard, as a bag's, and what is wrong with it."""
-        columns = _joined(part for stream, part in self.parts if stream == IMU)
-        if not columns:
-            return None, []
-        origin_s = float(columns["time_s"][0])
-        time_ns = np.round((columns["time_s"] - origin_s) * 1e9).astype(np.int64)
-        channels = (columns[str(number)].tolist() for number in range(len(NAMES)))
-        rows = list(zip(time_ns.tolist(), *channels, strict=True))
-        shifted = wheel
-        if wheel is not None:
-            shifted = wheel.with_columns({**wheel.columns, "time_s": wheel["time_s"] - origin_s})
-        run, problems = vibration_of(rows, 0, shifted, VibrationTopic(topic=IMU), SOURCE)
-        if run is not None:
-            run = VibrationRun(**{**vars(run), "time_s": run.time_s + origin_s})
-        return run, problems
+
+def wheel_of(parts: Iterable[dict[str, np.ndarray]], vehicle: Vehicle) -> WheelTable | None:
+    """Give the wheels' rows of parts, and what can be derived of them; None where there is none."""
+    columns = _joined(parts)
+    return derive_all(_table(columns), vehicle) if columns else None
+
+
+def vibration_of_imu(
+    parts: Iterable[dict[str, np.ndarray]], wheel: WheelTable | None
+) -> tuple[VibrationRun | None, list[str]]:
+    """Give what the inertial sensor heard, as a bag's, and what is wrong with it."""
+    columns = _joined(parts)
+    if not columns:
+        return None, []
+    origin_s = float(columns["time_s"][0])
+    time_ns = np.round((columns["time_s"] - origin_s) * 1e9).astype(np.int64)
+    channels = (columns[str(number)].tolist() for number in range(len(NAMES)))
+    rows = list(zip(time_ns.tolist(), *channels, strict=True))
+    shifted = wheel
+    if wheel is not None:
+        shifted = wheel.with_columns({**wheel.columns, "time_s": wheel["time_s"] - origin_s})
+    run, problems = vibration_of(rows, 0, shifted, VibrationTopic(topic=IMU), SOURCE)
+    return (None if run is None else replace(run, time_s=run.time_s + origin_s)), problems
 
 
 def table_of_rows(rows: list[tuple[float, WheelRow]]) -> WheelTable:
@@ -105,7 +107,7 @@ def _wheel_columns(rows: list[tuple[float, Any]]) -> dict[str, np.ndarray]:
     }
 
 
-def _joined(parts: Iterator[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+def _joined(parts: Iterable[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
     """Put parts one after the other; a channel that one lacks is NaN there."""
     given = list(parts)
     names = dict.fromkeys(name for part in given for name in part)

@@ -14,7 +14,7 @@ from ...database.snapshot import Snapshot
 from ...database.store import TerrainDatabase
 from ..core.vehicle import Vehicle
 from ..fusion import Belief
-from .events import SoilDeparts
+from .events import SoilDeparts, Trouble
 from .ground import GroundByNow, UnderWheels, WayByNow
 from .intake import IMAGE, SOUND, Intake
 from .observing import Observing
@@ -93,6 +93,10 @@ class Now:
     def _tell(self, event: SoilDeparts) -> None:
         self._watch.tell(event)
 
+    def trouble(self, text: str) -> None:
+        """Tell that something fails, or works again."""
+        self._watch.tell(Trouble(self._intake.clock_s, text))
+
     def subscribe(self, subscriber: Subscriber) -> None:
         """Have a subscriber told of events from now on."""
         self._watch.subscribe(subscriber)
@@ -141,7 +145,9 @@ class Now:
             return self._site.take_up(self._ground.belief(cells))
 
     def settle(self) -> None:
-        """Estimate again what rests on all that was seen."""
+        """Sum up what was seen, and estimate again what rests on all of it."""
+        for each in self._observing.values():
+            each.record.map.settle()
         self._ground.estimate_correlation()
 
     @property

@@ -70,6 +70,11 @@ class _Waiting:
         """Say that nothing more will come; `changed` is held."""
         self.has_ended = True
 
+    def leave(self) -> None:
+        """Forget what waits, and end; `changed` is held."""
+        self._items.clear()
+        self.end()
+
     def take(self) -> Frame | SoundBlock | None:
         """Wait for the next one and give it; None at the end."""
         with self._changed:
@@ -119,19 +124,20 @@ class LiveSound(_Waiting):
 
     def __init__(self, changed: threading.Condition, track: LiveTrack):
         super().__init__(changed, track)
-        self._rate: int | None = None
+        self.rate: int | None = None
         self._base_s, self._given, self._held = 0.0, 0, np.empty((0, 1), np.float32)
-        self._samples = 0
+        self.samples = 0
         self._block: tuple[int, int] | None = None
+        self._from_s = -np.inf
         self._arrived: list[tuple[float, np.ndarray]] = []
 
     @property
     def sample_rate(self) -> int:
         """Samples a second [Hz], once the first came."""
         with self._changed:
-            while self._rate is None and not self.has_ended and threading.main_thread().is_alive():
+            while self.rate is None and not self.has_ended and threading.main_thread().is_alive():
                 self._changed.wait(_POLL_S)
-        return self._rate or 1
+        return self.rate or 1
 
     @property
     def start_s(self) -> float:
@@ -141,43 +147,51 @@ class LiveSound(_Waiting):
     @property
     def duration_s(self) -> float:
         """Length of what has come [s]; infinite as long as nothing is known of it."""
-        if not self._samples:
+        if not self.samples:
             return 0.0 if self.has_ended else np.inf
-        return self._samples / self.sample_rate
+        return self.samples / self.sample_rate
 
     def put(self, time_s: float, samples: np.ndarray, rate: int) -> None:
         """Take in samples (m, c), the first at `time_s` [s]."""
-        if self._rate is None:
-            self._rate = rate
-        self._samples += len(samples)
+        if self.rate is None:
+            self.rate = rate
+        known = max(round((self._from_s - time_s) * rate), 0) if np.isfinite(self._from_s) else 0
+        time_s, samples = time_s + known / rate, samples[known:]
+        if not len(samples):
+            return
+        self.samples += len(samples)
         self.count += 1
         if self._block is None and self.is_used:
             self._arrived.append((time_s, samples))
         elif self.is_used:
             self._cut(time_s, samples)
 
+    def resume(self, from_s: float, samples: int, rate: int | None) -> None:
+        """Go on with a drive that was heard up to `from_s` [s], and of which so many samples came at a rate."""
+        self._from_s, self.samples, self.rate = from_s, samples, rate
+
     def _cut(self, time_s: float, samples: np.ndarray) -> None:
-        assert self._rate is not None
+        assert self.rate is not None
         assert self._block is not None
         size, hop = self._block
-        expected_s = self._base_s + (self._given + len(self._held)) / self._rate
+        expected_s = self._base_s + (self._given + len(self._held)) / self.rate
         broken = abs(time_s - expected_s) > MAX_JITTER_S or samples.shape[1] != self._held.shape[1]
         if broken or not (self._given or len(self._held)):
             self._base_s, self._given, self._held = time_s, 0, samples
         else:
             self._held = np.concatenate([self._held, samples])
         while len(self._held) >= size:
-            start_s = self._base_s + self._given / self._rate
+            start_s = self._base_s + self._given / self.rate
             block = sound_block(start_s, self._held[:size])
-            until_s = start_s + size / self._rate
+            until_s = start_s + size / self.rate
             self.add(until_s, SoundBlock(start_s, block.samples, block.problem, block.channels, urgent=True))
             self._given, self._held = self._given + hop, self._held[hop:]
-        while len(self._items) * hop > MOST_SOUND_S * self._rate:
+        while len(self._items) * hop > MOST_SOUND_S * self.rate:
             self.drop_first()
 
     def is_full(self) -> bool:
         """Say whether more sound would make some be dropped."""
-        return self._block is not None and self.ready() * self._block[1] > 0.5 * MOST_SOUND_S * (self._rate or 1)
+        return self._block is not None and self.ready() * self._block[1] > 0.5 * MOST_SOUND_S * (self.rate or 1)
 
     def blocks(self, block_s: float, hop_s: float) -> Iterator[SoundBlock]:
         """Yield blocks of `block_s` seconds whose starts are `hop_s` apart, as they come; for one reader."""

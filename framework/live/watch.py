@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-from .events import Event, GroundChanged, SensesContradict, Trouble
+from .events import Event, GroundChanged, SensesContradict
 from .ground import GroundByNow, WayByNow
 from .soil import SoilWatch
 from .track import LiveTrack
@@ -80,7 +80,3 @@ class Watch:
         if contradicts and not self._contradicts and self._way.now is not None:
             self.tell(SensesContradict(self._way.now.time_s, self._way.contradiction))
         self._contradicts = contradicts
-
-    def trouble(self, time_s: float, text: str) -> None:
-        """Tell that something fails, or works again."""
-        self.tell(Trouble(time_s, text))

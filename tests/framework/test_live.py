@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import random
+import sqlite3
 import time
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
 from bevameter import InputError, LiveTraverse, TerrainDatabase, Vehicle, Wheel, read_recording, run_traverse
+from bevameter.database import schema
 from bevameter.database.posterior import class_soils
 from bevameter.database.snapshot import Snapshot
-from bevameter.framework.live.events import GroundChanged
+from bevameter.framework.live.events import GroundChanged, Trouble
+from bevameter.framework.live.journal import unfinished
 from bevameter.framework.live.log import WheelRow
 from bevameter.framework.live.soil import SoilWatch
 from bevameter.framework.live.track import LiveTrack
-from live_drive import out_of_order, samples
+from forked import forked, heard
+from live_drive import drive_on, out_of_order, replay, samples
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +59,11 @@ def wait_for_soil(live, most_s=2.0):
     until = time.monotonic() + most_s
     while time.monotonic() < until:
         soil, ground = live.soil(), live.under_wheels()
-        if soil is not None and ground is not None and min(soil.time_s, ground.time_s) > live._intake.clock_s - 4.0:
+        if (
+            soil is not None
+            and ground is not None
+            and min(soil.time_s, ground.time_s) > live._drive.intake.clock_s - 4.0
+        ):
             return
         time.sleep(0.02)
 
@@ -181,6 +190,109 @@ def test_a_soil_that_is_not_that_of_its_class_is_told(recording, stored, share, 
     if departs:
         assert told[0].strength_share == pytest.approx(1.0 / share, abs=0.15)
     assert watch.now.n > 40
+
+
+@pytest.fixture(scope="module")
+def resumed(recording, small_models, tmp_path_factory):
+    """The drive that was left on its way, and resumed."""
+    path = tmp_path_factory.mktemp("resumed") / "t.db"
+    live = begun(recording, small_models, path)
+    replay(recording, live, to_s=34.0)
+    live.__exit__(KeyboardInterrupt, KeyboardInterrupt(), None)
+    again = begun(recording, small_models, path, resume=live.journal)
+    assert 30.0 < again.needed_s < 34.0
+    replay(recording, again, from_s=again.needed_s)
+    again.close(recording.digest)
+    assert not live.journal.exists()
+    with TerrainDatabase(path) as database:
+        return database.drives()[0]
+
+
+def test_a_drive_that_was_left_and_resumed_is_that_of_a_run(stored, resumed):
+    assert resumed.id == stored[0].id
+    assert_same(stored[0], resumed)
+
+
+def test_journals_of_other_drives_are_named_and_not_mixed_up(tmp_path):
+    path = tmp_path / "t.db"
+    first = LiveTraverse(path, rover(), site="field")
+    first.__exit__(KeyboardInterrupt, KeyboardInterrupt(), None)
+    assert unfinished(path) == (first.journal,)
+    second = LiveTraverse(path, rover(), site="field")
+    assert str(first.journal) in second.problems[0]
+    with pytest.raises(InputError, match="locked"):
+        LiveTraverse(path, rover(), site="field", resume=second.journal)
+    with pytest.raises(InputError, match="a drive of another cell_size_m"):
+        LiveTraverse(path, rover(), site="field", resume=first.journal, cell_size_m=0.4)
+    with pytest.raises(InputError, match="no such file"):
+        LiveTraverse(path, rover(), site="field", resume=tmp_path / "none")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(2))
+def test_a_drive_that_is_killed_again_and_again_is_that_of_a_run_in_the_end(
+    stored, short_drive, small_models, tmp_path, seed
+):
+    path, rng, kills = tmp_path / "t.db", random.Random(seed), 0
+    while True:
+        process, connection = forked(drive_on, short_drive, small_models, path)
+        assert heard(connection) == "begins"
+        if connection.poll(rng.uniform(1.0, 4.0) if kills < 3 else 120.0):
+            assert heard(connection) == "stored"
+            break
+        process.kill()
+        process.join()
+        kills += 1
+    assert kills
+    assert unfinished(path) == ()
+    with TerrainDatabase(path) as database:
+        (drive,) = database.drives()
+    assert drive.id == stored[0].id
+    assert_same(stored[0], drive)
+
+
+def test_a_database_that_is_locked_is_written_when_it_is_free(tmp_path, monkeypatch):
+    monkeypatch.setattr(schema, "BUSY_TIMEOUT_S", 0.1)
+    path = tmp_path / "t.db"
+    TerrainDatabase(path).make()
+    live = LiveTraverse(path, rover(), site="field")
+    for time_s in (0.0, 1.0):
+        live.pose(time_s, time_s, 0.0, 0.0)
+    holder = sqlite3.connect(path, isolation_level=None)
+    holder.execute("BEGIN IMMEDIATE")
+    with pytest.raises(InputError, match=f"locked; the drive is kept in {live.journal}"):
+        live.close()
+    assert live.journal.exists()
+    holder.close()
+    live.close()
+    assert not live.journal.exists()
+    with TerrainDatabase(path) as database:
+        assert len(database.drives()) == 1
+
+
+def test_a_full_disk_loses_nothing_that_fits_into_memory(tmp_path, monkeypatch):
+    told = []
+    live = LiveTraverse(tmp_path / "t.db", rover(), site="field")
+    live.subscribe(told.append)
+    checkpoints, write = live._drive._checkpoints, live._drive.journal.write
+
+    def full(parts, state):
+        raise InputError(live.journal, "database or disk is full")
+
+    live.pose(0.0, 0.0, 0.0, 0.0)
+    checkpoints.take()
+    monkeypatch.setattr(live._drive.journal, "write", full)
+    for time_s in range(1, 4):
+        live.pose(time_s, time_s, 0.0, 0.0)
+        checkpoints.take()
+    assert "all is kept in memory" in live.problems[-1]
+    monkeypatch.setattr(live._drive.journal, "write", write)
+    live.pose(4.0, 4.0, 0.0, 0.0)
+    checkpoints.take()
+    assert live.problems == ()
+    assert [type(each) for each in told] == [Trouble, Trouble]
+    assert told[1].text == "checkpoints are written again"
+    assert live.close().distance_m == pytest.approx(4.0)
 
 
 def rover(**parts) -> Vehicle:

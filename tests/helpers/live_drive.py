@@ -5,29 +5,33 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Callable, Iterable, Iterator
+from multiprocessing.connection import Connection
+from pathlib import Path
 
 import numpy as np
 import soundfile
-from bevameter import LiveTraverse, Recording
+from bevameter import LiveTraverse, Recording, read_recording
 from bevameter.framework.core.recording.sound import SoundFileStream
+from bevameter.framework.live import checkpoints
+from bevameter.framework.live.journal import unfinished
 
 SOUND_SAMPLES = 1000
 
 Handing = Callable[[LiveTraverse], None]
 
 
-def samples(recording: Recording) -> Iterator[tuple[float, Handing]]:
-    """Give all samples of a recording in order of time, each with what hands it over."""
-    return heapq.merge(*_streams(recording), key=lambda each: each[0])
+def samples(recording: Recording, from_s: float = -math.inf) -> Iterator[tuple[float, Handing]]:
+    """Give samples of a recording in order of time, each with what hands it over; no image before `from_s` [s]."""
+    return heapq.merge(*_streams(recording, from_s), key=lambda each: each[0])
 
 
-def _streams(recording: Recording) -> Iterator[Iterator[tuple[float, Handing]]]:
+def _streams(recording: Recording, from_s: float) -> Iterator[Iterator[tuple[float, Handing]]]:
     if recording.pose is not None:
         yield _poses(recording)
     if recording.wheel is not None:
         yield _wheel(recording)
     if recording.camera is not None:
-        yield _images(recording)
+        yield _images(recording, from_s)
     if isinstance(recording.sound, SoundFileStream):
         yield _sound(recording.sound)
 
@@ -48,8 +52,8 @@ def _wheel(recording: Recording) -> Iterator[tuple[float, Handing]]:
         yield time_s, lambda live, t=time_s, channels=channels: live.wheel(t, **channels)
 
 
-def _images(recording: Recording) -> Iterator[tuple[float, Handing]]:
-    for frame in recording.camera.frames():
+def _images(recording: Recording, from_s: float) -> Iterator[tuple[float, Handing]]:
+    for frame in recording.camera.frames(lambda time_s: time_s >= from_s):
         yield frame.time_s, lambda live, frame=frame: live.image(frame.time_s, frame.image, problem=frame.problem)
 
 
@@ -64,7 +68,7 @@ def _sound(stream: SoundFileStream) -> Iterator[tuple[float, Handing]]:
 
 def replay(recording: Recording, live: LiveTraverse, from_s: float = -math.inf, to_s: float = math.inf) -> None:
     """Hand over the samples of a stretch of time."""
-    for time_s, hand_over in samples(recording):
+    for time_s, hand_over in samples(recording, from_s):
         if from_s <= time_s < to_s:
             hand_over(live)
 
@@ -78,3 +82,17 @@ def out_of_order(given: Iterable[tuple[float, Handing]], most_s: float, seed: in
         heapq.heappush(waiting, (time_s + rng.uniform(0.0, most_s), number, hand_over))
     while waiting:
         yield heapq.heappop(waiting)[2]
+
+
+def drive_on(connection: Connection, folder: Path, models: Path, database: Path) -> None:
+    """Replay a recording into a database, from where the drive was cut off if it was; say when it begins and ends."""
+    checkpoints.PERIOD_S = 0.3
+    recording, left = read_recording(folder), unfinished(database)
+    live = LiveTraverse(
+        database, recording.vehicle, models=models, site=recording.site, name=recording.name,
+        start_time=recording.start_time, lossless=True, resume=left[0] if left else None,
+    )  # fmt: skip
+    connection.send("begins")
+    replay(recording, live, from_s=live.needed_s)
+    live.close(recording.digest)
+    connection.send("stored")
