@@ -7,7 +7,7 @@ import secrets
 import threading
 import time
 from collections.abc import Mapping
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -21,6 +21,7 @@ from ...database.store import TerrainDatabase
 from ..conditions import METHOD, Conditions, url_of
 from ..core.errors import InputError
 from ..core.recording.types import Pose, Recording
+from ..core.track.jumps import without_jumps
 from ..core.track.way import track_of
 from ..core.vehicle import Vehicle
 from ..default_models import Models
@@ -234,15 +235,19 @@ class LiveDrive:
 
     def _made(self, digest: str | None) -> Recording:
         """Give the recording that the samples made."""
-        own, parts = self.intake, self._checkpoints.parts
-        vehicle = self._recording.vehicle
+        own, parts, vehicle = self.intake, self._checkpoints.parts, self._recording.vehicle
         assert vehicle is not None
         wheel = wheel_of(parts(WHEEL), vehicle)
         vibration, problems = vibration_of_imu(parts(IMU), wheel)
+        pose = pose_of(parts(POSE))
+        if pose is not None:
+            # The poses' jumps are counted among the samples' problems as they come.
+            with suppress(InputError):
+                pose, _ = without_jumps(pose, SOURCE, str)
         taken = Taken(own.camera.count, own.sound.duration_s, own.sound.rate or 1)
         return replace(
-            self._recording, digest=digest or self._recording.digest, wheel=wheel, pose=pose_of(parts(POSE)),
-            vibration=vibration, camera=taken if taken.images else None, sound=taken if taken.sound_s else None,
+            self._recording, digest=digest or self._recording.digest, wheel=wheel, pose=pose, vibration=vibration,
+            camera=taken if taken.images else None, sound=taken if taken.sound_s else None,
             problems=(*problems, *self._of_samples()),
         )  # fmt: skip
 

@@ -12,6 +12,7 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.origin import Offset
 from ..core.recording.types import Frame
+from .clock import DriveClock
 from .log import IMU, POSE, WHEEL, Log, Part, WheelRow
 from .order import InOrder
 from .streams import LiveCamera, LiveSound
@@ -43,15 +44,13 @@ class Intake:
     ----------
     changed
         Guards all of it, and is notified of what comes.
-    clock_s
-        Time of the newest sample [s].
     """
 
     def __init__(self, horizon_s: float, lossless: bool, offset: Offset | None):
         self.changed = threading.Condition(threading.RLock())
         self.track, self.log = LiveTrack(), Log()
         self.camera, self.sound = LiveCamera(self.changed, self.track), LiveSound(self.changed, self.track)
-        self.clock_s = -math.inf
+        self._clock = DriveClock()
         self.has_ended = False
         self.follow_wheel: Callable[[float, WheelRow], None] | None = None
         self._horizon_s, self._lossless, self._offset = horizon_s, lossless, offset
@@ -67,10 +66,10 @@ class Intake:
                 self.changed.wait()
             if self.has_ended:
                 raise InputError("LiveTraverse", "a sample after the drive was closed", expected="a new one")
-            if self._waiting[stream].put(time_s, sample):
-                self._newest[stream] = max(time_s, self._newest.get(stream, time_s))
-                self.clock_s = max(self.clock_s, time_s)
-                self._give_on(self.clock_s - self._horizon_s)
+            for at_s, one in self._clock.on_one_clock(stream, time_s, sample):
+                if self._waiting[stream].put(at_s, one):
+                    self._newest[stream] = max(at_s, self._newest.get(stream, at_s))
+            self._give_on(self.clock_s - self._horizon_s)
 
     def _give_on(self, until_s: float) -> None:
         """Give on all samples up to a time [s]: what says where the vehicle was before what was observed there."""
@@ -103,6 +102,11 @@ class Intake:
             self.track.add_speed(time_s, speed)
         if self.follow_wheel is not None:
             self.follow_wheel(time_s, row)
+
+    @property
+    def clock_s(self) -> float:
+        """Time of the newest sample [s]."""
+        return self._clock.newest_s
 
     def silent_s(self, stream: str) -> float:
         """Time since the last sample of a stream, by the newest of any [s]; infinite where none has come."""
@@ -148,13 +152,17 @@ class Intake:
         if state["sound_samples"]:
             needed.append(sound_s - LONGEST_BLOCK_S)  # the block that holds a time begins before it
         self.camera.count = state["images"]
-        self.track.go_on(max(needed, default=-math.inf))
+        self._clock.newest_s = max(needed, default=-math.inf)
+        self.track.go_on(self._clock.newest_s)
         return min(needed, default=-math.inf)
 
     def end(self) -> None:
         """Give on all that waits, and say that nothing more will come."""
         with self.changed:
             self.has_ended = True
+            for stream, waiting in self._waiting.items():
+                for at_s, one in self._clock.let_go(stream):
+                    waiting.put(at_s, one)
             self.track.end()
             self._give_on(math.inf)
             self.camera.end()
@@ -182,4 +190,8 @@ class Intake:
             for stream, each in (("images", self.camera), ("blocks of sound", self.sound))
             if each.dropped
         )
-        return (*late, *dropped)
+        wrong = self._clock.wrong
+        stamps = (f"{wrong} samples with times far from all others were left out",) if wrong else ()
+        lost = self.track.lost
+        places = (f"{lost} places were left out, no ground vehicle gets there",) if lost else ()
+        return (*late, *dropped, *self._clock.jumps, *stamps, *places)

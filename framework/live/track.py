@@ -9,11 +9,15 @@ from pathlib import Path
 import numpy as np
 
 from ..core.recording.types import Pose, Recording, WheelTable
+from ..core.track.jumps import reaches
 from ..core.track.way import BRIDGED_S, SPEED_WINDOW_S, Track, bridged_s, track_of
 from .columns import Columns
 
 KEPT_S = 60.0
 """Places are kept so long while driving [s]; those of the whole drive are in its log."""
+
+_INSISTING = 10
+"""So many poses in a row that no vehicle gets to from the last are believed."""
 
 _NOWHERE = Path("live")
 
@@ -34,6 +38,7 @@ class LiveTrack:
         self._began_s = math.inf
         self._yaw_rad = 0.0
         self._has_ended = False
+        self._off = self.lost = 0
         self._lock = threading.RLock()
 
     def go_on(self, clock_s: float) -> None:
@@ -43,7 +48,7 @@ class LiveTrack:
 
     def add_pose(self, time_s: float, x_m: float, y_m: float, yaw_rad: float) -> None:
         """Add a pose; one that has the time of the last adds nothing."""
-        if time_s <= self.last_pose_s:
+        if time_s <= self.last_pose_s or self._is_off(time_s, x_m, y_m):
             return
         if len(self._poses):  # continuous over a full turn, as `numpy.unwrap` makes it
             yaw_rad = float(np.unwrap([self._yaw_rad, yaw_rad])[1])
@@ -51,6 +56,18 @@ class LiveTrack:
             self._yaw_rad = yaw_rad
             self._poses.append((time_s, x_m, y_m, yaw_rad))
             self._track = self._bridge_s = None
+
+    def _is_off(self, time_s: float, x_m: float, y_m: float) -> bool:
+        """Say whether no ground vehicle gets there from the last pose; poses that insist on it are believed."""
+        if len(self._poses):
+            before_s, *before, _ = self._poses.rows()[-1].tolist()
+            if not reaches(time_s - before_s, math.dist(before, (x_m, y_m))):
+                self._off += 1
+                if self._off < _INSISTING:
+                    self.lost += 1
+                    return True
+        self._off = 0
+        return False
 
     def add_speed(self, time_s: float, travel_speed_m_s: float) -> None:
         """Add a travel speed."""

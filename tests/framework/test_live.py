@@ -295,6 +295,61 @@ def test_a_full_disk_loses_nothing_that_fits_into_memory(tmp_path, monkeypatch):
     assert live.close().distance_m == pytest.approx(4.0)
 
 
+def stamped(tmp_path, stamps) -> tuple[LiveTraverse, float]:
+    """A drive at 1 m/s whose poses have such times; give it, and how far it went."""
+    live = LiveTraverse(tmp_path / "t.db", rover(), site="field")
+    for number, stamp_s in enumerate(stamps):
+        live.pose(stamp_s, 0.1 * number, 0.0, 0.0)
+    return live, live.close().distance_m
+
+
+def test_a_clock_that_is_set_back_costs_nothing(tmp_path):
+    live, way = stamped(tmp_path, [*np.arange(1000.0, 1010.0, 0.1), *np.arange(20.0, 30.0, 0.1)])
+    assert way == pytest.approx(19.9)
+    assert live.problems == ("the clock jumped back by 989.9 s at 1009.9 s; times go on from there",)
+
+
+def test_a_pause_is_no_jump_and_a_wrong_stamp_leaves_no_trace(tmp_path):
+    stamps = np.concatenate([np.arange(0.0, 10.0, 0.1), np.arange(60.0, 70.0, 0.1)])
+    stamps[[30, 150]] = 1e6, -50.0
+    live, way = stamped(tmp_path, stamps)
+    assert way == pytest.approx(19.9)
+    assert live.problems == ("2 samples with times far from all others were left out",)
+
+
+def test_places_that_no_vehicle_gets_to_are_left_out_and_a_new_place_is_believed(tmp_path):
+    live = LiveTraverse(tmp_path / "t.db", rover(), site="field")
+    for number in range(100):
+        live.pose(0.1 * number, 0.1 * number + (500.0 if number == 40 else 0.0), 0.0, 0.0)
+    assert live.problems == ("1 places were left out, no ground vehicle gets there",)
+    assert live.close().distance_m == pytest.approx(9.9)
+
+
+def test_all_sensors_pause_together_and_lose_nothing(tmp_path):
+    live = LiveTraverse(tmp_path / "t.db", rover(), site="field")
+    for number, stamp_s in enumerate([*np.arange(0.0, 10.0, 0.1), *np.arange(60.0, 60.15, 0.1)]):
+        live.pose(stamp_s, 0.1 * number, 0.0, 0.0)
+        live.wheel(stamp_s, load_N=500.0, slip=0.1)
+        live.wheel(stamp_s + 0.05, load_N=500.0, slip=0.1)
+    assert live.close().distance_m == pytest.approx(10.1)
+    assert live.problems == ()
+
+
+def test_a_camera_that_is_lost_and_back_is_told(recording, small_models, tmp_path):
+    live = begun(recording, small_models, tmp_path / "t.db")
+    images = iter([frame.image for frame in recording.camera.frames(lambda time_s: time_s < 1.0)])
+    said = []
+    for tenth in range(80):
+        live.pose(0.1 * tenth, 0.1 * tenth, 0.0, 0.0)
+        live.wheel(0.1 * tenth, travel_speed_m_s=1.0)
+        if tenth < 10 or tenth >= 60:
+            live.image(0.1 * tenth, next(images, None))
+        said.append(live.trust()["vision"].reasons)
+    live.__exit__(KeyboardInterrupt, KeyboardInterrupt(), None)
+    lost = [bool(reasons) and reasons[0].startswith("nothing came for") for reasons in said]
+    assert lost == [False] * 20 + [True] * 40 + [False] * 20
+
+
 def rover(**parts) -> Vehicle:
     return Vehicle(wheels=(Wheel(radius_m=0.2, width_m=0.1),), **parts)
 
