@@ -30,7 +30,7 @@ from .samples import finite, image_of, sound_of, wheel_row
 from .soil import SoilByNow
 from .watch import Subscriber
 
-HORIZON_S = 0.05
+HORIZON_S = 0.02
 """Samples may come so much later than others that were taken after them, unless stated [s]."""
 
 

@@ -39,7 +39,7 @@ def stored(recording, small_models, tmp_path_factory):
 def begun(recording, models, path, **options) -> LiveTraverse:
     return LiveTraverse(
         path, recording.vehicle, models=models, site=recording.site, name=recording.name,
-        start_time=recording.start_time, lossless=True, **options,
+        start_time=recording.start_time, lossless=True, horizon_s=0.05, **options,
     )  # fmt: skip
 
 
