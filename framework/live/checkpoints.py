@@ -82,7 +82,7 @@ class Checkpoints:
                 self._journal.write(self._pending, state)
                 self._pending = []
                 self._say("")
-            except InputError as error:
+            except (InputError, OSError) as error:
                 self._say(f"no checkpoint is written, all is kept in memory: {error}")
             self._settle()
 

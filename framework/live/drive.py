@@ -89,10 +89,10 @@ class LiveDrive:
         self._closing = threading.Lock()
         self._is_ended = self._is_stored = False
         self._processed: Processed | None = None
-        self._blas = threadpool_limits(1)  # the senses' threads fill the cores by themselves
         self._observing = self._senses_at_work()
         if state:
             self._restore(state)
+        self._blas = threadpool_limits(1)  # the senses' threads fill the cores by themselves
         self.now = self._begin_now()
         self._checkpoints = Checkpoints(
             self.journal, self.intake, self._observing, self._state, self.now.settle, self.now.trouble
@@ -122,12 +122,14 @@ class LiveDrive:
         if not path.is_file():
             raise InputError(path, "no such file", expected=expected)
         state = self.journal.state()
-        if "drive" not in state:
+        key, same = state.get("drive", {}).get("key", {}), self._key(drive)
+        other = next((name for name, value in same.items() if key.get(name) != value), None)
+        if other is None:
+            return state
+        self.journal.close()
+        if not key:
             raise InputError(path, "no drive in it", expected=expected)
-        for name, value in self._key(drive).items():
-            if state["drive"]["key"].get(name) != value:
-                raise InputError(path, f"a drive of another {name}", expected="the same as when it was cut off")
-        return state
+        raise InputError(path, f"a drive of another {other}", expected="the same as when it was cut off")
 
     def _state(self) -> dict[str, Any]:
         own = self._recording
@@ -151,8 +153,13 @@ class LiveDrive:
         jobs = begin_observing(
             self._recording, self.intake.track, self._models.classifiers, self._conditions.cell_size_m
         )
-        at_work = {record.name: Observing(record, given) for record, given in jobs if given is not None}
-        self.intake.camera.is_used, self.intake.sound.is_used = "vision" in at_work, "audio" in at_work
+        streams = {"vision": self.intake.camera, "audio": self.intake.sound}
+        at_work = {}
+        for record, given in jobs:
+            if given is not None and record.name in streams:
+                stream = streams[record.name]
+                stream.is_used = True
+                at_work[record.name] = Observing(record, given, stream.unused)
         return at_work
 
     def _begin_now(self) -> Now:
@@ -205,6 +212,9 @@ class LiveDrive:
         if self._is_stored:
             raise InputError("LiveTraverse", "closed before", expected="a drive that goes on")
         self.end()
+        if not math.isfinite(self.intake.clock_s):
+            self.journal.remove()
+            raise InputError("LiveTraverse", "no sample came", expected="samples of a drive")
         if self._processed is None:
             self._processed = self._concluded(digest)
         try:

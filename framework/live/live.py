@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike
 from ...database.snapshot import Snapshot
 from ...database.store import TerrainDatabase
 from ..conditions import Conditions, url_of
-from ..core.arguments import number, path_of
+from ..core.arguments import number, path_of, refused
 from ..core.errors import InputError
 from ..core.origin import Offset, Origin
 from ..core.recording.bag_vibration import NAMES
@@ -95,7 +96,9 @@ class LiveTraverse:
         new = new_drive(name, self._vehicle, start_time, site)
         if not isinstance(models, Models):
             models = find_models(models, url_of(database), synthetic=new.synthetic)
-        horizon_s = number("horizon_s", horizon_s, "a time [s]")
+        horizon_s = number("horizon_s", horizon_s, "a time, not negative [s]")
+        if not 0.0 <= horizon_s < math.inf:
+            raise refused("horizon_s", horizon_s, "a time, not negative [s]")
         self._drive = LiveDrive(database, conditions, new, models, horizon_s, lossless, left)
 
     @property
@@ -283,6 +286,6 @@ class LiveTraverse:
         Raises
         ------
         InputError
-            The drive was stored before, or the database cannot be written.
+            No sample came, the drive was stored before, or the database cannot be written.
         """
         return self._drive.close(digest)

@@ -153,7 +153,8 @@ class Now:
     @property
     def problems(self) -> tuple[str, ...]:
         """What failed by now."""
-        return (self._watch.fault,) if self._watch.fault else ()
+        found = (self._watch.fault, "" if self._soil is None else self._soil.fault)
+        return tuple(filter(None, found))
 
     def end(self) -> None:
         """Follow what waits, and end."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import threading
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -37,6 +37,8 @@ class Observing:
         it was observed.
     observations
         What the sense observes as the drive goes on; ends with the drive.
+    failed
+        Called where it raises.
 
     Attributes
     ----------
@@ -46,8 +48,8 @@ class Observing:
         Why the sense observes no more; empty where it does.
     """
 
-    def __init__(self, record: SenseRecord, observations: Iterator[Observation]):
-        self.record, self._observations = record, observations
+    def __init__(self, record: SenseRecord, observations: Iterator[Observation], failed: Callable[[], None]):
+        self.record, self._observations, self._failed = record, observations, failed
         self.last: Observation | None = None
         self.fault = ""
         self._windows: list[Observation] = []
@@ -78,10 +80,9 @@ class Observing:
                 with self._lock:
                     if not self._has_left:
                         self._add(observation)
-        except InputError as error:
-            self.fault = str(error)
         except Exception as error:  # one sense that fails takes nothing from the others
-            self.fault = f"{type(error).__name__}: {error}"
+            self.fault = described(error)
+            self._failed()
 
     def _add(self, observation: Observation) -> None:
         self.record.add(observation)
@@ -170,6 +171,11 @@ class Observing:
         record = _empty(self.record)
         record.add(_under_wheels(self._windows, recording, track, cell_size_m))
         return record
+
+
+def described(error: Exception) -> str:
+    """Say what was raised; its kind, too, where it is none that a user can put right."""
+    return str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
 
 
 def faults(senses: Sequence[Observing]) -> tuple[str, ...]:

@@ -25,6 +25,7 @@ from ..core.soil import Quantity
 from ..core.vehicle import Vehicle, Wheel
 from .events import SoilDeparts
 from .log import WheelRow, table_of_rows
+from .observing import described
 
 WINDOW = 200
 """Samples that the estimate rests on, at most [-]."""
@@ -104,6 +105,7 @@ class SoilWatch:
         self._shape: tuple[float, float] | None = None
         self._stretch = _Stretch(-math.inf, "", None)
         self.now: SoilByNow | None = None
+        self.fault = ""
         self._thread = threading.Thread(target=self._work, name="bevameter soil", daemon=True)
 
     def begin(self) -> None:
@@ -141,7 +143,10 @@ class SoilWatch:
                     return
                 rows, stretch = list(self._waiting), self._stretch
                 self._waiting.clear()
-            self._follow(rows, stretch)
+            try:
+                self._follow(rows, stretch)
+            except Exception as error:  # the next samples may be usable
+                self.fault = f"the soil in progress is not followed: {described(error)}"
 
     def _follow(self, rows: list[tuple[float, WheelRow]], stretch: _Stretch) -> None:
         by_wheel: dict[str, list[tuple[float, WheelRow]]] = {}

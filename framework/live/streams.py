@@ -75,6 +75,13 @@ class _Waiting:
         self._items.clear()
         self.end()
 
+    def unused(self) -> None:
+        """Forget what waits, and only count from now on: its sense has failed."""
+        with self._changed:
+            self.is_used = False
+            self._items.clear()
+            self._changed.notify_all()
+
     def take(self) -> Frame | SoundBlock | None:
         """Wait for the next one and give it; None at the end."""
         with self._changed:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from .events import Event, GroundChanged, SensesContradict
 from .ground import GroundByNow, WayByNow
+from .observing import described
 from .soil import SoilWatch
 from .track import LiveTrack
 
@@ -49,7 +50,7 @@ class Watch:
             try:
                 each(event)
             except Exception as error:
-                self.fault = f"a subscriber failed: {type(error).__name__}: {error}"
+                self.fault = f"a subscriber failed: {described(error)}"
 
     def begin(self) -> None:
         """Begin to watch."""
@@ -62,8 +63,14 @@ class Watch:
 
     def _work(self) -> None:
         while not self._ends.wait(PERIOD_S) and threading.main_thread().is_alive():
+            self._try_to_look()
+        self._try_to_look()
+
+    def _try_to_look(self) -> None:
+        try:
             self._look()
-        self._look()
+        except Exception as error:  # what cannot be judged now may be in a moment
+            self.fault = f"the way cannot be judged: {described(error)}"
 
     def _look(self) -> None:
         track = self._track.now()

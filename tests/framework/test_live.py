@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import sqlite3
+import threading
 import time
 from dataclasses import dataclass, field, replace
 
@@ -13,13 +14,15 @@ from bevameter import InputError, LiveTraverse, TerrainDatabase, Vehicle, Wheel,
 from bevameter.database import schema
 from bevameter.database.posterior import class_soils
 from bevameter.database.snapshot import Snapshot
+from bevameter.framework.default_models import Models
 from bevameter.framework.live.events import GroundChanged, Trouble
 from bevameter.framework.live.journal import unfinished
 from bevameter.framework.live.log import WheelRow
 from bevameter.framework.live.soil import SoilWatch
 from bevameter.framework.live.track import LiveTrack
+from bevameter.vision.sense import Vision
 from forked import forked, heard
-from live_drive import drive_on, out_of_order, replay, samples
+from live_drive import drive_on, out_of_order, replay, samples, streams
 
 
 @pytest.fixture(scope="module")
@@ -348,6 +351,77 @@ def test_a_camera_that_is_lost_and_back_is_told(recording, small_models, tmp_pat
     live.__exit__(KeyboardInterrupt, KeyboardInterrupt(), None)
     lost = [bool(reasons) and reasons[0].startswith("nothing came for") for reasons in said]
     assert lost == [False] * 20 + [True] * 40 + [False] * 20
+
+
+def test_wheels_and_inertial_sensor_make_the_tables_of_a_recording(tmp_path):
+    names = ("left", "right")
+    wheels = tuple(
+        Wheel(radius_m=0.2, width_m=0.1, name=name, position_m=(0.0, y))
+        for name, y in zip(names, (0.5, -0.5), strict=True)
+    )
+    live = LiveTraverse(tmp_path / "t.db", Vehicle(wheels=wheels), site="field")
+    t = np.arange(0.0, 8.0, 0.01)
+    for time_s in t.tolist():
+        live.imu(time_s, wx=0.0, wy=0.1, wz=0.0, ax=np.sin(40.0 * time_s), ay=0.0, az=9.81)
+        for name in names:
+            live.wheel(time_s, wheel=name, load_N=500.0 + time_s, wheel_speed_rad_s=5.0, travel_speed_m_s=0.9)
+    live._drive.end()
+    made = live._drive._made(None)
+    assert made.wheel.wheel[:4].tolist() == ["left", "right", "left", "right"]
+    np.testing.assert_allclose(made.wheel["load_N"], np.repeat(500.0 + t, 2))
+    np.testing.assert_allclose(made.wheel["slip"], 0.1)
+    np.testing.assert_allclose(made.vibration.time_s, t, atol=1e-9)
+    np.testing.assert_allclose(made.vibration.channels[:, 3], np.sin(40.0 * t), atol=1e-6)
+    assert set(made.vibration.wheel_names) == {"speed_left", "speed_right"}
+
+
+def test_a_sense_that_fails_stops_nobody(recording, small_models, tmp_path, monkeypatch):
+    def observe(self, *given):
+        yield from ()
+        raise RuntimeError("out of order")
+
+    monkeypatch.setattr(Vision, "observe", observe)
+    live = begun(recording, small_models, tmp_path / "t.db")
+    image = np.zeros((480, 640, 3), np.uint8)
+    for tenth in range(100):
+        live.pose(0.1 * tenth, 0.1 * tenth, 0.0, 0.0)
+        live.image(0.1 * tenth, image)
+    assert live.problems == ("camera: it observed no more: RuntimeError: out of order",)
+    assert live.trust()["vision"].reasons == ("RuntimeError: out of order",)
+    assert live.close().distance_m == pytest.approx(9.9)
+
+
+def test_sensors_hand_over_from_threads_of_their_own(recording, tmp_path):
+    live = begun(recording, Models({}, {}), tmp_path / "t.db")
+    began, faults = time.monotonic(), []
+
+    def hand_over(stream):
+        try:
+            for time_s, sample in stream:
+                if time_s > 20.0:
+                    return
+                time.sleep(max(began + time_s / 20.0 - time.monotonic(), 0.0))
+                sample(live)
+        except Exception as error:
+            faults.append(error)
+
+    threads = [threading.Thread(target=hand_over, args=(each,)) for each in streams(recording, 0.0)]
+    for each in threads:
+        each.start()
+    while any(each.is_alive() for each in threads):
+        live.ahead(), live.trust(), live.soil(), live.snapshot(), live.problems
+    assert faults == []
+    made = live.close()
+    assert made.duration_s == pytest.approx(20.0, abs=0.1)
+
+
+def test_nothing_is_not_stored(tmp_path):
+    live = LiveTraverse(tmp_path / "t.db", rover(), site="field")
+    with pytest.raises(InputError, match="no sample came"):
+        live.close()
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(InputError, match="horizon_s"):
+        LiveTraverse(tmp_path / "t.db", rover(), site="field", horizon_s=-1.0)
 
 
 def rover(**parts) -> Vehicle:

@@ -22,10 +22,11 @@ Handing = Callable[[LiveTraverse], None]
 
 def samples(recording: Recording, from_s: float = -math.inf) -> Iterator[tuple[float, Handing]]:
     """Give samples of a recording in order of time, each with what hands it over; no image before `from_s` [s]."""
-    return heapq.merge(*_streams(recording, from_s), key=lambda each: each[0])
+    return heapq.merge(*streams(recording, from_s), key=lambda each: each[0])
 
 
-def _streams(recording: Recording, from_s: float) -> Iterator[Iterator[tuple[float, Handing]]]:
+def streams(recording: Recording, from_s: float) -> Iterator[Iterator[tuple[float, Handing]]]:
+    """Give the samples of each sensor."""
     if recording.pose is not None:
         yield _poses(recording)
     if recording.wheel is not None:
