@@ -29,7 +29,7 @@ PRIOR_CORRELATION, PRIOR_CELLS = 0.8, 20.0
 """Correlation assumed before any data [-], and the number of repeatedly seen cells it is worth."""
 
 _NOWHERE = "where no place was recorded"
-_BUFFER_LOOKS = 100_000
+_BUFFER_LOOKS, _RECENT_CELLS = 100_000, 10_000
 _MAX_REASONS = 32
 _OTHER = "other reasons"
 _PATH, _REMARK, _NUMBER = (
@@ -194,7 +194,9 @@ class SenseMap:
             self.reason_names += [name for name in reason_names if name not in self.reason_names]
             reasons = np.zeros((len(sums.keys), len(self.reason_names)))
             reasons[:, [self.reason_names.index(name) for name in reason_names]] = sums.reasons
-            self._settled = self._settled.plus(replace(sums, reasons=reasons))
+            self._recent = self._recent.plus(replace(sums, reasons=reasons))
+            if len(self._recent.keys) > _RECENT_CELLS:
+                self.settle()
 
     def summed(self, among: np.ndarray | None = None) -> SummedLooks:
         """Give the sums over all looks so far, one row a cell that was looked at; only of those `among` keys if any."""
@@ -221,8 +223,9 @@ class SenseMap:
             kish=kish,
             mean_logs=mean_logs,
             within_squares=np.maximum(within, 0.0),
-            closed_reason=cells.main_reasons(names),
             last_s=cells.last_s,
+            sums=cells,
+            reason_names=names,
         )
 
 
@@ -250,10 +253,10 @@ class SummedLooks:
         Their quality-weighted mean centred log-probabilities.
     within_squares : (n,)
         Quality-weighted sum of squares about that mean.
-    closed_reason
-        n texts: why most of the closed looks were closed; empty where none was.
     last_s : (n,)
         Time of the last look, open or closed [s].
+    sums, reason_names
+        What they are of.
     """
 
     sense: str
@@ -266,8 +269,14 @@ class SummedLooks:
     kish: np.ndarray
     mean_logs: np.ndarray
     within_squares: np.ndarray
-    closed_reason: tuple[str, ...]
     last_s: np.ndarray
+    sums: CellSums
+    reason_names: tuple[str, ...]
+
+    @property
+    def closed_reason(self) -> tuple[str, ...]:
+        """Why most of the closed looks at each cell were closed, n texts; empty where none was."""
+        return self.sums.main_reasons(self.reason_names)
 
 
 def kind_of_reason(text: str) -> str:

@@ -16,7 +16,7 @@ from .clock import DriveClock
 from .log import IMU, POSE, WHEEL, Log, Part, WheelRow
 from .order import InOrder
 from .streams import LiveCamera, LiveSound
-from .track import LiveTrack
+from .track import KEPT_S, LiveTrack
 
 IMAGE, SOUND = "image", "sound"
 
@@ -133,13 +133,18 @@ class Intake:
         state
             Its state, with that of the senses by name.
         """
+        from_s = state["passed_s"].get(POSE, math.inf) - KEPT_S
         for part in wheels:
-            for row, time_s in enumerate(part["time_s"].tolist()):
-                speed = float(part["travel_speed_m_s"][row]) if "travel_speed_m_s" in part else math.nan
-                self._add_wheel(time_s, WheelRow(str(part["wheel"][row]), {"travel_speed_m_s": speed}))
+            names, time_s = part["wheel"].tolist(), part["time_s"].tolist()
+            speeds = part.get("travel_speed_m_s", np.full(len(names), math.nan)).tolist()
+            self._speed_of = names[0] if self._speed_of is None else self._speed_of
+            for name, at_s, speed in zip(names, time_s, speeds, strict=True):
+                if at_s >= from_s:
+                    self._add_wheel(at_s, WheelRow(name, {"travel_speed_m_s": speed}))
         for part in poses:
             for row in zip(*(part[name].tolist() for name in ("time_s", "0", "1", "2")), strict=True):
-                self._add_pose(*row)
+                if row[0] >= from_s:
+                    self._add_pose(*row)
         needed = []
         for stream, passed_s in state["passed_s"].items():
             self._waiting[stream].passed_s = math.nextafter(passed_s, math.inf)
@@ -152,9 +157,9 @@ class Intake:
         if state["sound_samples"]:
             needed.append(sound_s - LONGEST_BLOCK_S)  # the block that holds a time begins before it
         self.camera.count = state["images"]
-        self._clock.newest_s = max(needed, default=-math.inf)
-        self.track.go_on(self._clock.newest_s)
-        return min(needed, default=-math.inf)
+        self.track.go_on(max(needed, default=-math.inf))
+        self._clock.newest_s = min(needed, default=-math.inf)
+        return self._clock.newest_s
 
     def end(self) -> None:
         """Give on all that waits, and say that nothing more will come."""
