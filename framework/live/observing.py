@@ -23,6 +23,9 @@ from .log import Part
 _MOST_UNSAVED = 100
 """Observations that wait for one that is open, at most."""
 
+_MOST_PARTS = 1000
+"""Lists of cells that are kept before each cell is kept once."""
+
 _SUMS = ("keys", "sums", "logs", "reasons", "last_s")
 _COUNTS = ("items", "opened", "quality_sum", "said", "closed", "doubted")
 
@@ -88,6 +91,8 @@ class Observing:
         self.record.add(observation)
         self.last = observation
         self._touched.append(observation.cells)
+        if len(self._touched) > _MOST_PARTS:  # nobody takes snapshots
+            self._touched = [np.unique(np.concatenate(self._touched), axis=0)]
         self._unsaved.append(observation)
         if observation.window_s is not None:
             self._windows.append(observation)
