@@ -112,7 +112,7 @@ def test_a_drive_in_real_time(benchmark, short_drive, small_models, tmp_path, mo
         "wheel_p99_ms": 1e3 * np.quantile(wheel_s, 0.99),
     }
     benchmark.extra_info |= {name: round(float(value), 3) for name, value in figures.items()}
-    assert len(image_s) > 5 * DRIVEN_S
+    assert len(image_s) > 4 * DRIVEN_S  # every other one: the vehicle has to have moved a quarter of a metre
     if benchmark.enabled:  # tests in parallel would distort the time
         assert problems == ()
         assert load < LOAD_ALLOWED
