@@ -40,6 +40,9 @@ from .now import Now
 from .observing import Observing, faults
 from .streams import SOURCE
 
+_LOADING_S = 60.0
+"""A sense is waited for no longer when a drive begins [s]."""
+
 _SOMEWHERE = Pose(*np.zeros((4, 1)))
 """Stands for places that will come."""
 
@@ -99,6 +102,9 @@ class LiveDrive:
         )
         for each in self._observing.values():
             each.begin()
+        for stream in (self.intake.camera, self.intake.sound):
+            if stream.is_used:  # the first images would wait while the sense is loaded, and be dropped
+                stream.is_waited_for.wait(_LOADING_S)
         self._checkpoints.begin()
 
     def started(self, time_s: float) -> None:

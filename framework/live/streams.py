@@ -36,6 +36,8 @@ class _Waiting:
     ----------
     is_used
         Whether a sense takes what comes; else it is only counted.
+    is_waited_for
+        Set once the sense has loaded what it needs, or has failed.
     count, dropped
         How much came, and how much of it was dropped.
     """
@@ -44,6 +46,7 @@ class _Waiting:
         self._changed, self._track = changed, track
         self._items: deque[tuple[float, Frame | SoundBlock]] = deque()
         self.is_used = False
+        self.is_waited_for = threading.Event()
         self.has_ended = False
         self.count = 0
         self.dropped = 0
@@ -79,11 +82,13 @@ class _Waiting:
         """Forget what waits, and only count from now on: its sense has failed."""
         with self._changed:
             self.is_used = False
+            self.is_waited_for.set()
             self._items.clear()
             self._changed.notify_all()
 
     def take(self) -> Frame | SoundBlock | None:
         """Wait for the next one and give it; None at the end."""
+        self.is_waited_for.set()
         with self._changed:
             while not (self._items and self._track.covers(self._items[0][0])):
                 if self.has_ended and not self._items:
@@ -141,6 +146,7 @@ class LiveSound(_Waiting):
     @property
     def sample_rate(self) -> int:
         """Samples a second [Hz], once the first came."""
+        self.is_waited_for.set()
         with self._changed:
             while self.rate is None and not self.has_ended and threading.main_thread().is_alive():
                 self._changed.wait(_POLL_S)
