@@ -25,6 +25,7 @@ _PUBLIC = {
     "read_recording": "framework.core.recording.readers",
     "inspect_recording": "framework.inspection",
     "TerrainDatabase": "database.store",
+    "LiveTraverse": "framework.live.live",
     "run_traverse": "framework.traverse",
     "run_traverses": "framework.batch",
     "FailedRecording": "framework.batch",
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
     from .framework.explain import explain as explain
     from .framework.identify import identify as identify
     from .framework.inspection import inspect_recording as inspect_recording
+    from .framework.live.live import LiveTraverse as LiveTraverse
     from .framework.traverse import run_traverse as run_traverse
     from .identification.effects.stored import AugmentedSimulator as AugmentedSimulator
     from .identification.estimate.online import OnlineIdentifier as OnlineIdentifier

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +14,8 @@ from .classify import noise_model, sound_evidence
 from .features import HOP_S
 from .quality import NoiseModel
 
-_RUN_BLOCKS = 64
+_BATCH_WINDOWS = 64
+"""Windows are given together up to so many, unless a block is `urgent` [-]."""
 
 
 @dataclass(frozen=True)
@@ -25,12 +26,19 @@ class SoundEvidence:
     end_s: np.ndarray
     evidence: ClassEvidence
 
+    @staticmethod
+    def concatenate(parts: Sequence[SoundEvidence]) -> SoundEvidence:
+        """Join windows, at least one part."""
+        start_s, end_s = (np.concatenate([getattr(part, name) for part in parts]) for name in ("start_s", "end_s"))
+        return SoundEvidence(start_s, end_s, ClassEvidence.concatenate([part.evidence for part in parts]))
+
 
 def listen(sound_stream: SoundStream, model: TerrainClassifier) -> Iterator[SoundEvidence]:
-    """Classify streamed sound in windows of `WINDOW_S` that start `HOP_S` apart.
+    """Classify streamed sound in windows of `WINDOW_S` that start `HOP_S` apart, each by itself.
 
-    Memory is that of about half a minute of sound, however long the recording. A stretch that could not be read, or
-    that is missing between two blocks, comes as one item that is unknown, with the reason.
+    Memory does not grow with the recording. A stretch that could not be read, or that is missing between two blocks,
+    comes as one item that is unknown, with the reason. Sound between two such stretches that is shorter than a window
+    is a window of its own.
 
     Yields
     ------
@@ -44,30 +52,33 @@ def listen(sound_stream: SoundStream, model: TerrainClassifier) -> Iterator[Soun
     """
     noise = noise_model(model)
     rate = sound_stream.sample_rate
-    run: list[SoundBlock] = []
-    fresh = 0
+    parts: list[SoundEvidence] = []
+    before: SoundBlock | None = None  # the first half of the next window
+    is_heard = False  # `before`, in a window
     expected_s: float | None = None
     for block in sound_stream.blocks(HOP_S, HOP_S):
         gap_s = 0.0 if expected_s is None else block.start_s - expected_s
         expected_s = block.start_s + HOP_S
-        if run and (block.samples is None or abs(gap_s) > 1.5 / rate or len(run) > _RUN_BLOCKS):
-            if fresh:
-                yield _hear(run, rate, model, noise)
-            whole = block.samples is not None and abs(gap_s) <= 1.5 / rate
-            # The last half window is also the first half of the next one, unless the sound breaks off there.
-            run, fresh = (run[-1:] if whole else []), 0
+        if before is not None and (block.samples is None or abs(gap_s) > 1.5 / rate):
+            parts += [] if is_heard else [_hear([before], rate, model, noise)]
+            before = None
         if gap_s > 1.5 / rate:
-            yield _nothing(block.start_s - gap_s, block.start_s, "no sound was recorded", model)
+            parts.append(_nothing(block.start_s - gap_s, block.start_s, "no sound was recorded", model))
         if block.samples is None:
-            yield _nothing(block.start_s, block.start_s + HOP_S, block.problem or "sound could not be read", model)
+            parts.append(_nothing(block.start_s, expected_s, block.problem or "sound could not be read", model))
         else:
-            run.append(block)
-            fresh += 1
-    if fresh:
-        yield _hear(run, rate, model, noise)
+            parts += [] if before is None else [_hear([before, block], rate, model, noise)]
+            before, is_heard = block, before is not None
+        if parts and (block.urgent or len(parts) >= _BATCH_WINDOWS):
+            yield SoundEvidence.concatenate(parts)
+            parts = []
+    if before is not None and not is_heard:
+        parts.append(_hear([before], rate, model, noise))
+    if parts:
+        yield SoundEvidence.concatenate(parts)
 
 
-def _hear(run: list[SoundBlock], rate: int, model: TerrainClassifier, noise: NoiseModel) -> SoundEvidence:
+def _hear(run: Sequence[SoundBlock], rate: int, model: TerrainClassifier, noise: NoiseModel) -> SoundEvidence:
     recorded = [block.samples if block.channels is None else block.channels for block in run]
     samples = np.concatenate([piece for piece in recorded if piece is not None])
     start_s, end_s, evidence = sound_evidence(samples, rate, model, noise)

@@ -11,7 +11,7 @@ from ..framework.core.classifier.classifier import TerrainClassifier, TrainingOu
 from ..framework.core.classifier.labelled import LabelledFile
 from ..framework.core.html import player
 from ..framework.core.recording.types import Recording
-from ..framework.core.track.way import Track
+from ..framework.core.track.way import Places
 from ..framework.senses import Observation, Sense, register
 
 
@@ -48,7 +48,7 @@ class Audio(Sense):
         return "" if there else "no sound in the recording"
 
     def observe(
-        self, recording: Recording, track: Track, model: TerrainClassifier, cell_size_m: float
+        self, recording: Recording, track: Places, model: TerrainClassifier, cell_size_m: float
     ) -> Iterator[Observation]:
         """Listen to the ground below, about half a minute at a time."""
         from .listen import listen

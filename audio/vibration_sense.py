@@ -10,7 +10,7 @@ import numpy as np
 from ..framework.core.classifier.classifier import TerrainClassifier, TrainingOutcome
 from ..framework.core.classifier.labelled import LabelledFile
 from ..framework.core.recording.types import Recording
-from ..framework.core.track.way import Track
+from ..framework.core.track.way import Places
 from ..framework.senses import Observation, Sense, register
 
 
@@ -40,7 +40,7 @@ class Vibration(Sense):
         return "" if recording.vibration is not None else "no vibration in the recording"
 
     def observe(
-        self, recording: Recording, track: Track, model: TerrainClassifier, cell_size_m: float
+        self, recording: Recording, track: Places, model: TerrainClassifier, cell_size_m: float
     ) -> Iterator[Observation]:
         """Classify the whole run, which is in memory; a window tells of the ground below its middle half."""
         from .vibration import vibration_evidence

@@ -77,6 +77,7 @@ def fuse(
     maps: Sequence[SenseMap],
     *,
     cells: np.ndarray | None = None,
+    only: np.ndarray | None = None,
     correlation: Mapping[str, float] | None = None,
 ) -> Belief:
     """Fuse what the senses saw into one belief a cell.
@@ -87,17 +88,20 @@ def fuse(
         One for each sense. The order does not matter.
     cells : (m, 2), optional
         Further cells to give an answer for, the track's say, though nobody may have looked there.
+    only : (m, 2), optional
+        Cells to give an answer for, and for no others.
     correlation
         Correlation between looks by sense, in [0, 1] [-]; estimated from the data where absent.
 
     Returns
     -------
     Belief
-        Over all cells that were looked at and those of `cells`, in order of cell index.
+        Over all cells that were looked at and those of `cells`, or over those of `only`, in order of cell index.
     """
     known = correlation or {}
-    summed = sorted((one.summed() for one in maps), key=lambda one: one.sense)
-    parts = [one.keys for one in summed]
+    among = None if only is None else np.unique(cell_keys(np.asarray(only)))
+    summed = sorted((one.summed(among) for one in maps), key=lambda one: one.sense)
+    parts = [one.keys for one in summed] if among is None else [among]
     if cells is not None and len(cells):
         parts.append(cell_keys(np.asarray(cells)))
     keys = np.unique(np.concatenate(parts)) if parts else np.empty(0, dtype=np.int64)

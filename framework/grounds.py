@@ -16,9 +16,9 @@ from .core.recording.types import Labels, Recording
 from .core.track.grounds import Ground
 from .core.track.way import RECORDED, Track, track_of
 from .default_models import find_models, of_real_ground
+from .observing import observe
 from .placement import place_as_stored
 from .segments import CELL_SIZE_M, LEAST_KNOWN_SHARE, ClassTrack, believe, class_track, classes_along, stretches
-from .sense_map import observe
 from .senses import senses_of
 
 

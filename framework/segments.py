@@ -144,11 +144,16 @@ def class_track(
     return ClassTrack(start_s, end_s, length_m, believed, known, label, classes)
 
 
+def change_probability(length_m: np.ndarray) -> np.ndarray:
+    """Probability that the class changes over a length of track, (m,) [m]."""
+    return 1.0 - np.exp(-np.maximum(length_m, 1e-6) / PATCH_LENGTH_M)
+
+
 def _most_probable_sequence(probabilities: np.ndarray, length_m: np.ndarray) -> np.ndarray:
     m, k = probabilities.shape
     if k == 1 or m == 0:
         return np.zeros(m, dtype=np.int64)
-    change = 1.0 - np.exp(-np.maximum(length_m, 1e-6) / PATCH_LENGTH_M)
+    change = change_probability(length_m)
     stay, leave = np.log1p(-change), np.log(change / (k - 1))
     logs = np.log(np.maximum(probabilities, 1e-9))
     score, back = logs[0], np.zeros((m, k), dtype=np.int64)

@@ -8,19 +8,15 @@ from __future__ import annotations
 import re
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
-from .core.classifier.classifier import TerrainClassifier
+from .core.cell_sums import CLOSED, OPEN, QQ, SQUARES, CellSums, Q
 from .core.evidence import ClassEvidence
 from .core.pooling import cell_keys, centred_logs, sums_by
-from .core.recording.types import Recording
-from .core.track.way import Track
-from .senses import Observation, senses
+from .senses import Observation
 
 Progress = Callable[[str, float], None]
 """Called with the name of a stage and the share of it that is done, in [0, 1]. What it raises ends the work."""
@@ -32,9 +28,8 @@ stretch of ground has in common (wet, in shadow) looks like its class to the est
 PRIOR_CORRELATION, PRIOR_CELLS = 0.8, 20.0
 """Correlation assumed before any data [-], and the number of repeatedly seen cells it is worth."""
 
-_POLL_S = 0.1
 _NOWHERE = "where no place was recorded"
-_BUFFER_LOOKS = 100_000
+_BUFFER_LOOKS, _RECENT_CELLS = 100_000, 10_000
 _MAX_REASONS = 32
 _OTHER = "other reasons"
 _PATH, _REMARK, _NUMBER = (
@@ -42,83 +37,6 @@ _PATH, _REMARK, _NUMBER = (
     re.compile(r"\s*\([^()]*\)"),
     re.compile(r"(?<!\w)-?\d+(?:\.\d+)?|\d+(?:\.\d+)?"),
 )
-
-
-def observe(
-    recording: Recording,
-    track: Track | None,
-    models: Mapping[str, TerrainClassifier],
-    cell_size_m: float,
-    progress: Progress | None = None,
-) -> tuple[SenseRecord, ...]:
-    """Observe the ground of a recording with every sense that there is, concurrently.
-
-    Parameters
-    ----------
-    recording
-        Its streams are read once, in order, a few frames and blocks at a time.
-    track
-        Where the vehicle was; without one nothing can be placed on the ground, and all senses stay unused.
-    models
-        Classifiers by name of their sense.
-    cell_size_m
-        Edge of a ground cell [m].
-    progress
-        Called with each sense and the share of it that is done.
-
-    Returns
-    -------
-    tuple of SenseRecord
-        One a sense, with the reason where it is absent.
-    """
-    records, jobs = [], []
-    for sense in senses():
-        absent = sense.absence(recording) or ("no places in the recording" if track is None else "")
-        if not absent and sense.name not in models:
-            absent = "no model"
-        record = SenseRecord(sense.instrument, sense.name, SenseMap(sense.instrument), absent=absent)
-        records.append(record)
-        if not absent and track is not None:
-            jobs.append((record, sense.observe(recording, track, models[sense.name], cell_size_m)))
-    if jobs and track is not None:
-        _run_concurrently(jobs, track, progress)
-    return tuple(records)
-
-
-def _run_concurrently(
-    jobs: Sequence[tuple[SenseRecord, Iterator[Observation]]], track: Track, progress: Progress | None
-) -> None:
-    """One thread a sense: OpenCV, numpy and FFTs let go of the interpreter's lock, so two cores are used."""
-    stop = threading.Event()
-    done = {record.sense: 0.0 for record, _ in jobs}
-    start, length = float(track.time_s[0]), float(np.ptp(track.time_s))
-
-    def work(record: SenseRecord, observations: Iterator[Observation]) -> None:
-        for observation in observations:
-            if stop.is_set():
-                return
-            record.add(observation)
-            until = float(np.max(observation.time_s, initial=start))
-            done[record.sense] = float(np.clip((until - start) / max(length, 1e-9), 0.0, 1.0))
-
-    # The threads fill the cores by themselves: more of BLAS's own would only wait for each other.
-    with threadpool_limits(1), ThreadPoolExecutor(len(jobs)) as pool:
-        futures = [pool.submit(work, *job) for job in jobs]
-        try:
-            pending = set(futures)
-            while pending:
-                finished, pending = wait(pending, timeout=_POLL_S, return_when=FIRST_EXCEPTION)
-                for future in finished:
-                    future.result()
-                if progress is not None:
-                    for sense, share in done.items():
-                        progress(sense, share)
-        except BaseException:
-            stop.set()
-            raise
-    if progress is not None:
-        for sense in done:
-            progress(sense, 1.0)
 
 
 @dataclass
@@ -178,7 +96,7 @@ class SenseRecord:
 
 
 class SenseMap:
-    """What one sense saw of the ground, summed up cell by cell as it arrives.
+    """What one sense saw of the ground, summed up cell by cell as it arrives; threads may share it.
 
     Parameters
     ----------
@@ -186,20 +104,14 @@ class SenseMap:
         Its name in reasons: ``"camera"``.
     """
 
-    # Columns of the sums kept for a cell: open looks, closed looks, sum q, sum q^2, sum q |l|^2.
-    _OPEN, _CLOSED, _Q, _QQ, _SQUARES = range(5)
-
     def __init__(self, sense: str):
         self.sense = sense
         self.classes: tuple[str, ...] = ()
-        self._reason_names: list[str] = []
-        self._keys = np.empty(0, dtype=np.int64)
-        self._sums = np.empty((0, 5))
-        self._logs = np.empty((0, 0))
-        self._reason_counts = np.empty((0, 0))
-        self._last_s = np.empty(0)
+        self.reason_names: list[str] = []
+        self._settled, self._recent = CellSums.none(), CellSums.none()
         self._buffer: list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
         self._buffered = 0
+        self._lock = threading.RLock()
 
     def add(self, cells: np.ndarray, evidence: ClassEvidence, time_s: np.ndarray) -> None:
         """Take in m looks.
@@ -220,92 +132,100 @@ class SenseMap:
         """
         if not len(evidence):
             return
-        if not self.classes:
-            self.classes = evidence.classes
-        elif evidence.classes != self.classes:
-            raise ValueError(f"{self.sense}: evidence over {evidence.classes}, earlier over {self.classes}")
         quality = np.where(evidence.unknown, 0.0, evidence.quality)
         finite = np.isfinite(evidence.probabilities).all(axis=1) & np.isfinite(quality)
         quality = np.where(finite, np.clip(quality, 0.0, 1.0), 0.0)
         logs = centred_logs(np.where(finite[:, None], evidence.probabilities, 1.0))
-        reason = self._reason_ids(evidence.reasons, quality <= 0.0)
-        self._buffer.append((cell_keys(cells), quality, logs, reason, np.asarray(time_s, dtype=float)))
-        self._buffered += len(evidence)
-        if self._buffered >= _BUFFER_LOOKS:
-            self._merge()
+        with self._lock:
+            self._check_classes(evidence.classes)
+            reason = self._reason_ids(evidence.reasons, quality <= 0.0)
+            self._buffer.append((cell_keys(cells), quality, logs, reason, np.asarray(time_s, dtype=float)))
+            self._buffered += len(evidence)
+            if self._buffered >= _BUFFER_LOOKS:
+                self._sum_up()
+
+    def _check_classes(self, classes: tuple[str, ...]) -> None:
+        if not self.classes:
+            self.classes = classes
+        elif classes != self.classes:
+            raise ValueError(f"{self.sense}: evidence over {classes}, earlier over {self.classes}")
 
     def _reason_ids(self, reasons: Sequence[tuple[str, ...]], closed: np.ndarray) -> np.ndarray:
         ids = np.full(len(reasons), -1)
         for row in np.flatnonzero(closed).tolist():
             name = ", ".join(kind_of_reason(text) for text in reasons[row]) or "quality 0"
-            if name not in self._reason_names:
-                name = name if len(self._reason_names) < _MAX_REASONS - 1 else _OTHER
-                if name not in self._reason_names:
-                    self._reason_names.append(name)
-            ids[row] = self._reason_names.index(name)
+            if name not in self.reason_names:
+                name = name if len(self.reason_names) < _MAX_REASONS - 1 else _OTHER
+                if name not in self.reason_names:
+                    self.reason_names.append(name)
+            ids[row] = self.reason_names.index(name)
         return ids
 
-    def _merge(self) -> None:
+    def _sum_up(self) -> None:
+        """Add what is buffered to the recent sums."""
         if not self._buffer:
             return
         keys, quality, logs, reason, time_s = (np.concatenate(part) for part in zip(*self._buffer, strict=True))
         self._buffer, self._buffered = [], 0
-        n_reasons = len(self._reason_names)
-        union = np.union1d(self._keys, keys)
-        old, row = np.searchsorted(union, self._keys), np.searchsorted(union, keys)
-
-        def grown(values: np.ndarray, width: int) -> np.ndarray:
-            larger = np.zeros((len(union), width))
-            larger[old, : values.shape[1]] = values
-            return larger
-
-        sums = grown(self._sums, 5)
-        additions = np.column_stack(
+        union, row = np.unique(keys, return_inverse=True)
+        looks = np.column_stack(
             [quality > 0, quality <= 0, quality, quality**2, quality * np.sum(logs**2, axis=1)]
         ).astype(float)
-        sums += sums_by(row, additions, len(union))
-        weighted = grown(self._logs, len(self.classes)) + sums_by(row, quality[:, None] * logs, len(union))
-        counts = grown(self._reason_counts, n_reasons)
+        counts = np.zeros((len(union), len(self.reason_names)))
         closed = reason >= 0
         np.add.at(counts, (row[closed], reason[closed]), 1.0)
         last = np.full(len(union), -np.inf)
-        last[old] = self._last_s
         np.maximum.at(last, row, time_s)
-        self._keys, self._sums, self._logs, self._reason_counts, self._last_s = union, sums, weighted, counts, last
+        sums, weighted = (sums_by(row, each, len(union)) for each in (looks, quality[:, None] * logs))
+        self._recent = self._recent.plus(CellSums(union, sums, weighted, counts, last))
 
-    def summed(self) -> SummedLooks:
-        """Give the sums over all looks so far, one row a cell that was looked at."""
-        self._merge()
-        total = self._sums[:, self._Q]
+    def settle(self) -> CellSums:
+        """Give the sums over the looks since the last time that this was called."""
+        with self._lock:
+            self._sum_up()
+            recent, self._recent = self._recent, CellSums.none()
+            self._settled = self._settled.plus(recent)
+            return recent
+
+    def restore(self, sums: CellSums, classes: tuple[str, ...], reason_names: Sequence[str]) -> None:
+        """Take in sums that `settle` gave of another map of this sense, whose reasons these were."""
+        with self._lock:
+            self._check_classes(classes)
+            self.reason_names += [name for name in reason_names if name not in self.reason_names]
+            reasons = np.zeros((len(sums.keys), len(self.reason_names)))
+            reasons[:, [self.reason_names.index(name) for name in reason_names]] = sums.reasons
+            self._recent = self._recent.plus(replace(sums, reasons=reasons))
+            if len(self._recent.keys) > _RECENT_CELLS:
+                self.settle()
+
+    def summed(self, among: np.ndarray | None = None) -> SummedLooks:
+        """Give the sums over all looks so far, one row a cell that was looked at; only of those `among` keys if any."""
+        with self._lock:
+            self._sum_up()
+            settled, recent, names = self._settled, self._recent, tuple(self.reason_names)
+        if among is not None:
+            settled, recent = settled.among(among), recent.among(among)
+        cells = settled.plus(recent)
+        total = cells.sums[:, Q]
         safe = np.where(total > 0, total, 1.0)
-        mean_logs = np.where(total[:, None] > 0, self._logs / safe[:, None], 0.0)
-        kish = np.where(total > 0, total**2 / np.where(total > 0, self._sums[:, self._QQ], 1.0), 0.0)
-        within = self._sums[:, self._SQUARES] - total * np.sum(mean_logs**2, axis=1)
+        logs = cells.logs if len(cells.keys) else np.empty((0, len(self.classes)))
+        mean_logs = np.where(total[:, None] > 0, logs / safe[:, None], 0.0)
+        kish = np.where(total > 0, total**2 / np.where(total > 0, cells.sums[:, QQ], 1.0), 0.0)
+        within = cells.sums[:, SQUARES] - total * np.sum(mean_logs**2, axis=1)
         return SummedLooks(
             sense=self.sense,
             classes=self.classes,
-            keys=self._keys,
-            looks=self._sums[:, self._OPEN].astype(np.int64),
-            closed=self._sums[:, self._CLOSED].astype(np.int64),
-            weight=np.where(total > 0, self._sums[:, self._QQ] / safe, 0.0),
+            keys=cells.keys,
+            looks=cells.sums[:, OPEN].astype(np.int64),
+            closed=cells.sums[:, CLOSED].astype(np.int64),
+            weight=np.where(total > 0, cells.sums[:, QQ] / safe, 0.0),
             total_quality=total,
             kish=kish,
             mean_logs=mean_logs,
             within_squares=np.maximum(within, 0.0),
-            closed_reason=self._main_reasons(),
-            last_s=self._last_s,
-        )
-
-    def _main_reasons(self) -> tuple[str, ...]:
-        """Why most of the closed looks at each cell were closed; the first in the alphabet of equals."""
-        if not self._reason_names:
-            return ("",) * len(self._keys)
-        order = np.argsort(self._reason_names)
-        counts = self._reason_counts[:, order]
-        names = [self._reason_names[index] for index in order]
-        return tuple(
-            names[best] if total else ""
-            for best, total in zip(np.argmax(counts, axis=1).tolist(), counts.sum(axis=1).tolist(), strict=True)
+            last_s=cells.last_s,
+            sums=cells,
+            reason_names=names,
         )
 
 
@@ -333,10 +253,10 @@ class SummedLooks:
         Their quality-weighted mean centred log-probabilities.
     within_squares : (n,)
         Quality-weighted sum of squares about that mean.
-    closed_reason
-        n texts: why most of the closed looks were closed; empty where none was.
     last_s : (n,)
         Time of the last look, open or closed [s].
+    sums, reason_names
+        What they are of.
     """
 
     sense: str
@@ -349,8 +269,14 @@ class SummedLooks:
     kish: np.ndarray
     mean_logs: np.ndarray
     within_squares: np.ndarray
-    closed_reason: tuple[str, ...]
     last_s: np.ndarray
+    sums: CellSums
+    reason_names: tuple[str, ...]
+
+    @property
+    def closed_reason(self) -> tuple[str, ...]:
+        """Why most of the closed looks at each cell were closed, n texts; empty where none was."""
+        return self.sums.main_reasons(self.reason_names)
 
 
 def kind_of_reason(text: str) -> str:

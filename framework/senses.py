@@ -33,7 +33,7 @@ from .core.errors import InputError
 from .core.evidence import ClassEvidence
 from .core.plugins import load_plugins, once
 from .core.recording.types import Recording
-from .core.track.way import Track, cells_under_wheels
+from .core.track.way import Places, cells_under_wheels
 
 
 @dataclass(frozen=True)
@@ -50,12 +50,15 @@ class Observation:
         Index of an item. An item may be of several cells, and of none where nobody knows the place.
     cells : (m, 2)
         The cell (`framework.core.pooling.cells_of`).
+    window_s : (n, 2), optional
+        Beginning and end of each item's window of time [s], where its cells are those that the wheels ran over in it.
     """
 
     evidence: ClassEvidence
     time_s: np.ndarray
     item: np.ndarray
     cells: np.ndarray
+    window_s: np.ndarray | None = None
 
     @staticmethod
     def under_wheels(
@@ -63,12 +66,12 @@ class Observation:
         start_s: np.ndarray,
         end_s: np.ndarray,
         recording: Recording,
-        track: Track,
+        track: Places,
         cell_size_m: float,
     ) -> Observation:
         """Lay n windows of time from `start_s` to `end_s` (n,) [s] on the cells that the wheels then ran over."""
         item, cells = cells_under_wheels(track, recording.vehicle, start_s, end_s, cell_size_m)
-        return Observation(evidence, 0.5 * (start_s + end_s), item, cells)
+        return Observation(evidence, 0.5 * (start_s + end_s), item, cells, np.column_stack([start_s, end_s]))
 
 
 class Sense(ABC):
@@ -130,7 +133,7 @@ class Sense(ABC):
 
     @abstractmethod
     def observe(
-        self, recording: Recording, track: Track, model: TerrainClassifier, cell_size_m: float
+        self, recording: Recording, track: Places, model: TerrainClassifier, cell_size_m: float
     ) -> Iterator[Observation]:
         """Observe the ground of a recording, in order of time, in memory that does not grow with its length.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ from .measures import Measures, measures_of
 from .project import GroundPatches, ground_patches
 
 BATCH_FRAMES = 8
+"""Looks at so many frames are given together, unless a frame is `urgent` [-]."""
 MIN_STEP = 0.5
 """Share of a cell that the vehicle has to move before another frame is looked at [-]: frames taken from nearly the same
 place show the same ground in the same light, and say little that is new."""
@@ -45,6 +46,14 @@ class GroundEvidence:
 
     def __len__(self) -> int:
         return len(self.time_s)
+
+    @staticmethod
+    def concatenate(parts: Sequence[GroundEvidence]) -> GroundEvidence:
+        """Join evidence about cells, at least one part."""
+        time_s, x_m, y_m = (
+            np.concatenate([getattr(part, name) for part in parts]) for name in ("time_s", "x_m", "y_m")
+        )
+        return GroundEvidence(time_s, x_m, y_m, ClassEvidence.concatenate([part.evidence for part in parts]))
 
 
 def observe_ground(
@@ -89,7 +98,7 @@ def observe_ground(
     """
     measures = measures_of(model)
     layout = ground_patches(camera, cell_size_m, measures.side_px)
-    batch: list[tuple[Frame, float, float, float]] = []
+    batch: list[GroundEvidence] = []
     last: tuple[float, float, float] | None = None
 
     def pose(time_s: float) -> tuple[float, float, float]:
@@ -101,15 +110,15 @@ def observe_ground(
         return bool(np.isfinite(here).all()) and (last is None or not _near(last, *here, cell_size_m))
 
     for frame in camera_stream.frames(wanted):
-        x, y, yaw = pose(frame.time_s)
+        here = pose(frame.time_s)
         if frame.image is not None:  # else the next whole image is looked at, however near
-            last = (x, y, yaw)
-        batch.append((frame, x, y, yaw))
-        if len(batch) == BATCH_FRAMES:
-            yield _look(batch, camera, layout, speed_at, model, measures, cell_size_m)
+            last = here
+        batch.append(_look(frame, here, camera, layout, speed_at, model, measures, cell_size_m))
+        if len(batch) == BATCH_FRAMES or frame.urgent:
+            yield GroundEvidence.concatenate(batch)
             batch = []
     if batch:
-        yield _look(batch, camera, layout, speed_at, model, measures, cell_size_m)
+        yield GroundEvidence.concatenate(batch)
 
 
 def _near(last: tuple[float, float, float], x: float, y: float, yaw: float, cell_size_m: float) -> bool:
@@ -119,7 +128,8 @@ def _near(last: tuple[float, float, float], x: float, y: float, yaw: float, cell
 
 
 def _look(
-    batch: list[tuple[Frame, float, float, float]],
+    frame: Frame,
+    pose: tuple[float, float, float],
     camera: Camera,
     layout: GroundPatches,
     speed_at: Callable[[np.ndarray], np.ndarray],
@@ -127,40 +137,26 @@ def _look(
     measures: Measures,
     cell_size_m: float,
 ) -> GroundEvidence:
+    """Look at one frame: by itself, so that what is seen does not depend on the frames that it comes with."""
     k = len(layout)
-    time_s = np.array([frame.time_s for frame, *_ in batch])
-    blur = np.zeros(len(batch))
-    if camera.exposure_s is not None:
-        blur = np.abs(np.asarray(speed_at(time_s), dtype=float)) * camera.exposure_s / cell_size_m
-    problems = [_problem(frame, camera, model) for frame, *_ in batch]
-    usable = [index for index, problem in enumerate(problems) if problem is None]
-    seen: dict[int, ClassEvidence] = {}
-    if usable and k:
-        patches = np.concatenate(
-            [layout.cut(image) for index in usable if (image := batch[index][0].image) is not None]
-        )
+    problem = _problem(frame, camera, model)
+    if problem is None and k and frame.image is not None:
+        blur = 0.0
+        if camera.exposure_s is not None:
+            speed = float(np.asarray(speed_at(np.array([frame.time_s])), dtype=float)[0])
+            blur = abs(speed) * camera.exposure_s / cell_size_m
         evidence = patch_evidence(
-            model,
-            measures,
-            patches,
-            resolution_px=np.tile(layout.resolution_px, len(usable)),
-            blur_share=np.repeat(blur[usable], k),
+            model, measures, layout.cut(frame.image), resolution_px=layout.resolution_px, blur_share=np.full(k, blur)
         )
-        for place, index in enumerate(usable):
-            seen[index] = evidence.select(slice(place * k, (place + 1) * k))
-    parts = [
-        seen[index] if index in seen else ClassEvidence.nothing(model.classes, [(problems[index] or "",)] * k)
-        for index in range(len(batch))
-    ]
-    x, y, yaw = (np.array(values) for values in zip(*(pose for _, *pose in batch), strict=True))
+    else:
+        evidence = ClassEvidence.nothing(model.classes, [(problem or "",)] * k)
+    x, y, yaw = pose
     ahead, left = layout.centre_m[:, 0], layout.centre_m[:, 1]
-    site_x = x[:, None] + np.cos(yaw)[:, None] * ahead - np.sin(yaw)[:, None] * left
-    site_y = y[:, None] + np.sin(yaw)[:, None] * ahead + np.cos(yaw)[:, None] * left
     return GroundEvidence(
-        np.repeat(time_s, k),
-        _cell(site_x.ravel(), cell_size_m),
-        _cell(site_y.ravel(), cell_size_m),
-        ClassEvidence.concatenate(parts),
+        np.full(k, frame.time_s),
+        _cell(x + np.cos(yaw) * ahead - np.sin(yaw) * left, cell_size_m),
+        _cell(y + np.sin(yaw) * ahead + np.cos(yaw) * left, cell_size_m),
+        evidence,
     )
 
 

@@ -12,7 +12,7 @@ from ..framework.core.classifier.labelled import LabelledFile
 from ..framework.core.html import picture
 from ..framework.core.pooling import cells_of
 from ..framework.core.recording.types import Recording
-from ..framework.core.track.way import Track
+from ..framework.core.track.way import Places
 from ..framework.senses import Observation, Sense, register
 
 
@@ -74,7 +74,7 @@ class Vision(Sense):
         return recording.camera is not None and len(recording.camera) > 0
 
     def observe(
-        self, recording: Recording, track: Track, model: TerrainClassifier, cell_size_m: float
+        self, recording: Recording, track: Places, model: TerrainClassifier, cell_size_m: float
     ) -> Iterator[Observation]:
         """Look at the ground ahead, a few frames at a time."""
         from .observe import observe_ground

@@ -48,7 +48,7 @@ def strengths(
     vector = solution.fit.vector
     values = model.from_vector(vector[: len(model.names)])
     answer = []
-    for stress in np.percentile(_mean_stress(solution.fit.theta_1, values, model), [10.0, 50.0, 90.0]):
+    for stress in np.percentile(mean_stress(solution.fit.theta_1, values, model), [10.0, 50.0, 90.0]):
         gradient = np.array([1.0, stress])
         value = float(gradient @ vector[:2])
         along = next((index for index in (0, 1) if index in intervals.ends), None)
@@ -65,7 +65,7 @@ def strengths(
     return tuple(answer)
 
 
-def _mean_stress(theta_1: np.ndarray, values: dict[str, float], model: TextbookWheel) -> np.ndarray:
+def mean_stress(theta_1: np.ndarray, values: dict[str, float], model: TextbookWheel) -> np.ndarray:
     """Normal stress [Pa] averaged over the contact, (n,): both zones of Eq. 8-9 have the same average."""
     nodes, weights = FINE
     ahead = theta_1[:, None] * (1.0 - (1.0 - PEAK_SHARE) * nodes)

@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...framework.core.soil import PARAMETERS, PLAUSIBLE, Quantity, SoilKnowledge
+from ...framework.core.soil import PARAMETERS, PLAUSIBLE, Quantity, ShearStrength, SoilKnowledge
 from ...framework.core.vehicle import Wheel
 from ..mechanics.soil import from_internal, slope_of_internal, to_internal
-from ..mechanics.textbook import CHANNELS
+from ..mechanics.textbook import CHANNELS, TextbookWheel
 from .estimate import build_problem, converge
+from .identifiability import advise, mean_stress, separable
 from .likelihood import Point, Problem
 from .optimise import Fit, fit
 from .solution import Measured
@@ -106,8 +107,7 @@ class OnlineIdentifier:
         """Give the present estimate; None before the first."""
         if self._fit is None:
             return None
-        held = [name in self._known.values and name not in self._known.sd for name in PARAMETERS]
-        covariance = self._fit.covariance(~np.array(held))
+        _, covariance = self.vector()
         quantities = {}
         for index, name in enumerate(PARAMETERS):
             centre, sd = float(self._fit.vector[index]), math.sqrt(max(covariance[index, index], 0.0))
@@ -120,6 +120,32 @@ class OnlineIdentifier:
             )
         spread = math.sqrt(covariance[0, 0] * covariance[1, 1])
         return OnlineEstimate(quantities, float(covariance[0, 1] / spread) if spread > 0.0 else 0.0, len(self._rows))
+
+    def vector(self) -> tuple[np.ndarray, np.ndarray]:
+        """Give c [Pa], tan phi, ln k, ln stiffness and ln n, (5,), and their covariance; NaN before the first."""
+        if self._fit is None:
+            return np.full(len(PARAMETERS), np.nan), np.full((len(PARAMETERS), len(PARAMETERS)), np.nan)
+        held = [name in self._known.values and name not in self._known.sd for name in PARAMETERS]
+        covariance = self._fit.covariance(~np.array(held))
+        return self._fit.vector[: len(PARAMETERS)].copy(), covariance[: len(PARAMETERS), : len(PARAMETERS)]
+
+    def advice(self) -> str:
+        """Say what driving would determine what the window does not; empty where nothing lacks."""
+        estimate = self.estimate()
+        if self._fit is None or estimate is None:
+            return ""
+        values = {name: quantity.value for name, quantity in estimate.parameters.items()}
+        c, phi = estimate.parameters["c_Pa"], estimate.parameters["phi_rad"]
+        sd_tan = phi.sd / math.cos(phi.value) ** 2
+        strength = []
+        for stress in np.percentile(mean_stress(self._fit.theta_1, values, TextbookWheel(self._wheel)), [10, 50, 90]):
+            value = c.value + stress * math.tan(phi.value)
+            variance = c.sd**2 + (stress * sd_tan) ** 2 + 2.0 * estimate.correlation * c.sd * stress * sd_tan
+            half = _TWO_SIDED * math.sqrt(max(variance, 0.0))
+            strength.append(ShearStrength(float(stress), value, max(value - half, 0.0), value + half))
+        free = np.array([name not in self._known.values for name in PARAMETERS])
+        determined = separable(estimate.parameters, tuple(strength), free, 1.0)
+        return advise(self._rows, determined, strength, 1.0)
 
 
 def extended(point: Point, problem: Problem, dropped: int) -> Point:

@@ -108,11 +108,15 @@ class Labels:
 
 @dataclass(frozen=True)
 class Frame:
-    """One camera image, (h, w, 3) uint8 BGR, or None with the problem that kept it from being read."""
+    """One camera image, (h, w, 3) uint8 BGR, or None with the problem that kept it from being read.
+
+    What is seen on an `urgent` one is wanted at once, and not together with the next: the vehicle is driving.
+    """
 
     time_s: float
     image: np.ndarray | None
     problem: str | None = None
+    urgent: bool = False
 
 
 @dataclass(frozen=True)
@@ -120,12 +124,14 @@ class SoundBlock:
     """A stretch of mono sound: samples (m,) float32 in [-1, 1], the first at `start_s`; or None with the problem.
 
     `channels`, (m, c), are what it was mixed of, where there were several: clipping shows in them and not in the mix.
+    `urgent` is as in `Frame`.
     """
 
     start_s: float
     samples: np.ndarray | None
     problem: str | None = None
     channels: np.ndarray | None = None
+    urgent: bool = False
 
 
 Wanted = Callable[[float], bool]

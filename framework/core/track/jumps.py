@@ -75,6 +75,11 @@ def without_jumps(pose: Pose, source: Path, place: Callable[[int], str]) -> tupl
     return Pose(*(column[possible] for column in vars(pose).values())), (note,)
 
 
+def reaches(time_s: np.ndarray | float, way_m: np.ndarray | float) -> np.ndarray | bool:
+    """Say whether a ground vehicle gets so far [m] in a time [s]."""
+    return way_m <= FASTEST_M_S * time_s + _OFF_M
+
+
 def reached(time_s: np.ndarray, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
     """Which places a ground vehicle can have been at, (n,) of bool.
 
@@ -91,7 +96,7 @@ def reached(time_s: np.ndarray, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
     def near(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         with np.errstate(over="ignore"):
             way = np.hypot(x_m[a] - x_m[b], y_m[a] - y_m[b])
-            return way <= FASTEST_M_S * np.abs(time_s[a] - time_s[b]) + _OFF_M
+            return np.asarray(reaches(np.abs(time_s[a] - time_s[b]), way))
 
     rows = np.arange(len(time_s))
     runs = np.split(rows, np.flatnonzero(~near(rows[1:], rows[:-1])) + 1)

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -21,7 +22,7 @@ RECORDED, DEAD_RECKONING = "recorded", "dead reckoning"
 _REACH_S = 0.5
 """How far beyond the first and last pose a place is still given [s]."""
 
-_BRIDGED_S = 2 * _REACH_S
+BRIDGED_S = 2 * _REACH_S
 """Poses this close are always joined by a straight line: every time between them is near one, and a bend of 4 m/s^2
 strays from the line by half a metre at most, v^2 / r times the time squared over 8 [s]."""
 
@@ -31,7 +32,7 @@ _BRIDGED_STEPS = 3.5
 _STOOD_M, _STOOD_RAD = 0.1, 0.1
 """A vehicle that has moved and turned less between two poses stood still [m], [rad]."""
 
-_SPEED_WINDOW_S = 0.5
+SPEED_WINDOW_S = 0.5
 """Speed from places is taken over this time [s], so that the noise of a pose does not become speed."""
 
 _HEADING_STEP_M = 0.1
@@ -42,6 +43,23 @@ _LEAST_STEP_M = 0.1
 
 _MAX_STEPS = 400
 """Most points in which the way of one sound window is followed."""
+
+
+class Places(Protocol):
+    """Where the vehicle was and how fast, as far as that is known by now; see `Track`."""
+
+    @property
+    def speed_m_s(self) -> np.ndarray:
+        """Travel speeds along the way, (n,) [m/s]."""
+        ...
+
+    def place_at(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Give x [m], y [m] and heading [rad] at times of any shape [s]; NaN where nobody knows."""
+        ...
+
+    def speed_at(self, time_s: np.ndarray) -> np.ndarray:
+        """Give the travel speed [m/s] at times of any shape [s]; NaN where nobody knows."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -225,7 +243,7 @@ def _track(
         return None
     x_m, y_m, yaw_rad = (np.asarray(values, dtype=float)[good][first] for values in (x_m, y_m, yaw_rad))
     if speed is None:
-        early, late = time_s - _SPEED_WINDOW_S / 2, time_s + _SPEED_WINDOW_S / 2
+        early, late = time_s - SPEED_WINDOW_S / 2, time_s + SPEED_WINDOW_S / 2
         early, late = np.maximum(early, time_s[0]), np.minimum(late, time_s[-1])
         dx = np.interp(late, time_s, x_m) - np.interp(early, time_s, x_m)
         dy = np.interp(late, time_s, y_m) - np.interp(early, time_s, y_m)
@@ -240,8 +258,12 @@ def _track(
 
 def too_far_apart(time_s: np.ndarray) -> np.ndarray:
     """Between which neighbours too much time passed for a straight line, (n - 1,), by the usual step of all."""
-    step = np.diff(time_s)
-    return step > max(_BRIDGED_S, _BRIDGED_STEPS * float(np.quantile(step, 0.5, method="lower")))
+    return np.diff(time_s) > bridged_s(time_s)
+
+
+def bridged_s(time_s: np.ndarray) -> float:
+    """Give the time over which poses at times (n,), two at least, are always joined by a straight line [s]."""
+    return max(BRIDGED_S, _BRIDGED_STEPS * float(np.quantile(np.diff(time_s), 0.5, method="lower")))
 
 
 def _stood(
@@ -274,7 +296,7 @@ def _one_wheel(wheel: WheelTable) -> WheelTable:
 
 
 def cells_under_wheels(
-    track: Track, vehicle: Vehicle | None, start_s: np.ndarray, end_s: np.ndarray, cell_size_m: float
+    track: Places, vehicle: Vehicle | None, start_s: np.ndarray, end_s: np.ndarray, cell_size_m: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Find the cells that the wheels ran over in windows of time.
 

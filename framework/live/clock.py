@@ -1,0 +1,67 @@
+"""The one clock of a drive, though a sensor's time stamps jump."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+JUMP_S = 5.0
+"""A time stamp this far from the newest one is a jump of the clock, a pause, or wrong [s]."""
+
+_AGREEING = 3
+"""So many samples of one sensor in a row, all after a jump, are believed."""
+
+
+class DriveClock:
+    """Puts time stamps on one clock that does not jump back.
+
+    A stamp far from the newest one is held until two more of its sensor agree with it: one that is wrong by itself
+    leaves no trace. Forwards they are believed then, as after a pause. Backwards the clock was set: from there on the
+    drive's clock goes on from where it was, for all sensors.
+
+    Attributes
+    ----------
+    newest_s
+        The newest time [s].
+    jumps
+        What happened, in words.
+    """
+
+    def __init__(self) -> None:
+        self.newest_s = -math.inf
+        self.jumps: list[str] = []
+        self.wrong = 0
+        self._shifts = [0.0]
+        self._held: dict[str, list[tuple[float, Any]]] = {}
+
+    def on_one_clock(self, stream: str, stamp_s: float, sample: Any) -> list[tuple[float, Any]]:
+        """Give samples of a sensor with their times [s], the new one the last; none while its stamp is in doubt."""
+        # Those that were on their way when the clock was set are still on the one before.
+        shift = min(self._shifts, key=lambda each: abs(stamp_s + each - self.newest_s))
+        time_s = stamp_s + shift
+        if abs(time_s - self.newest_s) <= JUMP_S or math.isinf(self.newest_s):
+            self.newest_s = max(self.newest_s, time_s)
+            return [*self.let_go(stream), (time_s, sample)]
+        held = self._held.setdefault(stream, [])
+        if held and not held[-1][0] <= stamp_s <= held[-1][0] + JUMP_S:
+            self.wrong += len(held)
+            held.clear()
+        held.append((stamp_s, sample))
+        if len(held) < _AGREEING:
+            return []
+        del self._held[stream]
+        first = held[0][0]
+        if first + self._shifts[-1] < self.newest_s:
+            back_s = self.newest_s - first - self._shifts[-1]
+            said = f"the clock jumped back by {back_s:.1f} s at {self.newest_s:.1f} s"
+            self.jumps.append(f"{said}; times go on from there")
+            self._shifts = [self._shifts[-1], self.newest_s - first]
+        self.newest_s = max(self.newest_s, stamp_s + self._shifts[-1])
+        return [(each + self._shifts[-1], one) for each, one in held]
+
+    def let_go(self, stream: str) -> list[tuple[float, Any]]:
+        """Give those that were held of a sensor, and that the clock has come up with since."""
+        held = [(each + self._shifts[-1], one) for each, one in self._held.pop(stream, [])]
+        good = [each for each in held if abs(each[0] - self.newest_s) <= JUMP_S]
+        self.wrong += len(held) - len(good)
+        return good
