@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from multiprocessing.pool import ThreadPool
-from threading import local
-from typing import TypeVar
+from queue import Empty, SimpleQueue
+from threading import Thread, local
+from typing import Any, TypeVar
 
 THREADS = 2
 """Fits at once."""
+
+_POLL_S = 0.2
 
 _thread = local()
 
@@ -19,9 +21,35 @@ _Answer = TypeVar("_Answer")
 def together(function: Callable[[_Given], _Answer], given: Iterable[_Given]) -> list[_Answer]:
     """Call a function with each of what is given; its answers in that order. Within such a call, one after the other.
 
-    Ctrl-C does not wait for a call to end: threads of such a pool end with the process.
+    The first error is raised when the calls that have begun have ended. Ctrl-C waits for none of them: the threads end
+    with the process.
     """
-    if getattr(_thread, "of_pool", False):
+    if getattr(_thread, "of_others", False):
         return [function(each) for each in given]
-    with ThreadPool(THREADS, initializer=setattr, initargs=(_thread, "of_pool", True)) as pool:
-        return pool.map_async(function, given, chunksize=1).get()
+    waiting: SimpleQueue[tuple[int, _Given]] = SimpleQueue()
+    for item in enumerate(given):
+        waiting.put(item)
+    answers: dict[int, Any] = {}
+    errors: dict[int, BaseException] = {}
+
+    def work() -> None:
+        _thread.of_others = True
+        while not errors:
+            try:
+                number, each = waiting.get_nowait()
+            except Empty:
+                return
+            try:
+                answers[number] = function(each)
+            except BaseException as error:
+                errors[number] = error
+
+    threads = [Thread(target=work, daemon=True) for _ in range(min(THREADS, waiting.qsize()))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        while thread.is_alive():
+            thread.join(_POLL_S)  # another thread may have got the signal of Ctrl-C, which then wakes no one here
+    if errors:
+        raise errors[min(errors)]
+    return [answers[number] for number in sorted(answers)]
