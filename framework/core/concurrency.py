@@ -19,12 +19,15 @@ _Answer = TypeVar("_Answer")
 
 
 def together(function: Callable[[_Given], _Answer], given: Iterable[_Given]) -> list[_Answer]:
-    """Call a function with each of what is given; its answers in that order. Within such a call, one after the other.
+    """Call a function with each of what is given; its answers in that order.
+
+    Calls within one of several are made one after the other.
 
     The first error is raised when the calls that have begun have ended. Ctrl-C waits for none of them: the threads end
     with the process.
     """
-    if getattr(_thread, "of_others", False):
+    given = list(given)
+    if len(given) < 2 or getattr(_thread, "of_others", False):
         return [function(each) for each in given]
     waiting: SimpleQueue[tuple[int, _Given]] = SimpleQueue()
     for item in enumerate(given):

@@ -213,7 +213,8 @@ def _identify_stretches(
 
     # The threads fill the cores by themselves: more of BLAS's own would only wait for each other.
     with threadpool_limits(1):
-        return tuple(chain.from_iterable(together(identified, stretches)))
+        found = iter(together(identified, used))
+        return tuple(chain.from_iterable(identified(each) if each.reason else next(found) for each in stretches))
 
 
 def _segments(
