@@ -1,4 +1,4 @@
-"""Colours of maps: classes of ground and what is unknown, told apart by people with any kind of colour vision."""
+"""Colours of maps: classes of ground and what is unknown, safe for common colour-vision deficiencies."""
 
 from __future__ import annotations
 
