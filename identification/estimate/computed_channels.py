@@ -16,8 +16,9 @@ import numpy as np
 from ..mechanics.flexible import FlexibleWheel
 from ..mechanics.textbook import CHANNELS, Prediction, TextbookWheel
 
-NUISANCES = 4
-"""Share of the load; of the pull over the load: a constant, by the load, by load and slip."""
+NUISANCES = 5
+"""Share of the load; of the pull over the load: a constant, by the load, by load and slip; resistance of what is towed.
+"""
 
 BY_LOAD, BY_SLIP = 0.1, 0.3
 """Prior standard deviations of how a wheel's pull over its load depends on its load, relative to the mean, and on that
@@ -41,18 +42,21 @@ class Computed:
     """What is known of computed channels: standard deviations of the shares of the load, 0 where sensed.
 
     `load` is that of the load, `pull` that of the pull, both relative to the load [-]; `mean_load_N` the load [N] that
-    others are compared with.
+    others are compared with; `resistance` that of the rolling resistance of the wheels that are towed, over their load
+    [-], and `towed` what they carry over what the driven wheels carry [-]: at the mean load, and by the load over it.
     """
 
     load: float
     pull: float
     mean_load_N: float
+    resistance: float = 0.0
+    towed: tuple[float, float] = (0.0, 0.0)
 
     @property
     def prior_sd(self) -> np.ndarray:
         """(`NUISANCES`,) standard deviations of the priors; 0 of what is not estimated."""
         pulled = 1.0 if self.pull else 0.0
-        return np.array([self.load, self.pull, BY_LOAD * pulled, BY_SLIP * pulled])
+        return np.array([self.load, self.pull, BY_LOAD * pulled, BY_SLIP * pulled, self.resistance])
 
 
 def noise_of_shape(name: str, mean_load_N: float, rows: int) -> float:
@@ -66,6 +70,7 @@ class ComputedChannels:
 
     model: TextbookWheel | FlexibleWheel
     mean_load_N: float
+    towed: tuple[float, float] = (0.0, 0.0)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -82,7 +87,7 @@ class ComputedChannels:
         The load without its error is the wheel's: so what is measured of the one says nothing of the other's error.
         """
         soil = len(self.names)
-        own, (share, constant, by_load, by_slip) = (
+        own, (share, constant, by_load, by_slip, resistance) = (
             np.delete(vector, range(soil, soil + NUISANCES)),
             vector[soil : soil + NUISANCES],
         )
@@ -90,7 +95,8 @@ class ComputedChannels:
         load = computed / (1.0 + share)
         found = self.model.predict(np.column_stack([load, slip]), own, theta_1)
         heavier = computed / self.mean_load_N - 1.0
-        of_load = constant + heavier * (by_load + by_slip * slip)
+        towed = self.towed[0] + heavier * self.towed[1]
+        of_load = constant + heavier * (by_load + by_slip * slip) - resistance * towed
         channels, by_latent = found.channels.copy(), found.by_latent.copy()
         channels[:, _LOAD] = computed
         channels[:, _PULL] += load * of_load
@@ -99,11 +105,11 @@ class ComputedChannels:
         by_share[:, _LOAD] = 0.0
         by_latent[:, :, 0] /= 1.0 + share
         by_latent[:, _LOAD, 0] = 1.0
-        by_latent[:, _PULL, 0] += (load / self.mean_load_N) * (by_load + by_slip * slip)
+        by_latent[:, _PULL, 0] += (load / self.mean_load_N) * (by_load + by_slip * slip - resistance * self.towed[1])
         by_latent[:, _PULL, 1] += load * heavier * by_slip
         nuisance = np.zeros((len(load), len(CHANNELS), NUISANCES))
         nuisance[:, :, 0] = by_share
-        nuisance[:, _PULL, 1:] = load[:, None] * np.column_stack([np.ones(len(load)), heavier, heavier * slip])
+        nuisance[:, _PULL, 1:] = load[:, None] * np.column_stack([np.ones(len(load)), heavier, heavier * slip, -towed])
         by_parameter = np.concatenate(
             [found.by_parameter[:, :, :soil], nuisance, found.by_parameter[:, :, soil:]], axis=2
         )

@@ -255,7 +255,8 @@ def build_problem(measured: Measured, wheel: Wheel, known: SoilKnowledge) -> Pro
     answers = ANSWERS & np.isfinite(measured.channels).any(axis=0)
     model: TextbookWheel | ComputedChannels = TextbookWheel(wheel)
     if measured.computed is not None:
-        model, own = ComputedChannels(model, measured.computed.mean_load_N), measured.computed.prior_sd
+        computed = measured.computed
+        model, own = ComputedChannels(model, computed.mean_load_N, computed.towed), computed.prior_sd
         mean, sd = np.append(mean, np.zeros(NUISANCES)), np.append(sd, np.where(own > 0.0, own, np.inf))
         held = np.append(held, np.where(own > 0.0, math.nan, 0.0))
         lower, upper = np.append(lower, -FARTHEST * own), np.append(upper, FARTHEST * own)

@@ -308,7 +308,7 @@ def measured_rows(rows: SelectedRows, chosen: np.ndarray) -> Measured:
 
 def _with_computed(rows: SelectedRows, table: WheelTable) -> tuple[np.ndarray, Computed | None]:
     """Give the noise (5,) of channels from row to row, and what rows share where load and pull come from the weight."""
-    noise, found = sensor_noise(table, rows.vehicle), codes(rows.findings)
+    noise, found = sensor_noise(table, rows.vehicle), {each.code: each.values for each in rows.findings}
     if "load_computed" not in found or rows.vehicle.mass_kg is None:
         return noise, None
     mean, rows_used = float(np.nanmean(table["load_N"])), min(len(table), MOST_ROWS)
@@ -317,7 +317,12 @@ def _with_computed(rows: SelectedRows, table: WheelTable) -> tuple[np.ndarray, C
         at = CHANNELS.index(name)
         share[name] = noise[at] / mean
         noise[at] = max(measured_noise(table, name), noise_of_shape(name, mean, rows_used))
-    return noise, Computed(share["load_N"], share.get("drawbar_pull_N", 0.0), mean)
+    if "pull_computed" not in found:
+        return noise, Computed(share["load_N"], 0.0, mean)
+    of_pull = found["pull_computed"]
+    by_N = of_pull["towed_over_driven_by_N"]
+    towed = of_pull["towed_over_driven"] + by_N * (mean - of_pull["load_N"]), by_N * mean
+    return noise, Computed(share["load_N"], of_pull["share"], mean, of_pull["resistance_sd"], towed)
 
 
 def _linear(table: WheelTable, wheel: Wheel, known: SoilKnowledge) -> SoilEstimate:

@@ -169,9 +169,20 @@ def with_pull(
     pull = table["load_N"] / carried * (along + _RESISTANCE * dragged)
     if not np.isfinite(pull).any():
         return table, vehicle, None
-    share = math.hypot(_PULL_SHARE, _RESISTANCE_SD * float(np.nanmean(dragged / carried)))
-    noise = vehicle.noise.get("drawbar_pull_N", share * float(np.nanmean(table["load_N"])))
+    mean_N, towed_share, by_N = _by_load(dragged / carried, table["load_N"])
+    noise = vehicle.noise.get("drawbar_pull_N", math.hypot(_PULL_SHARE, _RESISTANCE_SD * towed_share) * mean_N)
     known = vehicle.model_copy(update={"noise": {**vehicle.noise, "drawbar_pull_N": noise}})
     towed = [each.name for each, pulls in zip(vehicle.wheels, driven, strict=True) if not pulls]
-    found = note("pull_computed", sd_N=noise, towed=towed, resistance=_RESISTANCE, resistance_sd=_RESISTANCE_SD)
+    found = note(
+        "pull_computed", sd_N=noise, towed=towed, share=_PULL_SHARE, load_N=mean_N, resistance=_RESISTANCE,
+        resistance_sd=_RESISTANCE_SD if towed else 0.0, towed_over_driven=towed_share, towed_over_driven_by_N=by_N,
+    )  # fmt: skip
     return replace(table, columns={**table.columns, "drawbar_pull_N": pull}), known, found
+
+
+def _by_load(share: np.ndarray, load_N: np.ndarray) -> tuple[float, float, float]:
+    """Give the mean load [N], and the straight line by it of a share (n,) [-]: its value there, and its slope [1/N]."""
+    rows = np.isfinite(share) & np.isfinite(load_N)
+    away = load_N[rows] - load_N[rows].mean()
+    slope = float(away @ share[rows] / max(away @ away, 1e-300))
+    return float(load_N[rows].mean()), float(share[rows].mean()), slope

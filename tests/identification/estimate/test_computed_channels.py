@@ -26,8 +26,8 @@ IMPOSED = np.array([[120.0, 0.1], [180.0, 0.4], [90.0, -0.05], [150.0, 0.7]])
 
 @pytest.mark.parametrize("freed", [False, True])
 def test_derivatives_are_those_of_differences(freed):
-    model = ComputedChannels(TextbookWheel(WHEEL), 140.0)
-    vector = np.append(TextbookWheel(WHEEL).to_vector(VALUES), [0.03, 0.02, -0.05, 0.2])
+    model = ComputedChannels(TextbookWheel(WHEEL), 140.0, towed=(0.15, -0.2))
+    vector = np.append(TextbookWheel(WHEEL).to_vector(VALUES), [0.03, 0.02, -0.05, 0.2, 0.1])
     if freed:
         model = model.freed(140.0)
         vector = np.append(vector, [0.1, 0.45, 0.05, 0.1, 0.2, 0.05][: len(FREEDOMS)])

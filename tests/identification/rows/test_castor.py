@@ -13,6 +13,7 @@ from bevameter.framework.core.soil import SoilKnowledge
 from bevameter.framework.core.vehicle import Vehicle
 from bevameter.framework.part import part_of
 from bevameter.framework.scenario.mechanics import equilibrium
+from bevameter.identification.estimate.computed_channels import SHAPE
 from bevameter.identification.estimate.estimate import solve, usable
 from bevameter.identification.estimate.identify import identify, measured_rows
 from bevameter.identification.rows.select import select_wheel_rows
@@ -71,6 +72,11 @@ def test_driven_wheels_carry_the_vehicle_and_drag_the_castor(resistance):
     # What the castor resists is a standard deviation from what is taken; the rest is for shares of the pull.
     assert np.abs(pull - truth).max() < 1.0 * found.values["sd_N"]
     assert np.abs(np.mean(pull - truth)) > 0.5 * found.values["sd_N"]
+    # One parameter that all rows share takes away the error: what is left is within what the estimator allows for.
+    of = found.values
+    towed = of["towed_over_driven"] + of["towed_over_driven_by_N"] * (load - of["load_N"])
+    left = pull - truth + (resistance - of["resistance"]) * towed * load
+    assert np.abs(left).max() < SHAPE["drawbar_pull_N"] * of["load_N"]
 
 
 @pytest.mark.slow
