@@ -77,6 +77,8 @@ LAYOUTS = {
     "numpy.savetxt": "# t[s] Fz[N] slip[-]\n0.0 1234.5 0.105\n0.1 1240 0.115\n",
     "labview": "LabVIEW Measurement\nSeparator\tTab\n***End_of_Header***\n\nX_Value\tLoad (N)\tSlip (%)\tComment\n"
     "0\t1234.5\t10.5\n0.1\t1240\t11.5\n",
+    "names one below the other": "Zeit;s;0,0;0,1\nRadlast;kN;1,2345;1,240\nSchlupf;%;10,5;11,5\n",
+    "the same in commas, a remark before": '# test 5\n"t [s]",0,0.1\n"Load, W [N]",1234.5,1240\nslip,0.105,0.115\n',
     "excel's sep=": "sep=;\nTime [s];Fz [N];Slip [-]\n0;1234,5;0,105\n0,1;1240;0,115\n",
     "repeated header, remarks, empty rows": "Time [s],Fz [N],Slip [-]\n0,1234.5,0.105\nTime [s],Fz [N],Slip [-]\n,,\n"
     "# paused\n0.1,1240,0.115\n",

@@ -92,6 +92,32 @@ def find_layout(text: str, is_known: Callable[[str], bool]) -> Layout | None:
     return None if best is None else _described(lines, *best[1:])
 
 
+def upright(text: str, is_known: Callable[[str], bool]) -> str | None:
+    """Turn a table whose names stand one below the other, each before its numbers; None where it is no such table.
+
+    Parameters
+    ----------
+    text
+        The whole file, its lines ended by line feeds. A second column may hold units.
+    is_known
+        As in `find_layout`.
+    """
+    lines = [line.text for line in _logical_lines(text) if line.text.strip() and not is_comment(line.text)]
+    found: list[tuple[int, str, list[list[str]]]] = []
+    for delimiter in _DELIMITERS:
+        rows = [split(line, delimiter) for line in lines]
+        width = len(rows[0]) if rows else 0
+        even = len(rows) > 1 and width > 2 and all(len(cells) == width for cells in rows)
+        numbers = even and all(not is_number(cells[0]) and all(map(is_number, cells[2:])) for cells in rows)
+        if numbers and sum(is_known(cells[0]) for cells in rows) > 1:
+            found.append((width, "\t" if delimiter == BLANKS else delimiter, rows))
+    if not found:
+        return None
+    _, parted, rows = max(found)
+    turned = zip(*rows, strict=True)
+    return "".join(parted.join(f'"{cell}"' if parted in cell else cell for cell in row) + "\n" for row in turned)
+
+
 def split(line: str, delimiter: str) -> list[str]:
     """Part a line into its cells, without the blanks around them."""
     if delimiter == BLANKS:

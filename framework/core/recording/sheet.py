@@ -16,7 +16,7 @@ import pyarrow.compute as pc
 from ..errors import InputError
 from ..files import file_size
 from . import numerals
-from .layout import BLANKS, Layout, find_layout, is_comment, is_number, is_unit_row, split
+from .layout import BLANKS, Layout, find_layout, is_comment, is_number, is_unit_row, split, upright
 from .summary_rows import gaps, headings, summaries, unnamed_means, words_only
 from .tables import Table, csv_rows, from_parquet, parquet_names, read_bytes
 
@@ -244,6 +244,10 @@ def open_sheet(path: Path, is_known: Callable[[str], bool], *, own: frozenset[st
     else:
         content, notes = _text(path)
     beginning = content[:_BEGINNING].decode("utf-8", errors="ignore")
+    turned = upright(beginning, is_known) if len(content) <= _BEGINNING else None
+    if turned is not None:
+        content, beginning = turned.encode(), turned
+        notes = [*notes, "names stand in the first column: what is a row below is a column of the file"]
     layout = _own_layout(beginning, own) or find_layout(beginning, is_known)
     if layout is None:
         first = beginning.split("\n", 1)[0]
