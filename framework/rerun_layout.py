@@ -9,16 +9,58 @@ from typing import Any
 WHITE = (255, 255, 255)
 """As in the other maps: classes are told apart on it."""
 
+_NO_IMAGE = "- /world/vehicle/camera/image"
+"""It would hide the ground."""
+
 SOIL_TITLES = {"c_kPa": "cohesion c [kPa], 95 % interval", "phi_deg": "friction angle phi [deg], 95 % interval"}
 
 
+def drive_world() -> Any:
+    """Arrange the views of what has a place: all up to the time that is looked at, and all that the database knows."""
+    rrb: Any = import_module("rerun.blueprint")
+    return rrb.Tabs(
+        rrb.Spatial3DView(
+            origin="/world", name="drive: cells as they were last seen", time_ranges=_past(rrb), background=WHITE,
+            contents=["+ /world/**", "- /world/site_map", _NO_IMAGE],
+        ),
+        rrb.Spatial3DView(
+            origin="/world", name="site: all that the database knows", background=WHITE,
+            contents=["+ /world/**", "- /world/cells/**", "- /world/soil", _NO_IMAGE],
+        ),
+    )  # fmt: skip
+
+
+def unmapped_world() -> Any:
+    """Give the view of a drive that has no cells."""
+    rrb: Any = import_module("rerun.blueprint")
+    return rrb.Spatial3DView(
+        origin="/world", name="drive", time_ranges=_past(rrb), background=WHITE, contents=["+ /world/**", _NO_IMAGE]
+    )
+
+
+def live_world() -> Any:
+    """Give the view of a drive that goes on."""
+    rrb: Any = import_module("rerun.blueprint")
+    return rrb.Spatial3DView(
+        origin="/world", name="site: what is known by now", background=WHITE, contents=["+ /world/**", _NO_IMAGE]
+    )
+
+
+def _past(rrb: Any) -> list[Any]:
+    """A cell that was written once stays: all up to the time that is looked at is shown."""
+    start, end = rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.cursor_relative(seconds=0.0)
+    return [rrb.VisibleTimeRange(timeline, start=start, end=end) for timeline in ("recording", "utc")]
+
+
 def layout(
-    camera: str, instruments: Sequence[str], channels: Mapping[str, str], soils: Sequence[str], *, mapped: bool
+    world: Any, camera: str, instruments: Sequence[str], channels: Mapping[str, str], soils: Sequence[str]
 ) -> Any:
     """Arrange the views: places and camera on the left, what was found in the middle, the wheels on the right.
 
     Parameters
     ----------
+    world
+        View of what has a place.
     camera
         Entity above the camera's frames; empty where there are none.
     instruments
@@ -27,8 +69,6 @@ def layout(
         Titles of the wheel channels, by name.
     soils
         Names of the estimates.
-    mapped
-        Whether cells and the site's map were written.
     """
     rrb: Any = import_module("rerun.blueprint")
     path = import_module("rerun").new_entity_path
@@ -36,28 +76,11 @@ def layout(
     def plot(origin: str, title: str, **settings: Any) -> Any:
         return rrb.TimeSeriesView(origin=origin, name=title, **settings)
 
-    # A cell that was written once stays: all up to the time that is looked at is shown.
-    past = [
-        rrb.VisibleTimeRange(
-            timeline, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative(seconds=0.0)
-        )
-        for timeline in ("recording", "utc")
-    ]
-    drive = rrb.Spatial3DView(
-        origin="/world", name="drive: cells as they were last seen", time_ranges=past, background=WHITE,
-        contents=["+ /world/**", "- /world/site_map", "- /world/vehicle/camera/image"],
-    )  # fmt: skip
-    site = rrb.Spatial3DView(
-        origin="/world", name="site: all that the database knows", background=WHITE,
-        contents=["+ /world/**", "- /world/cells/**", "- /world/soil", "- /world/vehicle/camera/image"],
-    )  # fmt: skip
     below: list[Any] = [rrb.Spatial2DView(origin="/legend", name="legend")]
     if camera:
         below.insert(0, rrb.Spatial2DView(origin=f"/{camera}", name="camera"))
     shares = [4.0, 1.0] if camera else None
-    left = rrb.Vertical(
-        rrb.Tabs(drive, site) if mapped else drive, rrb.Horizontal(*below, column_shares=shares), row_shares=[3.0, 2.0]
-    )
+    left = rrb.Vertical(world, rrb.Horizontal(*below, column_shares=shares), row_shares=[3.0, 2.0])
     whole_range = rrb.ScalarAxis(range=(0.0, 1.0))
     middle = [
         rrb.Tabs(

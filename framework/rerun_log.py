@@ -9,46 +9,39 @@ have an empty row there, which breaks their line.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from io import BytesIO
 from pathlib import Path
 
-import cv2
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 
 from ..database.observations import Drive
 from ..database.snapshot import Snapshot
 from ..database.store import TerrainDatabase
-from ..identification.estimate.identifiability import is_search_limit
 from ..identification.estimate.tables import learnt
-from ..vision.project import camera_axes
-from .colours import UNKNOWN_COLOUR, cell_colours, class_colours
+from .colours import cell_colours, class_colours
 from .core.errors import InputError
 from .core.evidence import UNKNOWN
 from .core.files import whole
 from .core.recording.types import Recording, WheelTable
-from .core.soil import Quantity
 from .core.track.way import RECORDED, Track, track_of
-from .core.vehicle import Camera
 from .default_models import Models, ModelsGiven, find_models
 from .map import cells_picture
 from .placement import place_as_stored
-from .rerun_layout import layout
+from .rerun_layout import drive_world, layout, unmapped_world
+from .rerun_parts import (
+    FRAME_PERIOD_S,
+    SOIL,
+    SenseLog,
+    camera_entity,
+    ends_of,
+    write_frame,
+    write_legend,
+    write_lens,
+    write_vehicle,
+)  # fmt: skip
 from .rerun_stream import Log, broken, check_rerun, opened
-from .sense_map import kind_of_reason
 from .senses import sense_named, senses_of
 from .summary import LearntSoil, TraverseSummary
 from .summary_text import ground_table, heading, sense_lines, soil_lines
-
-FRAME_PERIOD_S = 0.5
-"""Camera frames are at least so far apart [s]."""
-
-WIDEST_PX = 640
-"""Wider frames are made smaller [px]."""
-
-JPEG_QUALITY = 80
-"""As OpenCV counts it, of 100 [-]."""
 
 LISTENING = ("audio", "vibration")
 """Senses whose windows are classified again for their quality. That takes a millisecond a window; images take as long
@@ -59,12 +52,6 @@ CHANNELS = {
     "drawbar_pull_N": "drawbar pull [N]",
 }  # fmt: skip
 """Wheel channels that are written, and their titles."""
-
-SOIL = {"c_Pa": ("c_kPa", 1e-3), "phi_rad": ("phi_deg", 180.0 / np.pi)}
-"""Estimates that are written: name of the entity, and how many of its unit are one in SI."""
-
-_LEGEND_DPI = 120
-_LEVELS = {"trusted": "INFO", "quality is low": "WARN", "not trusted": "WARN"}
 
 
 def write_rerun(
@@ -124,9 +111,10 @@ def _write_all(
     estimated = _write_soils(log, drive)
     _write_texts(log, summary, drive, track, [*texts, *untold])
     present = {*drive.terrain.evidence.labels(), *(each.class_name for each in summary.soils)}
-    _write_legend(log, {name: colours[name] for name in names if name in present})
+    write_legend(log, {name: colours[name] for name in names if name in present})
     shown = {name: CHANNELS[name] for name in channels}
-    log.stream.send_blueprint(layout(camera, heard, shown, estimated, mapped=mapped))
+    world = drive_world() if mapped else unmapped_world()
+    log.stream.send_blueprint(layout(world, camera, heard, shown, estimated))
 
 
 def _write_track(log: Log, track: Track) -> None:
@@ -140,8 +128,7 @@ def _write_track(log: Log, track: Track) -> None:
     quaternions = np.column_stack([zero, zero, np.sin(half), np.cos(half)])
     columns = rr.Transform3D.columns(translation=places, quaternion=quaternions)
     log.columns("world/vehicle", track.time_s, columns)
-    arrow = rr.Arrows3D(vectors=[[0.8, 0.0, 0.0]], origins=[[0.0, 0.0, 0.1]], colors=[0xD00000FF], radii=[0.08])
-    log.static("world/vehicle/heading", arrow)
+    write_vehicle(log)
 
 
 def _write_cells(log: Log, drive: Drive, colours: Mapping[str, str]) -> None:
@@ -192,32 +179,13 @@ def _write_camera(log: Log, recording: Recording, mapped: bool) -> str:
     for frame in recording.camera.frames(wanted):
         if frame.image is None:
             continue
-        last, (height, width) = frame.time_s, frame.image.shape[:2]
-        scale = min(1.0, WIDEST_PX / width)
-        image = frame.image
-        if scale < 1.0:
-            image = cv2.resize(image, (WIDEST_PX, max(1, round(scale * height))), interpolation=cv2.INTER_AREA)
-        if not origin:
-            origin = "camera"
-            if camera is not None and (camera.width_px, camera.height_px) == (width, height):
-                origin = "world/vehicle/camera"
-                _write_lens(log, camera, image.shape[1] / width, image.shape[0] / height)
-        _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-        log.at(frame.time_s, f"{origin}/image", log.rr.EncodedImage(contents=data.tobytes(), media_type="image/jpeg"))
+        last = frame.time_s
+        known = origin or camera_entity(camera, frame.image)
+        shrunk = write_frame(log, f"{known}/image", frame.time_s, frame.image)
+        if not origin and camera is not None and known != "camera":
+            write_lens(log, camera, *shrunk)
+        origin = known
     return origin
-
-
-def _write_lens(log: Log, camera: Camera, across: float, down: float) -> None:
-    """Write where a camera is and how it looks, without distortion; its images are scaled so `across` and `down`."""
-    rr = log.rr
-    rotation, place = camera_axes(camera)
-    log.static("world/vehicle/camera", rr.Transform3D(translation=place, mat3x3=rotation.T))
-    matrix = np.diag([across, down, 1.0]) @ camera.intrinsics
-    resolution = [across * camera.width_px, down * camera.height_px]
-    lens = rr.Pinhole(
-        image_from_camera=matrix, resolution=resolution, camera_xyz=rr.ViewCoordinates.RDF, image_plane_distance=1.0
-    )
-    log.static("world/vehicle/camera", lens)
 
 
 def _write_senses(
@@ -237,19 +205,14 @@ def _write_senses(
             if used:
                 untold.append(f"{sense.instrument}: the model of the run is not there, so its quality is not written")
             continue
-        times, qualities, before = [], [], ""
+        times, qualities, told = [], [], SenseLog(log, sense.instrument)
         for seen in sense.observe(recording, track, model, drive.terrain.cell_size_m):
             quality = np.where(seen.evidence.unknown, 0.0, seen.evidence.quality)
             times.append(seen.time_s)
             qualities.append(quality)
             windows = zip(seen.time_s.tolist(), quality.tolist(), seen.evidence.reasons, strict=True)
             for time_s, value, reasons in windows:
-                state = "quality is low" if reasons and value > 0.0 else "not trusted" if value <= 0.0 else "trusted"
-                now = f"{state}: {', '.join(map(kind_of_reason, reasons))}"
-                if now != before:  # numbers that differ from window to window are no change
-                    text, level = ": ".join([state, *([", ".join(reasons)] if reasons else [])]), _LEVELS[state]
-                    log.at(time_s, log.path("senses", sense.instrument, "log"), log.rr.TextLog(text, level=level))
-                before = now
+                told.write(time_s, value, reasons)
         if times:
             log.series(log.path("senses", sense.instrument, "quality"), *map(np.concatenate, (times, qualities)))
             written.append(sense.instrument)
@@ -275,8 +238,9 @@ def _write_soils(log: Log, drive: Drive) -> list[str]:
     soils = [(one, LearntSoil.of(one.estimate, one)) for one in drive.soils if one.estimate is not None]
     written = []
     for name, (entity, scale) in SOIL.items():
-        for end, value in (("value", _value), ("low", _low), ("high", _high)):
-            numbers = [scale * value(name, soil) for _, soil in soils]
+        known = [ends_of(soil.parameters, soil.separable, name) for _, soil in soils]
+        for end in known[0] if known else ():
+            numbers = [scale * each[end] for each in known]
             if not np.isfinite(numbers).any():
                 continue
             # Constant from the stretch's start to its end, and nothing until the next.
@@ -291,26 +255,6 @@ def _write_soils(log: Log, drive: Drive) -> list[str]:
             point = log.rr.Points3D([place], radii=[0.15], colors=[0x111111FF], labels=[label], show_labels=True)
             log.at(soil.end_s, "world/soil", point)
     return list(dict.fromkeys(written))
-
-
-def _quantity(name: str, soil: LearntSoil) -> Quantity:
-    return soil.parameters.get(name, Quantity(np.nan, np.nan, np.nan, np.nan))
-
-
-def _value(name: str, soil: LearntSoil) -> float:
-    """Give the estimate; NaN where the data do not determine it."""
-    return _quantity(name, soil).value if soil.separable.get(name, True) else np.nan
-
-
-def _low(name: str, soil: LearntSoil) -> float:
-    low = _quantity(name, soil).low
-    return np.nan if is_search_limit(name, low) else low
-
-
-def _high(name: str, soil: LearntSoil) -> float:
-    """Give the interval's upper end; NaN where it is only where the search stops."""
-    high = _quantity(name, soil).high
-    return np.nan if is_search_limit(name, high) else high
 
 
 def _in_words(soil: LearntSoil) -> str:
@@ -362,13 +306,3 @@ def _page(summary: TraverseSummary, warnings: list[str]) -> str:
 def _plain(text: str) -> str:
     """Keep Markdown from reading marks in text of a file."""
     return "".join(f"\\{each}" if each in "\\`*_{}[]<>#|~!" else each for each in text)
-
-
-def _write_legend(log: Log, colours: Mapping[str, str]) -> None:
-    figure = Figure(figsize=(2.6, 0.9 + 0.25 * len(colours)), dpi=_LEGEND_DPI)
-    handles = [Patch(facecolor=colour, label=name) for name, colour in colours.items()]
-    handles.append(Patch(facecolor=UNKNOWN_COLOUR, label="seen, not recognised"))
-    figure.legend(handles=handles, loc="center", frameon=False, title="more opaque: surer", alignment="left")
-    file = BytesIO()
-    figure.savefig(file, format="png", metadata={"Software": None})
-    log.static("legend", log.rr.EncodedImage(contents=file.getvalue(), media_type="image/png"))

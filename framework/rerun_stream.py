@@ -15,6 +15,9 @@ import numpy as np
 from .core.errors import InputError
 from .core.track.way import too_far_apart
 
+_ANSWERS_S = 5.0
+"""A viewer answers within this time [s]."""
+
 
 def rerun_module() -> Any:
     """Import Rerun; raises `InputError` where it is not installed."""
@@ -81,9 +84,24 @@ class Log:
         return self.rr.new_entity_path(list(parts))
 
 
+def is_address(to: str | Path) -> bool:
+    """Say whether it is a viewer's address, and no file."""
+    return isinstance(to, str) and "://" in to
+
+
 @contextmanager
-def opened(part: Path, started: datetime | None) -> Iterator[Log]:
-    """Open a file to write a recording to that started then; within, what Rerun would only warn of is an error."""
+def opened(to: str | Path, started: datetime | None) -> Iterator[Log]:
+    """Open a file, or a connection with a viewer, to write a recording to that started then.
+
+    Within, what Rerun would only warn of is an error.
+
+    Raises
+    ------
+    InputError
+        Rerun is switched off, or no viewer answers.
+    OSError
+        What Rerun itself reports: the disk is full, say.
+    """
     rr = rerun_module()
     strict = rr.strict_mode()
     rr.set_strict_mode(True)
@@ -92,14 +110,26 @@ def opened(part: Path, started: datetime | None) -> Iterator[Log]:
         if not stream.is_enabled():
             raise InputError("RERUN", "this variable of the environment switches Rerun off", expected="none, or on")
         stream.set_log_time_enabled(False)  # when the file was written says nothing
-        stream.save(part)
+        if is_address(to):
+            _connect(stream, str(to))
+        else:
+            stream.save(to)
         yield Log(rr, stream, None if started is None else np.datetime64(started.replace(tzinfo=None), "ns"))
         stream.flush()
         stream.disconnect()
-    except RuntimeError as error:  # of Rerun itself: the disk is full, say
+    except RuntimeError as error:
         raise OSError(f"Rerun: {error}") from error
     finally:
         rr.set_strict_mode(strict)
+
+
+def _connect(stream: Any, address: str) -> None:
+    try:
+        stream.connect_grpc(address)
+        stream.flush(timeout_sec=_ANSWERS_S)
+    except (RuntimeError, ValueError) as error:
+        expected = "a viewer that waits there (`rerun --port 9876`): rerun+http://HOST:PORT/proxy"
+        raise InputError(address, f"no viewer answers: {error}", expected=expected) from error
 
 
 def broken(time_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

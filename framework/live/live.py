@@ -102,6 +102,11 @@ class LiveTraverse:
         self._drive = LiveDrive(database, conditions, new, models, horizon_s, lossless, left)
 
     @property
+    def vehicle(self) -> Vehicle:
+        """The vehicle."""
+        return self._vehicle
+
+    @property
     def journal(self) -> Path:
         """The file that holds what a power cut leaves of the drive; it goes when the drive is stored."""
         return self._drive.journal.path
@@ -226,6 +231,10 @@ class LiveTraverse:
     def _put(self, stream: str, time_s: float, sample: object) -> None:
         self._drive.started(time_s)
         self._drive.intake.put(stream, time_s, sample)
+
+    def place(self) -> tuple[float, float, float, float] | None:
+        """Give time [s], x, y [m] and heading [rad] of the last pose; None before the second one."""
+        return self._drive.now.place()
 
     def ahead(self, length_m: float = 5.0, width_m: float = 2.0) -> Belief:
         """Give what is believed by now of the ground ahead: of the cells of a strip that begins at the last pose.

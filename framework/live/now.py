@@ -101,13 +101,20 @@ class Now:
         """Have a subscriber told of events from now on."""
         self._watch.subscribe(subscriber)
 
-    def ahead(self, length_m: float, width_m: float) -> Belief:
-        """Give what is believed of the ground ahead of the last pose."""
+    def place(self) -> tuple[float, float, float, float] | None:
+        """Give time, x, y and heading of the last pose; None before the second one."""
         track = self._intake.track.now()
         if track is None:
+            return None
+        time_s, x_m, y_m, yaw_rad = (float(each[-1]) for each in (track.time_s, track.x_m, track.y_m, track.yaw_rad))
+        return time_s, x_m, y_m, yaw_rad
+
+    def ahead(self, length_m: float, width_m: float) -> Belief:
+        """Give what is believed of the ground ahead of the last pose."""
+        place = self.place()
+        if place is None:
             return self._ground.belief(np.empty((0, 2), dtype=np.int64))
-        x_m, y_m, yaw_rad = (float(each[-1]) for each in (track.x_m, track.y_m, track.yaw_rad))
-        return self._ground.ahead(x_m, y_m, yaw_rad, length_m, width_m)
+        return self._ground.ahead(*place[1:], length_m, width_m)
 
     def under_wheels(self) -> UnderWheels | None:
         """Give the ground under the wheels; None before the first piece of the way."""
