@@ -81,7 +81,8 @@ class Watch:
             if self._soil is not None:
                 self._soil.begin_stretch(new.since_s, new.class_name)
             probability = new.probabilities.get(new.class_name, 0.0)
-            self.tell(GroundChanged(new.since_s, before, new.class_name, probability))
+            if new.class_name != before:  # the first piece may be of no class
+                self.tell(GroundChanged(new.since_s, before, new.class_name, probability))
             before = new.class_name
         contradicts = bool(self._way.contradiction)
         if contradicts and not self._contradicts and self._way.now is not None:
