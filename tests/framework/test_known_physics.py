@@ -133,7 +133,8 @@ def test_what_explain_stored_makes_later_predictions_better(tmp_path):
 
 def _soils(database: TerrainDatabase, recording: Recording):
     track, along = labelled(recording)
-    bare, used, problems = KnownPhysics.of(database.physics(), recording).taken_out(recording, track, along)
+    known = KnownPhysics.of(database.physics(), recording) if database.there else KnownPhysics({})
+    bare, used, problems = known.taken_out(recording, track, along)
     assert not problems
     return learn_soil(bare, track, along, effects={name: used.effects(name) for name in used.by_class}).observations
 

@@ -146,7 +146,8 @@ def write_bag(kind: str, source: Path, folder: Path) -> Path:
 def ran(recording: Path, models: Path, folder: Path, *more: str) -> tuple[dict, str]:
     """Run over a recording; give the summary and what was printed."""
     page = folder / f"{recording.stem}.json"
-    arguments = ["run", str(recording), "--db", str(folder / "t.db"), "--models", str(models), "--json", str(page)]
+    arguments = ["--quiet", "run", str(recording), "--db", str(folder / "t.db"), "--models", str(models)]
+    arguments += ["--json", str(page)]
     result = CliRunner().invoke(app, [*arguments, *more])
     assert result.exit_code == 0, result.output
     assert result.stderr == ""
