@@ -219,6 +219,17 @@ def test_marks_of_missing_values_are_counted(write):
     assert "1 cell such as '#N/A' taken for no value" in notes[0]
 
 
+def test_deviations_and_footnotes_in_cells_are_left_out_and_counted(write):
+    found, _, notes = read_wheel(write("run;Fz [N];Slip [%]\n1;80,25 ± 0,5;10*\n2;1.100 ±0,5;20\n3;120+/-0,5;30†\n"))
+    np.testing.assert_allclose(found["load_N"], [80.25, 1100.0, 120.0])
+    np.testing.assert_allclose(found["slip"], [0.1, 0.2, 0.3])
+    said = "; ".join(notes)
+    assert "Fz [N]: the deviations after ± in 3 cells left out" in said
+    assert "Slip [%]: marks of footnotes in 2 cells left out" in said
+    with pytest.raises(InputError, match=r"'±'"):
+        read_wheel_file(write("run,Fz [N],Slip [%]\n1,±,10\n2,100,20\n3,120,30\n"))
+
+
 def test_signs_are_turned_only_where_that_is_said(write):
     text = "Time [s],Fz [N],T [Nm],Slip [%],z [mm]\n" + "".join(f"{i},-100,-{i + 5},20,-{i + 12}\n" for i in range(5))
     table, _, notes = read_wheel(write(text))

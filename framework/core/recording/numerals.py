@@ -41,6 +41,12 @@ _GROUPED = {
     ",": rf"^[-+]?\d{{1,3}}(\.\d{{3}})+(,\d+)?{_EXPONENT}$",
     ".": rf"^[-+]?\d{{1,3}}(,\d{{3}})+(\.\d+)?{_EXPONENT}$",
 }
+_AFTER = {
+    "the deviations after ±": r"[\s\x{a0}\x{202f}]*(±|\+/-)[\s\x{a0}\x{202f}]*\d[\d.,]*$",
+    "marks of footnotes": r"[*†‡]+$",
+}
+"""What may follow the number in a cell and is no part of it."""
+
 _SPACED = r"^[-+]?\d{1,3}([ '’\x{a0}\x{202f}\x{2009}]\d{3})+([.,]\d+)?$"
 
 
@@ -147,6 +153,11 @@ def _tidied(cells: pa.ChunkedArray, found: Numbers, name: str) -> pa.ChunkedArra
         mark = cells[pc.index(others, True).as_py()].as_py()
         found.notes.append(f"{name}: {count} cell{'s' * (count > 1)} such as {mark!r} taken for no value")
     cells = pc.if_else(missing, "nan", pc.replace_substring(cells, "−", "-"))
+    for what, pattern in _AFTER.items():
+        follows = pc.match_substring_regex(cells, rf"\d{pattern}")
+        if count := pc.sum(follows).as_py():
+            found.notes.append(f"{name}: {what} in {count} cell{'s' * (count > 1)} left out")
+            cells = pc.if_else(follows, pc.replace_substring_regex(cells, pattern, ""), cells)
     signed = pc.match_substring_regex(cells, r"\d\s*%$")
     bare = pc.invert(pc.or_(missing, signed))
     if 2 * pc.sum(signed).as_py() > len(cells) - pc.sum(missing).as_py():
