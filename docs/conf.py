@@ -74,6 +74,7 @@ sphinx_gallery_conf = {
     "reset_argv": Arguments(),
     "image_scrapers": (written_picture,),
     "show_memory": False,
+    "write_computation_times": False,
     "download_all_examples": False,
 }
 """The closed loop takes minutes: its page shows the script, docs/planning.md what it gives."""
