@@ -39,7 +39,7 @@ def command(
         Path | None,
         typer.Option(
             "--backbone",
-            help="ONNX file of an image network, for vision: its features stand beside the built-in ones. "
+            help="ONNX file of an image network, for vision: its features are used with the built-in ones. "
             "NAME.toml next to NAME.onnx states size_px, colour_order, mean, sd.",
         ),
     ] = None,

@@ -58,14 +58,14 @@ def test_the_readme_quotes_what_was_measured():
         f"{c} % (c) and {phi} % (phi) of 200 drives",
         f"{summed('explain-benches', study, named)} single effects",
         f"a false alarm in {summed('explain-benches', study, (nulls,))} nulls",
-        f"by another hand {summed('explain-benches', other, named)}",
-        f"a false alarm in {summed('explain-benches', other, (nulls,))};",
+        f"by another hand: {summed('explain-benches', other, named)}",
+        f"a false alarm in {summed('explain-benches', other, (nulls,))}.",
         f"{summed('explain-drives', drives, named)} plain and hidden single effects",
         f"a false alarm in {summed('explain-drives', drives, (nulls,))}",
         f"{routes.cell('database', OVER).split()[0]} times the time",
         f"{float(routes.cell('database', 'no route').split()[0]):.0f} % without a route",
         f"{float(routes.cell('database', 'left the path').split()[0]):.0f} % left the path",
-        f"{bounds.cell('database', 'longer than promised').split()[0]} % of the stops longer than promised",
+        f"{bounds.cell('database', 'longer than predicted').split()[0]} % of the stops are longer than predicted",
     ]
     fast = "Class, strength and lower bound of places along a path"
     for row, quote in (

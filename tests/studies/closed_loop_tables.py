@@ -1,4 +1,4 @@
-"""Drive the closed loop of docs/gallery and write its three tables for docs/planning.md (four processor minutes).
+"""Drive the closed loop of docs/gallery, and write its tables and its picture for docs/planning.md (four minutes).
 
 python tests/studies/closed_loop_tables.py
 """
@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "docs" / "gallery"))
@@ -27,8 +26,7 @@ def tables(markdown: str) -> list[list[list[str]]]:
 
 
 if __name__ == "__main__":
-    with TemporaryDirectory() as folder:
-        _, text = main(Path(folder) / "out.png", routes=ROUTES, sites=SITES)
+    _, text = main(ROOT / "docs" / "images" / "closed-loop.png", routes=ROUTES, sites=SITES)
     for name, (columns, *rows) in zip(NAMES, tables(text), strict=True):
         data = f"Simulated; {ROUTES} routes on {SITES} sites"
         print(write(name, columns, rows, data=data, command="python tests/studies/closed_loop_tables.py"))
