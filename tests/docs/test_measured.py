@@ -63,8 +63,8 @@ def test_the_readme_quotes_what_was_measured():
         f"{summed('explain-drives', drives, named)} plain and hidden single effects",
         f"a false alarm in {summed('explain-drives', drives, (nulls,))}",
         f"{routes.cell('database', OVER).split()[0]} times the time",
-        f"{float(routes.cell('database', 'no route').split()[0]):.0f} % without a route",
-        f"{float(routes.cell('database', 'left the path').split()[0]):.0f} % left the path",
+        f"{routes.cell('database', 'no route').split()[0]} % without a route",
+        f"{routes.cell('database', 'left the path').split()[0]} % left the path",
         f"{bounds.cell('database', 'longer than predicted').split()[0]} % of the stops are longer than predicted",
     ]
     fast = "Class, strength and lower bound of places along a path"
@@ -75,3 +75,13 @@ def test_the_readme_quotes_what_was_measured():
     ):
         quoted.append(quote.format(read("speed").cell(row, "median")))
     assert [each for each in quoted if each not in README] == []
+
+
+def test_the_planners_page_quotes_what_was_measured():
+    routes = read("closed-loop-routes")
+    eight, four, two = (
+        routes.cell(f"database{learnt}", "arrived").split()[0]
+        for learnt in ("", ", 4 stretches a class", ", 2 stretches a class")
+    )
+    page = (ROOT / "docs" / "howto" / "planner.md").read_text(encoding="utf-8")
+    assert f"{eight} % arrived with eight places a class, {four} % with four, {two} % with two" in page
