@@ -132,7 +132,7 @@ def _caution(model: ShippedModel, sense: Sense, folder: Path) -> str:
         return f"{model.name} knows synthetic ground only: on real ground its classes mean nothing"
     better = f"bevameter train {sense.name} LABELLED --out {folder / f'{sense.name}.skops'}"
     known = f"{model.name} knows {', '.join(model.classes)}"
-    return f"{known}. Its {model.measured}; {model.limits}. A model of your own is better: `{better}`"
+    return f"{known}. Measured: {model.measured}; {model.limits}. A model of your own is better: `{better}`"
 
 
 def own_models(given: ModelsGiven, database: str | Path | None) -> dict[str, Path | ShippedModel]:
