@@ -71,7 +71,7 @@ def test_the_readme_quotes_what_was_measured():
     for row, quote in (
         (f"{fast} (200)", "200 places {}"),
         (f"{fast} (10000)", "of 10,000 {}"),
-        ("Taking a snapshot of 160,000 cells", "a snapshot {}"),
+        ("Taking a snapshot of 160,000 cells", "Taking a snapshot {}"),
     ):
         quoted.append(quote.format(read("speed").cell(row, "median")))
     assert [each for each in quoted if each not in README] == []
