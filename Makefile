@@ -43,7 +43,8 @@ slow: $(VENV)/.installed-for-tests
 
 benchmark: $(VENV)/.installed-for-tests
 	@echo "==> benchmarks, which want a quiet machine"
-	@$(BIN)/python -P -m pytest tests/benchmarks -m "" --benchmark-only
+	@$(BIN)/python -P -m pytest tests/benchmarks -m "" --benchmark-only --benchmark-json $(VENV)/benchmarks.json
+	@$(BIN)/python tests/studies/measured.py $(VENV)/benchmarks.json
 
 models: $(VENV)/.installed
 	@echo "==> the models that come with the package: framework/core/trained"

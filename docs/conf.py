@@ -15,10 +15,23 @@ author = "The Bevameter developers"
 release = bevameter.__version__
 language = "en"
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx_gallery.gen_gallery", "numpydoc"]
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+extensions = [
+    "mathml",
+    "measured_table",
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx_gallery.gen_gallery",
+    "numpydoc",
+]
 exclude_patterns = ["_build", "_templates", "gallery"]
 html_theme = "pydata_sphinx_theme"
+html_math_renderer = "mathml"
 html_title = f"Bevameter {release}"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_sidebars = {"tutorial": []}
 html_show_sourcelink = False
 html_theme_options = {"show_toc_level": 2}
 
@@ -74,6 +87,7 @@ sphinx_gallery_conf = {
     "reset_argv": Arguments(),
     "image_scrapers": (written_picture,),
     "show_memory": False,
+    "write_computation_times": False,
     "download_all_examples": False,
 }
 """The closed loop takes minutes: its page shows the script, docs/planning.md what it gives."""

@@ -29,10 +29,10 @@ them by its public name, as often as `--effect` is given, in that order:
 - Where several forms have the same parameters, `form=` chooses: `slip_sinkage:form=ratio,p=0.8`; the beginning of a
   form's name is enough. Without it the form without a name is taken, where there is one.
 - A parameter that is not named stays at the value at which it does nothing, except those marked *required*.
-- *Bounds of the drive* follow from the size of the wheel and from what it would sense without the effect; a value
-  outside is refused with the bounds in the message.
-- The *prior* is a normal distribution about the value at which the effect does nothing, or about the usual one, with
-  the standard deviation given; where that comes from is listed for each effect.
+- *Bounds of the drive* follow from the size of the wheel and from what it would sense without the effect. A value
+  outside is refused, with the bounds in the message.
+- The *prior* is a normal distribution about the value at which the effect does nothing, or about the usual one. Its
+  standard deviation is given, and where that comes from.
 - *Constants* are part of the formula and taken from the drive. They may be named like a parameter, so that two drives
   share them.
 - *Changes* lists the channels that an effect changes; `explain` considers it where one of them was measured.
@@ -50,23 +50,22 @@ A soil and the effects that were fitted together with it are one object, `Augmen
 `TerrainDatabase.add_physics("sand", simulator, source="drive 3")` keeps it with a class, and from then on
 `drawbar_pull` and `mobility` of a new snapshot predict with the newest physics of each class:
 
-- The class is spelt as the database has it from drives: `unknown`, and a name that differs in case or spaces only from
-  a class that is there, are refused, also by a merge, as nothing would match them. A class that no drive has brought
-  yet is accepted: its physics is used once its soil was measured.
+- The class is spelt as the database has it from drives. `unknown` is refused, and so is a name that differs from an
+  existing class in case or spaces only. A merge refuses them, too. A class that no drive has brought yet is accepted:
+  its physics is used once its soil was measured.
 - The class's soil is then the one that was fitted with the effects; places scatter about it as the stretches show.
-- Only effects of the ground act, on any wheel: %GROUND%;
-  lugs shear at the height of those of the wheel that is predicted.
+- Only effects of the ground act, on any wheel: %GROUND%.
+  Lugs shear at the height of those of the wheel that is predicted.
 - The bounds include the error of the fit: soil and effects are drawn with their correlations, in addition to the
   scatter between places. A parameter of an effect without a stated error has that of its prior, one of the soil the
   scatter that places of one class commonly show.
 - An effect with a probability below 0.5 is refused.
-- Predictions are of level ground, steady driving and the first wheel in a rut: effects that wait for a slope, an
-  acceleration, a pass number, a place or another speed than the one they were found at do nothing. Tyres, drivetrains
-  and faults of
+- Predictions are of level ground, steady driving and the first wheel in a rut. Effects of slope, acceleration, number
+  of the pass, place, and of another speed than the one they were found at do nothing. Tyres, drivetrains and faults of
   instruments belong to the vehicle that drove there.
 - `bevameter run` subtracts from the wheel channels what the effects of a class add there, before the soil is
-  identified: of the ground's on any vehicle, of the vehicle's and its instruments' where the vehicle has the name of
-  the one that they were found on (a vehicle without a name is not recognised). Drifts, run-to-run zeros and patches of
+  identified. Effects of the ground are subtracted on any vehicle. Those of the vehicle and its instruments are
+  subtracted where the vehicle has the name of the one that they were found on. Drifts, run-to-run zeros and patches of
   soil belong to one drive and stay. The intervals of the stretches do not include the error of the effects' parameters;
   the planner's bounds do. A drive that was processed before the physics was stored is processed again.
 - c, phi and the shear strength of a snapshot are those of the stretches.

@@ -118,18 +118,21 @@ def find_models(
 def _reason(model: ShippedModel, is_named: bool, synthetic: bool) -> str:
     """Say why a model that comes with the package is taken, or why not."""
     if is_named:
-        return f"{model.name}, as it was named"
+        return f"{model.name}, named by --models"
     if not model.default:
-        return f"no model of your own, and {model.name} is not taken by itself: {model.limits}; --models {model.name}"
+        return (
+            f"no model of your own. {model.name} is used only where it is named (--models {model.name}): {model.limits}"
+        )
     why = "the recording calls itself synthetic" if synthetic else "there is no model of your own"
-    return f"{model.name}, which comes with the package, as {why}"
+    return f"{model.name}, which comes with the package, because {why}"
 
 
 def _caution(model: ShippedModel, sense: Sense, folder: Path) -> str:
     if model.ground == "synthetic":
         return f"{model.name} knows synthetic ground only: on real ground its classes mean nothing"
     better = f"bevameter train {sense.name} LABELLED --out {folder / f'{sense.name}.skops'}"
-    return f"{model.name} knows {', '.join(model.classes)}: {model.measured}; {model.limits}; better: `{better}`"
+    known = f"{model.name} knows {', '.join(model.classes)}"
+    return f"{known}. Measured: {model.measured}; {model.limits}. A model of your own is better: `{better}`"
 
 
 def own_models(given: ModelsGiven, database: str | Path | None) -> dict[str, Path | ShippedModel]:

@@ -78,7 +78,7 @@ def grounds_of(
     models = find_models(None, database, synthetic=recording.synthetic, senses=names)
     classifiers = {name: each for name, each in models.classifiers.items() if doubtful or name not in models.cautions}
     if not classifiers:
-        return (), f"{' and '.join(names)}: no model of your own, so grounds are not told apart by them"
+        return (), f"{' and '.join(names)}: no model of your own, so they do not distinguish grounds"
     records = observe(recording, track, classifiers, CELL_SIZE_M)
     belief = believe(records, track, recording.vehicle, CELL_SIZE_M)
     grounds = stretches(classes_along(belief, track, recording.vehicle, CELL_SIZE_M))

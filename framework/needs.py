@@ -112,8 +112,8 @@ def class_map(recording: Recording, mends: Mends) -> Answer:
     more = tuple(f"{each.what} would be used, too: {each.mend}" for each in own)
     return Answer(
         True, f"{_names([*able, 'places'])} are there", tuple(missing),
-        ("what the models that come with the package know, and how well, says bevameter models; for your own ground: "
-         "bevameter train vision PHOTOS --out MODELS/vision.skops, then bevameter run with --models MODELS", *more),
+        ("`bevameter models` says what the models of the package know, and how well. For your own ground: "
+         "bevameter train vision PHOTOS --out MODELS/vision.skops, then run --models MODELS", *more),
     )  # fmt: skip
 
 
@@ -259,7 +259,9 @@ _MENDS = {
     "at standstill": Missing("a wheel that moves", "rows in which the wheel turns, and the vehicle moves"),
     "slip was": Missing("slip in the rows", "slip, or both speeds, where load, torque or sinkage are recorded"),
     "neither load nor": Missing("load in the rows", "load_N where slip is recorded"),
-    "fewer than three": Missing("a third channel", "torque_Nm, sinkage_m or drawbar_pull_N beside load_N and slip"),
+    "fewer than three": Missing(
+        "a third channel", "torque_Nm, sinkage_m or drawbar_pull_N in addition to load_N and slip"
+    ),
     "not straight": Missing("straight driving", "rows with a slip angle within 2 deg"),
     "in the rut": Missing("fresh ground", "wheels that run in no earlier rut (pass 1)"),
     "rolling backwards": Missing("driving forwards", "rows in which it drives forwards, or the other sign"),

@@ -123,7 +123,12 @@ class Frames:
         if claim.origin is not None and there is not None:
             return _by_origins(claim, claim.origin, there)
         if claim.origin is not None and known is None:
-            return Placement(claim.site, claim.origin, None, f"the origin of the site {claim.site!r} is {claim.origin}")
+            return Placement(
+                claim.site,
+                claim.origin,
+                None,
+                f"the origin of the site{claim.site and f' {claim.site!r}'} is {claim.origin}",
+            )
         if not claim.site:
             return _apart(claim, "it names no site", "`--site NAME` puts it on the map of a site")
         if not claim.stays and claim.origin is not None:

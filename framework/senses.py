@@ -199,7 +199,7 @@ def train_sense(name: str, folder: str | Path, *, seed: int = 0, backbone: str |
     seed
         Seed of everything random.
     backbone
-        ONNX file of an image network whose features stand beside the built-in ones; for ``"vision"``.
+        ONNX file of an image network whose features are used with the built-in ones; for ``"vision"``.
 
     Returns
     -------

@@ -51,6 +51,13 @@ def soil_lines(soils: Sequence[LearntSoil]) -> list[str]:
         for finding, problem in zip(soil.findings, soil.problems, strict=True):
             if finding.severity == "warning":
                 lines.append(f"{soil.class_name or 'unknown'}, {soil.start_s:.0f} to {soil.end_s:.0f} s: {problem}")
+    nameless = sum(soil.class_name is None for soil in soils)
+    if nameless:
+        stretches = "1 stretch is" if nameless == 1 else f"{nameless} stretches are"
+        lines.append(
+            f"the soil of {stretches} in no query: no class is probable enough there. Photographs of this ground mend "
+            "that: `bevameter train vision PHOTOS`"
+        )
     return lines + [
         f"to learn more: {advice}" for advice in dict.fromkeys(soil.advice for soil in soils if soil.advice)
     ]

@@ -12,22 +12,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 import typer
-from bevameter import ClassEvidence, SoilEstimate, TerrainDatabase
 from bevameter.database.grid import LAYERS
-from bevameter.database.observations import Drive, SoilObservation, TerrainObservations
 from bevameter.framework.cli.main import app
 from bevameter.framework.core.recording.formats.folder import About
 from bevameter.framework.core.recording.topic_map import load_topic_map
 from bevameter.framework.core.recording.types import TEXT_COLUMNS, WHEEL_COLUMNS
-from bevameter.framework.core.soil import Quantity
 from bevameter.framework.core.vehicle import load_vehicle
 from bevameter.framework.scenario.plan import make_plan
 from bevameter.framework.scenario.presets import PRESETS
 from bevameter.framework.scenario.write import truth
 from ruamel.yaml import YAML
+from terrain_folder import write_terrain
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+PARTS = ("framework", "database", "identification", "vision", "audio")
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md"), *(ROOT / "docs").glob("[!_]*/*.md")])
 
 
 def text(page: str = "README.md") -> str:
@@ -42,7 +41,7 @@ def commands() -> list[str]:
     """Every command line of every page, in fenced and indented blocks and between single backquotes."""
     found = []
     for page in PAGES:
-        lines = re.findall(r"^(?: {4})?(bevameter .*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+        lines = re.findall(r"^(?: {4}|\$ )?(bevameter .*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
         spans = re.findall(r"`(bevameter [^`\n]* [^`\n]*)`", page.read_text(encoding="utf-8"))
         found += [line.split(" #")[0].strip() for line in (*lines, *spans)]
     return sorted(set(found))
@@ -97,29 +96,8 @@ def test_a_wrong_command_line_does_not_parse(line):
 @pytest.fixture
 def terrain(tmp_path) -> Path:
     """A folder as `make demo` leaves it: ten metres of sand with soil, five of grass without, and the vehicle."""
-    cell_y = np.arange(60)
-    evidence = ClassEvidence(
-        ("grass", "sand"),
-        np.where((cell_y < 40)[:, None], [0.01, 0.99], [0.97, 0.03]),
-        np.ones(60),
-        np.zeros(60, bool),
-        ((),) * 60,
-    )
-    ground = TerrainObservations(0.25, np.zeros(60, int), cell_y, np.arange(60.0), np.full(60, "fused"), evidence)
-    mean, covariance = np.array([900.0, 0.6]), np.diag([80.0**2, 0.02**2])
-    values = {"c_Pa": (900.0, 80.0), "phi_rad": (0.54, 0.015), "k_m": (0.02, 0.002), "stiffness_Pa": (2e5, 1e4),
-              "n": (1.0, 0.03)}  # fmt: skip
-    parameters = {name: Quantity(v, sd, v - 1.96 * sd, v + 1.96 * sd) for name, (v, sd) in values.items()}
-    estimate = SoilEstimate(
-        parameters, mean, covariance, {}, (), dict.fromkeys(values, True), "", "ml", ("load_N",), 300, 1.0
-    )
-    soils = tuple(
-        SoilObservation(10.0 * i, 10.0 * i + 9.0, 0.0, 1.0 + 2.0 * i, {"sand": 1.0}, estimate, (5e3, 3e4), 400.0)
-        for i in range(4)
-    )
     (tmp_path / "demo" / "recording").mkdir(parents=True)
-    with TerrainDatabase(tmp_path / "demo" / "terrain.db") as database:
-        database.add_drive(Drive("d1", "a drive", "pit", "rover", None, {}, "method", ground, soils))
+    write_terrain(tmp_path / "demo" / "terrain.db")
     vehicle = blocks("docs/recording.md", "toml")[1]
     (tmp_path / "demo" / "recording" / "vehicle.toml").write_text(vehicle, encoding="utf-8")
     return tmp_path
@@ -161,12 +139,13 @@ def test_the_example_of_the_planning_page_runs(terrain, monkeypatch, capsys):
 
 
 def test_the_examples_of_the_recording_page_are_read(tmp_path):
-    about, vehicle, motor, topics, robot = blocks("docs/recording.md", "toml")
+    about, vehicle, motor, topics = blocks("docs/recording.md", "toml")
     About.model_validate(tomllib.loads(about))
     (tmp_path / "vehicle.toml").write_text(vehicle, encoding="utf-8")
     assert [wheel.name for wheel in load_vehicle(tmp_path / "vehicle.toml").wheels] == ["front_left", "front_right"]
     (tmp_path / "topics.toml").write_text(topics, encoding="utf-8")
     assert len(load_topic_map(tmp_path / "topics.toml").wheel) == 2
+    (robot,) = blocks("docs/tutorial.md", "toml")
     (tmp_path / "robot.toml").write_text(robot + motor, encoding="utf-8")
     assert len(load_vehicle(tmp_path / "robot.toml").wheels) == 4
 
@@ -184,6 +163,14 @@ def test_the_page_of_synthetic_drives_names_every_one_and_every_key_of_the_truth
     first_cells = [line.split("|")[1] for line in keys.splitlines() if line.startswith("| `")]
     named = {name for cell in first_cells for name in re.findall(r"`(\w+)`", cell)}
     assert named == set(truth(make_plan(PRESETS["rover4"], 0, 5.0), "rover4")) - {"schema"}
+
+
+def test_the_code_has_what_the_nomenclature_says_of_it():
+    code = "\n".join(file.read_text(encoding="utf-8") for part in PARTS for file in (ROOT / part).rglob("*.py"))
+    rows = [line.split("|")[4] for line in text("docs/glossary.md").splitlines() if line.count("|") == 5]
+    names = {name for row in rows for name in re.findall(r"`(?:\w+\.)?(\w+)(?:\(\))?`", row)}
+    assert {"load_N", "c_Pa", "entry_angle"} <= names
+    assert not {name for name in names if not re.search(rf"\b{name}\b", code)}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -144,7 +144,11 @@ def _train(
     limits = learn_limits(rows, kind != DEGRADED)
     if backbone is not None:
         made["backbone"] = backbone.record()
-        notes += [text for text in (backbone.assumed, f"Features beside the built-in ones: {backbone.cost()}.") if text]
+        notes += [
+            text
+            for text in (backbone.assumed, f"Features in addition to the built-in ones: {backbone.cost()}.")
+            if text
+        ]
     return TerrainClassifier.train(
         rows,
         np.repeat(np.asarray(labels, dtype=str), each),

@@ -158,13 +158,13 @@ def draw(driven: list[Driven], out: Path) -> None:
     figure.colorbar(image, ax=panels[1], label="[m/s]", shrink=0.8)
     for name, colour in ((ONE_SOIL, "#c4372e"), (MEANS, "#e0a030"), (DATABASE, "#1b6ca8")):
         stops = [stop for each in driven for went in each.rides[name] for stop in went.stops]
-        promised, achieved = (np.array([getattr(stop, key) for stop in stops]) for key in ("promised", "achieved"))
-        late = 100.0 * np.mean(achieved > promised) if len(stops) else np.nan
-        label = f"{name}: {late:.0f} % of {len(stops)} longer than promised"
-        panels[2].plot(promised, np.minimum(achieved, TOP_M), ".", ms=4, alpha=0.6, color=colour, label=label)
+        predicted, achieved = (np.array([getattr(stop, key) for stop in stops]) for key in ("predicted", "achieved"))
+        late = 100.0 * np.mean(achieved > predicted) if len(stops) else np.nan
+        label = f"{name}: {late:.0f} % of {len(stops)} longer than predicted"
+        panels[2].plot(predicted, np.minimum(achieved, TOP_M), ".", ms=4, alpha=0.6, color=colour, label=label)
     panels[2].plot([0.0, TOP_M], [0.0, TOP_M], color="0.4", lw=1)
     panels[2].axhline(SIGHT_M, color="0.4", lw=1, ls=":")
-    panels[2].set(title="Emergency stops (at 11 m: longer, or off the path)", xlabel="stopping distance promised [m]",
+    panels[2].set(title="Emergency stops (at 11 m: longer, or off the path)", xlabel="stopping distance predicted [m]",
                   ylabel="achieved [m]", xlim=(0.0, 8.0), ylim=(0.0, 13.5))  # fmt: skip
     panels[2].legend(loc="upper left", fontsize=8)
     panels[2].spines[["top", "right"]].set_visible(False)

@@ -26,7 +26,7 @@ def command(
     json: Annotated[Path | None, typer.Option("--json", help="Write the answer as JSON.")] = None,
     write: Annotated[
         bool,
-        typer.Option("--write", help="Write a topic or column map and vehicle.toml to edit, beside the recording."),
+        typer.Option("--write", help="Write a topic or column map and vehicle.toml to edit, next to the recording."),
     ] = False,
     into: Annotated[Path | None, typer.Option("--into", help="Folder to write them into instead.")] = None,
 ) -> None:

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 _CANDIDATES_PRINTED = 5
 
+_NO_SOIL = "no soil data for class "
+"""How the reason begins that several classes may share."""
+
 
 def print_report(report: dict[str, Any], model: str) -> None:
     """Print a training report: how well the model does on groups it has not seen, and on what that rests.
@@ -210,5 +213,10 @@ def _print_notes(rows: Sequence[dict[str, Any]], stress_Pa: float, confidence: f
                 f"note: {row['class']}: the textbook wheel does not fit the measurements; its stretches count as one "
                 "place"
             )
-    for reason, count in Counter(row["unknown"] for row in rows if not row["known"]).items():
+    reasons = Counter(row["unknown"] for row in rows if not row["known"])
+    without = [reason.removeprefix(_NO_SOIL) for reason, count in reasons.items() if reason.startswith(_NO_SOIL)]
+    if len(without) > 1 and all(reasons[_NO_SOIL + name] == 1 for name in without):
+        print(f"unknown: {_NO_SOIL}{', '.join(without)}")
+        reasons = Counter({reason: count for reason, count in reasons.items() if not reason.startswith(_NO_SOIL)})
+    for reason, count in reasons.items():
         print(f"unknown: {reason}" + (f" ({count} of {len(rows)})" if count > 1 else ""))

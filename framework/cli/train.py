@@ -23,7 +23,9 @@ def command(
             help="Folder with index.csv (file, class, group[, start_s, end_s]) or with sub-folders named by class.",
         ),
     ],
-    out: Annotated[Path, typer.Option("--out", help="Where to write the model.")],
+    out: Annotated[
+        Path, typer.Option("--out", help="Where to write the model; its folder is made where it is not there.")
+    ],
     json: Annotated[Path | None, typer.Option("--json", help="Write the report as JSON.")] = None,
     report: Annotated[
         Path | None,
@@ -37,7 +39,7 @@ def command(
         Path | None,
         typer.Option(
             "--backbone",
-            help="ONNX file of an image network, for vision: its features stand beside the built-in ones. "
+            help="ONNX file of an image network, for vision: its features are used with the built-in ones. "
             "NAME.toml next to NAME.onnx states size_px, colour_order, mean, sd.",
         ),
     ] = None,
@@ -50,9 +52,12 @@ def command(
     from .results import print_report
 
     sense_named(sense)
-    check_outputs([out, json, report], [labelled, backbone])
+    folder = None if out.parent.exists() else out.parent
+    check_outputs([folder or out, json, report], [labelled, backbone])
     with status(f"training {sense} on {labelled}"):
         outcome = train_sense(sense, labelled, seed=seed, backbone=backbone)
+    if folder is not None:
+        folder.mkdir(exist_ok=True)
     outcome.classifier.save(out)
     if json is not None:
         origin = {"model": str(out), "version": outcome.classifier.version, "seed": seed}

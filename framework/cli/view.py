@@ -25,6 +25,13 @@ def command(
         ),
     ] = None,
     port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port; 0 for any free one.")] = 5006,
+    address: Annotated[
+        str,
+        typer.Option(
+            "--address",
+            help="Address to listen on, such as 0.0.0.0 in a container. Anybody who reaches it can read all.",
+        ),
+    ] = "127.0.0.1",
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")] = True,
 ) -> None:
     """Show maps, classes, drives and explanations in a browser on this machine until Ctrl-C; nothing is written."""
@@ -34,4 +41,4 @@ def command(
         if missing.name is None or missing.name.partition(".")[0] not in ("bokeh", "datashader", "jinja2", "tornado"):
             raise
         raise InputError("view", f"{missing.name} is not installed", expected='pip install "bevameter[view]"') from None
-    serve(db, site=site, vehicle=vehicle, recordings=recordings, port=port, show=browser, say=print)
+    serve(db, site=site, vehicle=vehicle, recordings=recordings, port=port, address=address, show=browser, say=print)

@@ -212,8 +212,8 @@ class Vehicle(FileModel):
         if np.linalg.matrix_rank(place - place.mean(axis=0), tol=_IN_LINE_M) < 2:
             names = ", ".join(wheel.name for wheel in self.wheels)
             raise ValueError(
-                f"mass_kg on wheels in one line ({names}), which do not hold a vehicle: give position_m of every wheel "
-                "that carries weight, a castor with driven = false; or load_N of each wheel instead of mass_kg"
+                f"mass_kg on wheels in one line ({names}), which do not hold a vehicle. Give position_m of every wheel "
+                "that carries weight, a castor with driven = false, or load_N of each wheel instead of mass_kg"
             )
         if (shares := self.shares_of_weight()) is not None and (shares <= 0.0).any():
             lifted = self.wheels[int(np.argmin(shares))].name

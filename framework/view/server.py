@@ -1,4 +1,4 @@
-"""The server: pages on one database, on the loopback address alone, with every asset from an installed package."""
+"""The server: pages on one database, by default on the loopback address alone, with every asset from a package."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ import asyncio
 import errno
 import logging
 import signal
+import socket
 import webbrowser
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from http import HTTPStatus
+from ipaddress import ip_address
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
@@ -42,8 +44,11 @@ from .style import PAGES, VIEW_STYLE, header, page
 if TYPE_CHECKING:
     from bokeh.document import Document
 
-ADDRESS = "127.0.0.1"
-"""Nobody but users of this machine gets at the pages."""
+LOOPBACK = "127.0.0.1"
+"""Nobody but users of this machine gets at pages there."""
+
+_ANY = ("0.0.0.0", "::")  # noqa: S104
+"""All addresses of this machine."""
 
 _DAY_S = 86400
 """A page that was loaded so long ago still gets its numbers, as after the computer slept [s]."""
@@ -67,6 +72,14 @@ _PROBLEM = Template(
     "{% extends base %}{% block postamble %}<style>{{ style }}</style>{% endblock %}"
     "{% block contents %}<main><h1>Bevameter</h1><p class=warn>{{ problem | e }}</p></main>{% endblock %}"
 )
+
+
+def is_loopback(address: str) -> bool:
+    """Say whether nobody but users of this machine gets at pages on an address."""
+    try:
+        return ip_address(address).is_loopback
+    except ValueError:
+        return address == "localhost"
 
 
 @dataclass
@@ -214,33 +227,38 @@ class View:
         What it shows.
     port
         Where it listens; 0 for any free port.
+    address
+        On which of this machine's addresses.
 
     Raises
     ------
     InputError
-        The port is taken or not allowed.
+        The port is taken or not allowed, or the address is none of this machine.
     """
 
-    def __init__(self, shared: Shared, port: int) -> None:
+    def __init__(self, shared: Shared, port: int, address: str = LOOPBACK) -> None:
         settings.resources = "server"  # whatever the environment says: nothing is fetched from elsewhere
         self._shared = shared
-        if port == 0:
-            port = _free_port()
-        self.port = port
-        hosts = f"localhost:{port}", f"{ADDRESS}:{port}"  # pages and websockets are refused under any other name
+        try:
+            port = port or _free_port(address)
+        except OSError as error:
+            raise _refused(error, address, port) from error
+        self.port, self.address = port, address
+        # Pages and websockets are refused under any other name.
+        own = {LOOPBACK, "localhost", address} | (set() if is_loopback(address) else {socket.gethostname()})
+        hosts = tuple(sorted(f"[{each}]:{port}" if ":" in each else f"{each}:{port}" for each in own))
         given = {"shared": shared, "hosts": hosts}
         patterns: list[tuple] = [(f"/{path}", _Page, {"which": path, **given}) for path in PAGE_BODIES]
         patterns += [(f"/{kind}", _Media, {"which": kind, **given}) for kind in _READ]
         patterns.append(("/favicon.ico", _Nothing))
         try:
             self._server = Server(
-                {"/": Application(FunctionHandler(partial(open_map, shared)))}, address=ADDRESS, port=port,
+                {"/": Application(FunctionHandler(partial(open_map, shared)))}, address=address, port=port,
                 allow_websocket_origin=list(hosts), extra_patterns=patterns, keep_alive_milliseconds=10_000,
                 session_token_expiration=_DAY_S,
             )  # fmt: skip
         except OSError as error:
-            taken = "is taken" if error.errno == errno.EADDRINUSE else str(error.strerror)
-            raise InputError("--port", f"{port} {taken}", expected="a free port; 0 finds one") from error
+            raise _refused(error, address, port) from error
         for name in ("tornado.access", "tornado.general"):  # what browsers ask for in vain is no news
             logging.getLogger(name).setLevel(logging.ERROR)
         # It names an option that this command has not got.
@@ -249,7 +267,8 @@ class View:
     @property
     def url(self) -> str:
         """Where the pages are."""
-        return f"http://localhost:{self.port}/"
+        name = "localhost" if self.address in (LOOPBACK, *_ANY) else self.address
+        return f"http://{f'[{name}]' if ':' in name else name}:{self.port}/"
 
     def run(self, *, show: bool) -> None:
         """Answer until Ctrl-C or SIGTERM."""
@@ -269,10 +288,18 @@ class View:
         self._server.io_loop.add_callback(self._server.io_loop.stop)
 
 
-def _free_port() -> int:
+def _refused(error: OSError, address: str, port: int) -> InputError:
+    """Say why the server cannot listen there."""
+    if error.errno in (errno.EADDRINUSE, errno.EACCES):
+        taken = "is taken" if error.errno == errno.EADDRINUSE else str(error.strerror)
+        return InputError("--port", f"{port} {taken}", expected="a free port; 0 finds one")
+    return InputError("--address", f"{address}: {error.strerror}", expected="an address of this machine")
+
+
+def _free_port(address: str) -> int:
     from bokeh.server.util import bind_sockets
 
-    sockets, port = bind_sockets(ADDRESS, 0)
+    sockets, port = bind_sockets(address, 0)
     for each in sockets:
         each.close()
     return port

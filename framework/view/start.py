@@ -13,12 +13,12 @@ from ..core.errors import InputError
 from ..core.vehicle import Vehicle, load_vehicle
 from ..core.vehicle_templates import vehicle_templates
 from .recordings import Recordings
-from .server import Shared, View
+from .server import LOOPBACK, Shared, View, is_loopback
 
 
 def serve(
     db: str, *, site: str | None = None, vehicle: Path | None = None, recordings: Path | None = None, port: int = 0,
-    show: bool = False, say: Callable[[str], None] = lambda text: None,
+    address: str = LOOPBACK, show: bool = False, say: Callable[[str], None] = lambda text: None,
 ) -> None:  # fmt: skip
     """Show a database in a browser until it is interrupted.
 
@@ -34,6 +34,8 @@ def serve(
         Folder in which the drives' recordings are looked for.
     port
         Where the server listens; 0 for any free port.
+    address
+        On which of this machine's addresses. Anybody who reaches another one than the loopback address can read all.
     show
         Open a browser.
     say
@@ -42,7 +44,8 @@ def serve(
     Raises
     ------
     InputError
-        No such database, site, vehicle or folder; a schema that is not the newest; a port that is taken.
+        No such database, site, vehicle or folder; a schema that is not the newest; a port that is taken; an address
+        that is none of this machine.
     """
     _check_newest(db)
     if recordings is not None and not recordings.is_dir():
@@ -53,9 +56,14 @@ def serve(
             database.check_site(site)
         shared = Shared(database, Recordings(recordings), _vehicles(own), None if own is None else own.name, site)
         shared.site(None)  # read before anybody waits for it
-        view = View(shared, port)
+        view = View(shared, port, address)
         shared.recordings.start(shared.digests())
         say(f"{database.name} is shown at {view.url} until Ctrl-C")
+        if not is_loopback(address):
+            say(
+                f"warning: the page is not protected: anybody who reaches port {view.port} at {address} can read the "
+                "database, frames and sound. Safer: ssh -L"
+            )
         view.run(show=show)
 
 

@@ -12,20 +12,20 @@ from ..rows import words as of_rows
 
 def _wrong_form(values: Values) -> str:
     left = values["misfit_with_freedom"]
-    remains = "" if left <= WRONG_FORM else f" ({left:.1f} times with all the freedom that is published)"
+    remains = "" if left <= WRONG_FORM else f" ({left:.1f} times with all published departures)"
     misses = f"it misses the channels by {values['misfit']:.1f} times the sensors' noise{remains}"
     if values["misfit"] < 1.05:
-        misses = "a freer form fits better than chance allows, though by less than the sensors' noise"
+        misses = "a form with more parameters fits better than chance allows, though by less than the sensors' noise"
     return (
-        f"the textbook's form does not hold: {misses}; c and phi hold only for what was driven. The intervals include "
-        f"a free form's {values['c_Pa'] / 1e3:.2f} kPa and {math.degrees(values['phi_rad']):.1f} deg"
+        f"the textbook's form does not hold: {misses}. c and phi hold only for what was driven. The intervals include "
+        f"the fit with more parameters: {values['c_Pa'] / 1e3:.2f} kPa and {math.degrees(values['phi_rad']):.1f} deg"
     )
 
 
 def _unsteady(values: Values) -> str:
     name, unit = ("the load", " N") if values["channel"] == "load_N" else (values["channel"], "")
     return (
-        f"{name} changes from row to row, as the other channels follow it: its noise is estimated at "
+        f"{name} really changes from row to row, because the other channels follow it. Its noise is estimated at "
         f"{values['noise']:.2g}{unit}, less than the {values['shown']:.2g}{unit} by which neighbours differ"
     )
 
@@ -43,8 +43,8 @@ SENTENCES: dict[str, Sentence] = {
     **of_rows.SENTENCES,
     "autocorrelated_noise": _autocorrelated,
     "grousers_left_out": "the wheel's lugs are left out, as the textbook wheel has none: `explain` models them",
-    "ground_variation": "one soil misses the channels by {misfit:.1f} times the sensors' noise, as ground that varies "
-    "along the track does; the intervals include that variation",
+    "ground_variation": "one soil misses the channels by {misfit:.1f} times the sensors' noise, because the ground "
+    "varies along the track. The intervals include that variation",
     "least_squares_intervals": "the intervals are those of ordinary least squares, without the method's bias",
     "mixed_soils": "the stretches differ in soil: no one soil explains all of them",
     "negative_cohesion": "the closed form gives a cohesion of {c_Pa:.0f} Pa, not physical: 0 is reported",
@@ -52,7 +52,7 @@ SENTENCES: dict[str, Sentence] = {
     "stored": "{text}",
     "several_soils": _several_soils,
     "several_wheels": "{wheels} wheels, each identified by itself; there is no estimate over all of them",
-    "thinned": "stretches of more than {rows} rows are thinned evenly to so many",
+    "thinned": "stretches of more than {rows} rows are thinned evenly to that number",
     "unsteady_input": _unsteady,
     "wrong_form": _wrong_form,
 }

@@ -227,8 +227,8 @@ def _happens(missing: Missing) -> str:
 
 
 def _gains(missing: Missing, errors: str) -> str:
-    """Describe an effect and the change in held-out errors, in one sentence."""
-    return f"{capital(_what(missing))}; with {_values(missing) or 'it'} {errors}."
+    """Describe an effect, and the change in held-out errors."""
+    return f"{_happens(missing)} With it {errors}."
 
 
 def _errors(explanation: Explanation) -> str:

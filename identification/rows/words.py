@@ -8,23 +8,23 @@ from ...framework.core.findings import Finding, Sentence, Values, in_words
 def _pull_units(values: Values) -> str:
     units = [{"load": "divided by the load"}.get(unit, f"in {unit}") for unit in values["units"]]
     return (
-        f"drawbar_pull_N is {values['pull_N']:.2g} N (upper tenth) under loads of {values['load_N']:.3g} N (median), "
-        f"and would be usual if it were {' or '.join(units)}: check its unit"
+        f"drawbar_pull_N is {values['pull_N']:.2g} N (upper tenth) under loads of {values['load_N']:.3g} N (median). "
+        f"It would be usual if it were {' or '.join(units)}: check its unit"
     )
 
 
 def _speed_units(values: Values) -> str:
     likely = " or ".join(f"{each['channel']} in {each['unit']}" for each in values["likely"])
     return (
-        f"the two speeds give slips about {values['slip']:.2g} throughout, and usual ones if {likely}: check the units"
+        f"the two speeds give slips of about {values['slip']:.2g} throughout, and usual ones if {likely}: check units"
     )
 
 
 def _load_unit(values: Values) -> str:
     what = "torque over radius" if values["channel"] == "torque_Nm" else "the pull"
     return (
-        f"{what} is {values['ratio']:.2g} times the load (upper tenth of the driven rows), more than sand bears, and "
-        f"would be {values['ratio_if_kg']:.2g} times, as usual, if load_N were in kg: check its unit"
+        f"{what} is {values['ratio']:.2g} times the load (upper tenth of the driven rows), more than sand bears. "
+        f"It would be {values['ratio_if_kg']:.2g} times, as usual, if load_N were in kg: check its unit"
     )
 
 
@@ -34,8 +34,8 @@ def _slip(values: Values) -> str:
     radius = "" if agreeing is None else f"; {agreeing:.3g} m would make them agree"
     return (
         f"the recorded slip is {abs(values['difference']):.2g} {side} what the two speeds give with a radius of "
-        f"{values['radius_m']:g} m (median of {values['n']} rows){radius}: check the radius, and which slip is meant; "
-        "the recorded one is used"
+        f"{values['radius_m']:g} m (median of {values['n']} rows){radius}. Check radius and definition of slip; the "
+        "recorded slip is used"
     )
 
 
@@ -47,7 +47,7 @@ def _angle(values: Values) -> str:
     else:
         why = "check its unit, the radius and the slip"
     return (
-        f"wheel_angle_rad goes on {values['factor']:.3g} times as fast as {values['speed']} says (median of "
+        f"wheel_angle_rad changes {values['factor']:.3g} times as fast as {values['speed']} says (median of "
         f"{values['n']} pairs of rows): {why}"
     )
 
@@ -67,8 +67,8 @@ def _stops(values: Values) -> str:
 def _settling(values: Values) -> str:
     what, where = ("steps", "goes from one state to the next") if values["steps"] else ("runs", "starts")
     return (
-        f"the first {values['seconds']:.3g} s of {values['runs']} {what} are left out, where the wheel {where}: load, "
-        f"slip and speed stay the same there, and {', '.join(values['channels'])} still settle"
+        f"the first {values['seconds']:.3g} s of {values['runs']} {what} are left out, where the wheel {where}. Load, "
+        f"slip and speed are steady there, and {', '.join(values['channels'])} not yet"
     )
 
 
@@ -81,24 +81,24 @@ def _load_computed(values: Values) -> str:
     moved = {"pitch_rad": "slope", "roll_rad": "roll", "travel_speed_m_s": "acceleration", "yaw_rad": "bends"}
     by = ", ".join(moved[name] for name in values["transfer"])
     return (
-        f"load_N was not sensed: it is computed from the vehicle's weight{f', moved by {by}' if by else ''}, "
-        f"{values['load_N']:.3g} N on average with a standard deviation of {values['sd_N']:.2g} N; by what the share "
-        "of the weight is wrong c and tan phi are wrong, too"
+        f"load_N was not sensed. It is computed from the vehicle's weight{f' and from {by}' if by else ''}: "
+        f"{values['load_N']:.3g} N on average, with a standard deviation of {values['sd_N']:.2g} N. c and tan phi have "
+        "the relative error of the load, too"
     )
 
 
 def _torque_computed(values: Values) -> str:
     losses = f" less {values['friction_Nm']:.3g} N m of friction" if values["friction_Nm"] else ""
-    doubt = "; the motor states no losses, and what is lost counts as torque at the wheel" if values["lossless"] else ""
+    doubt = ". The motor states no losses, and what is lost counts as torque at the wheel" if values["lossless"] else ""
     return (
-        f"torque_Nm was not sensed: it is computed from the motors' current, {values['Nm_A']:.3g} N m/A{losses}, "
-        f"{values['torque_Nm']:.3g} N m on average{doubt}; by what that is wrong c and tan phi are wrong, too"
+        f"torque_Nm was not sensed. It is computed from the motors' current, {values['Nm_A']:.3g} N m/A{losses}: "
+        f"{values['torque_Nm']:.3g} N m on average{doubt}. c and tan phi have the relative error of the torque, too"
     )
 
 
 def _pull_computed(values: Values) -> str:
     towed = ", ".join(values["towed"])
-    resists = f", and overcomes what {towed} {'resist' if len(values['towed']) > 1 else 'resists'}," if towed else ""
+    resists = f", with the resistance of {towed}," if towed else ""
     taken = ""
     if towed:
         taken = (
@@ -106,8 +106,8 @@ def _pull_computed(values: Values) -> str:
             f"{values['resistance_sd']:g}."
         )
     return (
-        f"drawbar_pull_N was not sensed: what carries the vehicle's weight up the slope and accelerates it{resists} "
-        f"is shared among the driven wheels by their loads, within {values['sd_N']:.2g} N; this holds for a vehicle "
+        f"drawbar_pull_N was not sensed. It is computed: the force on the slope and that of acceleration{resists} "
+        f"are shared among the driven wheels by their loads, within {values['sd_N']:.2g} N. This holds for a vehicle "
         f"that tows nothing.{taken} A sensor of sinkage would narrow stiffness, n and cohesion most"
     )
 
@@ -123,8 +123,8 @@ def _driven_not_known(values: Values) -> str:
 
 SENTENCES: dict[str, Sentence] = {
     "angle_disagrees": _angle,
-    "bends": "in bends a wheel's travel speed is the vehicle's less the rate of turning times the wheel's distance "
-    "from the centre line: up to {most_m_s:.2g} m/s, in {n} rows by more than a hundredth",
+    "bends": "in bends the travel speed of a wheel differs from the vehicle's: by up to {most_m_s:.2g} m/s, in {n} "
+    "rows by more than 1 %",
     "driven_not_known": _driven_not_known,
     "duplicate_rows": _duplicates,
     "grouser_count_missing": "the vehicle states lugs of {height_m:g} m without their number: their forces are "
@@ -138,14 +138,14 @@ SENTENCES: dict[str, Sentence] = {
     "differ; give the others in a file of their own",
     "other_wheels": "only the {used} of {n} rows were used that are of the vehicle's wheel by {columns}; give the "
     "others in a file of their own",
-    "load_without_slope": "load_N was not sensed, and pitch_rad was not recorded: it is computed from the vehicle's "
-    "weight as on level ground, {load_N:.3g} N on average. On any slope the load moves between the wheels and the slip "
-    "with it, which passes for soil: c and phi are not determined; record the attitude (an IMU with orientation)",
+    "load_without_slope": "load_N was not sensed, and pitch_rad was not recorded. The load is computed from the "
+    "vehicle's weight as on level ground, {load_N:.3g} N on average. On a slope load and slip change together, which "
+    "looks like another soil: c and phi are not determined. Record the attitude (an IMU with orientation)",
     "pull_computed": _pull_computed,
-    "pull_sign": "drawbar_pull_N falls as torque over radius rises (slope {slope:.2g}, correlation {correlation:.2f}): "
-    "it may be measured the other way round (positive forwards): {mend}",
-    "pull_sign_by_slip": "drawbar_pull_N is forwards where slip is least and backwards where it is largest: it, or "
-    "slip, may be measured the other way round (positive forwards): {mend}",
+    "pull_sign": "drawbar_pull_N falls as torque over radius rises (slope {slope:.2g}, correlation {correlation:.2f}). "
+    "Its sign may be wrong (positive is forwards): {mend}",
+    "pull_sign_by_slip": "drawbar_pull_N is forwards where slip is least and backwards where it is largest. Its sign, "
+    "or that of slip, may be wrong (positive is forwards): {mend}",
     "pull_unit": _pull_units,
     "rows_without_time": _without_time,
     "settling_rows": _settling,
@@ -155,25 +155,26 @@ SENTENCES: dict[str, Sentence] = {
     "speed_unit": _speed_units,
     "stated_noise": "the noise stated of {channel}, {stated:.3g}, is less than a hundredth of what neighbours differ "
     "by ({shown:.2g}): check it; without it the noise is estimated from the data",
-    "steady_trials": "rows lie too far apart in time for a drive, and are few or jump in slip or load from one to the "
-    "next: each row is taken as a steady trial",
+    "steady_trials": "rows lie too far apart in time for a drive, and are few or jump in slip or load: each row is "
+    "taken as a steady trial",
     "stop_rows": _stops,
     "stuck_rows": "{channel} repeats one value in {n} rows, longer than chance allows: they are left out of it, as its "
     "sensor may hang",
     "stuck_channel": "{channel} never changes: it is left out, as its sensor may be stuck or absent",
     "torque_computed": _torque_computed,
     "towed_wheels": "{used} of {n} rows are of driven wheels and were used, for those of {wheels} are not driven",
-    "travel_speed_computed": "travel_speed_m_s was not recorded: it is the change of the poses over {window_s:g} s, "
-    "within {sd_m_s:.2g} m/s at a rim speed of {rim_m_s:.2g} m/s (the places scatter by {place_sd_m:.2g} m); errors of "
-    "the places that drift are not in that",
+    "travel_speed_computed": "travel_speed_m_s was not recorded. It is the change of the poses over {window_s:g} s, "
+    "within {sd_m_s:.2g} m/s at a rim speed of {rim_m_s:.2g} m/s (the places scatter by {place_sd_m:.2g} m). Places "
+    "that drift err by more",
     "travel_speed_of_wheels": "the poses are made from the wheels and give no travel speed ({how}): slip would be zero "
     "on any ground. A receiver's places, or an odometry that sees the ground, would do ([pose] in a topic map)",
     "travel_speed_uncertain": "the poses give no travel speed: it would be known to {sd_m_s:.2g} m/s only, over "
     "{window_s:g} s, at a rim speed of {rim_m_s:.2g} m/s (the places scatter by {place_sd_m:.2g} m)",
-    "time_unit": "rows lie {step_s:.3g} s apart (median), yet slip and load go on from row to row: check that time_s "
-    "is in seconds",
-    "torque_sign": "torque_Nm is {torque_Nm:.3g} (median), {share:.0%} of the rows with a slip below {slip:g} above 0, "
-    "as if a braked wheel were driven: check its sign there, and that of the slip; it is turned by {mend}",
+    "time_unit": "rows lie {step_s:.3g} s apart (median), yet slip and load change smoothly: check that time_s is in "
+    "seconds",
+    "torque_sign": "torque_Nm is {torque_Nm:.3g} N m (median) and above 0 in {share:.0%} of rows with a "
+    "slip below {slip:g}, as if a braked wheel were driven. Check its sign there, and that of the slip; "
+    "it is turned by {mend}",
 }  # fmt: skip
 """A template for `str.format`, or a function of the values, by code."""
 

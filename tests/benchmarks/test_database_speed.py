@@ -79,6 +79,7 @@ def path_of(places: int) -> np.ndarray:
 
 @pytest.mark.parametrize("places", PLACES)
 def test_along(benchmark, view, places):
+    """Class, strength and lower bound of places along a path."""
     path = path_of(places)
 
     def ask():
@@ -90,7 +91,7 @@ def test_along(benchmark, view, places):
 
 @pytest.mark.parametrize("places", PLACES[:2])
 def test_raw_sql(benchmark, file, places):
-    """The probabilities alone, one statement a place: belief and bounds are still to be computed from them."""
+    """Probabilities of places alone, by SQL, one statement a place."""
     connection, cells = sqlite3.connect(file), np.floor(path_of(places) / CELL_SIZE_M).astype(int).tolist()
     statement = "SELECT probabilities, quality FROM terrain_observation WHERE cell_x = ? AND cell_y = ?"
     assert len(benchmark(lambda: [connection.execute(statement, cell).fetchone() for cell in cells])) == places
@@ -99,7 +100,7 @@ def test_raw_sql(benchmark, file, places):
 
 @pytest.mark.parametrize("places", PLACES[:2])
 def test_orm(benchmark, engine, places):
-    """As `test_raw_sql`, by mapped objects."""
+    """Probabilities of places alone, by mapped objects."""
     cells = np.floor(path_of(places) / CELL_SIZE_M).astype(int).tolist()
 
     def ask():
@@ -114,7 +115,7 @@ def test_orm(benchmark, engine, places):
 
 @pytest.mark.parametrize("places", PLACES)
 def test_numpy_grid(benchmark, view, places):
-    """What a user would write: one array of known extent for each number, without reasons or places off it."""
+    """Places in one array of known extent for each number, without reasons."""
     path = path_of(places)
     centres = (np.indices((SIDE, SIDE)).reshape(2, -1).T + 0.5) * CELL_SIZE_M
     whole = view.along(centres, normal_stress=20e3)
@@ -129,15 +130,17 @@ def test_numpy_grid(benchmark, view, places):
 
 
 def test_at(benchmark, view):
+    """One place."""
     assert benchmark(lambda: view.at(50.1, 50.2).known)[0]
 
 
 def test_box(benchmark, view):
+    """A box of 1,600 cells."""
     assert len(benchmark(lambda: view.box(40.0, 40.0, 50.0, 50.0))) == 1600
 
 
 def test_grid(benchmark, view):
-    """One layer of the whole site."""
+    """One layer of the whole site as a raster."""
     side = CELL_SIZE_M * SIDE
     grid = benchmark(lambda: view.grid((0, 0, side, side), CELL_SIZE_M, ["shear_strength_lower"]))
     assert np.isfinite(grid.layers["shear_strength_lower"]).all()
@@ -149,20 +152,20 @@ def test_grid(benchmark, view):
     ids=["drawbar_pull", "mobility"],
 )
 def test_wheels(benchmark, view, ask: Callable):
-    """After the first call, whose mechanics is kept."""
+    """200 places, after the first call, whose mechanics is kept."""
     answer = view.along(path_of(200))
     assert ask(answer).known.all()
     benchmark(lambda: ask(answer))
 
 
 def test_snapshot(benchmark, file):
-    """Of 160,000 cells."""
+    """Taking a snapshot of 160,000 cells."""
     with TerrainDatabase(file) as database:
         assert len(benchmark.pedantic(database.snapshot, rounds=3).cells.key) == SIDE**2
 
 
 def test_reader(benchmark, tmp_path):
-    """Of 40,000 cells, after a drive over 10,000 of them."""
+    """Bringing a snapshot of 40,000 cells up to date after a drive over 10,000 of them."""
     numbers = count()
     with TerrainDatabase(tmp_path / "terrain.db") as database:
         database.add_drive(drive("d", slice(40_000)))
@@ -177,7 +180,7 @@ def test_reader(benchmark, tmp_path):
 
 
 def test_write(benchmark, tmp_path):
-    """10,000 looks, as one drive."""
+    """Storing 10,000 looks as one drive."""
     numbers = count()
 
     def new() -> tuple[tuple[Drive], dict]:

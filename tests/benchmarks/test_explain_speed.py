@@ -33,6 +33,7 @@ def folder(tmp_path_factory):
 
 @pytest.mark.benchmark(group="explain, 1200 samples, whole catalogue")
 def test_explain(benchmark, folder):
+    """Explaining a recording of 1,200 rows."""
     answer = benchmark.pedantic(explain, args=(folder,), rounds=3, warmup_rounds=1)
     assert answer.n == pytest.approx(1200, abs=60)
     assert "slip_sinkage" in {missing.effect for missing in answer.missing}
@@ -49,6 +50,7 @@ def started(folder):
 
 @pytest.mark.benchmark(group="soil and one effect fitted, 1200 samples")
 def test_fit(benchmark, started):
+    """One fit of a set of effects."""
     problem, textbook, model, start = started
     fitted = benchmark(fit, problem, model, start, textbook.noise, Entry(textbook.theta_1))
     assert fitted.score > textbook.score
@@ -56,7 +58,7 @@ def test_fit(benchmark, started):
 
 @pytest.mark.benchmark(group="soil and one effect fitted, 1200 samples")
 def test_least_squares_with_differences(benchmark, started):
-    """`scipy.optimize.least_squares` on the same simulator, white noise and no soil variation: a lesser problem."""
+    """The same simulator by `scipy.optimize.least_squares` with differences, a lesser problem."""
     problem, textbook, model, start = started
     channels = list(problem.answers)
 

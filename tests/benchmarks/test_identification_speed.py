@@ -46,6 +46,7 @@ def by_quadrature_and_root_finding(loads: np.ndarray, slips: np.ndarray) -> np.n
 
 @pytest.mark.benchmark(group="equilibrium, per 1000 samples")
 def test_equilibrium(benchmark):
+    """Wheel in equilibrium, 1,000 samples."""
     equilibrium(WHEEL, SOIL, LOADS[:2], SLIPS[:2])
     state = benchmark(equilibrium, WHEEL, SOIL, LOADS, SLIPS)
     few = [0, 500, 999]
@@ -56,7 +57,7 @@ def test_equilibrium(benchmark):
 
 @pytest.mark.benchmark(group="equilibrium, 100000 samples", timer=time.process_time)
 def test_equilibrium_of_a_hundred_thousand_samples_takes_17_us_each_at_most(benchmark):
-    """Of processor time, all threads together, so that other work on the machine does not count."""
+    """Wheel in equilibrium, 100,000 samples, processor time of all threads."""
     loads, slips = np.linspace(300.0, 2500.0, 100_000), np.random.default_rng(0).uniform(0.05, 0.9, 100_000)
     equilibrium(WHEEL, SOIL, LOADS[:2], SLIPS[:2])
     state = benchmark.pedantic(equilibrium, args=(WHEEL, SOIL, loads, slips), rounds=3)
@@ -69,13 +70,14 @@ def test_equilibrium_of_a_hundred_thousand_samples_takes_17_us_each_at_most(benc
 
 @pytest.mark.benchmark(group="equilibrium, per 1000 samples")
 def test_quadrature_and_root_finding_of_three_samples(benchmark):
-    """Three samples only: multiply by 333 to compare."""
+    """Three samples by `scipy.integrate.quad` and `brentq`: multiply by 333 to compare."""
     benchmark.pedantic(by_quadrature_and_root_finding, args=(LOADS[::400], SLIPS[::400]), rounds=3)
     benchmark.extra_info["samples"] = 3
 
 
 @pytest.mark.benchmark(group="equilibrium, per 1000 samples")
 def test_a_thousand_times_the_throughput_of_quadrature_and_root_finding(benchmark):
+    """Wheel in equilibrium, 1,000 samples, against quadrature and root finding."""
     few = slice(0, 1000, 200)
     began = time.perf_counter()
     by_quadrature_and_root_finding(LOADS[few], SLIPS[few])
@@ -100,6 +102,7 @@ def drive(samples: int) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.benchmark(group="one sample while driving")
 def test_linear_update(benchmark):
+    """One update of the closed form."""
     rows, _ = drive(10)
     estimator = OnlineEstimator(WHEEL, 0.02, window=300)
     for row in rows:
@@ -110,6 +113,7 @@ def test_linear_update(benchmark):
 @pytest.mark.slow
 @pytest.mark.benchmark(group="one sample while driving")
 def test_maximum_likelihood_update_with_600_samples_in_the_window(benchmark):
+    """One update of the on-line estimator, 600 samples in its window."""
     window = 600
     rows, noise = drive(window + 40)
     identifier = OnlineIdentifier(WHEEL, dict(zip(CHANNELS, noise, strict=True)), window=window)

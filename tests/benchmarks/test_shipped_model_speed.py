@@ -24,7 +24,7 @@ pytestmark = pytest.mark.slow
 
 
 def test_a_frame(benchmark):
-    """Eight frames of 640 x 480 at once, as `observe_ground` takes them: cut, measured, rated, classified."""
+    """Eight frames of 640 x 480: cut, measured, rated, classified."""
     model, camera = shipped_model("vision-real").load(), PRESETS["demo"].vehicle.camera
     measures = measures_of(model)
     layout = ground_patches(camera, 0.5, measures.side_px)
@@ -41,7 +41,7 @@ def test_a_frame(benchmark):
 
 @pytest.mark.parametrize("way", ["package", "librosa"])
 def test_sound(benchmark, way):
-    """Half a minute in windows of half a second; librosa's features are those of a common recipe, not classified."""
+    """Half a minute of sound; librosa's features are those of a common recipe, not classified."""
     sound = np.random.default_rng(0).normal(0.0, 0.05, round(SOUND_S * RATE_HZ)).astype(np.float32)
     model = shipped_model("audio-real").load()
 
@@ -63,6 +63,7 @@ def test_sound(benchmark, way):
 
 @pytest.mark.parametrize("name", shipped_models())
 def test_one_prediction(benchmark, name):
+    """One prediction from features that are at hand."""
     model = shipped_model(name).load()
     row, quality = model.fitted.mean[None] + 0.3 * model.fitted.scale, np.ones(1)
     benchmark.pedantic(lambda: model.evidence(row, quality), rounds=500, warmup_rounds=20)

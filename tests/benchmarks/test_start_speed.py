@@ -15,6 +15,7 @@ ALLOWED_S = 0.3
     "arguments", [["-c", "import bevameter"], ["-m", "bevameter.framework.cli.main", "--help"]], ids=["import", "help"]
 )
 def test_start(benchmark, arguments):
+    """Starting Python with the package."""
     command = [sys.executable, *arguments]
     benchmark.pedantic(lambda: subprocess.run(command, check=True, capture_output=True), rounds=10, warmup_rounds=2)
     if benchmark.enabled:

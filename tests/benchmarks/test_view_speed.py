@@ -71,7 +71,7 @@ def stretch(name: str, index: int) -> SoilObservation:
 @pytest.mark.parametrize("part", [WHOLE, PART], ids=["whole site", "near"])
 @pytest.mark.parametrize("name", LAYERS)
 def test_draw(benchmark, view, name, part):
-    """One view, as after a zoom; the layer is there, and Datashader's kernels are compiled."""
+    """Drawing a map of a million cells, as after a zoom."""
     shown = layer(view, name, Question(vehicle=ROVER))
     columns, rows = np.divmod(np.arange(SIDE * SIDE), SIDE)
 
@@ -86,12 +86,12 @@ def test_draw(benchmark, view, name, part):
 
 @pytest.mark.parametrize("name", LAYERS)
 def test_layer(benchmark, view, name):
-    """The numbers of all cells, as after another layer is chosen."""
+    """The numbers of a million cells, as after another layer is chosen."""
     found = benchmark.pedantic(lambda: layer(view, name, Question(vehicle=ROVER)), rounds=1)
     assert len(found.values) == SIDE**2
 
 
 def test_start(benchmark):
-    """Importing the server, in a process of its own."""
+    """Importing the server of pages."""
     command = [sys.executable, "-c", "import bevameter.framework.view.start"]
     benchmark.pedantic(lambda: subprocess.run(command, check=True), rounds=3, warmup_rounds=1)

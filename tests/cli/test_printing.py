@@ -1,4 +1,4 @@
-"""Progress of long work: a line now and then where there is no terminal, nothing where none is wanted."""
+"""What is printed: progress of long work, nothing of it where none is wanted; classes without soil in one line."""
 
 import os
 import re
@@ -8,6 +8,7 @@ import time
 
 import pytest
 from bevameter.framework.cli import printing
+from bevameter.framework.cli.results import print_classes
 from bevameter.framework.core.errors import InputError
 
 
@@ -83,3 +84,10 @@ def test_no_color_is_respected(without):
     )  # fmt: skip
     assert ("\x1b[33m" in done.stdout) is not without
     assert "warned" in done.stdout
+
+
+def test_classes_without_soil_are_named_in_one_line(capsys):
+    row = {"known": False, "cells": 0, "observations": 0}
+    rows = [{**row, "class": name, "unknown": f"no soil data for class {name}"} for name in ("clay", "grass")]
+    print_classes(rows, 20e3, 0.95)
+    assert capsys.readouterr().out.splitlines()[-1] == "unknown: no soil data for class clay, grass"

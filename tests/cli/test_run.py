@@ -13,6 +13,7 @@ from bevameter.framework.cli.results_run import print_summary
 from bevameter.framework.core.findings import warning
 from bevameter.framework.core.soil import Quantity
 from bevameter.framework.summary import LearntSoil, TraverseSummary
+from bevameter.framework.summary_text import soil_lines
 from bevameter.identification.estimate.words import sentences
 from typer.testing import CliRunner
 
@@ -130,3 +131,17 @@ def test_a_model_that_does_not_fit_is_printed_and_written(capsys):
     (soil,) = summary.as_dict()["soils"]
     assert (soil["misfit"], soil["problems"]) == (4.2, sentences(estimate.findings))
     assert soil["findings"][0]["code"] == "wrong_form"
+
+
+def test_soil_of_ground_without_a_class_is_said_to_be_in_no_query():
+    estimate = SoilEstimate(
+        {"c_Pa": Quantity(1e3, 1e2, 8e2, 12e2)}, np.array([1e3, 0.5]), np.eye(2), {}, (), {"c_Pa": True}, "", "ml",
+        ("load_N",), 50, 1.0,
+    )  # fmt: skip
+    nameless, sand = (
+        LearntSoil.of(estimate, SoilObservation(3.0, 9.0, 1.0, 2.0, belief, estimate, (5e3, 3e4), 80.0))
+        for belief in ({}, {"sand": 1.0})
+    )
+    assert soil_lines([sand]) == []
+    (line,) = soil_lines([nameless, sand])
+    assert line.startswith("the soil of 1 stretch is in no query: no class is probable enough there")

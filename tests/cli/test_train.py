@@ -114,7 +114,7 @@ def test_bad_labelled_folders_give_one_line_and_no_model(labelled, tmp_path):
 
 
 def test_an_output_that_cannot_be_written_is_refused_before_training(labelled, tmp_path):
-    assert "no folder" in bad("train", "audio", labelled, "--out", tmp_path / "nowhere" / "m.skops")
+    assert "no folder" in bad("train", "audio", labelled, "--out", tmp_path / "nowhere" / "no" / "m.skops")
     assert "is a folder" in bad("train", "audio", labelled, "--out", tmp_path)
 
 

@@ -124,7 +124,7 @@ def test_bounds_of_what_was_learnt_hold(site, tmp_path):
     pairs = draw_pairs(site, rng, 10, known)
     rides = [ride(site, planner, route, rng) for route in plan(planner, pairs)]
     stops = [stop for one in rides for stop in one.stops]
-    assert np.mean([stop.achieved <= stop.promised for stop in stops]) > 0.93
+    assert np.mean([stop.achieved <= stop.predicted for stop in stops]) > 0.93
     assert max(stop.achieved for stop in stops) <= SIGHT_M
     assert sum(one.outcome == ARRIVED for one in rides) >= 7
 

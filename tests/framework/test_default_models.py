@@ -35,7 +35,7 @@ def test_a_synthetic_recording_gets_the_models_of_synthetic_ground_and_no_cautio
     assert models.origins == {"vision": "vision-synthetic", "audio": "audio-synthetic"}
     assert set(models.synthetic) == {"vision", "audio"}
     assert models.notes["vision"] == (
-        "camera: vision-synthetic, which comes with the package, as the recording calls itself synthetic"
+        "camera: vision-synthetic, which comes with the package, because the recording calls itself synthetic"
     )
     assert models.cautions == {}
 
@@ -51,7 +51,10 @@ def test_another_recording_gets_those_of_real_ground_that_are_defaults_and_is_to
     assert real.measured in said
     assert f"bevameter train vision LABELLED --out {tmp_path / 'site.models' / 'vision.skops'}" in said
     for name in {one.sense for one in shipped_models().values()} - set(models.origins):
-        assert f"{name}-real is not taken by itself: {shipped_model(f'{name}-real').limits}" in models.notes[name]
+        assert (
+            f"{name}-real is used only where it is named (--models {name}-real): {shipped_model(f'{name}-real').limits}"
+            in models.notes[name]
+        )
 
 
 def test_models_are_found_next_to_the_database(tiny, tmp_path):

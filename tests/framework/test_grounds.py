@@ -147,5 +147,5 @@ def test_models_of_real_ground_that_come_with_the_package_do_not_tell_grounds_ap
     seen = replace(DRIVE, labels=None, site="pit", camera=stream)
     grounds, why = grounds_of(seen)
     assert grounds == ()
-    assert why == "vision: no model of your own, so grounds are not told apart by them"
+    assert why == "vision: no model of your own, so they do not distinguish grounds"
     assert grounds_of(replace(seen, site="synthetic pit"))[1] != why

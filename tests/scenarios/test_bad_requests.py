@@ -226,7 +226,7 @@ def test_training_on_a_bad_file(sense, content, tmp_path):
 
 @pytest.mark.parametrize("option", ["--out", "--json", "--report"])
 def test_a_result_that_cannot_be_written_is_reported_first(option, drive, tmp_path):
-    outputs = {"--out": tmp_path / "m.skops", option: tmp_path / "nowhere" / "x"}
+    outputs = {"--out": tmp_path / "m.skops", option: tmp_path / "nowhere" / "no" / "x"}
     arguments = ["train", "audio", tmp_path / "none", *(part for pair in outputs.items() for part in pair)]
     refused(tmp_path, arguments, "nowhere", "there is no folder")
     if option == "--json":

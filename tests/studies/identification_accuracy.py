@@ -5,7 +5,7 @@ n 0.9, c 1 kPa, phi 30 deg; 300 samples at 10 Hz, load 800 +- 300 N, slip 0.3 +-
 a standard deviation that is a share of the channel's maximum. Soil, load and slip of every sample are unknown to the
 estimator.
 
-    python tests/studies/identification_accuracy.py --seeds 200
+    python tests/studies/identification_accuracy.py --seeds 200 --write
 """
 
 from __future__ import annotations
@@ -21,10 +21,17 @@ from bevameter.identification.estimate.solution import Measured
 from bevameter.identification.mechanics.linearised import estimate as linear_estimate
 from bevameter.identification.mechanics.soil import Soil, slope_of_internal
 from bevameter.identification.mechanics.textbook import TextbookWheel, equilibrium
+from measured import write
 
 WHEEL = Wheel(radius_m=0.5, width_m=0.3)
 SOIL = Soil(c_Pa=1e3, phi_rad=np.radians(30.0), k_m=0.005, stiffness_Pa=20e3 + 600e3 * 0.3, n=0.9)
 NAMES = ("c_Pa", "phi_rad", "k_m", "stiffness_Pa", "n")
+COLUMNS = (
+    "noise", "channels", "gross errors", "rms error of c [Pa] (bound, ratio)", "of phi [deg] (bound, ratio)",
+    "95 % interval holds c / phi / k / stiffness / n [%]",
+    "strength at low, middle, high stress held / c or phi called separable [%]",
+    "linear method, median c [Pa], phi [deg]", "s",
+)  # fmt: skip
 ASSUMED_K = 3.0 * SOIL.k_m  # given to the linear method
 
 
@@ -87,8 +94,10 @@ def one(task: tuple[int, float, bool, float, float]) -> tuple[list[float], list[
     return [q.value for q in quantities], held, [linear.c_Pa, linear.phi_rad], seconds, said
 
 
-def study(seeds: int, share: float, pull: bool, outliers: float, swing_N: float, pool: ProcessPoolExecutor) -> str:
-    """One row of the table."""
+def study(
+    seeds: int, share: float, pull: bool, outliers: float, swing_N: float, pool: ProcessPoolExecutor
+) -> list[str]:
+    """Give the cells of one row of the table."""
     rows = list(pool.map(one, [(seed, share, pull, outliers, swing_N) for seed in range(seeds)], chunksize=4))
     values, held = np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
     target = np.array([getattr(SOIL, name) for name in NAMES])
@@ -96,7 +105,7 @@ def study(seeds: int, share: float, pull: bool, outliers: float, swing_N: float,
     least = bound(share, pull) if swing_N else np.full(5, np.nan)
     said = 100 * np.mean([row[4] for row in rows], axis=0)
     linear = np.median([row[2] for row in rows], axis=0)
-    cells = [
+    return [
         f"{100 * share:.0f} %" + ("" if swing_N else ", constant load"),
         "W, T, z, i, DP" if pull else "W, T, z, i", f"{100 * outliers:.0f} %",
         f"{rms[0]:.0f} ({least[0]:.0f}, {rms[0] / least[0]:.2f})",
@@ -106,28 +115,29 @@ def study(seeds: int, share: float, pull: bool, outliers: float, swing_N: float,
         f"{linear[0]:.0f}, {np.degrees(linear[1]):.1f}",
         f"{np.median([row[3] for row in rows]):.2f}",
     ]  # fmt: skip
-    return "| " + " | ".join(cells) + " |"
 
 
 def main() -> None:
-    """Print the table."""
+    """Print the table, and write it for the documentation where asked."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=200)
     parser.add_argument("--workers", type=int, default=1, help="processes")
+    parser.add_argument("--write", action="store_true", help="write docs/measured/identification-accuracy.json")
     arguments = parser.parse_args()
-    print(
-        "| noise | channels | gross errors | rms error of c [Pa] (bound, ratio) | of phi [deg] (bound, ratio) "
-        "| 95 % interval holds c / phi / k / stiffness / n [%] "
-        "| strength at low, middle, high stress held / c or phi called separable [%] "
-        "| linear method, median c [Pa], phi [deg] | s |"
-    )
-    print("|" + "---|" * 9)
+    rows = []
+    print(*COLUMNS, sep=" | ")
     with ProcessPoolExecutor(max_workers=arguments.workers) as pool:
         for share, pull, outliers, swing_N in (
             (0.10, False, 0.0, 300.0), (0.10, True, 0.0, 300.0), (0.02, False, 0.0, 300.0), (0.02, True, 0.0, 300.0),
             (0.02, True, 0.05, 300.0), (0.10, False, 0.05, 300.0), (0.02, False, 0.0, 0.0),
         ):  # fmt: skip
-            print(study(arguments.seeds, share, pull, outliers, swing_N, pool), flush=True)
+            rows.append(study(arguments.seeds, share, pull, outliers, swing_N, pool))
+            print(*rows[-1], sep=" | ", flush=True)
+    if arguments.write:
+        write(
+            "identification-accuracy", COLUMNS, rows, data=f"Simulated; {arguments.seeds} drives a row",
+            command=f"python tests/studies/identification_accuracy.py --seeds {arguments.seeds} --write",
+        )  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ from bevameter.framework.core.vehicle import Wheel
 from bevameter.identification.estimate.estimate import WRONG_FORM, solve, summarise, usable
 from bevameter.identification.estimate.form_error import rejected
 from bevameter.identification.estimate.solution import Measured
+from measured import write
 
 KINDS = {
     "none": {},
@@ -177,8 +178,8 @@ def one(seed: int, kind: str, *, steady: bool, pull: bool) -> Outcome:
     return Outcome(found, solution.misfit, held_before, held_after, width[0], width[1], seconds)
 
 
-def row(kind: str, seeds: int, *, steady: bool, pull: bool) -> str:
-    """One row of the table."""
+def row(kind: str, seeds: int, *, steady: bool, pull: bool) -> list[str]:
+    """Give the cells of one row of the table."""
     outcomes = [one(seed, kind, steady=steady, pull=pull) for seed in range(seeds)]
     cells = [
         "trials" if steady else "drive", "W, T, z, i, DP" if pull else "W, T, z, i", kind.replace("+", " + "),
@@ -191,22 +192,32 @@ def row(kind: str, seeds: int, *, steady: bool, pull: bool) -> str:
         cells.append(f"{c:.0f} / {phi:.0f}")
         cells.append(f"{wide[0] / 1e3:.2f} / {wide[1]:.1f}")
     cells.append(f"{np.median([each.seconds for each in outcomes]):.1f}")
-    return "| " + " | ".join(cells) + " |"
+    return cells
+
+
+COLUMNS = (
+    "recording", "channels", "left out", "misfit", "form rejected [%]", "before: holds c / phi [%]",
+    "width c [kPa] / phi [deg]", "after: holds c / phi [%]", "width c [kPa] / phi [deg]", "s",
+)  # fmt: skip
 
 
 def main() -> None:
-    """Print the table."""
+    """Print the table, and write it for the documentation where asked."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--write", action="store_true", help="write docs/measured/identification-model-error.json")
     arguments = parser.parse_args()
-    print(
-        "| recording | channels | left out | misfit | form rejected [%] | before: holds c / phi [%] "
-        "| width c [kPa] / phi [deg] | after: holds c / phi [%] | width c [kPa] / phi [deg] | s |"
-    )
-    print("|" + "---|" * 10)
+    rows = []
+    print(*COLUMNS, sep=" | ")
     for steady, pull in ((True, True), (False, True), (True, False)):
         for kind in KINDS:
-            print(row(kind, arguments.seeds, steady=steady, pull=pull), flush=True)
+            rows.append(row(kind, arguments.seeds, steady=steady, pull=pull))
+            print(*rows[-1], sep=" | ", flush=True)
+    if arguments.write:
+        write(
+            "identification-model-error", COLUMNS, rows, data=f"Simulated; {arguments.seeds} recordings a row",
+            command=f"python tests/studies/identification_model_error.py --seeds {arguments.seeds} --write",
+        )  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ import asyncio
 import hashlib
 import re
 import signal
+import socket
 import sqlite3
 import subprocess
 import sys
@@ -122,6 +123,30 @@ def test_nothing_comes_from_elsewhere_and_nobody_else_is_answered(running):
     request = HTTPRequest(f"{running.url.replace('http', 'ws')}ws", headers={"Origin": "http://evil.example"})
     with pytest.raises(HTTPClientError, match="403"):
         asyncio.run(opened(request))
+
+
+def test_all_addresses_are_served_with_a_warning_and_still_under_known_names_only(path):
+    running = start(path, "--address", "0.0.0.0")
+    try:
+        warning = running.process.stdout.readline()
+        assert warning.startswith("warning: the page is not protected: anybody who reaches port ")
+        assert "ssh -L" in warning
+        port = urlsplit(running.url).port
+        assert "<html" in running.page("drives", host=f"{socket.gethostname()}:{port}")
+        with pytest.raises(HTTPError) as refused:
+            running.page("drives", host=f"evil.example:{port}")
+        assert refused.value.code == 403
+    finally:
+        running.process.send_signal(signal.SIGINT)
+        running.process.communicate(timeout=30)
+
+
+@pytest.mark.parametrize("address", ["192.0.2.1", "no.such.host.invalid"])
+def test_an_address_of_another_machine_is_refused(path, address):
+    result = CliRunner().invoke(app, ["view", str(path), "--no-browser", "--port", "0", "--address", address])
+    assert result.exit_code == 2
+    assert result.stderr.startswith(f"bevameter: --address: {address}: ")
+    assert "an address of this machine" in result.stderr
 
 
 async def opened(request: HTTPRequest) -> None:

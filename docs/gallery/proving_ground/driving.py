@@ -27,10 +27,10 @@ _LEAST_M_S = 0.5
 
 @dataclass(frozen=True)
 class Stop:
-    """One emergency stop: speed [m/s], distances promised and achieved [m], infinite where it leaves the path."""
+    """One emergency stop: speed [m/s], distances predicted and achieved [m], infinite where it leaves the path."""
 
     speed: float
-    promised: float
+    predicted: float
     achieved: float
 
 

@@ -49,7 +49,7 @@ class Score:
         Time over that of the planner that knows the truth, on pairs on which both arrived: sum over sum, with the 95 %
         interval of a bootstrap over sites; how many pairs.
     longer, unseen
-        Shares of the emergency stops that took longer than was promised, where anything was, and than is seen.
+        Shares of the emergency stops that took longer than was predicted, where anything was, and than is seen.
     bounds
         Shares of the patches crossed on which acceleration, braking and side force are at least what was taken for
         granted.
@@ -89,13 +89,13 @@ def score(
     every = [one for site in rides for one in site]
     outcome = np.array([one.outcome for one in every])
     stops = [stop for one in every for stop in one.stops]
-    promised, achieved = np.array([(stop.promised, stop.achieved) for stop in stops]).reshape(-1, 2).T
+    predicted, achieved = np.array([(stop.predicted, stop.achieved) for stop in stops]).reshape(-1, 2).T
     held = [_joined([one.held for one in site]) for site in rides]
     return Score(
         name,
         {each: Share.of(outcome == each) for each in (ARRIVED, IMMOBILISED, OFF, NO_ROUTE)},
         _time_ratio(rides, truth, np.random.default_rng(seed)),
-        Share.of((achieved > (1.0 + ROUNDING) * promised)[np.isfinite(promised)]),
+        Share.of((achieved > (1.0 + ROUNDING) * predicted)[np.isfinite(predicted)]),
         Share.of(achieved > (1.0 + ROUNDING) * SIGHT_M),
         tuple(Share.of(column) for column in np.concatenate([each.bounds for each in held]).T),
         fresh_share(held, visited),
@@ -136,7 +136,7 @@ def table(scores: Sequence[Score]) -> str:
     routes = [("planner", "routes", ARRIVED, IMMOBILISED, OFF, NO_ROUTE, "time over the truth's, routes")]
     bounds = [
         (
-            "planner", "stops", "longer than promised", "longer than seen", "patches", "acceleration held",
+            "planner", "stops", "longer than predicted", "longer than seen", "patches", "acceleration held",
             "braking held", "side force held", "all three, unmeasured patches", "least on a site",
         )
     ]  # fmt: skip

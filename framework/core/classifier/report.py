@@ -75,8 +75,8 @@ def training_report(
         "groups": len(np.unique(rows.group)),
         "rows_by_class": {name: int((rows.y == i).sum()) for i, name in enumerate(classes)},
         "groups_by_class": dict(zip(classes, groups_of, strict=True)),
-        "split": f"Scores are from {FOLDS}-fold cross-validation by group (at most), stratified by class; model, "
-        "temperature and gate are chosen within the training side of each fold by a second split of the same kind.",
+        "split": f"Scores are from {FOLDS}-fold cross-validation by group (at most), stratified by class. "
+        "Model, temperature and gate are chosen within the training side of each fold, by a second such split.",
         "validated": bool(scored.any()),
         "not_validated": untested,
         "warnings": [*notes, *_warnings(classes, groups_of, untested, dropped, bool(losses), others)],

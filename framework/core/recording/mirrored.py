@@ -66,7 +66,7 @@ def about_axes(against: Sequence[str], *, every: bool) -> str:
     """Say which wheels turn against the vehicle's travel, and what was made of it or is to be done."""
     if every:
         return (
-            "every wheel turns against the vehicle's travel, and is used as it is: one of the two has the other sign; "
+            "every wheel turns against the vehicle's travel, and is used as it is. One of the two has the other sign: "
             'state it in a topic map, such as travel_speed_m_s = { field = "twist.twist.linear.x", scale = -1.0 }'
         )
     are = f"wheel {against[0]} turns" if len(against) == 1 else f"wheels {', '.join(against)} turn"

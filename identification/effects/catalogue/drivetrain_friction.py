@@ -20,8 +20,8 @@ _WHOLE = "coulomb+viscous+load"
 """The form with all three parts."""
 
 _ONE_WAY = (
-    "as far as was recorded the wheel turns one way only: the constant T_c of the friction may be, or be partly, a "
-    "wrong zero of the torque sensor; read the torque with the wheel lifted and at rest"
+    "in this recording the wheel turns one way only. The constant T_c of the friction may be a wrong zero of the "
+    "torque sensor, wholly or in part: read the torque with the wheel lifted and at rest"
 )
 
 _PRIOR = "engineering judgement: gears and bearings lose 5 to 20 % of the usual torque"

@@ -12,8 +12,8 @@ from ..registry import register
 _LEAST_SPEED_M_S = 1e-3
 
 _PRIOR = (
-    "engineering judgement: the strength of clay grows by some 10 % a tenfold rate (F. H. Kulhawy, P. W. Mayne, EPRI "
-    "EL-6800 (1990)), a power of 0.04, and wet soil's by more"
+    "engineering judgement. The strength of clay grows by some 10 % a tenfold rate, a power of 0.04 (F. H. Kulhawy, "
+    "P. W. Mayne, EPRI EL-6800 (1990)). That of wet soil grows by more"
 )
 
 

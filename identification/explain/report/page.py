@@ -72,8 +72,9 @@ def _channels(explanation: Explanation) -> str:
     over = listed(list(dict.fromkeys(shown(each).words for each in variables)))
     return figure(
         png,
-        f"Measured and simulated on held-out rows, over {over}. Points: rows; black: means of bins with 95 % "
-        "intervals. Line: simulated, mean of the same bins; band: plus and minus one noise of a row.",
+        f"Measured and simulated on held-out rows, over {over}; a curve for each load where there are few. Points: "
+        "rows. Black: means of bins, with the 95 % interval of their difference from the simulation. Line: simulated, "
+        "mean of the same bins. Band: plus and minus one noise of a row.",
     )
 
 

@@ -42,6 +42,10 @@ _APART = 0.02
 """Values further apart than this share of their range are two levels of a variable."""
 
 _LEAST_IN_BIN = 3
+
+_LEVEL, _MOST_CURVES = 0.1, 6
+"""Gap between two levels of the load [its range], and how many levels have a curve each at most."""
+
 _DPI = 150
 
 
@@ -95,7 +99,10 @@ def channels_over(explanation: Explanation) -> tuple[bytes, list[str]] | None:
 
 
 def _channel_row(panels: np.ndarray, explanation: Explanation, channel: str, variable: str) -> None:
-    """Draw the measurements as points, the simulation as the means of bins with the noise as a band."""
+    """Draw the measurements as points, the simulation as the means of bins with the noise as a band.
+
+    Trials at a few loads have a curve each: over all of them the load would hide what slip does.
+    """
     rows, how = explanation.rows, shown(channel)
     column = rows.channels.index(channel)
     regions = [each for each in explanation.located if (each.channel, each.variable) == (channel, variable)]
@@ -108,14 +115,44 @@ def _channel_row(panels: np.ndarray, explanation: Explanation, channel: str, var
         panel.set_xlabel(by.label)
         if not len(place):
             continue
-        colour, mark = _MARKS[name]
         panel.plot(place, measured[seen], "o", color=_GREY, ms=2.6, alpha=_opacity(len(place)), mew=0, label="measured")
-        middle, mean, half = bin_means(place, measured[seen])
-        panel.errorbar(middle, mean, yerr=half, fmt="k.", ms=6, lw=1.2, capsize=2.5, label="its mean", zorder=4)
-        _, mean, _ = bin_means(place, simulated[seen])
-        panel.fill_between(middle, mean - noise, mean + noise, color=colour, alpha=0.2, lw=0, label="noise")
-        panel.plot(middle, mean, mark + "-", color=colour, ms=3.5, lw=1.6, label="simulated, mean")
+        load = rows.variables.get("load_N", np.full(len(along), np.nan))[seen]
+        groups = [np.full(len(place), True)] if variable == "load_N" else few_levels(load)
+        for number, group in enumerate(groups):
+            where, labels = place[group], ("its mean", "noise", "simulated, mean") if number == 0 else (None,) * 3
+            middle, mean, _ = bin_means(where, measured[seen][group])
+            _, model, _ = bin_means(where, simulated[seen][group])
+            # How far the means may differ by chance: what moves both alike is no part of that.
+            _, _, half = bin_means(where, (measured - simulated)[seen][group])
+            panel.errorbar(middle, mean, yerr=half, fmt="k.", ms=6, lw=1.2, capsize=2.5, label=labels[0], zorder=4)
+            colour, mark = _MARKS[name]
+            panel.fill_between(middle, model - noise, model + noise, color=colour, alpha=0.2, lw=0, label=labels[1])
+            panel.plot(middle, model, mark + "-", color=colour, ms=3.5, lw=1.6, label=labels[2])
+            if len(groups) > 1:
+                text = f"{np.mean(load[group]):.3g} N"
+                at = int(np.argmax(middle))
+                panel.annotate(text, (middle[at], model[at]), xytext=(5, 0), textcoords="offset points",
+                               va="center", fontsize="small", color=_GREY)  # fmt: skip
     panels[0].set_ylabel(how.label)
+
+
+def few_levels(values: np.ndarray) -> list[np.ndarray]:
+    """Split rows (n,) by the levels of a variable: masks (n,) in order of level; one of all rows if these are many.
+
+    Levels are apart by more than twice the spread within them, and have `_LEAST_IN_BIN` rows each.
+    """
+    whole = [np.full(len(values), True)]
+    if not np.isfinite(values).all() or not len(values):
+        return whole
+    ordered = np.sort(values)
+    gaps = np.flatnonzero(np.diff(ordered) > _LEVEL * np.ptp(values))
+    edges = 0.5 * (ordered[gaps] + ordered[gaps + 1])
+    level = np.searchsorted(edges, values)
+    masks = [level == number for number in range(len(edges) + 1)]
+    spread = max(float(np.ptp(values[mask])) for mask in masks)
+    apart = float(np.diff(ordered)[gaps].min(initial=np.inf))
+    clear = len(masks) <= _MOST_CURVES and min(map(np.sum, masks)) >= _LEAST_IN_BIN and 2.0 * spread < apart
+    return masks if clear else whole
 
 
 def predicted_against_measured(explanation: Explanation) -> bytes:

@@ -243,6 +243,16 @@ def test_the_first_picture_is_measured_against_simulated(monkeypatch):
     assert pictures.channels_over(replace(answer, rows=replace(answer.rows, variables=still))) is None
 
 
+def test_trials_at_a_few_loads_have_a_curve_each(rng):
+    loads = np.repeat([60.0, 100.0, 200.0], 6) * (1.0 + 0.01 * rng.standard_normal(18))
+    masks = pictures.few_levels(loads)
+    assert [int(mask.sum()) for mask in masks] == [6, 6, 6]
+    assert [round(float(loads[mask].mean()), -1) for mask in masks] == [60.0, 100.0, 200.0]
+    for drive in (rng.uniform(60.0, 200.0, 300), np.full(20, np.nan), np.array([])):
+        (whole,) = pictures.few_levels(drive)
+        assert whole.all()
+
+
 def test_bins_hold_their_rows_mean_and_interval(rng):
     along = rng.uniform(0.0, 1.0, 6000)
     values = 3.0 * along + rng.normal(size=6000)
