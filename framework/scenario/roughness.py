@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from scipy import fft
-from scipy.special import gamma, kv
+from scipy.special import kv
 
 STEP_M = 0.01
 """Distance between the points of a profile [m]."""
@@ -70,7 +71,7 @@ def profiles(terrain: str, length_m: float, apart_m: float, rng: np.random.Gener
     """
     rough = ROUGHNESS[terrain]
     coefficient = rough.coefficient * math.exp(rng.normal(0.0, SPREAD))
-    count = fft.next_fast_len(math.ceil((length_m + LONGEST_M) / STEP_M) + 1, real=True)
+    count = cast("int", fft.next_fast_len(math.ceil((length_m + LONGEST_M) / STEP_M) + 1, real=True))
     frequency = fft.rfftfreq(count, STEP_M)
     waves = frequency >= 1.0 / LONGEST_M
     power = np.zeros(len(frequency))
@@ -98,7 +99,8 @@ def coherence(frequency: np.ndarray, apart_m: float, exponent: float) -> np.ndar
         N of the spectrum n^-N [-].
     """
     order, turn = exponent / 2.0, 2.0 * np.pi * frequency * apart_m
-    return np.clip(2.0 ** (1.0 - order) / gamma(order) * turn**order * np.asarray(kv(order, turn)), 0.0, 1.0)
+    bessel = np.asarray(kv(order, turn), dtype=float)
+    return np.clip(2.0 ** (1.0 - order) / math.gamma(order) * turn**order * bessel, 0.0, 1.0)
 
 
 def pressed(heights: np.ndarray, contact_m: float) -> np.ndarray:
